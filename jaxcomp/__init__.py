@@ -1,0 +1,13 @@
+"""Reciprocating compressors in JAX: from geometry to efficiency and to vibration.
+
+Importing the package turns on JAX's 64-bit mode, because the balances it solves lose too many
+digits in single precision. Set the environment variable `JAXCOMP_X64=0` before the import to leave
+JAX's setting alone.
+"""
+
+import os
+
+import jax
+
+if os.environ.get("JAXCOMP_X64", "1") != "0":
+    jax.config.update("jax_enable_x64", True)

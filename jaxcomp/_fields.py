@@ -1,0 +1,210 @@
+"""Fields of machine parts: unit and bound declared once, checked everywhere.
+
+A part is an `equinox.Module` whose numbers are declared with [`quantity`][]. The declaration
+carries the SI unit and the bound of the value. Everything that needs either of them reads it
+from there: the constructor (which refuses a bad value by name), the scene reader (which converts
+units), the solvers (which mark a traced design outside its bounds) and the printed tables.
+"""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool
+
+_MISSING = dataclasses.MISSING
+
+
+class BadInput(ValueError):
+    """A value that the machine cannot have.
+
+    Attributes:
+        field: dotted name of the field.
+        value: the value that was given.
+        bound: what was expected, as text.
+    """
+
+    def __init__(self, field: str, value: Any, bound: str):
+        self.field, self.value, self.bound = field, value, bound
+        super().__init__(f"`{field}` must be {bound}, but is {_shown(value)}.")
+
+    def inside(self, where: str) -> "BadInput":
+        """The same complaint with the name of the part that holds the field in front."""
+        return BadInput(f"{where}.{self.field}", self.value, self.bound)
+
+
+class Bound(NamedTuple):
+    """An interval, open or closed on either side."""
+
+    low: float = -np.inf
+    high: float = np.inf
+    low_open: bool = False
+    high_open: bool = False
+
+    def holds(self, x):
+        """Whether every entry of `x` lies inside; false for NaN. Works on traced values."""
+        above = x > self.low if self.low_open else x >= self.low
+        below = x < self.high if self.high_open else x <= self.high
+        return jnp.all(above & below & jnp.isfinite(x))
+
+    def clip(self, x: Array) -> Array:
+        """`x` moved to the nearest admissible value, so that a solver can go on with it."""
+        low = self.low + (1e-6 * max(1.0, abs(self.low)) if self.low_open else 0.0)
+        high = self.high - (1e-6 * max(1.0, abs(self.high)) if self.high_open else 0.0)
+        return jnp.clip(jnp.nan_to_num(x, posinf=1.0, neginf=1.0), low, high)
+
+    def __str__(self) -> str:
+        parts = []
+        if self.low > -np.inf:
+            parts.append(f"{'>' if self.low_open else '>='} {self.low:g}")
+        if self.high < np.inf:
+            parts.append(f"{'<' if self.high_open else '<='} {self.high:g}")
+        return " and ".join(parts) or "finite"
+
+
+ANY = Bound()
+POSITIVE = Bound(low=0.0, low_open=True)
+NONNEGATIVE = Bound(low=0.0)
+
+
+def quantity(
+    unit: str,
+    bound: Bound = ANY,
+    *,
+    shape: tuple[int | None, ...] = (),
+    default: Any = _MISSING,
+    doc: str = "",
+) -> Any:
+    """Declare a field that holds a float array in an SI unit.
+
+    Args:
+        unit: SI unit in the notation of pint, `""` for a pure number.
+        bound: interval of admissible values, checked entry by entry.
+        shape: expected shape; `None` stands for any length along that axis.
+        default: value if none is given; `None` makes the field optional.
+        doc: one line for the tables of `jaxcomp`.
+    """
+    metadata = {"unit": unit, "bound": bound, "shape": shape, "doc": doc}
+    options: dict[str, Any] = {"converter": _as_float, "metadata": metadata}
+    if default is not _MISSING:
+        options["default"] = default
+    return eqx.field(**options)
+
+
+class Part(eqx.Module):
+    """Base of every machine part: float arrays with a unit and a bound each.
+
+    A subclass may add rules across its fields by overriding `conditions`. The constructor checks
+    concrete values and raises `BadInput`; traced values pass, and [`admissible`][] tells a solver
+    afterwards whether they were good.
+    """
+
+    def conditions(self) -> dict[str, Bool[Array, ""]]:
+        """Rules across fields, as {"what must hold": whether it holds}."""
+        return {}
+
+    def __check_init__(self):
+        for name, field in quantities(self):
+            value, bound = getattr(self, name), field.metadata["bound"]
+            if value is None:
+                continue
+            _check_shape(type(self).__name__, name, value, field.metadata["shape"])
+            if not _is_traced(value) and not bound.holds(value):
+                raise BadInput(name, value, str(bound))
+        for rule, holds in self.conditions().items():
+            if not _is_traced(holds) and not bool(holds):
+                raise BadInput(type(self).__name__, self._values(), rule)
+
+    def _values(self) -> str:
+        pairs = [(name, getattr(self, name)) for name, _ in quantities(self)]
+        return ", ".join(f"{n} = {_shown(v)}" for n, v in pairs if v is not None and v.ndim == 0)
+
+
+def quantities(part: Part | type[Part]) -> Iterator[tuple[str, dataclasses.Field]]:
+    """The fields of a part that were declared with `quantity`, by name."""
+    for field in dataclasses.fields(part):
+        if "unit" in field.metadata:
+            yield field.name, field
+
+
+def subparts(tree: Any) -> Iterator[tuple[str, Part]]:
+    """A part and all parts inside it, with their dotted paths ("" for the part itself)."""
+    if isinstance(tree, Part):
+        yield "", tree
+        children = [(field.name, getattr(tree, field.name)) for field in dataclasses.fields(tree)]
+    elif isinstance(tree, tuple):
+        children = [(str(index), child) for index, child in enumerate(tree)]
+    else:
+        return
+    for name, child in children:
+        for path, part in subparts(child):
+            yield f"{name}.{path}" if path else name, part
+
+
+def admissible(tree: Part) -> Bool[Array, ""]:
+    """Whether every value is inside its bound and every rule holds; for traced values too."""
+    good = jnp.asarray(True)
+    for _, part in subparts(tree):
+        for name, field in quantities(part):
+            value = getattr(part, name)
+            if value is not None:
+                good &= field.metadata["bound"].holds(value)
+        for holds in part.conditions().values():
+            good &= holds
+    return good
+
+
+def clipped(tree):
+    """`tree` with every value moved inside its bound.
+
+    A solver works on this copy, so that a design outside its bounds (which `admissible` reports)
+    cannot put a NaN into a batch of good ones. Inside the bounds it is the identity.
+    """
+    if isinstance(tree, tuple) and any(isinstance(item, Part) for item in tree):
+        return tuple(clipped(item) for item in tree)
+    if not isinstance(tree, Part):
+        return tree
+    changes = {}
+    for field in dataclasses.fields(tree):
+        value = getattr(tree, field.name)
+        if isinstance(value, Part | tuple):
+            changes[field.name] = clipped(value)
+        elif "unit" in field.metadata and value is not None:
+            changes[field.name] = field.metadata["bound"].clip(value)
+    if not changes:
+        return tree
+    names = list(changes)
+    return eqx.tree_at(
+        lambda part: [getattr(part, name) for name in names], tree, list(changes.values())
+    )
+
+
+def _as_float(value: Any) -> Any:
+    if value is None or type(value) is object:  # `object()` marks a leaf in JAX's own tree tools
+        return value
+    return jnp.asarray(value, dtype=jnp.result_type(float))
+
+
+def _is_traced(value: Any) -> bool:
+    return isinstance(value, jax.core.Tracer)
+
+
+def _check_shape(owner: str, name: str, value: Array, shape: tuple[int | None, ...]) -> None:
+    if len(value.shape) != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, value.shape, strict=True)
+    ):
+        raise ValueError(
+            f"`{owner}.{name}` must have shape {shape}, but has shape {value.shape}; "
+            "for many designs at once map the function with `jax.vmap`."
+        )
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    value = np.asarray(value)
+    return f"{value.item():.6g}" if value.ndim == 0 else np.array2string(value, precision=6)
