@@ -1,0 +1,1 @@
+"""Crank motion: the equation of motion, the periodic orbit, transients and energy."""

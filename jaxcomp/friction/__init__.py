@@ -1,0 +1,13 @@
+"""Friction: the laws of single joints, and the joint loops that they couple."""
+
+from . import _slider_crank as _slider_crank
+from ._laws import AbstractJournal as AbstractJournal
+from ._laws import AbstractSlide as AbstractSlide
+from ._laws import CoulombJournal as CoulombJournal
+from ._laws import CoulombSlide as CoulombSlide
+from ._laws import PistonFilm as PistonFilm
+from ._laws import RegularisedJournal as RegularisedJournal
+from ._laws import RegularisedSlide as RegularisedSlide
+from ._loads import JointLoads as JointLoads
+from ._loads import joint_loads as joint_loads
+from ._slider_crank import SliderCrankFriction as SliderCrankFriction

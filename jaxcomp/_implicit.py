@@ -1,0 +1,87 @@
+"""Fixed points with derivatives of any order and either mode, by the implicit function theorem."""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+Y = TypeVar("Y")
+
+
+class FixedPointReport(NamedTuple):
+    """How a fixed-point iteration ended.
+
+    Attributes:
+        steps: passes that were made.
+        change: [-] largest change of any unknown in the last pass.
+    """
+
+    steps: Int[Array, ""]
+    change: Float[Array, ""]
+
+
+def fixed_point(
+    step: Callable[[Y], Y], start: Y, tolerance: float, max_steps: int
+) -> tuple[Y, FixedPointReport]:
+    """Iterate a contraction until it stands still.
+
+    Derivatives do not run through the iteration. They solve the linearised equation at the fixed
+    point, by the same iteration, so they converge at the rate of the values.
+
+    Args:
+        step: maps the unknowns to better ones; the unknowns are arrays of order one. It may use
+            traced values from outside, and is differentiable in them.
+        start: first guess.
+        tolerance: largest change of any entry at which to stop.
+        max_steps: passes after which to give up (the report then shows a large change).
+    """
+
+    def solve(_, start):
+        def going_on(carry):
+            _, report = carry
+            # a NaN ends the loop as well
+            return (report.change > tolerance) & (report.steps < max_steps)
+
+        def advance(carry):
+            value, report = carry
+            new = step(value)
+            return new, FixedPointReport(report.steps + 1, _distance(new, value))
+
+        first = FixedPointReport(jnp.asarray(0), jnp.asarray(jnp.inf))
+        return jax.lax.while_loop(going_on, advance, (start, first))
+
+    def tangent_solve(linear, right_side):
+        solve = _neumann(tolerance, max_steps)
+        return jax.lax.custom_linear_solve(linear, right_side, solve, transpose_solve=solve)
+
+    def residual(value):
+        return jax.tree.map(jnp.subtract, value, step(value))
+
+    return jax.lax.custom_root(residual, start, solve, tangent_solve, has_aux=True)
+
+
+def _neumann(tolerance, max_steps):
+    def solve(matvec, right_side):
+        size = _distance(right_side, jax.tree.map(jnp.zeros_like, right_side))
+
+        def going_on(carry):
+            _, change, steps = carry
+            return (change > tolerance * size) & (steps < max_steps)
+
+        def advance(carry):
+            value, _, steps = carry
+            rest = jax.tree.map(jnp.subtract, right_side, matvec(value))
+            change = jnp.max(jnp.stack([jnp.max(jnp.abs(r)) for r in jax.tree.leaves(rest)]))
+            return jax.tree.map(jnp.add, value, rest), change, steps + 1
+
+        start = (right_side, jnp.asarray(jnp.inf), jnp.asarray(0))
+        return jax.lax.while_loop(going_on, advance, start)[0]
+
+    return solve
+
+
+def _distance(a, b) -> Float[Array, ""]:
+    pairs = zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True)
+    return jnp.max(jnp.stack([jnp.max(jnp.abs(x - y)) for x, y in pairs]))

@@ -1,0 +1,113 @@
+"""The compressor: mechanism, gas, friction and motor put together.
+
+A part that is absent is `None`, and nothing of it is traced.
+"""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._fields import ANY, Part, quantity
+from .friction import JointLoads, SliderCrankFriction, joint_loads
+from .gas import AbstractGas, Stroke
+from .mechanism import AbstractMechanism, CrankState
+from .motor import AbstractMotor
+
+
+class Compressor(Part):
+    """A machine as the crank sees it.
+
+    Args:
+        mechanism: drives the piston.
+        motor: drives the crank.
+        gas: loads the piston; `None` for a machine that turns in vacuum.
+        friction: the laws of the mechanism's joints; `None` for ideal joints.
+        gravity: [m/s^2] field in x and y of the mechanism's frame; `None` leaves weights out.
+    """
+
+    kind: ClassVar[str] = "compressor"
+
+    mechanism: AbstractMechanism
+    motor: AbstractMotor
+    gas: AbstractGas | None = None
+    friction: SliderCrankFriction | None = None
+    gravity: Float[Array, "2"] | None = quantity("m/s^2", ANY, shape=(2,), default=None)
+
+
+def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Stroke:
+    """Displaced volume and direction of the stroke at crank angles [rad].
+
+    `sense` is +1 while the crank turns forward, -1 while it turns backward.
+    """
+    mechanism = compressor.mechanism
+    position, position_1, _ = mechanism.piston(angle)
+    top, _ = mechanism.piston_extremes()
+    area = mechanism.piston_area
+    # rounding must not push the volume below that of the dead centre
+    displaced = area * jnp.maximum(top - position, 0.0)
+    return Stroke(angle, displaced, mechanism.swept_volume, jnp.sign(position_1) * sense)
+
+
+def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
+    """Absolute pressure [Pa] in the cylinder at crank angles [rad]; needs a gas."""
+    assert compressor.gas is not None
+    return compressor.gas.pressure(stroke_at(compressor, angle, sense))
+
+
+def gas_force(
+    compressor: Compressor, angle: Float[Array, "*n"], sense=1.0
+) -> Float[Array, "*n"]:
+    """(p - p_back) A [N] at crank angles [rad], positive towards the crank."""
+    if compressor.gas is None:
+        return jnp.zeros_like(angle)
+    excess = cylinder_pressure(compressor, angle, sense) - compressor.gas.behind_piston
+    return excess * compressor.mechanism.piston_area
+
+
+def loads_at(
+    compressor: Compressor, state: CrankState, gas: Float[Array, "*n"] | None = None
+) -> JointLoads:
+    """Joint loads of the compressor at given instants.
+
+    `gas` is the gas force [N] where the caller has it already.
+    """
+    if gas is None:
+        gas = gas_force(compressor, state.angle, jnp.sign(state.speed))
+    return joint_loads(
+        compressor.mechanism, compressor.friction, state, gas, compressor.gravity
+    )
+
+
+def conservative_torque(
+    compressor: Compressor, angle: Float[Array, "*n"], gas: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Torque [N m] on the crank of a gas force [N] and of the weights."""
+    _, position_1, _ = compressor.mechanism.piston(angle)
+    torque = -gas * position_1
+    if compressor.gravity is not None:
+        torque = torque + compressor.mechanism.gravity_torque(angle, compressor.gravity)
+    return torque
+
+
+def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
+    """Crank angles [rad] in one turn from the top dead centre where torques have kinks, sorted.
+
+    Dead centres, reversals of a sliding direction and valve events. The first entry is the top dead
+    centre; events that do not occur coincide with a dead centre.
+    """
+    mechanism = compressor.mechanism
+    top, bottom = mechanism.dead_centres()
+    angles = [bottom]
+    if compressor.friction is not None:
+        angles += list(mechanism.reversals())
+    if compressor.gas is not None:
+        highest, _ = mechanism.piston_extremes()
+        events = compressor.gas.valve_events(mechanism.swept_volume)
+        for displaced, inward in events:
+            angles.append(
+                mechanism.angle_at(highest - displaced / mechanism.piston_area, inward)
+            )
+    turn = 2 * jnp.pi
+    rest = top + jnp.mod(jnp.stack(angles) - top, turn)
+    return jnp.concatenate([top[None], jnp.sort(rest)])

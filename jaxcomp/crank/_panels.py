@@ -1,0 +1,105 @@
+"""Gauss panels: a turn cut at its kinks, with polynomials in between.
+
+Each panel carries s Gauss-Legendre nodes. Integrating the polynomial through the nodes from the
+panel's left end gives the s-stage Gauss Runge-Kutta method, of order 2 s at the panel ends.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.polynomial import legendre
+
+
+class Rule(NamedTuple):
+    """Gauss-Legendre on [0, 1].
+
+    Attributes:
+        nodes: abscissae.
+        weights: quadrature weights.
+        integral: row i integrates the polynomial through the nodes from 0 to node i.
+        to_legendre: coefficients in Legendre polynomials of 2 x - 1 from values at the nodes.
+    """
+
+    nodes: np.ndarray
+    weights: np.ndarray
+    integral: np.ndarray
+    to_legendre: np.ndarray
+
+
+@cache
+def gauss(count: int) -> Rule:
+    x, w = legendre.leggauss(count)
+    coefficients = np.linalg.inv(legendre.legvander(x, count - 1))
+    primitive = np.stack([legendre.legint(c, lbnd=-1) for c in coefficients.T], axis=1)
+    integral = legendre.legvander(x, count) @ primitive
+    return Rule((x + 1) / 2, w / 2, integral / 2, coefficients)
+
+
+class Panels(NamedTuple):
+    """A turn cut into p panels with s nodes each.
+
+    Attributes:
+        edges: [rad] shape (p + 1,), the last a whole turn after the first.
+        angle: [rad] nodes, shape (p, s).
+        weight: [rad] quadrature weights, shape (p, s).
+        rule: the Gauss rule on every panel.
+    """
+
+    edges: Float[Array, " p_plus_1"]
+    angle: Float[Array, "p s"]
+    weight: Float[Array, "p s"]
+    rule: Rule
+
+    @property
+    def width(self) -> Float[Array, " p"]:
+        """[rad]"""
+        return jnp.diff(self.edges)
+
+    def cumulative(
+        self, values: Float[Array, "p s"]
+    ) -> tuple[Float[Array, "p s"], Float[Array, " p_plus_1"]]:
+        """Integral from the first edge to every node and to every edge."""
+        over_panels = self.width * (values @ self.rule.weights)
+        at_edges = jnp.concatenate([jnp.zeros(1), jnp.cumsum(over_panels)])
+        within = self.width[:, None] * (values @ self.rule.integral.T)
+        return at_edges[:-1, None] + within, at_edges
+
+    def total(self, values: Float[Array, "p s"]) -> Float[Array, ""]:
+        """Integral over the turn."""
+        return jnp.sum(self.weight * values)
+
+    def interpolate(
+        self, values: Float[Array, "p s"], angle: Float[Array, "*n"]
+    ) -> Float[Array, "*n"]:
+        """Value at angles [rad] within the turn of the panel polynomial there."""
+        panel = jnp.searchsorted(self.edges, angle, side="right") - 1
+        panel = jnp.clip(panel, 0, values.shape[0] - 1)
+        width = self.width[panel]
+        x = jnp.where(width > 0, (angle - self.edges[panel]) / jnp.where(width > 0, width, 1), 0.5)
+        return self.evaluate(values[panel], x)
+
+    def evaluate(
+        self, values: Float[Array, "*n s"], x: Float[Array, "*n"]
+    ) -> Float[Array, "*n"]:
+        """The polynomial through node values at a place x in [0, 1] of its panel."""
+        coefficients = values @ self.rule.to_legendre.T
+        basis = legendre_basis(2 * x - 1, self.rule.nodes.size)
+        return jnp.sum(coefficients * basis, axis=-1)
+
+
+def panels(edges: Float[Array, " k"], nodes: int) -> Panels:
+    """Panels from the sorted edges of a turn, of which the last is a turn after the first."""
+    rule = gauss(nodes)
+    width = jnp.diff(edges)[:, None]
+    return Panels(edges, edges[:-1, None] + width * rule.nodes, width * rule.weights, rule)
+
+
+def legendre_basis(x: Float[Array, "*n"], count: int) -> Float[Array, "*n count"]:
+    """Legendre polynomials of degree 0 to count - 1."""
+    columns = [jnp.ones_like(x), x]
+    for k in range(1, count - 1):
+        columns.append(((2 * k + 1) * x * columns[k] - k * columns[k - 1]) / (k + 1))
+    return jnp.stack(columns[:count], axis=-1)

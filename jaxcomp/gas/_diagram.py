@@ -1,0 +1,154 @@
+"""Prescribed indicator diagrams: measured or computed elsewhere, over crank angle or over volume."""
+
+from collections.abc import Callable
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._fields import ANY, NONNEGATIVE, Bound, quantity
+from ._base import AbstractGas, Stroke
+
+
+class AbstractDiagram(AbstractGas):
+    """A pressure that is given, with the pressure behind the piston beside it."""
+
+    back_pressure: eqx.AbstractVar[Float[Array, ""]]
+
+    @property
+    def behind_piston(self):
+        return self.back_pressure
+
+
+class CrankAngleTable(AbstractDiagram):
+    """Pressure over crank angle, joined by a periodic cubic with continuous slope.
+
+    The slopes are those of the parabola through three neighbouring points, so the curve is exact at
+    its points and linear in them.
+    """
+
+    kind: ClassVar[str] = "crank_angle_table"
+
+    angle: Float[Array, " n"] = quantity("rad", ANY, shape=(None,), doc="rising, within one turn")
+    cylinder_pressure: Float[Array, " n"] = quantity("Pa", NONNEGATIVE, shape=(None,))
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+
+    def conditions(self) -> dict[str, Bool[Array, ""]]:
+        rising = jnp.all(jnp.diff(self.angle) > 0)
+        within = self.angle[-1] - self.angle[0] < 2 * jnp.pi
+        return {
+            "a table with rising angles within one turn": rising & within,
+            "a table of at least three points": jnp.asarray(self.angle.size > 2),
+        }
+
+    def __check_init__(self):
+        _check_same_length(self, "angle", "cylinder_pressure")
+
+    def pressure(self, stroke):
+        turn = 2 * jnp.pi
+        x = jnp.concatenate([self.angle[-2:] - turn, self.angle, self.angle[:2] + turn])
+        y = jnp.concatenate(
+            [self.cylinder_pressure[-2:], self.cylinder_pressure, self.cylinder_pressure[:2]]
+        )
+        start = self.angle[0]
+        return _hermite(start + jnp.mod(stroke.angle - start, turn), x, y)
+
+
+class FourierDiagram(AbstractDiagram):
+    r"""Pressure $p = a_0 + \sum_k a_k\cos k\theta + b_k\sin k\theta$."""
+
+    kind: ClassVar[str] = "fourier"
+
+    mean: Float[Array, ""] = quantity("Pa", ANY, doc="a_0")
+    cosine: Float[Array, " n"] = quantity("Pa", ANY, shape=(None,), doc="a_1, a_2, ...")
+    sine: Float[Array, " n"] = quantity("Pa", ANY, shape=(None,), doc="b_1, b_2, ...")
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+
+    def __check_init__(self):
+        _check_same_length(self, "cosine", "sine")
+
+    def pressure(self, stroke):
+        order = jnp.arange(1, self.cosine.size + 1)
+        phase = stroke.angle[..., None] * order
+        return self.mean + jnp.cos(phase) @ self.cosine + jnp.sin(phase) @ self.sine
+
+
+class VolumeTable(AbstractDiagram):
+    """Pressure over displaced volume, one curve for either direction of the stroke.
+
+    `volume` counts the displaced volume as a fraction of the swept volume, from 0 at the top to 1 at
+    the bottom dead centre.
+    """
+
+    kind: ClassVar[str] = "volume_table"
+
+    volume: Float[Array, " n"] = quantity(
+        "", Bound(0.0, 1.0), shape=(None,), doc="displaced over swept volume, rising from 0 to 1"
+    )
+    inward_pressure: Float[Array, " n"] = quantity(
+        "Pa", NONNEGATIVE, shape=(None,), doc="while the piston moves towards the head"
+    )
+    outward_pressure: Float[Array, " n"] = quantity("Pa", NONNEGATIVE, shape=(None,))
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+
+    def conditions(self) -> dict[str, Bool[Array, ""]]:
+        rising = jnp.all(jnp.diff(self.volume) > 0)
+        whole = (self.volume[0] == 0) & (self.volume[-1] == 1)
+        return {
+            "a table with volumes that rise from 0 to 1": rising & whole,
+            "a table of at least three points": jnp.asarray(self.volume.size > 2),
+        }
+
+    def __check_init__(self):
+        _check_same_length(self, "volume", "inward_pressure")
+        _check_same_length(self, "volume", "outward_pressure")
+
+    def pressure(self, stroke):
+        fraction = stroke.displaced / stroke.swept
+        return jnp.where(
+            stroke.inward > 0,
+            _hermite(fraction, self.volume, self.inward_pressure),
+            _hermite(fraction, self.volume, self.outward_pressure),
+        )
+
+
+class CallableDiagram(AbstractDiagram):
+    """Any function of the stroke; an `equinox.Module` with a `__call__` keeps its own parameters.
+
+    Args:
+        function: takes a `Stroke`, returns the cylinder pressure [Pa] in the shape of its angle.
+        back_pressure: [Pa] behind the piston.
+    """
+
+    function: Callable[[Stroke], Float[Array, "*n"]]
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+
+    def pressure(self, stroke):
+        return self.function(stroke)
+
+
+def _hermite(x, knots, values):
+    """Cubic through the points with the slope of the parabola through three neighbours."""
+    gap = jnp.diff(knots)
+    secant = jnp.diff(values) / gap
+    inner = (gap[1:] * secant[:-1] + gap[:-1] * secant[1:]) / (gap[1:] + gap[:-1])
+    slope = jnp.concatenate([(2 * secant[0] - inner[0])[None], inner, (2 * secant[-1] - inner[-1])[None]])
+    left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
+    width = gap[left]
+    t = (x - knots[left]) / width
+    s = 1 - t
+    return (
+        values[left] * s * s * (1 + 2 * t)
+        + values[left + 1] * t * t * (1 + 2 * s)
+        + width * t * s * (slope[left] * s - slope[left + 1] * t)
+    )
+
+
+def _check_same_length(part, first: str, second: str) -> None:
+    lengths = getattr(part, first).shape, getattr(part, second).shape
+    if lengths[0] != lengths[1]:
+        raise ValueError(
+            f"`{first}` and `{second}` must have the same length, but have {lengths[0]} and "
+            f"{lengths[1]}."
+        )

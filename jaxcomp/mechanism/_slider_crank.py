@@ -1,0 +1,258 @@
+r"""Slider-crank with an offset cylinder axis: exact kinematics, reduced inertia, joint forces.
+
+Crank angle $\theta$ is zero when the crank points along the cylinder axis towards the head (top
+dead centre if the offset is zero) and grows towards +y. The rod stands at the angle $\phi$,
+
+$$\sin\phi = (r \sin\theta - e)/l, \qquad x_p = r\cos\theta + l\cos\phi .$$
+
+Source: Tsuji et al. (2012), *Calculated Optimal Mechanical Efficiency of a Large Capacity
+Reciprocating Compressor*, Purdue paper 2127 ("Tsuji"), Eq. (1), rederived by Newton-Euler for any
+offset. Its printed gas torque $-P x_p\tan\phi$ has the opposite sign of $\phi$; here a pressure on
+the piston loads the crank with $(p - p_{back}) A x_p'$.
+"""
+
+from typing import ClassVar, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity
+from ._base import AbstractMechanism, CrankState, cross, rotating
+
+
+class SliderCrank(AbstractMechanism):
+    """Crank, connecting rod and piston as rigid bodies.
+
+    The rod's mass centre lies on the line of its eyes, `conrod_centre` from the big end (the
+    length b of Tsuji; a = l - b from the small end).
+    """
+
+    kind: ClassVar[str] = "slider_crank"
+
+    bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter")
+    crank_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="half the stroke if offset is 0")
+    conrod_length: Float[Array, ""] = quantity("m", POSITIVE, doc="between the centres of the eyes")
+    piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="piston with rings and pin")
+    conrod_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE)
+    crank_inertia: Float[Array, ""] = quantity(
+        "kg m^2", POSITIVE, doc="crankshaft with rotor about the shaft axis"
+    )
+    conrod_centre: Float[Array, ""] = quantity(
+        "m", ANY, default=0.0, doc="mass centre of the rod from the big end"
+    )
+    conrod_inertia: Float[Array, ""] = quantity(
+        "kg m^2", NONNEGATIVE, default=0.0, doc="rod about its own mass centre"
+    )
+    crank_unbalance: Float[Array, ""] = quantity(
+        "kg m", ANY, default=0.0, doc="of the crank alone, positive at the pin's side"
+    )
+    crank_mass: Float[Array, ""] = quantity(
+        "kg", NONNEGATIVE, default=0.0, doc="crankshaft with rotor; only its weight is used"
+    )
+    offset: Float[Array, ""] = quantity("m", ANY, default=0.0, doc="cylinder axis at y = offset")
+
+    def conditions(self) -> dict[str, Bool[Array, ""]]:
+        reach = self.crank_radius + jnp.abs(self.offset) < self.conrod_length
+        return {"a machine with crank_radius + |offset| < conrod_length": reach}
+
+    @property
+    def conrod_ratio(self) -> Float[Array, ""]:
+        """[-] r/l."""
+        return self.crank_radius / self.conrod_length
+
+    @property
+    def piston_area(self) -> Float[Array, ""]:
+        return jnp.pi / 4 * self.bore**2
+
+    def piston(self, angle):
+        rod = rod_motion(self, angle)
+        return rod.position, rod.position_1, rod.position_2
+
+    def inertia(self, angle):
+        r"""Tsuji's reduced inertia with its rate.
+
+        $$J = I_0 + m_c \tfrac{a}{l} r^2 + (m_p + m_c \tfrac{b}{l}) x_p'^2
+            + (I_c - m_c a b) \phi'^2$$
+        """
+        rod = rod_motion(self, angle)
+        b = self.conrod_centre
+        a = self.conrod_length - b
+        rotating_mass = self.conrod_mass * a / self.conrod_length
+        reciprocating_mass = self.piston_mass + self.conrod_mass * b / self.conrod_length
+        residue = self.conrod_inertia - self.conrod_mass * a * b
+        value = (
+            self.crank_inertia
+            + rotating_mass * self.crank_radius**2
+            + reciprocating_mass * rod.position_1**2
+            + residue * rod.tilt_1**2
+        )
+        rate = 2 * (
+            reciprocating_mass * rod.position_1 * rod.position_2
+            + residue * rod.tilt_1 * rod.tilt_2
+        )
+        return value, rate
+
+    def dead_centres(self):
+        """Where rod and crank are in one line: asin(e/(l + r)) and pi + asin(e/(l - r))."""
+        r, l, e = self.crank_radius, self.conrod_length, self.offset
+        return jnp.arcsin(e / (l + r)), jnp.pi + jnp.arcsin(e / (l - r))
+
+    def piston_extremes(self):
+        r, l, e = self.crank_radius, self.conrod_length, self.offset
+        return jnp.sqrt((l + r) ** 2 - e**2), jnp.sqrt((l - r) ** 2 - e**2)
+
+    def angle_at(self, position, inward):
+        """From x cos(theta) + e sin(theta) = (x^2 + e^2 + r^2 - l^2)/(2 r)."""
+        r, l, e = self.crank_radius, self.conrod_length, self.offset
+        distance = jnp.hypot(position, e)
+        cosine = (position**2 + e**2 + r**2 - l**2) / (2 * r * distance)
+        # double where: arccos has an infinite slope at its ends, where the piston stands still
+        inside = jnp.abs(cosine) < 1
+        swing = jnp.where(
+            inside,
+            jnp.arccos(jnp.where(inside, cosine, 0.0)),
+            jnp.where(cosine > 0, 0.0, jnp.pi),
+        )
+        return jnp.arctan2(e, position) + (-swing if inward else swing)
+
+    def reversals(self):
+        """The rod swings to the other side where cos(theta) = 0."""
+        return jnp.asarray(0.5 * jnp.pi), jnp.asarray(1.5 * jnp.pi)
+
+    def gravity_torque(self, angle, gravity):
+        rod = rod_motion(self, angle)
+        b = self.conrod_centre
+        a = self.conrod_length - b
+        lever = jnp.stack([-jnp.sin(angle), jnp.cos(angle)])  # d/d theta of the crank's unit vector
+        swinging = self.crank_unbalance + self.conrod_mass * a / self.conrod_length * (
+            self.crank_radius
+        )
+        sliding = self.piston_mass + self.conrod_mass * b / self.conrod_length
+        along_crank = gravity[0] * lever[0] + gravity[1] * lever[1]
+        return swinging * along_crank + sliding * gravity[0] * rod.position_1
+
+
+class RodMotion(NamedTuple):
+    """Position x_p of the piston and tilt phi of the rod with derivatives to crank angle."""
+
+    sin_tilt: Float[Array, "*n"]
+    cos_tilt: Float[Array, "*n"]
+    tilt_1: Float[Array, "*n"]
+    tilt_2: Float[Array, "*n"]
+    position: Float[Array, "*n"]
+    position_1: Float[Array, "*n"]
+    position_2: Float[Array, "*n"]
+
+
+def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
+    r"""Exact kinematics to second derivatives.
+
+    $\phi' = r\cos\theta/(l\cos\phi)$ and $x_p' = -r\sin\theta - r\cos\theta\tan\phi$, each
+    differentiated once more.
+    """
+    r, l, e = mechanism.crank_radius, mechanism.conrod_length, mechanism.offset
+    c, s = r * jnp.cos(angle), r * jnp.sin(angle)
+    sin_tilt = (s - e) / l
+    # the floor is reached only by a mechanism that cannot turn, which is reported elsewhere
+    cos_tilt = jnp.sqrt(jnp.maximum(1 - sin_tilt**2, 1e-8))
+    tan_tilt = sin_tilt / cos_tilt
+    tilt_1 = c / (l * cos_tilt)
+    tilt_2 = -s / (l * cos_tilt) + tan_tilt * tilt_1**2
+    return RodMotion(
+        sin_tilt,
+        cos_tilt,
+        tilt_1,
+        tilt_2,
+        position=c + l * cos_tilt,
+        position_1=-s - c * tan_tilt,
+        position_2=-c + s * tan_tilt - c * tilt_1 / cos_tilt**2,
+    )
+
+
+class RodBalance(NamedTuple):
+    """The Newton-Euler balances of one instant, waiting for the unknown side force.
+
+    With the side force N of the wall and the friction values given, `pin_forces` finishes them.
+    """
+
+    rod: RodMotion
+    pin_x: Float[Array, "*n"]  # [N] T_x without wall friction
+    piston_weight: Float[Array, "*n"]  # [N] m_p g_y
+    rod_inertia: Float[Array, "2 *n"]  # [N] m_c (a_G - g)
+    crank_inertia: Float[Array, "2 *n"]  # [N] m_u (a_u - g)
+    moment: Float[Array, "*n"]  # [N m] I_c phi_dd + m_c r_M x (a_G - g)
+
+
+def rod_balance(
+    mechanism: SliderCrank,
+    state: CrankState,
+    gas_force: Float[Array, "*n"],
+    gravity: Float[Array, "2"] | None = None,
+) -> RodBalance:
+    """Collect inertia, weight and gas forces of one instant.
+
+    Args:
+        mechanism: the slider-crank.
+        state: angle, speed and acceleration of the crank.
+        gas_force: [N] (p - p_back) A, positive towards the crank.
+        gravity: [m/s^2] field in x and y; `None` leaves weights out.
+    """
+    rod = rod_motion(mechanism, state.angle)
+    b = mechanism.conrod_centre
+    a = mechanism.conrod_length - b
+    small = b / mechanism.conrod_length  # weight of the small end in the rod's mass centre
+    piston_acc = rod.position_1 * state.acceleration + rod.position_2 * state.speed**2
+    tilt_acc = rod.tilt_1 * state.acceleration + rod.tilt_2 * state.speed**2
+    direction, direction_acc = rotating(*state)
+    centre_acc = a / mechanism.conrod_length * mechanism.crank_radius * direction_acc
+    centre_acc = centre_acc.at[0].add(small * piston_acc)
+    crank_inertia = mechanism.crank_unbalance * direction_acc
+    piston_weight = jnp.zeros_like(piston_acc)
+    if gravity is not None:
+        field = gravity.reshape(2, *[1] * piston_acc.ndim)
+        piston_acc = piston_acc - gravity[0]
+        centre_acc = centre_acc - field
+        crank_inertia = crank_inertia - mechanism.crank_mass * field
+        piston_weight = piston_weight + mechanism.piston_mass * gravity[1]
+    rod_inertia = mechanism.conrod_mass * centre_acc
+    to_big_end = jnp.stack([-b * rod.cos_tilt, b * rod.sin_tilt])
+    return RodBalance(
+        rod,
+        pin_x=-gas_force - mechanism.piston_mass * piston_acc,
+        piston_weight=piston_weight,
+        rod_inertia=rod_inertia,
+        crank_inertia=crank_inertia,
+        moment=mechanism.conrod_inertia * tilt_acc + cross(to_big_end, rod_inertia),
+    )
+
+
+class PinForces(NamedTuple):
+    """Forces [N] in x and y: of the piston on the rod, the crank on the rod, the main bearing on
+    the crank."""
+
+    piston_pin: Float[Array, "2 *n"]
+    crank_pin: Float[Array, "2 *n"]
+    main_journal: Float[Array, "2 *n"]
+
+
+def pin_forces(
+    balance: RodBalance, side_force: Float[Array, "*n"], wall_friction: Float[Array, "*n"]
+) -> PinForces:
+    """The pin forces T, S, Q that go with a side force N and a wall friction f on the piston."""
+    piston_pin = jnp.stack([balance.pin_x + wall_friction, side_force + balance.piston_weight])
+    crank_pin = balance.rod_inertia - piston_pin
+    return PinForces(piston_pin, crank_pin, crank_pin + balance.crank_inertia)
+
+
+def rod_moment(
+    mechanism: SliderCrank, balance: RodBalance, piston_pin: Float[Array, "2 *n"]
+) -> Float[Array, "*n"]:
+    """Moment on the rod about its mass centre, with inertia, over l cos(phi) [N].
+
+    Zero in the frictionless machine; with friction it equals -(M_T + M_S)/(l cos phi).
+    """
+    rod = balance.rod
+    arm = mechanism.conrod_length * rod.cos_tilt
+    return (
+        piston_pin[1] + rod.sin_tilt / rod.cos_tilt * piston_pin[0] + balance.moment / arm
+    )

@@ -1,0 +1,112 @@
+r"""Torque of the driving motor over crank speed.
+
+Tsuji et al. (2012) give the mean speed and a torque "in proportion to the rotational speed" without
+a constant; `MeanSpeed` finds the level that holds the speed. The induction motor is Kloss'
+formula, $M = 2 M_m s s_b/(s^2 + s_b^2)$ with slip $s = 1 - \omega/\omega_s$.
+"""
+
+from abc import abstractmethod
+from typing import ClassVar, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import ANY, POSITIVE, Part, quantity
+
+
+class AbstractMotor(Part):
+    """A torque law. `speed_guess` is where a solver may start looking for the running speed."""
+
+    @abstractmethod
+    def torque(self, speed: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """[N m] on the crank at a speed [rad/s]."""
+
+    @property
+    @abstractmethod
+    def speed_guess(self) -> Float[Array, ""]:
+        """[rad/s]"""
+
+
+class MeanSpeed(AbstractMotor):
+    """A motor that holds a given mean speed; the level of its torque is an unknown of the orbit.
+
+    `torque` is the shape of the torque over speed at unit level: constant, or proportional to speed
+    (the wording of Tsuji et al.).
+    """
+
+    kind: ClassVar[str] = "mean_speed"
+
+    mean_speed: Float[Array, ""] = quantity("rad/s", POSITIVE, doc="one turn over its duration")
+    shape: Literal["constant", "proportional"] = eqx.field(static=True, default="constant")
+
+    def __check_init__(self):
+        if self.shape not in ("constant", "proportional"):
+            raise ValueError(
+                f"`shape` must be 'constant' or 'proportional', but is {self.shape!r}."
+            )
+
+    def torque(self, speed):
+        if self.shape == "proportional":
+            return speed / self.mean_speed
+        return jnp.ones_like(speed)
+
+    @property
+    def speed_guess(self):
+        return self.mean_speed
+
+
+class ConstantTorque(AbstractMotor):
+    """The same torque at every speed. The running speed is found where losses balance it."""
+
+    kind: ClassVar[str] = "constant_torque"
+
+    level: Float[Array, ""] = quantity("N m", ANY)
+    expected_speed: Float[Array, ""] = quantity(
+        "rad/s", POSITIVE, default=100.0, doc="where to start looking for the running speed"
+    )
+
+    def torque(self, speed):
+        return jnp.full_like(speed, self.level)
+
+    @property
+    def speed_guess(self):
+        return self.expected_speed
+
+
+class SlipLine(AbstractMotor):
+    """An induction motor near its synchronous speed, M = slope (synchronous - speed)."""
+
+    kind: ClassVar[str] = "slip_line"
+
+    slope: Float[Array, ""] = quantity("N m s", POSITIVE, doc="torque per rad/s of slip")
+    synchronous_speed: Float[Array, ""] = quantity("rad/s", POSITIVE)
+
+    def torque(self, speed):
+        return self.slope * (self.synchronous_speed - speed)
+
+    @property
+    def speed_guess(self):
+        return self.synchronous_speed
+
+
+class Kloss(AbstractMotor):
+    """Induction motor over the whole range of speed, from standstill to overrun."""
+
+    kind: ClassVar[str] = "kloss"
+
+    pull_out_torque: Float[Array, ""] = quantity("N m", POSITIVE)
+    pull_out_slip: Float[Array, ""] = quantity("", POSITIVE)
+    synchronous_speed: Float[Array, ""] = quantity("rad/s", POSITIVE)
+
+    def torque(self, speed):
+        slip = 1 - speed / self.synchronous_speed
+        return (
+            2 * self.pull_out_torque * slip * self.pull_out_slip / (slip**2 + self.pull_out_slip**2)
+        )
+
+    @property
+    def speed_guess(self):
+        return self.synchronous_speed * (1 - 0.3 * jnp.minimum(self.pull_out_slip, 1.0))
+
+
