@@ -52,10 +52,15 @@ class Bound(NamedTuple):
         return jnp.all(above & below & jnp.isfinite(x))
 
     def clip(self, x: Array) -> Array:
-        """`x` moved to the nearest admissible value, so that a solver can go on with it."""
+        """`x` moved to a nearby admissible value, so that a solver can go on with it.
+
+        An admissible `x` passes untouched, with a derivative of one on the bound as well.
+        """
         low = self.low + (1e-6 * max(1.0, abs(self.low)) if self.low_open else 0.0)
         high = self.high - (1e-6 * max(1.0, abs(self.high)) if self.high_open else 0.0)
-        return jnp.clip(jnp.nan_to_num(x, posinf=1.0, neginf=1.0), low, high)
+        moved = jnp.clip(jnp.nan_to_num(x, nan=1.0, posinf=1.0, neginf=1.0), low, high)
+        inside = (x >= low) & (x <= high)
+        return jnp.where(inside, x, jax.lax.stop_gradient(moved))
 
     def __str__(self) -> str:
         parts = []
@@ -106,6 +111,10 @@ class Part(eqx.Module):
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         """Rules across fields, as {"what must hold": whether it holds}."""
         return {}
+
+    def repaired(self) -> "Part":
+        """The nearest part that keeps the rules of `conditions`; only called on traced values."""
+        return self
 
     def __check_init__(self):
         for name, field in quantities(self):
@@ -159,10 +168,10 @@ def admissible(tree: Part) -> Bool[Array, ""]:
 
 
 def clipped(tree):
-    """`tree` with every value moved inside its bound.
+    """`tree` with every value moved inside its bound and every rule kept.
 
     A solver works on this copy, so that a design outside its bounds (which `admissible` reports)
-    cannot put a NaN into a batch of good ones. Inside the bounds it is the identity.
+    cannot put a NaN into a batch of good ones. A good design passes untouched.
     """
     if isinstance(tree, tuple) and any(isinstance(item, Part) for item in tree):
         return tuple(clipped(item) for item in tree)
@@ -175,11 +184,19 @@ def clipped(tree):
             changes[field.name] = clipped(value)
         elif "unit" in field.metadata and value is not None:
             changes[field.name] = field.metadata["bound"].clip(value)
-    if not changes:
-        return tree
+    return replaced(tree, **changes).repaired()
+
+
+def replaced(part, **changes):
+    """A copy of a part with other values in some fields, unchecked as every traced value is."""
     names = list(changes)
+    if not names:
+        return part
     return eqx.tree_at(
-        lambda part: [getattr(part, name) for name in names], tree, list(changes.values())
+        lambda p: [getattr(p, name) for name in names],
+        part,
+        list(changes.values()),
+        is_leaf=lambda leaf: leaf is None,
     )
 
 

@@ -1,1 +1,8 @@
 """Crank motion: the equation of motion, the periodic orbit, transients and energy."""
+
+from ._collocation import Collocation as Collocation
+from ._motion import acceleration as acceleration
+from ._orbit import Energy as Energy
+from ._orbit import Orbit as Orbit
+from ._shooting import Shooting as Shooting
+from ._solve import solve_orbit as solve_orbit

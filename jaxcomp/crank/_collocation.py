@@ -14,6 +14,8 @@ the number of nodes, apart from the places in mid-stroke where a load changes it
 located on a first solution and become panel edges as well.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,11 +23,17 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from .._implicit import FixedPointReport, fixed_point
+from .._status import Status
 from ..compressor import Compressor, conservative_torque, gas_force, kink_angles, loads_at
 from ..friction import JointLoads
 from ..mechanism import CrankState
 from ..motor import MeanSpeed
+from ._orbit import Energy, Orbit
 from ._panels import Panels, panels
+from ._turn import orbit_on_panels
+
+# Kinetic energy over its mean below which the crank counts as stalled.
+_ENERGY_FLOOR = 1e-6
 
 
 class Collocation(eqx.Module):
@@ -44,6 +52,31 @@ class Collocation(eqx.Module):
     grading: int = eqx.field(static=True, default=3)
     tolerance: float = eqx.field(static=True, default=1e-13)
     max_passes: int = eqx.field(static=True, default=80)
+
+
+    name: ClassVar[str] = "collocation"
+
+    def solve(self, compressor: Compressor) -> Orbit:
+        """The orbit of an admissible compressor."""
+        turn, motion, report = solve_motion(compressor, self)
+        now = torques(compressor, turn, motion)
+        motor = now.motor
+        if isinstance(compressor.motor, MeanSpeed):
+            motor = motor_level(turn, now) * motor
+        stalled = jnp.min(motion.energy) <= _ENERGY_FLOOR
+        settled = report.change <= jnp.maximum(self.tolerance, 1e-12)
+        status = Status.where(settled, Status.converged, Status.not_converged)
+        status = Status.where(stalled, Status.stalled, status)
+        grid = turn.grid
+        loads = loads_at(compressor, now.state, turn.gas_force)
+        energy = Energy(
+            grid.total(motor),
+            -grid.total(turn.conservative),
+            {name: grid.total(torque) for name, torque in loads.loss_torque.items()},
+        )
+        return orbit_on_panels(
+            compressor, grid, now.state, motor, loads, energy, status, report, self.name
+        )
 
 
 class Motion(eqx.Module):
@@ -138,7 +171,7 @@ def initial_motion(turn: Turn) -> Motion:
 def torques(compressor: Compressor, turn: Turn, motion: Motion) -> Torques:
     """Motor and loss torques of a motion at the nodes."""
     # A motion that comes to a halt is reported; the floor keeps its numbers finite.
-    energy = jnp.maximum(motion.energy, 1e-6) * turn.energy_scale
+    energy = jnp.maximum(motion.energy, _ENERGY_FLOOR) * turn.energy_scale
     speed = jnp.sqrt(2 * energy / turn.inertia)
     state = CrankState(turn.grid.angle, speed, motion.acceleration * turn.speed_scale**2)
     if compressor.friction is None:
@@ -230,7 +263,7 @@ def _pass_on_torque_curve(compressor: Compressor, turn: Turn, motion: Motion) ->
 
 
 def _motion(turn: Turn, energy, slope, first) -> Motion:
-    floored = jnp.maximum(energy, 1e-6) * turn.energy_scale
+    floored = jnp.maximum(energy, _ENERGY_FLOOR) * turn.energy_scale
     acceleration = (slope - turn.inertia_1 * floored / turn.inertia) / turn.inertia
     return Motion(energy, acceleration / turn.speed_scale**2, first)
 
@@ -271,7 +304,7 @@ def _resolve_kinks(compressor: Compressor, edges, options: Collocation):
 
 
 def _loads_between(compressor: Compressor, turn: Turn, motion: Motion, angle) -> JointLoads:
-    energy = jnp.maximum(turn.grid.interpolate(motion.energy, angle), 1e-6)
+    energy = jnp.maximum(turn.grid.interpolate(motion.energy, angle), _ENERGY_FLOOR)
     inertia, _ = compressor.mechanism.inertia(angle)
     speed = jnp.sqrt(2 * energy * turn.energy_scale / inertia)
     acceleration = turn.grid.interpolate(motion.acceleration, angle) * turn.speed_scale**2

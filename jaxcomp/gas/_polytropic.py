@@ -11,7 +11,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, Bound, quantity
+from .._fields import NONNEGATIVE, POSITIVE, Bound, quantity, replaced
 from ._base import AbstractGas
 
 
@@ -33,6 +33,12 @@ class PolytropicCycle(AbstractGas):
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         compresses = self.discharge_pressure > self.suction_pressure
         return {"a cycle with discharge_pressure > suction_pressure": compresses}
+
+    def repaired(self):
+        suction, discharge = self.suction_pressure, self.discharge_pressure
+        return replaced(
+            self, discharge_pressure=jnp.where(discharge > suction, discharge, 1.001 * suction)
+        )
 
     @property
     def behind_piston(self):

@@ -16,7 +16,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity
+from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity, replaced
 from ._base import AbstractMechanism, CrankState, cross, rotating
 
 
@@ -54,6 +54,11 @@ class SliderCrank(AbstractMechanism):
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         reach = self.crank_radius + jnp.abs(self.offset) < self.conrod_length
         return {"a machine with crank_radius + |offset| < conrod_length": reach}
+
+    def repaired(self):
+        reach = self.crank_radius + jnp.abs(self.offset)
+        length = jnp.where(reach < self.conrod_length, self.conrod_length, 1.001 * reach)
+        return replaced(self, conrod_length=length)
 
     @property
     def conrod_ratio(self) -> Float[Array, ""]:

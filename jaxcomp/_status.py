@@ -1,0 +1,31 @@
+"""How a solution ended, in words; carried through `jit` and `vmap` as one integer per sample."""
+
+import equinox as eqx
+
+
+class Status(eqx.Enumeration):
+    """Outcome of a solver."""
+
+    converged = "converged"
+    not_converged = (
+        "the iteration did not reach its tolerance; allow more passes or a looser tolerance"
+    )
+    bad_input = "a value lies outside its bound or a rule between values is broken"
+    self_locking = (
+        "the friction locks the joints: at some crank angle the balance of forces has no unique "
+        "solution; lower the coefficients of friction or the slant of the rod"
+    )
+    stalled = (
+        "the crank comes to a halt within the turn; the motor is too weak or the inertia too small"
+    )
+    no_periodic_state = (
+        "no stable periodic state was found: the net work of a turn does not fall with speed"
+    )
+
+
+class SolveFailed(RuntimeError):
+    """A solver did not find what was asked for; `status` says why."""
+
+    def __init__(self, status, details: str = ""):
+        self.status = status
+        super().__init__(Status[status] + (f" ({details})" if details else "") + ".")

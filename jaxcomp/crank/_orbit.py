@@ -1,0 +1,127 @@
+"""The periodic state of the crank, its energy account and its evidence."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .._status import Status
+from ..friction import JointLoads
+from ..mechanism import CrankState
+
+
+class Energy(eqx.Module):
+    """Work over one turn [J] (Tsuji et al. 2012, Eqs 2, 3 and 5).
+
+    Attributes:
+        motor_work: [J] put in by the motor.
+        gas_work: [J] taken by the gas.
+        losses: [J] by joint.
+    """
+
+    motor_work: Float[Array, ""]
+    gas_work: Float[Array, ""]
+    losses: dict[str, Float[Array, ""]]
+
+    @property
+    def total_loss(self) -> Float[Array, ""]:
+        """[J]"""
+        return sum(self.losses.values(), start=jnp.zeros(()))
+
+    @property
+    def mechanical_efficiency(self) -> Float[Array, ""]:
+        """[-] gas work over motor work."""
+        return self.gas_work / _nonzero(self.motor_work)
+
+    @property
+    def residual(self) -> Float[Array, ""]:
+        """[-] motor work that is neither gas work nor loss, over the larger of them."""
+        size = jnp.maximum(jnp.abs(self.motor_work), jnp.abs(self.gas_work) + self.total_loss)
+        return (self.motor_work - self.gas_work - self.total_loss) / _nonzero(size)
+
+
+class Orbit(eqx.Module):
+    """One turn of the periodic state, at n quadrature nodes in rising crank angle.
+
+    Attributes:
+        state: crank angle [rad], speed [rad/s], acceleration [rad/s^2], shape (n,).
+        weight: [rad] quadrature weights over the turn, shape (n,).
+        time: [s] since the first dead centre, shape (n,).
+        pressure: [Pa] in the cylinder, shape (n,); `None` without gas.
+        gas_torque: [N m] on the crank, of gas and weights, shape (n,).
+        motor_torque: [N m] shape (n,).
+        loads: forces and friction of the joints at the nodes.
+        energy: work over the turn.
+        mean_speed: [rad/s] one turn over its duration.
+        lowest_speed, highest_speed: [rad/s] extremes within the turn.
+        status: how the solver ended, a member of `Status`.
+        residual: [-] what is left of the periodicity or of the collocation equations.
+        iterations: passes or Newton steps of the final solve.
+        solver: name of the solver.
+    """
+
+    state: CrankState
+    weight: Float[Array, " n"]
+    time: Float[Array, " n"]
+    pressure: Float[Array, " n"] | None
+    gas_torque: Float[Array, " n"]
+    motor_torque: Float[Array, " n"]
+    loads: JointLoads
+    energy: Energy
+    mean_speed: Float[Array, ""]
+    lowest_speed: Float[Array, ""]
+    highest_speed: Float[Array, ""]
+    status: Status
+    residual: Float[Array, ""]
+    iterations: Int[Array, ""]
+    solver: str = eqx.field(static=True)
+
+    @property
+    def converged(self) -> Bool[Array, ""]:
+        return self.status == Status.converged
+
+    @property
+    def mechanical_efficiency(self) -> Float[Array, ""]:
+        """[-]"""
+        return self.energy.mechanical_efficiency
+
+    @property
+    def speed_fluctuation(self) -> Float[Array, ""]:
+        """[-] (highest - lowest speed)/mean speed."""
+        return (self.highest_speed - self.lowest_speed) / self.mean_speed
+
+    @property
+    def period(self) -> Float[Array, ""]:
+        """[s]"""
+        return 2 * jnp.pi / self.mean_speed
+
+    @property
+    def motor_power(self) -> Float[Array, ""]:
+        """[W]"""
+        return self.energy.motor_work / self.period
+
+    @property
+    def margin(self) -> Float[Array, ""]:
+        """[-] smallest slope of the joint loop over the turn; joints lock where it reaches zero."""
+        return jnp.min(self.loads.margin)
+
+    @property
+    def peak_forces(self) -> dict[str, Float[Array, ""]]:
+        """[N] largest magnitude at the nodes, by joint."""
+        return {name: jnp.max(_magnitude(f)) for name, f in self.loads.forces.items()}
+
+    @property
+    def mean_forces(self) -> dict[str, Float[Array, ""]]:
+        """[N] mean magnitude over crank angle, by joint."""
+        total = jnp.sum(self.weight)
+        return {
+            name: jnp.sum(self.weight * _magnitude(f)) / total
+            for name, f in self.loads.forces.items()
+        }
+
+
+def _magnitude(force):
+    return jnp.hypot(force[0], force[1])
+
+
+def _nonzero(value):
+    return jnp.where(value == 0, 1.0, value)

@@ -1,0 +1,190 @@
+r"""Periodic orbit by shooting with diffrax over crank angle.
+
+The state is speed, time and the energy accounts; $d\omega/d\theta = \alpha/\omega$. Newton's method
+finds the speed at the top dead centre (and the level of the motor torque, if the mean speed is given)
+for which a turn ends as it began. Steps end at the kinks that are known beforehand.
+
+Derivatives follow from the implicit function theorem: one more integration, differentiable, gives the
+parameter dependence of the periodicity condition, and its known Jacobian gives that of the unknowns.
+"""
+
+from typing import ClassVar
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jax import lax
+from jaxtyping import Array, Float
+
+from .._implicit import FixedPointReport
+from .._status import Status
+from ..compressor import Compressor, kink_angles, loads_at
+from ..mechanism import CrankState
+from ..motor import MeanSpeed
+from ._collocation import initial_motion, lay_turn, motor_level, torques, turn_edges
+from ._motion import acceleration
+from ._orbit import Energy, Orbit
+from ._panels import panels
+from ._turn import orbit_on_panels
+
+
+class Shooting(eqx.Module):
+    """Options of the shooting solver.
+
+    Attributes:
+        solver: any explicit or implicit solver of diffrax.
+        tolerance: [-] relative and absolute tolerance of a step, in units of the mean speed, of the
+            period and of the mean kinetic energy.
+        adjoint: how diffrax differentiates a turn; the default serves reverse mode,
+            `diffrax.ForwardMode()` serves forward mode.
+        max_newton: Newton steps on the periodicity condition.
+        max_steps: steps of one turn.
+        output_nodes: nodes on every panel at which forces and speed are reported.
+    """
+
+    solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
+    tolerance: float = eqx.field(static=True, default=1e-9)
+    adjoint: diffrax.AbstractAdjoint = eqx.field(
+        default_factory=diffrax.RecursiveCheckpointAdjoint
+    )
+    max_newton: int = eqx.field(static=True, default=12)
+    max_steps: int = eqx.field(static=True, default=4096)
+    output_nodes: int = eqx.field(static=True, default=12)
+
+    name: ClassVar[str] = "shooting"
+
+    def solve(self, compressor: Compressor) -> Orbit:
+        """The orbit of an admissible compressor."""
+        frozen = lax.stop_gradient(compressor)
+        edges = lax.stop_gradient(turn_edges(kink_angles(compressor)))
+        turn = lay_turn(frozen, edges, 8)
+        # Constant speed gives the level of torque from which Newton's method starts.
+        level = motor_level(turn, torques(frozen, turn, initial_motion(turn)))
+        scales = (turn.speed_scale, turn.energy_scale, level)
+        holds_speed = isinstance(compressor.motor, MeanSpeed)
+        start = jnp.ones(2 if holds_speed else 1)
+
+        def gap(unknowns, machine, adjoint):
+            first = unknowns[0]
+            end = self._turn(machine, unknowns, scales, edges, adjoint=adjoint)[0]
+            gaps = [end["speed"] - first]
+            if holds_speed:
+                gaps.append(end["time"] * turn.speed_scale / machine.motor.mean_speed - 1)
+            return jnp.stack(gaps)
+
+        def frozen_gap(unknowns, args):
+            del args
+            return gap(unknowns, frozen, diffrax.ForwardMode())
+
+        newton = optx.root_find(
+            frozen_gap,
+            optx.Newton(rtol=10 * self.tolerance, atol=10 * self.tolerance),
+            start,
+            max_steps=self.max_newton,
+            throw=False,
+            adjoint=optx.ImplicitAdjoint(),
+        )
+        root = lax.stop_gradient(newton.value)
+        jacobian = lax.stop_gradient(jax.jacfwd(frozen_gap)(root, None))
+        left = gap(root, compressor, self.adjoint)
+        unknowns = root - jnp.linalg.solve(jacobian, left)
+        end, states = self._turn(
+            compressor, unknowns, scales, edges, accounts=True, adjoint=self.adjoint
+        )
+        report = FixedPointReport(newton.stats["num_steps"], jnp.max(jnp.abs(left)))
+        settled = report.change <= 1e3 * self.tolerance
+        status = Status.where(settled, Status.converged, Status.not_converged)
+        unstable = (jacobian[0, 0] >= 0) & (not holds_speed)
+        status = Status.where(settled & unstable, Status.no_periodic_state, status)
+        return self._orbit(compressor, unknowns, scales, edges, end, states, status, report)
+
+    def _turn(self, machine, unknowns, scales, edges, *, accounts=False, adjoint):
+        """Integrate one turn; returns the end and, with accounts, the speed at the output nodes."""
+        speed_scale, energy_scale, level_scale = scales
+        holds_speed = isinstance(machine.motor, MeanSpeed)
+
+        def rate(angle, y, args):
+            del args
+            # A halt is reported by the end values; the floor keeps them finite.
+            speed = jnp.maximum(y["speed"], 1e-3) * speed_scale
+            motor = machine.motor.torque(speed)
+            if holds_speed:
+                motor = motor * unknowns[1] * level_scale
+            branch = _inside(edges, angle)
+            rise, conservative, loads = acceleration(machine, angle, speed, motor, branch)
+            out = {"speed": rise / speed / speed_scale, "time": speed_scale / speed / (2 * jnp.pi)}
+            if accounts:
+                work = {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
+                out["work"] = jax.tree.map(lambda torque: torque / energy_scale, work)
+            return out
+
+        y0 = {"speed": unknowns[0], "time": jnp.zeros(())}
+        saveat = diffrax.SaveAt(t1=True)
+        if accounts:
+            nothing = {"motor": jnp.zeros(()), "gas": jnp.zeros(())}
+            names = jax.eval_shape(lambda: rate(edges[0], y0 | {"work": None}, None))["work"]
+            nothing["losses"] = {name: jnp.zeros(()) for name in names["losses"]}
+            y0["work"] = nothing
+            nodes = panels(edges, self.output_nodes).angle.ravel()
+            saveat = diffrax.SaveAt(
+                subs=[
+                    diffrax.SubSaveAt(t1=True),
+                    diffrax.SubSaveAt(ts=nodes, fn=lambda t, y, args: y["speed"]),
+                ]
+            )
+        steps = diffrax.ClipStepSizeController(
+            diffrax.PIDController(rtol=self.tolerance, atol=self.tolerance), jump_ts=edges[1:-1]
+        )
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(rate),
+            self.solver,
+            t0=edges[0],
+            t1=edges[-1],
+            dt0=0.01,
+            y0=y0,
+            saveat=saveat,
+            stepsize_controller=steps,
+            max_steps=self.max_steps,
+            adjoint=adjoint,
+            throw=False,
+        )
+        if not accounts:
+            return jax.tree.map(lambda x: x[-1], solution.ys), None
+        end, speed = solution.ys
+        return jax.tree.map(lambda x: x[-1], end), speed
+
+    def _orbit(self, compressor, unknowns, scales, edges, end, speed, status, report) -> Orbit:
+        speed_scale, energy_scale, level_scale = scales
+        grid = panels(edges, self.output_nodes)
+        speed = jnp.maximum(speed.reshape(grid.angle.shape), 1e-3) * speed_scale
+        motor = compressor.motor.torque(speed)
+        if isinstance(compressor.motor, MeanSpeed):
+            motor = motor * unknowns[1] * level_scale
+        rise, _, _ = _over_panels(acceleration)(compressor, grid.angle, speed, motor)
+        state = CrankState(grid.angle, speed, rise)
+        work = jax.tree.map(lambda w: w * energy_scale, end["work"])
+        energy = Energy(work["motor"], work["gas"], work["losses"])
+        loads = loads_at(compressor, state)
+        stalled = jnp.min(speed) <= 2e-3 * speed_scale
+        status = Status.where(stalled, Status.stalled, status)
+        orbit = orbit_on_panels(
+            compressor, grid, state, motor, loads, energy, status, report, self.name
+        )
+        mean_speed = speed_scale / end["time"]
+        return eqx.tree_at(lambda o: o.mean_speed, orbit, mean_speed)
+
+
+def _over_panels(function):
+    return jax.vmap(jax.vmap(function, (None, 0, 0, 0)), (None, 0, 0, 0))
+
+
+def _inside(edges: Float[Array, " k"], angle: Float[Array, ""]) -> Float[Array, ""]:
+    """The angle, moved off the edges of its panel by more than rounding.
+
+    A stage that falls on an edge would pick the formula of either side at random, and its derivative
+    with it.
+    """
+    panel = jnp.clip(jnp.searchsorted(edges, angle, side="right") - 1, 0, edges.size - 2)
+    return jnp.clip(angle, edges[panel] + 1e-10, edges[panel + 1] - 1e-10)
