@@ -1,0 +1,159 @@
+r"""Campbell diagram and critical speeds."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._fields import BadInput
+from ._damped import DampedModes, _damped, system_matrices
+from ._layout import layout_of
+from ._model import RotorModel
+
+
+def campbell(
+    model: RotorModel,
+    spin_speeds: Float[Array, " speeds"],
+    count: int = 12,
+    *,
+    damping: bool = True,
+) -> DampedModes:
+    """Damped modes over the spin speed, each with its whirl; (speeds, count) in all fields.
+
+    Modes are in the order of their frequency at each speed.
+
+    Args:
+        model: the model.
+        spin_speeds: [rad/s] (speeds,)
+        count: number of modes.
+        damping: false leaves out all damping.
+    """
+    size = int(layout_of(model).active.sum())
+    if not 0 < count <= size:
+        raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
+    return _campbell(model, jnp.asarray(spin_speeds, float), count, damping)
+
+
+@eqx.filter_jit
+def _campbell(model, spin_speeds, count, damping):
+    return jax.lax.map(lambda spin: _damped(model, spin, count, False, damping), spin_speeds)
+
+
+class CriticalSpeeds(NamedTuple):
+    """Speeds W at which a mode's frequency is n W.
+
+    Attributes:
+        speed: [rad/s] (m,) ascending; not a number where the search found none.
+        growth: [rad/s] (m,) real part of the eigenvalue there; -growth/(n W) is about the damping
+            ratio with which the response peaks.
+        residual: [-] (m,) relative change in the last step.
+    """
+
+    speed: Array
+    growth: Array
+    residual: Array
+
+
+def critical_speeds(
+    model: RotorModel,
+    count: int = 4,
+    *,
+    order: int = 1,
+    damping: bool = True,
+    near: Float[Array, ""] = 0.0,
+) -> CriticalSpeeds:
+    r"""Speeds W with an eigenvalue a + i n W, forward and backward ones.
+
+    Start: the undamped synchronous problem K x = W^2 (n^2 M - i n G) x with the links at the speed
+    `near`. Then Newton steps on the complex equation det P(a + i n W; W) = 0 for the two real
+    unknowns a and W, with left and right vectors by inverse iteration; links that depend on the
+    speed are followed. Differentiable: the last step carries the implicit derivative.
+
+    Args:
+        model: the model.
+        count: how many starts, lowest first.
+        order: n, at least 1.
+        damping: false leaves out all damping.
+        near: [rad/s] where tables of the links are read for the start.
+
+    Raises:
+        BadInput: an order below one.
+    """
+    if order < 1:
+        raise BadInput("order", order, "at least 1")
+    return _critical(model, count, order, damping, jnp.asarray(near, float))
+
+
+@eqx.filter_jit
+def _critical(model, count, order, damping, near):
+    numbers, rest = eqx.partition(model, eqx.is_inexact_array)
+    frozen = jax.lax.stop_gradient(numbers)
+
+    def parts(numbers, spin):
+        full, d = system_matrices(eqx.combine(numbers, rest), spin, damping=damping)
+        return full.mass, d, full.stiffness
+
+    start = jax.lax.stop_gradient(_synchronous(model, count, order, near))
+    b = jnp.asarray(np.random.default_rng(1).normal(size=start[1].shape[0])) + 0j
+
+    def stiffness(numbers, growth, spin):
+        m, d, k = parts(numbers, spin)
+        lam = growth + 1j * order * spin
+        return lam**2 * m + lam * d + k
+
+    def vectors(growth, spin, x, y):
+        p = stiffness(frozen, growth, spin * (1 + 1e-13))
+        lu = jax.scipy.linalg.lu_factor(p)
+        x, y = jax.scipy.linalg.lu_solve(lu, x), jax.scipy.linalg.lu_solve(lu, y, trans=1)
+        return x / jnp.linalg.norm(x), y / jnp.linalg.norm(y)
+
+    def newton(numbers, growth, spin, x, y):
+        bilinear = lambda n, a, w: y @ stiffness(n, a, w) @ x  # noqa: E731
+        value = bilinear(numbers, growth, spin)
+        slope = jax.jacfwd(bilinear, (1, 2))(frozen, growth, spin)
+        a, w = (jax.lax.stop_gradient(s) for s in slope)
+        # value + a da + w dw = 0 in the complex plane, da and dw real
+        det = a.real * w.imag - a.imag * w.real
+        da = -(value.real * w.imag - value.imag * w.real) / det
+        dw = -(a.real * value.imag - a.imag * value.real) / det
+        return growth + da, spin + dw
+
+    def one(spin, x):
+        def step(state, _):
+            growth, spin, x, y = state
+            x, y = vectors(growth, spin, x, y)
+            a, w = newton(frozen, growth, spin, x, y)
+            return (a, w, x, y), jnp.abs(w - spin) / jnp.abs(w)
+
+        state = (jnp.asarray(0.0), spin, x, b + jnp.conj(x))
+        (growth, spin, x, y), change = jax.lax.scan(step, state, None, length=8)
+        state = jax.lax.stop_gradient((growth, spin, x, y))
+        growth, spin = newton(numbers, *state)
+        found = (change[-1] < 1e-8) & (spin > 0)
+        return jnp.where(found, spin, jnp.nan), jnp.where(found, growth, jnp.nan), change[-1]
+
+    speed, growth, residual = jax.lax.map(lambda a: one(*a), (start[0], start[1].T))
+    order_ = jnp.argsort(speed)
+    return CriticalSpeeds(speed[order_], growth[order_], residual[order_])
+
+
+def _synchronous(model, count, order, near):
+    """Starting values: speeds (count,) and vectors (a, count) of the undamped problem."""
+    full, _ = system_matrices(model, near, damping=False)
+    k, inertia = (full.stiffness + full.stiffness.T) / 2, full.mass
+    h = order**2 * inertia - 1j * order * full.gyroscopic
+    size = jnp.diagonal(k) + 1e-300
+    weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
+    # A grain of inertia keeps a model with rigid motions positive definite; it is only the start.
+    grain = 1e-9 * jnp.trace(k) / jnp.trace(inertia)
+    low = jnp.linalg.cholesky(weight[:, None] * (k + grain * inertia) * weight) + 0j
+    half = jax.scipy.linalg.solve_triangular(low, weight[:, None] * h * weight, lower=True)
+    a = jax.scipy.linalg.solve_triangular(low, half.conj().T, lower=True)
+    mu, v = jnp.linalg.eigh((a + a.conj().T) / 2)
+    mu, v = mu[::-1][:count], v[:, ::-1][:, :count]
+    x = weight[:, None] * jax.scipy.linalg.solve_triangular(low.conj().T, v, lower=False)
+    speed = 1 / jnp.sqrt(jnp.where(mu > 0, mu, jnp.nan))
+    return speed, x / jnp.linalg.norm(x, axis=0)

@@ -1,0 +1,72 @@
+r"""Frame, order of the degrees of freedom and time factor. Everything else refers to this page.
+
+**Frame.** Right-handed; z along the shaft, x and y lateral (x along the cylinder of a compressor).
+The shaft spins about +z with the spin speed W [rad/s].
+
+**Degrees of freedom of a node.** Displacements [m] and small right-handed rotations [rad]:
+
+- 4: (u_x, u_y, th_x, th_y);
+- 6: (u_x, u_y, u_z, th_x, th_y, th_z).
+
+A vector over the model is an array (n_nodes, dof) in the order of `RotorModel.nodes`. Forces have
+the same layout, [N] and [N m].
+
+**Planes.** The slope of the axis is (du_x/dz, du_y/dz) = (th_y, -th_x). So the x plane has the
+coordinates (u_x, th_y) and the y plane (u_y, -th_x), and an axisymmetric part has the same
+matrices in both. The third "plane" is (u_z, th_z), axial and torsion.
+
+**Time factor.** x(t) = Re[X e^{i w t}] with w = n W for the harmonic of order n. With
+p = (x + i y)/sqrt(2) and q = (x - i y)/sqrt(2), p is the forward whirl and q the backward one.
+The dynamic stiffness of an axisymmetric spinning part is then uncoupled,
+
+    Z_p = k - w^2 m + w W g,        Z_q = k - w^2 m - w W g,
+
+with k, m, g symmetric in one plane and g built from the polar inertia: the equations of motion
+M x'' + (C + W G) x' + K x = F have G_xy = +g, G_yx = -g.
+
+**Unbalance.** U = m e [kg m] at the angle d from x gives F = U W^2 (1, -i) e^{i d} on (u_x, u_y).
+A real periodic force f(t) = sum a_n cos(n W t) + b_n sin(n W t) has F_n = a_n - i b_n.
+"""
+
+import numpy as np
+
+from .._fields import BadInput
+
+AXES = {
+    4: ("ux", "uy", "thx", "thy"),
+    6: ("ux", "uy", "uz", "thx", "thy", "thz"),
+}
+SPACE_AXES = AXES[6]  # three displacements, three rotations
+
+
+def axis_numbers(dof: int, axes: tuple[str, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Which of `axes` a model with `dof` per node has, and their numbers in a node.
+
+    Returns:
+        Positions in `axes`, and the numbers of these degrees of freedom within a node.
+    """
+    pairs = [(i, AXES[dof].index(a)) for i, a in enumerate(axes) if a in AXES[dof]]
+    return tuple(i for i, _ in pairs), tuple(j for _, j in pairs)
+
+
+def check_axes(axes: tuple[str, ...]) -> None:
+    """Refuse unknown or repeated names.
+
+    Raises:
+        BadInput: naming the axes that exist.
+    """
+    if len(set(axes)) != len(axes) or not set(axes) <= set(SPACE_AXES) or not axes:
+        raise BadInput("axes", str(axes), f"different names out of {SPACE_AXES}")
+
+
+def plane_numbers(dof: int) -> tuple[np.ndarray, np.ndarray]:
+    """The degrees of freedom of a node in plane order, and their signs.
+
+    Returns:
+        Numbers and signs, both (planes, 2); planes is 2 or 3.
+    """
+    names = [("ux", "thy"), ("uy", "thx")] + ([("uz", "thz")] if dof == 6 else [])
+    numbers = np.array([[AXES[dof].index(a) for a in plane] for plane in names])
+    signs = np.ones(numbers.shape)
+    signs[1, 1] = -1.0
+    return numbers, signs

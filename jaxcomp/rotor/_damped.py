@@ -1,0 +1,203 @@
+r"""Damped modes of the spinning model: eigenvalues, whirl, stability.
+
+lambda^2 M x + lambda (C + W G) x + K x = 0 with M possibly singular. The linearised problem is
+inverted about a real shift s, so that massless coordinates give 1/(lambda - s) = 0 instead of
+infinity. Every wanted eigenvalue then takes one Newton step with the left vector y,
+
+    lambda <- lambda - y^T P(lambda) x / (y^T P'(lambda) x),      P = lambda^2 M + lambda D + K,
+
+with lambda, x and y held fixed: it removes the rounding of the large eigenproblem, and its
+derivative -y^T dP x / (y^T P' x) is that of the eigenvalue, so that `eig` needs none. The eigenvectors are differentiated by a bordered system in the same way.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._fields import BadInput
+from ._assembly import Matrices, matrices
+from ._damping import ModalDamping
+from ._layout import layout_of
+from ._model import RotorModel
+from ._modes import modal_damping_vectors
+
+
+class DampedModes(NamedTuple):
+    """Oscillating modes x(t) = Re[X e^{lambda t}], lowest frequency first.
+
+    Attributes:
+        eigenvalue: [rad/s] (m,) lambda with a positive imaginary part; not a number where the model
+            has fewer such modes.
+        shape: (m, nodes, dof) X, its largest entry one.
+        whirl: [-] (m,) from 1 (forward) to -1 (backward), 0 for a motion in a plane; the share of
+            the spinning sense in the squared lateral displacements.
+        growth: [rad/s] largest real part of all eigenvalues but rigid motions: negative if stable.
+    """
+
+    eigenvalue: Array
+    shape: Array
+    whirl: Array
+    growth: Array
+
+    @property
+    def frequency(self) -> Float[Array, " m"]:
+        """[rad/s] Damped natural frequencies, Im lambda."""
+        return self.eigenvalue.imag
+
+    @property
+    def damping_ratio(self) -> Float[Array, " m"]:
+        """[-] -Re lambda / |lambda|."""
+        return -self.eigenvalue.real / jnp.abs(self.eigenvalue)
+
+    @property
+    def log_decrement(self) -> Float[Array, " m"]:
+        """[-] Logarithmic decrement -2 pi Re lambda / Im lambda."""
+        return -2 * jnp.pi * self.eigenvalue.real / self.eigenvalue.imag
+
+    @property
+    def stable(self) -> Bool[Array, ""]:
+        """Whether every motion but a rigid one decays or at least does not grow."""
+        return self.growth <= 1e-9 * jnp.nanmax(jnp.abs(self.eigenvalue))
+
+
+def damped_modes(
+    model: RotorModel,
+    spin_speed: Float[Array, ""],
+    count: int = 12,
+    *,
+    free: bool = False,
+    damping: bool = True,
+) -> DampedModes:
+    """The lowest oscillating modes at a spin speed, with gyroscopic effect and damping.
+
+    Differentiable; on the CPU only, where JAX has the unsymmetric eigenproblem. Two eigenvalues
+    that coincide share their derivative as in `undamped_modes`.
+
+    Args:
+        model: the model.
+        spin_speed: [rad/s] W.
+        count: number of modes.
+        free: leave out all links and side pulls.
+        damping: false leaves out all damping, so that Im lambda are the whirl frequencies.
+
+    Raises:
+        BadInput: more modes than degrees of freedom.
+    """
+    size = int(layout_of(model).active.sum())
+    if not 0 < count <= size:
+        raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
+    return _damped(model, spin_speed, count, free, damping)
+
+
+def system_matrices(
+    model: RotorModel, spin_speed: Float[Array, ""], *, free: bool = False, damping: bool = True
+) -> tuple[Matrices, Array]:
+    """Matrices at a spin speed, and the whole velocity matrix C + W G with modal damping."""
+    full = matrices(model, spin_speed, with_links=not free)
+    velocity = spin_speed * full.gyroscopic
+    if damping:
+        velocity = velocity + full.damping
+        if isinstance(model.damping, ModalDamping):
+            modal = modal_damping_vectors(model).reshape(model.damping.ratio.shape[0], -1)
+            modal = modal[:, layout_of(model).active.reshape(-1)]
+            velocity = velocity + modal.T @ modal
+    return full, velocity
+
+
+@eqx.filter_jit
+def _damped(model, spin_speed, count, free, damping) -> DampedModes:
+    full, d = system_matrices(model, spin_speed, free=free, damping=damping)
+    m, k = full.mass, full.stiffness
+    values, vectors, growth = jax.lax.stop_gradient(_spectrum(*jax.lax.stop_gradient((m, d, k))))
+    lam, x = values[:count], vectors[:, :count]
+    y = jax.lax.stop_gradient(_left(*jax.lax.stop_gradient((m, d, k)), lam, x))
+    residual = (m @ x) * lam**2 + (d @ x) * lam + k @ x
+    lam_new = lam - jnp.einsum("im,im->m", y, residual)  # y^T P' x = 1
+    x_new = _vectors(m, d, k, lam_new, lam, x)
+    growth = _largest_real_part(m, d, k, growth)
+    layout = layout_of(model)
+    shape = (full.expand @ x_new).T.reshape(count, layout.n, model.dof)
+    ux, uy = shape[..., 0], shape[..., 1]
+    p, q = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
+    return DampedModes(lam_new, shape, (p - q) / (p + q), growth)
+
+
+def _spectrum(m, d, k):
+    """Oscillating eigenvalues by frequency with right vectors, and the least stable eigenvalue."""
+    n = m.shape[0]
+    # Coordinates of one size, and the shift as the unit of frequency.
+    diag = jnp.abs(jnp.diagonal(k))
+    inertia = jnp.where(jnp.diagonal(m) > 0, jnp.diagonal(m), jnp.nan)
+    s = jnp.sqrt(jnp.nanmedian(jnp.where(diag > 0, diag, jnp.nan) / inertia)) * 1e-3
+    s = jnp.where(s > 0, s, 1.0)
+    size = diag + s**2 * jnp.nan_to_num(inertia)
+    weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
+    m, d, k = (weight[:, None] * a * weight for a in (s**2 * m, s * d, k))
+    p = jax.scipy.linalg.lu_factor(m + d + k)  # P at the shift, now 1
+    pd, pm = jax.scipy.linalg.lu_solve(p, d + m), jax.scipy.linalg.lu_solve(p, m)
+    nu, v = jnp.linalg.eig(jnp.block([[-pd, -pm], [jnp.eye(n) - pd, -pm]]))
+    finite = jnp.abs(nu) > 1e-13 * jnp.max(jnp.abs(nu))
+    lam = 1 + 1 / jnp.where(finite, nu, 1.0)
+    rigid = jnp.abs(lam) < 1e-5
+    oscillating = finite & ~rigid & (lam.imag > 1e-9 * (1 + jnp.abs(lam)))
+    order = jnp.argsort(jnp.where(oscillating, lam.imag, jnp.inf))
+    kept = jnp.where(oscillating, lam, jnp.nan)[order]
+    worst = jnp.argmax(jnp.where(finite & ~rigid, lam.real, -jnp.inf))
+    vectors = weight[:, None] * v[:n]
+    right = vectors[:, order]
+    right = right / jnp.take_along_axis(right, jnp.argmax(jnp.abs(right), 0)[None], 0)
+    return s * kept, right, (s * lam[worst], vectors[:, worst])
+
+
+def _left(m, d, k, lam, x):
+    """Left vectors y, y_i^T ((lambda_i + lambda_j) M + D) x_j = delta_ij, by inverse iteration."""
+    start = jnp.asarray(np.random.default_rng(0).normal(size=x.T.shape)) + 0j
+
+    def one(lam, b):
+        lu = jax.scipy.linalg.lu_factor(lam**2 * m + lam * d + k)
+        for _ in range(2):
+            b = jax.scipy.linalg.lu_solve(lu, b, trans=1)
+            b = b / jnp.linalg.norm(b)
+        return b
+
+    # The factor off the eigenvalue keeps P invertible where lambda is exact to the last bit.
+    y = jax.lax.map(lambda a: one(a[0] * (1 + 1e-13), a[1]), (lam, start)).T
+    gram = jnp.einsum("ia,ij,jb,ab->ab", y, m, x, lam[:, None] + lam[None, :]) + y.T @ d @ x
+    # Modes that the model does not have are NaN; they must not spoil the others.
+    bad = ~jnp.isfinite(lam)
+    gram = jnp.where(bad[:, None] | bad[None, :], jnp.eye(lam.size), gram)
+    return jnp.where(bad, jnp.nan, jnp.where(bad, 0.0, y) @ jnp.linalg.inv(gram).T)
+
+
+def _vectors(m, d, k, lam_new, lam, x):
+    """One differentiable Newton step for the vectors, the largest entry held at one.
+
+    [P(lambda), P'(lambda) x; e^T, 0] [dx; dlambda] = -[P(lambda') x; 0]; inside a cluster the
+    matrix is singular and the vector stays as it is.
+    """
+    frozen = jax.lax.stop_gradient
+
+    def one(lam_new, lam, x):
+        p = frozen(lam**2 * m + lam * d + k)
+        e = jnp.zeros_like(x).at[jnp.argmax(jnp.abs(x))].set(1.0)
+        slope = frozen((2 * lam * m + d) @ x)
+        matrix = jnp.block([[p, slope[:, None]], [e[None, :], jnp.zeros((1, 1))]])
+        size = jnp.max(jnp.abs(matrix), 1)
+        residual = (lam_new**2 * m + lam_new * d + k) @ x
+        step = jnp.linalg.solve(matrix / size[:, None], -jnp.append(residual, 0.0) / size)[:-1]
+        alone = jnp.all(jnp.isfinite(step)) & (jnp.linalg.norm(frozen(step)) < 1e-3)
+        return x + jnp.where(alone, step, 0.0)
+
+    return jax.lax.map(lambda a: one(*a), (lam_new, lam, x.T)).T
+
+
+def _largest_real_part(m, d, k, worst):
+    """Real part of the least stable eigenvalue, differentiable by its Newton step."""
+    lam, x = worst
+    y = jax.lax.stop_gradient(_left(m, d, k, lam[None], x[:, None])[:, 0])
+    residual = (m @ x) * lam**2 + (d @ x) * lam + k @ x
+    return (lam - y @ residual).real

@@ -1,0 +1,75 @@
+r"""Symmetric eigenproblems with derivatives that survive repeated eigenvalues."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+# Eigenvalues closer than this, relative to the largest, count as one. It lies well above the
+# rounding of `eigh` (some n eps) and far below any split that a table of frequencies would show.
+CLUSTER = 1e-11
+
+
+@jax.custom_jvp
+def eigh(a: Float[Array, "n n"]) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    r"""Eigenvalues (ascending) and orthonormal eigenvectors of a symmetric matrix.
+
+    Derivatives: d lambda_i = v_i^T dA v_i, and dv_i = sum_j v_j (v_j^T dA v_i)/(lambda_i -
+    lambda_j) over the j outside the cluster of i. That is exact for everything that does not depend
+    on the choice of a basis inside a cluster: sums over it, its subspace, and each of its
+    eigenvalues as long as they stay equal. For the split of a pair along one direction use
+    `mode_derivatives`.
+    """
+    return tuple(jnp.linalg.eigh(a, symmetrize_input=False))
+
+
+@eigh.defjvp
+def _eigh_jvp(primals, tangents):
+    (a,), (da,) = primals, tangents
+    values, vectors = eigh(a)
+    gap = values[None, :] - values[:, None]
+    same = jnp.abs(gap) <= CLUSTER * jnp.max(jnp.abs(values))
+    inner = vectors.T @ da @ vectors
+    turn = jnp.where(same, 0.0, inner / jnp.where(same, 1.0, gap))
+    return (values, vectors), (jnp.diagonal(inner), vectors @ turn)
+
+
+def pencil(
+    k: Float[Array, "n n"], m: Float[Array, "n n"]
+) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    r"""Solve K x = lambda M x with M and K symmetric, both allowed to be singular.
+
+    With a shift s that makes K + s M positive definite, mu = 1/(lambda + s) are the eigenvalues of
+    L^{-1} M L^{-T}. Massless coordinates give mu = 0, rigid motions mu = 1/s. The low modes come
+    out with all digits, which a factorisation of M would spend on the highest ones.
+
+    Returns:
+        mu in descending order, and vectors (columns) with x^T M x = mu; both may be NaN if no shift
+        was found (K has a negative part without inertia).
+    """
+    d = jnp.where(jnp.diagonal(m) > 0, jnp.diagonal(m), jnp.nan)
+    s = 1e-8 * jnp.nanmedian(jnp.abs(jnp.diagonal(k)) / d)
+    s = jax.lax.stop_gradient(jnp.where(s > 0, s, 1.0))
+    kf, mf = jax.lax.stop_gradient((k, m))
+
+    def fails(state):
+        shift, tries = state
+        return (tries < 12) & ~jnp.all(
+            jnp.isfinite(jnp.linalg.cholesky(_scaled(kf + shift * mf)[0]))
+        )
+
+    # A negative stiffness (side pull beyond its limit) needs a larger shift.
+    s, _ = jax.lax.while_loop(fails, lambda state: (state[0] * 30, state[1] + 1), (s, 0))
+    matrix, weight = _scaled(k + s * m)
+    lower = jnp.linalg.cholesky(matrix)
+    half = jax.scipy.linalg.solve_triangular(lower, weight[:, None] * m * weight, lower=True)
+    a = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
+    mu, v = eigh((a + a.T) / 2)
+    x = weight[:, None] * jax.scipy.linalg.solve_triangular(lower, v, lower=True, trans=1)
+    return mu[::-1], x[:, ::-1]
+
+
+def _scaled(k):
+    # Unit diagonal: displacements and rotations of stiff and soft parts come to one size.
+    d = jax.lax.stop_gradient(jnp.diagonal(k))
+    weight = 1 / jnp.sqrt(jnp.where(d > 0, d, 1.0))
+    return weight[:, None] * k * weight, weight

@@ -1,0 +1,179 @@
+r"""What of a model is known before any number: who is connected to whom.
+
+The nodes are divided into *border* nodes (those with links, bodies or branches) and the rest, which
+form *segments*: runs of nodes that are coupled to their two neighbours only. Segments are stored
+right-aligned in arrays (position, segment); empty places hold the number of a dummy node.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from .._fields import BadInput
+from ._conventions import AXES, plane_numbers
+from ._model import RotorModel, node_names
+
+
+class Layout(NamedTuple):
+    """Static index arrays of a model; n nodes, b border nodes, e elements, (m, s) segments.
+
+    Attributes:
+        n: number of nodes.
+        dof: degrees of freedom of a node.
+        pairs: (e, 2) nodes of all shaft elements in the order of the tables.
+        links: (l, 2) nodes of the links, then of the pairs of the side pulls; n for the ground.
+        centres: centre nodes of the bodies.
+        slaved: nodes that follow a body, in the order of the bodies.
+        centre_of: centre node of each slaved node.
+        active: (n, dof) whether a degree of freedom exists: not slaved, and not without any
+            stiffness and inertia by construction.
+        border: the border nodes.
+        touched: (b, planes, 2) whether links or bodies act on that coordinate.
+        segment: (m, s) interior nodes.
+        ends: (2, s) border positions left and right of the segments, b for a free end.
+        slots: for each element (kind, position, segment, transposed); see `_slots`.
+    """
+
+    n: int
+    dof: int
+    pairs: np.ndarray
+    links: np.ndarray
+    centres: np.ndarray
+    slaved: np.ndarray
+    centre_of: np.ndarray
+    active: np.ndarray
+    border: np.ndarray
+    touched: np.ndarray
+    segment: np.ndarray
+    ends: np.ndarray
+    slots: np.ndarray
+
+
+NEXT, LEFT, RIGHT, BORDER = range(4)
+
+
+def layout_of(model: RotorModel) -> Layout:
+    """The layout of a model; the same arrays for every model of the same construction."""
+    names = node_names(model)
+    number = {name: i for i, name in enumerate(names)}
+    pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.nodes)
+    links = [(link.nodes, link.axes) for link in model.links]
+    links += [(pair, ("ux", "uy")) for pull in model.side_pulls for pair in pull.nodes]
+    link_axes = tuple(
+        (tuple(number.get(node, len(names)) for node in nodes), tuple(axes))
+        for nodes, axes in links
+    )
+    bodies = tuple((number[b.centre], tuple(number[k] for k in b.nodes)) for b in model.bodies)
+    disks = tuple(number[k] for d in model.disks for k in d.nodes)
+    masses = tuple(number[k] for p in model.masses for k in p.nodes)
+    return _layout(len(names), model.dof, pairs, link_axes, bodies, disks, masses)
+
+
+@lru_cache(maxsize=64)
+def _layout(n, dof, pairs, link_axes, bodies, disks, masses) -> Layout:
+    numbers, _ = plane_numbers(dof)
+    touched = np.zeros((n, dof), bool)
+    for nodes, axes in link_axes:
+        for node in set(nodes) - {n}:
+            touched[node, [AXES[dof].index(a) for a in axes if a in AXES[dof]]] = True
+    slaved = np.array([k for _, nodes in bodies for k in nodes], int)
+    centre_of = np.array([c for c, nodes in bodies for _ in nodes], int)
+    touched[slaved] = True
+    touched[[c for c, _ in bodies]] = True
+
+    neighbours: list[set[int]] = [set() for _ in range(n)]
+    for a, b in pairs:
+        neighbours[a].add(b)
+        neighbours[b].add(a)
+    active = touched.copy()
+    active[list(disks)] = True
+    active[[i for i in range(n) if neighbours[i]]] = True
+    for i in masses:
+        active[i, : 2 if dof == 4 else 3] = True
+    active[slaved] = False
+    if not active.any():
+        raise BadInput("model", "no degree of freedom", "something that can move")
+
+    border = {i for i in range(n) if touched[i].any() or len(neighbours[i]) not in (1, 2)}
+    runs = _runs(n, neighbours, border)
+    order = sorted(border)
+    place = {node: k for k, node in enumerate(order)} | {None: len(order)}
+    m = max([len(run) for _, run, _ in runs], default=0)
+    segment = np.full((m, len(runs)), n)
+    for s, (_, run, _) in enumerate(runs):
+        segment[m - len(run) :, s] = run
+    ends = np.array([[place[a] for a, _, _ in runs], [place[b] for _, _, b in runs]], int).reshape(
+        2, len(runs)
+    )
+    slots = _slots(pairs, segment, runs, place)
+    in_planes = touched[np.array(order, int)][:, numbers]
+    return Layout(
+        n,
+        dof,
+        np.array(pairs, int).reshape(-1, 2),
+        np.array([nodes for nodes, _ in link_axes], int).reshape(-1, 2),
+        np.array([c for c, _ in bodies], int),
+        slaved,
+        centre_of,
+        active,
+        np.array(order, int),
+        in_planes,
+        segment,
+        ends,
+        slots,
+    )
+
+
+def _runs(n, neighbours, border):
+    """Paths of interior nodes as (left border node or None, nodes, right border node or None).
+
+    A closed ring without a border node gets one; so does a model without any border, because the
+    elimination ends on a border.
+    """
+    if not border:
+        border.add(0)
+    inner = {i: neighbours[i] - border for i in range(n) if i not in border}
+    runs, left_over = [], set(inner)
+    for tip in [i for i in inner if len(inner[i]) < 2]:
+        if tip not in left_over:
+            continue
+        run = [tip]
+        while ahead := inner[run[-1]] - set(run):
+            run.append(ahead.pop())
+        left_over -= set(run)
+        outer = sorted(neighbours[tip] & border)
+        if len(run) == 1:
+            left, right = (*outer, None, None)[:2]
+        else:
+            far = sorted(neighbours[run[-1]] & border)
+            left, right = (*outer, None)[0], (*far, None)[0]
+        runs.append((left, tuple(run), right))
+    if left_over:
+        border.add(min(left_over))
+        return _runs(n, neighbours, border)
+    return runs
+
+
+def _slots(pairs, segment, runs, place):
+    """Where the off-diagonal block of each element (row node 1, column node 2) belongs.
+
+    kind NEXT: between position - 1 and position of a segment; LEFT: between the first node of a
+    segment and its left border node; RIGHT: between the last one and the right border node; BORDER:
+    between two border nodes, whose places stand in the two index columns.
+    """
+    where = {int(segment[j, s]): (j, s) for j in range(segment.shape[0]) for s in range(len(runs))}
+    out = []
+    for a, b in pairs:
+        if a in place and b in place:
+            out.append((BORDER, place[a], place[b], 0))
+        elif a in where and b in where:
+            (ja, s), (jb, _) = where[a], where[b]
+            out.append((NEXT, max(ja, jb), s, int(ja > jb)))
+        else:
+            inner, outer = (a, b) if a in where else (b, a)
+            j, s = where[inner]
+            left, run, _ = runs[s]
+            kind = LEFT if inner == run[0] and outer == left else RIGHT
+            out.append((kind, j, s, int(inner == b)))
+    return np.array(out, int).reshape(-1, 4)

@@ -1,0 +1,183 @@
+r"""Links between two nodes or a node and the ground: bearings, suspensions, grommets, side pull.
+
+A link acts on the relative motion d = x_a - x_b of some axes of its two nodes with the force
+K(W) d + C(W) d' on node b (and its opposite on node a). The law behind K and C is any object with
+
+    coefficients(spin_speed) -> (K, C)
+
+of shape (n_axes, n_axes): the two laws of this module, or a film model.
+"""
+
+from typing import Literal, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import POSITIVE, BadInput, Part, _is_traced, quantity
+from ._conventions import check_axes
+from ._shaft import Node
+
+
+@runtime_checkable
+class LinkLaw(Protocol):
+    """What a link needs: stiffness and damping at a spin speed."""
+
+    def coefficients(
+        self, spin_speed: Float[Array, ""]
+    ) -> tuple[Float[Array, "a a"], Float[Array, "a a"]]:
+        """Stiffness [N/m, N, N m] and damping matrices at the spin speed [rad/s]."""
+        ...
+
+
+class ConstantLaw(Part):
+    """Stiffness and damping that do not depend on the speed.
+
+    Args:
+        stiffness: [N/m] (a, a); entries of rotations in [N] and [N m].
+        damping: [N s/m] (a, a).
+    """
+
+    stiffness: Array = quantity("N/m", shape=(None, None))
+    damping: Array = quantity("N s/m", shape=(None, None))
+
+    def coefficients(self, spin_speed):
+        """The two matrices."""
+        del spin_speed
+        return self.stiffness, self.damping
+
+
+class SpeedTable(Part):
+    """Stiffness and damping tabulated over the spin speed.
+
+    Every interpolant passes through the table's own points to the last bit. Outside the table the
+    end values hold.
+
+    Args:
+        speed: [rad/s] (m,), increasing.
+        stiffness: [N/m] (m, a, a)
+        damping: [N s/m] (m, a, a)
+        kind: "linear", or "monotone" for the piecewise cubic of F. N. Fritsch and J. Butland
+            (1984), SIAM J. Sci. Stat. Comput. 5, which is smooth and makes no new extremum.
+
+    Raises:
+        BadInput: a table that is not increasing, or columns of different length.
+    """
+
+    speed: Array = quantity("rad/s", shape=(None,))
+    stiffness: Array = quantity("N/m", shape=(None, None, None))
+    damping: Array = quantity("N s/m", shape=(None, None, None))
+    kind: Literal["linear", "monotone"] = eqx.field(static=True, default="monotone")
+
+    def __check_init__(self):
+        m = self.speed.shape[0]
+        for name in ("stiffness", "damping"):
+            if getattr(self, name).shape[0] != m:
+                raise BadInput(name, getattr(self, name), f"one matrix for each of {m} speeds")
+        if m < 2:
+            raise BadInput("speed", self.speed, "at least two speeds")
+        if self.kind not in ("linear", "monotone"):
+            raise BadInput("kind", self.kind, "one of ('linear', 'monotone')")
+
+    def conditions(self):
+        return {"a table with increasing speeds": jnp.all(jnp.diff(self.speed) > 0)}
+
+    def coefficients(self, spin_speed):
+        """The two matrices at a speed."""
+        return tuple(
+            _through_points(self.speed, values, spin_speed, self.kind)
+            for values in (self.stiffness, self.damping)
+        )
+
+
+class Link(Part):
+    """One bearing, suspension or grommet.
+
+    Args:
+        nodes: the two nodes; `None` as the second is the ground.
+        law: object with `coefficients(spin_speed)`.
+        axes: the axes that the law's matrices refer to, by default ("ux", "uy"). Axes that a
+            model of 4 degrees of freedom lacks (uz, thz) are left out there.
+
+    Raises:
+        BadInput: unknown axes, the same node twice, or matrices of another size than `axes`.
+    """
+
+    nodes: tuple[Node, Node | None] = eqx.field(static=True)
+    law: LinkLaw
+    axes: tuple[str, ...] = eqx.field(static=True, default=("ux", "uy"))
+
+    def __check_init__(self):
+        check_axes(self.axes)
+        if len(self.nodes) != 2 or self.nodes[0] is None or self.nodes[0] == self.nodes[1]:
+            raise BadInput("nodes", str(self.nodes), "two different nodes, or a node and None")
+        shape = getattr(getattr(self.law, "stiffness", None), "shape", None)
+        if shape is not None and shape[-2:] != (len(self.axes),) * 2:
+            raise BadInput("law", str(shape), f"of shape {(len(self.axes),) * 2} for {self.axes}")
+
+
+class SidePull(Part):
+    """Unbalanced magnetic pull between stator and rotor: a negative isotropic radial stiffness.
+
+    Args:
+        nodes: pairs (rotor node, stator node); `None` as the second for a fixed stator.
+        stiffness: [N/m] magnitude over the whole length of the core, positive.
+        share: [-] (n,) part of it on each pair; absent: equal parts.
+    """
+
+    nodes: tuple[tuple[Node, Node | None], ...] = eqx.field(static=True)
+    stiffness: Array = quantity("N/m", POSITIVE)
+    share: Array | None = quantity("", POSITIVE, shape=(None,), default=None)
+
+    def __check_init__(self):
+        n = len(self.nodes)
+        if self.share is not None:
+            if self.share.shape != (n,):
+                raise BadInput("share", self.share, f"one value for each of {n} pairs")
+            total = jnp.sum(self.share)
+            if not _is_traced(total) and abs(float(total) - 1) > 1e-9:
+                raise BadInput("share", self.share, "parts that add up to 1")
+
+
+def isotropic(stiffness, damping=0.0, *, size: int = 2) -> ConstantLaw:
+    """The same stiffness [N/m] and damping [N s/m] along `size` axes."""
+    eye = jnp.eye(size)
+    return ConstantLaw(stiffness * eye, damping * eye)
+
+
+def diagonal(stiffness, damping) -> ConstantLaw:
+    """Uncoupled axes, stiffness and damping (a,) each."""
+    return ConstantLaw(jnp.diag(jnp.asarray(stiffness)), jnp.diag(jnp.asarray(damping)))
+
+
+def side_pull_stiffness(pull: SidePull) -> Float[Array, " n"]:
+    """[N/m] Negative radial stiffness of each pair."""
+    n = len(pull.nodes)
+    share = jnp.full(n, 1 / n) if pull.share is None else pull.share
+    return -pull.stiffness * share
+
+
+def _through_points(x, y, at, kind):
+    """Interpolate `y` (m, ...) over `x` (m,); exact at every point of the table."""
+    at = jnp.clip(at, x[0], x[-1])
+    i = jnp.clip(jnp.searchsorted(x, at, side="right") - 1, 0, x.shape[0] - 2)
+    h = x[i + 1] - x[i]
+    t = (at - x[i]) / h
+    if kind == "linear":
+        # Not y + t (y' - y), which misses y' by a rounding at t = 1.
+        return (1 - t) * y[i] + t * y[i + 1]
+    slope = _monotone_slopes(x, y)
+    a, b = t**2 * (3 - 2 * t), t * (1 - t)
+    ends = (1 - a) * y[i] + a * y[i + 1]
+    return ends + h * b * ((1 - t) * slope[i] - t * slope[i + 1])
+
+
+def _monotone_slopes(x, y):
+    h = jnp.diff(x).reshape((-1,) + (1,) * (y.ndim - 1))
+    d = jnp.diff(y, axis=0) / h
+    w1, w2 = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+    same = d[1:] * d[:-1] > 0
+    # Double where: the harmonic mean divides by the slopes, which may be zero.
+    low, high = jnp.where(same, d[:-1], 1.0), jnp.where(same, d[1:], 1.0)
+    inner = jnp.where(same, (w1 + w2) / (w1 / low + w2 / high), 0.0)
+    return jnp.concatenate([d[:1], inner, d[-1:]])

@@ -1,0 +1,101 @@
+r"""Undamped modes: natural frequencies and deflection shapes without damping and spin."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import BadInput
+from ._assembly import link_matrices, matrices, structure_force, structure_of
+from ._eigen import pencil
+from ._layout import layout_of
+from ._model import RotorModel
+
+
+class Modes(NamedTuple):
+    """Undamped modes, lowest first.
+
+    Attributes:
+        square: [rad2/s2] (m,) eigenvalues w^2; negative where side pull exceeds the stiffness.
+        shape: [1/sqrt(kg)] (m, nodes, dof) with unit modal mass.
+    """
+
+    square: Array
+    shape: Array
+
+    @property
+    def frequency(self) -> Float[Array, " m"]:
+        """[rad/s] (m,) Natural frequencies; not a number where `square` is negative.
+
+        Rounding leaves a rigid motion with a square of either sign, far below the first elastic
+        one; it is shown as zero.
+        """
+        rigid = self.square**2 <= (_RIGID * jnp.max(jnp.abs(self.square))) ** 2
+        return jnp.where(rigid, 0.0, jnp.sqrt(jnp.where(rigid, 1.0, self.square)))
+
+
+# Rigid motions, computed with their strain energy, stay below 1e-13 of the highest of a handful of
+# modes; an elastic mode of a machine would need a period 3e5 times longer to be taken for one.
+_RIGID = 1e-11
+
+
+def undamped_modes(
+    model: RotorModel,
+    count: int = 12,
+    *,
+    spin_speed: Float[Array, ""] = 0.0,
+    free: bool = False,
+) -> Modes:
+    """The lowest undamped modes: symmetric part of K(W), and M; no gyroscopic terms, no damping.
+
+    Differentiable in both modes, with repeated eigenvalues treated as `_eigen.eigh` says.
+
+    Args:
+        model: the model.
+        count: number of modes.
+        spin_speed: [rad/s] at which the links are evaluated.
+        free: leave out all links and side pulls (free-free).
+
+    Raises:
+        BadInput: more modes than the model has degrees of freedom.
+    """
+    size = int(layout_of(model).active.sum())
+    if not 0 < count <= size:
+        raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
+    return _undamped(model, count, spin_speed, free)
+
+
+@eqx.filter_jit
+def _undamped(model, count, spin_speed, free) -> Modes:
+    full = matrices(model, spin_speed, with_links=not free)
+    mu, x = pencil((full.stiffness + full.stiffness.T) / 2, full.mass)
+    return _modes(model, full, mu[:count], x[:, :count], spin_speed, free)
+
+
+def _modes(model, full, mu, x, spin_speed, free) -> Modes:
+    layout = layout_of(model)
+    x = x / jnp.sqrt(mu)
+    shape = (full.expand @ x).T.reshape(-1, layout.n, model.dof)
+    # The strain energy summed over elements has the digits that w^2 = 1/mu - s lost near zero.
+    energy = jax.vmap(lambda u: _energy(model, u, spin_speed, free))(shape)
+    return Modes(energy / jnp.einsum("im,ij,jm->m", x, full.mass, x), shape)
+
+
+def _energy(model, u, spin_speed, free):
+    links = None if free else link_matrices(model, spin_speed)
+    force = structure_force(model, structure_of(model), links, u + 0j, jnp.asarray(0.0), 0.0)
+    return jnp.sum(u * force.real)
+
+
+def modal_damping_vectors(model: RotorModel) -> Float[Array, "m nodes dof"]:
+    """M phi sqrt(2 zeta w) of the damped modes on the active degrees of freedom, else zero."""
+    layout, ratio = layout_of(model), model.damping.ratio
+    modes = undamped_modes(model, ratio.shape[0])
+    full = matrices(model)
+    active = modes.shape.reshape(ratio.shape[0], -1)[:, layout.active.reshape(-1)]
+    vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (active @ full.mass)
+    out = jnp.zeros((ratio.shape[0], layout.n * model.dof))
+    out = out.at[:, layout.active.reshape(-1).nonzero()[0]].set(vectors)
+    return out.reshape(-1, layout.n, model.dof)

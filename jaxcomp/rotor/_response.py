@@ -1,0 +1,252 @@
+r"""Harmonic response at any order and speed, and what is read off it."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
+
+from .._fields import BadInput, _is_traced
+from ._assembly import collect, follow, link_force, link_matrices
+from ._layout import layout_of
+from ._loads import Loads, load_vector
+from ._model import RotorModel, node_index
+from ._operator import Operator, operator_at, prepare
+from ._shaft import Node
+from ._solve import OK, Solver, make_solver, status_words
+
+
+class SingularResponse(ArithmeticError):
+    """A response that has no answer, or none with correct digits."""
+
+
+class Response(eqx.Module):
+    """Complex amplitudes X of x(t) = Re[X e^{i w t}], with the evidence of the solution.
+
+    Attributes:
+        displacement: [m], [rad] (*batch, nodes, dof).
+        frequency: [rad/s] w, (*batch).
+        spin_speed: [rad/s] W, (*batch).
+        correction: [-] relative error left before the last sweep of refinement, (*batch).
+        amplification: [-] dimensionless response per load, (*batch).
+        status: number of a word, see `words`, (*batch).
+    """
+
+    displacement: Array
+    frequency: Array
+    spin_speed: Array
+    correction: Array
+    amplification: Array
+    status: Array
+
+    @property
+    def ok(self) -> Bool[Array, "*batch"]:
+        """Where the response can be relied on."""
+        return self.status == OK
+
+    @property
+    def words(self) -> list | str:
+        """The status in words: "ok", "singular", "inaccurate" or "not finite"."""
+        return status_words(self.status)
+
+    @property
+    def velocity(self) -> Complex[Array, "*batch nodes dof"]:
+        """[m/s], [rad/s] i w X."""
+        return 1j * self.frequency[..., None, None] * self.displacement
+
+    @property
+    def acceleration(self) -> Complex[Array, "*batch nodes dof"]:
+        """[m/s2], [rad/s2] -w^2 X."""
+        return -(self.frequency[..., None, None] ** 2) * self.displacement
+
+    def checked(self) -> "Response":
+        """The response itself, if all of it can be relied on.
+
+        Raises:
+            SingularResponse: naming the frequencies that failed, and why.
+        """
+        bad = ~np.asarray(self.ok)
+        if bad.any():
+            where = np.asarray(self.frequency)[bad]
+            words = sorted({status_words(s) for s in np.asarray(self.status)[bad].reshape(-1)})
+            raise SingularResponse(
+                f"The response is {', '.join(words)} at {where.size} of {bad.size} frequencies, "
+                f"first at {where.reshape(-1)[0]:.6g} rad/s: at an undamped resonance add damping, "
+                "at an unsupported coordinate a support; look for a NaN in the model."
+            )
+        return self
+
+
+def harmonic_response(
+    model: RotorModel,
+    force: Complex[Array, "nodes dof"],
+    spin_speed: Float[Array, ""],
+    frequency: Float[Array, ""],
+    *,
+    solver: Solver = "structured",
+) -> Response:
+    r"""Solve [K(W) - w^2 M + i w (C(W) + W G)] X = F for one load.
+
+    The spin speed W and the excitation frequency w are independent. Map it with `jax.vmap` for
+    other batches than those of `respond`.
+
+    Args:
+        model: the model.
+        force: [N], [N m] F, with the time factor e^{i w t}.
+        spin_speed: [rad/s] W.
+        frequency: [rad/s] w.
+        solver: "structured" or "dense".
+
+    Raises:
+        BadInput: a force of the wrong shape or a speed that is not finite.
+    """
+    _check(model, force, spin_speed=spin_speed, frequency=frequency)
+    return _harmonic(model, force, spin_speed, frequency, solver)
+
+
+def respond(
+    model: RotorModel,
+    loads: Loads,
+    spin_speeds: Float[Array, " speeds"],
+    orders: tuple[int, ...] = (1,),
+    *,
+    nodes: tuple[Node, ...] | None = None,
+    solver: Solver = "structured",
+    batch_size: int = 64,
+) -> Response:
+    """Response to unbalances and periodic forces at many speeds and orders.
+
+    Speeds go through the solver in batches, so that the memory does not grow with their number;
+    its gradient computes each batch again for the same reason.
+
+    Args:
+        model: the model.
+        loads: unbalances and periodic forces.
+        spin_speeds: [rad/s] (speeds,)
+        orders: orders n of the spin speed; the frequency is n W.
+        nodes: the nodes to keep; absent: all, in the order of `node_names`.
+        solver: "structured" or "dense".
+        batch_size: speeds solved side by side.
+
+    Returns:
+        Response with the batch (orders, speeds).
+
+    Raises:
+        BadInput: speeds that are not finite or not one-dimensional, or an unknown node.
+    """
+    spin_speeds = jnp.asarray(spin_speeds, float)
+    if spin_speeds.ndim != 1 or not spin_speeds.size:
+        raise BadInput("spin_speeds", spin_speeds, "a list of speeds")
+    if not all(isinstance(n, int) for n in orders) or not orders:
+        raise BadInput("orders", str(orders), "whole numbers")
+    _check(model, None, spin_speeds=spin_speeds)
+    keep = None if nodes is None else tuple(node_index(model, node) for node in nodes)
+    return _respond(model, loads, spin_speeds, tuple(orders), keep, solver, batch_size)
+
+
+def receptance(
+    model: RotorModel,
+    inputs: Complex[Array, "inputs nodes dof"],
+    outputs: Float[Array, "outputs nodes dof"],
+    spin_speed: Float[Array, ""],
+    frequency: Float[Array, ""],
+    *,
+    solver: Solver = "structured",
+) -> Complex[Array, "outputs inputs"]:
+    """[m/N] Responses along `outputs` to the loads `inputs`; the matrix is factorised once.
+
+    Args:
+        model: the model.
+        inputs: loads, for example from `nodal_load`.
+        outputs: directions in which the motion is read, for example from `nodal_load`.
+        spin_speed: [rad/s]
+        frequency: [rad/s]
+        solver: "structured" or "dense".
+    """
+    z, structure = _operator(model, spin_speed, frequency)
+    solve, layout = make_solver(model, z, solver), layout_of(model)
+
+    def column(force):
+        return follow(structure, layout, solve(_collected(model, structure, force)).x)
+
+    return jnp.einsum("ond,ind->oi", outputs, jax.vmap(column)(inputs))
+
+
+def transmitted_forces(model: RotorModel, response: Response) -> Complex[Array, "*batch links dof"]:
+    """[N], [N m] Force of each link on its second node or the ground, K d + C d'.
+
+    The links come first, in the model's order, then the pairs of the side pulls. The response has
+    to hold all nodes.
+    """
+
+    def one(x, w, spin):
+        return link_force(model, link_matrices(model, spin), x, w)
+
+    for _ in range(response.frequency.ndim):
+        one = jax.vmap(one)
+    return one(response.displacement, response.frequency, response.spin_speed)
+
+
+def relative_displacement(
+    model: RotorModel, response: Response, first: Node, second: Node
+) -> Complex[Array, "*batch dof"]:
+    """[m], [rad] Motion of the first node as seen from the second, for example in a bearing."""
+    x, (a, b) = response.displacement, (node_index(model, node) for node in (first, second))
+    return x[..., a, :] - x[..., b, :]
+
+
+@eqx.filter_jit
+def _harmonic(model, force, spin_speed, frequency, solver):
+    z, structure = _operator(model, spin_speed, frequency)
+    return _answer(model, structure, z, make_solver(model, z, solver), force)
+
+
+@eqx.filter_jit
+def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
+    structure, modal = prepare(model)
+
+    def at_order(spin, frequency, force):
+        z = operator_at(model, structure, modal, spin, frequency)
+        out = _answer(model, structure, z, make_solver(model, z, solver), force)
+        if keep is None:
+            return out
+        return eqx.tree_at(lambda r: r.displacement, out, out.displacement[np.array(keep, int)])
+
+    @jax.checkpoint
+    def at_speed(spin):
+        forces = jnp.stack([load_vector(model, loads, n, spin) for n in orders])
+        return jax.vmap(at_order, (None, 0, 0))(spin, np.array(orders) * spin, forces)
+
+    count = spin_speeds.shape[0]
+    if count <= batch_size:
+        out = jax.vmap(at_speed)(spin_speeds)
+    else:
+        # Filled up to whole batches, because a remainder would be a second program to compile.
+        fill = -count % batch_size
+        full = jnp.concatenate([spin_speeds, jnp.full(fill, spin_speeds[-1])])
+        out = jax.lax.map(at_speed, full, batch_size=batch_size)
+    return jax.tree.map(lambda a: jnp.swapaxes(a[:count], 0, 1), out)
+
+
+def _operator(model, spin_speed, frequency) -> tuple[Operator, object]:
+    structure, modal = prepare(model)
+    return operator_at(model, structure, modal, spin_speed, frequency), structure
+
+
+def _collected(model, structure, force):
+    return collect(structure, layout_of(model), force)
+
+
+def _answer(model, structure, z, solve, force) -> Response:
+    s = solve(_collected(model, structure, force))
+    x = follow(structure, layout_of(model), s.x)
+    return Response(x, z.frequency, z.spin_speed, s.correction, s.amplification, s.status)
+
+
+def _check(model, force, **speeds):
+    shape = (layout_of(model).n, model.dof)
+    if force is not None and jnp.shape(force) != shape:
+        raise BadInput("force", str(jnp.shape(force)), f"of shape {shape} (nodes, dof)")
+    for name, value in speeds.items():
+        if not _is_traced(value) and not np.all(np.isfinite(value)):
+            raise BadInput(name, value, "finite")

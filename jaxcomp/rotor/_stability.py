@@ -1,0 +1,44 @@
+r"""Static stability limit of the magnetic side pull."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import BadInput
+from ._assembly import matrices
+from ._eigen import eigh
+from ._model import RotorModel
+
+
+def side_pull_limit(model: RotorModel, spin_speed: Float[Array, ""] = 0.0) -> Float[Array, ""]:
+    r"""[-] Factor on the side pull at which the model becomes statically unstable.
+
+    The smallest s with K_0 - s K_pull singular, K_0 the symmetric stiffness without the pull: one
+    over the largest eigenvalue of K_pull in the metric of K_0. Below one the model as it stands is
+    unstable. Not a number if the model without side pull is not held.
+
+    Args:
+        model: the model, with side pull.
+        spin_speed: [rad/s] at which the links are evaluated.
+
+    Raises:
+        BadInput: there is no side pull.
+    """
+    if not model.side_pulls:
+        raise BadInput("side_pulls", "()", "at least one side pull")
+    return _limit(model, spin_speed)
+
+
+@eqx.filter_jit
+def _limit(model, spin_speed):
+    pulls = lambda m: [pull.stiffness for pull in m.side_pulls]  # noqa: E731
+    without = eqx.tree_at(pulls, model, [jnp.zeros_like(v) for v in pulls(model)])
+    k0 = matrices(without, spin_speed).stiffness
+    k = matrices(model, spin_speed).stiffness
+    k0, pull = (k0 + k0.T) / 2, (k0 - k + (k0 - k).T) / 2
+    weight = 1 / jnp.sqrt(jnp.diagonal(k0))
+    low = jnp.linalg.cholesky(weight[:, None] * k0 * weight)
+    half = jax.scipy.linalg.solve_triangular(low, weight[:, None] * pull * weight, lower=True)
+    a = jax.scipy.linalg.solve_triangular(low, half.T, lower=True)
+    return 1 / eigh((a + a.T) / 2)[0][-1]
