@@ -1,0 +1,278 @@
+r"""A journal bearing as a machine part: loads and speeds in, moments, positions, stiffness out.
+
+Speed is positive counter-clockwise in the axes (X, Y) of the load vector. The friction moment
+follows Eqs. (19)-(23) of the usual engineering treatment, M = eta omega L D R Phi_T/psi.
+"""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import POSITIVE, Part, quantity
+from ._film import (
+    AbstractFilm,
+    AbstractSolvedFilm,
+    DynamicCoefficients,
+    FilmState,
+    Scalar,
+    dynamic_coefficients,
+    film_ratio,
+    film_state,
+)
+from ._reynolds import Reynolds
+
+# [rad/s] Below this speed the load number is held, so that the moment passes through zero with a
+# finite slope instead of like sqrt(|omega|).
+REST_SPEED = 1e-3
+
+
+class JournalBearing(Part):
+    """Plain full (360 degree) journal bearing: aligned, isothermal, isoviscous, laminar, unfed.
+
+    Args:
+        radius: [m] Journal radius R.
+        length: [m] Bearing length L.
+        radial_clearance: [m] c, bush radius minus journal radius.
+        dynamic_viscosity: [Pa s] eta.
+        film: Film model, a class such as `Reynolds` (default), `Ocvirk`, `Guembel`, `ExplicitFit`.
+
+    Raises:
+        BadInput: for a value that is not positive, or L/D outside the range of the film model.
+    """
+
+    radius: Scalar = quantity("m", POSITIVE, doc="journal radius")
+    length: Scalar = quantity("m", POSITIVE, doc="bearing length")
+    radial_clearance: Scalar = quantity("m", POSITIVE, doc="bush radius minus journal radius")
+    dynamic_viscosity: Scalar = quantity("Pa s", POSITIVE, doc="of the oil in the film")
+    film: type[AbstractFilm] = eqx.field(static=True, default=Reynolds)
+
+    @property
+    def length_ratio(self) -> Scalar:
+        """[-] q = L/D."""
+        return self.length / (2 * self.radius)
+
+    @property
+    def clearance_ratio(self) -> Scalar:
+        """[-] psi = c/R."""
+        return self.radial_clearance / self.radius
+
+    def conditions(self):
+        low, high = self.film.length_ratio_range
+        if high == math.inf:
+            return {}
+        rule = f"a bearing with length/diameter from {low:g} to {high:g} for the {self.film.__name__} film"
+        # A hair of room, so that a ratio computed to be the bound is not refused.
+        inside = (self.length_ratio >= low * (1 - 1e-12)) & (
+            self.length_ratio <= high * (1 + 1e-12)
+        )
+        return {rule: inside}
+
+
+class PreparedBearing(NamedTuple):
+    """A bearing with its film model worked out for its L/D, to be used many times."""
+
+    bearing: JournalBearing
+    film: AbstractFilm
+
+
+def prepare(bearing: JournalBearing | PreparedBearing) -> PreparedBearing:
+    """Work out the film model for the L/D of a bearing.
+
+    Every function of this module takes either. Prepare outside a time loop what is used inside.
+    """
+    if isinstance(bearing, PreparedBearing):
+        return bearing
+    return PreparedBearing(bearing, bearing.film(bearing.length_ratio))
+
+
+def load_number(
+    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
+) -> Scalar:
+    r"""Load number $\Phi_p = W\psi^2/(\eta|\omega| L D)$.
+
+    Args:
+        bearing: Bearing.
+        load: [N] W, its magnitude counts.
+        speed: [rad/s] Speed omega that builds the pressure, see `entrainment_speed`.
+        rest_speed: [rad/s] |omega| is sqrt(omega^2 + rest_speed^2).
+
+    Returns:
+        [-] Phi_p >= 0, finite at rest.
+    """
+    bearing = prepare(bearing).bearing
+    unit = _force_unit(bearing) * _smooth_speed(speed, rest_speed)
+    return jnp.abs(load) / unit
+
+
+def entrainment_speed(journal: Scalar, bush: Scalar, load: Scalar) -> Scalar:
+    """Speed that builds the pressure, omega_j + omega_b - 2 omega_load.
+
+    A load that turns with the shaft keeps the capacity of a fixed one; at half its speed there is
+    none left. Friction follows omega_j - omega_b instead.
+
+    Args:
+        journal: [rad/s] Speed of the journal.
+        bush: [rad/s] Speed of the bush.
+        load: [rad/s] Speed at which the direction of the load turns.
+
+    Returns:
+        [rad/s] To be given as `entrainment` or `speed`.
+    """
+    return journal + bush - 2 * load
+
+
+def friction_moment(
+    bearing: JournalBearing | PreparedBearing,
+    load: Scalar,
+    speed: Scalar,
+    *,
+    entrainment: Scalar | None = None,
+    rest_speed=REST_SPEED,
+) -> Scalar:
+    r"""Friction moment on the journal, $M = \eta\omega L D R\,\Phi_T/\psi$.
+
+    It resists: the moment on the journal is -M. Odd and smooth in speed, even in the load, equal to
+    Petroff's moment at no load, like sqrt(eta omega W) at high load. Quasi-static: no squeeze film.
+
+    Args:
+        bearing: Bearing, prepared or not.
+        load: [N] W.
+        speed: [rad/s] Journal relative to bush.
+        entrainment: [rad/s] Speed that builds the pressure if that is another one.
+        rest_speed: [rad/s] Speed below which the load number is held.
+
+    Returns:
+        [N m] Positive for positive speed.
+    """
+    bearing, film = prepare(bearing)
+    number = load_number(
+        bearing, load, speed if entrainment is None else entrainment, rest_speed=rest_speed
+    )
+    unit = _force_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    return unit * speed * film.friction_number(number)
+
+
+def bush_moment(
+    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
+) -> Scalar:
+    """Friction moment on the bush, M - W e sin(phi): the offset forces make the difference.
+
+    Args:
+        bearing: Bearing whose film model gives an attitude angle.
+        load: [N] W.
+        speed: [rad/s] Journal relative to bush.
+        rest_speed: [rad/s] Speed below which the load number is held.
+
+    Returns:
+        [N m] Along the speed; smaller in magnitude than the moment on the journal.
+    """
+    bearing, film = _solved(bearing)
+    state = film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
+    offset = bearing.radial_clearance * state.eccentricity_ratio * jnp.sin(state.attitude_angle)
+    turn = speed / _smooth_speed(speed, rest_speed)
+    unit = _force_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    return unit * speed * state.friction_number - turn * jnp.abs(load) * offset
+
+
+def eccentricity_ratio(
+    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
+) -> Scalar:
+    """[-] Eccentricity ratio eps = e/c under a load [N] at a speed [rad/s]."""
+    x = _position(bearing, load, speed, rest_speed)
+    return x / (1 + x)
+
+
+def minimum_film(
+    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
+) -> Scalar:
+    """[m] Minimum film thickness h_min = c (1 - eps) under a load [N] at a speed [rad/s].
+
+    Once it is of the order of the roughness the film is mixed and none of this holds.
+    """
+    bearing = prepare(bearing)
+    return bearing.bearing.radial_clearance / (1 + _position(bearing, load, speed, rest_speed))
+
+
+def running_state(
+    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
+) -> FilmState:
+    """Position and friction number under a load [N] at a speed [rad/s]."""
+    bearing, film = _solved(bearing)
+    return film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
+
+
+def stiffness_damping(
+    bearing: JournalBearing | PreparedBearing,
+    load_vector: Float[Array, " 2"],
+    speed: Scalar,
+    *,
+    rest_speed=REST_SPEED,
+) -> DynamicCoefficients:
+    """Stiffness and damping of the film about its static position, in the axes of the load vector.
+
+    The reaction of the film to a small motion (u, u') of the journal is -K u - C u'. K is not
+    symmetric: do not symmetrise it. At no load the line of maximum film has no direction; the
+    stiffness does not need one, and the damping is given as if the load pointed along X.
+
+    Args:
+        bearing: Bearing whose film model gives an attitude angle.
+        load_vector: [N] Static load on the journal along the fixed axes (X, Y).
+        speed: [rad/s] Journal speed, positive from X to Y.
+        rest_speed: [rad/s] Speed below which the load number is held.
+
+    Returns:
+        `stiffness` [N/m] and `damping` [N s/m], both (2, 2) over (X, Y).
+
+    Raises:
+        ValueError: if the load is not a vector of two, or the film model has no attitude angle.
+    """
+    load_vector = jnp.asarray(load_vector, dtype=jnp.result_type(float))
+    if load_vector.shape != (2,):
+        raise ValueError(f"`load_vector` must have shape (2,), but has shape {load_vector.shape}.")
+    bearing, film = _solved(bearing)
+    square = load_vector @ load_vector
+    loaded = square > 0
+    # Double where: the slope of sqrt at zero is infinite, the direction there is 0/0.
+    load = jnp.where(loaded, jnp.sqrt(jnp.where(loaded, square, 1.0)), 0.0)
+    along = jnp.where(loaded, load_vector / jnp.where(loaded, load, 1.0), jnp.array([1.0, 0.0]))
+    stiffness, damping = dynamic_coefficients(
+        film, load_number(bearing, load, speed, rest_speed=rest_speed)
+    )
+    # Against the clock the picture is seen in a mirror: y is 90 degrees ahead with rotation, so that
+    # the entries that couple x and y change sign.
+    pace = _smooth_speed(speed, rest_speed)
+    mirror = jnp.eye(2) + (1 - jnp.eye(2)) * speed / pace
+    axes = jnp.array([[along[0], -along[1]], [along[1], along[0]]])
+    unit = _force_unit(bearing) / bearing.radial_clearance
+    return DynamicCoefficients(
+        unit * pace * (axes @ (mirror * stiffness) @ axes.T),
+        unit * (axes @ (mirror * damping) @ axes.T),
+    )
+
+
+def _position(bearing, load, speed, rest_speed) -> Scalar:
+    bearing, film = prepare(bearing)
+    return film_ratio(film, load_number(bearing, load, speed, rest_speed=rest_speed))
+
+
+def _solved(bearing) -> PreparedBearing:
+    bearing = prepare(bearing)
+    if not isinstance(bearing.film, AbstractSolvedFilm):
+        raise ValueError(
+            f"The film model {type(bearing.film).__name__} gives no attitude angle and no dynamic "
+            "coefficients; take `Reynolds`, `Guembel` or `Ocvirk`."
+        )
+    return bearing
+
+
+def _force_unit(bearing: JournalBearing) -> Scalar:
+    """[N s] eta L D/psi^2, the unit of film force over speed."""
+    area = 2 * bearing.length * bearing.radius
+    return bearing.dynamic_viscosity * area / bearing.clearance_ratio**2
+
+
+def _smooth_speed(speed: Scalar, rest_speed: float) -> Scalar:
+    return jnp.sqrt(speed**2 + rest_speed**2)

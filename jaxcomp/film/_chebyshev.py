@@ -1,0 +1,79 @@
+"""Chebyshev series with traced coefficients, and their continuation to a known limit."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+
+def chebyshev_sum(coefficients: Float[Array, "n ..."], t: Float[Array, ""]) -> Float[Array, "..."]:
+    """Sum of c_k T_k(t) over the leading axis, by Clenshaw's recurrence.
+
+    The loop is unrolled: a short chain of multiplications that XLA fuses into one kernel.
+    """
+    last = before = jnp.zeros_like(coefficients[0])
+    for c in coefficients[:0:-1]:
+        last, before = c + 2 * t * last - before, last
+    return coefficients[0] + t * last - before
+
+
+def collapsed(
+    coefficients: np.ndarray, interval: tuple[float, float], x: Float[Array, ""]
+) -> Float[Array, " n"]:
+    """The series in the first axis that a tensor series leaves at `x` of its second axis.
+
+    Outside `interval` the series goes on along its tangent, because the polynomial itself would
+    run away.
+    """
+    low, high = interval
+    t = (2 * x - low - high) / (high - low)
+    inside = jnp.where(t > 1, 1.0, jnp.where(t < -1, -1.0, t))
+    columns = jnp.asarray(coefficients.T)
+    slopes = jnp.asarray(np.polynomial.chebyshev.chebder(coefficients, axis=1).T)
+    return chebyshev_sum(columns, inside) + (t - inside) * chebyshev_sum(slopes, inside)
+
+
+class SeriesToLimit(eqx.Module):
+    """A function of s = sqrt(1 - eps): a Chebyshev series on [edge, 1], continued down to s = 0.
+
+    The continuation has the value and the slope of the series at the edge and the known limit, and
+    the limiting slope if that is known, at s = 0 (the journal touching the bush): a parabola or
+    Hermite's cubic.
+    """
+
+    coefficients: Float[Array, " n"]
+    edge_value: Float[Array, ""]
+    edge_slope: Float[Array, ""]
+    limit: Float[Array, ""]
+    limit_slope: float | None = eqx.field(static=True)
+    edge: float = eqx.field(static=True)
+
+    def __init__(
+        self,
+        coefficients: Float[Array, " n"],
+        edge: float,
+        limit: Float[Array, ""],
+        limit_slope: float | None = None,
+    ):
+        order = np.arange(coefficients.shape[0])
+        self.coefficients, self.edge = coefficients, edge
+        self.limit, self.limit_slope = limit, limit_slope
+        self.edge_value = coefficients @ (-1.0) ** order  # T_k(-1)
+        self.edge_slope = coefficients @ ((-1.0) ** (order + 1) * order**2) * 2 / (1 - edge)
+
+    def __call__(self, s: Float[Array, ""]) -> Float[Array, ""]:
+        beyond = s < self.edge
+        t = (2 * jnp.where(beyond, self.edge, s) - self.edge - 1) / (1 - self.edge)
+        outer = continuation(
+            s, self.edge, self.edge_value, self.edge_slope, self.limit, self.limit_slope
+        )
+        return jnp.where(beyond, outer, chebyshev_sum(self.coefficients, t))
+
+
+def continuation(s, edge, value, slope, limit, limit_slope=None):
+    """Polynomial with `value` and `slope` at `edge`, `limit` (and `limit_slope`) at zero."""
+    rise, t = value - limit, s / edge
+    if limit_slope is None:
+        return limit + t * (2 * rise - edge * slope + t * (edge * slope - rise))
+    start, end = edge * limit_slope, edge * slope
+    return limit + t * (start + t * (3 * rise - 2 * start - end + t * (start + end - 2 * rise)))
