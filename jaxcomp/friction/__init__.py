@@ -1,6 +1,14 @@
 """Friction: the laws of single joints, and the joint loops that they couple."""
 
 from . import _slider_crank as _slider_crank
+from . import _slider_link as _slider_link
+from ._journals import AbstractDrag as AbstractDrag
+from ._journals import FilmJournal as FilmJournal
+from ._journals import LoadedPetroffJournal as LoadedPetroffJournal
+from ._journals import OilPump as OilPump
+from ._journals import PetroffJournal as PetroffJournal
+from ._journals import ThrustBearing as ThrustBearing
+from ._journals import friction_number_fit as friction_number_fit
 from ._laws import AbstractJournal as AbstractJournal
 from ._laws import AbstractSlide as AbstractSlide
 from ._laws import CoulombJournal as CoulombJournal
@@ -11,3 +19,5 @@ from ._laws import RegularisedSlide as RegularisedSlide
 from ._loads import JointLoads as JointLoads
 from ._loads import joint_loads as joint_loads
 from ._slider_crank import SliderCrankFriction as SliderCrankFriction
+from ._slider_link import SliderLinkFriction as SliderLinkFriction
+from ._slider_link import substitution as substitution

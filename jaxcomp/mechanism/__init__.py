@@ -10,3 +10,10 @@ from ._slider_crank import pin_forces as pin_forces
 from ._slider_crank import rod_balance as rod_balance
 from ._slider_crank import rod_moment as rod_moment
 from ._slider_crank import rod_motion as rod_motion
+from ._slider_link import Contact as Contact
+from ._slider_link import ContactArms as ContactArms
+from ._slider_link import PistonLoads as PistonLoads
+from ._slider_link import SliderLink as SliderLink
+from ._slider_link import bearing_reactions as bearing_reactions
+from ._slider_link import contact as contact
+from ._slider_link import contact_arms as contact_arms
