@@ -1,0 +1,1 @@
+"""The bundled machines: published compressors as scene files, every value with its source."""

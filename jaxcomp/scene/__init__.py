@@ -1,0 +1,17 @@
+"""Scene files: machines in TOML with units, and the source of every value."""
+
+from ._describe import Row as Row
+from ._describe import describe as describe
+from ._errors import SceneError as SceneError
+from ._errors import did_you_mean as did_you_mean
+from ._scene import SECTIONS as SECTIONS
+from ._scene import Machine as Machine
+from ._scene import Scene as Scene
+from ._scene import dump as dump
+from ._scene import load as load
+from ._scene import loads as loads
+from ._scene import machines as machines
+from ._scene import with_compressor as with_compressor
+from ._scene import with_value as with_value
+from ._scene import with_values as with_values
+from ._units import to_si as to_si

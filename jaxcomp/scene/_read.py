@@ -1,0 +1,191 @@
+"""From the tables of a scene file to parts."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from .._fields import BadInput, Part
+from ._errors import SceneError, did_you_mean
+from ._schema import (
+    Entry,
+    Number,
+    Option,
+    PartTable,
+    SubPart,
+    choices,
+    entries,
+    kind_of,
+    option_problem,
+    option_value,
+)
+from ._units import to_si
+
+# Keys of a section that are no fields of its part.
+_META = ("type", "source")
+
+
+class Reader:
+    """Reads sections and remembers where each value comes from.
+
+    Attributes:
+        sources: text by dotted path.
+        stale: paths of entries that are dropped, from the tables as well, where their section has
+            no use for them.
+    """
+
+    def __init__(self, stale: Iterable[str] = ()):
+        self.sources: dict[str, str] = {}
+        self.stale = frozenset(stale)
+
+    def part(
+        self,
+        table: Any,
+        classes: tuple[type, ...],
+        path: str,
+        source: str | None = None,
+        ignored: tuple[str, ...] = (),
+    ) -> Part:
+        """Build the part that a section describes.
+
+        Args:
+            table: the section.
+            classes: what the part may be.
+            path: dotted path of the section, empty at the top.
+            source: source of all values that name none.
+            ignored: keys that belong to somebody else.
+
+        Raises:
+            SceneError: with the key, its value and what was expected.
+        """
+        if not isinstance(table, Mapping) or "value" in table:
+            raise SceneError(path, f"must be a section [{path}]", table)
+        kind = chosen(table, classes, path)
+        source = _text(table.get("source", source), join(path, "source"))
+        known = entries(kind)
+        for key in [key for key in table if key not in known]:
+            if join(path, key) in self.stale:
+                del table[key]
+        for key, value in table.items():
+            if key not in known and key not in _META and key not in ignored:
+                hint = did_you_mean(key, known)
+                shown = None if isinstance(value, Mapping | list) else value
+                raise SceneError(join(path, key), f"is an unknown key{hint}", shown)
+        given = {
+            name: self._entry(entry, table[name], join(path, name), source)
+            for name, entry in known.items()
+            if name in table
+        }
+        for name, entry in known.items():
+            if name not in table and entry.required:
+                raise SceneError(join(path, name), f"is missing; it must be {_what(entry)}")
+        return _built(kind, given, table, path)
+
+    def _entry(self, entry: Entry, given: Any, path: str, source: str | None) -> Any:
+        if isinstance(entry, SubPart):
+            return self.part(given, entry.classes, path, source)
+        if isinstance(entry, PartTable):
+            if not isinstance(given, list):
+                raise SceneError(path, f"must be a row of sections [[{path}]]", given)
+            return tuple(
+                self.part(row, entry.classes, f"{path}.{i}", source) for i, row in enumerate(given)
+            )
+        value, unit, own_source = unwrapped(given, path)
+        self.sources[path] = own_source or source or ""
+        if isinstance(entry, Number):
+            si = to_si(value, entry.unit, path, unit)
+            _check_shape(si, entry.shape, path, value)
+            return si
+        if isinstance(entry, Option):
+            problem = option_problem(entry.hint, value)
+            if problem:
+                raise SceneError(path, problem, value)
+            return option_value(entry.hint, value)
+        raise SceneError(path, "cannot be given in a file", value)
+
+
+def chosen(table: Mapping, classes: tuple[type, ...], path: str) -> type[Part]:
+    """The class that the `type` of a section selects."""
+    known = choices(classes)
+    if "type" not in table:
+        if len(known) == 1:
+            return next(iter(known.values()))
+        words = ", ".join(sorted(known))
+        raise SceneError(join(path, "type"), f"is missing; it must be one of: {words}")
+    word = table["type"]
+    if not isinstance(word, str) or word not in known:
+        words = ", ".join(sorted(known))
+        hint = did_you_mean(word, known) if isinstance(word, str) else ""
+        hint = hint if "did you mean" in hint else ""
+        raise SceneError(join(path, "type"), f"must be one of: {words}{hint}", word)
+    return known[word]
+
+
+def unwrapped(given: Any, path: str) -> tuple[Any, str | None, str | None]:
+    """Value, unit of bare numbers and source of an entry, which may be a value or a table."""
+    if not isinstance(given, Mapping):
+        return given, None, None
+    for key in given:
+        if key not in ("value", "unit", "source"):
+            hint = did_you_mean(key, ("value", "unit", "source"))
+            raise SceneError(join(path, key), f"is an unknown key of a value{hint}")
+    if "value" not in given:
+        raise SceneError(path, "lacks its `value`")
+    unit = given.get("unit")
+    return (
+        given["value"],
+        _text(unit, join(path, "unit")),
+        _text(given.get("source"), join(path, "source")),
+    )
+
+
+def join(path: str, key: str) -> str:
+    """Dotted path of a key in a section."""
+    return f"{path}.{key}" if path else key
+
+
+def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -> Part:
+    try:
+        return kind(**given)
+    except BadInput as error:
+        if error.field in given:
+            value = unwrapped(table[error.field], path)[0]
+            unit = getattr(entries(kind)[error.field], "unit", "")
+            problem = f"must be {error.bound} {unit}".rstrip()
+            raise SceneError(join(path, error.field), problem, value) from None
+        # a rule across fields: show the values that it names
+        words = [name for name in given if name in error.bound and name in table]
+        shown = ", ".join(f"{name} = {unwrapped(table[name], path)[0]}" for name in words)
+        but = f", but has {shown}" if shown else ""
+        raise SceneError(path or kind_of(kind), f"must be {error.bound}{but}") from None
+    except ValueError as error:
+        raise SceneError(path or kind_of(kind), " ".join(str(error).split())) from None
+
+
+def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, given: Any) -> None:
+    fits = len(value.shape) == len(shape) and all(
+        want is None or want == got for want, got in zip(shape, value.shape, strict=True)
+    )
+    if not fits:
+        wanted = " x ".join("n" if n is None else str(n) for n in shape)
+        what = f"a list of {wanted} values" if shape else "a single value"
+        raise SceneError(path, f"must be {what}", given)
+
+
+def _what(entry: Entry) -> str:
+    if isinstance(entry, Number):
+        unit = f"[{entry.unit}]" if entry.unit else "pure"
+        bound = "" if str(entry.bound) == "finite" else f" {entry.bound}"
+        doc = f", {entry.doc}" if entry.doc else ""
+        return f"a{' list of' if entry.shape else ''} number{bound} {unit}{doc}"
+    if isinstance(entry, SubPart):
+        return f"a section of type {' or '.join(sorted(choices(entry.classes)))}"
+    if isinstance(entry, Option):
+        return (option_problem(entry.hint, object()) or "given").removeprefix("must be ")
+    return "given"
+
+
+def _text(value: Any, path: str) -> str | None:
+    if value is not None and not isinstance(value, str):
+        raise SceneError(path, "must be a text", value)
+    return value

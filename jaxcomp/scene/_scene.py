@@ -1,0 +1,209 @@
+"""Scene files: a machine with the source of every value, read from TOML."""
+
+import copy
+import dataclasses
+import os
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .._fields import Part
+from ..compressor import Compressor
+from ._dump import is_section, toml_text
+from ._errors import SceneError, did_you_mean
+from ._read import Reader
+from ._schema import entries
+from ._write import set_value, updated
+
+# Sections beside those of the compressor: name of the section, class of its part (which may be
+# abstract: then `type` selects one of its subclasses).
+SECTIONS: dict[str, type[Part]] = {}
+
+_HEADER = ("name", "description", "source")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scene:
+    """What a scene file describes.
+
+    Attributes:
+        name: short name of the machine.
+        description: one line on it.
+        compressor: the machine as the crank sees it; `None` if the file has none of its sections.
+        parts: the parts of all other sections, by name of the section.
+        sources: source of each given value by dotted path; empty text where none is named.
+        file: name of the file, for messages.
+        document: the tables as they were read, for `dump` and `with_values`; not to be changed.
+    """
+
+    name: str
+    description: str
+    compressor: Compressor | None
+    parts: Mapping[str, Part]
+    sources: Mapping[str, str]
+    file: str
+    document: Mapping[str, Any]
+
+    @property
+    def machine(self) -> Compressor:
+        """The compressor, where one is needed.
+
+        Raises:
+            SceneError: the scene has none.
+        """
+        if self.compressor is None:
+            raise SceneError(
+                "mechanism", "is missing: this scene describes no compressor", file=self.file
+            )
+        return self.compressor
+
+
+class Machine(NamedTuple):
+    """A bundled machine."""
+
+    name: str
+    description: str
+
+
+def load(name_or_path: str | os.PathLike) -> Scene:
+    """Read a scene file.
+
+    Args:
+        name_or_path: name of a bundled machine (see `machines`) or path of a TOML file.
+
+    Raises:
+        SceneError: the file cannot be found or read, an unknown key, a missing key or part, a
+            value of another dimension or outside its bound. It names file, key, value and bound.
+    """
+    given = os.fspath(name_or_path)
+    path = Path(given)
+    if given in _bundled():
+        file, read = f"{given}.toml", _bundled()[given].read_bytes
+    elif path.suffix == ".toml" or path.exists():
+        file, read = given, path.read_bytes
+    else:
+        hint = did_you_mean(given, _bundled())
+        raise SceneError("", f'no machine and no file has the name "{given}"{hint}')
+    try:
+        return loads(read().decode("utf-8"), file)
+    except OSError as error:
+        raise SceneError("", f"cannot be read: {error.strerror}", file=file) from None
+    except UnicodeDecodeError:
+        raise SceneError("", "is no text in UTF-8", file=file) from None
+
+
+def loads(text: str, file: str = "") -> Scene:
+    """Read a scene from TOML text; `file` is its name in messages.
+
+    Raises:
+        SceneError: as `load`.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError("", f"is not valid TOML: {error}", file=file) from None
+    return _scene(document, file)
+
+
+def dump(scene: Scene) -> str:
+    """TOML text that `loads` reads back to the same scene."""
+    return toml_text(scene.document)
+
+
+def machines() -> tuple[Machine, ...]:
+    """The bundled machines, by name."""
+    found = []
+    for name, file in sorted(_bundled().items()):
+        header = tomllib.loads(file.read_text("utf-8"))
+        found.append(Machine(name, header.get("description", "")))
+    return tuple(found)
+
+
+def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by the user") -> Scene:
+    """A copy of a scene with other values, checked as a file is.
+
+    Args:
+        scene: the scene.
+        changes: value by dotted path, all set before anything is checked. A value is a number, a
+            text with a unit, a list, a table (a whole section) or `None`, which takes an optional
+            value or part away. A new `type` keeps those keys of its section that the new class
+            knows as well.
+        source: what the scene records as the source of these values.
+
+    Raises:
+        SceneError: an unknown path, or as `load`.
+    """
+    document = copy.deepcopy(dict(scene.document))
+    stale: set[str] = set()
+    try:
+        # a new type first: it decides which keys of its section stay
+        for path in sorted(changes, key=lambda p: p.split(".")[-1] != "type"):
+            stale |= set_value(document, path, changes[path], source)
+    except SceneError as error:
+        raise error.in_file(scene.file) from None
+    return _scene(document, scene.file, stale - set(changes))
+
+
+def with_value(scene: Scene, path: str, value: Any, source: str = "set by the user") -> Scene:
+    """`with_values` for a single value."""
+    return with_values(scene, {path: value}, source)
+
+
+def with_compressor(scene: Scene, compressor: Compressor, source: str) -> Scene:
+    """A copy of a scene with another compressor; its document says so with every digit.
+
+    Args:
+        scene: the scene.
+        compressor: the new compressor, of any parts.
+        source: what the scene records as the source of the values that differ.
+
+    Raises:
+        SceneError: a value outside its bound, or a part that a file cannot describe.
+    """
+    document = dict(updated(scene.document, scene.compressor, compressor, source))
+    return _scene(document, scene.file)
+
+
+def _bundled() -> dict[str, Any]:
+    folder = resources.files("jaxcomp.machines")
+    return {f.name[:-5]: f for f in folder.iterdir() if f.name.endswith(".toml")}
+
+
+def _scene(document: dict[str, Any], file: str, stale: Iterable[str] = ()) -> Scene:
+    try:
+        return _checked_scene(document, file, stale)
+    except SceneError as error:
+        raise error.in_file(file) from None
+
+
+def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str]) -> Scene:
+    for key in _HEADER:
+        if not isinstance(document.get(key, ""), str):
+            raise SceneError(key, "must be a text", document[key])
+    own = entries(Compressor)
+    for key, value in document.items():
+        if key not in own and key not in _HEADER and key not in SECTIONS:
+            what = "section" if is_section(value) else "key"
+            hint = did_you_mean(key, {*own, *_HEADER, *SECTIONS})
+            raise SceneError(key, f"is an unknown {what}{hint}")
+    reader = Reader(stale)
+    source = document.get("source")
+    compressor, parts = None, {}
+    if any(key in own for key in document) or not any(key in SECTIONS for key in document):
+        ignored = (*_HEADER, *SECTIONS)
+        compressor = reader.part(document, (Compressor,), "", source, ignored=ignored)
+    for name, part in SECTIONS.items():
+        if name in document:
+            parts[name] = reader.part(document[name], (part,), name, source)
+    default_name = Path(file).stem or "machine"
+    return Scene(
+        document.get("name", default_name),
+        document.get("description", ""),
+        compressor,
+        parts,
+        reader.sources,
+        file,
+        document,
+    )
