@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 Y = TypeVar("Y")
 
@@ -16,10 +16,16 @@ class FixedPointReport(NamedTuple):
     Attributes:
         steps: passes that were made.
         change: [-] largest change of any unknown in the last pass.
+        settled: whether the change reached the tolerance, or stopped falling at rounding.
     """
 
     steps: Int[Array, ""]
     change: Float[Array, ""]
+    settled: Bool[Array, ""]
+
+
+# A change below this that no longer falls is taken for rounding, which a stiff torque curve amplifies.
+_ROUNDING = 1e-8
 
 
 def fixed_point(
@@ -41,16 +47,21 @@ def fixed_point(
     def solve(_, start):
         def going_on(carry):
             _, report = carry
-            # a NaN ends the loop as well
-            return (report.change > tolerance) & (report.steps < max_steps)
+            moving = report.change == report.change  # false for NaN, which ends the loop
+            return moving & ~report.settled & (report.steps < max_steps)
 
         def advance(carry):
-            value, report = carry
+            value, last = carry
             new = step(value)
-            return new, FixedPointReport(report.steps + 1, _distance(new, value))
+            change = _distance(new, value)
+            standing = (change < _ROUNDING) & (change > 0.5 * last.change)
+            settled = (change <= tolerance) | standing
+            return new, FixedPointReport(last.steps + 1, change, settled)
 
-        first = FixedPointReport(jnp.asarray(0), jnp.asarray(jnp.inf))
-        return jax.lax.while_loop(going_on, advance, (start, first))
+        first = FixedPointReport(jnp.asarray(0), jnp.asarray(jnp.inf), jnp.asarray(False))
+        value, report = jax.lax.while_loop(going_on, advance, (start, first))
+        # custom_root wants floats beside the root
+        return value, jnp.stack([x.astype(report.change.dtype) for x in report])
 
     def tangent_solve(linear, right_side):
         solve = _neumann(tolerance, max_steps)
@@ -59,7 +70,9 @@ def fixed_point(
     def residual(value):
         return jax.tree.map(jnp.subtract, value, step(value))
 
-    return jax.lax.custom_root(residual, start, solve, tangent_solve, has_aux=True)
+    value, report = jax.lax.custom_root(residual, start, solve, tangent_solve, has_aux=True)
+    report = jax.lax.stop_gradient(report)
+    return value, FixedPointReport(report[0].astype(int), report[1], report[2] > 0)
 
 
 def _neumann(tolerance, max_steps):

@@ -6,3 +6,6 @@ from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit
 from ._shooting import Shooting as Shooting
 from ._solve import solve_orbit as solve_orbit
+from ._transient import TimeIntegration as TimeIntegration
+from ._transient import Transient as Transient
+from ._transient import simulate as simulate

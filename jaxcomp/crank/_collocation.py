@@ -64,8 +64,7 @@ class Collocation(eqx.Module):
         if isinstance(compressor.motor, MeanSpeed):
             motor = motor_level(turn, now) * motor
         stalled = jnp.min(motion.energy) <= _ENERGY_FLOOR
-        settled = report.change <= jnp.maximum(self.tolerance, 1e-12)
-        status = Status.where(settled, Status.converged, Status.not_converged)
+        status = Status.where(report.settled, Status.converged, Status.not_converged)
         status = Status.where(stalled, Status.stalled, status)
         grid = turn.grid
         loads = loads_at(compressor, now.state, turn.gas_force)
@@ -126,17 +125,29 @@ def solve_motion(
 ) -> tuple[Turn, Motion, FixedPointReport]:
     """Find the periodic motion; the report tells whether the passes came to rest."""
     edges = turn_edges(kink_angles(compressor))
-    if options.kinks and compressor.friction is not None:
-        frozen = lax.stop_gradient(compressor)
-        edges, base, motion = _resolve_kinks(frozen, lax.stop_gradient(edges), options)
-        turn = lay_turn(compressor, _merge(turn_edges(kink_angles(compressor)), edges), options.nodes)
-        start = _transfer(base, motion, turn)
-    else:
+    if not (options.kinks and compressor.friction is not None):
         turn = lay_turn(compressor, edges, options.nodes)
-        start = initial_motion(turn)
-    start = lax.stop_gradient(start)
-    motion, report = _iterate(compressor, turn, start, options.tolerance, options.max_passes)
-    return turn, motion, report
+        start = lax.stop_gradient(initial_motion(turn))
+        return turn, *_iterate(compressor, turn, start, options.tolerance, options.max_passes)
+
+    changes, base, motion = _place_changes(lax.stop_gradient(compressor), options)
+
+    def lay(inner):
+        return lay_turn(compressor, _merge(edges, _graded(inner, options)), options.nodes)
+
+    def one_pass(unknowns):
+        # The edges at the changes of side are unknowns too: the panels follow a change when a
+        # parameter moves it, so that derivatives are as accurate as values.
+        motion, inner = unknowns
+        turn = lay(inner)
+        new = _pass(compressor, turn, motion)
+        value = _change_values(compressor, turn, new, changes.row, inner)
+        moved = jnp.where(changes.row >= 0, inner - value / changes.slope, edges[0])
+        return new, moved
+
+    start = lax.stop_gradient((_transfer(base, motion, lay(changes.angle)), changes.angle))
+    (motion, inner), report = fixed_point(one_pass, start, options.tolerance, options.max_passes)
+    return lay(inner), motion, report
 
 
 def turn_edges(kinks: Float[Array, " k"]) -> Float[Array, " k_plus_1"]:
@@ -188,9 +199,13 @@ def motor_level(turn: Turn, now: Torques) -> Float[Array, ""]:
 
 
 def _iterate(compressor, turn, start, tolerance, max_passes):
-    holds_speed = isinstance(compressor.motor, MeanSpeed)
-    one_pass = _pass_at_mean_speed if holds_speed else _pass_on_torque_curve
-    return fixed_point(lambda m: one_pass(compressor, turn, m), start, tolerance, max_passes)
+    return fixed_point(lambda m: _pass(compressor, turn, m), start, tolerance, max_passes)
+
+
+def _pass(compressor: Compressor, turn: Turn, motion: Motion) -> Motion:
+    if isinstance(compressor.motor, MeanSpeed):
+        return _pass_at_mean_speed(compressor, turn, motion)
+    return _pass_on_torque_curve(compressor, turn, motion)
 
 
 def _pass_at_mean_speed(compressor: Compressor, turn: Turn, motion: Motion) -> Motion:
@@ -276,19 +291,29 @@ class _Brackets(eqx.Module):
     row: Int[Array, " k"]  # which quantity changes; -1 for a place not used
 
 
-def _resolve_kinks(compressor: Compressor, edges, options: Collocation):
-    """Inner edges at the changes of side, and the motion that placed them.
+class _Changes(eqx.Module):
+    """Changes of side, each with the slope of the quantity that changes."""
 
-    A first solution only has to place the kinks: an error d in their place costs d^2. All rounds
-    have the same shapes, so that they compile once.
+    angle: Float[Array, " k"]
+    slope: Float[Array, " k"]
+    row: Int[Array, " k"]
+
+
+def _place_changes(compressor: Compressor, options: Collocation):
+    """The changes of side, with the motion that placed them.
+
+    All rounds have the same shapes, so that they compile once.
     """
+    edges = turn_edges(kink_angles(compressor))
     unused = jnp.full(2 * options.kinks, edges[0])
     nowhere = _Brackets(unused, unused, jnp.full(2 * options.kinks, -1))
-    base = lay_turn(compressor, _merge(edges, _graded(unused, options)), options.nodes)
+
+    def lay(inner):
+        return lay_turn(compressor, _merge(edges, _graded(inner, options)), options.nodes)
 
     def place(round_, carry):
-        inner, turn, motion, brackets = carry
-        new = lay_turn(compressor, _merge(edges, _graded(inner, options)), options.nodes)
+        changes, turn, motion, brackets = carry
+        new = lay(changes.angle)
         motion = _transfer(turn, motion, new)
         motion, _ = _iterate(compressor, new, motion, 1e-7, options.max_passes)
         brackets = lax.cond(
@@ -298,9 +323,10 @@ def _resolve_kinks(compressor: Compressor, edges, options: Collocation):
         )
         return _bisect(compressor, new, motion, brackets), new, motion, brackets
 
-    start = (unused, base, initial_motion(base), nowhere)
-    inner, turn, motion, _ = lax.fori_loop(0, 2, place, start)
-    return _graded(inner, options), turn, motion
+    base = lay(unused)
+    none = _Changes(unused, jnp.ones_like(unused), nowhere.row)
+    changes, turn, motion, _ = lax.fori_loop(0, 2, place, (none, base, initial_motion(base), nowhere))
+    return changes, turn, motion
 
 
 def _loads_between(compressor: Compressor, turn: Turn, motion: Motion, angle) -> JointLoads:
@@ -329,25 +355,42 @@ def _find_changes(compressor, turn: Turn, motion: Motion, count: int) -> _Bracke
     return jax.tree.map(lambda *parts: jnp.concatenate(parts), *found)
 
 
-def _bisect(compressor, turn: Turn, motion: Motion, brackets: _Brackets):
-    """Angles of the changes. The brackets are widened, since a better motion moves them a little."""
+def _change_values(compressor, turn: Turn, motion: Motion, row, angle):
+    """The quantity of each row at its angle."""
+    loads = _loads_between(compressor, turn, motion, angle)
+    every = jnp.concatenate([loads.kinks, loads.pinches])
+    return jnp.take_along_axis(every, jnp.maximum(row, 0)[None], axis=0)[0]
+
+
+def _bisect(compressor, turn: Turn, motion: Motion, brackets: _Brackets) -> _Changes:
+    """Place the changes. The brackets are widened, since a better motion moves them a little."""
     room = 0.3 * (brackets.high - brackets.low)
 
     def value(angle):
-        loads = _loads_between(compressor, turn, motion, angle)
-        every = jnp.concatenate([loads.kinks, loads.pinches])
-        return jnp.take_along_axis(every, jnp.maximum(brackets.row, 0)[None], axis=0)[0]
-
-    at_start = value(brackets.low - room)
+        return _change_values(compressor, turn, motion, brackets.row, angle)
 
     def halve(_, ends):
-        low, high = ends
+        low, high, at_low, at_high = ends
         middle = 0.5 * (low + high)
-        left_side = value(middle) * at_start > 0
-        return jnp.where(left_side, middle, low), jnp.where(left_side, high, middle)
+        here = value(middle)
+        left_side = here * at_low > 0
+        return (
+            jnp.where(left_side, middle, low),
+            jnp.where(left_side, high, middle),
+            jnp.where(left_side, here, at_low),
+            jnp.where(left_side, at_high, here),
+        )
 
-    low, high = lax.fori_loop(0, 30, halve, (brackets.low - room, brackets.high + room))
-    return jnp.where(brackets.row >= 0, 0.5 * (low + high), turn.grid.edges[0])
+    low, high = brackets.low - room, brackets.high + room
+    # 16 halvings of a bracket of 0.1 rad leave 1e-6 rad; the final passes polish with the slope
+    start = (low, high, value(low), value(high))
+    low, high, at_low, at_high = lax.fori_loop(0, 16, halve, start)
+    used = brackets.row >= 0
+    rise, width = at_high - at_low, high - low
+    steep = used & (rise != 0) & (width > 0)
+    slope = jnp.where(steep, rise / jnp.where(steep, width, 1.0), 1.0)
+    angle = jnp.where(steep, low - at_low / slope, turn.grid.edges[0])
+    return _Changes(angle, slope, jnp.where(steep, brackets.row, -1))
 
 
 def _graded(inner, options: Collocation):

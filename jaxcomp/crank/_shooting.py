@@ -14,7 +14,6 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -35,8 +34,10 @@ class Shooting(eqx.Module):
 
     Attributes:
         solver: any explicit or implicit solver of diffrax.
-        tolerance: [-] relative and absolute tolerance of a step, in units of the mean speed, of the
-            period and of the mean kinetic energy.
+        tolerance: [-] wanted of the energy closure of the turn. A step is allowed a thousandth of
+            it, in units of the mean speed, of the period and of the mean kinetic energy: places
+            where a load changes its side are met unprepared, and there the error estimate of a step
+            is too hopeful. Measured closure on the machine of Tsuji et al.: 5e-7 at 1e-6.
         adjoint: how diffrax differentiates a turn; the default serves reverse mode,
             `diffrax.ForwardMode()` serves forward mode.
         max_newton: Newton steps on the periodicity condition.
@@ -45,7 +46,7 @@ class Shooting(eqx.Module):
     """
 
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
-    tolerance: float = eqx.field(static=True, default=1e-9)
+    tolerance: float = eqx.field(static=True, default=1e-6)
     adjoint: diffrax.AbstractAdjoint = eqx.field(
         default_factory=diffrax.RecursiveCheckpointAdjoint
     )
@@ -54,6 +55,10 @@ class Shooting(eqx.Module):
     output_nodes: int = eqx.field(static=True, default=12)
 
     name: ClassVar[str] = "shooting"
+
+    @property
+    def step_tolerance(self) -> float:
+        return 1e-3 * self.tolerance
 
     def solve(self, compressor: Compressor) -> Orbit:
         """The orbit of an admissible compressor."""
@@ -74,31 +79,43 @@ class Shooting(eqx.Module):
                 gaps.append(end["time"] * turn.speed_scale / machine.motor.mean_speed - 1)
             return jnp.stack(gaps)
 
-        def frozen_gap(unknowns, args):
-            del args
-            return gap(unknowns, frozen, diffrax.ForwardMode())
-
-        newton = optx.root_find(
-            frozen_gap,
-            optx.Newton(rtol=10 * self.tolerance, atol=10 * self.tolerance),
-            start,
-            max_steps=self.max_newton,
-            throw=False,
-            adjoint=optx.ImplicitAdjoint(),
+        root, jacobian, steps = self._newton(
+            lambda unknowns: gap(unknowns, frozen, diffrax.ForwardMode()), start
         )
-        root = lax.stop_gradient(newton.value)
-        jacobian = lax.stop_gradient(jax.jacfwd(frozen_gap)(root, None))
         left = gap(root, compressor, self.adjoint)
         unknowns = root - jnp.linalg.solve(jacobian, left)
         end, states = self._turn(
             compressor, unknowns, scales, edges, accounts=True, adjoint=self.adjoint
         )
-        report = FixedPointReport(newton.stats["num_steps"], jnp.max(jnp.abs(left)))
-        settled = report.change <= 1e3 * self.tolerance
+        gap_size = jnp.max(jnp.abs(left))
+        settled = gap_size <= 3 * self.tolerance
+        report = FixedPointReport(steps, gap_size, settled)
         status = Status.where(settled, Status.converged, Status.not_converged)
         unstable = (jacobian[0, 0] >= 0) & (not holds_speed)
         status = Status.where(settled & unstable, Status.no_periodic_state, status)
         return self._orbit(compressor, unknowns, scales, edges, end, states, status, report)
+
+    def _newton(self, gap, start):
+        """Newton's method that hands out its Jacobian as well: the derivatives need it."""
+
+        def value_twice(unknowns):
+            value = gap(unknowns)
+            return value, value
+
+        def going_on(carry):
+            _, _, size, steps = carry
+            return (size > 0.3 * self.tolerance) & (steps < self.max_newton)
+
+        def advance(carry):
+            unknowns, _, _, steps = carry
+            jacobian, value = jax.jacfwd(value_twice, has_aux=True)(unknowns)
+            # a long step may reach a halt; half the speed at a time is far enough
+            step = jnp.clip(jnp.linalg.solve(jacobian, value), -0.5, 0.5)
+            return unknowns - step, jacobian, jnp.max(jnp.abs(step)), steps + 1
+
+        begin = (start, jnp.eye(start.size), jnp.asarray(jnp.inf), jnp.asarray(0))
+        root, jacobian, _, steps = lax.while_loop(going_on, advance, begin)
+        return lax.stop_gradient(root), lax.stop_gradient(jacobian), steps
 
     def _turn(self, machine, unknowns, scales, edges, *, accounts=False, adjoint):
         """Integrate one turn; returns the end and, with accounts, the speed at the output nodes."""
@@ -135,7 +152,7 @@ class Shooting(eqx.Module):
                 ]
             )
         steps = diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=self.tolerance, atol=self.tolerance), jump_ts=edges[1:-1]
+            diffrax.PIDController(rtol=self.step_tolerance, atol=self.step_tolerance), jump_ts=edges[1:-1]
         )
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(rate),

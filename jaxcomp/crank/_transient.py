@@ -1,0 +1,198 @@
+"""Crank motion in time: run-up from rest, running, power-off and stop."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .._fields import BadInput, admissible, clipped
+from .._status import SolveFailed, Status
+from ..compressor import Compressor
+from ..mechanism import CrankState
+from ..motor import MeanSpeed
+from ._motion import acceleration
+from ._orbit import Energy
+
+
+class TimeIntegration(eqx.Module):
+    """Options of the time integration.
+
+    Attributes:
+        solver: any solver of diffrax; an implicit one (`diffrax.Kvaerno5()`) for a regularised law
+            with a narrow transition or a stiff motor.
+        tolerance: [-] relative and absolute tolerance of a step, in units of the motor's running
+            speed and of the kinetic energy there; a radian for the angle.
+        max_steps: steps after which the result is marked as not converged.
+        samples: instants at which the result is listed; `Transient.at` gives any other.
+        progress: show a progress bar on the terminal.
+        adjoint: how diffrax differentiates.
+    """
+
+    solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
+    tolerance: float = eqx.field(static=True, default=1e-8)
+    max_steps: int = eqx.field(static=True, default=65536)
+    samples: int = eqx.field(static=True, default=2001)
+    progress: bool = eqx.field(static=True, default=False)
+    adjoint: diffrax.AbstractAdjoint = eqx.field(
+        default_factory=diffrax.RecursiveCheckpointAdjoint
+    )
+
+
+class Transient(eqx.Module):
+    """Crank motion over time.
+
+    Attributes:
+        time: [s] listed instants, shape (n,).
+        state: crank angle [rad], speed [rad/s], acceleration [rad/s^2] there, shape (n,).
+        energy: work since the start [J], every entry of shape (n,).
+        kinetic_energy: [J] shape (n,).
+        stopped: whether the crank came to rest before the end.
+        end_time: [s] the end asked for, or the instant of rest.
+        steps: steps of the integrator.
+        status: `Status.converged` if the end or the rest was reached.
+    """
+
+    time: Float[Array, " n"]
+    state: CrankState
+    energy: Energy
+    kinetic_energy: Float[Array, " n"]
+    stopped: Bool[Array, ""]
+    end_time: Float[Array, ""]
+    steps: Int[Array, ""]
+    status: Status
+    _dense: diffrax.Solution
+    _scales: tuple[Float[Array, ""], Float[Array, ""]]
+
+    @property
+    def residual(self) -> Float[Array, " n"]:
+        """[-] work that is neither in the motion, the gas nor the losses, over the work done."""
+        gained = self.kinetic_energy - self.kinetic_energy[0]
+        work = self.energy.motor_work - self.energy.gas_work - self.energy.total_loss
+        size = jnp.max(jnp.abs(self.energy.motor_work)) + jnp.max(self.kinetic_energy)
+        return (work - gained) / size
+
+    def at(self, time: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Angle [rad] and speed [rad/s] at any time [s] up to the end, by dense output."""
+        y = self._dense.evaluate(jnp.minimum(time, self.end_time))
+        return y["angle"], y["speed"] * self._scales[0]
+
+
+def simulate(
+    compressor: Compressor,
+    duration: float | Float[Array, ""],
+    *,
+    angle: float | Float[Array, ""] = 0.0,
+    speed: float | Float[Array, ""] = 0.0,
+    power_off: float | Float[Array, ""] | None = None,
+    until_rest: bool = True,
+    options: TimeIntegration | None = None,
+    throw: bool = True,
+) -> Transient:
+    """Integrate the crank in time.
+
+    Args:
+        compressor: the machine; its motor must have a torque law over speed.
+        duration: [s] time to integrate.
+        angle: [rad] crank angle at the start.
+        speed: [rad/s] speed at the start; zero starts from rest.
+        power_off: [s] instant at which the motor is switched off, if any.
+        until_rest: end where the crank comes to rest. Coulomb friction has no meaning beyond; a
+            regularised law creeps on, or swings back under the gas, if this is false.
+        options: the integrator, `TimeIntegration()` if absent.
+        throw: raise if the end is not reached (not within `jit` or `vmap`; see `status` there).
+
+    Raises:
+        BadInput: if the motor holds a mean speed, since that is no torque law.
+        SolveFailed: if `throw` and the integration did not reach its end.
+    """
+    if isinstance(compressor.motor, MeanSpeed):
+        raise BadInput(
+            "motor", "MeanSpeed", "a torque law over speed (ConstantTorque, SlipLine, Kloss)"
+        )
+    options = TimeIntegration() if options is None else options
+    if isinstance(duration, (int, float)) and not duration > 0:
+        raise BadInput("duration", duration, "> 0")
+    off = jnp.inf if power_off is None else power_off
+    start = tuple(jnp.asarray(x, dtype=jnp.result_type(float)) for x in (duration, angle, speed, off))
+    result = _simulate(compressor, options, until_rest, *start)
+    if throw and not isinstance(result.status._value, jax.core.Tracer):
+        if bool(result.status != Status.converged):
+            raise SolveFailed(
+                result.status,
+                f"reached t = {float(result.end_time):.4g} s after {int(result.steps)} steps",
+            )
+    return result
+
+
+@eqx.filter_jit
+def _simulate(machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off):
+    good = admissible(machine)
+    compressor = clipped(machine)
+    speed_scale = compressor.motor.speed_guess
+    inertia, _ = compressor.mechanism.inertia(angle)
+    energy_scale = inertia * speed_scale**2
+
+    def evaluate(t, y):
+        now = y["speed"] * speed_scale
+        motor = jnp.where(t < off, compressor.motor.torque(now), 0.0)
+        return now, motor, *acceleration(compressor, y["angle"], now, motor)
+
+    def rate(t, y, args):
+        del args
+        now, motor, rise, conservative, loads = evaluate(t, y)
+        torques = {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
+        work = jax.tree.map(lambda torque: torque * now / energy_scale, torques)
+        return {"angle": now, "speed": rise / speed_scale, "work": work}
+
+    y0 = {"angle": angle, "speed": speed / speed_scale}
+    y0["work"] = jax.tree.map(
+        lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),
+        jax.eval_shape(rate, jnp.zeros(()), y0 | {"work": None}, None)["work"],
+    )
+    rest = diffrax.Event(
+        lambda t, y, args, **_: y["speed"],
+        root_finder=None,
+        direction=False,
+    )
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate),
+        options.solver,
+        t0=0.0,
+        t1=duration,
+        dt0=None,
+        y0=y0,
+        saveat=diffrax.SaveAt(t1=True, dense=True),
+        stepsize_controller=diffrax.ClipStepSizeController(
+            diffrax.PIDController(rtol=options.tolerance, atol=options.tolerance),
+            jump_ts=jnp.minimum(off, 2 * duration)[None],
+        ),
+        max_steps=options.max_steps,
+        event=rest if until_rest else None,
+        adjoint=options.adjoint,
+        throw=False,
+        progress_meter=(
+            diffrax.TextProgressMeter() if options.progress else diffrax.NoProgressMeter()
+        ),
+    )
+    stopped = solution.result == diffrax.RESULTS.event_occurred
+    reached = stopped | (solution.result == diffrax.RESULTS.successful)
+    end = solution.ts[-1]
+    time = jnp.linspace(0.0, 1.0, options.samples) * end
+    ys = jax.vmap(solution.evaluate)(time)
+    now, _, rise, _, _ = jax.vmap(evaluate)(time, ys)
+    inertia, _ = compressor.mechanism.inertia(ys["angle"])
+    work = jax.tree.map(lambda w: w * energy_scale, ys["work"])
+    status = Status.where(reached, Status.converged, Status.not_converged)
+    return Transient(
+        time=time,
+        state=CrankState(ys["angle"], now, rise),
+        energy=Energy(work["motor"], work["gas"], work["losses"]),
+        kinetic_energy=0.5 * inertia * now**2,
+        stopped=stopped,
+        end_time=end,
+        steps=solution.stats["num_steps"],
+        status=Status.where(good, status, Status.bad_input),
+        _dense=solution,
+        _scales=(speed_scale, energy_scale),
+    )
