@@ -1,0 +1,4 @@
+"""The command line: `jaxcomp list | run`."""
+
+from ._app import app as app
+from ._app import main as main

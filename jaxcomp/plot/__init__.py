@@ -1,0 +1,9 @@
+"""Pictures: functions that return matplotlib figures and keep no state."""
+
+from ._orbit import crank_torques as crank_torques
+from ._orbit import joint_forces as joint_forces
+from ._orbit import joint_friction as joint_friction
+from ._orbit import loss_shares as loss_shares
+from ._orbit import orbit_figures as orbit_figures
+from ._orbit import pv_diagram as pv_diagram
+from ._orbit import speed_over_turn as speed_over_turn

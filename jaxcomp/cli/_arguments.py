@@ -1,0 +1,63 @@
+"""Arguments that several commands share: `--set path=value` and `--design name=value`."""
+
+import tomllib
+from collections.abc import Sequence
+from typing import Any
+
+from ._errors import CommandError
+
+
+def assignments(texts: Sequence[str], option: str) -> dict[str, str]:
+    """Split `name=value` texts.
+
+    Raises:
+        CommandError: no `=`, an empty side, or the same name twice.
+    """
+    out: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise CommandError(f'{option} {text}: must have the form "name=value"')
+        if name in out:
+            raise CommandError(f"{option} {text}: {name} is set twice")
+        out[name] = value
+    return out
+
+
+def entry(text: str) -> Any:
+    """The entry of a scene file that a text stands for.
+
+    What is valid TOML counts as such (`0.02`, `true`, `[1, 2]`), the word `none` takes an optional
+    entry away, and everything else is a text (`800rpm`).
+    """
+    if text == "none":
+        return None
+    try:
+        return tomllib.loads(f"entry = {text}")["entry"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def changed_scene(name_or_path: str, sets: Sequence[str], designs: Sequence[str]):
+    """Load a scene, set values, then apply the rules of design variables.
+
+    Raises:
+        CommandError, SceneError, BadInput: what cannot be read, set or designed.
+    """
+    from .. import scene as scenes
+    from ..design import design_rules
+
+    scene = scenes.load(name_or_path)
+    changes = {path: entry(text) for path, text in assignments(sets, "--set").items()}
+    if changes:
+        scene = scenes.with_values(scene, changes, source="set on the command line")
+    for name, text in assignments(designs, "--design").items():
+        if name not in design_rules:
+            hint = scenes.did_you_mean(name, design_rules)
+            raise CommandError(f"--design {name}={text}: is no design variable{hint}")
+        rule = design_rules[name]
+        given = entry(text)
+        value = scenes.to_si(text if given is None else given, rule.unit, f"--design {name}")
+        compressor = rule.apply(scene.machine, value)
+        scene = scenes.with_compressor(scene, compressor, f"design rule, {name} = {text}")
+    return scene

@@ -1,0 +1,37 @@
+"""JAX's persistent compilation cache: a second start of a command compiles nothing."""
+
+import os
+from pathlib import Path
+
+ENVIRONMENT = "JAXCOMP_CACHE_DIR"
+
+
+def enable_compilation_cache() -> Path | None:
+    """Let JAX keep compiled programs in the user's cache folder.
+
+    The environment variable `JAXCOMP_CACHE_DIR` names another folder, or switches the cache off
+    (`off`, `0` or empty). JAX's own `JAX_COMPILATION_CACHE_DIR` goes first.
+
+    Returns:
+        The folder in use; `None` if there is none, also if it cannot be written.
+    """
+    import jax
+    import platformdirs
+
+    wanted = os.environ.get("JAX_COMPILATION_CACHE_DIR") or os.environ.get(ENVIRONMENT)
+    if wanted is None and ENVIRONMENT not in os.environ:
+        wanted = str(platformdirs.user_cache_path("jaxcomp") / "xla")
+    if not wanted or wanted.lower() in ("off", "0"):
+        return None
+    folder = Path(wanted).expanduser()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    if not os.access(folder, os.W_OK):
+        return None
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    # small programs as well: a command runs dozens of them before its solver
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    return folder

@@ -1,0 +1,38 @@
+"""Errors of a command: one line on standard error, exit code 2, no traceback."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import typer
+
+
+class CommandError(ValueError):
+    """An argument of the command line that makes no sense."""
+
+
+def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
+    """Wrap a command so that the errors a user can cause end in one line.
+
+    Anything else is a fault of the program and keeps its traceback.
+    """
+
+    @functools.wraps(command)
+    def wrapped(*args: Any, **options: Any) -> None:
+        try:
+            command(*args, **options)
+        except Exception as error:
+            if not isinstance(error, _caused_by_user()):
+                raise
+            typer.echo(f"error: {' '.join(str(error).split())}", err=True)
+            raise typer.Exit(2) from None
+
+    return wrapped
+
+
+def _caused_by_user() -> tuple[type[Exception], ...]:
+    from .._fields import BadInput
+    from .._status import SolveFailed
+    from ..scene import SceneError
+
+    return CommandError, SceneError, BadInput, SolveFailed, OSError

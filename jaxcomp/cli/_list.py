@@ -1,0 +1,53 @@
+"""`jaxcomp list`: the bundled machines, or the values of one of them with their sources."""
+
+from typing import Annotated
+
+import typer
+
+from ._errors import reports_errors
+
+
+@reports_errors
+def list_machines(
+    machine: Annotated[
+        str | None,
+        typer.Argument(help="Machine or scene file whose values and sources to show."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of a table.")
+    ] = False,
+) -> None:
+    """List the bundled machines, or every value of one of them with its source.
+
+    Example: [bold]jaxcomp list mayekawa-wbhe[/bold]
+    """
+    from rich.console import Console
+
+    from ..scene import describe, load, machines
+    from ._cache import enable_compilation_cache
+    from ._tables import machine_table, print_json, value_table
+
+    if machine is None:
+        known = machines()
+        if as_json:
+            print_json({"machines": [m._asdict() for m in known]})
+        else:
+            Console().print(machine_table(known))
+        return
+    enable_compilation_cache()
+    scene = load(machine)
+    rows = describe(scene)
+    if as_json:
+        values = {
+            row.path: {
+                "value": row.value.tolist() if hasattr(row.value, "tolist") else row.value,
+                "unit": row.unit,
+                "given": row.given,
+                "source": row.source,
+                "doc": row.doc,
+            }
+            for row in rows
+        }
+        print_json({"name": scene.name, "description": scene.description, "values": values})
+    else:
+        Console().print(value_table(scene, rows))

@@ -1,0 +1,84 @@
+"""What `jaxcomp run` found, as one object of plain numbers in SI units."""
+
+from importlib.metadata import version
+from typing import Any
+
+import equinox as eqx
+import jax
+
+from .._status import Status
+from ..compressor import Compressor
+from ..crank import Orbit
+from ..scene import Scene
+
+_ORDER = (
+    "mechanical_efficiency",
+    "motor_work",
+    "gas_work",
+    "losses",
+    "speed_fluctuation",
+    "mean_speed",
+    "lowest_speed",
+    "highest_speed",
+    "period",
+    "motor_power",
+    "gas_power",
+    "friction_power",
+    "mean_forces",
+    "peak_forces",
+    "stroke",
+    "swept_volume",
+    "energy_residual",
+    "residual",
+    "joint_margin",
+)
+
+
+def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
+    """The orbit in numbers. The keys are stable; new ones may join them."""
+    found = jax.tree.map(float, jax.device_get(_numbers(scene.machine, orbit)))
+    numbers = {key: found[key] for key in _ORDER}  # a compiled function hands its keys out sorted
+    total = sum(numbers["losses"].values())
+    share = {name: loss / total if total else 0.0 for name, loss in numbers["losses"].items()}
+    power = {name: loss / numbers["period"] for name, loss in numbers["losses"].items()}
+    return {
+        "machine": scene.name,
+        "file": scene.file,
+        "version": version("jaxcomp"),
+        **numbers,
+        "loss_power": power,
+        "loss_share": share,
+        "iterations": int(orbit.iterations),
+        "converged": bool(orbit.converged),
+        "status": Status[orbit.status],
+        "solver": orbit.solver,
+    }
+
+
+@eqx.filter_jit
+def _numbers(compressor: Compressor, orbit: Orbit) -> dict[str, Any]:
+    """All numbers at once: one compiled program instead of dozens of small ones."""
+    energy = orbit.energy
+    # every joint that carries a force has an entry, a frictionless one loses nothing
+    joints = dict.fromkeys(orbit.loads.forces, 0.0)
+    return {
+        "mechanical_efficiency": orbit.mechanical_efficiency,
+        "motor_work": energy.motor_work,
+        "gas_work": energy.gas_work,
+        "losses": {**joints, **energy.losses},
+        "speed_fluctuation": orbit.speed_fluctuation,
+        "mean_speed": orbit.mean_speed,
+        "lowest_speed": orbit.lowest_speed,
+        "highest_speed": orbit.highest_speed,
+        "period": orbit.period,
+        "motor_power": orbit.motor_power,
+        "gas_power": energy.gas_work / orbit.period,
+        "friction_power": energy.total_loss / orbit.period,
+        "mean_forces": orbit.mean_forces,
+        "peak_forces": orbit.peak_forces,
+        "stroke": compressor.mechanism.stroke,
+        "swept_volume": compressor.mechanism.swept_volume,
+        "energy_residual": energy.residual,
+        "residual": orbit.residual,
+        "joint_margin": orbit.margin,
+    }

@@ -1,0 +1,132 @@
+"""Tables on the terminal, and JSON."""
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import typer
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from ..scene import Machine, Row, Scene
+
+
+def json_text(result: dict[str, Any]) -> str:
+    """One JSON object; a number that is not finite would be a fault and is refused."""
+    return json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def print_json(result: dict[str, Any]) -> None:
+    """Print one JSON object on standard output."""
+    typer.echo(json_text(result))
+
+
+def machine_table(machines: Iterable[Machine]) -> Table:
+    """The bundled machines."""
+    table = _table("Bundled machines", "Name", "Description")
+    table.columns[0].no_wrap = True
+    for machine in machines:
+        table.add_row(f"[bold]{machine.name}[/bold]", escape(machine.description))
+    return table
+
+
+def value_table(scene: Scene, rows: Sequence[Row]) -> Table:
+    """Every value of a scene with its source."""
+    table = _table(f"{scene.name}: {scene.description}", "Value", "Given", "Source", "Meaning")
+    table.columns[0].no_wrap = True
+    for row in rows:
+        given = row.given if row.given is not None else f"{row.value} {row.unit}".strip()
+        table.add_row(*(escape(str(text)) for text in (row.path, given, row.source, row.doc)))
+    return table
+
+
+def result_tables(scene: Scene, result: dict[str, Any]) -> list[Table]:
+    """Efficiency and power, losses, joint forces, evidence."""
+    return [
+        _summary(scene, result),
+        _losses(result),
+        _forces(result),
+        _evidence(result),
+    ]
+
+
+def _summary(scene: Scene, result: dict[str, Any]) -> Table:
+    changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
+    title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")
+    table = _table(escape(title), "Periodic state", "", "")
+    bore = getattr(scene.machine.mechanism, "bore", None)
+    if bore is not None:
+        size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
+        table.add_row("Bore x stroke", size, f"{result['swept_volume'] * 1e6:.5g} cm3 swept")
+    rpm = 30 / math.pi
+    table.add_row(
+        "[bold]Mechanical efficiency",
+        f"[bold]{100 * result['mechanical_efficiency']:.2f} %",
+        "gas work over motor work",
+    )
+    for name in ("motor", "gas", "friction"):
+        work = result[f"{name}_power"] * result["period"]
+        power = f"{result[f'{name}_power'] / 1e3:.4g} kW"
+        table.add_row(f"{name.capitalize()} power", power, f"{work:.5g} J per turn")
+    speed = result["mean_speed"]
+    table.add_row("Mean speed", f"{speed * rpm:.5g} rpm", f"{speed:.5g} rad/s")
+    low, high = result["lowest_speed"] * rpm, result["highest_speed"] * rpm
+    fluctuation = f"{100 * result['speed_fluctuation']:.2f} %"
+    table.add_row("Speed fluctuation", fluctuation, f"{low:.5g} to {high:.5g} rpm")
+    return table
+
+
+def _losses(result: dict[str, Any]) -> Table:
+    names = ("Friction loss", "J per turn", "W", "Share of losses", "Of motor work")
+    table = _table(None, *names, numbers=True)
+    motor = result["motor_work"]
+    for name, loss in sorted(result["losses"].items(), key=lambda item: -item[1]):
+        table.add_row(
+            _words(name),
+            f"{loss:.4g}",
+            f"{result['loss_power'][name]:.4g}",
+            f"{100 * result['loss_share'][name]:.1f} %",
+            f"{100 * loss / motor:.2f} %" if motor else "",
+        )
+    total = sum(result["losses"].values())
+    table.add_section()
+    table.add_row(
+        "Total",
+        f"{total:.4g}",
+        f"{result['friction_power']:.4g}",
+        "100.0 %" if total else "",
+        f"{100 * total / motor:.2f} %" if motor else "",
+    )
+    return table
+
+
+def _forces(result: dict[str, Any]) -> Table:
+    table = _table(None, "Joint force", "Mean, kN", "Peak, kN", numbers=True)
+    for name, peak in result["peak_forces"].items():
+        mean = result["mean_forces"][name]
+        table.add_row(_words(name), f"{mean / 1e3:.4g}", f"{peak / 1e3:.4g}")
+    return table
+
+
+def _evidence(result: dict[str, Any]) -> Table:
+    table = _table(None, "Evidence", "", "")
+    table.add_row("Solver", result["solver"], f"tolerance {result['tolerance']:.2g}")
+    table.add_row("Iterations", str(result["iterations"]), result["status"])
+    table.add_row("Residual", f"{result['residual']:.1e}", "periodicity or collocation equations")
+    closure = f"{result['energy_residual']:.1e}"
+    table.add_row("Energy closure", closure, "motor work that is neither gas work nor loss")
+    table.add_row("Joint margin", f"{result['joint_margin']:.4f}", "1 without friction, locks at 0")
+    return table
+
+
+def _table(title: str | None, *columns: str, numbers: bool = False) -> Table:
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_style="bold", title_justify="left")
+    for place, column in enumerate(columns):
+        table.add_column(column, justify="right" if numbers and place else "left")
+    return table
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ").capitalize()

@@ -1,0 +1,243 @@
+"""Pictures of one periodic turn: pressure, forces, friction, speed, torques and losses.
+
+All of them take what the library computed and return a figure; none shows or saves anything. Crank
+angles run from -180 to 180 degrees with the top dead centre at zero (exactly so without an offset).
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..compressor import Compressor
+from ..crank import Orbit
+from ..mechanism import SliderCrank, rod_motion
+from ._style import INK, colour, crank_axis, legend, new_figure, over_turn, words, ylabel
+
+_RPM = 30 / np.pi
+
+
+def orbit_figures(compressor: Compressor, orbit: Orbit) -> dict[str, Figure]:
+    """All pictures of a turn by name; those of absent parts are left out."""
+    figures = {}
+    if orbit.pressure is not None:
+        figures["pv_diagram"] = pv_diagram(compressor, orbit)
+    figures["speed"] = speed_over_turn(orbit)
+    figures["torques"] = crank_torques(compressor, orbit)
+    figures["joint_forces"] = joint_forces(orbit)
+    if orbit.loads.loss_torque:
+        figures["joint_friction"] = joint_friction(compressor, orbit)
+        figures["losses"] = loss_shares(orbit)
+    return figures
+
+
+def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Cylinder pressure over the volume that the piston displaces.
+
+    Raises:
+        ValueError: the compressor has no gas.
+    """
+    if compressor.gas is None or orbit.pressure is None:
+        raise ValueError("A p-V diagram needs a compressor with gas.")
+    mechanism = compressor.mechanism
+    position = np.asarray(mechanism.piston(orbit.state.angle)[0])
+    top = float(mechanism.piston_extremes()[0])
+    volume = float(mechanism.piston_area) * (top - position) * 1e6
+    pressure = np.asarray(orbit.pressure) / 1e6
+    volume, pressure = (np.append(curve, curve[0]) for curve in (volume, pressure))
+    figure, ((ax,),) = new_figure(1, 1, (6.4, 4.2), "Indicator diagram")
+    ax.fill(volume, pressure, color=colour("gas"), alpha=0.08, linewidth=0)
+    ax.plot(volume, pressure, color=colour("gas"), linewidth=1.8, label="Cylinder, absolute")
+    back = float(compressor.gas.behind_piston) / 1e6
+    ax.axhline(back, color=INK, linewidth=0.9, linestyle="--", label="Behind the piston")
+    ax.set_xlim(0, None)
+    ax.set_ylim(0, None)
+    ax.set_xlabel("Displaced volume (clearance not counted), cm³", fontsize=9)
+    ylabel(ax, "Pressure, MPa")
+    work = float(orbit.energy.gas_work)
+    ax.text(
+        0.5,
+        0.42,
+        f"Work on the gas\n{work:.4g} J per turn",
+        transform=ax.transAxes,
+        ha="center",
+        fontsize=9,
+        color=INK,
+    )
+    legend(ax, loc="upper right")
+    return figure
+
+
+def joint_forces(orbit: Orbit) -> Figure:
+    """Magnitude of every joint force, and the side force of the cylinder wall with its sign."""
+    forces = {name: np.asarray(force) / 1e3 for name, force in orbit.loads.forces.items()}
+    walls = {name: force for name, force in forces.items() if name == "wall"}
+    figure, axes = new_figure(
+        2 if walls else 1, 1, (7.2, 5.6 if walls else 3.6), "Joint forces over one turn"
+    )
+    ax = axes[0, 0]
+    for place, (name, force) in enumerate(forces.items()):
+        if name not in walls:
+            degrees, size = over_turn(orbit.state.angle, np.hypot(*force))
+            ax.plot(degrees, size, color=colour(name, place), linewidth=1.6, label=words(name))
+    ylabel(ax, "Magnitude, kN")
+    ax.set_ylim(0, None)
+    crank_axis(ax, label=not walls)
+    legend(ax, loc="upper right")
+    for name, force in walls.items():
+        ax = axes[1, 0]
+        degrees, side = over_turn(orbit.state.angle, force[1])
+        ax.plot(degrees, side, color=colour(name), linewidth=1.6)
+        ax.axhline(0, color="#888888", linewidth=0.8)
+        ylabel(ax, "Side force on the piston, kN")
+        crank_axis(ax)
+    return figure
+
+
+def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Friction of every joint (Tsuji et al. 2012, Fig. 4).
+
+    For a slider-crank the torque in each pin and the force on the piston; for other mechanisms the
+    torque that each joint takes from the crank.
+    """
+    curves = _friction_of_slider_crank(compressor, orbit) or {
+        name: (np.asarray(torque), "Torque on the crank, N m")
+        for name, torque in orbit.loads.loss_torque.items()
+    }
+    columns = min(2, len(curves))
+    rows = -(-len(curves) // columns)
+    figure, axes = new_figure(
+        rows, columns, (4.0 * columns + 0.4, 2.5 * rows + 0.5), "Friction of the joints"
+    )
+    for ax in axes.flat[len(curves) :]:
+        ax.set_visible(False)
+    for place, (name, (curve, label)) in enumerate(curves.items()):
+        ax = axes.flat[place]
+        degrees, values = over_turn(orbit.state.angle, curve)
+        ax.plot(degrees, values, color=colour(name, place), linewidth=1.5)
+        ax.axhline(0, color="#888888", linewidth=0.8)
+        ax.set_title(words(name), fontsize=9.5, loc="left", color=INK)
+        ylabel(ax, label)
+        crank_axis(ax, label=place >= len(curves) - columns)
+        ax.set_xticks(range(-180, 181, 90))
+    return figure
+
+
+def speed_over_turn(orbit: Orbit) -> Figure:
+    """Crank speed and acceleration (Tsuji et al. 2012, Fig. 3 a and b)."""
+    figure, axes = new_figure(2, 1, (7.2, 5.2), "Crank motion over one turn")
+    degrees, speed, rise = over_turn(
+        orbit.state.angle, orbit.state.speed * _RPM, orbit.state.acceleration
+    )
+    mean = float(orbit.mean_speed) * _RPM
+    ax = axes[0, 0]
+    ax.plot(degrees, speed, color=colour("motor"), linewidth=1.7)
+    ax.axhline(mean, color=INK, linewidth=0.9, linestyle="--", label=f"Mean {mean:.5g} rpm")
+    low, high = float(orbit.lowest_speed) * _RPM, float(orbit.highest_speed) * _RPM
+    fluctuation = 100 * float(orbit.speed_fluctuation)
+    ax.axhspan(
+        low,
+        high,
+        color=colour("motor"),
+        alpha=0.07,
+        linewidth=0,
+        label=f"{low:.4g} to {high:.4g} rpm, fluctuation {fluctuation:.2f} %",
+    )
+    ylabel(ax, "Crank speed, rpm")
+    legend(ax, loc="best")
+    crank_axis(ax, label=False)
+    ax = axes[1, 0]
+    ax.plot(degrees, rise, color=colour("crank"), linewidth=1.5)
+    ax.axhline(0, color="#888888", linewidth=0.8)
+    ylabel(ax, "Crank acceleration, rad/s²")
+    crank_axis(ax)
+    return figure
+
+
+def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Torques on the crank: motor, gas, friction and the inertia of the moving parts.
+
+    Tsuji et al. (2012), Fig. 3 d to f. Inertia torques count as loads of their own, so that all
+    curves add up to the inertia of the crankshaft alone.
+    """
+    torques = {
+        "motor": ("Motor", orbit.motor_torque),
+        "gas": ("Gas", orbit.gas_torque),
+        "friction": ("Friction", -jnp.asarray(orbit.loads.total_loss_torque)),
+        **_inertia_torques(compressor, orbit),
+    }
+    figure, ((ax,),) = new_figure(1, 1, (7.2, 4.2), "Torques on the crank over one turn")
+    for name, (label, torque) in torques.items():
+        degrees, values = over_turn(orbit.state.angle, torque)
+        ax.plot(degrees, values, color=colour(name), linewidth=1.5, label=label)
+    ax.axhline(0, color="#888888", linewidth=0.8)
+    ylabel(ax, "Torque in the sense of rotation, N m")
+    crank_axis(ax)
+    legend(ax, loc="best")
+    return figure
+
+
+def loss_shares(orbit: Orbit) -> Figure:
+    """Work lost in each joint, with its power and its share of all losses."""
+    losses = {name: float(loss) for name, loss in orbit.energy.losses.items()}
+    losses = dict(sorted(losses.items(), key=lambda item: item[1]))
+    total, period = sum(losses.values()), float(orbit.period)
+    efficiency = 100 * float(orbit.mechanical_efficiency)
+    title = f"Friction losses, {total:.4g} J per turn; mechanical efficiency {efficiency:.2f} %"
+    figure, ((ax,),) = new_figure(1, 1, (7.2, 0.6 * len(losses) + 1.6), title)
+    bars = ax.barh(
+        [words(name) for name in losses],
+        list(losses.values()),
+        color=[colour(name, place) for place, name in enumerate(losses)],
+        height=0.62,
+    )
+    labels = [
+        f"{loss:.3g} J   {loss / period:.3g} W   {100 * loss / total if total else 0:.1f} %"
+        for loss in losses.values()
+    ]
+    ax.bar_label(bars, labels, padding=4, fontsize=8.5, color=INK)
+    ax.set_xlim(0, 1.45 * max([*losses.values(), 1e-12]))
+    ax.grid(False, axis="y")
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlabel("Work lost, J per turn", fontsize=9)
+    return figure
+
+
+def _friction_of_slider_crank(compressor: Compressor, orbit: Orbit):
+    mechanism, friction = compressor.mechanism, compressor.friction
+    if not isinstance(mechanism, SliderCrank) or friction is None:
+        return None
+    speed, forces = orbit.state.speed, orbit.loads.forces
+    tilt = rod_motion(mechanism, orbit.state.angle).tilt_1
+    rates = {"piston_pin": tilt * speed, "crank_pin": (1 + tilt) * speed, "main_journal": speed}
+    curves = {}
+    for name, rate in rates.items():
+        law = getattr(friction, name)
+        if law is not None:
+            moment = law.moment(jnp.hypot(*forces[name]), rate)
+            curves[name] = (np.asarray(moment), "Torque, N m")
+    if friction.wall is not None or friction.wall_film is not None:
+        curves["wall"] = (np.asarray(forces["wall"][0]), "Force on the piston, N")
+    return curves
+
+
+@jax.jit
+def _reduced(compressor: Compressor, state):
+    _, position_1, position_2 = compressor.mechanism.piston(state.angle)
+    inertia, inertia_1 = compressor.mechanism.inertia(state.angle)
+    whole = inertia * state.acceleration + 0.5 * inertia_1 * state.speed**2
+    stroke = position_1 * (position_1 * state.acceleration + position_2 * state.speed**2)
+    return whole, stroke
+
+
+def _inertia_torques(compressor: Compressor, orbit: Orbit):
+    whole, stroke = _reduced(compressor, orbit.state)
+    mechanism = compressor.mechanism
+    crank = mechanism.crank_inertia * orbit.state.acceleration
+    piston = mechanism.piston_mass * stroke
+    if isinstance(mechanism, SliderCrank):
+        return {
+            "piston": ("Inertia of the piston", -piston),
+            "rod": ("Inertia of the rod", -(whole - crank - piston)),
+        }
+    return {"piston": ("Inertia of the moving parts", -(whole - crank))}
