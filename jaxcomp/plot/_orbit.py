@@ -4,7 +4,7 @@ All of them take what the library computed and return a figure; none shows or sa
 angles run from -180 to 180 degrees with the top dead centre at zero (exactly so without an offset).
 """
 
-import jax
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +12,18 @@ from matplotlib.figure import Figure
 from ..compressor import Compressor
 from ..crank import Orbit
 from ..mechanism import SliderCrank, rod_motion
-from ._style import INK, colour, crank_axis, legend, new_figure, over_turn, words, ylabel
+from ._fine import FineTurn, fine_turn
+from ._style import (
+    INK,
+    colour,
+    crank_axis,
+    legend,
+    legend_above,
+    new_figure,
+    over_turn,
+    words,
+    ylabel,
+)
 
 _RPM = 30 / np.pi
 
@@ -22,9 +33,9 @@ def orbit_figures(compressor: Compressor, orbit: Orbit) -> dict[str, Figure]:
     figures = {}
     if orbit.pressure is not None:
         figures["pv_diagram"] = pv_diagram(compressor, orbit)
-    figures["speed"] = speed_over_turn(orbit)
+    figures["speed"] = speed_over_turn(compressor, orbit)
     figures["torques"] = crank_torques(compressor, orbit)
-    figures["joint_forces"] = joint_forces(orbit)
+    figures["joint_forces"] = joint_forces(compressor, orbit)
     if orbit.loads.loss_torque:
         figures["joint_friction"] = joint_friction(compressor, orbit)
         figures["losses"] = loss_shares(orbit)
@@ -40,10 +51,11 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     if compressor.gas is None or orbit.pressure is None:
         raise ValueError("A p-V diagram needs a compressor with gas.")
     mechanism = compressor.mechanism
-    position = np.asarray(mechanism.piston(orbit.state.angle)[0])
+    turn = fine_turn(compressor, orbit)
+    position = np.asarray(mechanism.piston(turn.state.angle)[0])
     top = float(mechanism.piston_extremes()[0])
     volume = float(mechanism.piston_area) * (top - position) * 1e6
-    pressure = np.asarray(orbit.pressure) / 1e6
+    pressure = np.asarray(turn.pressure) / 1e6
     volume, pressure = (np.append(curve, curve[0]) for curve in (volume, pressure))
     figure, ((ax,),) = new_figure(1, 1, (6.4, 4.2), "Indicator diagram")
     ax.fill(volume, pressure, color=colour("gas"), alpha=0.08, linewidth=0)
@@ -68,9 +80,11 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
-def joint_forces(orbit: Orbit) -> Figure:
+def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     """Magnitude of every joint force, and the side force of the cylinder wall with its sign."""
-    forces = {name: np.asarray(force) / 1e3 for name, force in orbit.loads.forces.items()}
+    turn = fine_turn(compressor, orbit)
+    angle = turn.state.angle
+    forces = {name: np.asarray(force) / 1e3 for name, force in turn.loads.forces.items()}
     walls = {name: force for name, force in forces.items() if name == "wall"}
     figure, axes = new_figure(
         2 if walls else 1, 1, (7.2, 5.6 if walls else 3.6), "Joint forces over one turn"
@@ -78,15 +92,15 @@ def joint_forces(orbit: Orbit) -> Figure:
     ax = axes[0, 0]
     for place, (name, force) in enumerate(forces.items()):
         if name not in walls:
-            degrees, size = over_turn(orbit.state.angle, np.hypot(*force))
+            degrees, size = over_turn(angle, np.hypot(*force))
             ax.plot(degrees, size, color=colour(name, place), linewidth=1.6, label=words(name))
     ylabel(ax, "Magnitude, kN")
     ax.set_ylim(0, None)
     crank_axis(ax, label=not walls)
-    legend(ax, loc="upper right")
+    legend_above(ax)
     for name, force in walls.items():
         ax = axes[1, 0]
-        degrees, side = over_turn(orbit.state.angle, force[1])
+        degrees, side = over_turn(angle, force[1])
         ax.plot(degrees, side, color=colour(name), linewidth=1.6)
         ax.axhline(0, color="#888888", linewidth=0.8)
         ylabel(ax, "Side force on the piston, kN")
@@ -100,9 +114,10 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
     For a slider-crank the torque in each pin and the force on the piston; for other mechanisms the
     torque that each joint takes from the crank.
     """
-    curves = _friction_of_slider_crank(compressor, orbit) or {
+    turn = fine_turn(compressor, orbit)
+    curves = _friction_of_slider_crank(compressor, turn) or {
         name: (np.asarray(torque), "Torque on the crank, N m")
-        for name, torque in orbit.loads.loss_torque.items()
+        for name, torque in turn.loads.loss_torque.items()
     }
     columns = min(2, len(curves))
     rows = -(-len(curves) // columns)
@@ -113,7 +128,7 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
         ax.set_visible(False)
     for place, (name, (curve, label)) in enumerate(curves.items()):
         ax = axes.flat[place]
-        degrees, values = over_turn(orbit.state.angle, curve)
+        degrees, values = over_turn(turn.state.angle, curve)
         ax.plot(degrees, values, color=colour(name, place), linewidth=1.5)
         ax.axhline(0, color="#888888", linewidth=0.8)
         ax.set_title(words(name), fontsize=9.5, loc="left", color=INK)
@@ -123,12 +138,11 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
-def speed_over_turn(orbit: Orbit) -> Figure:
+def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     """Crank speed and acceleration (Tsuji et al. 2012, Fig. 3 a and b)."""
     figure, axes = new_figure(2, 1, (7.2, 5.2), "Crank motion over one turn")
-    degrees, speed, rise = over_turn(
-        orbit.state.angle, orbit.state.speed * _RPM, orbit.state.acceleration
-    )
+    angle, speed, rise = fine_turn(compressor, orbit).state
+    degrees, speed, rise = over_turn(angle, speed * _RPM, rise)
     mean = float(orbit.mean_speed) * _RPM
     ax = axes[0, 0]
     ax.plot(degrees, speed, color=colour("motor"), linewidth=1.7)
@@ -144,7 +158,7 @@ def speed_over_turn(orbit: Orbit) -> Figure:
         label=f"{low:.4g} to {high:.4g} rpm, fluctuation {fluctuation:.2f} %",
     )
     ylabel(ax, "Crank speed, rpm")
-    legend(ax, loc="best")
+    legend_above(ax)
     crank_axis(ax, label=False)
     ax = axes[1, 0]
     ax.plot(degrees, rise, color=colour("crank"), linewidth=1.5)
@@ -160,20 +174,21 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     Tsuji et al. (2012), Fig. 3 d to f. Inertia torques count as loads of their own, so that all
     curves add up to the inertia of the crankshaft alone.
     """
+    turn = fine_turn(compressor, orbit)
     torques = {
-        "motor": ("Motor", orbit.motor_torque),
-        "gas": ("Gas", orbit.gas_torque),
-        "friction": ("Friction", -jnp.asarray(orbit.loads.total_loss_torque)),
-        **_inertia_torques(compressor, orbit),
+        "motor": ("Motor", turn.motor_torque),
+        "gas": ("Gas", turn.gas_torque),
+        "friction": ("Friction", -jnp.asarray(turn.loads.total_loss_torque)),
+        **_inertia_torques(compressor, turn),
     }
     figure, ((ax,),) = new_figure(1, 1, (7.2, 4.2), "Torques on the crank over one turn")
     for name, (label, torque) in torques.items():
-        degrees, values = over_turn(orbit.state.angle, torque)
+        degrees, values = over_turn(turn.state.angle, torque)
         ax.plot(degrees, values, color=colour(name), linewidth=1.5, label=label)
     ax.axhline(0, color="#888888", linewidth=0.8)
     ylabel(ax, "Torque in the sense of rotation, N m")
     crank_axis(ax)
-    legend(ax, loc="best")
+    legend_above(ax)
     return figure
 
 
@@ -203,12 +218,12 @@ def loss_shares(orbit: Orbit) -> Figure:
     return figure
 
 
-def _friction_of_slider_crank(compressor: Compressor, orbit: Orbit):
+def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     mechanism, friction = compressor.mechanism, compressor.friction
     if not isinstance(mechanism, SliderCrank) or friction is None:
         return None
-    speed, forces = orbit.state.speed, orbit.loads.forces
-    tilt = rod_motion(mechanism, orbit.state.angle).tilt_1
+    speed, forces = turn.state.speed, turn.loads.forces
+    tilt = rod_motion(mechanism, turn.state.angle).tilt_1
     rates = {"piston_pin": tilt * speed, "crank_pin": (1 + tilt) * speed, "main_journal": speed}
     curves = {}
     for name, rate in rates.items():
@@ -221,7 +236,7 @@ def _friction_of_slider_crank(compressor: Compressor, orbit: Orbit):
     return curves
 
 
-@jax.jit
+@eqx.filter_jit
 def _reduced(compressor: Compressor, state):
     _, position_1, position_2 = compressor.mechanism.piston(state.angle)
     inertia, inertia_1 = compressor.mechanism.inertia(state.angle)
@@ -230,10 +245,10 @@ def _reduced(compressor: Compressor, state):
     return whole, stroke
 
 
-def _inertia_torques(compressor: Compressor, orbit: Orbit):
-    whole, stroke = _reduced(compressor, orbit.state)
+def _inertia_torques(compressor: Compressor, turn: FineTurn):
+    whole, stroke = _reduced(compressor, turn.state)
     mechanism = compressor.mechanism
-    crank = mechanism.crank_inertia * orbit.state.acceleration
+    crank = mechanism.crank_inertia * turn.state.acceleration
     piston = mechanism.piston_mass * stroke
     if isinstance(mechanism, SliderCrank):
         return {

@@ -63,6 +63,11 @@ def legend(ax: Axes, **options) -> None:
     ax.legend(frameon=False, fontsize=8.5, **options)
 
 
+def legend_above(ax: Axes) -> None:
+    """A legend in a row above the axes, where no curve can run."""
+    legend(ax, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, borderaxespad=0.2)
+
+
 def over_turn(angle, *curves):
     """Order curves from -180 to 180 degrees and close the turn at both ends.
 

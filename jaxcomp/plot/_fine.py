@@ -1,0 +1,67 @@
+"""One turn at many more angles than a solver needs, so that curves look as smooth as they are."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..compressor import Compressor, cylinder_pressure, kink_angles
+from ..crank import Orbit, acceleration
+from ..friction import JointLoads
+from ..mechanism import CrankState
+
+_SAMPLES = 720
+# Both sides of a kink are drawn, so that jumps stand upright and corners are sharp.
+_BESIDE_KINK = 1e-7
+
+
+class FineTurn(NamedTuple):
+    """The turn at n rising angles; quantities and units as in `Orbit`."""
+
+    state: CrankState
+    pressure: Float[Array, " n"] | None
+    gas_torque: Float[Array, " n"]
+    motor_torque: Float[Array, " n"]
+    loads: JointLoads
+
+
+@eqx.filter_jit
+def fine_turn(compressor: Compressor, orbit: Orbit) -> FineTurn:
+    """Evaluate the laws of the machine between the nodes of its orbit.
+
+    The speed is the cubic through the nodes with the slope that the acceleration gives; everything
+    else follows from speed and angle.
+    """
+    kinks = kink_angles(compressor)
+    start = kinks[0]
+    even = start + jnp.linspace(0.0, 2 * jnp.pi, _SAMPLES + 1)
+    angle = jnp.sort(jnp.concatenate([even, kinks - _BESIDE_KINK, kinks + _BESIDE_KINK]))
+    nodes, speeds, rises = orbit.state
+    speed = _periodic_cubic(angle, nodes, speeds, rises / speeds)
+    motor = jnp.interp(angle, nodes, orbit.motor_torque, period=2 * jnp.pi)
+    rise, gas_torque, loads = jax.vmap(acceleration, (None, 0, 0, 0))(
+        compressor, angle, speed, motor
+    )
+    # mapped over angles, forces come out as (n, 2); figures want them as orbits have them
+    loads = eqx.tree_at(lambda x: x.forces, loads, {k: f.T for k, f in loads.forces.items()})
+    pressure = None if compressor.gas is None else cylinder_pressure(compressor, angle)
+    return FineTurn(CrankState(angle, speed, rise), pressure, gas_torque, motor, loads)
+
+
+def _periodic_cubic(x, knots, values, slopes):
+    turn = 2 * jnp.pi
+    knots = jnp.concatenate([knots[-1:] - turn, knots, knots[:1] + turn])
+    values = jnp.concatenate([values[-1:], values, values[:1]])
+    slopes = jnp.concatenate([slopes[-1:], slopes, slopes[:1]])
+    x = knots[1] + jnp.mod(x - knots[1], turn)
+    left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
+    width = knots[left + 1] - knots[left]
+    t = (x - knots[left]) / width
+    s = 1 - t
+    return (
+        values[left] * s * s * (1 + 2 * t)
+        + values[left + 1] * t * t * (1 + 2 * s)
+        + width * t * s * (slopes[left] * s - slopes[left + 1] * t)
+    )
