@@ -8,7 +8,6 @@ from ._journals import LoadedPetroffJournal as LoadedPetroffJournal
 from ._journals import OilPump as OilPump
 from ._journals import PetroffJournal as PetroffJournal
 from ._journals import ThrustBearing as ThrustBearing
-from ._journals import friction_number_fit as friction_number_fit
 from ._laws import AbstractJournal as AbstractJournal
 from ._laws import AbstractSlide as AbstractSlide
 from ._laws import CoulombJournal as CoulombJournal

@@ -17,14 +17,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
+from ..film import ExplicitFit, JournalBearing, Reynolds, friction_moment
 from ._laws import AbstractJournal
 
 # Standard acceleration of free fall [m/s^2], exact by definition (CGPM 1901).
 STANDARD_GRAVITY = 9.80665
-
-# Below this rate [rad/s] a loaded film would be thinner than any roughness. The load number is held
-# there, which keeps the moment and its derivatives finite at rest.
-_LEAST_RATE = 1e-6
 
 
 class AbstractOilJournal(AbstractJournal):
@@ -86,10 +83,17 @@ class LoadedPetroffJournal(AbstractOilJournal):
 class FilmJournal(AbstractOilJournal):
     r"""Full circular film that carries the load, $M = \eta\omega l d r\,\Phi_T(S, q)/\psi$.
 
-    Eqs. (21), (22) with $S = \psi^2 F/(\eta|\omega| l d)$; the source gives no $\Phi_T$. The film
-    is quasi-static (no squeeze) and the load counts as fixed in direction, both as in the source.
+    Eqs. (21), (22) with $S = \psi^2 F/(\eta|\omega| l d)$; the source gives no $\Phi_T$, it is that
+    of `jaxcomp.film`. The film is quasi-static (no squeeze) and the load counts as fixed in
+    direction, both as in the source. For l/d from 0.1 to 2 (`film="fit"`: 0.4 to 2).
 
-    With `film="fit"` $\Phi_T$ is the closed form of [`friction_number_fit`][].
+    Args:
+        diameter: [m] of pin or journal.
+        length: [m] of the bearing.
+        radial_clearance: [m] radius of the bush minus that of the journal.
+        dynamic_viscosity: [Pa s] of the oil in the film.
+        film: "reynolds" for the table of solutions of Reynolds' equation, "fit" for closed formulas
+            within 1.7 % of it at l/d from 0.5 to 1.5.
     """
 
     kind: ClassVar[str] = "film"
@@ -98,49 +102,35 @@ class FilmJournal(AbstractOilJournal):
     length: Float[Array, ""] = quantity("m", POSITIVE)
     radial_clearance: Float[Array, ""] = quantity("m", POSITIVE)
     dynamic_viscosity: Float[Array, ""] = quantity("Pa s", POSITIVE)
-    film: Literal["fit"] = eqx.field(static=True, default="fit")
+    film: Literal["reynolds", "fit"] = eqx.field(static=True, default="reynolds")
 
     def __check_init__(self):
-        if self.film != "fit":
-            raise ValueError(f"`film` must be 'fit', but is {self.film!r}.")
+        if self.film not in _FILMS:
+            raise ValueError(f"`film` must be one of {tuple(_FILMS)}, but is {self.film!r}.")
 
-    def load_number(self, load: Float[Array, "*n"], rate: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """[-] S for a load [N] and a rate [rad/s]."""
-        area = self.length * self.diameter
-        least = jnp.maximum(jnp.abs(rate), _LEAST_RATE)
-        return self.clearance_ratio**2 * load / (self.dynamic_viscosity * least * area)
+    def conditions(self):
+        low, high = _FILMS.get(self.film, Reynolds).length_ratio_range
+        ratio = self.length / self.diameter
+        # a hair of room, so that a ratio computed to be the bound is not refused
+        inside = (ratio >= low * (1 - 1e-12)) & (ratio <= high * (1 + 1e-12))
+        return {f"a journal with length/diameter from {low:g} to {high:g}": inside}
+
+    @property
+    def bearing(self) -> JournalBearing:
+        """The same bearing for the functions of `jaxcomp.film`, such as `minimum_film`."""
+        return JournalBearing(
+            self.diameter / 2,
+            self.length,
+            self.radial_clearance,
+            self.dynamic_viscosity,
+            _FILMS[self.film],
+        )
 
     def moment(self, load, rate):
-        number = friction_number_fit(self.load_number(load, rate), self.length / self.diameter)
-        return self.drag * rate * number
+        return friction_moment(self.bearing, load, rate)
 
 
-def friction_number_fit(
-    load_number: Float[Array, "*n"], length_ratio: Float[Array, ""]
-) -> Float[Array, "*n"]:
-    r"""Friction number of a full journal bearing over its load number.
-
-    $$\Phi_T = \pi + a S^2 \left[1 + (a/c)^m S^{(2-k)m}\right]^{-1/m}$$
-
-    with a, c, k functions of ln q, fitted to 176 finite-difference solutions of Reynolds' equation
-    with Reynolds' boundary condition. Off by at most 1.7 % for 0.5 <= q <= 1.5 and 2.8 % for
-    0.4 <= q <= 2, 0 <= S <= 37 (eccentricity ratio 0.97); not for q < 0.4.
-
-    Args:
-        load_number: [-] $S = \psi^2 F/(\eta\omega l d)$, not negative.
-        length_ratio: [-] q = l/d.
-
-    Returns:
-        [-] $M\psi/(\eta\omega l d r)$, pi at zero load.
-    """
-    log_ratio = jnp.log(length_ratio)
-    small = jnp.exp(0.4309 - 2.388 * log_ratio + 1.111 * log_ratio**2)
-    large = jnp.exp(0.5845 - 0.0594 * log_ratio + 0.1351 * log_ratio**2)
-    power = 0.5893 + 0.0186 * log_ratio
-    blend = 0.8969
-    # one power above 1: a product of powers below 1 would have an infinite slope at zero load
-    joined = 1 + (small / large) ** blend * load_number ** ((2 - power) * blend)
-    return jnp.pi + small * load_number**2 / joined ** (1 / blend)
+_FILMS = {"reynolds": Reynolds, "fit": ExplicitFit}
 
 
 class AbstractDrag(Part):

@@ -235,9 +235,11 @@ def _close(excess, start):
         now, slope = jax.jvp(excess, (value,), (jnp.ones_like(value),))
         return value - now / jnp.maximum(slope, 1e-3), slope
 
-    value = start
-    for _ in range(_NEWTON_STEPS):
-        value = jax.lax.stop_gradient(newton(jax.lax.stop_gradient(value))[0])
+    def settle(_, value):
+        return jax.lax.stop_gradient(newton(value)[0])
+
+    # the loop keeps one copy of the step, which the compiler would otherwise see three times
+    value = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, settle, start))
     for _ in range(_POLISH_STEPS - 1):
         value, _ = newton(value)
     return newton(value)

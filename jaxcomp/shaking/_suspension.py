@@ -1,0 +1,112 @@
+r"""The block on its springs: matrices of $M\ddot X + C\dot X + SX = F$.
+
+Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathematical model*,
+Eq. (42), with S and C built from springs at points. Degrees of freedom: displacement of the mass
+centre in x, y, z [m], then small rotations about x, y, z [rad]. As in the source the products of
+inertia of the block are neglected.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import ANY, NONNEGATIVE, POSITIVE, Part, quantity
+
+
+class Spring(Part):
+    """A spring, with its damper, between a point of the block and the ground.
+
+    Positions count in the mechanism's axes from the mechanism's origin.
+    """
+
+    kind: ClassVar[str] = "spring"
+
+    position: Float[Array, "3"] = quantity("m", ANY, shape=(3,))
+    axial_stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE)
+    lateral_stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE, default=0.0)
+    axial_damping: Float[Array, ""] = quantity("N s/m", NONNEGATIVE, default=0.0)
+    lateral_damping: Float[Array, ""] = quantity("N s/m", NONNEGATIVE, default=0.0)
+    axis: Float[Array, "3"] = quantity(
+        "", ANY, shape=(3,), default=(0.0, 0.0, 1.0), doc="direction, of any length"
+    )
+
+    def conditions(self):
+        return {"a spring whose axis has a direction": jnp.any(self.axis != 0)}
+
+
+class Suspension(Part):
+    """The suspended block: casing, stator and, at rest, everything that moves.
+
+    Args:
+        mass: [kg] of all that hangs in the springs.
+        inertia_x, inertia_y, inertia_z: [kg m^2] about the mass centre.
+        springs: any number.
+        mass_centre: [m] in the mechanism's axes from the mechanism's origin.
+    """
+
+    kind: ClassVar[str] = "suspension"
+
+    mass: Float[Array, ""] = quantity("kg", POSITIVE)
+    inertia_x: Float[Array, ""] = quantity("kg m^2", POSITIVE)
+    inertia_y: Float[Array, ""] = quantity("kg m^2", POSITIVE)
+    inertia_z: Float[Array, ""] = quantity("kg m^2", POSITIVE)
+    springs: tuple[Spring, ...] = eqx.field(converter=tuple)
+    mass_centre: Float[Array, "3"] = quantity("m", ANY, shape=(3,), default=(0.0, 0.0, 0.0))
+
+
+def mass_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
+    """diag(M, M, M, J_x, J_y, J_z) [kg, kg m^2]."""
+    mass, inertias = suspension.mass, (suspension.inertia_x, suspension.inertia_y)
+    return jnp.diag(jnp.stack([mass, mass, mass, *inertias, suspension.inertia_z]))
+
+
+def stiffness_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
+    """S [N/m, N, N m] about the mass centre."""
+    return _assembled(suspension, lambda s: (s.axial_stiffness, s.lateral_stiffness))
+
+
+def damping_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
+    """C [N s/m, N s, N m s] about the mass centre."""
+    return _assembled(suspension, lambda s: (s.axial_damping, s.lateral_damping))
+
+
+def natural_frequencies(suspension: Suspension) -> Float[Array, "6"]:
+    """[rad/s] Undamped, rising."""
+    scale = 1 / jnp.sqrt(jnp.diag(mass_matrix(suspension)))
+    squares = jnp.linalg.eigvalsh(scale[:, None] * stiffness_matrix(suspension) * scale)
+    free = squares <= 0  # rigid-body motion, or its rounding
+    return jnp.where(free, 0.0, jnp.sqrt(jnp.where(free, 1.0, squares)))
+
+
+def viscous_damping(
+    stiffness: Float[Array, ""], damping_ratio: Float[Array, ""], carried_mass: Float[Array, ""]
+) -> Float[Array, ""]:
+    r"""Damper [N s/m] beside a spring for a damping ratio of its own mass, $2\zeta\sqrt{km}$.
+
+    Args:
+        stiffness: [N/m] k.
+        damping_ratio: [-] zeta.
+        carried_mass: [kg] m, the block's mass over the number of springs.
+    """
+    return 2 * damping_ratio * jnp.sqrt(stiffness * carried_mass)
+
+
+def motion_at(suspension: Suspension, point: Float[Array, "3"]) -> Float[Array, "3 6"]:
+    """Matrix from the six degrees of freedom to the displacement of a point [m] of the block."""
+    x, y, z = point - suspension.mass_centre
+    zero = jnp.zeros_like(x)
+    turning = jnp.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]])  # rotation x arm
+    return jnp.concatenate([jnp.eye(3), turning], axis=1)
+
+
+def _assembled(suspension, coefficients):
+    total = jnp.zeros((6, 6))
+    for spring in suspension.springs:
+        axial, lateral = coefficients(spring)
+        axis = spring.axis / jnp.linalg.norm(spring.axis)
+        point = lateral * jnp.eye(3) + (axial - lateral) * jnp.outer(axis, axis)
+        motion = motion_at(suspension, spring.position)
+        total = total + motion.T @ point @ motion
+    return total

@@ -1,0 +1,189 @@
+r"""Vibration of the suspended block, harmonic by harmonic or in time.
+
+Periodic quantities are $x(t) = \mathrm{Re}\sum_{k=1}^{n} x_k e^{ik\Omega t}$ with time factor
+$e^{+i\Omega t}$. The shaking wrench of a periodic motion is the rate of change of a periodic
+momentum, so it has no mean and the sums start at one.
+
+Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathematical model*,
+Eqs. (42), (43).
+"""
+
+from collections.abc import Callable
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
+from ._wrench import Wrench, wrench_about
+
+
+class Harmonics(eqx.Module):
+    """Complex amplitudes of m quantities in the harmonics 1 to n of a rotation.
+
+    Attributes:
+        amplitude: shape (m, n), in the unit of the quantity.
+        speed: [rad/s] of the first harmonic.
+    """
+
+    amplitude: Complex[Array, "m n"]
+    speed: Float[Array, ""]
+
+    @property
+    def frequency(self) -> Float[Array, " n"]:
+        """[rad/s] of every harmonic."""
+        return self.speed * jnp.arange(1, self.amplitude.shape[1] + 1)
+
+    @property
+    def rms(self) -> Float[Array, " m"]:
+        """Root of the mean square of every quantity."""
+        power = jnp.sum(jnp.abs(self.amplitude) ** 2, axis=1) / 2
+        # double where: a quantity that stands still has no slope of its root
+        return jnp.where(power > 0, jnp.sqrt(jnp.where(power > 0, power, 1.0)), 0.0)
+
+    def at(self, time: Float[Array, " t"]) -> Float[Array, "m t"]:
+        """The quantities at instants [s]."""
+        return jnp.real(self.amplitude @ jnp.exp(1j * self.frequency[:, None] * time))
+
+
+def harmonics(
+    suspension: Suspension,
+    wrench: Wrench,
+    time: Float[Array, " t"],
+    duration: Float[Array, " t"],
+    count: int = 8,
+) -> Harmonics:
+    r"""Harmonics of a wrench over one turn, about the mass centre of the block.
+
+    With an `orbit` of `solve_orbit` that is `time=orbit.time` and
+    `duration=orbit.weight / orbit.state.speed`.
+
+    Args:
+        suspension: gives the mass centre.
+        wrench: about the mechanism's origin at t instants.
+        time: [s] of the instants.
+        duration: [s] quadrature weights of the instants; their sum is the period.
+        count: number of harmonics.
+
+    Returns:
+        Force [N] and moment [N m] in the order of the degrees of freedom, shape (6, count).
+    """
+    load = jnp.concatenate(wrench_about(wrench, suspension.mass_centre))
+    period = jnp.sum(duration)
+    speed = 2 * jnp.pi / period
+    order = jnp.arange(1, count + 1)
+    turning = jnp.exp(-1j * order * speed * time[:, None])
+    return Harmonics(2 / period * (load * duration) @ turning, speed)
+
+
+def harmonic_response(suspension: Suspension, load: Harmonics) -> Harmonics:
+    r"""Settled vibration, $(S - k^2\Omega^2 M + ik\Omega C)X_k = F_k$ (Eq. 42).
+
+    Args:
+        suspension: the block and its springs.
+        load: about the mass centre, from `harmonics`.
+
+    Returns:
+        Displacement [m] and rotation [rad] of the block, shape (6, n).
+    """
+    w = load.frequency[:, None, None]
+    dynamic = (
+        stiffness_matrix(suspension)
+        - w**2 * mass_matrix(suspension)
+        + 1j * w * damping_matrix(suspension)
+    )
+    answer = jnp.linalg.solve(dynamic, load.amplitude.T[..., None])
+    return Harmonics(answer[..., 0].T, load.speed)
+
+
+def free_body_response(suspension: Suspension, load: Harmonics) -> Harmonics:
+    r"""The same far above the suspension frequencies, $\ddot X = M^{-1}F$ (Eq. 43)."""
+    inverse = 1 / jnp.diag(mass_matrix(suspension))
+    amplitude = -inverse[:, None] * load.amplitude / load.frequency**2
+    return Harmonics(amplitude, load.speed)
+
+
+def point_motion(
+    suspension: Suspension, response: Harmonics, point: Float[Array, "3"]
+) -> Harmonics:
+    """Displacement [m] of a point [m] of the block, counted from the mechanism's origin."""
+    matrix = motion_at(suspension, jnp.asarray(point))
+    return Harmonics(matrix.astype(response.amplitude.dtype) @ response.amplitude, response.speed)
+
+
+def free_body_error(
+    suspension: Suspension, load: Harmonics, point: Float[Array, "3"]
+) -> Float[Array, " n"]:
+    """[-] Error of the free-body displacement of a point, over the true amplitude, by harmonic.
+
+    One mass on one spring: the square of suspension frequency over running frequency.
+    """
+    true, free = (
+        point_motion(suspension, response(suspension, load), point).amplitude
+        for response in (harmonic_response, free_body_response)
+    )
+    return jnp.linalg.norm(free - true, axis=0) / jnp.linalg.norm(true, axis=0)
+
+
+class BlockMotion(eqx.Module):
+    """Displacement [m, rad] and velocity [m/s, rad/s] of the block, shape (6,) or (t, 6)."""
+
+    displacement: Float[Array, "*t 6"]
+    velocity: Float[Array, "*t 6"]
+
+
+def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
+    """The settled vibration at instants [s]."""
+    rate = Harmonics(1j * response.frequency * response.amplitude, response.speed)
+    return BlockMotion(response.at(time).T, rate.at(time).T)
+
+
+def simulate(
+    suspension: Suspension,
+    force: Callable[[Float[Array, ""]], Float[Array, "6"]],
+    time: Float[Array, " t"],
+    start: BlockMotion | None = None,
+    *,
+    tolerance: float = 1e-8,
+    max_steps: int = 100_000,
+    adjoint: diffrax.AbstractAdjoint | None = None,
+) -> BlockMotion:
+    r"""Motion of the block in time, $M\ddot X = F(t) - C\dot X - SX$.
+
+    Args:
+        suspension: the block and its springs.
+        force: [N, N m] about the mass centre at an instant [s], shape (6,).
+        time: [s] rising instants at which to report; the first is the start.
+        start: motion at the first instant; at rest if absent.
+        tolerance: [-] of a step, relative; a thousandth of it, in SI units, counts as absolute.
+        max_steps: steps after which diffrax gives up with an error.
+        adjoint: how diffrax differentiates; its default serves reverse mode.
+
+    Returns:
+        The motion at the instants, shape (t, 6).
+    """
+    inverse = 1 / jnp.diag(mass_matrix(suspension))
+    stiffness, damping = stiffness_matrix(suspension), damping_matrix(suspension)
+    if start is None:
+        start = BlockMotion(jnp.zeros(6), jnp.zeros(6))
+
+    def rate(t, motion, args):
+        del args
+        inner = stiffness @ motion.displacement + damping @ motion.velocity
+        return BlockMotion(motion.velocity, inverse * (force(t) - inner))
+
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate),
+        diffrax.Dopri8(),
+        time[0],
+        time[-1],
+        None,
+        start,
+        saveat=diffrax.SaveAt(ts=time),
+        stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=1e-3 * tolerance),
+        max_steps=max_steps,
+        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
+    )
+    return jax.tree.map(jnp.asarray, solution.ys)
