@@ -63,7 +63,7 @@ class JournalBearing(Part):
         low, high = self.film.length_ratio_range
         if high == math.inf:
             return {}
-        rule = f"a bearing with length/diameter from {low:g} to {high:g} for the {self.film.__name__} film"
+        rule = f"of length/diameter {low:g} to {high:g} for the film model {self.film.__name__}"
         # A hair of room, so that a ratio computed to be the bound is not refused.
         inside = (self.length_ratio >= low * (1 - 1e-12)) & (
             self.length_ratio <= high * (1 + 1e-12)
@@ -241,8 +241,8 @@ def stiffness_damping(
     stiffness, damping = dynamic_coefficients(
         film, load_number(bearing, load, speed, rest_speed=rest_speed)
     )
-    # Against the clock the picture is seen in a mirror: y is 90 degrees ahead with rotation, so that
-    # the entries that couple x and y change sign.
+    # Running the other way is the mirror image: y is 90 degrees ahead with rotation, so that the
+    # entries that couple x and y change sign.
     pace = _smooth_speed(speed, rest_speed)
     mirror = jnp.eye(2) + (1 - jnp.eye(2)) * speed / pace
     axes = jnp.array([[along[0], -along[1]], [along[1], along[0]]])

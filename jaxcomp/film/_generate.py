@@ -151,9 +151,9 @@ def pressure_forces(grid: Grid, p: np.ndarray) -> np.ndarray:
 
 def solve_forces(eps: float, q: float, grids=GRIDS) -> Forces:
     """Forces and radial damping at one position, extrapolated from the last two grids."""
-    # Steps of the radial velocity, in the natural unit of the thin zone. The derivative is the limit
-    # of central differences: the two steps are extrapolated as well. Much smaller steps would show
-    # the staircase of the film's edge, which follows the grid.
+    # Steps of the radial velocity, in the natural unit of the thin zone. Central differences with
+    # two steps are extrapolated as well. Much smaller steps would show the staircase of the film's
+    # edge, which follows the grid.
     step = 0.05 * np.sqrt(1 - eps)
     film, values = None, []
     for n_theta, n_zeta in grids:
@@ -229,7 +229,7 @@ def solve_table(progress=print) -> dict:
 
 
 def fit_friction(table: dict, nodes: int = FRICTION_NODES) -> np.ndarray:
-    """The polynomial P(u, ln q) of `Reynolds.friction_number`, from the solved part of the table."""
+    """The series P(u, ln q) of `Reynolds.friction_number`, from the solved part of the table."""
     import jax
 
     from ._film import film_ratio, friction_at

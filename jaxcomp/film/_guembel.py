@@ -135,32 +135,18 @@ def _series(eps: Scalar, q: Scalar, modes: int, terms: int) -> tuple[Scalar, ...
 def _tridiagonal(
     n: Float[Array, " n"], stiff: Float[Array, " modes"], eps: Scalar, right: Float[Array, " n"]
 ) -> Float[Array, "modes n"]:
-    """Harmonics of h p'' + 3 h' p' - stiff h p = right, for every mode (Thomas's algorithm).
+    """Harmonics of h p'' + 3 h' p' - stiff h p = right, for every mode.
 
     cos(theta) couples a harmonic to both neighbours with half its weight; the constant, if the
     series has one, to the first cosine with all of it.
     """
-    from_below = -eps / 2 * ((n[:-1] ** 2 + 3 * n[:-1])[:, None] + stiff)
-    from_below = from_below * jnp.where(n[:-1] == 0, 2.0, 1.0)[:, None]
-    from_above = -eps / 2 * ((n[1:] ** 2 - 3 * n[1:])[:, None] + stiff)
-    diagonal = -(n[:, None] ** 2 + stiff)
-    none = jnp.zeros((1, stiff.shape[0]))
-    from_below, from_above = jnp.vstack([none, from_below]), jnp.vstack([from_above, none])
-
-    def eliminate(carry, row):
-        ratio, value = carry
-        below, middle, above, r = row
-        pivot = middle - below * ratio
-        carry = above / pivot, (r - below * value) / pivot
-        return carry, carry
-
-    rows = (from_below, diagonal, from_above, right)
-    _, (ratios, values) = jax.lax.scan(eliminate, (none[0], none[0]), rows)
-
-    def substitute(after, row):
-        ratio, value = row
-        x = value - ratio * after
-        return x, x
-
-    _, x = jax.lax.scan(substitute, none[0], (ratios, values), reverse=True)
-    return x.T
+    stiff = stiff[:, None]
+    from_below = -eps / 2 * (n**2 + 3 * n + stiff) * jnp.where(n == 0, 2.0, 1.0)
+    from_above = -eps / 2 * (n**2 - 3 * n + stiff)
+    none = jnp.zeros_like(stiff)
+    return jax.lax.linalg.tridiagonal_solve(
+        jnp.hstack([none, from_below[:, :-1]]),
+        -(n**2 + stiff),
+        jnp.hstack([from_above[:, 1:], none]),
+        jnp.broadcast_to(right, (stiff.shape[0], n.shape[0]))[..., None],
+    )[..., 0]
