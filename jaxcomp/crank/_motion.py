@@ -7,6 +7,7 @@ the equation is implicit; the friction's share of the inertia is small, and a fe
 solve it.
 """
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
@@ -59,14 +60,18 @@ def acceleration(
     def secant(_, carry):
         value, last, last_excess, slope = carry
         now = excess(frozen, value, *fixed)
-        moved = value != last
-        slope = jnp.where(moved, (now - last_excess) / jnp.where(moved, value - last, 1.0), slope)
+        # a step down at rounding has no slope to tell
+        far = jnp.abs(value - last) > 1e-6 * (jnp.abs(value) + 1.0)
+        slope = jnp.where(far, (now - last_excess) / jnp.where(far, value - last, 1.0), slope)
         # far from the root, or with locked joints, the slope of the bare machine is the safe one
         slope = jnp.maximum(slope, 0.1 * fixed[0])
         return value - now / slope, value, now, slope
 
     begin = (guess, guess, jnp.zeros_like(guess), fixed[0])
-    value, _, _, slope = lax.fori_loop(0, _SECANT_STEPS, secant, begin)
-    # one differentiable step from the root: the implicit function theorem
-    value = value - excess(compressor, value, *known) / slope
+    value, *_ = lax.fori_loop(0, _SECANT_STEPS, secant, begin)
+    # one differentiable Newton step from the root: the implicit function theorem
+    rest, slope = jax.jvp(
+        lambda x: excess(compressor, x, *known), (value,), (jnp.ones_like(value),)
+    )
+    value = value - rest / lax.stop_gradient(slope)
     return value, conservative, loads_at(compressor, CrankState(at, speed, value), gas)

@@ -76,7 +76,7 @@ class Shooting(eqx.Module):
             end = self._turn(machine, unknowns, scales, edges, adjoint=adjoint)[0]
             gaps = [end["speed"] - first]
             if holds_speed:
-                gaps.append(end["time"] * turn.speed_scale / machine.motor.mean_speed - 1)
+                gaps.append(end["time"] * machine.motor.mean_speed / turn.speed_scale - 1)
             return jnp.stack(gaps)
 
         root, jacobian, steps = self._newton(
