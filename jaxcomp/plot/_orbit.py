@@ -178,9 +178,10 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     torques = {
         "motor": ("Motor", turn.motor_torque),
         "gas": ("Gas", turn.gas_torque),
-        "friction": ("Friction", -jnp.asarray(turn.loads.total_loss_torque)),
         **_inertia_torques(compressor, turn),
     }
+    if turn.loads.loss_torque:
+        torques["friction"] = ("Friction", -turn.loads.total_loss_torque)
     figure, ((ax,),) = new_figure(1, 1, (7.2, 4.2), "Torques on the crank over one turn")
     for name, (label, torque) in torques.items():
         degrees, values = over_turn(turn.state.angle, torque)

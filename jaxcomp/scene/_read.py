@@ -69,7 +69,7 @@ class Reader:
         for key, value in table.items():
             if key not in known and key not in _META and key not in ignored:
                 hint = did_you_mean(key, known)
-                shown = None if isinstance(value, Mapping | list) else value
+                shown = value.get("value") if isinstance(value, Mapping) else value
                 raise SceneError(join(path, key), f"is an unknown key{hint}", shown)
         given = {
             name: self._entry(entry, table[name], join(path, name), source)

@@ -1,0 +1,97 @@
+"""The bore rule of Tsuji et al. (2012), Eq. (6)."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import BadInput
+from jaxcomp.design import design_rules, with_bore
+from jaxcomp.scene import load, with_values
+
+
+@pytest.fixture(scope="module")
+def machine():
+    changes = {"mechanism.offset": "12 mm", "mechanism.conrod_inertia": "0.08 kg m^2"}
+    return with_values(load("mayekawa-wbhe"), changes).machine
+
+
+def test_same_bore_changes_nothing(machine):
+    assert eqx.tree_equal(with_bore(machine, 0.13), machine, rtol=1e-15)
+
+
+def test_displacement_and_crank_ratio_stay(machine):
+    new = with_bore(machine, 0.1).mechanism
+    old = machine.mechanism
+    np.testing.assert_allclose(new.swept_volume, old.swept_volume, rtol=1e-14)
+    np.testing.assert_allclose(new.conrod_ratio, old.conrod_ratio, rtol=1e-14)
+    assert new.bore == 0.1
+
+
+def test_masses_follow_the_paper(machine):
+    """m_p ~ d^2, m_c ~ l, I_c ~ l^2; I_0, pins, gas and motor stay."""
+    new, old = with_bore(machine, 0.1), machine
+    d, l = 0.1 / 0.13, (0.13 / 0.1) ** 2
+    ratios = {
+        "conrod_length": l,
+        "piston_mass": d**2,
+        "conrod_mass": l,
+        "conrod_inertia": l**2,
+        "conrod_centre": l,
+        "offset": l,
+        "crank_inertia": 1.0,
+    }
+    for name, ratio in ratios.items():
+        got = getattr(new.mechanism, name) / getattr(old.mechanism, name)
+        np.testing.assert_allclose(got, ratio, rtol=1e-14, err_msg=name)
+    assert eqx.tree_equal((new.friction, new.gas, new.motor), (old.friction, old.gas, old.motor))
+
+
+def test_counterweight_keeps_its_share_of_the_rod(machine):
+    def share(mechanism):
+        a = mechanism.conrod_length - mechanism.conrod_centre
+        moment = mechanism.conrod_mass * a / mechanism.conrod_length * mechanism.crank_radius
+        return mechanism.crank_unbalance / moment
+
+    for bore in (0.1, 0.16):
+        np.testing.assert_allclose(
+            share(with_bore(machine, bore).mechanism), share(machine.mechanism), rtol=1e-14
+        )
+
+
+def test_rules_chain(machine):
+    twice = with_bore(with_bore(machine, 0.1), 0.15)
+    assert eqx.tree_equal(twice, with_bore(machine, 0.15), rtol=1e-14, atol=1e-18)
+
+
+def test_registry_finds_the_rule(machine):
+    rule = design_rules["bore"]
+    assert (rule.unit, str(rule.bound)) == ("m", "> 0")
+    assert rule.current(rule.apply(machine, 0.12)) == 0.12
+
+
+def test_derivative_equals_finite_differences(machine):
+    def mass_and_moment(bore):
+        m = with_bore(machine, bore).mechanism
+        return jnp.stack([m.piston_mass, m.crank_unbalance, m.inertia(jnp.asarray(0.7))[0]])
+
+    step = 1e-5
+    slope = jax.jit(jax.jacfwd(mass_and_moment))(0.12)
+    finite = (mass_and_moment(0.12 + step) - mass_and_moment(0.12 - step)) / (2 * step)
+    np.testing.assert_allclose(slope, finite, rtol=1e-7)
+
+
+@pytest.mark.parametrize("bore", [0.0, -0.1, float("nan")])
+def test_bad_bore_is_refused(machine, bore):
+    with pytest.raises(BadInput, match="`bore` must be > 0"):
+        with_bore(machine, bore)
+
+
+def test_another_mechanism_is_refused(machine):
+    class Other(eqx.Module):
+        bore: float = 0.1
+
+    other = eqx.tree_at(lambda c: c.mechanism, machine, Other())
+    with pytest.raises(BadInput, match="`mechanism` must be a slider_crank"):
+        with_bore(other, 0.1)

@@ -1,0 +1,208 @@
+"""Every bad scene is refused in one line with file, key, value and bound."""
+
+import pytest
+
+from jaxcomp.scene import SceneError, load, loads, with_value, with_values
+
+GOOD = """
+name = "m"
+[mechanism]
+type = "slider_crank"
+bore = "50 mm"
+crank_radius = "20 mm"
+conrod_length = "100 mm"
+piston_mass = "0.3 kg"
+conrod_mass = "0.2 kg"
+crank_inertia = "0.01 kg m^2"
+[motor]
+type = "mean_speed"
+mean_speed = "1500 rpm"
+[gas]
+type = "polytropic"
+suction_pressure = "1 bar"
+discharge_pressure = "5 bar"
+exponent = 1.1
+"""
+
+
+def replaced(old, new):
+    assert GOOD.count(old) == 1
+    return GOOD.replace(old, new)
+
+
+BAD = {
+    "no unit": (
+        replaced('"50 mm"', "50"),
+        "mechanism.bore = 50: lacks its unit; it must be a text with a unit of the kind [m], such "
+        'as "130 mm"',
+    ),
+    "wrong dimension": (
+        replaced('"50 mm"', '"50 kg"'),
+        'mechanism.bore = "50 kg": has a unit of another dimension, "kg"',
+    ),
+    "unknown unit": (
+        replaced('"50 mm"', '"50 mmm"'),
+        'mechanism.bore = "50 mmm": has the unknown unit "mmm"',
+    ),
+    "offset unit": (replaced('"50 mm"', '"50 degC"'), 'has the unknown unit "degC"'),
+    "no number": (replaced('"50 mm"', '"wide"'), 'mechanism.bore = "wide": is no number'),
+    "sum of numbers": (replaced('"50 mm"', '"50 mm + 1"'), "unknown unit"),
+    "not finite text": (
+        replaced('"50 mm"', '"nan mm"'),
+        'mechanism.bore = "nan mm": must be finite',
+    ),
+    "not finite number": (replaced("= 1.1", "= inf"), "gas.exponent = inf: must be finite"),
+    "too large": (replaced('"50 mm"', '"1e999 m"'), "must be finite"),
+    "truth value": (replaced("= 1.1", "= true"), "gas.exponent = True: must be a pure number"),
+    "unit on pure number": (
+        replaced("= 1.1", '= "1.1 m"'),
+        'gas.exponent = "1.1 m": has a unit of another dimension, "m"; it must be a pure number',
+    ),
+    "angle as pure number": (replaced("= 1.1", '= "1.1 rad"'), "another dimension"),
+    "hertz as speed": (
+        replaced('"1500 rpm"', '"25 Hz"'),
+        'motor.mean_speed = "25 Hz": has a unit of another dimension, "Hz"; it must be a text with '
+        'a unit of the kind [rad/s], such as "1000 rpm"',
+    ),
+    "list for one value": (
+        replaced('"50 mm"', '["50 mm", "60 mm"]'),
+        "mechanism.bore = ['50 mm', '60 mm']: must be a single value",
+    ),
+    "unknown key": (
+        replaced("bore", "bor"),
+        'mechanism.bor = "50 mm": is an unknown key; did you mean "bore"?',
+    ),
+    "unknown section": (
+        GOOD + "[frictoin]\n",
+        'frictoin: is an unknown section; did you mean "fri',
+    ),
+    "unknown key at the top": ("colour = 1\n" + GOOD, "colour: is an unknown key; known here: "),
+    "missing key": (
+        replaced('bore = "50 mm"', ""),
+        "mechanism.bore: is missing; it must be a number > 0 [m], piston diameter",
+    ),
+    "missing part": (
+        GOOD.split("[motor]")[0],
+        "motor: is missing; it must be a section of type constant_torque or kloss or mean_speed",
+    ),
+    "missing type": (
+        replaced('type = "mean_speed"', ""),
+        "motor.type: is missing; it must be one of: constant_torque, kloss, mean_speed, slip_line",
+    ),
+    "unknown type": (
+        replaced('"polytropic"', '"polytrope"'),
+        'gas.type = "polytrope": must be one of: crank_angle_table, fourier, polytropic, '
+        'volume_table; did you mean "polytropic"?',
+    ),
+    "unknown option": (
+        GOOD.replace("[gas]", 'shape = "linear"\n[gas]'),
+        'motor.shape = "linear": must be one of "constant", "proportional"',
+    ),
+    "out of bounds": (
+        replaced('"0.3 kg"', '"-0.3 kg"'),
+        'mechanism.piston_mass = "-0.3 kg": must be >= 0 kg',
+    ),
+    "zero speed": (
+        replaced('"1500 rpm"', '"0 rpm"'),
+        'motor.mean_speed = "0 rpm": must be > 0 rad/',
+    ),
+    "out of an interval": (replaced("= 1.1", "= 0.9"), "gas.exponent = 0.9: must be >= 1 and <= 3"),
+    "unreachable crank": (
+        replaced('"20 mm"', '"100 mm"'),
+        "mechanism: must be a machine with crank_radius + |offset| < conrod_length, but has "
+        "crank_radius = 100 mm, conrod_length = 100 mm",
+    ),
+    "pressures": (
+        replaced('"5 bar"', '"0.5 bar"'),
+        "gas: must be a cycle with discharge_pressure > suction_pressure, but has suction_pressure "
+        "= 1 bar, discharge_pressure = 0.5 bar",
+    ),
+    "value for a section": (
+        "motor = 3\n" + GOOD.split("[motor]")[0],
+        "motor = 3: must be a section",
+    ),
+    "value without value": (
+        replaced('"50 mm"', '{ source = "x" }'),
+        "mechanism.bore: lacks its `value`",
+    ),
+    "unknown key of a value": (
+        replaced('"50 mm"', '{ value = "50 mm", sorce = "x" }'),
+        'mechanism.bore.sorce: is an unknown key of a value; did you mean "source"?',
+    ),
+    "source is no text": (
+        replaced('"50 mm"', '{ value = "50 mm", source = 3 }'),
+        "mechanism.bore.source = 3: must be a text",
+    ),
+    "name is no text": (replaced('name = "m"', "name = 3"), "name = 3: must be a text"),
+    "no TOML": (replaced('"50 mm"', "50 mm"), "is not valid TOML: "),
+    "key twice": (replaced("[gas]", "[motor]"), "is not valid TOML: "),
+    "nothing": ("", "mechanism: is missing; it must be a section of type slider_crank"),
+    "rule in the code of a part": (
+        GOOD + '[friction]\n[friction.wall_film]\nviscosity = "4 mPa s"\nclearance = "6 um"\n',
+        "friction: `wall_film.length` is needed",
+    ),
+    "lists of different length": (
+        GOOD.split("[gas]")[0]
+        + '[gas]\ntype = "fourier"\nmean = "1 Pa"\ncosine = ["1 Pa"]\nsine = []\n'
+        + 'back_pressure = "1 Pa"',
+        "gas: `cosine` and `sine` must have the same length",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_scene_is_refused(case):
+    text, message = BAD[case]
+    with pytest.raises(SceneError) as caught:
+        loads(text, "bad.toml")
+    assert str(caught.value).startswith(f"bad.toml: {message}") or message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert caught.value.file == "bad.toml"
+
+
+def test_a_good_scene_passes():
+    assert loads(GOOD).machine is not None
+
+
+def test_a_vector_needs_all_its_entries():
+    with pytest.raises(SceneError, match=r"gravity = .*: must be a list of 2 values"):
+        loads('gravity = ["1 m/s^2"]\n' + GOOD)
+
+
+def test_names_and_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(SceneError, match=r'no machine .* "mayekawa"; did you mean "mayekawa-wbhe"'):
+        load("mayekawa")
+    with pytest.raises(SceneError, match=r"none.toml: cannot be read: No such file"):
+        load(tmp_path / "none.toml")
+    with pytest.raises(SceneError, match=r"cannot be read: "):
+        load(tmp_path)
+    (tmp_path / "bytes.toml").write_bytes(b"name = '\xff'")
+    with pytest.raises(SceneError, match=r"bytes.toml: is no text in UTF-8"):
+        load(tmp_path / "bytes.toml")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("moter.mean_speed", "8 rpm", 'moter: is an unknown section; did you mean "motor"'),
+        ("motor.speed", "8 rpm", 'motor.speed = .*: is an unknown key; did you mean "mean_speed"'),
+        ("motor.mean_speed.x", "8 rpm", "leads through motor.mean_speed, which is a single value"),
+        ("motor", "8 rpm", r"motor = .*: must be a section \[motor\]"),
+        ("motor..mean_speed", "8 rpm", "is no path"),
+        ("motor.mean_speed", None, "motor.mean_speed: is missing"),
+        ("motor.mean_speed", "8 mm", "another dimension"),
+        ("motor.type", "kloss", "motor.pull_out_torque: is missing"),
+        ("friction.wall.coefficient", 0.1, "friction.wall.type: is missing"),
+    ],
+)
+def test_values_that_cannot_be_set(path, value, message):
+    with pytest.raises(SceneError, match=message):
+        with_value(loads(GOOD, "good.toml"), path, value)
+
+
+def test_places_past_the_end_of_a_list():
+    scene = loads('gravity = ["0 m/s^2", "1 m/s^2"]\n' + GOOD)
+    with pytest.raises(SceneError, match=r"gravity.2: must name one of the 2 entries of gravity"):
+        with_values(scene, {"gravity.2": "1 m/s^2"})
+    with pytest.raises(SceneError, match="cannot be taken away alone"):
+        with_values(scene, {"gravity.1": None})
