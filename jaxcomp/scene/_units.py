@@ -4,15 +4,19 @@ Angles count as a dimension of their own here, although the unit system calls th
 a speed in Hz would otherwise be taken for the same number of rad/s.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pint
 
 from ._errors import SceneError
+
+if TYPE_CHECKING:
+    import pint
 
 _NUMBER = r"[+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*")
@@ -119,6 +123,8 @@ def as_text(value: float, unit: str, given: Any = None) -> str | float:
 
 @cache
 def _registry() -> pint.UnitRegistry:
+    import pint  # only who reads a unit pays for it
+
     return pint.UnitRegistry()
 
 
