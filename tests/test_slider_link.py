@@ -244,7 +244,7 @@ def test_contraction_is_the_slope_of_the_substitution():
 
 
 def test_contacts_and_reactions_equal_the_printed_formulas():
-    state, gas = random_states(400, 2)
+    state, gas = random_states(200, 2)
     m = machine(eccentricity=2e-3, piston_centre_offset=-1.5e-3)
     loads = joint_loads(m, coulomb_friction(0.2, 0.15), state, gas)
     assert loads.margin.min() > 0.1
@@ -405,7 +405,7 @@ def test_friction_at_which_the_piston_locks(changes, mu_s, limit):
 
 
 def test_reports_nothing_left_of_the_balances():
-    state, gas = random_states(300, 5)
+    state, gas = random_states(200, 5)
     for reading in ("paper", "balanced"):
         friction = coulomb_friction(0.2, 0.1, slider_moment=reading)
         loads = joint_loads(machine(**OFFSET), friction, state, gas, jnp.array([3.0, -9.0]))

@@ -22,8 +22,7 @@ which leaves one scalar, piecewise linear equation in N. If its slope is positiv
 sides follow without search.
 
 Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathematical model*,
-Eqs. (1)-(15), (25)-(30), Tables 1, 2; (9) with $L_p$ for the undefined $L_{st}$. The explicit sides
-and their margin are derived here.
+Eqs. (1)-(15), (25)-(30); (9) with $L_p$ for the undefined $L_{st}$. The explicit sides are ours.
 """
 
 from typing import ClassVar, NamedTuple
@@ -191,7 +190,7 @@ def contact_arms(mechanism: SliderLink, angle: Float[Array, "*n"]) -> ContactArm
 
 
 class PistonLoads(NamedTuple):
-    """What the contacts of piston and link must balance.
+    """What the contacts must balance.
 
     Attributes:
         thrust: [N] Q.
@@ -207,8 +206,8 @@ class PistonLoads(NamedTuple):
 class Contact(NamedTuple):
     """Forces [N] on piston and link, along y at crown and edge, along x from the slider.
 
-    `margin` [-] is the smallest slope of the equation for N over all its pieces: where it is not
-    positive the piston wedges in the bore and the forces mean nothing.
+    `margin` [-] is the smallest slope of the equation for N: where it is not positive the piston
+    wedges in the bore and the forces mean nothing.
     """
 
     crown: Float[Array, "*n"]
@@ -257,11 +256,13 @@ def contact(
     crown_side = _side(a1 * q - kappa_1 - jnp.sign(a1) * between)
     edge_side = -_side(a2 * q - kappa_2 - jnp.sign(a2) * between)
     slope = 1 + wall * (crown_side * a1 - edge_side * a2)
-    # A slope that is not positive belongs to a wedged piston, which the margin reports; the floor
-    # keeps its numbers finite.
-    n = (q + wall * (crown_side * kappa_1 - edge_side * kappa_2)) / jnp.maximum(slope, 1e-9)
     steepest = jnp.maximum(*(sum(map(jnp.abs, slopes(side))) for side in (1.0, -1.0)))
-    return Contact(a1 * n - kappa_1, -a2 * n + kappa_2, n, margin=1 - jnp.abs(wall) * steepest)
+    margin = 1 - jnp.abs(wall) * steepest
+    # A piston that wedges is reported by the margin; the floor keeps its forces within some twenty
+    # times the thrust, so that an iteration over them stays finite.
+    slope = jnp.maximum(slope, jnp.where(margin > 0, 1e-9, 0.05 * (1 + steepest)))
+    n = (q + wall * (crown_side * kappa_1 - edge_side * kappa_2)) / slope
+    return Contact(a1 * n - kappa_1, -a2 * n + kappa_2, n, margin)
 
 
 def bearing_reactions(
