@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 
 from jaxcomp import BadInput
 from jaxcomp.film import minimum_film
@@ -156,7 +157,7 @@ def test_moment_and_gradients_are_finite_at_rest_and_without_load(law):
 
 @pytest.mark.parametrize("law", OIL_LAWS, ids=NAMES)
 def test_gradients_of_the_moment_equal_differences(law):
-    flat, rebuild = jax.flatten_util.ravel_pytree((law, jnp.asarray(180.0), jnp.asarray(304.0)))
+    flat, rebuild = ravel_pytree((law, jnp.asarray(180.0), jnp.asarray(304.0)))
 
     def moment(x):
         part, load, rate = rebuild(x)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 from test_slider_link import OFFSET, coulomb_friction, joint_loads, machine, random_states
 
 from jaxcomp import BadInput
@@ -418,7 +419,7 @@ def test_gradient_of_the_vibration_equals_differences():
         return 1e6 * jnp.sqrt(jnp.sum(corner.rms**2))  # [um]
 
     tree = (m, suspension())
-    flat, rebuild = jax.flatten_util.ravel_pytree(tree)
+    flat, rebuild = ravel_pytree(tree)
     f = jax.jit(lambda x: amplitude(rebuild(x)))
     gradient = jax.jit(jax.grad(f))(flat)
     assert np.all(np.isfinite(gradient))

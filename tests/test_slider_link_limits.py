@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 from test_slider_link import (
     OFFSET,
     Printed,
@@ -319,7 +320,7 @@ def test_gradients_equal_differences(reading):
         jnp.array([0.02, 1.2, 2.0, 4.0, 5.6]), jnp.full(5, 300.0), jnp.full(5, -200.0)
     )
     gas = jnp.array([200.0, -5.0, 3.0, 10.0, 290.0])
-    flat, rebuild = jax.flatten_util.ravel_pytree((m, friction, state, gas))
+    flat, rebuild = ravel_pytree((m, friction, state, gas))
     weights = jnp.asarray(np.random.default_rng(30).normal(size=40))
 
     def scalar(x):

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 from test_shaking import suspension
 from test_slider_link import coulomb_friction, machine
 from test_slider_link_limits import film_friction
@@ -178,7 +179,7 @@ def test_slider_crank_without_friction_has_the_same_orbit_far_out():
 def test_gradients_of_efficiency_and_vibration_over_a_turn():
     """Every parameter of machine, friction, gas and motor against solved differences."""
     compressor = household(friction=coulomb_friction, mu=0.01)
-    flat, rebuild = jax.flatten_util.ravel_pytree(compressor)
+    flat, rebuild = ravel_pytree(compressor)
 
     def outcome(x):
         machine_ = rebuild(x)

@@ -33,7 +33,7 @@ from ._loads import JointLoads, joint_loads
 
 # Newton steps on the moment of the crank pin where it loads the piston. The loop gain is of the
 # order of mu_c mu_k r_k/L_e, some 1e-3, and piecewise constant for Coulomb's law: three steps reach
-# rounding. The two differentiable steps after them give exact derivatives up to third order.
+# rounding. The two differentiable steps after them give exact first and second derivatives.
 _NEWTON_STEPS, _POLISH_STEPS = 3, 2
 
 
@@ -73,8 +73,9 @@ class SliderLinkFriction(Part):
 
 @joint_loads.register
 def _slider_link_loads(
-    mechanism: SliderLink, friction, state: CrankState, gas_force, gravity=None
+    mechanism: SliderLink, friction, state: CrankState, gas_force, gravity=None, evidence=True
 ) -> JointLoads:
+    del evidence  # it comes along with the solution
     friction = SliderLinkFriction() if friction is None else friction
     if not isinstance(friction, SliderLinkFriction):
         raise TypeError(
@@ -229,17 +230,19 @@ def _length(vector):
 
 
 def _close(excess, start):
-    """Root of a nearly linear equation, entry by entry, and the slope there."""
+    """Root of a nearly linear equation, entry by entry, and the slope there (no derivatives)."""
 
-    def newton(value):
-        now, slope = jax.jvp(excess, (value,), (jnp.ones_like(value),))
-        return value - now / jnp.maximum(slope, 1e-3), slope
+    def slope_at(value):
+        return jax.jvp(excess, (value,), (jnp.ones_like(value),))
 
-    def settle(_, value):
-        return jax.lax.stop_gradient(newton(value)[0])
+    def newton(_, value):
+        now, slope = slope_at(value)
+        return jax.lax.stop_gradient(value - now / jnp.maximum(slope, 1e-3))
 
     # the loop keeps one copy of the step, which the compiler would otherwise see three times
-    value = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, settle, start))
-    for _ in range(_POLISH_STEPS - 1):
-        value, _ = newton(value)
-    return newton(value)
+    value = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, start))
+    slope = jax.lax.stop_gradient(slope_at(value)[1])
+    # Steps along the slope of the root: the second derivative of a film at no load is never asked.
+    for _ in range(_POLISH_STEPS):
+        value = value - excess(value) / jnp.maximum(slope, 1e-3)
+    return value, slope
