@@ -342,6 +342,21 @@ def test_gradients_equal_differences(reading):
     assert np.sum(np.abs(gradient) > 1e-6) > 40
 
 
+def test_second_derivatives_of_the_coupled_reading():
+    m, friction = machine(**OFFSET), coulomb_friction(mu=0.05, slider_moment="balanced")
+
+    def wall(angle):
+        state = CrankState(angle, jnp.asarray(300.0), jnp.asarray(-200.0))
+        return eager_joint_loads(m, friction, state, jnp.asarray(90.0)).loss_torque["wall"]
+
+    slope = jax.jit(jax.grad(wall))
+    second = jax.jit(jax.grad(jax.grad(wall)))
+    for angle in (1.0, 2.3, 4.2, 5.6):
+        measured = (slope(angle + 1e-5) - slope(angle - 1e-5)) / 2e-5
+        # 1e-10 of the fourth derivative, rounding 1e-16/1e-5 of the slope
+        np.testing.assert_allclose(second(angle), measured, rtol=1e-7)
+
+
 def test_batches_equal_single_instants():
     state, gas = random_states(200, 31)
     m, friction = machine(**OFFSET), coulomb_friction(slider_moment="balanced")

@@ -1,0 +1,229 @@
+"""Machines, finite differences and tree tools for the tests of the crank."""
+
+import dataclasses
+from functools import cache
+from operator import attrgetter
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxcomp import Compressor, Status, solve_orbit
+from jaxcomp.friction import (
+    CoulombJournal,
+    CoulombSlide,
+    PistonFilm,
+    RegularisedJournal,
+    RegularisedSlide,
+    SliderCrankFriction,
+)
+from jaxcomp.gas import PolytropicCycle
+from jaxcomp.mechanism import SliderCrank
+from jaxcomp.motor import MeanSpeed
+
+RPM = np.pi / 30
+
+# Tsuji et al. (2012) Table 1 at a bore of 130 mm, with round values for what is not printed. The
+# rod's mass centre and inertia are those of an ordinary rod, so that every parameter matters.
+MECHANISM = {
+    "bore": 0.130,
+    "crank_radius": 0.050,
+    "conrod_length": 0.294,
+    "piston_mass": 2.65,
+    "conrod_mass": 3.79,
+    "crank_inertia": 0.156,
+    "conrod_centre": 0.084,
+    "conrod_inertia": 0.07,
+    "crank_unbalance": -0.0757,
+    "crank_mass": 20.0,
+    "offset": 0.0,
+}
+GAS = {
+    "suction_pressure": 0.098e6,
+    "discharge_pressure": 0.98e6,
+    "exponent": 1.05,
+    "clearance_ratio": 0.006,
+    "back_pressure": 0.098e6,
+}
+WALL = 0.083
+PINS = {"piston_pin": (0.013, 0.040), "crank_pin": (0.013, 0.090), "main_journal": (0.013, 0.092)}
+
+
+def coulomb(scale=1.0, **parts):
+    """The four Coulomb joints of the paper; `scale` multiplies all coefficients."""
+    joints = {"wall": CoulombSlide(scale * WALL)}
+    joints |= {name: CoulombJournal(scale * mu, d) for name, (mu, d) in PINS.items()}
+    return SliderCrankFriction(**(joints | parts))
+
+
+def regularised(transition_speed, scale=1.0):
+    journals = {
+        name: RegularisedJournal(scale * mu, d, transition_speed) for name, (mu, d) in PINS.items()
+    }
+    return SliderCrankFriction(wall=RegularisedSlide(scale * WALL, transition_speed), **journals)
+
+
+# Every friction law of the slider-crank by name; a new law joins the tests by joining this list.
+FRICTION = {
+    "coulomb": coulomb(),
+    "regularised": regularised(0.05),
+    "film": coulomb(wall=None, wall_film=PistonFilm(0.05, 5e-5, 0.1)),
+    "wall only": SliderCrankFriction(wall=CoulombSlide(WALL)),
+    "pins only": coulomb(wall=None),
+    "none": SliderCrankFriction(),
+}
+
+
+def mechanism(**changes) -> SliderCrank:
+    return SliderCrank(**(MECHANISM | changes))
+
+
+def machine(*, motor=None, friction="coulomb", gravity=(0.0, 0.0), gas=None, **changes):
+    """The machine with changes to any number of mechanism or gas, by name."""
+    unknown = set(changes) - set(MECHANISM) - set(GAS)
+    assert not unknown, unknown
+    pick = lambda table: table | {k: v for k, v in changes.items() if k in table}  # noqa: E731
+    return Compressor(
+        SliderCrank(**pick(MECHANISM)),
+        MeanSpeed(1000 * RPM) if motor is None else motor,
+        PolytropicCycle(**pick(GAS)) if gas is None else gas,
+        coulomb() if friction == "coulomb" else friction,
+        gravity,
+    )
+
+
+def unchecked(compressor, **changes):
+    """A machine with values that its constructors would refuse, as a traced one may have them.
+
+    Names are dotted paths, with `__` for the dot.
+    """
+    for path, value in changes.items():
+        at = attrgetter(path.replace("__", "."))
+        compressor = eqx.tree_at(at, compressor, jnp.asarray(value, float))
+    return compressor
+
+
+def random_mechanisms(rng, count, *, offset=True):
+    """Machines of all proportions, as one mechanism with a leading axis on every leaf."""
+    u = lambda low, high: rng.uniform(low, high, count)  # noqa: E731
+    r = u(0.01, 0.1)
+    l = r * u(2.0, 6.0)
+    values = {
+        "bore": u(0.03, 0.2),
+        "crank_radius": r,
+        "conrod_length": l,
+        "piston_mass": u(0.1, 5),
+        "conrod_mass": u(0.1, 5),
+        "crank_inertia": u(0.01, 1),
+        "conrod_centre": l * u(-0.2, 1.1),
+        "conrod_inertia": u(0, 0.1),
+        "crank_unbalance": u(-0.1, 0.1),
+        "crank_mass": u(0, 30),
+        "offset": (l - r) * u(-0.5, 0.5) if offset else np.zeros(count),
+    }
+    return jax.vmap(lambda v: SliderCrank(**v))({k: jnp.asarray(v) for k, v in values.items()})
+
+
+def pick(tree, index):
+    """One member of a batch."""
+    return jax.tree.map(lambda x: x[index], tree)
+
+
+def stack(trees):
+    """A batch of machines of the same structure."""
+    return jax.tree.map(lambda *xs: jnp.stack(xs), *trees)
+
+
+def named_leaves(tree) -> dict[str, jax.Array]:
+    pairs = jax.tree_util.tree_flatten_with_path(tree)[0]
+    return {jax.tree_util.keystr(path).lstrip("."): leaf for path, leaf in pairs}
+
+
+def nudged(tree, name: str, change):
+    """The tree with `change` added to the leaf of that name."""
+    pairs, shape = jax.tree_util.tree_flatten_with_path(tree)
+    leaves = [
+        leaf + change if jax.tree_util.keystr(path).lstrip(".") == name else leaf
+        for path, leaf in pairs
+    ]
+    return jax.tree.unflatten(shape, leaves)
+
+
+# Central difference of fourth order: f' = sum(weight f(x + offset h))/h.
+STENCIL = ((-2.0, 1 / 12), (-1.0, -2 / 3), (1.0, 2 / 3), (2.0, -1 / 12))
+
+
+def difference(function, x, step):
+    """Central difference of fourth order in a scalar."""
+    return sum(w * function(x + o * step) for o, w in STENCIL) / step
+
+
+def every_leaf_finite(tree) -> bool:
+    leaves = [np.asarray(x) for x in jax.tree.leaves(tree)]
+    return all(np.all(np.isfinite(x)) for x in leaves if np.issubdtype(x.dtype, np.floating))
+
+
+def as_dict(module) -> dict[str, float]:
+    """The numbers of a flat part."""
+    return {
+        f.name: float(getattr(module, f.name))
+        for f in dataclasses.fields(module)
+        if "unit" in f.metadata and getattr(module, f.name) is not None
+    }
+
+
+def status_of(result) -> str:
+    """The name of the status, also of a result taken from a batch."""
+    number = int(result.status._value)
+    names = [n for n in Status._name_to_item if int(getattr(Status, n)._value) == number]
+    return names[0]
+
+
+# One compiled program per solver and structure of machine serves batches of this many.
+CHUNK = 16
+
+
+@cache
+def _batch_program(solver, derivatives):
+    def solve(compressor):
+        return solve_orbit(compressor, solver, throw=False)
+
+    def measures(compressor):
+        orbit = solve(compressor)
+        return jnp.stack([orbit.mechanical_efficiency, orbit.speed_fluctuation]), orbit
+
+    def with_gradient(compressor):
+        return jax.jacrev(measures, has_aux=True)(compressor)
+
+    return jax.jit(jax.vmap(with_gradient if derivatives else solve))
+
+
+def solve_many(machines, solver, *, derivatives=False):
+    """Orbits of machines of one structure, in batches; with derivatives, (gradients, orbit) each.
+
+    The gradients are those of efficiency and speed fluctuation, stacked.
+    """
+    program, results = _batch_program(solver, derivatives), []
+    for start in range(0, len(machines), CHUNK):
+        chunk = machines[start : start + CHUNK]
+        batch = program(stack(chunk + [chunk[0]] * (CHUNK - len(chunk))))
+        batch = jax.tree.map(np.asarray, batch)
+        results += [pick(batch, i) for i in range(len(chunk))]
+    return results
+
+
+# What no constructor lets pass, as a traced machine may have it.
+BAD = {
+    "rod too short": {"mechanism__conrod_length": 0.04},
+    "rod as long as crank": {"mechanism__conrod_length": 0.05},
+    "offset too large": {"mechanism__offset": 0.25},
+    "negative mass": {"mechanism__piston_mass": -1.0},
+    "no inertia": {"mechanism__crank_inertia": 0.0},
+    "pressures exchanged": {"gas__discharge_pressure": 0.05e6},
+    "zero pressure": {"gas__suction_pressure": 0.0},
+    "nan bore": {"mechanism__bore": np.nan},
+    "infinite pressure": {"gas__discharge_pressure": np.inf},
+    "nan gravity": {"gravity": [np.nan, 0.0]},
+    "negative friction": {"friction__wall__coefficient": -0.1},
+}
