@@ -3,21 +3,57 @@
 Importing the package turns on JAX's 64-bit mode, because the balances it solves lose too many
 digits in single precision. Set the environment variable `JAXCOMP_X64=0` before the import to leave
 JAX's setting alone.
+
+The public names are listed below by the room they live in. A room is imported when a name of it is
+first used, so that the command line can answer a question without starting JAX.
 """
 
-import os
+from importlib import import_module
 
-import jax
+_ROOMS = {
+    "_fields": ("BadInput",),
+    "_status": ("SolveFailed", "Status"),
+    "compressor": ("Compressor",),
+    "crank": (
+        "Collocation",
+        "Energy",
+        "Orbit",
+        "Shooting",
+        "TimeIntegration",
+        "Transient",
+        "simulate",
+        "solve_orbit",
+    ),
+    "design": ("design_rules", "with_bore"),
+    "friction": (
+        "CoulombJournal",
+        "CoulombSlide",
+        "PistonFilm",
+        "RegularisedJournal",
+        "RegularisedSlide",
+        "SliderCrankFriction",
+    ),
+    "gas": (
+        "CallableDiagram",
+        "CrankAngleTable",
+        "FourierDiagram",
+        "PolytropicCycle",
+        "VolumeTable",
+    ),
+    "mechanism": ("CrankState", "SliderCrank"),
+    "motor": ("ConstantTorque", "Kloss", "MeanSpeed", "SlipLine"),
+    "scene": ("Scene", "SceneError", "describe", "dump", "load", "machines"),
+}
+_HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
-if os.environ.get("JAXCOMP_X64", "1") != "0":
-    jax.config.update("jax_enable_x64", True)
+__all__ = sorted(_HOME)  # noqa: PLE0605
 
-from ._fields import BadInput as BadInput
-from ._status import SolveFailed as SolveFailed
-from ._status import Status as Status
-from .compressor import Compressor as Compressor
-from .crank import Collocation as Collocation
-from .crank import Energy as Energy
-from .crank import Orbit as Orbit
-from .crank import Shooting as Shooting
-from .crank import solve_orbit as solve_orbit
+
+def __getattr__(name: str):
+    if name not in _HOME:
+        raise AttributeError(f"module 'jaxcomp' has no attribute {name!r}")
+    return getattr(import_module(f".{_HOME[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -16,6 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
+from . import _precision as _precision
+
 _MISSING = dataclasses.MISSING
 
 

@@ -26,6 +26,8 @@ class FixedPointReport(NamedTuple):
 
 # A change below this that no longer falls is taken for rounding, which a stiff torque curve amplifies.
 _ROUNDING = 1e-8
+# The unknowns are of order one; a change beyond this comes from a balance that has no solution.
+_RUNAWAY = 1e6
 
 
 def fixed_point(
@@ -47,18 +49,22 @@ def fixed_point(
     def solve(_, start):
         def going_on(carry):
             _, report = carry
-            moving = report.change == report.change  # false for NaN, which ends the loop
+            moving = report.change < 2 * _RUNAWAY
             return moving & ~report.settled & (report.steps < max_steps)
 
         def advance(carry):
             value, last = carry
             new = step(value)
             change = _distance(new, value)
+            # A pass that runs away (NaN included) is not taken: what is reported stays finite.
+            lost = ~(change < _RUNAWAY)
+            new = jax.tree.map(lambda a, b: jnp.where(lost, b, a), new, value)
+            change = jnp.where(lost, 2 * _RUNAWAY, change)
             standing = (change < _ROUNDING) & (change > 0.5 * last.change)
             settled = (change <= tolerance) | standing
             return new, FixedPointReport(last.steps + 1, change, settled)
 
-        first = FixedPointReport(jnp.asarray(0), jnp.asarray(jnp.inf), jnp.asarray(False))
+        first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
         value, report = jax.lax.while_loop(going_on, advance, (start, first))
         # custom_root wants floats beside the root
         return value, jnp.stack([x.astype(report.change.dtype) for x in report])

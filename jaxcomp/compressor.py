@@ -66,16 +66,20 @@ def gas_force(
 
 
 def loads_at(
-    compressor: Compressor, state: CrankState, gas: Float[Array, "*n"] | None = None
+    compressor: Compressor,
+    state: CrankState,
+    gas: Float[Array, "*n"] | None = None,
+    evidence: bool = True,
 ) -> JointLoads:
     """Joint loads of the compressor at given instants.
 
-    `gas` is the gas force [N] where the caller has it already.
+    `gas` is the gas force [N] where the caller has it already; without `evidence` the residual and
+    the margin of the joint loop are left out.
     """
     if gas is None:
         gas = gas_force(compressor, state.angle, jnp.sign(state.speed))
     return joint_loads(
-        compressor.mechanism, compressor.friction, state, gas, compressor.gravity
+        compressor.mechanism, compressor.friction, state, gas, compressor.gravity, evidence
     )
 
 

@@ -45,4 +45,7 @@ def _program(
 
 def main() -> None:
     """Entry point of the program `jaxcomp`."""
+    from ._cache import leave_out_callbacks
+
+    leave_out_callbacks()
     app()

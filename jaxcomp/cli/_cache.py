@@ -34,17 +34,13 @@ def enable_compilation_cache() -> Path | None:
     # small programs as well: a command runs dozens of them before its solver
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    _leave_out_callbacks()
     return folder
 
 
-def _leave_out_callbacks() -> None:
-    """Compile without the checks that call back from a running program.
+def leave_out_callbacks() -> None:
+    """Compile without the checks that call back from a running program; call before JAX is imported.
 
     JAX never keeps a program with callbacks, and diffrax checks its time grids in this way. What the
     solvers here find wrong they report in the status of their result.
     """
-    if os.environ.setdefault("EQX_ON_ERROR", "off") == "off":
-        import equinox._errors
-
-        equinox._errors.EQX_ON_ERROR = "off"  # the variable is read at import, which may be over
+    os.environ.setdefault("EQX_ON_ERROR", "off")

@@ -130,7 +130,7 @@ def solve_motion(
         start = lax.stop_gradient(initial_motion(turn))
         return turn, *_iterate(compressor, turn, start, options.tolerance, options.max_passes)
 
-    changes, base, motion = _place_changes(lax.stop_gradient(compressor), options)
+    changes, base, motion = place_changes(lax.stop_gradient(compressor), options)
 
     def lay(inner):
         return lay_turn(compressor, _merge(edges, _graded(inner, options)), options.nodes)
@@ -188,7 +188,8 @@ def torques(compressor: Compressor, turn: Turn, motion: Motion) -> Torques:
     if compressor.friction is None:
         loss = jnp.zeros_like(speed)
     else:
-        loss = loads_at(compressor, state, turn.gas_force).total_loss_torque
+        loads = loads_at(compressor, state, turn.gas_force, evidence=False)
+        loss = loads.total_loss_torque
     return Torques(state, compressor.motor.torque(speed), loss)
 
 
@@ -299,7 +300,7 @@ class _Changes(eqx.Module):
     row: Int[Array, " k"]
 
 
-def _place_changes(compressor: Compressor, options: Collocation):
+def place_changes(compressor: Compressor, options: Collocation):
     """The changes of side, with the motion that placed them.
 
     All rounds have the same shapes, so that they compile once.
@@ -334,7 +335,7 @@ def _loads_between(compressor: Compressor, turn: Turn, motion: Motion, angle) ->
     inertia, _ = compressor.mechanism.inertia(angle)
     speed = jnp.sqrt(2 * energy * turn.energy_scale / inertia)
     acceleration = turn.grid.interpolate(motion.acceleration, angle) * turn.speed_scale**2
-    return loads_at(compressor, CrankState(angle, speed, acceleration))
+    return loads_at(compressor, CrankState(angle, speed, acceleration), evidence=False)
 
 
 def _find_changes(compressor, turn: Turn, motion: Motion, count: int) -> _Brackets:

@@ -40,6 +40,18 @@ def acceleration(
             integrator that steps onto a kink passes an angle just inside the panel it is in.
     """
     at = angle if branch_angle is None else branch_angle
+    value, conservative, gas = solve_acceleration(compressor, at, speed, motor_torque)
+    loads = loads_at(compressor, CrankState(at, speed, value), gas, evidence=False)
+    return value, conservative, loads
+
+
+def solve_acceleration(
+    compressor: Compressor,
+    at: Float[Array, ""],
+    speed: Float[Array, ""],
+    motor_torque: Float[Array, ""],
+) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+    """Crank acceleration [rad/s^2], conservative torque [N m] and gas force [N]."""
     inertia, inertia_1 = compressor.mechanism.inertia(at)
     # at rest the next motion is taken to be forward
     gas = gas_force(compressor, at, jnp.where(speed < 0, -1.0, 1.0))
@@ -47,10 +59,10 @@ def acceleration(
     drive = motor_torque + conservative - 0.5 * inertia_1 * speed**2
     start = drive / inertia
     if compressor.friction is None:
-        return start, conservative, loads_at(compressor, CrankState(at, speed, start), gas)
+        return start, conservative, gas
 
     def excess(machine, value, inertia, drive, gas, at, speed):
-        loads = loads_at(machine, CrankState(at, speed, value), gas)
+        loads = loads_at(machine, CrankState(at, speed, value), gas, evidence=False)
         return inertia * value - drive + loads.total_loss_torque
 
     known = (inertia, drive, gas, at, speed)
@@ -74,4 +86,4 @@ def acceleration(
         lambda x: excess(compressor, x, *known), (value,), (jnp.ones_like(value),)
     )
     value = value - rest / lax.stop_gradient(slope)
-    return value, conservative, loads_at(compressor, CrankState(at, speed, value), gas)
+    return value, conservative, gas

@@ -22,11 +22,23 @@ from .._status import Status
 from ..compressor import Compressor, kink_angles, loads_at
 from ..mechanism import CrankState
 from ..motor import MeanSpeed
-from ._collocation import initial_motion, lay_turn, motor_level, torques, turn_edges
-from ._motion import acceleration
+from ._collocation import (
+    Collocation,
+    initial_motion,
+    lay_turn,
+    motor_level,
+    place_changes,
+    torques,
+    turn_edges,
+)
+from ._motion import solve_acceleration
 from ._orbit import Energy, Orbit
 from ._panels import panels
 from ._turn import orbit_on_panels
+
+
+# [rad] Distance of a step's end from a change of side, more than the error of its place.
+_BESIDE = 3e-6
 
 
 class Shooting(eqx.Module):
@@ -40,6 +52,7 @@ class Shooting(eqx.Module):
             is too hopeful. Measured closure on the machine of Tsuji et al.: 5e-7 at 1e-6.
         adjoint: how diffrax differentiates a turn; the default serves reverse mode,
             `diffrax.ForwardMode()` serves forward mode.
+        kinks: how many changes of side in mid-stroke the steps avoid to cross; 0 looks for none.
         max_newton: Newton steps on the periodicity condition.
         max_steps: steps of one turn.
         output_nodes: nodes on every panel at which forces and speed are reported.
@@ -50,6 +63,7 @@ class Shooting(eqx.Module):
     adjoint: diffrax.AbstractAdjoint = eqx.field(
         default_factory=diffrax.RecursiveCheckpointAdjoint
     )
+    kinks: int = eqx.field(static=True, default=4)
     max_newton: int = eqx.field(static=True, default=12)
     max_steps: int = eqx.field(static=True, default=4096)
     output_nodes: int = eqx.field(static=True, default=12)
@@ -68,12 +82,13 @@ class Shooting(eqx.Module):
         # Constant speed gives the level of torque from which Newton's method starts.
         level = motor_level(turn, torques(frozen, turn, initial_motion(turn)))
         scales = (turn.speed_scale, turn.energy_scale, level)
+        stops = self._stops(frozen, edges)
         holds_speed = isinstance(compressor.motor, MeanSpeed)
         start = jnp.ones(2 if holds_speed else 1)
 
         def gap(unknowns, machine, adjoint):
             first = unknowns[0]
-            end = self._turn(machine, unknowns, scales, edges, adjoint=adjoint)[0]
+            end = self._turn(machine, unknowns, scales, edges, stops, adjoint=adjoint)[0]
             gaps = [end["speed"] - first]
             if holds_speed:
                 gaps.append(end["time"] * machine.motor.mean_speed / turn.speed_scale - 1)
@@ -85,7 +100,7 @@ class Shooting(eqx.Module):
         left = gap(root, compressor, self.adjoint)
         unknowns = root - jnp.linalg.solve(jacobian, left)
         end, states = self._turn(
-            compressor, unknowns, scales, edges, accounts=True, adjoint=self.adjoint
+            compressor, unknowns, scales, edges, stops, accounts=True, adjoint=self.adjoint
         )
         gap_size = jnp.max(jnp.abs(left))
         settled = gap_size <= 3 * self.tolerance
@@ -94,6 +109,18 @@ class Shooting(eqx.Module):
         unstable = (jacobian[0, 0] >= 0) & (not holds_speed)
         status = Status.where(settled & unstable, Status.no_periodic_state, status)
         return self._orbit(compressor, unknowns, scales, edges, end, states, status, report)
+
+    def _stops(self, machine: Compressor, edges):
+        """Where steps end: at the known kinks, and on both sides of each change of side.
+
+        A step that ended on a change itself would pick a side at random, and its derivative with it.
+        Only the places come from the collocation solver; the solution does not.
+        """
+        if machine.friction is None or not self.kinks:
+            return edges[1:-1]
+        changes, _, _ = place_changes(machine, Collocation(kinks=self.kinks))
+        at = jnp.where(changes.row >= 0, changes.angle, edges[1])
+        return jnp.sort(jnp.concatenate([edges[1:-1], at - _BESIDE, at + _BESIDE]))
 
     def _newton(self, gap, start):
         """Newton's method that hands out its Jacobian as well: the derivatives need it."""
@@ -117,7 +144,7 @@ class Shooting(eqx.Module):
         root, jacobian, _, steps = lax.while_loop(going_on, advance, begin)
         return lax.stop_gradient(root), lax.stop_gradient(jacobian), steps
 
-    def _turn(self, machine, unknowns, scales, edges, *, accounts=False, adjoint):
+    def _turn(self, machine, unknowns, scales, edges, stops, *, accounts=False, adjoint):
         """Integrate one turn; returns the end and, with accounts, the speed at the output nodes."""
         speed_scale, energy_scale, level_scale = scales
         holds_speed = isinstance(machine.motor, MeanSpeed)
@@ -130,9 +157,11 @@ class Shooting(eqx.Module):
             if holds_speed:
                 motor = motor * unknowns[1] * level_scale
             branch = _inside(edges, angle)
-            rise, conservative, loads = acceleration(machine, angle, speed, motor, branch)
+            rise, conservative, gas = solve_acceleration(machine, branch, speed, motor)
             out = {"speed": rise / speed / speed_scale, "time": speed_scale / speed / (2 * jnp.pi)}
             if accounts:
+                state = CrankState(branch, speed, rise)
+                loads = loads_at(machine, state, gas, evidence=False)
                 work = {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
                 out["work"] = jax.tree.map(lambda torque: torque / energy_scale, work)
             return out
@@ -152,7 +181,7 @@ class Shooting(eqx.Module):
                 ]
             )
         steps = diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=self.step_tolerance, atol=self.step_tolerance), jump_ts=edges[1:-1]
+            diffrax.PIDController(rtol=self.step_tolerance, atol=self.step_tolerance), jump_ts=stops
         )
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(rate),
@@ -179,7 +208,7 @@ class Shooting(eqx.Module):
         motor = compressor.motor.torque(speed)
         if isinstance(compressor.motor, MeanSpeed):
             motor = motor * unknowns[1] * level_scale
-        rise, _, _ = _over_panels(acceleration)(compressor, grid.angle, speed, motor)
+        rise, _, _ = _over_panels(solve_acceleration)(compressor, grid.angle, speed, motor)
         state = CrankState(grid.angle, speed, rise)
         work = jax.tree.map(lambda w: w * energy_scale, end["work"])
         energy = Energy(work["motor"], work["gas"], work["losses"])

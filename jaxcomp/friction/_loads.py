@@ -17,7 +17,8 @@ class JointLoads(eqx.Module):
             torque on the crank, positive when it resists positive rotation), shape (n,).
         residual: [-] what is left of the algebraic joint loop, relative to the loads in it.
         margin: [-] smallest slope of the joint loop, 1 without friction. Where it is not positive
-            the joints lock or have several solutions, and the forces mean nothing.
+            the joints lock or have several solutions, and the forces mean nothing. `None`, like
+            the residual, where no evidence was asked for.
         kinks: quantities whose sign changes put kinks into the losses, shape (k, n).
         pinches: quantities whose sign changes bring a load close to zero, where its magnitude turns
             within a very short angle, shape (m, n).
@@ -25,8 +26,8 @@ class JointLoads(eqx.Module):
 
     forces: dict[str, Float[Array, "2 *n"]]
     loss_torque: dict[str, Float[Array, "*n"]]
-    residual: Float[Array, "*n"]
-    margin: Float[Array, "*n"]
+    residual: Float[Array, "*n"] | None
+    margin: Float[Array, "*n"] | None
     kinks: Float[Array, "k *n"]
     pinches: Float[Array, "m *n"]
 
@@ -43,6 +44,7 @@ def joint_loads(
     state: CrankState,
     gas_force: Float[Array, "*n"],
     gravity: Float[Array, "2"] | None = None,
+    evidence: bool = True,
 ) -> JointLoads:
     """Solve the joint loop of a mechanism at given instants.
 
@@ -52,5 +54,6 @@ def joint_loads(
         state: angle, speed and acceleration of the crank, shape (n,) or ().
         gas_force: [N] (p - p_back) A, positive towards the crank.
         gravity: [m/s^2] field in x and y; `None` leaves weights out.
+        evidence: also evaluate residual and margin, which an iteration does without.
     """
     raise TypeError(f"No joint loop is known for a mechanism of type {type(mechanism).__name__}.")
