@@ -8,17 +8,19 @@ units), the solvers (which mark a traced design outside its bounds) and the prin
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool
 
 from . import _precision as _precision
 
 _MISSING = dataclasses.MISSING
+_Tree = TypeVar("_Tree")
 
 
 class BadInput(ValueError):
@@ -124,10 +126,10 @@ class Part(eqx.Module):
             if value is None:
                 continue
             _check_shape(type(self).__name__, name, value, field.metadata["shape"])
-            if not _is_traced(value) and not bound.holds(value):
+            if not is_traced(value) and not bound.holds(value):
                 raise BadInput(name, value, str(bound))
         for rule, holds in self.conditions().items():
-            if not _is_traced(holds) and not bool(holds):
+            if not is_traced(holds) and not bool(holds):
                 raise BadInput(type(self).__name__, self._values(), rule)
 
     def _values(self) -> str:
@@ -169,14 +171,14 @@ def admissible(tree: Part) -> Bool[Array, ""]:
     return good
 
 
-def clipped(tree):
+def clipped(tree: _Tree) -> _Tree:
     """`tree` with every value moved inside its bound and every rule kept.
 
     A solver works on this copy, so that a design outside its bounds (which `admissible` reports)
     cannot put a NaN into a batch of good ones. A good design passes untouched.
     """
     if isinstance(tree, tuple) and any(isinstance(item, Part) for item in tree):
-        return tuple(clipped(item) for item in tree)
+        return tuple(clipped(item) for item in tree)  # pyright: ignore[reportReturnType]
     if not isinstance(tree, Part):
         return tree
     changes = {}
@@ -186,10 +188,10 @@ def clipped(tree):
             changes[field.name] = clipped(value)
         elif "unit" in field.metadata and value is not None:
             changes[field.name] = field.metadata["bound"].clip(value)
-    return replaced(tree, **changes).repaired()
+    return replaced(tree, **changes).repaired()  # pyright: ignore[reportReturnType]
 
 
-def replaced(part, **changes):
+def replaced(part: _Tree, **changes) -> _Tree:
     """A copy of a part with other values in some fields, unchecked as every traced value is."""
     names = list(changes)
     if not names:
@@ -208,8 +210,9 @@ def _as_float(value: Any) -> Any:
     return jnp.asarray(value, dtype=jnp.result_type(float))
 
 
-def _is_traced(value: Any) -> bool:
-    return isinstance(value, jax.core.Tracer)
+def is_traced(value: Any) -> bool:
+    """Whether a value is known only as a symbol, within `jit`, `vmap` or `grad`."""
+    return isinstance(value, Tracer)
 
 
 def _check_shape(owner: str, name: str, value: Array, shape: tuple[int | None, ...]) -> None:

@@ -55,9 +55,7 @@ def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1
     return compressor.gas.pressure(stroke_at(compressor, angle, sense))
 
 
-def gas_force(
-    compressor: Compressor, angle: Float[Array, "*n"], sense=1.0
-) -> Float[Array, "*n"]:
+def gas_force(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Float[Array, "*n"]:
     """(p - p_back) A [N] at crank angles [rad], positive towards the crank."""
     if compressor.gas is None:
         return jnp.zeros_like(angle)
@@ -109,9 +107,7 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         highest, _ = mechanism.piston_extremes()
         events = compressor.gas.valve_events(mechanism.swept_volume)
         for displaced, inward in events:
-            angles.append(
-                mechanism.angle_at(highest - displaced / mechanism.piston_area, inward)
-            )
+            angles.append(mechanism.angle_at(highest - displaced / mechanism.piston_area, inward))
     turn = 2 * jnp.pi
     rest = top + jnp.mod(jnp.stack(angles) - top, turn)
     return jnp.concatenate([top[None], jnp.sort(rest)])

@@ -53,7 +53,6 @@ class Collocation(eqx.Module):
     tolerance: float = eqx.field(static=True, default=1e-13)
     max_passes: int = eqx.field(static=True, default=80)
 
-
     name: ClassVar[str] = "collocation"
 
     def solve(self, compressor: Compressor) -> Orbit:
@@ -205,11 +204,13 @@ def _iterate(compressor, turn, start, tolerance, max_passes):
 
 def _pass(compressor: Compressor, turn: Turn, motion: Motion) -> Motion:
     if isinstance(compressor.motor, MeanSpeed):
-        return _pass_at_mean_speed(compressor, turn, motion)
+        return _pass_at_mean_speed(compressor, compressor.motor, turn, motion)
     return _pass_on_torque_curve(compressor, turn, motion)
 
 
-def _pass_at_mean_speed(compressor: Compressor, turn: Turn, motion: Motion) -> Motion:
+def _pass_at_mean_speed(
+    compressor: Compressor, motor: MeanSpeed, turn: Turn, motion: Motion
+) -> Motion:
     now = torques(compressor, turn, motion)
     slope = motor_level(turn, now) * now.motor + turn.conservative - now.loss
     gained, _ = turn.grid.cumulative(slope)
@@ -217,7 +218,7 @@ def _pass_at_mean_speed(compressor: Compressor, turn: Turn, motion: Motion) -> M
         turn,
         gained / turn.energy_scale,
         motion.first_energy,
-        2 * jnp.pi / compressor.motor.mean_speed,
+        2 * jnp.pi / motor.mean_speed,
     )
     return _motion(turn, gained / turn.energy_scale + first, slope, first)
 
@@ -249,7 +250,10 @@ def _pass_on_torque_curve(compressor: Compressor, turn: Turn, motion: Motion) ->
 
     # The slope of the torques over E only steers the iteration, so it needs no derivative.
     frozen = lax.stop_gradient((motion.energy, motion.acceleration))
-    along = (jnp.ones_like(frozen[0]), -turn.inertia_1 / turn.inertia**2 * scale / turn.speed_scale**2)
+    along = (
+        jnp.ones_like(frozen[0]),
+        -turn.inertia_1 / turn.inertia**2 * scale / turn.speed_scale**2,
+    )
     _, steepness = jax.jvp(slope_at, frozen, lax.stop_gradient(along))
     steepness = lax.stop_gradient(steepness) / scale
     slope = slope_at(motion.energy, motion.acceleration)
@@ -326,7 +330,9 @@ def place_changes(compressor: Compressor, options: Collocation):
 
     base = lay(unused)
     none = _Changes(unused, jnp.ones_like(unused), nowhere.row)
-    changes, turn, motion, _ = lax.fori_loop(0, 2, place, (none, base, initial_motion(base), nowhere))
+    changes, turn, motion, _ = lax.fori_loop(
+        0, 2, place, (none, base, initial_motion(base), nowhere)
+    )
     return changes, turn, motion
 
 

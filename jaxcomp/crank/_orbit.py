@@ -102,6 +102,7 @@ class Orbit(eqx.Module):
     @property
     def margin(self) -> Float[Array, ""]:
         """[-] smallest slope of the joint loop over the turn; joints lock where it reaches zero."""
+        assert self.loads.margin is not None
         return jnp.min(self.loads.margin)
 
     @property

@@ -81,9 +81,7 @@ class Panels(NamedTuple):
         x = jnp.where(width > 0, (angle - self.edges[panel]) / jnp.where(width > 0, width, 1), 0.5)
         return self.evaluate(values[panel], x)
 
-    def evaluate(
-        self, values: Float[Array, "*n s"], x: Float[Array, "*n"]
-    ) -> Float[Array, "*n"]:
+    def evaluate(self, values: Float[Array, "*n s"], x: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """The polynomial through node values at a place x in [0, 1] of its panel."""
         coefficients = values @ self.rule.to_legendre.T
         basis = legendre_basis(2 * x - 1, self.rule.nodes.size)

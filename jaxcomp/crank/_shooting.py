@@ -36,7 +36,6 @@ from ._orbit import Energy, Orbit
 from ._panels import panels
 from ._turn import orbit_on_panels
 
-
 # [rad] Distance of a step's end from a change of side, more than the error of its place.
 _BESIDE = 3e-6
 
@@ -60,9 +59,7 @@ class Shooting(eqx.Module):
 
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
     tolerance: float = eqx.field(static=True, default=1e-6)
-    adjoint: diffrax.AbstractAdjoint = eqx.field(
-        default_factory=diffrax.RecursiveCheckpointAdjoint
-    )
+    adjoint: diffrax.AbstractAdjoint = eqx.field(default_factory=diffrax.RecursiveCheckpointAdjoint)
     kinks: int = eqx.field(static=True, default=4)
     max_newton: int = eqx.field(static=True, default=12)
     max_steps: int = eqx.field(static=True, default=4096)
@@ -198,6 +195,7 @@ class Shooting(eqx.Module):
         )
         if not accounts:
             return jax.tree.map(lambda x: x[-1], solution.ys), None
+        assert solution.ys is not None
         end, speed = solution.ys
         return jax.tree.map(lambda x: x[-1], end), speed
 

@@ -1,10 +1,9 @@
 """`solve_orbit`: the periodic state, by either solver."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
-from .._fields import admissible, clipped
+from .._fields import admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
 from ._collocation import Collocation
@@ -33,7 +32,7 @@ def solve_orbit(
     """
     solver = Shooting() if solver is None else solver
     orbit = _solve(compressor, solver)
-    if throw and not isinstance(orbit.status._value, jax.core.Tracer):
+    if throw and not is_traced(orbit.status._value):
         failed = orbit.status != Status.converged
         if bool(jnp.any(failed)):
             raise SolveFailed(

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._fields import BadInput, admissible, clipped
+from .._fields import BadInput, admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
 from ..mechanism import CrankState
@@ -34,9 +34,7 @@ class TimeIntegration(eqx.Module):
     max_steps: int = eqx.field(static=True, default=65536)
     samples: int = eqx.field(static=True, default=2001)
     progress: bool = eqx.field(static=True, default=False)
-    adjoint: diffrax.AbstractAdjoint = eqx.field(
-        default_factory=diffrax.RecursiveCheckpointAdjoint
-    )
+    adjoint: diffrax.AbstractAdjoint = eqx.field(default_factory=diffrax.RecursiveCheckpointAdjoint)
 
 
 class Transient(eqx.Module):
@@ -114,19 +112,23 @@ def simulate(
     if isinstance(duration, (int, float)) and not duration > 0:
         raise BadInput("duration", duration, "> 0")
     off = jnp.inf if power_off is None else power_off
-    start = tuple(jnp.asarray(x, dtype=jnp.result_type(float)) for x in (duration, angle, speed, off))
+    start = tuple(
+        jnp.asarray(x, dtype=jnp.result_type(float)) for x in (duration, angle, speed, off)
+    )
     result = _simulate(compressor, options, until_rest, *start)
-    if throw and not isinstance(result.status._value, jax.core.Tracer):
-        if bool(result.status != Status.converged):
-            raise SolveFailed(
-                result.status,
-                f"reached t = {float(result.end_time):.4g} s after {int(result.steps)} steps",
-            )
+    known = not is_traced(result.status._value)
+    if throw and known and bool(result.status != Status.converged):
+        raise SolveFailed(
+            result.status,
+            f"reached t = {float(result.end_time):.4g} s after {int(result.steps)} steps",
+        )
     return result
 
 
 @eqx.filter_jit
-def _simulate(machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off):
+def _simulate(
+    machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off
+):
     good = admissible(machine)
     compressor = clipped(machine)
     speed_scale = compressor.motor.speed_guess
@@ -177,6 +179,7 @@ def _simulate(machine: Compressor, options: TimeIntegration, until_rest, duratio
     )
     stopped = solution.result == diffrax.RESULTS.event_occurred
     reached = stopped | (solution.result == diffrax.RESULTS.successful)
+    assert solution.ts is not None
     end = solution.ts[-1]
     time = jnp.linspace(0.0, 1.0, options.samples) * end
     ys = jax.vmap(solution.evaluate)(time)

@@ -8,11 +8,10 @@ left its bounds.
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import POSITIVE, BadInput, Bound, replaced
+from .._fields import POSITIVE, BadInput, Bound, is_traced, replaced
 from ..compressor import Compressor
 from ..mechanism import SliderCrank
 
@@ -95,6 +94,6 @@ def _slider_crank(compressor: Compressor) -> SliderCrank:
 
 def _checked(name: str, value, bound: Bound) -> Float[Array, ""]:
     value = jnp.asarray(value, dtype=jnp.result_type(float))
-    if not isinstance(value, jax.core.Tracer) and not bool(bound.holds(value)):
+    if not is_traced(value) and not bool(bound.holds(value)):
         raise BadInput(name, value, str(bound))
     return value

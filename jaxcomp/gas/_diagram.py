@@ -133,7 +133,9 @@ def _hermite(x, knots, values):
     gap = jnp.diff(knots)
     secant = jnp.diff(values) / gap
     inner = (gap[1:] * secant[:-1] + gap[:-1] * secant[1:]) / (gap[1:] + gap[:-1])
-    slope = jnp.concatenate([(2 * secant[0] - inner[0])[None], inner, (2 * secant[-1] - inner[-1])[None]])
+    slope = jnp.concatenate(
+        [(2 * secant[0] - inner[0])[None], inner, (2 * secant[-1] - inner[-1])[None]]
+    )
     left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
     width = gap[left]
     t = (x - knots[left]) / width

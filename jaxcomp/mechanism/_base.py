@@ -49,9 +49,7 @@ class AbstractMechanism(Part):
         """Piston position [m] at the top and at the bottom dead centre."""
 
     @abstractmethod
-    def angle_at(
-        self, position: Float[Array, "*n"], inward: bool
-    ) -> Float[Array, "*n"]:
+    def angle_at(self, position: Float[Array, "*n"], inward: bool) -> Float[Array, "*n"]:
         """Crank angle [rad] at a piston position, on the stroke towards the head or away."""
 
     @abstractmethod
@@ -90,7 +88,5 @@ def rotating(angle, speed, acceleration) -> tuple[Float[Array, "2 *n"], Float[Ar
     """Unit vector at `angle` and its second time derivative."""
     c, s = jnp.cos(angle), jnp.sin(angle)
     unit = jnp.stack([c, s])
-    second = jnp.stack(
-        [-c * speed**2 - s * acceleration, -s * speed**2 + c * acceleration]
-    )
+    second = jnp.stack([-c * speed**2 - s * acceleration, -s * speed**2 + c * acceleration])
     return unit, second

@@ -92,8 +92,7 @@ class SliderCrank(AbstractMechanism):
             + residue * rod.tilt_1**2
         )
         rate = 2 * (
-            reciprocating_mass * rod.position_1 * rod.position_2
-            + residue * rod.tilt_1 * rod.tilt_2
+            reciprocating_mass * rod.position_1 * rod.position_2 + residue * rod.tilt_1 * rod.tilt_2
         )
         return value, rate
 
@@ -208,7 +207,7 @@ def rod_balance(
     small = b / mechanism.conrod_length  # weight of the small end in the rod's mass centre
     piston_acc = rod.position_1 * state.acceleration + rod.position_2 * state.speed**2
     tilt_acc = rod.tilt_1 * state.acceleration + rod.tilt_2 * state.speed**2
-    direction, direction_acc = rotating(*state)
+    _, direction_acc = rotating(*state)
     centre_acc = a / mechanism.conrod_length * mechanism.crank_radius * direction_acc
     centre_acc = centre_acc.at[0].add(small * piston_acc)
     crank_inertia = mechanism.crank_unbalance * direction_acc
@@ -258,6 +257,4 @@ def rod_moment(
     """
     rod = balance.rod
     arm = mechanism.conrod_length * rod.cos_tilt
-    return (
-        piston_pin[1] + rod.sin_tilt / rod.cos_tilt * piston_pin[0] + balance.moment / arm
-    )
+    return piston_pin[1] + rod.sin_tilt / rod.cos_tilt * piston_pin[0] + balance.moment / arm

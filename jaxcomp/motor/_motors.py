@@ -108,5 +108,3 @@ class Kloss(AbstractMotor):
     @property
     def speed_guess(self):
         return self.synchronous_speed * (1 - 0.3 * jnp.minimum(self.pull_out_slip, 1.0))
-
-

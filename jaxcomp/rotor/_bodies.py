@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, BadInput, Part, _is_traced, quantity
+from .._fields import NONNEGATIVE, BadInput, Part, is_traced, quantity
 from ._conventions import AXES, SPACE_AXES
 from ._shaft import Node
 
@@ -43,7 +43,7 @@ class RigidBody(Part):
             raise BadInput("arm", self.arm, f"one arm for each of {len(self.nodes)} nodes")
         if self.centre in self.nodes or len(set(self.nodes)) != len(self.nodes):
             raise BadInput("nodes", str(self.nodes), "different from each other and the centre")
-        if not _is_traced(self.inertia):
+        if not is_traced(self.inertia):
             tensor = np.asarray(self.inertia)
             scale = max(np.abs(tensor).max(), 1e-300)
             if np.abs(tensor - tensor.T).max() > 1e-9 * scale:

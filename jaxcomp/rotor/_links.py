@@ -14,7 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import POSITIVE, BadInput, Part, _is_traced, quantity
+from .._fields import POSITIVE, BadInput, Part, is_traced, quantity
 from ._conventions import check_axes
 from ._shaft import Node
 
@@ -135,7 +135,7 @@ class SidePull(Part):
             if self.share.shape != (n,):
                 raise BadInput("share", self.share, f"one value for each of {n} pairs")
             total = jnp.sum(self.share)
-            if not _is_traced(total) and abs(float(total) - 1) > 1e-9:
+            if not is_traced(total) and abs(float(total) - 1) > 1e-9:
                 raise BadInput("share", self.share, "parts that add up to 1")
 
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from .._fields import BadInput, _is_traced
+from .._fields import BadInput, is_traced
 from ._assembly import collect, follow, link_force, link_matrices
 from ._layout import layout_of
 from ._loads import Loads, load_vector
@@ -248,5 +248,5 @@ def _check(model, force, **speeds):
     if force is not None and jnp.shape(force) != shape:
         raise BadInput("force", str(jnp.shape(force)), f"of shape {shape} (nodes, dof)")
     for name, value in speeds.items():
-        if not _is_traced(value) and not np.all(np.isfinite(value)):
+        if not is_traced(value) and not np.all(np.isfinite(value)):
             raise BadInput(name, value, "finite")
