@@ -11,4 +11,3 @@ def pytest_configure(config):
         folder = config.cache.mkdir("jax")
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
-

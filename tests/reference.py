@@ -94,16 +94,14 @@ class Machine:
         if self.pressure_over_angle is not None:
             return self.pressure_over_angle(theta)
         biggest = self.clearance + self.swept
-        volume = max(self.volume(theta), 1e-300)
+        volume = max(self.volume(theta), 1e-9 * self.swept)  # no power of it overflows
         if inward:
-            return min(
-                self.suction_pressure * (biggest / volume) ** self.exponent, self.discharge_pressure
-            )
+            compressed = self.suction_pressure * (biggest / volume) ** self.exponent
+            return min(compressed, self.discharge_pressure)
         reached = self.discharge_pressure
         if self.clearance > 0:
-            reached = min(
-                reached, self.suction_pressure * (biggest / self.clearance) ** self.exponent
-            )
+            closed = self.suction_pressure * (biggest / self.clearance) ** self.exponent
+            reached = min(reached, closed)
         expanded = reached * (self.clearance / volume) ** self.exponent
         return max(expanded, self.suction_pressure)
 

@@ -1,0 +1,67 @@
+"""The fixed point with implicit derivatives, on problems with known answers."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp._implicit import fixed_point
+
+
+def kepler(eccentricity, anomaly, tolerance=1e-14, steps=200):
+    """E = M + e sin E, a contraction for e < 1."""
+    start = {"angle": anomaly}
+    step = lambda y: {"angle": anomaly + eccentricity * jnp.sin(y["angle"])}  # noqa: E731
+    value, report = fixed_point(step, start, tolerance, steps)
+    return value["angle"], report
+
+
+def test_root_is_found_and_reported():
+    value, report = kepler(jnp.asarray(0.4), jnp.asarray(1.0))
+    assert float(value - 0.4 * jnp.sin(value)) == pytest.approx(1.0, abs=1e-14)
+    assert bool(report.settled)
+    assert 5 < int(report.steps) < 60
+    assert float(report.change) <= 1e-14
+
+
+def test_derivatives_of_three_orders_in_either_mode():
+    """Against the implicit function theorem: with D = 1 - e cos E, dE/de = sin E/D."""
+    root = lambda e: kepler(e, jnp.asarray(1.0))[0]  # noqa: E731
+    e = jnp.asarray(0.4)
+    angle = root(e)
+    d = 1 - e * jnp.cos(angle)
+    first = jnp.sin(angle) / d
+    # differentiate E' = sin E/(1 - e cos E) along e
+    second = jax.jvp(
+        lambda e, a: jnp.sin(a) / (1 - e * jnp.cos(a)), (e, angle), (jnp.ones(()), first)
+    )[1]
+    assert float(jax.grad(root)(e)) == pytest.approx(float(first), rel=1e-12)
+    assert float(jax.jacfwd(root)(e)) == pytest.approx(float(first), rel=1e-12)
+    assert float(jax.grad(jax.grad(root))(e)) == pytest.approx(float(second), rel=1e-10)
+    assert float(jax.jacfwd(jax.jacrev(root))(e)) == pytest.approx(float(second), rel=1e-10)
+    assert float(jax.jacfwd(jax.jacfwd(root))(e)) == pytest.approx(float(second), rel=1e-10)
+
+
+def test_members_of_a_batch_end_on_their_own():
+    eccentricity = jnp.asarray([0.1, 0.8])
+    value, report = jax.vmap(lambda e: kepler(e, jnp.asarray(1.0)))(eccentricity)
+    alone = [kepler(e, jnp.asarray(1.0)) for e in eccentricity]
+    np.testing.assert_allclose(value, [v for v, _ in alone], rtol=1e-15)
+    np.testing.assert_array_equal(report.steps, [r.steps for _, r in alone])
+
+
+def test_running_out_of_steps_is_reported():
+    _, report = kepler(jnp.asarray(0.9), jnp.asarray(1.0), steps=3)
+    assert not bool(report.settled)
+    assert int(report.steps) == 3
+
+
+@pytest.mark.parametrize(
+    "step", [lambda y: 3 * y + 1, lambda y: jnp.full_like(y, jnp.nan), lambda y: 1e300 * (y + 1)]
+)
+def test_a_step_that_runs_away_ends_soon_and_finite(step):
+    value, report = fixed_point(step, jnp.ones(3), 1e-12, 50)
+    assert np.all(np.isfinite(value))
+    assert np.isfinite(report.change)
+    assert not bool(report.settled)
+    assert int(report.steps) <= 50

@@ -1,0 +1,49 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp.motor import ConstantTorque, Kloss, MeanSpeed, SlipLine
+
+MOTORS = {
+    "mean speed": MeanSpeed(100.0),
+    "proportional": MeanSpeed(100.0, shape="proportional"),
+    "constant": ConstantTorque(40.0),
+    "slip line": SlipLine(5.0, 105.0),
+    "kloss": Kloss(150.0, 0.1, 105.0),
+}
+
+
+@pytest.mark.parametrize("name", list(MOTORS))
+def test_torque_keeps_the_shape_and_is_finite_with_its_slope(name):
+    motor = MOTORS[name]
+    speed = jnp.asarray([0.0, 1e-3, 50.0, 105.0, 300.0, -20.0])
+    torque = motor.torque(speed)
+    assert torque.shape == speed.shape
+    assert np.all(np.isfinite(torque))
+    assert np.all(np.isfinite(jax.vmap(jax.grad(motor.torque))(speed)))
+    assert np.isfinite(motor.speed_guess)
+    assert motor.speed_guess > 0
+
+
+def test_slip_line_vanishes_at_the_synchronous_speed():
+    motor = MOTORS["slip line"]
+    np.testing.assert_allclose(motor.torque(jnp.asarray([105.0, 103.0, 107.0])), [0, 10, -10])
+
+
+def test_kloss_peaks_at_the_pull_out_slip_on_both_sides():
+    motor = MOTORS["kloss"]
+    speed = jnp.linspace(0.0, 210.0, 100001)
+    torque = np.asarray(motor.torque(speed))
+    # a scan meets the peak to the square of its step
+    assert torque.max() == pytest.approx(150.0, rel=1e-6)
+    assert torque.min() == pytest.approx(-150.0, rel=1e-6)
+    assert float(speed[torque.argmax()]) == pytest.approx(105.0 * 0.9, rel=1e-4)
+    assert float(motor.torque(jnp.asarray(0.0))) == pytest.approx(2 * 150 * 0.1 / (1 + 0.01))
+
+
+def test_kloss_is_a_slip_line_near_the_synchronous_speed():
+    line = SlipLine(2 * 150.0 / 0.1 / 105.0, 105.0)
+    speed = jnp.asarray([104.9, 105.1])
+    # the curve leaves the line by (s/s_b)^2 = 1e-4
+    np.testing.assert_allclose(MOTORS["kloss"].torque(speed), line.torque(speed), rtol=2e-4)
