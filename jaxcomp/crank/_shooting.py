@@ -22,18 +22,11 @@ from .._status import Status
 from ..compressor import Compressor, kink_angles, loads_at
 from ..mechanism import CrankState
 from ..motor import MeanSpeed
-from ._collocation import (
-    Collocation,
-    initial_motion,
-    lay_turn,
-    motor_level,
-    place_changes,
-    torques,
-    turn_edges,
-)
+from ._changes import Resolution, place_changes
 from ._motion import solve_acceleration
 from ._orbit import Energy, Orbit
 from ._panels import panels
+from ._passes import initial_motion, lay_turn, motor_level, torques, turn_edges
 from ._turn import orbit_on_panels
 
 # [rad] Distance of a step's end from a change of side, more than the error of its place.
@@ -115,7 +108,7 @@ class Shooting(eqx.Module):
         """
         if machine.friction is None or not self.kinks:
             return edges[1:-1]
-        changes, _, _ = place_changes(machine, Collocation(kinks=self.kinks))
+        changes, _, _ = place_changes(machine, Resolution(8, self.kinks, 3, 80))
         at = jnp.where(changes.row >= 0, changes.angle, edges[1])
         return jnp.sort(jnp.concatenate([edges[1:-1], at - _BESIDE, at + _BESIDE]))
 
