@@ -44,8 +44,8 @@ class Guembel(AbstractSolvedFilm):
     """
 
     length_ratio: Scalar
-    edge_values: Float[Array, " 4"]
-    edge_slopes: Float[Array, " 4"]
+    steady_edge: tuple[Array, Array]
+    damping_edge: tuple[Array, Array]
     modes: int = eqx.field(static=True)
     terms: int = eqx.field(static=True)
 
@@ -53,83 +53,96 @@ class Guembel(AbstractSolvedFilm):
         self.length_ratio = jnp.asarray(length_ratio, dtype=jnp.result_type(float))
         self.modes, self.terms = modes, terms
         edge = jnp.asarray(EDGE, self.length_ratio.dtype)
-        self.edge_values, self.edge_slopes = jax.jvp(self._inside, (edge,), (jnp.ones_like(edge),))
+        # Value and slope where the continuation takes over.
+        self.steady_edge = jax.jvp(self._steady, (edge,), (jnp.ones_like(edge),))
+        self.damping_edge = jax.jvp(self._damping, (edge,), (jnp.ones_like(edge),))
 
     def load_gain(self, film_ratio):
-        return self.length_ratio**2 * jnp.exp(self._smooth(film_ratio)[0])
+        limit = jnp.log(LOAD_LIMIT) - 2 * jnp.log(self.length_ratio)
+        log_gain = self._continued(film_ratio, self._steady, self.steady_edge, 0, limit)
+        return self.length_ratio**2 * jnp.exp(log_gain)
 
     def attitude_angle(self, film_ratio):
-        return self._smooth(film_ratio)[1]
+        return self._continued(film_ratio, self._steady, self.steady_edge, 1, 0.0, ATTITUDE_LIMIT)
 
     def damping(self, film_ratio):
-        x, smooth, scale = film_ratio, self._smooth(film_ratio), self.length_ratio**2
-        return scale * jnp.exp(smooth[2]) * (1 + x) ** 1.5, -scale * smooth[3] * (1 + x)
+        x, q2 = film_ratio, self.length_ratio**2
+        limit = jnp.log(DAMPING_LIMIT) - jnp.log(q2)
+        radial = self._continued(x, self._damping, self.damping_edge, 0, limit)
+        cross = self._continued(x, self._damping, self.damping_edge, 1, CROSS_LIMIT / q2)
+        return q2 * jnp.exp(radial) * (1 + x) ** 1.5, -q2 * cross * (1 + x)
 
     def friction_number(self, load_number):
         return friction_at(self, film_ratio(self, load_number))
 
-    def _smooth(self, film_ratio: Scalar) -> Float[Array, " 4"]:
-        """ln(load gain/q^2), attitude angle, ln(C_rr s^3/q^2) and -C_tr s^2/q^2."""
+    def _continued(self, film_ratio, inside, at_edge, index, limit, limit_slope=None) -> Scalar:
         s = 1 / jnp.sqrt(1 + film_ratio)
         beyond = s < EDGE
-        inner = self._inside(jnp.where(beyond, EDGE, s))
-        values, slopes = self.edge_values, self.edge_slopes
-        ln_q2 = 2 * jnp.log(self.length_ratio)
-        limits = [jnp.log(LOAD_LIMIT) - ln_q2, 0.0, jnp.log(DAMPING_LIMIT) - ln_q2]
-        limits = jnp.stack([*limits, CROSS_LIMIT / self.length_ratio**2])
-        outer = continuation(s, EDGE, values, slopes, limits)
-        angle = continuation(s, EDGE, values[1], slopes[1], 0.0, ATTITUDE_LIMIT)
-        return jnp.where(beyond, outer.at[1].set(angle), inner)
+        value, slope = at_edge[0][index], at_edge[1][index]
+        outer = continuation(s, EDGE, value, slope, limit, limit_slope)
+        return jnp.where(beyond, outer, inside(jnp.where(beyond, EDGE, s))[index])
 
-    def _inside(self, s: Scalar) -> Float[Array, " 4"]:
-        radial, tangential, c_rr, c_tr = _series(
-            1 - s**2, self.length_ratio, self.modes, self.terms
-        )
+    def _steady(self, s: Scalar) -> Float[Array, " 2"]:
+        """ln(load gain/q^2) and the attitude angle."""
+        forces = _steady_series(1 - s**2, self.length_ratio, self.modes, self.terms)
+        gain = jnp.sqrt(forces @ forces) * s**2
+        return jnp.stack([jnp.log(gain / self.length_ratio**2), jnp.arctan2(forces[1], -forces[0])])
+
+    def _damping(self, s: Scalar) -> Float[Array, " 2"]:
+        """ln(C_rr s^3/q^2) and -C_tr s^2/q^2."""
+        c_rr, c_tr = _velocity_series(1 - s**2, self.length_ratio, self.modes, self.terms)
         q2 = self.length_ratio**2
-        gain = jnp.sqrt(radial**2 + tangential**2) * s**2
-        return jnp.stack(
-            [
-                jnp.log(gain / q2),
-                jnp.arctan2(tangential, -radial),
-                jnp.log(c_rr * s**3 / q2),
-                -c_tr * s**2 / q2,
-            ]
-        )
+        return jnp.stack([jnp.log(c_rr * s**3 / q2), -c_tr * s**2 / q2])
 
 
-def _series(eps: Scalar, q: Scalar, modes: int, terms: int) -> tuple[Scalar, ...]:
-    """F_r/eps, F_t/eps, C_rr and C_tr by the series, for eps < 1."""
-    n = jnp.arange(terms + 1.0)
-    k = n[1:]
-    lam = (jnp.arange(modes) + 0.5) * jnp.pi
-    stiff = (lam / q) ** 2
+def _steady_series(eps: Scalar, q: Scalar, modes: int, terms: int) -> Float[Array, " 2"]:
+    """F_r/eps and F_t/eps by the series, for eps < 1."""
+    n = np.arange(1.0, terms + 1)
     root = jnp.sqrt(1 - eps**2)
-    # 1/h = (1 + 2 sum (-b)^n cos(n theta))/root with b = (1 - root)/eps = eps b1.
-    b1 = 1 / (1 + root)
-    power = (-eps * b1) ** n[:-1]  # (-b)^(n-1) for n = 1, 2, ...
+    lam = _wave_numbers(modes)
+    # Pressure over eps: r = d(-6/h)/d theta = (12/root) sum n (-b)^n sin(n theta).
+    p = _tridiagonal(n, (lam / q) ** 2, eps, -12 / root * n * _harmonics(eps, terms))
+    # Integral of sin(n theta) cos(theta) over 0 < theta < pi; its fellow with sin(theta) is pi/2
+    # for n = 1 and zero for the others.
+    radial, tangential = p @ (n * _half_wave(n)), p[:, 0] * jnp.pi / 2
+    short = [-2 * eps / root**4, jnp.pi / 2 / root**3]
+    return _summed(lam, q, [radial, tangential], short)
 
-    # Steady pressure over eps: r = d(-6/h)/d theta = (12/root) sum n (-b)^n sin(n theta).
-    p = _tridiagonal(k, stiff, eps, -12 / root * b1 * k * power)
-    # Radial velocity: r = -12 d(1/h)/d eps, with db/d eps = b/(eps root).
-    right = 24 * b1 * power * (k / root**2 + eps**2 / root**3)
-    v = _tridiagonal(n, stiff, eps, jnp.concatenate([-12 * eps[None] / root**3, right]))
 
-    # Integrals over 0 < theta < pi of sin(n theta) cos(theta) and of cos(n theta) sin(theta): only
-    # even n meet the other kind.
-    even = np.arange(terms + 1) % 2 == 0
-    shape = np.where(even, 2 / np.where(even, np.arange(terms + 1.0) ** 2 - 1, 1.0), 0.0)
-    sums = jnp.stack(
-        [p @ (shape * n)[1:], p[:, 0] * jnp.pi / 2, -v[:, 1] * jnp.pi / 2, v @ shape], axis=1
-    )
-    # The modes left out are short bearings; the sum of 1/lam^4 over all modes is 1/6.
-    tail = 1 - 6 * jnp.sum(1 / lam**4)
-    short = [
-        -2 * eps / root**4,
-        jnp.pi / 2 / root**3,
-        jnp.pi * (1 + 2 * eps**2) / root**5,
-        -4 * eps / root**4,
-    ]
-    return tuple((1 / lam**2) @ sums + tail * q**2 * jnp.stack(short))
+def _velocity_series(eps: Scalar, q: Scalar, modes: int, terms: int) -> Float[Array, " 2"]:
+    """C_rr and C_tr by the series, for eps < 1."""
+    n = np.arange(terms + 1.0)
+    root = jnp.sqrt(1 - eps**2)
+    lam = _wave_numbers(modes)
+    # r = -12 d(1/h)/d eps, with db/d eps = b/(eps root).
+    waves = 24 * _harmonics(eps, terms) * (n[1:] / root**2 + eps**2 / root**3)
+    right = jnp.concatenate([-12 * eps[None] / root**3, waves])
+    p = _tridiagonal(n, (lam / q) ** 2, eps, right)
+    radial, cross = -p[:, 1] * jnp.pi / 2, p @ _half_wave(n)
+    short = [jnp.pi * (1 + 2 * eps**2) / root**5, -4 * eps / root**4]
+    return _summed(lam, q, [radial, cross], short)
+
+
+def _wave_numbers(modes: int) -> np.ndarray:
+    return (np.arange(modes) + 0.5) * np.pi
+
+
+def _harmonics(eps: Scalar, terms: int) -> Float[Array, " terms"]:
+    """-(-b)^n/eps, n = 1, 2, ..., of 1/h = (1 + 2 sum (-b)^n cos(n theta))/sqrt(1 - eps^2)."""
+    b_over_eps = 1 / (1 + jnp.sqrt(1 - eps**2))
+    return b_over_eps * (-eps * b_over_eps) ** np.arange(terms)
+
+
+def _half_wave(n: np.ndarray) -> np.ndarray:
+    """2/(n^2 - 1) for even n, 0 for odd: minus the integral of cos(n theta) sin(theta) to pi."""
+    even = n % 2 == 0
+    return np.where(even, 2 / np.where(even, n**2 - 1, 1.0), 0.0)
+
+
+def _summed(lam: np.ndarray, q: Scalar, modes: list, short: list) -> Float[Array, " 2"]:
+    """Sum over the modes, and over those left out, which are short bearings (`short` over q^2)."""
+    tail = 1 - 6 * np.sum(lam**-4.0)  # the sum of 1/lam^4 over all modes is 1/6
+    return jnp.stack(modes) @ lam**-2.0 + tail * q**2 * jnp.stack(short)
 
 
 def _tridiagonal(

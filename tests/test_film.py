@@ -1,0 +1,433 @@
+"""Film models against limits, identities and each other; the bearing part and its units."""
+
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp.film import (
+    ExplicitFit,
+    Guembel,
+    JournalBearing,
+    Ocvirk,
+    Reynolds,
+    bush_moment,
+    coefficients_per_load,
+    convert_load_number,
+    dynamic_coefficients,
+    eccentricity_ratio,
+    entrainment_speed,
+    film_forces,
+    film_ratio,
+    film_state,
+    friction_at,
+    friction_moment,
+    load_number,
+    load_number_at,
+    minimum_film,
+    prepare,
+    running_state,
+    stiffness_damping,
+)
+
+ALL = [Reynolds, Guembel, Ocvirk, ExplicitFit]
+SOLVED = [Reynolds, Guembel, Ocvirk]
+
+# Main bearing of an 8 cm3 household compressor: 8 mm x 22 mm, 9 um, 4 mPa s.
+SIZES = {
+    "radius": 8e-3,
+    "length": 22e-3,
+    "radial_clearance": 9e-6,
+    "dynamic_viscosity": 4e-3,
+}
+BEARING = JournalBearing(**SIZES)
+
+
+def over(function, *values):
+    return jax.tree.map(np.asarray, jax.jit(jax.vmap(function))(*map(jnp.asarray, values)))
+
+
+# ---- limits
+
+
+@pytest.mark.parametrize("eps", [0.05, 0.5, 0.9])
+def test_ocvirk_forms_are_the_printed_ones(eps):
+    q, s = 0.4, 1 - eps**2
+    film, x = Ocvirk(q), eps / (1 - eps)
+    load = q**2 * eps / (2 * s**2) * math.sqrt(math.pi**2 * s + 16 * eps**2)
+    c_rr = math.pi * q**2 * (1 + 2 * eps**2) / s**2.5
+    # the same formulas in another variable: rounding only
+    tight = {"rtol": 1e-12}
+    np.testing.assert_allclose(load_number_at(film, eps), load, **tight)
+    forces = film_forces(film, eps)
+    np.testing.assert_allclose(forces[0], -2 * q**2 * eps**2 / s**2, **tight)
+    np.testing.assert_allclose(forces[1], math.pi / 2 * q**2 * eps / s**1.5, **tight)
+    np.testing.assert_allclose(film.damping(x)[0], c_rr, **tight)
+    phi = math.atan(math.pi * math.sqrt(s) / (4 * eps))
+    np.testing.assert_allclose(film.attitude_angle(x), phi, **tight)
+
+
+def test_guembel_tends_to_ocvirk_for_a_short_bearing():
+    q, eps = 0.02, np.linspace(0.05, 0.9, 8)
+    load = over(lambda e: load_number_at(Ocvirk(q), e), eps)
+    short = over(lambda e: load_number_at(Guembel(q), e), eps)
+    # the correction is of order q; 0.2 % in Phi_p and 0.3 % in K and C at q = 0.02
+    np.testing.assert_allclose(short, load, rtol=2e-3)
+    ours, theirs = (
+        over(lambda p, f=f: coefficients_per_load(f(q), p), load) for f in (Guembel, Ocvirk)
+    )
+    for a, b in zip(ours, theirs, strict=True):
+        assert np.max(np.abs(a - b).max((1, 2)) / np.abs(b).max((1, 2))) < 4e-3
+    # and it is smaller for a shorter bearing
+    half = over(lambda e: load_number_at(Guembel(q / 2), e), eps)
+    assert np.all(np.abs(half / load * 4 - 1) < 0.6 * np.abs(short / load - 1))
+
+
+@pytest.mark.parametrize("q", [0.1, 0.5, 1.0, 2.0])
+def test_guembel_concentric_limit_is_exact(q):
+    film, zero = Guembel(q), jnp.zeros(())
+    gain = 1.5 * math.pi * (1 - math.tanh(q) / q)  # Phi_p/eps
+    # six modes and the short-bearing tail leave 1.6e-6 at q = 2
+    np.testing.assert_allclose(film.load_gain(zero), gain, rtol=3e-6)
+    np.testing.assert_allclose(film.attitude_angle(zero), math.pi / 2, rtol=1e-12)
+    np.testing.assert_allclose(film.damping(zero)[0], 2 * gain, rtol=3e-6)
+    np.testing.assert_allclose(film.damping(zero)[1], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("eps", [0.3, 0.8, 0.95])
+def test_guembel_series_has_converged(eps):
+    few, many = Guembel(1.0), Guembel(1.0, modes=16, terms=160)
+    x = jnp.asarray(eps / (1 - eps))
+    # the modes beyond the sixth, taken for short bearings, leave 4e-5 at eps = 0.95
+    np.testing.assert_allclose(few.load_gain(x), many.load_gain(x), rtol=1e-4)
+    np.testing.assert_allclose(few.damping(x), many.damping(x), rtol=1e-4)
+
+
+def test_reynolds_concentric_limit():
+    film = Reynolds(1.0)
+    eps = np.array([1e-6, 1e-4])
+    load = over(lambda e: load_number_at(film, e), eps)
+    # linear in eps: the next term is of relative order eps
+    np.testing.assert_allclose(load / eps, float(film.load_gain(jnp.zeros(()))), rtol=1e-3)
+    # the line where the film starts breaks the symmetry: less than a right angle
+    assert 84 < np.degrees(film.attitude_angle(jnp.zeros(()))) < 86
+
+
+@pytest.mark.parametrize(
+    ("model", "load", "attitude", "friction"),
+    [(Reynolds, 1.2237, 1.8799, 3.05), (Guembel, 1.0, math.pi / math.sqrt(2), 3.33)],
+)
+@pytest.mark.parametrize("q", [0.25, 1.0, 2.0])
+def test_limits_of_a_closing_film(model, load, attitude, friction, q):
+    film, x = model(q), 1e10
+    s = 1 / math.sqrt(1 + x)
+    # constants quoted to five and three digits; the next terms are of order s = 1e-5
+    np.testing.assert_allclose(film.load_gain(jnp.asarray(x)), load, rtol=2e-4)
+    np.testing.assert_allclose(film.attitude_angle(jnp.asarray(x)) / s, attitude, rtol=2e-4)
+    number = x * load
+    np.testing.assert_allclose(
+        film.friction_number(jnp.asarray(number)) / math.sqrt(number), friction, rtol=2e-3
+    )
+
+
+def test_thin_zone_constants_by_quadrature():
+    """The film of an infinitely long thin zone, h = 1 + t^2, integrated numerically."""
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+
+    from jaxcomp.film import _reynolds
+
+    def integral(f, end):
+        return quad(f, -np.inf, end, epsabs=1e-13)[0]
+
+    end = brentq(
+        lambda b: integral(lambda t: (t**2 - b**2) / (1 + t**2) ** 3, b), 0.1, 2, xtol=1e-14
+    )
+
+    def pressure_slope(t):
+        return (t**2 - end**2) / (1 + t**2) ** 3
+
+    load = 6 * integral(lambda t: (end - t) * pressure_slope(t), end)
+    tangential = 3 * math.sqrt(2) * integral(lambda t: (t**2 - end**2) * pressure_slope(t), end)
+    turn = integral(lambda t: t / (1 + t**2) ** 3, end) / integral(
+        lambda t: (1 + t**2) ** -3.0, end
+    )
+    damping = -12 * math.sqrt(2) * integral(lambda t: (end - t) * (t - turn) / (1 + t**2) ** 3, end)
+    # quadrature to 1e-13, with some digits lost in the double integrals
+    np.testing.assert_allclose(load, _reynolds.LOAD_LIMIT, rtol=1e-9)
+    np.testing.assert_allclose(tangential / load, _reynolds.ATTITUDE_LIMIT, rtol=1e-9)
+    np.testing.assert_allclose(abs(damping), _reynolds.DAMPING_LIMIT, rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", ALL)
+def test_petroff_at_no_load(model):
+    film = model(1.0)
+    value, slope = jax.value_and_grad(film.friction_number)(jnp.zeros(()))
+    # exact by construction, but for rounding
+    np.testing.assert_allclose(value, math.pi, rtol=1e-12)
+    np.testing.assert_allclose(slope, 0.0, atol=1e-10)
+
+
+# ---- shape of the functions
+
+
+@pytest.mark.parametrize("model", ALL)
+@pytest.mark.parametrize("q", [0.1, 0.5, 2.0])
+def test_load_grows_with_eccentricity_and_friction_with_load(model, q):
+    film = model(q)
+    log_x = np.linspace(-20, 30, 300)
+    slope = over(jax.grad(lambda lx: lx + jnp.log(film.load_gain(jnp.exp(lx)))), log_x)
+    # d ln Phi_p/d ln x between 0.7 and 2 (Ocvirk reaches 2), a hair of rounding above
+    assert slope.min() > 0.7
+    assert slope.max() < 2 + 1e-9
+    load = np.logspace(-6, 9, 300)
+    assert np.all(np.diff(over(film.friction_number, load)) > -1e-12)
+
+
+@pytest.mark.parametrize("q", [0.1, 0.17, 0.25, 0.5, 1.0, 1.5, 2.0])
+def test_direct_friction_agrees_with_the_position(q):
+    film = Reynolds(q)
+    x = np.logspace(-4, 9, 300)
+    load = over(lambda x: x * film.load_gain(x), x)
+    direct = over(film.friction_number, load)
+    # 32 terms leave 3e-4 for the shortest bearings and 5e-5 for L/D from 1 to 2
+    bound = 4e-4 if q < 0.5 else 2e-4 if q < 1 else 8e-5
+    assert np.max(np.abs(direct / over(lambda x: friction_at(film, x), x) - 1)) < bound
+
+
+@pytest.mark.parametrize("model", ALL)
+@pytest.mark.parametrize("q", [0.1, 1.0, 2.0])
+def test_position_inverts_the_load(model, q):
+    film = model(q)
+    x = np.logspace(-9, 12, 200)
+    load = over(lambda x: x * film.load_gain(x), x)
+    # Newton to rounding, a few ulp
+    np.testing.assert_allclose(over(lambda p: film_ratio(film, p), load), x, rtol=3e-14)
+
+
+@pytest.mark.parametrize("q", [0.1, 0.25, 0.5, 1.0, 2.0])
+def test_reynolds_damping_and_whirl_drive(q):
+    film = Reynolds(q)
+    s = np.linspace(0.04, 0.9999, 300)  # beyond both ends of the table as well
+    load = over(lambda x: x * film.load_gain(x), 1 / s**2 - 1)
+    stiffness, damping = over(lambda p: dynamic_coefficients(film, p), load)
+    largest = np.abs(damping).max((1, 2))
+    # symmetric up to the rounding of a rotation
+    assert np.max(np.abs(damping[:, 0, 1] - damping[:, 1, 0]) / largest) < 1e-13
+    assert np.all(np.linalg.eigvalsh(damping)[:, 0] > 0)
+    assert np.all(stiffness[:, 0, 1] - stiffness[:, 1, 0] > 0)
+    assert np.all(stiffness[:, [0, 1, 0], [0, 1, 1]] > 0)
+    # the cross stiffness changes sign at a mid eccentricity ratio ("about 0.7")
+    crossing = 1 - s[np.flatnonzero(np.diff(np.sign(stiffness[:, 1, 0])))] ** 2
+    assert crossing.size == 1
+    assert 0.6 < crossing[0] < 0.8
+
+
+@pytest.mark.parametrize("model", SOLVED)
+def test_tangential_terms_follow_from_turning_the_line_of_centres(model):
+    """K and C from the forces on a journal anywhere, moving anyhow, by automatic differentiation.
+
+    For a film that depends on the position relative to the line of centres only, the force is that
+    of the film at the effective speed omega - 2 v_t/e, turned; the radial terms need no such law.
+    """
+    film, load = model(0.7), jnp.asarray(1.3)
+    state = film_state(film, load)
+    eps, phi = state.eccentricity_ratio, state.attitude_angle
+
+    def force(place, velocity):
+        distance = jnp.sqrt(place @ place)
+        e_r = place / distance
+        e_t = jnp.array([-e_r[1], e_r[0]])
+        radial, tangential = film_forces(film, distance)
+        return (1 - 2 * (velocity @ e_t) / distance) * (radial * e_r + tangential * e_t)
+
+    place = eps * jnp.array([jnp.cos(phi), jnp.sin(phi)])
+    still = jnp.zeros(2)
+    # the film carries the load, which points along x
+    np.testing.assert_allclose(force(place, still), [-load, 0.0], atol=1e-12)
+    stiffness, damping = dynamic_coefficients(film, load)
+    np.testing.assert_allclose(stiffness, -jax.jacfwd(force)(place, still), atol=1e-11)
+    across = jnp.array([-jnp.sin(phi), jnp.cos(phi)])
+    from_turning = -jax.jacfwd(force, 1)(place, still) @ across
+    np.testing.assert_allclose(damping @ across, from_turning, atol=1e-11)
+
+
+# ---- load numbers
+
+
+def test_load_numbers():
+    q, value = 0.5, 1.7
+    s = convert_load_number(value, "load_number", "sommerfeld_number", q)
+    np.testing.assert_allclose(s, 1 / (2 * math.pi * value))
+    modified = convert_load_number(s, "sommerfeld_number", "modified_sommerfeld_number", q)
+    np.testing.assert_allclose(modified, math.pi * s * q**2)
+    back = convert_load_number(modified, "modified_sommerfeld_number", "load_number", q)
+    np.testing.assert_allclose(back, value)
+    with pytest.raises(ValueError, match=r"`target` must be one of load_number.*So"):
+        convert_load_number(value, "load_number", "So", q)
+
+
+def test_load_numbers_by_their_definitions():
+    load, speed = 200.0, 300.0
+    radius, length, gap, eta = SIZES.values()
+    number = load_number(BEARING, load, speed, rest_speed=0.0)
+    np.testing.assert_allclose(
+        number, load * (gap / radius) ** 2 / (eta * speed * length * 2 * radius)
+    )
+    mean_pressure = load / (length * 2 * radius)
+    s = eta * (speed / (2 * math.pi)) / mean_pressure * (radius / gap) ** 2
+    q = BEARING.length_ratio
+    np.testing.assert_allclose(
+        convert_load_number(number, "load_number", "sommerfeld_number", q), s
+    )
+    ocvirk = 2 * radius * speed * eta * length**3 / (8 * load * gap**2)
+    np.testing.assert_allclose(
+        convert_load_number(number, "load_number", "modified_sommerfeld_number", q), ocvirk
+    )
+
+
+# ---- the part
+
+
+def test_bearing_refuses_what_it_cannot_be():
+    with pytest.raises(ValueError, match=r"`radial_clearance` must be > 0, but is 0"):
+        JournalBearing(**{**SIZES, "radial_clearance": 0.0})
+    with pytest.raises(ValueError, match=r"length/diameter 0.1 to 2 for the film model Reynolds"):
+        JournalBearing(**{**SIZES, "length": 50e-3})
+    JournalBearing(**{**SIZES, "length": 50e-3}, film=Ocvirk)
+    with pytest.raises(ValueError, match=r"0.4 to 2 for the film model ExplicitFit"):
+        JournalBearing(**{**SIZES, "length": 5e-3}, film=ExplicitFit)
+
+
+@pytest.mark.parametrize("model", ALL)
+def test_friction_moment_of_a_bearing(model):
+    bearing = JournalBearing(**SIZES, film=model)
+    moment = over(lambda w: friction_moment(bearing, 200.0, w), np.array([300.0, -300.0, 0.0]))
+    radius, length, gap, eta = SIZES.values()
+    petroff = math.pi * eta * 300.0 * length * 2 * radius * radius * radius / gap
+    np.testing.assert_allclose(friction_moment(bearing, 0.0, 300.0), petroff, rtol=1e-12)
+    assert moment[0] > petroff
+    assert moment[0] == -moment[1]
+    assert moment[2] == 0
+    np.testing.assert_allclose(
+        friction_moment(prepare(bearing), 200.0, 300.0), moment[0], rtol=1e-14
+    )
+
+
+def test_friction_grows_like_the_root_of_a_heavy_load():
+    # Phi_T -> 3.05 sqrt(Phi_p); the rest is of order sqrt(1 - eps) = 1e-3
+    heavy = friction_moment(BEARING, 4e9, 300.0) / friction_moment(BEARING, 1e9, 300.0)
+    np.testing.assert_allclose(heavy, 2.0, rtol=3e-3)
+
+
+@pytest.mark.parametrize("model", SOLVED)
+@pytest.mark.parametrize("speed", [300.0, -300.0])
+def test_moments_on_journal_and_bush_balance(model, speed):
+    """Journal + bush + couple of the load, offset from the film force by e sin(phi), is zero."""
+    bearing, load = JournalBearing(**SIZES, film=model), 400.0
+    state = running_state(bearing, load, speed)
+    arm = SIZES["radial_clearance"] * state.eccentricity_ratio * jnp.sin(state.attitude_angle)
+    if model is Reynolds:  # 1e-4: its two series of friction
+        journal, tolerance = friction_moment(bearing, load, speed), 1e-4
+    else:
+        journal, tolerance = friction_moment(bearing, load, speed), 1e-8
+    bush = bush_moment(bearing, load, speed)
+    np.testing.assert_allclose(journal - bush, load * arm * np.sign(speed), rtol=tolerance)
+    # the bush feels pi/sqrt(1 - eps^2) - eps F_t/2
+    eps = state.eccentricity_ratio
+    couette = 2 * math.pi / math.sqrt(1 - eps**2)
+    np.testing.assert_allclose(
+        bush / journal, couette / state.friction_number - 1, rtol=10 * tolerance
+    )
+
+
+def test_speeds_that_build_pressure():
+    # the load turning with the shaft keeps the capacity, at half its speed it kills it
+    assert entrainment_speed(300.0, 0.0, 300.0) == -300.0
+    assert entrainment_speed(300.0, 0.0, 150.0) == 0.0
+    still = friction_moment(BEARING, 200.0, 300.0)
+    with_shaft = friction_moment(BEARING, 200.0, 300.0, entrainment=-300.0)
+    half = friction_moment(BEARING, 200.0, 300.0, entrainment=0.0)
+    np.testing.assert_allclose(with_shaft, still, rtol=1e-14)
+    assert half > 10 * still
+
+
+def test_minimum_film_and_eccentricity():
+    eps = eccentricity_ratio(BEARING, 400.0, 300.0)
+    film = minimum_film(BEARING, 400.0, 300.0)
+    np.testing.assert_allclose(film, SIZES["radial_clearance"] * (1 - eps), rtol=1e-12)
+    # far beyond the table the film keeps its digits: h_min -> 1.2237 c/Phi_p
+    number = load_number(BEARING, 1e10, 300.0)
+    np.testing.assert_allclose(
+        minimum_film(BEARING, 1e10, 300.0),
+        1.2237 * SIZES["radial_clearance"] / number,
+        rtol=1e-3,  # the next term is sqrt(1 - eps) = 3e-4 times a number of order one
+    )
+
+
+@pytest.mark.parametrize("model", SOLVED)
+def test_stiffness_turns_with_the_load(model):
+    bearing, load, speed = JournalBearing(**SIZES, film=model), 300.0, 280.0
+    number = load_number(bearing, load, speed)
+    film = prepare(bearing).film
+    reference = coefficients_per_load(film, number)
+    gap = SIZES["radial_clearance"]
+    along = stiffness_damping(bearing, jnp.array([load, 0.0]), speed)
+    # the smoothing of the speed at rest is below rounding here
+    np.testing.assert_allclose(along.stiffness, reference.stiffness * load / gap, rtol=1e-9)
+    np.testing.assert_allclose(along.damping, reference.damping * load / (gap * speed), rtol=1e-9)
+    # load along -Y and X to the right (Friswell, ROSS): K_XX = K_yy, K_YY = K_xx,
+    # K_XY = -K_yx, K_YX = -K_xy
+    down = stiffness_damping(bearing, jnp.array([0.0, -load]), speed)
+    for turned, plain in zip(down, along, strict=True):
+        expected = [[plain[1, 1], -plain[1, 0]], [-plain[0, 1], plain[0, 0]]]
+        np.testing.assert_allclose(turned, expected, rtol=1e-9)
+    angle = 0.7
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    inclined = stiffness_damping(bearing, load * jnp.asarray(turn[:, 0]), speed)
+    for turned, plain in zip(inclined, along, strict=True):
+        np.testing.assert_allclose(turned, turn @ plain @ turn.T, rtol=1e-9)
+    # the other way round is the mirror image
+    mirror = np.diag([1.0, -1.0])
+    backward = stiffness_damping(bearing, jnp.array([load, 0.0]), -speed)
+    for turned, plain in zip(backward, along, strict=True):
+        np.testing.assert_allclose(turned, mirror @ plain @ mirror, rtol=1e-9)
+
+
+def test_damping_takes_energy_whatever_the_rotation():
+    for speed in (300.0, -300.0):
+        damping = stiffness_damping(BEARING, jnp.array([100.0, -250.0]), speed).damping
+        assert np.all(np.linalg.eigvalsh(damping) > 0)
+
+
+def test_stiffness_needs_a_model_with_directions():
+    bearing = JournalBearing(**SIZES, film=ExplicitFit)
+    with pytest.raises(ValueError, match=r"ExplicitFit gives no attitude angle"):
+        stiffness_damping(bearing, jnp.array([1.0, 0.0]), 300.0)
+    with pytest.raises(
+        ValueError, match=r"`load_vector` must have shape \(2,\), but has shape \(3,\)"
+    ):
+        stiffness_damping(BEARING, jnp.ones(3), 300.0)
+
+
+def test_bearing_works_under_jit_and_vmap():
+    loads = jnp.linspace(0.0, 500.0, 7)
+    clearances = jnp.linspace(6e-6, 12e-6, 7)
+
+    @eqx.filter_jit
+    def moments(bearing, clearances, loads):
+        def one(clearance, load):
+            changed = eqx.tree_at(lambda b: b.radial_clearance, bearing, clearance)
+            return friction_moment(changed, load, 300.0)
+
+        return jax.vmap(one)(clearances, loads)
+
+    each = [
+        friction_moment(JournalBearing(**{**SIZES, "radial_clearance": c}), w, 300.0)
+        for c, w in zip(clearances, loads, strict=True)
+    ]
+    # the same operations in another order
+    np.testing.assert_allclose(moments(BEARING, clearances, loads), each, rtol=1e-12)
