@@ -7,7 +7,8 @@ infinity. Every wanted eigenvalue then takes one Newton step with the left vecto
     lambda <- lambda - y^T P(lambda) x / (y^T P'(lambda) x),      P = lambda^2 M + lambda D + K,
 
 with lambda, x and y held fixed: it removes the rounding of the large eigenproblem, and its
-derivative -y^T dP x / (y^T P' x) is that of the eigenvalue, so that `eig` needs none. The eigenvectors are differentiated by a bordered system in the same way.
+derivative -y^T dP x / (y^T P' x) is that of the eigenvalue, so that `eig` needs none. The
+eigenvectors are differentiated by a bordered system in the same way.
 """
 
 from typing import NamedTuple

@@ -29,7 +29,8 @@ class Layout(NamedTuple):
         active: (n, dof) whether a degree of freedom exists: not slaved, and not without any
             stiffness and inertia by construction.
         border: the border nodes.
-        touched: (b, planes, 2) whether links or bodies act on that coordinate.
+        touched: (b, planes, 2) whether links or bodies act on that coordinate; a side pull does not
+            count, because it is isotropic and stays within the whirl lanes.
         segment: (m, s) interior nodes.
         ends: (2, s) border positions left and right of the segments, b for a free end.
         slots: for each element (kind, position, segment, transposed); see `_slots`.
@@ -59,7 +60,7 @@ def layout_of(model: RotorModel) -> Layout:
     number = {name: i for i, name in enumerate(names)}
     pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.nodes)
     links = [(link.nodes, link.axes) for link in model.links]
-    links += [(pair, ("ux", "uy")) for pull in model.side_pulls for pair in pull.nodes]
+    links += [(pair, ()) for pull in model.side_pulls for pair in pull.nodes]
     link_axes = tuple(
         (tuple(number.get(node, len(names)) for node in nodes), tuple(axes))
         for nodes, axes in links
@@ -82,11 +83,13 @@ def _layout(n, dof, pairs, link_axes, bodies, disks, masses) -> Layout:
     touched[slaved] = True
     touched[[c for c, _ in bodies]] = True
 
+    pulled = {node for nodes, axes in link_axes if not axes for node in nodes} - {n}
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in pairs:
         neighbours[a].add(b)
         neighbours[b].add(a)
     active = touched.copy()
+    active[list(pulled), :2] = True
     active[list(disks)] = True
     active[[i for i in range(n) if neighbours[i]]] = True
     for i in masses:
@@ -95,7 +98,7 @@ def _layout(n, dof, pairs, link_axes, bodies, disks, masses) -> Layout:
     if not active.any():
         raise BadInput("model", "no degree of freedom", "something that can move")
 
-    border = {i for i in range(n) if touched[i].any() or len(neighbours[i]) not in (1, 2)}
+    border = {i for i in range(n) if touched[i].any() or len(neighbours[i]) not in (1, 2)} | pulled
     runs = _runs(n, neighbours, border)
     order = sorted(border)
     place = {node: k for k, node in enumerate(order)} | {None: len(order)}
