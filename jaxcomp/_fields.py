@@ -63,7 +63,7 @@ class Bound(NamedTuple):
         low = self.low + (1e-6 * max(1.0, abs(self.low)) if self.low_open else 0.0)
         high = self.high - (1e-6 * max(1.0, abs(self.high)) if self.high_open else 0.0)
         moved = jnp.clip(jnp.nan_to_num(x, nan=1.0, posinf=1.0, neginf=1.0), low, high)
-        inside = (x >= low) & (x <= high)
+        inside = (x >= low) & (x <= high) & jnp.isfinite(x)
         return jnp.where(inside, x, jax.lax.stop_gradient(moved))
 
     def __str__(self) -> str:

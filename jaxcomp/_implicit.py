@@ -93,7 +93,10 @@ def _neumann(tolerance, max_steps):
             value, _, steps = carry
             rest = jax.tree.map(jnp.subtract, right_side, matvec(value))
             change = jnp.max(jnp.stack([jnp.max(jnp.abs(r)) for r in jax.tree.leaves(rest)]))
-            return jax.tree.map(jnp.add, value, rest), change, steps + 1
+            # as above: where the passes do not contract, the derivative means nothing but is finite
+            lost = ~(change < _RUNAWAY * size)
+            new = jax.tree.map(lambda v, r: jnp.where(lost, v, v + r), value, rest)
+            return new, jnp.where(lost, 0.0, change), steps + 1
 
         start = (right_side, jnp.asarray(jnp.inf), jnp.asarray(0))
         return jax.lax.while_loop(going_on, advance, start)[0]

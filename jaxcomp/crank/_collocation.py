@@ -57,9 +57,12 @@ class Collocation(eqx.Module):
         turn, motion, report = solve_motion(compressor, self)
         now = torques(compressor, turn, motion)
         motor = now.motor
+        stalled = jnp.min(motion.energy) <= ENERGY_FLOOR
         if isinstance(compressor.motor, MeanSpeed):
             motor = motor_level(turn, now) * motor
-        stalled = jnp.min(motion.energy) <= ENERGY_FLOOR
+            # No level of torque turns a crank slower than it needs to get over the compression.
+            period = turn.grid.total(1 / now.state.speed)
+            stalled |= ~(period * compressor.motor.mean_speed > 0.999 * 2 * jnp.pi)
         status = Status.where(report.settled, Status.converged, Status.not_converged)
         status = Status.where(stalled, Status.stalled, status)
         grid = turn.grid
