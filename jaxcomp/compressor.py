@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._fields import ANY, Part, quantity
-from .friction import JointLoads, SliderCrankFriction, joint_loads
+from .friction import JointLoads, SliderCrankFriction, SliderLinkFriction, joint_loads
 from .gas import AbstractGas, Stroke
 from .mechanism import AbstractMechanism, CrankState
 from .motor import AbstractMotor
@@ -31,7 +31,7 @@ class Compressor(Part):
     mechanism: AbstractMechanism
     motor: AbstractMotor
     gas: AbstractGas | None = None
-    friction: SliderCrankFriction | None = None
+    friction: SliderCrankFriction | SliderLinkFriction | None = None
     gravity: Float[Array, "2"] | None = quantity("m/s^2", ANY, shape=(2,), default=None)
 
 
