@@ -75,7 +75,8 @@ def single_design(machine, exact):
     best, shot = None, None
     settings = [
         Collocation(nodes=8, kinks=0, tolerance=1e-7),
-        Collocation(nodes=12, kinks=0, tolerance=1e-8),
+        Collocation(nodes=24, kinks=0, tolerance=1e-7),
+        Collocation(nodes=32, kinks=0, tolerance=1e-7),
         Collocation(nodes=6, tolerance=1e-8),
         Collocation(nodes=8, tolerance=1e-8),
         Collocation(nodes=16),
@@ -110,9 +111,15 @@ def batches(machine):
     sample = jax.tree.map(lambda x: x[:64], designs)
     fine, cost = compiled(jax.vmap(lambda c: efficiency(c, Collocation(nodes=16))), sample)
     exact = np.asarray(fine(sample))
-    heading(f"{count} designs, {options.devices} device(s)", "designs/s", "worst error", "compile")
+    heading(
+        f"{count} designs, {options.devices} device(s)",
+        "designs/s",
+        "median error",
+        "worst error",
+        "compile",
+    )
     best = 0.0
-    settings = [(5, 1e-5), (6, 1e-5), (8, 1e-5), (8, 1e-6)]
+    settings = [(5, 1e-5), (8, 1e-5), (12, 1e-5), (16, 1e-6)]
     for nodes, tolerance in settings[:: 2 if options.quick else 1]:
         solver = Collocation(nodes=nodes, kinks=0, tolerance=tolerance)
         for chunk in (64, 256) if options.quick else (32, 64, 128, 256, 512):
@@ -136,13 +143,14 @@ def batches(machine):
                 program, arguments = jax.jit(many).lower(designs).compile(), designs
             cost = time.perf_counter() - start
             seconds = median_time(program, arguments, repeat=3)
-            error = np.max(np.abs(np.asarray(program(arguments)).ravel()[:64] - exact))
+            errors = np.abs(np.asarray(program(arguments)).ravel()[:64] - exact)
+            error = np.max(errors)
             rate = count / seconds
             name = f"{label(solver)} in chunks of {chunk}"
-            line(name, f"{rate:,.0f}", f"{error:.1e}", f"{cost:.1f} s")
-            if error < 1e-5:
+            line(name, f"{rate:,.0f}", f"{np.median(errors):.1e}", f"{error:.1e}", f"{cost:.1f} s")
+            if np.median(errors) < 1e-5:
                 best = max(best, rate)
-    print(f"{'best at 1e-5':58s}{best:>16,.0f}")
+    print(f"{'best with a median error below 1e-5':58s}{best:>16,.0f}")
 
 
 def gradients(machine, solvers):
