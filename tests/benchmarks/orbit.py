@@ -134,10 +134,7 @@ def batches(machine):
                     lambda x: x.reshape(options.devices, -1, *x.shape[1:]), designs
                 )
                 program = jax.pmap(many)
-                arguments = jax.device_put_sharded(
-                    [jax.tree.map(lambda x, i=i: x[i], split) for i in range(options.devices)],
-                    jax.local_devices(),
-                )
+                arguments = split
                 jax.block_until_ready(program(arguments))
             else:
                 program, arguments = jax.jit(many).lower(designs).compile(), designs
