@@ -28,10 +28,16 @@ _ROOMS = {
     "friction": (
         "CoulombJournal",
         "CoulombSlide",
+        "FilmJournal",
+        "LoadedPetroffJournal",
+        "OilPump",
+        "PetroffJournal",
         "PistonFilm",
         "RegularisedJournal",
         "RegularisedSlide",
         "SliderCrankFriction",
+        "SliderLinkFriction",
+        "ThrustBearing",
     ),
     "gas": (
         "CallableDiagram",
@@ -40,8 +46,9 @@ _ROOMS = {
         "PolytropicCycle",
         "VolumeTable",
     ),
-    "mechanism": ("CrankState", "SliderCrank"),
+    "mechanism": ("CrankState", "SliderCrank", "SliderLink"),
     "motor": ("ConstantTorque", "Kloss", "MeanSpeed", "SlipLine"),
+    "film": ("JournalBearing",),
     "scene": ("Scene", "SceneError", "describe", "dump", "load", "machines"),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}

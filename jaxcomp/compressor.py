@@ -34,6 +34,14 @@ class Compressor(Part):
     friction: SliderCrankFriction | SliderLinkFriction | None = None
     gravity: Float[Array, "2"] | None = quantity("m/s^2", ANY, shape=(2,), default=None)
 
+    def __check_init__(self):
+        wanted = getattr(self.mechanism, "kind", None)
+        if self.friction is not None and getattr(self.friction, "kind", None) != wanted:
+            kind = getattr(self.friction, "kind", type(self.friction).__name__)
+            raise ValueError(
+                f"`friction` must be of the kind of the mechanism, {wanted}, but is {kind}."
+            )
+
 
 def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Stroke:
     """Displaced volume and direction of the stroke at crank angles [rad].

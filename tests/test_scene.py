@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
+from jaxcomp import Collocation, solve_orbit
 from jaxcomp import scene as scenes
 from jaxcomp._fields import NONNEGATIVE, POSITIVE, Part, quantity
 from jaxcomp.friction import CoulombSlide, RegularisedSlide
@@ -310,3 +311,11 @@ def test_a_registered_section_is_set_described_and_dumped(housing):
     rows = {row.path: row for row in describe(scene)}
     assert rows["housing.mounts.1.nodes"].value == (1, 2)
     assert rows["housing.mass"].doc == "all of it"
+
+
+def test_slider_link_machine_runs_from_its_scene():
+    orbit = solve_orbit(load("slider-link-8cc").compressor, Collocation(kinks=12))
+    # the household machine as computed by an independent RK4 integration in time (tests of the
+    # mechanism have the parts): rounding of the figures as they are kept there
+    np.testing.assert_allclose(float(orbit.motor_power), 75.9, atol=0.05)
+    np.testing.assert_allclose(float(orbit.mean_speed) * 30 / np.pi, 2907, atol=0.5)

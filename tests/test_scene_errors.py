@@ -138,8 +138,13 @@ BAD = {
     "key twice": (replaced("[gas]", "[motor]"), "is not valid TOML: "),
     "nothing": ("", "mechanism: is missing; it must be a section of type slider_crank"),
     "rule in the code of a part": (
-        GOOD + '[friction]\n[friction.wall_film]\nviscosity = "4 mPa s"\nclearance = "6 um"\n',
+        GOOD
+        + '[friction]\ntype = "slider_crank"\n[friction.wall_film]\nviscosity = "4 mPa s"\nclearance = "6 um"\n',
         "friction: `wall_film.length` is needed",
+    ),
+    "friction of another mechanism": (
+        GOOD + '[friction]\ntype = "slider_link"\n',
+        "`friction` must be of the kind of the mechanism, slider_crank",
     ),
     "lists of different length": (
         GOOD.split("[gas]")[0]
@@ -192,7 +197,11 @@ def test_names_and_files_that_cannot_be_read(tmp_path):
         ("motor.mean_speed", None, "motor.mean_speed: is missing"),
         ("motor.mean_speed", "8 mm", "another dimension"),
         ("motor.type", "kloss", "motor.pull_out_torque: is missing"),
-        ("friction.wall.coefficient", 0.1, "friction.wall.type: is missing"),
+        (
+            "friction.wall.coefficient",
+            0.1,
+            "friction.type: is missing; .* slider_crank, slider_link",
+        ),
     ],
 )
 def test_values_that_cannot_be_set(path, value, message):

@@ -59,8 +59,12 @@ def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
 def _numbers(compressor: Compressor, orbit: Orbit) -> dict[str, Any]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
     energy = orbit.energy
-    # every joint that carries a force has an entry, a frictionless one loses nothing
-    joints = dict.fromkeys(orbit.loads.forces, 0.0)
+    # every joint that carries a force and could have friction has an entry; without a law it loses
+    # nothing
+    friction = compressor.friction
+    joints = {
+        name: 0.0 for name in orbit.loads.forces if friction is None or hasattr(friction, name)
+    }
     return {
         "mechanical_efficiency": orbit.mechanical_efficiency,
         "motor_work": energy.motor_work,

@@ -66,9 +66,11 @@ def _summary(scene: Scene, result: dict[str, Any]) -> Table:
         f"[bold]{100 * result['mechanical_efficiency']:.2f} %",
         "gas work over motor work",
     )
+    large = abs(result["motor_power"]) >= 1e3
     for name in ("motor", "gas", "friction"):
-        work = result[f"{name}_power"] * result["period"]
-        power = f"{result[f'{name}_power'] / 1e3:.4g} kW"
+        watts = result[f"{name}_power"]
+        work = watts * result["period"]
+        power = f"{watts / 1e3:.4g} kW" if large else f"{watts:.4g} W"
         table.add_row(f"{name.capitalize()} power", power, f"{work:.5g} J per turn")
     speed = result["mean_speed"]
     table.add_row("Mean speed", f"{speed * rpm:.5g} rpm", f"{speed:.5g} rad/s")
@@ -103,10 +105,12 @@ def _losses(result: dict[str, Any]) -> Table:
 
 
 def _forces(result: dict[str, Any]) -> Table:
-    table = _table(None, "Joint force", "Mean, kN", "Peak, kN", numbers=True)
+    large = max(result["peak_forces"].values(), default=0.0) >= 1e3
+    unit, scale = ("kN", 1e3) if large else ("N", 1.0)
+    table = _table(None, "Joint force", f"Mean, {unit}", f"Peak, {unit}", numbers=True)
     for name, peak in result["peak_forces"].items():
         mean = result["mean_forces"][name]
-        table.add_row(_words(name), f"{mean / 1e3:.4g}", f"{peak / 1e3:.4g}")
+        table.add_row(_words(name), f"{mean / scale:.4g}", f"{peak / scale:.4g}")
     return table
 
 

@@ -22,7 +22,7 @@ The pressure is divided by eps, so that the concentric bearing is a regular case
 """
 
 import json
-from importlib import resources
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -265,7 +265,7 @@ def write_table(table: dict) -> None:
         parts.append(f'"{name}": {body}')
     text = "{\n" + ",\n".join(parts) + "\n}\n"
     json.loads(text)  # what cannot be read back is not written
-    resources.files(__package__).joinpath(TABLE).write_text(text)
+    Path(__file__).with_name(TABLE).write_text(text)
 
 
 if __name__ == "__main__":

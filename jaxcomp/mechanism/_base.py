@@ -3,6 +3,7 @@
 from abc import abstractmethod
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -29,6 +30,9 @@ class AbstractMechanism(Part):
     The frame has its origin at the crank centre, x along the cylinder towards the head, y across,
     and the crank turns from +x towards +y. A prime is a derivative with respect to crank angle.
     """
+
+    piston_mass: eqx.AbstractVar[Float[Array, ""]]
+    crank_inertia: eqx.AbstractVar[Float[Array, ""]]
 
     @abstractmethod
     def piston(

@@ -84,7 +84,9 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     """Magnitude of every joint force, and the side force of the cylinder wall with its sign."""
     turn = fine_turn(compressor, orbit)
     angle = turn.state.angle
-    forces = {name: np.asarray(force) / 1e3 for name, force in turn.loads.forces.items()}
+    largest = max(np.abs(force).max() for force in turn.loads.forces.values())
+    unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
+    forces = {name: np.asarray(force) / scale for name, force in turn.loads.forces.items()}
     walls = {name: force for name, force in forces.items() if name == "wall"}
     figure, axes = new_figure(
         2 if walls else 1, 1, (7.2, 5.6 if walls else 3.6), "Joint forces over one turn"
@@ -94,7 +96,7 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
         if name not in walls:
             degrees, size = over_turn(angle, np.hypot(*force))
             ax.plot(degrees, size, color=colour(name, place), linewidth=1.6, label=words(name))
-    ylabel(ax, "Magnitude, kN")
+    ylabel(ax, f"Magnitude, {unit}")
     ax.set_ylim(0, None)
     crank_axis(ax, label=not walls)
     legend_above(ax)
@@ -103,7 +105,7 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
         degrees, side = over_turn(angle, force[1])
         ax.plot(degrees, side, color=colour(name), linewidth=1.6)
         ax.axhline(0, color="#888888", linewidth=0.8)
-        ylabel(ax, "Side force on the piston, kN")
+        ylabel(ax, f"Side force on the piston, {unit}")
         crank_axis(ax)
     return figure
 
@@ -232,7 +234,7 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
         if law is not None:
             moment = law.moment(jnp.hypot(*forces[name]), rate)
             curves[name] = (np.asarray(moment), "Torque, N m")
-    if friction.wall is not None or friction.wall_film is not None:
+    if friction.wall is not None or getattr(friction, "wall_film", None) is not None:
         curves["wall"] = (np.asarray(forces["wall"][0]), "Force on the piston, N")
     return curves
 

@@ -65,7 +65,7 @@ class Reader:
         known = entries(kind)
         for key in [key for key in table if key not in known]:
             if join(path, key) in self.stale:
-                del table[key]
+                del table[key]  # pyright: ignore[reportIndexIssue]
         for key, value in table.items():
             if key not in known and key not in _META and key not in ignored:
                 hint = did_you_mean(key, known)

@@ -52,7 +52,7 @@ class Suspension(Part):
     inertia_x: Float[Array, ""] = quantity("kg m^2", POSITIVE)
     inertia_y: Float[Array, ""] = quantity("kg m^2", POSITIVE)
     inertia_z: Float[Array, ""] = quantity("kg m^2", POSITIVE)
-    springs: tuple[Spring, ...] = eqx.field(converter=tuple)
+    springs: tuple[Spring, ...] = eqx.field(converter=tuple)  # pyright: ignore[reportGeneralTypeIssues]
     mass_centre: Float[Array, "3"] = quantity("m", ANY, shape=(3,), default=(0.0, 0.0, 0.0))
 
 
