@@ -275,15 +275,16 @@ def test_forces_at_the_nodes_satisfy_the_motion(fine):
     compressor, orbit = fine["gravity"]
     twin = reference.from_compressor(compressor)
     level = float(orbit.motor_torque[0])
-    for i in range(0, orbit.state.angle.size, 37):
+    # unused places for a change of side are panels without width, right on the dead centre
+    for i in np.flatnonzero(orbit.weight > 1e-9)[::17]:
         angle, speed, acceleration = (float(x[i]) for x in orbit.state)
         answer, losses, _ = twin.solve(angle, speed, level)
-        # the slope of a polynomial beside a kink is worth less than its end: 1e-4 of the peak
-        assert acceleration == pytest.approx(answer[0], abs=1e-4 * 3e3)
+        # accelerations reach 3e3; the slope of the solution is worth less than its end values
+        assert acceleration == pytest.approx(answer[0], abs=3e-3)
         q = np.hypot(*orbit.loads.forces["main_journal"][:, i])
-        assert float(q) == pytest.approx(np.hypot(answer[9], answer[10]), rel=1e-4)
+        assert float(q) == pytest.approx(np.hypot(answer[9], answer[10]), rel=1e-6)
         assert float(orbit.loads.loss_torque["crank_pin"][i]) == pytest.approx(
-            losses["crank_pin"], rel=1e-4, abs=1e-6
+            losses["crank_pin"], rel=1e-6, abs=1e-6
         )
 
 
