@@ -8,10 +8,10 @@ from ._conventions import plane_numbers
 from ._two_by_two import product_t
 
 
-def close_segments(layout, border, fill, back, right, last, end_fill):
+def close_segments(layout, border, to_left, right, last, end_fill):
     """Add to the border matrix what the segments leave on their two ends."""
     b, (left, far) = len(layout.border), layout.ends
-    to_left = tuple(-jnp.sum(c, 0) for c in product_t(fill, back))
+    to_left = tuple(-c for c in to_left)
     to_far = tuple(-c for c in product_t(right, last))
     across = tuple(-c for c in product_t(last, end_fill))  # rows far, columns left
     blocks = border.reshape(b, 2, b, 2, -1).transpose(0, 2, 1, 3, 4)
@@ -37,6 +37,14 @@ def add_side_pulls(model, layout, z, border):
     whirl = border[..., :2].at[a, a].add(k).at[b, b].add(k, mode="drop")
     whirl = whirl.at[a, b].add(-k, mode="drop").at[b, a].add(-k, mode="drop")
     return jnp.concatenate([whirl, border[..., 2:]], -1)
+
+
+def hold_loose(layout, border):
+    """Give the coordinates that nothing acts on a stiffness, so that the matrix has an inverse."""
+    lateral = (layout.loose[:, 0] & layout.loose[:, 1]).reshape(-1)
+    kinds = [lateral, lateral] + ([layout.loose[:, 2].reshape(-1)] if layout.dof == 6 else [])
+    at = np.arange(lateral.size)
+    return border.at[at, at].add(np.stack(kinds, -1).astype(float))
 
 
 def lane_kinds(layout):
@@ -69,10 +77,10 @@ def _touched_numbers(layout):
 def border_motion(layout, z):
     """Touched border coordinates from the independent ones among them."""
     numbers, sign = _touched_numbers(layout)
-    slaved = np.isin(numbers // layout.dof, layout.slaved)
+    free = layout.active.reshape(-1)[numbers]
     eye = jnp.eye(len(numbers))
-    if not slaved.any():
-        return eye[:, ~slaved]
+    if not layout.slaved.size:
+        return eye[:, free]
     place = np.full(layout.n * layout.dof, -1)
     place[numbers] = np.arange(len(numbers))
     motion = eye
@@ -80,7 +88,7 @@ def border_motion(layout, z):
         rows, columns = (place[i * layout.dof + np.arange(layout.dof)] for i in (node, centre))
         arm = sign[rows][:, None] * z.structure.arms[k] * sign[columns]
         motion = motion.at[np.ix_(rows, rows)].set(0.0).at[np.ix_(rows, columns)].set(arm)
-    return motion[:, ~slaved]
+    return motion[:, free]
 
 
 def links_and_bodies(model, layout, z):

@@ -7,44 +7,73 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._assembly import from_planes
+from ._assembly import Structure, from_planes
 from ._layout import BORDER, LEFT, NEXT, RIGHT, Layout
-from ._operator import Operator
 from ._shaft import deformation
 
 
 class Lanes(NamedTuple):
-    diagonal: Array  # (2, 2, m, s, lanes)
-    next: Array  # (2, 2, m, s, lanes), Z_{j-1,j}
-    left: Array  # (2, 2, m, s, lanes), towards the left border node
+    """Blocks in their places; in matrices of one plane the axis over lanes is absent."""
+
+    diagonal: Array  # (2, 2, m, c, lanes)
+    next: Array  # (2, 2, m, c, lanes), Z_{j-1,j}
+    left: Array  # (2, 2, m, c, lanes), towards the left border node
     right: Array  # (2, 2, s, lanes), from the last node towards the right border node
     border: Array  # (2 b, 2 b, lanes)
 
 
-def lanes_of(layout: Layout, z: Operator) -> Lanes:
-    """The dynamic stiffness of shafts, disks and masses, sorted into segments and border."""
-    st, w, spin = z.structure, z.frequency, z.spin_speed
-    el = st.elements
+class Sorted(NamedTuple):
+    """Stiffness, inertia and polar inertia in one plane, and the axial-torsional pair."""
+
+    stiffness: Lanes
+    mass: Lanes
+    polar: Lanes
+    axial: tuple[Lanes, Lanes] | None
+
+
+def sort_structure(layout: Layout, structure: Structure) -> Sorted:
+    """Bring the elements to their places, once for all speeds."""
+    el, none = structure.elements, jnp.zeros_like(structure.mass)
     shape = jax.vmap(deformation)(el.length)
     bend = jnp.einsum("eki,ekl,elj->eij", shape, el.lateral, shape)
-    sort = lambda e, n: _sorted(layout, e, n)  # noqa: E731
-    k = sort(bend, jnp.zeros_like(st.mass))
-    m, g = sort(el.mass, st.mass), sort(el.polar, st.polar)
-    alpha, beta = (0.0, 0.0) if st.damping is None else st.damping
-    stiff, inert = (1.0, -(w**2))
-    if st.damping is not None:
-        stiff, inert = 1 + 1j * w * beta, -(w**2) + 1j * w * alpha
-
-    def whirl(k, m, g):
-        both = stiff * k + inert * m
-        return jnp.stack([both + w * spin * g, both - w * spin * g], -1)
-
-    lanes = Lanes(*map(whirl, k, m, g))
+    axial = None
     if layout.dof == 6:
         bar = jnp.array([[1.0, -1.0], [-1.0, 1.0]])
         bars = jnp.einsum("ea,fg,ab->efagb", el.axial, bar, jnp.eye(2)).reshape(-1, 4, 4)
-        k, m = sort(bars, jnp.zeros_like(st.mass)), sort(el.axial_mass, st.axial_mass)
-        axial = Lanes(*((stiff * a + inert * b)[..., None] for a, b in zip(k, m, strict=True)))
+        axial = (
+            _sorted(layout, bars, none),
+            _sorted(layout, el.axial_mass, structure.axial_mass),
+        )
+    return Sorted(
+        _sorted(layout, bend, none),
+        _sorted(layout, el.mass, structure.mass),
+        _sorted(layout, el.polar, structure.polar),
+        axial,
+    )
+
+
+def lanes_of(layout: Layout, places: Sorted, damping, frequency, spin_speed) -> Lanes:
+    """The dynamic stiffness of shafts, disks and masses, sorted into segments and border.
+
+    Args:
+        layout: where everything belongs.
+        places: the matrices in their places.
+        damping: (alpha, beta) or None, in which case the lanes are real.
+        frequency: [rad/s] w.
+        spin_speed: [rad/s] W.
+    """
+    w, stiff, inert = frequency, 1.0, -(frequency**2)
+    if damping is not None:
+        stiff, inert = 1 + 1j * w * damping[1], inert + 1j * w * damping[0]
+
+    def whirl(k, m, g):
+        both = stiff * k + inert * m
+        return jnp.stack([both + w * spin_speed * g, both - w * spin_speed * g], -1)
+
+    lanes = Lanes(*map(whirl, places.stiffness, places.mass, places.polar))
+    if places.axial is not None:
+        bars = zip(*places.axial, strict=True)
+        axial = Lanes(*((stiff * k + inert * m)[..., None] for k, m in bars))
         lanes = Lanes(*(jnp.concatenate(pair, -1) for pair in zip(lanes, axial, strict=True)))
     empty = jnp.asarray(layout.segment == layout.n)[..., None]
     one = jnp.eye(2)[:, :, None, None, None]
@@ -53,7 +82,7 @@ def lanes_of(layout: Layout, z: Operator) -> Lanes:
 
 def _sorted(layout: Layout, elements: Array, nodes: Array) -> Lanes:
     """Element and node blocks of one matrix in one plane, in their places (lanes axis absent)."""
-    b, (m, s) = len(layout.border), layout.segment.shape
+    b, s, (m, c) = len(layout.border), layout.last.shape[1], layout.segment.shape
     i, j = layout.pairs.T
     diagonal = jnp.concatenate([nodes, jnp.zeros((1, 2, 2))])
     diagonal = diagonal.at[i].add(elements[:, :2, :2]).at[j].add(elements[:, 2:, 2:])
@@ -67,11 +96,11 @@ def _sorted(layout: Layout, elements: Array, nodes: Array) -> Lanes:
     border = border.at[second[at], first[at]].add(jnp.swapaxes(off[at], 1, 2))
 
     def place(at):
-        return jnp.zeros((m, s, 2, 2)).at[first[at], second[at]].add(off[at]).transpose(2, 3, 0, 1)
+        return jnp.zeros((m, c, 2, 2)).at[first[at], second[at]].add(off[at]).transpose(2, 3, 0, 1)
 
     right = kind == RIGHT
     return Lanes(
-        diagonal[layout.segment].transpose(2, 3, 0, 1) if m else jnp.zeros((2, 2, m, s)),
+        diagonal[layout.segment].transpose(2, 3, 0, 1) if m else jnp.zeros((2, 2, m, c)),
         place(kind == NEXT),
         place(kind == LEFT),
         jnp.zeros((s, 2, 2)).at[second[right]].add(off[right]).transpose(1, 2, 0),

@@ -1,8 +1,9 @@
 r"""What of a model is known before any number: who is connected to whom.
 
 The nodes are divided into *border* nodes (those with links, bodies or branches) and the rest, which
-form *segments*: runs of nodes that are coupled to their two neighbours only. Segments are stored
-right-aligned in arrays (position, segment); empty places hold the number of a dummy node.
+form *segments*: runs of nodes that are coupled to their two neighbours only. Segments stand one
+after the other in the columns of an array as high as the longest of them; empty places hold the
+number of a dummy node.
 """
 
 from functools import lru_cache
@@ -16,7 +17,7 @@ from ._model import RotorModel, node_names
 
 
 class Layout(NamedTuple):
-    """Static index arrays of a model; n nodes, b border nodes, e elements, (m, s) segments.
+    """Static index arrays of a model; n nodes, b border nodes, e elements, s segments in (m, c).
 
     Attributes:
         n: number of nodes.
@@ -31,9 +32,13 @@ class Layout(NamedTuple):
         border: the border nodes.
         touched: (b, planes, 2) whether links or bodies act on that coordinate; a side pull does not
             count, because it is isotropic and stays within the whirl lanes.
-        segment: (m, s) interior nodes.
+        loose: (b, planes, 2) coordinates without any stiffness and inertia by construction.
+        segment: (m, c) interior nodes.
+        opening: (m, c) whether a segment begins there.
+        left_of: (m, c) border position left of the segment that the node belongs to.
+        last: (2, s) position and column of the last node of each segment.
         ends: (2, s) border positions left and right of the segments, b for a free end.
-        slots: for each element (kind, position, segment, transposed); see `_slots`.
+        slots: for each element (kind, position, column, transposed); see `_slots`.
     """
 
     n: int
@@ -46,7 +51,11 @@ class Layout(NamedTuple):
     active: np.ndarray
     border: np.ndarray
     touched: np.ndarray
+    loose: np.ndarray
     segment: np.ndarray
+    opening: np.ndarray
+    left_of: np.ndarray
+    last: np.ndarray
     ends: np.ndarray
     slots: np.ndarray
 
@@ -102,14 +111,16 @@ def _layout(n, dof, pairs, link_axes, bodies, disks, masses) -> Layout:
     runs = _runs(n, neighbours, border)
     order = sorted(border)
     place = {node: k for k, node in enumerate(order)} | {None: len(order)}
-    m = max([len(run) for _, run, _ in runs], default=0)
-    segment = np.full((m, len(runs)), n)
-    for s, (_, run, _) in enumerate(runs):
-        segment[m - len(run) :, s] = run
+    segment, opening, last = _packed(n, runs)
     ends = np.array([[place[a] for a, _, _ in runs], [place[b] for _, _, b in runs]], int).reshape(
         2, len(runs)
     )
+    left_of = np.full(segment.shape, len(order))
+    for (left, run, _), (_, column) in zip(runs, last, strict=True):
+        if left is not None:
+            left_of[np.isin(segment[:, column], run), column] = place[left]
     slots = _slots(pairs, segment, runs, place)
+    loose = ~(active | np.isin(np.arange(n), slaved)[:, None])
     in_planes = touched[np.array(order, int)][:, numbers]
     return Layout(
         n,
@@ -122,7 +133,11 @@ def _layout(n, dof, pairs, link_axes, bodies, disks, masses) -> Layout:
         active,
         np.array(order, int),
         in_planes,
+        loose[np.array(order, int)][:, numbers],
         segment,
+        opening,
+        left_of,
+        last.T,
         ends,
         slots,
     )
@@ -158,25 +173,48 @@ def _runs(n, neighbours, border):
     return runs
 
 
+def _packed(n, runs):
+    """Segments in columns: node numbers (m, c), where they begin, (position, column) of the ends."""
+    height = max([len(run) for _, run, _ in runs], default=0)
+    columns: list[list[int]] = []
+    last = np.zeros((len(runs), 2), int)
+    for s in sorted(range(len(runs)), key=lambda s: -len(runs[s][1])):
+        run = runs[s][1]
+        room = [c for c, nodes in enumerate(columns) if len(nodes) + len(run) <= height]
+        if not room:
+            columns.append([])
+            room = [len(columns) - 1]
+        columns[room[0]] += run
+        last[s] = len(columns[room[0]]) - 1, room[0]
+    segment = np.full((height, len(columns)), n)
+    for c, nodes in enumerate(columns):
+        segment[: len(nodes), c] = nodes
+    first = [run[0] for _, run, _ in runs]
+    return segment, np.isin(segment, [*first, n]), last
+
+
 def _slots(pairs, segment, runs, place):
     """Where the off-diagonal block of each element (row node 1, column node 2) belongs.
 
     kind NEXT: between position - 1 and position of a segment; LEFT: between the first node of a
-    segment and its left border node; RIGHT: between the last one and the right border node; BORDER:
-    between two border nodes, whose places stand in the two index columns.
+    segment and its left border node; RIGHT: between the last one of the segment, whose number
+    stands in place of the column, and the right border node; BORDER: between two border nodes,
+    whose places stand in the two index columns.
     """
-    where = {int(segment[j, s]): (j, s) for j in range(segment.shape[0]) for s in range(len(runs))}
+    where = {int(node): at for at, node in np.ndenumerate(segment)}
+    number = {node: s for s, (_, run, _) in enumerate(runs) for node in run}
     out = []
     for a, b in pairs:
         if a in place and b in place:
             out.append((BORDER, place[a], place[b], 0))
         elif a in where and b in where:
-            (ja, s), (jb, _) = where[a], where[b]
-            out.append((NEXT, max(ja, jb), s, int(ja > jb)))
+            (ja, c), (jb, _) = where[a], where[b]
+            out.append((NEXT, max(ja, jb), c, int(ja > jb)))
         else:
             inner, outer = (a, b) if a in where else (b, a)
-            j, s = where[inner]
-            left, run, _ = runs[s]
-            kind = LEFT if inner == run[0] and outer == left else RIGHT
-            out.append((kind, j, s, int(inner == b)))
+            left, run, _ = runs[number[inner]]
+            if inner == run[0] and outer == left:
+                out.append((LEFT, *where[inner], int(inner == b)))
+            else:
+                out.append((RIGHT, 0, number[inner], int(inner == b)))
     return np.array(out, int).reshape(-1, 4)

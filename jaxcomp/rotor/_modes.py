@@ -91,7 +91,8 @@ def _energy(model, u, spin_speed, free):
 
 def modal_damping_vectors(model: RotorModel) -> Float[Array, "m nodes dof"]:
     """M phi sqrt(2 zeta w) of the damped modes on the active degrees of freedom, else zero."""
-    layout, ratio = layout_of(model), model.damping.ratio
+    layout = layout_of(model)
+    ratio = model.damping.ratio  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
     modes = undamped_modes(model, ratio.shape[0])
     full = matrices(model)
     active = modes.shape.reshape(ratio.shape[0], -1)[:, layout.active.reshape(-1)]

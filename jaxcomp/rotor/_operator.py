@@ -18,6 +18,7 @@ from ._assembly import (
 )
 from ._conventions import plane_numbers
 from ._damping import ModalDamping
+from ._lanes import Sorted, sort_structure
 from ._layout import layout_of
 from ._model import RotorModel
 from ._shaft import deformation
@@ -30,6 +31,7 @@ class Operator(NamedTuple):
 
     Attributes:
         structure: speed-independent part.
+        sorted: its matrices in the places of the structured solver.
         links: links at the spin speed.
         modal: (m, n, dof) M phi sqrt(2 zeta w) of modal damping, or None.
         frequency: [rad/s] w.
@@ -37,6 +39,7 @@ class Operator(NamedTuple):
     """
 
     structure: Structure
+    sorted: Sorted
     links: LinkMatrices
     modal: Array | None
     frequency: Array
@@ -45,24 +48,34 @@ class Operator(NamedTuple):
 
 def operator_at(
     model: RotorModel,
-    structure: Structure,
-    modal: Array | None,
+    prepared: "Prepared",
     spin_speed: Float[Array, ""],
     frequency: Float[Array, ""],
 ) -> Operator:
     """The dynamic stiffness at a spin speed [rad/s] and an excitation frequency [rad/s]."""
     links = link_matrices(model, spin_speed)
-    return Operator(structure, links, modal, jnp.asarray(frequency), jnp.asarray(spin_speed))
+    structure, places, modal = prepared
+    frequency, spin_speed = jnp.asarray(frequency), jnp.asarray(spin_speed)
+    return Operator(structure, places, links, modal, frequency, spin_speed)
 
 
-def prepare(model: RotorModel) -> tuple[Structure, Array | None]:
+class Prepared(NamedTuple):
+    """The speed-independent fields of an `Operator`."""
+
+    structure: Structure
+    sorted: Sorted
+    modal: Array | None
+
+
+def prepare(model: RotorModel) -> Prepared:
     """The speed-independent part of a model, computed once for many speeds."""
     modal = None
     if isinstance(model.damping, ModalDamping):
         from ._modes import modal_damping_vectors  # the modes are built on this module
 
         modal = modal_damping_vectors(model)
-    return structure_of(model), modal
+    structure = structure_of(model)
+    return Prepared(structure, sort_structure(layout_of(model), structure), modal)
 
 
 def apply(model: RotorModel, z: Operator, x: Complex[Array, "n dof"]) -> Complex[Array, "n dof"]:

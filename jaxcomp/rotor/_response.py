@@ -11,7 +11,7 @@ from ._assembly import collect, follow, link_force, link_matrices
 from ._layout import layout_of
 from ._loads import Loads, load_vector
 from ._model import RotorModel, node_index
-from ._operator import Operator, operator_at, prepare
+from ._operator import operator_at, prepare
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
 
@@ -68,7 +68,8 @@ class Response(eqx.Module):
         bad = ~np.asarray(self.ok)
         if bad.any():
             where = np.asarray(self.frequency)[bad]
-            words = sorted({status_words(s) for s in np.asarray(self.status)[bad].reshape(-1)})
+            codes = np.unique(np.asarray(self.status)[bad])
+            words = sorted({str(status_words(code)) for code in codes})
             raise SingularResponse(
                 f"The response is {', '.join(words)} at {where.size} of {bad.size} frequencies, "
                 f"first at {where.reshape(-1)[0]:.6g} rad/s: at an undamped resonance add damping, "
@@ -163,11 +164,11 @@ def receptance(
         frequency: [rad/s]
         solver: "structured" or "dense".
     """
-    z, structure = _operator(model, spin_speed, frequency)
+    z = operator_at(model, prepare(model), spin_speed, frequency)
     solve, layout = make_solver(model, z, solver), layout_of(model)
 
     def column(force):
-        return follow(structure, layout, solve(_collected(model, structure, force)).x)
+        return follow(z.structure, layout, solve(collect(z.structure, layout, force)).x)
 
     return jnp.einsum("ond,ind->oi", outputs, jax.vmap(column)(inputs))
 
@@ -197,17 +198,17 @@ def relative_displacement(
 
 @eqx.filter_jit
 def _harmonic(model, force, spin_speed, frequency, solver):
-    z, structure = _operator(model, spin_speed, frequency)
-    return _answer(model, structure, z, make_solver(model, z, solver), force)
+    z = operator_at(model, prepare(model), spin_speed, frequency)
+    return _answer(model, z, make_solver(model, z, solver), force)
 
 
 @eqx.filter_jit
 def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
-    structure, modal = prepare(model)
+    prepared = prepare(model)
 
     def at_order(spin, frequency, force):
-        z = operator_at(model, structure, modal, spin, frequency)
-        out = _answer(model, structure, z, make_solver(model, z, solver), force)
+        z = operator_at(model, prepared, spin, frequency)
+        out = _answer(model, z, make_solver(model, z, solver), force)
         if keep is None:
             return out
         return eqx.tree_at(lambda r: r.displacement, out, out.displacement[np.array(keep, int)])
@@ -228,18 +229,10 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
     return jax.tree.map(lambda a: jnp.swapaxes(a[:count], 0, 1), out)
 
 
-def _operator(model, spin_speed, frequency) -> tuple[Operator, object]:
-    structure, modal = prepare(model)
-    return operator_at(model, structure, modal, spin_speed, frequency), structure
-
-
-def _collected(model, structure, force):
-    return collect(structure, layout_of(model), force)
-
-
-def _answer(model, structure, z, solve, force) -> Response:
-    s = solve(_collected(model, structure, force))
-    x = follow(structure, layout_of(model), s.x)
+def _answer(model, z, solve, force) -> Response:
+    layout = layout_of(model)
+    s = solve(collect(z.structure, layout, force))
+    x = follow(z.structure, layout, s.x)
     return Response(x, z.frequency, z.spin_speed, s.correction, s.amplification, s.status)
 
 

@@ -3,8 +3,8 @@ r"""Exact elimination along the lines of nodes, and a small border solved in ful
 In the whirl coordinates of `_conventions` a circular shaft uncouples into "lanes": forward (p),
 backward (q) and, with 6 degrees of freedom, axial-torsional. In each of them a node has two
 coordinates, and a segment between two border nodes is a block tridiagonal matrix of symmetric
-2 x 2 blocks, real unless the shaft itself is damped. Segments, lanes and speeds are eliminated side
-by side; only the place along the segment is sequential:
+2 x 2 blocks, real unless the shaft itself is damped. Columns of segments, lanes and speeds are
+eliminated side by side; only the place along the column is sequential:
 
     D_j' = D_j - N_j^T W_j,      W_j = D_{j-1}'^{-1} N_j,
     X_j  = E_j - W_j^T X_{j-1},                                 (coupling to the left border node)
@@ -29,6 +29,7 @@ from ._border import (
     border_choices,
     border_motion,
     close_segments,
+    hold_loose,
     lane_kinds,
     lane_vector,
     links_and_bodies,
@@ -46,7 +47,7 @@ class Factor(NamedTuple):
     """What the elimination of a model at one speed leaves.
 
     Attributes:
-        pivot: D^{-1} of the interior nodes, components (m, s, lanes).
+        pivot: D^{-1} of the interior nodes, components (m, c, lanes).
         ahead: W of the interior nodes.
         back: Y = D^{-1} X, response of the interior nodes to the left border node.
         last: W of the right border node, (s, lanes).
@@ -73,17 +74,17 @@ class Factor(NamedTuple):
 def factorise(model: RotorModel, z: Operator) -> Factor:
     """Eliminate the segments and factorise the border; modal damping is not handled here."""
     layout = layout_of(model)
-    lanes = lanes_of(layout, z)
-    pivot, ahead, fill = _eliminate(lanes)
+    lanes = lanes_of(layout, z.sorted, z.structure.damping, z.frequency, z.spin_speed)
+    pivot, ahead, fill, left = _eliminate(layout, lanes)
     back = product(pivot, fill)
     right = of_block(lanes.right)
     if layout.segment.size:
-        end, end_fill = (tuple(c[-1] for c in t) for t in (pivot, fill))
-        last = product(end, right)
-        border = close_segments(layout, lanes.border, fill, back, right, last, end_fill)
+        at_end = lambda t: tuple(c[*layout.last] for c in t)  # noqa: E731
+        last = product(at_end(pivot), right)
+        border = close_segments(layout, lanes.border, at_end(left), right, last, at_end(fill))
     else:
         last, border = right, lanes.border
-    border = add_side_pulls(model, layout, z, border)
+    border = hold_loose(layout, add_side_pulls(model, layout, z, border))
 
     inner, cross, reach, kept = [], [], [], []
     for lane, (free, keep) in zip(lane_kinds(layout), border_choices(layout), strict=True):
@@ -118,9 +119,9 @@ def solve_factored(
     lanes = jnp.concatenate([to_lanes(plane), jnp.zeros_like(plane[:1])])  # dummy node at the end
     g = jnp.moveaxis(lanes[layout.border], 1, -1)  # (b, 2, lanes)
     if layout.segment.size:
-        r = lanes[layout.segment]  # (m, s, lanes, 2)
-        r = _forward(factor, (r[..., 0], r[..., 1]))
-        g = _onto_border(layout, factor, g, r)
+        r = lanes[layout.segment]  # (m, c, lanes, 2)
+        r, to_left = _forward(layout, factor, (r[..., 0], r[..., 1]))
+        g = _onto_border(layout, factor, g, r, to_left)
     y = _solve_border(layout, factor, g, 1 if transpose else 0)
     out = lanes.at[layout.border].set(jnp.moveaxis(y, -1, 1))
     if layout.segment.size:
@@ -130,61 +131,72 @@ def solve_factored(
     return jnp.where(active, x, load)
 
 
-def _eliminate(lanes: Lanes):
-    """Pivots, W and X of all interior nodes."""
+def _eliminate(layout, lanes: Lanes):
+    """Pivots, W, X, and what the segments up to here leave on their left border nodes.
+
+    Between two segments of a column N is zero, which starts the recursion afresh.
+    """
 
     def step(carry, here):
-        pivot, fill = carry
-        (a, b, _, d), n, e = here
+        pivot, fill, left = carry
+        (a, b, _, d), n, e, inside = here
         w = product(pivot, n)
         q = product_t(n, w)
         pivot = inverse((a - q[0], b - q[1], d - q[3]))
-        fill = tuple(own - past for own, past in zip(e, product_t(w, fill), strict=True))
-        return (pivot, fill), (pivot, w, fill)
+        fill = _minus(e, product_t(w, fill))
+        own = product_t(fill, product(pivot, fill))
+        left = tuple(inside * past + new for past, new in zip(left, own, strict=True))
+        return (pivot, fill, left), (pivot, w, fill, left)
 
-    xs = tuple(of_block(x) for x in (lanes.diagonal, lanes.next, lanes.left))
+    inside = jnp.asarray(~layout.opening, float)[..., None]
+    xs = (*(of_block(x) for x in (lanes.diagonal, lanes.next, lanes.left)), inside)
     zero = jnp.zeros(lanes.diagonal.shape[3:], lanes.diagonal.dtype)
-    start = ((zero + 1, zero, zero + 1), (zero,) * 4)
-    _, out = jax.lax.scan(step, start, xs)
-    return out
+    start = ((zero + 1, zero, zero + 1), (zero,) * 4, (zero,) * 4)
+    return jax.lax.scan(step, start, xs)[1]
 
 
-def _forward(factor, r):
+def _forward(layout, factor, r):
+    """Loads after the elimination, and their sum on the left border node of the segment."""
+
     def step(carry, here):
-        (r1, r2), w = here
-        past = times_t(w, carry)
-        now = (r1 - past[0], r2 - past[1])
-        return now, now
+        before, left = carry
+        now, w, y, inside = here
+        now = _minus(now, times_t(w, before))
+        left = tuple(inside * a + b for a, b in zip(left, times_t(y, now), strict=True))
+        return (now, left), (now, left)
 
-    zero = jnp.zeros_like(r[0][0])
-    return jax.lax.scan(step, (zero, zero), (r, factor.ahead))[1]
+    inside = jnp.asarray(~layout.opening, float)[..., None]
+    zero = (jnp.zeros_like(r[0][0]),) * 2
+    return jax.lax.scan(step, (zero, zero), (r, factor.ahead, factor.back, inside))[1]
 
 
-def _onto_border(layout, factor, g, r):
-    left, far = layout.ends
-    to_left = jnp.stack([jnp.sum(c, 0) for c in times_t(factor.back, r)], 1)  # (s, 2, lanes)
-    to_far = jnp.stack(times_t(factor.last, tuple(c[-1] for c in r)), 1)
-    return g.at[left].add(-to_left, mode="drop").at[far].add(-to_far, mode="drop")
+def _onto_border(layout, factor, g, r, to_left):
+    (left, far), at_end = layout.ends, lambda t: tuple(c[*layout.last] for c in t)
+    g = g.at[left].add(-jnp.stack(at_end(to_left), 1), mode="drop")
+    return g.at[far].add(-jnp.stack(times_t(factor.last, at_end(r)), 1), mode="drop")
 
 
 def _backward(layout, factor, r, y):
     ground = jnp.concatenate([y, jnp.zeros_like(y[:1])])
-    left, far = (tuple(jnp.moveaxis(ground[e], 1, 0)) for e in layout.ends)
+    left, far = (jnp.moveaxis(ground[e], -2, 0) for e in (layout.left_of, layout.ends[1]))
     own = times((factor.pivot[0], factor.pivot[1], factor.pivot[1], factor.pivot[2]), r)
-    c = tuple(a - b for a, b in zip(own, times(factor.back, left), strict=True))
+    c = _minus(own, times(factor.back, tuple(left)))
+    end = times(factor.last, tuple(far))
+    c = tuple(a.at[*layout.last].add(-b) for a, b in zip(c, end, strict=True))
 
-    def step(following, here):
-        (c1, c2), w = here
-        past = times(w, following)
-        now = (c1 - past[0], c2 - past[1])
-        return now, now
+    def step(carry, here):
+        following, w_following = carry
+        now, w = here
+        now = _minus(now, times(w_following, following))
+        return (now, w), now
 
-    # x_j needs W of the place after it; behind the last one stands the right border node.
-    ahead = tuple(
-        jnp.concatenate([w[1:], end[None]])
-        for w, end in zip(factor.ahead, factor.last, strict=True)
-    )
-    return jax.lax.scan(step, far, (c, ahead), reverse=True)[1]
+    zero = jnp.zeros_like(c[0][0])
+    start = ((zero, zero), tuple(jnp.zeros_like(w[0]) for w in factor.ahead))
+    return jax.lax.scan(step, start, (c, factor.ahead), reverse=True)[1]
+
+
+def _minus(a, b):
+    return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
 def _solve_border(layout, factor, g, trans):
