@@ -26,6 +26,7 @@ from ._passes import (
     iterate,
     lay_turn,
     motor_level,
+    steepness,
     torques,
     transfer,
     turn_edges,
@@ -57,13 +58,16 @@ class Collocation(eqx.Module):
         turn, motion, report = solve_motion(compressor, self)
         now = torques(compressor, turn, motion)
         motor = now.motor
+        status = Status.where(report.settled, Status.converged, Status.not_converged)
         stalled = jnp.min(motion.energy) <= ENERGY_FLOOR
         if isinstance(compressor.motor, MeanSpeed):
             motor = motor_level(turn, now) * motor
             # No level of torque turns a crank slower than it needs to get over the compression.
             period = turn.grid.total(1 / now.state.speed)
             stalled |= ~(period * compressor.motor.mean_speed > 0.999 * 2 * jnp.pi)
-        status = Status.where(report.settled, Status.converged, Status.not_converged)
+        else:
+            growth = turn.grid.total(steepness(compressor, turn, motion))
+            status = Status.where(growth < 0, status, Status.no_periodic_state)
         status = Status.where(stalled, Status.stalled, status)
         grid = turn.grid
         loads = loads_at(compressor, now.state, turn.gas_force)

@@ -160,40 +160,49 @@ def _energy_for_period(turn: Turn, gained, first, period):
         level = jnp.maximum(gained + first, 1e-6)
         time = jnp.sum(root / jnp.sqrt(level))
         slope = -0.5 * jnp.sum(root / level**1.5)  # d time / d first
-        first = first + (time**3 / period**2 - time) / (2 * slope) * -1.0
+        first = first + (time - time**3 / period**2) / (2 * slope)
         first = jnp.maximum(first, 1e-3 * jnp.abs(lowest) - lowest)
     return first
+
+
+def steepness(compressor: Compressor, turn: Turn, motion: Motion) -> Float[Array, "p s"]:
+    """[1/rad] Slope of the net torque over the kinetic energy at the nodes.
+
+    Its integral over the turn is the logarithm of the factor by which a disturbance of the orbit
+    grows in a turn.
+    """
+
+    def net(energy, acceleration):
+        now = torques(compressor, turn, Motion(energy, acceleration, motion.first_energy))
+        return now.motor - now.loss
+
+    now = (motion.energy, motion.acceleration)
+    along = (
+        jnp.ones_like(motion.energy),
+        -turn.inertia_1 / turn.inertia**2 * turn.energy_scale / turn.speed_scale**2,
+    )
+    return jax.jvp(net, now, along)[1] / turn.energy_scale
 
 
 def _pass_on_torque_curve(compressor: Compressor, turn: Turn, motion: Motion) -> Motion:
     scale = turn.energy_scale
     grid = turn.grid
-
-    def slope_at(energy, acceleration):
-        now = torques(compressor, turn, Motion(energy, acceleration, motion.first_energy))
-        return now.motor + turn.conservative - now.loss
-
-    # The slope of the torques over E only steers the iteration, so it needs no derivative.
-    frozen = lax.stop_gradient((motion.energy, motion.acceleration))
-    along = (
-        jnp.ones_like(frozen[0]),
-        -turn.inertia_1 / turn.inertia**2 * scale / turn.speed_scale**2,
-    )
-    _, steepness = jax.jvp(slope_at, frozen, lax.stop_gradient(along))
-    steepness = lax.stop_gradient(steepness) / scale
-    slope = slope_at(motion.energy, motion.acceleration)
-    # dE/dtheta = slope + steepness (E - E_last), all over `scale`, panel by panel
-    rest = slope / scale - steepness * motion.energy
+    # The steepness only steers the iteration, so it needs no derivative.
+    steep = lax.stop_gradient(steepness(*lax.stop_gradient((compressor, turn, motion))))
+    now = torques(compressor, turn, motion)
+    slope = now.motor + turn.conservative - now.loss
+    # dE/dtheta = slope + steep (E - E_last), all over `scale`, panel by panel
+    rest = slope / scale - steep * motion.energy
     count = grid.rule.nodes.size
     width = grid.width[:, None, None]
-    matrix = jnp.eye(count) - width * grid.rule.integral * steepness[:, None, :]
+    matrix = jnp.eye(count) - width * grid.rule.integral * steep[:, None, :]
     right = jnp.stack(
         [jnp.ones_like(rest), grid.width[:, None] * (rest @ grid.rule.integral.T)], axis=-1
     )
     answer = jnp.linalg.solve(matrix, right)  # E at the nodes = answer[0] E_left + answer[1]
     weight = grid.weight
-    factor = 1 + jnp.sum(weight * steepness * answer[..., 0], axis=1)
-    shift = jnp.sum(weight * (rest + steepness * answer[..., 1]), axis=1)
+    factor = 1 + jnp.sum(weight * steep * answer[..., 0], axis=1)
+    shift = jnp.sum(weight * (rest + steep * answer[..., 1]), axis=1)
 
     def over_panel(left, map_):
         return map_[0] * left + map_[1], left
@@ -203,7 +212,7 @@ def _pass_on_torque_curve(compressor: Compressor, turn: Turn, motion: Motion) ->
     first = end_from_zero / (1 - total_factor)
     _, lefts = lax.scan(over_panel, first, (factor, shift))
     energy = answer[..., 0] * lefts[:, None] + answer[..., 1]
-    new_slope = (rest + steepness * energy) * scale
+    new_slope = (rest + steep * energy) * scale
     return _motion(turn, energy, new_slope, first)
 
 
