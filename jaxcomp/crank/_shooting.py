@@ -31,6 +31,9 @@ from ._turn import orbit_on_panels
 
 # [rad] Distance of a step's end from a change of side, more than the error of its place.
 _BESIDE = 3e-6
+# Stops on either side of a pinch, at 0.1 rad and closing in by 0.15 each: the last at 8e-6 rad. On the
+# machine of Tsuji et al. the load of the piston pin turns round within 6e-5 rad.
+_CLOSING = 6
 
 
 class Shooting(eqx.Module):
@@ -101,16 +104,26 @@ class Shooting(eqx.Module):
         return self._orbit(compressor, unknowns, scales, edges, end, states, status, report)
 
     def _stops(self, machine: Compressor, edges):
-        """Where steps end: at the known kinks, and on both sides of each change of side.
+        """Where steps end: at the known kinks, beside each change of side, and closing in on pinches.
 
         A step that ended on a change itself would pick a side at random, and its derivative with it.
-        Only the places come from the collocation solver; the solution does not.
+        Near a pinch the derivatives of a load turn round within an angle so short that the step
+        control, which watches values only, would step over it. Only the places come from the
+        collocation solver; the solution does not.
         """
         if machine.friction is None or not self.kinks:
             return edges[1:-1]
         changes, _, _ = place_changes(machine, Resolution(8, self.kinks, 3, 80))
-        at = jnp.where(changes.row >= 0, changes.angle, edges[1])
-        return jnp.sort(jnp.concatenate([edges[1:-1], at - _BESIDE, at + _BESIDE]))
+        kinks, pinches = jnp.split(changes.angle, 2)
+        beside = jnp.array([-_BESIDE, _BESIDE])
+        closing = 0.1 * 0.15 ** jnp.arange(_CLOSING)
+        around = jnp.concatenate([-closing, closing])
+        used = changes.row[:, None] >= 0
+        near_kinks = jnp.where(used[: self.kinks], kinks[:, None] + beside, edges[1])
+        near_pinches = jnp.where(used[self.kinks :], pinches[:, None] + around, edges[1])
+        stops = jnp.concatenate([edges[1:-1], near_kinks.ravel(), near_pinches.ravel()])
+        inside = (stops > edges[0]) & (stops < edges[-1])
+        return jnp.sort(jnp.where(inside, stops, edges[1]))
 
     def _newton(self, gap, start):
         """Newton's method that hands out its Jacobian as well: the derivatives need it."""
@@ -138,15 +151,16 @@ class Shooting(eqx.Module):
         """Integrate one turn; returns the end and, with accounts, the speed at the output nodes."""
         speed_scale, energy_scale, level_scale = scales
         holds_speed = isinstance(machine.motor, MeanSpeed)
+        moving = turn_edges(kink_angles(machine))
 
-        def rate(angle, y, args):
+        def rate(place, y, args):
             del args
+            branch, stretch = _follow(edges, moving, place)
             # A halt is reported by the end values; the floor keeps them finite.
             speed = jnp.maximum(y["speed"], 1e-3) * speed_scale
             motor = machine.motor.torque(speed)
             if holds_speed:
                 motor = motor * unknowns[1] * level_scale
-            branch = _inside(edges, angle)
             rise, conservative, gas = solve_acceleration(machine, branch, speed, motor)
             out = {"speed": rise / speed / speed_scale, "time": speed_scale / speed / (2 * jnp.pi)}
             if accounts:
@@ -154,7 +168,7 @@ class Shooting(eqx.Module):
                 loads = loads_at(machine, state, gas, evidence=False)
                 work = {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
                 out["work"] = jax.tree.map(lambda torque: torque / energy_scale, work)
-            return out
+            return jax.tree.map(lambda x: x * stretch, out)
 
         y0 = {"speed": unknowns[0], "time": jnp.zeros(())}
         saveat = diffrax.SaveAt(t1=True)
@@ -194,7 +208,7 @@ class Shooting(eqx.Module):
 
     def _orbit(self, compressor, unknowns, scales, edges, end, speed, status, report) -> Orbit:
         speed_scale, energy_scale, level_scale = scales
-        grid = panels(edges, self.output_nodes)
+        grid = panels(turn_edges(kink_angles(compressor)), self.output_nodes)
         speed = jnp.maximum(speed.reshape(grid.angle.shape), 1e-3) * speed_scale
         motor = compressor.motor.torque(speed)
         if isinstance(compressor.motor, MeanSpeed):
@@ -217,11 +231,21 @@ def _over_panels(function):
     return jax.vmap(jax.vmap(function, (None, 0, 0, 0)), (None, 0, 0, 0))
 
 
-def _inside(edges: Float[Array, " k"], angle: Float[Array, ""]) -> Float[Array, ""]:
-    """The angle, moved off the edges of its panel by more than rounding.
+def _follow(
+    edges: Float[Array, " k"], moving: Float[Array, " k"], place: Float[Array, ""]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Crank angle [rad] that belongs to a place in the fixed turn, and its rate [-].
 
-    A stage that falls on an edge would pick the formula of either side at random, and its derivative
-    with it.
+    The integration runs between fixed edges, the crank between edges that move with the parameters:
+    where the torque jumps, at the dead centre of an offset machine, the derivative needs the motion
+    of the jump. The values of both are the same. The place is first moved off the edges of its panel
+    by more than rounding, because a stage on an edge would pick the formula of either side at random.
     """
-    panel = jnp.clip(jnp.searchsorted(edges, angle, side="right") - 1, 0, edges.size - 2)
-    return jnp.clip(angle, edges[panel] + 1e-10, edges[panel + 1] - 1e-10)
+    panel = jnp.clip(jnp.searchsorted(edges, place, side="right") - 1, 0, edges.size - 2)
+    left, right = edges[panel], edges[panel + 1]
+    wide = right > left
+    stretch = jnp.where(
+        wide, (moving[panel + 1] - moving[panel]) / jnp.where(wide, right - left, 1), 1
+    )
+    inside = jnp.clip(place, left + 1e-10, right - 1e-10)
+    return moving[panel] + (inside - left) * stretch, stretch
