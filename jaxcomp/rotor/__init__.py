@@ -50,3 +50,5 @@ from ._response import transmitted_forces as transmitted_forces
 from ._shaft import ShaftElements as ShaftElements
 from ._shaft import shaft_mass as shaft_mass
 from ._stability import side_pull_limit as side_pull_limit
+from ._updating import Update as Update
+from ._updating import fit_frequencies as fit_frequencies

@@ -7,6 +7,7 @@ element (`structure_force`), which keeps more digits than an assembled matrix; t
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -227,6 +228,11 @@ def matrices(
         spin_speed: [rad/s] at which the links are evaluated.
         with_links: false leaves out bearings, mounts and side pull (free-free).
     """
+    return _matrices(model, spin_speed, with_links)
+
+
+@eqx.filter_jit
+def _matrices(model, spin_speed, with_links) -> Matrices:
     layout, structure = layout_of(model), structure_of(model)
     n, dof, el = layout.n, model.dof, structure.elements
     shape = jax.vmap(deformation)(el.length)
