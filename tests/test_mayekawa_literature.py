@@ -59,9 +59,7 @@ def test_speed_fluctuation_at_1000_rpm(as_printed):
 def test_figures_that_the_readme_quotes(as_printed):
     efficiency, fluctuation = as_printed
     # the README rounds to 0.01 points
-    np.testing.assert_allclose(
-        efficiency[range(3), BEST], [0.9208, 0.9115, 0.9026], atol=0.5e-4
-    )
+    np.testing.assert_allclose(efficiency[range(3), BEST], [0.9208, 0.9115, 0.9026], atol=0.5e-4)
     np.testing.assert_allclose(fluctuation[1, [3, 0]], [0.1052, 0.0801], atol=0.5e-4)
 
 

@@ -139,7 +139,8 @@ BAD = {
     "nothing": ("", "mechanism: is missing; it must be a section of type slider_crank"),
     "rule in the code of a part": (
         GOOD
-        + '[friction]\ntype = "slider_crank"\n[friction.wall_film]\nviscosity = "4 mPa s"\nclearance = "6 um"\n',
+        + '[friction]\ntype = "slider_crank"\n'
+        + '[friction.wall_film]\nviscosity = "4 mPa s"\nclearance = "6 um"\n',
         "friction: `wall_film.length` is needed",
     ),
     "friction of another mechanism": (
