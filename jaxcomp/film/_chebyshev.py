@@ -1,24 +1,56 @@
 """Chebyshev series with traced coefficients, and their continuation to a known limit."""
 
+import functools
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 
-def chebyshev_sum(coefficients: Float[Array, "n ..."], t: Float[Array, ""]) -> Float[Array, "..."]:
-    """Sum of c_k T_k(t) over the leading axis, by Clenshaw's recurrence.
+@jax.custom_jvp
+@jax.jit
+def chebyshev_sum(coefficients: Float[Array, " n"], t: Float[Array, ""]) -> Float[Array, ""]:
+    """Sum of c_k T_k(t) by Clenshaw's recurrence.
 
-    The loop is unrolled: a short chain of multiplications that XLA fuses into one kernel.
+    The loop is unrolled: a short chain of multiplications that XLA fuses into one kernel. The
+    derivative is a series of the same kind, which keeps derivatives of every order that short.
     """
-    last = before = jnp.zeros_like(coefficients[0])
-    for c in coefficients[:0:-1]:
-        last, before = c + 2 * t * last - before, last
+    last = before = jnp.zeros_like(t)
+    for k in range(coefficients.shape[0] - 1, 0, -1):
+        last, before = coefficients[k] + 2 * t * last - before, last
     return coefficients[0] + t * last - before
 
 
+@chebyshev_sum.defjvp
+def _chebyshev_sum_jvp(primals, tangents):
+    coefficients, t = primals
+    coefficients_dot, t_dot = tangents
+    slope = chebyshev_sum(_derivative_matrix(coefficients.shape[0]) @ coefficients, t)
+    return chebyshev_sum(*primals), slope * t_dot + _basis(
+        coefficients.shape[0], t
+    ) @ coefficients_dot
+
+
+@functools.cache
+def _derivative_matrix(n: int) -> np.ndarray:
+    """Coefficients of the derivative from the coefficients, one fewer."""
+    return np.polynomial.chebyshev.chebder(np.eye(n))
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _basis(n: int, t: Float[Array, ""]) -> Float[Array, " n"]:
+    """T_0(t) ... T_(n-1)(t)."""
+    values = [jnp.ones_like(t), t]
+    for _ in range(n - 2):
+        values.append(2 * t * values[-1] - values[-2])
+    return jnp.stack(values[:n])
+
+
+@jax.jit
 def collapsed(
-    coefficients: np.ndarray, interval: tuple[float, float], x: Float[Array, ""]
+    coefficients: Float[Array, "n m"], interval: Float[Array, " 2"], x: Float[Array, ""]
 ) -> Float[Array, " n"]:
     """The series in the first axis that a tensor series leaves at `x` of its second axis.
 
@@ -28,9 +60,9 @@ def collapsed(
     low, high = interval
     t = (2 * x - low - high) / (high - low)
     inside = jnp.where(t > 1, 1.0, jnp.where(t < -1, -1.0, t))
-    columns = jnp.asarray(coefficients.T)
-    slopes = jnp.asarray(np.polynomial.chebyshev.chebder(coefficients, axis=1).T)
-    return chebyshev_sum(columns, inside) + (t - inside) * chebyshev_sum(slopes, inside)
+    # The tangent at the end of the interval; inside it the second term is zero.
+    values, slopes = jax.jvp(lambda t: _basis(coefficients.shape[1], t), (inside,), (t - inside,))
+    return coefficients @ (values + slopes)
 
 
 class SeriesToLimit(eqx.Module):

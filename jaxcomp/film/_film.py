@@ -251,6 +251,7 @@ def _film_axes(film: AbstractSolvedFilm, x: Scalar) -> tuple[Array, Array]:
 
 
 @jax.custom_jvp
+@jax.jit
 def _log_compliance(film: AbstractFilm, load_number: Scalar) -> Scalar:
     """z = ln(x/Phi_p), the root of ln(load gain(Phi_p e^z)) + z: regular at zero load."""
     light = film.load_gain(jnp.zeros_like(load_number))

@@ -12,6 +12,8 @@ left out are short-bearing films, whose sum is known. (Our derivation; after the
 the finite bearing by Tao 1959 and Donaldson 1957.)
 """
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -95,6 +97,7 @@ class Guembel(AbstractSolvedFilm):
         return jnp.stack([jnp.log(c_rr * s**3 / q2), -c_tr * s**2 / q2])
 
 
+@functools.partial(jax.jit, static_argnums=(2, 3))
 def _steady_series(eps: Scalar, q: Scalar, modes: int, terms: int) -> Float[Array, " 2"]:
     """F_r/eps and F_t/eps by the series, for eps < 1."""
     n = np.arange(1.0, terms + 1)
@@ -109,6 +112,7 @@ def _steady_series(eps: Scalar, q: Scalar, modes: int, terms: int) -> Float[Arra
     return _summed(lam, q, [radial, tangential], short)
 
 
+@functools.partial(jax.jit, static_argnums=(2, 3))
 def _velocity_series(eps: Scalar, q: Scalar, modes: int, terms: int) -> Float[Array, " 2"]:
     """C_rr and C_tr by the series, for eps < 1."""
     n = np.arange(terms + 1.0)

@@ -49,7 +49,7 @@ class Reynolds(AbstractSolvedFilm):
     def __init__(self, length_ratio, *, table=None):
         table = _table() if table is None else table
         q = jnp.asarray(length_ratio, dtype=jnp.result_type(float))
-        edge, ln_q = table["s_range"][0], jnp.log(q)
+        edge, ln_q = float(table["s_range"][0]), jnp.log(q)
 
         def series(name, limit, limit_slope=None):
             coefficients = collapsed(table[name], table["ln_q_range"], ln_q)
@@ -93,9 +93,4 @@ def _closeness(film_ratio: Scalar) -> Scalar:
 @functools.cache
 def _table() -> dict:
     text = resources.files(__package__).joinpath("reynolds_table.json").read_text()
-    return as_arrays(json.loads(text))
-
-
-def as_arrays(table: dict) -> dict:
-    """The table with its coefficients as arrays, s or u down and ln q across."""
-    return {k: v if k.endswith("range") else np.asarray(v, float) for k, v in table.items()}
+    return {k: np.asarray(v, float) for k, v in json.loads(text).items()}
