@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 @jax.custom_jvp
 @jax.jit
-def chebyshev_sum(coefficients: Float[Array, " n"], t: Float[Array, ""]) -> Float[Array, ""]:
+def chebyshev_sum(coefficients: Float[Array, " n"], t: Float[Array, "*b"]) -> Float[Array, "*b"]:
     """Sum of c_k T_k(t) by Clenshaw's recurrence.
 
     The loop is unrolled: a short chain of multiplications that XLA fuses into one kernel. The
@@ -28,9 +28,8 @@ def _chebyshev_sum_jvp(primals, tangents):
     coefficients, t = primals
     coefficients_dot, t_dot = tangents
     slope = chebyshev_sum(_derivative_matrix(coefficients.shape[0]) @ coefficients, t)
-    return chebyshev_sum(*primals), slope * t_dot + _basis(
-        coefficients.shape[0], t
-    ) @ coefficients_dot
+    basis = _basis(coefficients.shape[0], t)
+    return chebyshev_sum(*primals), slope * t_dot + jnp.tensordot(coefficients_dot, basis, axes=1)
 
 
 @functools.cache
@@ -40,7 +39,7 @@ def _derivative_matrix(n: int) -> np.ndarray:
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _basis(n: int, t: Float[Array, ""]) -> Float[Array, " n"]:
+def _basis(n: int, t: Float[Array, "*b"]) -> Float[Array, "n *b"]:
     """T_0(t) ... T_(n-1)(t)."""
     values = [jnp.ones_like(t), t]
     for _ in range(n - 2):
