@@ -228,7 +228,7 @@ def matrices(
         spin_speed: [rad/s] at which the links are evaluated.
         with_links: false leaves out bearings, mounts and side pull (free-free).
     """
-    return _matrices(model, spin_speed, with_links)
+    return _matrices(model, jnp.asarray(spin_speed, float), with_links)
 
 
 @eqx.filter_jit

@@ -91,7 +91,7 @@ def damped_modes(
     size = int(layout_of(model).active.sum())
     if not 0 < count <= size:
         raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
-    return _damped(model, spin_speed, count, free, damping)
+    return _damped(model, jnp.asarray(spin_speed, float), count, free, damping)
 
 
 def system_matrices(

@@ -124,6 +124,11 @@ def _periodic(model, load, order):
 
 def total_load(model: RotorModel, force: Complex[Array, "n dof"]) -> Complex[Array, " dof"]:
     """[N] Sum over all nodes of the force components (moments refer to each node's own place)."""
+    return _total(model, force)
+
+
+@eqx.filter_jit
+def _total(model, force):
     layout = layout_of(model)
     moved = collect(structure_of(model), layout, force)
     return jnp.sum(jnp.where(jnp.asarray(layout.active), moved, 0.0), 0)

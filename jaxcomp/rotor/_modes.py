@@ -64,7 +64,7 @@ def undamped_modes(
     size = int(layout_of(model).active.sum())
     if not 0 < count <= size:
         raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
-    return _undamped(model, count, spin_speed, free)
+    return _undamped(model, count, jnp.asarray(spin_speed, float), free)
 
 
 @eqx.filter_jit

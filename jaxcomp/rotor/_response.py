@@ -102,7 +102,9 @@ def harmonic_response(
         BadInput: a force of the wrong shape or a speed that is not finite.
     """
     _check(model, force, spin_speed=spin_speed, frequency=frequency)
-    return _harmonic(model, force, spin_speed, frequency, solver)
+    # As arrays, because a Python number would be compiled in.
+    spin_speed, frequency = jnp.asarray(spin_speed, float), jnp.asarray(frequency, float)
+    return _harmonic(model, jnp.asarray(force, complex), spin_speed, frequency, solver)
 
 
 def respond(
@@ -164,13 +166,9 @@ def receptance(
         frequency: [rad/s]
         solver: "structured" or "dense".
     """
-    z = operator_at(model, prepare(model), spin_speed, frequency)
-    solve, layout = make_solver(model, z, solver), layout_of(model)
-
-    def column(force):
-        return follow(z.structure, layout, solve(collect(z.structure, layout, force)).x)
-
-    return jnp.einsum("ond,ind->oi", outputs, jax.vmap(column)(inputs))
+    spin_speed, frequency = jnp.asarray(spin_speed, float), jnp.asarray(frequency, float)
+    inputs, outputs = jnp.asarray(inputs, complex), jnp.asarray(outputs)
+    return _receptance(model, inputs, outputs, spin_speed, frequency, solver)
 
 
 def transmitted_forces(model: RotorModel, response: Response) -> Complex[Array, "*batch links dof"]:
@@ -180,12 +178,7 @@ def transmitted_forces(model: RotorModel, response: Response) -> Complex[Array, 
     to hold all nodes.
     """
 
-    def one(x, w, spin):
-        return link_force(model, link_matrices(model, spin), x, w)
-
-    for _ in range(response.frequency.ndim):
-        one = jax.vmap(one)
-    return one(response.displacement, response.frequency, response.spin_speed)
+    return _transmitted(model, response)
 
 
 def relative_displacement(
@@ -200,6 +193,16 @@ def relative_displacement(
 def _harmonic(model, force, spin_speed, frequency, solver):
     z = operator_at(model, prepare(model), spin_speed, frequency)
     return _answer(model, z, make_solver(model, z, solver), force)
+
+
+@eqx.filter_jit
+def _transmitted(model, response):
+    def one(x, w, spin):
+        return link_force(model, link_matrices(model, spin), x, w)
+
+    for _ in range(response.frequency.ndim):
+        one = jax.vmap(one)
+    return one(response.displacement, response.frequency, response.spin_speed)
 
 
 @eqx.filter_jit
@@ -234,6 +237,17 @@ def _answer(model, z, solve, force) -> Response:
     s = solve(collect(z.structure, layout, force))
     x = follow(z.structure, layout, s.x)
     return Response(x, z.frequency, z.spin_speed, s.correction, s.amplification, s.status)
+
+
+@eqx.filter_jit
+def _receptance(model, inputs, outputs, spin_speed, frequency, solver):
+    z = operator_at(model, prepare(model), spin_speed, frequency)
+    solve, layout = make_solver(model, z, solver), layout_of(model)
+
+    def column(force):
+        return follow(z.structure, layout, solve(collect(z.structure, layout, force)).x)
+
+    return jnp.einsum("ond,ind->oi", outputs, jax.vmap(column)(inputs))
 
 
 def _check(model, force, **speeds):

@@ -27,7 +27,7 @@ def side_pull_limit(model: RotorModel, spin_speed: Float[Array, ""] = 0.0) -> Fl
     """
     if not model.side_pulls:
         raise BadInput("side_pulls", "()", "at least one side pull")
-    return _limit(model, spin_speed)
+    return _limit(model, jnp.asarray(spin_speed, float))
 
 
 @eqx.filter_jit

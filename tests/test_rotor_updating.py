@@ -1,0 +1,83 @@
+"""Model updating on a rotor like that of a hermetic compressor: crank pin and arms are fitted."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import BadInput
+from jaxcomp.rotor import Disks, RotorModel, fit_frequencies, shaft_line, undamped_modes
+
+PIN = np.array([11, 12, 13, 14])  # elements of crank arm, pin, pin, arm; stiff and massless
+
+
+def crankshaft(pin=(0.030, 0.018, 0.018, 0.030)):
+    """Electrical rotor (8 elements) on a crank shaft; disks carry the mass of pin and arms."""
+    d = np.array([0.05] * 8 + [0.02] * 3 + list(pin) + [0.022] * 5)
+    density = np.array([7000.0] * 8 + [7800.0] * 3 + [0.0] * 4 + [7800.0] * 5)
+    shaft = shaft_line(
+        tuple(range(1, 22)),
+        length=0.012,
+        outer_diameter=d,
+        young_modulus=2.06e11,
+        density=density,
+        poisson=0.3,
+    )
+    disks = Disks((12, 13, 14, 15, 16), [0.05, 0.1, 0.12, 0.1, 0.05], [2e-5] * 5, [4e-5] * 5)
+    return RotorModel((shaft,), (disks,))
+
+
+def insert(model, diameters):
+    place = lambda m: m.shafts[0].outer_diameter  # noqa: E731
+    return eqx.tree_at(place, model, place(model).at[PIN].set(diameters))
+
+
+MODES = (4, 6, 8, 10)  # one of each pair of the free rotor
+
+
+def test_four_frequencies_give_back_four_diameters():
+    truth = jnp.array([0.026, 0.016, 0.0195, 0.034])
+    measured = undamped_modes(insert(crankshaft(), truth), 11, free=True).frequency[np.array(MODES)]
+    start = crankshaft().shafts[0].outer_diameter[PIN]
+    first = undamped_modes(crankshaft(), 11, free=True).frequency[np.array(MODES)]
+    assert np.abs(first / measured - 1).max() > 0.02  # there is something to fit
+    fit = fit_frequencies(crankshaft(), insert, start, 0.6 * start, 1.6 * start, measured, MODES)
+    assert bool(fit.converged)
+    assert not np.any(fit.at_bound)
+    # The solver stops at 1e-10 in the squared relative errors.
+    np.testing.assert_allclose(fit.error, 0.0, atol=1e-7)
+    np.testing.assert_allclose(fit.frequency, measured, rtol=1e-7)
+    # Frequencies determine the diameters to some ten times their own error.
+    np.testing.assert_allclose(fit.parameters, truth, rtol=1e-4)
+
+
+def test_bounds_hold_and_are_reported():
+    # Two measured frequencies 10 % above what the bounds allow.
+    start = crankshaft().shafts[0].outer_diameter[PIN]
+    first = undamped_modes(crankshaft(), 11, free=True).frequency[np.array(MODES)]
+    fit = fit_frequencies(
+        crankshaft(), insert, start, 0.97 * start, 1.03 * start, 1.1 * first, MODES, max_steps=40
+    )
+    assert np.all((fit.parameters >= 0.97 * start) & (fit.parameters <= 1.03 * start))
+    assert np.all(fit.at_bound)
+    assert np.all(np.abs(fit.error) < 0.1)
+
+
+def test_regularisation_chooses_among_solutions():
+    # One frequency, four diameters: the nearest set of them that meets it.
+    start = crankshaft().shafts[0].outer_diameter[PIN]
+    measured = 1.02 * undamped_modes(crankshaft(), 11, free=True).frequency[np.array([4])]
+    fit = fit_frequencies(
+        crankshaft(), insert, start, 0.6 * start, 1.6 * start, measured, (4,), regularisation=1e-3
+    )
+    # The penalty 1e-3 times a move of some tenths of the range against the relative error.
+    np.testing.assert_allclose(fit.error, 0.0, atol=1e-4)
+    assert np.abs(fit.parameters / start - 1).max() < 0.3
+
+
+def test_bad_fits_are_named():
+    start = jnp.array([0.03, 0.018, 0.018, 0.03])
+    with pytest.raises(BadInput, match="start"):
+        fit_frequencies(crankshaft(), insert, start, start, 2 * start, jnp.ones(4), MODES)
+    with pytest.raises(BadInput, match="measured"):
+        fit_frequencies(crankshaft(), insert, start, 0.5 * start, 2 * start, jnp.ones(3), MODES)
