@@ -56,23 +56,31 @@ def test_bounds_hold_and_are_reported():
     start = crankshaft().shafts[0].outer_diameter[PIN]
     first = undamped_modes(crankshaft(), 11, free=True).frequency[np.array(MODES)]
     fit = fit_frequencies(
-        crankshaft(), insert, start, 0.97 * start, 1.03 * start, 1.1 * first, MODES, max_steps=40
+        crankshaft(), insert, start, 0.97 * start, 1.03 * start, 1.1 * first, MODES
     )
     assert np.all((fit.parameters >= 0.97 * start) & (fit.parameters <= 1.03 * start))
-    assert np.all(fit.at_bound)
+    # The pin rules the frequencies and is driven to its bound; the arms hardly count.
+    np.testing.assert_array_equal(fit.at_bound[1:3], True)
     assert np.all(np.abs(fit.error) < 0.1)
 
 
-def test_regularisation_chooses_among_solutions():
-    # One frequency, four diameters: the nearest set of them that meets it.
+def test_regularisation_holds_the_parameters_back():
     start = crankshaft().shafts[0].outer_diameter[PIN]
-    measured = 1.02 * undamped_modes(crankshaft(), 11, free=True).frequency[np.array([4])]
-    fit = fit_frequencies(
-        crankshaft(), insert, start, 0.6 * start, 1.6 * start, measured, (4,), regularisation=1e-3
-    )
-    # The penalty 1e-3 times a move of some tenths of the range against the relative error.
-    np.testing.assert_allclose(fit.error, 0.0, atol=1e-4)
-    assert np.abs(fit.parameters / start - 1).max() < 0.3
+    measured = undamped_modes(crankshaft(), 11, free=True).frequency[np.array(MODES)]
+    measured = measured * jnp.array([1.01, 0.99, 1.01, 1.0])
+    moves, errors = [], []
+    for weight in (0.0, 0.03, 3.0):
+        fit = fit_frequencies(
+            crankshaft(), insert, start, 0.6 * start, 1.6 * start, measured, MODES,
+            regularisation=weight,
+        )  # fmt: skip
+        moves.append(float(jnp.linalg.norm(fit.parameters / start - 1)))
+        errors.append(float(jnp.linalg.norm(fit.error)))
+    assert moves[0] > 2 * moves[1] > 100 * moves[2]
+    assert 2 * errors[0] < 1.2 * errors[1] < errors[2]
+    assert errors[2] == pytest.approx(
+        np.linalg.norm([0.01, 0.01, 0.01]), rel=0.05
+    )  # no move at all
 
 
 def test_bad_fits_are_named():

@@ -1,7 +1,8 @@
 r"""Model updating: parameters fitted to measured natural frequencies.
 
-Bounded parameters p = low + (high - low) sigmoid(t) are moved by Levenberg-Marquardt on the relative
-errors of the frequencies, with the exact derivatives of the eigenvalues. The frequencies of a pair
+Bounded parameters p = low + (high - low) (1 + sin t)/2 are moved by Levenberg-Marquardt on the
+relative errors of the frequencies, with the exact derivatives of the eigenvalues. (A sigmoid would
+put the bounds at infinity, where the solver creeps.) The frequencies of a pair
 count once: `modes` says which numbers in the list of all modes were measured.
 """
 
@@ -9,7 +10,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
@@ -30,8 +30,8 @@ class Update(NamedTuple):
         error: [-] (m,) relative errors against the measured ones.
         steps: number of steps taken.
         converged: whether the solver met its tolerance.
-        at_bound: (p,) where a parameter ended within a thousandth of its range from a bound, so
-            that the data ask for a value outside of it.
+        at_bound: (p,) where a parameter ended within a thousandth of its range from a bound, so that
+            the data ask for a value outside of it.
     """
 
     model: RotorModel
@@ -85,21 +85,27 @@ def fit_frequencies(
         raise BadInput("start", start, f"strictly between {np.asarray(low)} and {np.asarray(high)}")
     if measured.shape != (len(modes),) or not bool(jnp.all(measured > 0)):
         raise BadInput("measured", measured, f"a positive frequency for each of modes {modes}")
-    number, which = max(modes) + 1, np.array(modes, int)
-    inside = lambda t: low + (high - low) * jax.nn.sigmoid(t)  # noqa: E731
-    begin = jax.scipy.special.logit((start - low) / (high - low))
+    weight = jnp.asarray(regularisation, float)
+    settings = tuple(int(m) for m in modes), free, float(tolerance), int(max_steps)
+    return _fit(model, insert, start, low, high, measured, weight, settings)
+
+
+@eqx.filter_jit
+def _fit(model, insert, start, low, high, measured, weight, settings) -> Update:
+    modes, free, tolerance, max_steps = settings
+    inside = lambda t: low + (high - low) * (1 + jnp.sin(t)) / 2  # noqa: E731
 
     def frequencies(t):
-        return undamped_modes(insert(model, inside(t)), number, free=free).frequency[which]
+        found = undamped_modes(insert(model, inside(t)), max(modes) + 1, free=free).frequency
+        return found[np.array(modes)]
 
     def errors(t, _):
-        distance = regularisation * (inside(t) - start) / (high - low)
+        distance = weight * (inside(t) - start) / (high - low)
         return jnp.concatenate([frequencies(t) / measured - 1, distance])
 
     solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
-    answer = optx.least_squares(
-        eqx.filter_jit(errors), solver, begin, max_steps=max_steps, throw=False
-    )
+    begin = jnp.arcsin(2 * (start - low) / (high - low) - 1)
+    answer = optx.least_squares(errors, solver, begin, max_steps=max_steps, throw=False)
     values, found = inside(answer.value), frequencies(answer.value)
     margin = jnp.minimum(values - low, high - values) / (high - low)
     return Update(
