@@ -50,6 +50,11 @@ def over(function, *values):
     return jax.tree.map(np.asarray, jax.jit(jax.vmap(function))(*map(jnp.asarray, values)))
 
 
+def mapped(function):
+    """`function(film, x)` over many x, compiled once for all films of a model."""
+    return eqx.filter_jit(lambda film, x: jax.vmap(lambda x: function(film, x))(jnp.asarray(x)))
+
+
 # ---- limits
 
 
@@ -86,24 +91,28 @@ def test_guembel_tends_to_ocvirk_for_a_short_bearing():
     assert np.all(np.abs(half / load * 4 - 1) < 0.6 * np.abs(short / load - 1))
 
 
-@pytest.mark.parametrize("q", [0.1, 0.5, 1.0, 2.0])
-def test_guembel_concentric_limit_is_exact(q):
-    film, zero = Guembel(q), jnp.zeros(())
-    gain = 1.5 * math.pi * (1 - math.tanh(q) / q)  # Phi_p/eps
-    # six modes and the short-bearing tail leave 1.6e-6 at q = 2
-    np.testing.assert_allclose(film.load_gain(zero), gain, rtol=3e-6)
-    np.testing.assert_allclose(film.attitude_angle(zero), math.pi / 2, rtol=1e-12)
-    np.testing.assert_allclose(film.damping(zero)[0], 2 * gain, rtol=3e-6)
-    np.testing.assert_allclose(film.damping(zero)[1], 0.0, atol=1e-12)
+def test_guembel_concentric_limit_is_exact():
+    @jax.jit
+    def concentric(q):
+        film, zero = Guembel(q), jnp.zeros(())
+        return film.load_gain(zero), film.attitude_angle(zero), *film.damping(zero)
+
+    for q in (0.1, 0.5, 1.0, 2.0):
+        found, angle, c_rr, c_tr = concentric(q)
+        gain = 1.5 * math.pi * (1 - math.tanh(q) / q)  # Phi_p/eps
+        # six modes and the short-bearing tail leave 1.6e-6 at q = 2
+        np.testing.assert_allclose(found, gain, rtol=3e-6)
+        np.testing.assert_allclose(angle, math.pi / 2, rtol=1e-12)
+        np.testing.assert_allclose(c_rr, 2 * gain, rtol=3e-6)
+        np.testing.assert_allclose(c_tr, 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("eps", [0.3, 0.8, 0.95])
-def test_guembel_series_has_converged(eps):
+def test_guembel_series_has_converged():
+    x = np.array([0.3, 0.8, 0.95]) / np.array([0.7, 0.2, 0.05])
     few, many = Guembel(1.0), Guembel(1.0, modes=16, terms=160)
-    x = jnp.asarray(eps / (1 - eps))
+    found, expected = (over(lambda x, f=f: (f.load_gain(x), *f.damping(x)), x) for f in (few, many))
     # the modes beyond the sixth, taken for short bearings, leave 4e-5 at eps = 0.95
-    np.testing.assert_allclose(few.load_gain(x), many.load_gain(x), rtol=1e-4)
-    np.testing.assert_allclose(few.damping(x), many.damping(x), rtol=1e-4)
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
 def test_reynolds_concentric_limit():
@@ -165,7 +174,7 @@ def test_thin_zone_constants_by_quadrature():
 @pytest.mark.parametrize("model", ALL)
 def test_petroff_at_no_load(model):
     film = model(1.0)
-    value, slope = jax.value_and_grad(film.friction_number)(jnp.zeros(()))
+    value, slope = jax.jit(jax.value_and_grad(film.friction_number))(jnp.zeros(()))
     # exact by construction, but for rounding
     np.testing.assert_allclose(value, math.pi, rtol=1e-12)
     np.testing.assert_allclose(slope, 0.0, atol=1e-10)
@@ -175,55 +184,55 @@ def test_petroff_at_no_load(model):
 
 
 @pytest.mark.parametrize("model", ALL)
-@pytest.mark.parametrize("q", [0.1, 0.5, 2.0])
-def test_load_grows_with_eccentricity_and_friction_with_load(model, q):
-    film = model(q)
-    log_x = np.linspace(-20, 30, 300)
-    slope = over(jax.grad(lambda lx: lx + jnp.log(film.load_gain(jnp.exp(lx)))), log_x)
-    # d ln Phi_p/d ln x between 0.7 and 2 (Ocvirk reaches 2), a hair of rounding above
-    assert slope.min() > 0.7
-    assert slope.max() < 2 + 1e-9
-    load = np.logspace(-6, 9, 300)
-    assert np.all(np.diff(over(film.friction_number, load)) > -1e-12)
+def test_load_grows_with_eccentricity_and_friction_with_load(model):
+    def log_load(log_x, film):
+        return log_x + jnp.log(film.load_gain(jnp.exp(log_x)))
+
+    slopes = mapped(lambda film, log_x: jax.grad(log_load)(log_x, film))
+    friction = mapped(lambda film, load: film.friction_number(load))
+    for q in (0.1, 0.5, 2.0):
+        slope = slopes(model(q), np.linspace(-20, 30, 200))
+        # d ln Phi_p/d ln x between 0.7 and 2 (Ocvirk reaches 2), a hair of rounding above
+        assert slope.min() > 0.7
+        assert slope.max() < 2 + 1e-9
+        assert np.all(np.diff(friction(model(q), np.logspace(-6, 9, 200))) > -1e-12)
 
 
-@pytest.mark.parametrize("q", [0.1, 0.17, 0.25, 0.5, 1.0, 1.5, 2.0])
-def test_direct_friction_agrees_with_the_position(q):
-    film = Reynolds(q)
+def test_direct_friction_agrees_with_the_position():
     x = np.logspace(-4, 9, 300)
-    load = over(lambda x: x * film.load_gain(x), x)
-    direct = over(film.friction_number, load)
-    # 32 terms leave 3e-4 for the shortest bearings and 5e-5 for L/D from 1 to 2
-    bound = 4e-4 if q < 0.5 else 2e-4 if q < 1 else 8e-5
-    assert np.max(np.abs(direct / over(lambda x: friction_at(film, x), x) - 1)) < bound
+    ratio = mapped(
+        lambda film, x: film.friction_number(x * film.load_gain(x)) / friction_at(film, x)
+    )
+    for q in (0.1, 0.17, 0.25, 0.5, 1.0, 1.5, 2.0):
+        # 32 terms leave 3e-4 for the shortest bearings and 5e-5 for L/D from 1 to 2
+        bound = 4e-4 if q < 0.5 else 2e-4 if q < 1 else 8e-5
+        assert np.max(np.abs(ratio(Reynolds(q), x) - 1)) < bound
 
 
 @pytest.mark.parametrize("model", ALL)
-@pytest.mark.parametrize("q", [0.1, 1.0, 2.0])
-def test_position_inverts_the_load(model, q):
-    film = model(q)
+def test_position_inverts_the_load(model):
+    back = mapped(lambda film, x: film_ratio(film, x * film.load_gain(x)))
     x = np.logspace(-9, 12, 200)
-    load = over(lambda x: x * film.load_gain(x), x)
-    # Newton to rounding, a few ulp
-    np.testing.assert_allclose(over(lambda p: film_ratio(film, p), load), x, rtol=3e-14)
+    for q in (0.1, 1.0, 2.0):
+        # Newton to rounding, a few ulp
+        np.testing.assert_allclose(back(model(q), x), x, rtol=3e-14)
 
 
-@pytest.mark.parametrize("q", [0.1, 0.25, 0.5, 1.0, 2.0])
-def test_reynolds_damping_and_whirl_drive(q):
-    film = Reynolds(q)
+def test_reynolds_damping_and_whirl_drive():
+    coefficients = mapped(lambda film, x: dynamic_coefficients(film, x * film.load_gain(x)))
     s = np.linspace(0.04, 0.9999, 300)  # beyond both ends of the table as well
-    load = over(lambda x: x * film.load_gain(x), 1 / s**2 - 1)
-    stiffness, damping = over(lambda p: dynamic_coefficients(film, p), load)
-    largest = np.abs(damping).max((1, 2))
-    # symmetric up to the rounding of a rotation
-    assert np.max(np.abs(damping[:, 0, 1] - damping[:, 1, 0]) / largest) < 1e-13
-    assert np.all(np.linalg.eigvalsh(damping)[:, 0] > 0)
-    assert np.all(stiffness[:, 0, 1] - stiffness[:, 1, 0] > 0)
-    assert np.all(stiffness[:, [0, 1, 0], [0, 1, 1]] > 0)
-    # the cross stiffness changes sign at a mid eccentricity ratio ("about 0.7")
-    crossing = 1 - s[np.flatnonzero(np.diff(np.sign(stiffness[:, 1, 0])))] ** 2
-    assert crossing.size == 1
-    assert 0.6 < crossing[0] < 0.8
+    for q in (0.1, 0.25, 0.5, 1.0, 2.0):
+        stiffness, damping = (np.asarray(a) for a in coefficients(Reynolds(q), 1 / s**2 - 1))
+        largest = np.abs(damping).max((1, 2))
+        # symmetric up to the rounding of a rotation
+        assert np.max(np.abs(damping[:, 0, 1] - damping[:, 1, 0]) / largest) < 1e-13
+        assert np.all(np.linalg.eigvalsh(damping)[:, 0] > 0)
+        assert np.all(stiffness[:, 0, 1] - stiffness[:, 1, 0] > 0)
+        assert np.all(stiffness[:, [0, 1, 0], [0, 1, 1]] > 0)
+        # the cross stiffness changes sign at a mid eccentricity ratio ("about 0.7")
+        crossing = 1 - s[np.flatnonzero(np.diff(np.sign(stiffness[:, 1, 0])))] ** 2
+        assert crossing.size == 1
+        assert 0.6 < crossing[0] < 0.8
 
 
 @pytest.mark.parametrize("model", SOLVED)

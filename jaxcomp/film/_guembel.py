@@ -158,12 +158,41 @@ def _tridiagonal(
     series has one, to the first cosine with all of it.
     """
     stiff = stiff[:, None]
-    from_below = -eps / 2 * (n**2 + 3 * n + stiff) * jnp.where(n == 0, 2.0, 1.0)
-    from_above = -eps / 2 * (n**2 - 3 * n + stiff)
-    none = jnp.zeros_like(stiff)
-    return jax.lax.linalg.tridiagonal_solve(
-        jnp.hstack([none, from_below[:, :-1]]),
-        -(n**2 + stiff),
-        jnp.hstack([from_above[:, 1:], none]),
-        jnp.broadcast_to(right, (stiff.shape[0], n.shape[0]))[..., None],
-    )[..., 0]
+    coupled_below = -eps / 2 * (n**2 + 3 * n + stiff) * jnp.where(n == 0, 2.0, 1.0)
+    coupled_above = -eps / 2 * (n**2 - 3 * n + stiff)
+    system = jnp.stack(
+        [
+            _shifted(coupled_below, 1),
+            jnp.broadcast_to(-(n**2 + stiff), coupled_below.shape),
+            _shifted(coupled_above, -1),
+            jnp.broadcast_to(right, coupled_below.shape),
+        ]
+    )
+
+    # Parallel cyclic reduction (Hockney and Jesshope 1981): every step couples harmonics twice as
+    # far apart, until none is left. The matrix is diagonally dominant, so that nothing is pivoted;
+    # whole rows are handled at once, where the usual elimination is a loop over harmonics. (LAPACK
+    # behind `jax.lax.linalg.tridiagonal_solve` was faster, but has hung in batches under jax 0.10.)
+    def reduce(system, step):
+        below, diagonal, above, right = system
+        lesser, greater = _shifted(system, step), _shifted(system, -step)
+        low = below / jnp.where(n < n[0] + step, 1.0, lesser[1])
+        high = above / jnp.where(n > n[-1] - step, 1.0, greater[1])
+        reduced = [
+            -low * lesser[0],
+            diagonal - low * lesser[2] - high * greater[0],
+            -high * greater[2],
+            right - low * lesser[3] - high * greater[3],
+        ]
+        return jnp.stack(reduced), None
+
+    steps = 2 ** np.arange(int(np.ceil(np.log2(n.shape[0]))))
+    system, _ = jax.lax.scan(reduce, system, steps)
+    return system[3] / system[1]
+
+
+def _shifted(rows: Float[Array, "*rows n"], step: int) -> Float[Array, "*rows n"]:
+    """Entry n - step in place of entry n, zero where there is none; `step` may be traced."""
+    n = rows.shape[-1]
+    wide = jnp.pad(rows, [(0, 0)] * (rows.ndim - 1) + [(n, n)])
+    return jax.lax.dynamic_slice_in_dim(wide, n - step, n, axis=-1)

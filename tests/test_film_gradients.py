@@ -1,0 +1,198 @@
+"""Derivatives of the film against finite differences, and finite at every edge."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp.film import (
+    ExplicitFit,
+    Guembel,
+    JournalBearing,
+    Ocvirk,
+    Reynolds,
+    bush_moment,
+    dynamic_coefficients,
+    eccentricity_ratio,
+    film_ratio,
+    friction_at,
+    friction_moment,
+    minimum_film,
+    prepare,
+    stiffness_damping,
+)
+
+SIZES = jnp.array([8e-3, 22e-3, 9e-6, 4e-3])
+# The derivatives of the series model take longest to compile.
+MODELS = [Reynolds, Ocvirk, pytest.param(Guembel, marks=pytest.mark.slow)]
+EDGE = 1 / 0.07**2 - 1  # film ratio where the table of `Reynolds` ends
+
+
+def central(function, x, step):
+    """Fourth-order central difference."""
+    x = jnp.asarray(x)
+    return (
+        8 * (function(x + step) - function(x - step))
+        - function(x + 2 * step)
+        + function(x - 2 * step)
+    ) / (12 * step)
+
+
+@pytest.mark.parametrize("model", [*MODELS, ExplicitFit])
+def test_position_has_exact_first_and_second_derivatives(model):
+    def ratio(point):
+        return jnp.log(film_ratio(model(point[1]), jnp.exp(point[0])))
+
+    first = jax.jit(jax.grad(ratio))
+
+    @jax.jit
+    def compare(point):
+        values, slopes = [], []
+        for direction in jnp.eye(2):
+            stencil = 1e-3 * jnp.array([-2.0, -1.0, 1.0, 2.0])
+            around = point + stencil[:, None] * direction
+            weights = jnp.array([1.0, -8.0, 8.0, -1.0]) / 12e-3
+            values.append(weights @ jax.lax.map(ratio, around))
+            slopes.append(weights @ jax.lax.map(first, around))
+        return first(point), jnp.stack(values), jax.jacfwd(first)(point), jnp.stack(slopes, axis=1)
+
+    for load in (1e-3, 0.9, 40.0, 3e3):
+        gradient, differences, hessian, slopes = compare(jnp.array([jnp.log(load), 0.6]))
+        # steps of 1e-3 leave their fourth power, 1e-12 of higher derivatives of order ten, and
+        # rounding over the step, 1e-12
+        np.testing.assert_allclose(gradient, differences, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(hessian, slopes, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(hessian, hessian.T, rtol=1e-9, atol=1e-11)
+
+
+def test_position_has_an_exact_third_derivative():
+    film = Reynolds(0.6)
+
+    def ratio(load):
+        return film_ratio(film, load)
+
+    second = jax.jit(jax.jacfwd(jax.grad(ratio)))
+    third = jax.jit(jax.jacfwd(second))(0.9)
+    np.testing.assert_allclose(third, central(second, 0.9, 1e-3), rtol=1e-7)
+
+
+def test_forward_and_reverse_mode_agree_with_differences_over_all_inputs():
+    def moment(point):  # logarithms of the sizes and the load, speed over 300 rad/s
+        bearing = JournalBearing(*(SIZES * jnp.exp(point[:4])))
+        return friction_moment(bearing, jnp.exp(point[4]), 300.0 * point[5])
+
+    value = jax.jit(moment)
+    reverse, forward = jax.jit(jax.grad(moment)), jax.jit(jax.jacfwd(moment))
+    for load in (1e-2, 30.0, 400.0, 1e5):
+        point = jnp.zeros(6).at[4].set(jnp.log(load)).at[5].set(1.0)
+        slopes = reverse(point)
+        np.testing.assert_allclose(slopes, forward(point), rtol=1e-11, atol=1e-16)
+        expected = jnp.array(
+            [central(lambda t, p=point, e=e: value(p + t * e), 0.0, 1e-3) for e in jnp.eye(6)]
+        )
+        # relative to the moment: the truncation, 1e-12, and rounding over the step, 1e-13
+        np.testing.assert_allclose(slopes / value(point), expected / value(point), atol=1e-8)
+
+
+def test_stiffness_is_differentiable():
+    def both(point, load):
+        bearing = JournalBearing(*SIZES.at[2].multiply(jnp.exp(point[0])))
+        direction = jnp.array([jnp.cos(point[1]), jnp.sin(point[1])])
+        return jnp.stack(stiffness_damping(bearing, load * direction, 300.0))
+
+    value, slope = jax.jit(both), jax.jit(jax.jacrev(both))
+    point = jnp.array([0.0, 0.4])
+    for load in (5.0, 300.0, 2e4):
+        scale = jnp.abs(value(point, load)).max((1, 2), keepdims=True)
+        for i, direction in enumerate(jnp.eye(2)):
+            expected = central(lambda t, d=direction, w=load: value(point + t * d, w), 0.0, 1e-3)
+            # relative to the largest entry, see above; the stiff film at high load has a
+            # condition of a hundred
+            np.testing.assert_allclose(
+                slope(point, load)[..., i] / scale, expected / scale, atol=1e-8
+            )
+
+
+@pytest.mark.parametrize("quantity", ["load", "attitude", "damping", "friction"])
+def test_slopes_are_continuous_where_the_table_ends(quantity):
+    film = Reynolds(0.25)
+    function = {
+        "load": film.load_gain,
+        "attitude": film.attitude_angle,
+        "damping": lambda x: film.damping(x)[0],
+        "friction": lambda x: friction_at(film, x),
+    }[quantity]
+    slope = jax.grad(function)
+    below, at, above = (slope(EDGE * (1 + d)) for d in (-1e-9, 0.0, 1e-9))
+    # curvature over 1e-9 of the argument, and rounding
+    np.testing.assert_allclose([below, above], at, rtol=1e-6)
+    np.testing.assert_allclose(at, central(function, EDGE, 1e-3 * EDGE), rtol=1e-3)
+
+
+def test_length_ratio_goes_on_smoothly_beyond_the_table():
+    for q in (0.1, 2.0):
+        gain = jax.grad(lambda q: Reynolds(q).load_gain(jnp.asarray(1.0)))
+        np.testing.assert_allclose(gain(q * (1 - 1e-9)), gain(q * (1 + 1e-9)), rtol=1e-6)
+        assert bool(jnp.isfinite(gain(q)))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_finite_from_no_load_and_rest_over_twelve_decades(model):
+    def values(sizes, load, speed):
+        bearing = prepare(JournalBearing(*sizes, film=model))
+        functions = friction_moment, bush_moment, eccentricity_ratio, minimum_film
+        return jnp.stack([f(bearing, load, speed) for f in functions])
+
+    loads = jnp.concatenate([jnp.zeros(1), jnp.logspace(-5, 7, 13)])
+    speeds = jnp.array([-300.0, -1e-9, 0.0, 1e-6, 300.0])
+    w, v = (a.ravel() for a in jnp.meshgrid(loads, speeds))
+    for function in (values, jax.jacfwd(values, (0, 1, 2)), jax.jacrev(values, (0, 1, 2))):
+        for leaf in jax.tree.leaves(jax.jit(jax.vmap(function, (None, 0, 0)))(SIZES, w, v)):
+            assert bool(jnp.all(jnp.isfinite(leaf)))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_stiffness_is_finite_from_no_load_over_twelve_decades(model):
+    def both(sizes, load):
+        bearing = JournalBearing(*sizes, film=model)
+        return jnp.stack(stiffness_damping(bearing, load, 300.0))
+
+    loads = jnp.concatenate([jnp.zeros(1), jnp.logspace(-5, 7, 13)])
+    vectors = loads[:, None] * jnp.array([0.6, -0.8])
+    for function in (both, jax.jacrev(both, (0, 1))):
+        for leaf in jax.tree.leaves(jax.jit(jax.vmap(function, (None, 0)))(SIZES, vectors)):
+            assert bool(jnp.all(jnp.isfinite(leaf)))
+
+
+def test_stiffness_at_no_load_is_the_limit_of_light_load():
+    bearing = JournalBearing(*SIZES)
+    none = stiffness_damping(bearing, jnp.zeros(2), 300.0)
+    light = stiffness_damping(bearing, jnp.array([1e-6, 0.0]), 300.0)
+    # eps is 1e-9 there
+    np.testing.assert_allclose(none.stiffness, light.stiffness, rtol=1e-6)
+    np.testing.assert_allclose(none.damping, light.damping, rtol=1e-6)
+    # the concentric film has no direction: its stiffness commutes with every rotation
+    k = none.stiffness
+    np.testing.assert_allclose([k[0, 0], k[0, 1]], [k[1, 1], -k[1, 0]], rtol=1e-12)
+
+
+def test_moment_is_smooth_through_rest():
+    bearing = JournalBearing(*SIZES)
+    slope = jax.jit(jax.grad(lambda w: friction_moment(bearing, 200.0, w, rest_speed=0.1)))
+    # odd in speed: an even slope, with its own slope zero at rest
+    np.testing.assert_allclose(slope(-0.05), slope(0.05), rtol=1e-13)
+    np.testing.assert_allclose(jax.jacfwd(slope)(0.0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        slope(0.02),
+        central(lambda w: friction_moment(bearing, 200.0, w, rest_speed=0.1), 0.02, 1e-4),
+        rtol=1e-8,
+    )
+
+
+def test_dynamic_coefficients_are_smooth_at_no_load():
+    film = Reynolds(1.0)
+    slope = jax.jit(jax.jacfwd(lambda p: jnp.stack(dynamic_coefficients(film, p))))
+    at_zero = slope(0.0)
+    assert bool(jnp.all(jnp.isfinite(at_zero)))
+    # curvature of order one over 1e-6
+    np.testing.assert_allclose(slope(1e-6), at_zero, atol=1e-4)
