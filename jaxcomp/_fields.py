@@ -87,6 +87,7 @@ def quantity(
     shape: tuple[int | None, ...] = (),
     default: Any = _MISSING,
     doc: str = "",
+    spread: bool = False,
 ) -> Any:
     """Declare a field that holds a float array in an SI unit.
 
@@ -96,8 +97,10 @@ def quantity(
         shape: expected shape; `None` stands for any length along that axis.
         default: value if none is given; `None` makes the field optional.
         doc: one line for the tables of `jaxcomp`.
+        spread: a column of a table, for which a single value stands for all rows; the class calls
+            [`spread_columns`][] once it knows their number.
     """
-    metadata = {"unit": unit, "bound": bound, "shape": shape, "doc": doc}
+    metadata = {"unit": unit, "bound": bound, "shape": shape, "doc": doc, "spread": spread}
     options: dict[str, Any] = {"converter": _as_float, "metadata": metadata}
     if default is not _MISSING:
         options["default"] = default
@@ -142,6 +145,29 @@ def quantities(part: Part | type[Part]) -> Iterator[tuple[str, dataclasses.Field
     for field in dataclasses.fields(part):
         if "unit" in field.metadata:
             yield field.name, field
+
+
+def spread_columns(part: Part, rows: int, what: str) -> None:
+    """Give every `spread` column of a part under construction one value a row.
+
+    Args:
+        part: the part, in its `__post_init__`.
+        rows: how many.
+        what: what a row is, for the message.
+
+    Raises:
+        BadInput: a column of another length.
+    """
+    for name, field in quantities(part):
+        value = getattr(part, name)
+        if not field.metadata["spread"] or value is None or type(value) is object:
+            continue
+        value = _as_float(value)
+        if value.ndim == 0:
+            value = jnp.full(rows, value)
+        if value.shape != (rows,):
+            raise BadInput(name, value, f"one value, or one for each of {rows} {what}")
+        setattr(part, name, value)
 
 
 def subparts(tree: Any) -> Iterator[tuple[str, Part]]:

@@ -224,7 +224,7 @@ def test_force_pairs_leave_no_net_load():
 
 def test_reaction_carries_the_moment_of_its_arm():
     model = machine(6)
-    pair = PeriodicForce("h1", "h3", (1,), [[0, 0, 7.0, 0, 0, 0]], [[0.0] * 6], arm=[0.2, 0, 0])
+    pair = PeriodicForce("h1", "h3", (1,), [[0, 0, 7.0]], [[0.0] * 3], arm=[0.2, 0, 0])
     f = load_vector(model, (pair,), 1, jnp.asarray(1.0))
     # r x F = (0.2, 0, 0) x (0, 0, 7) = (0, -1.4, 0), with the opposite sign on the reaction.
     np.testing.assert_allclose(f[node_index(model, "h3")], [0, 0, -7, 0, 1.4, 0], atol=1e-15)

@@ -1,5 +1,7 @@
 r"""Damping of the structure itself; that of bearings and mounts belongs to their links."""
 
+from typing import ClassVar
+
 from jaxtyping import Array
 
 from .._fields import NONNEGATIVE, Part, quantity
@@ -12,6 +14,8 @@ class ProportionalDamping(Part):
         mass_factor: [1/s] alpha, on all inertia.
         stiffness_factor: [s] beta, on the stiffness of the shaft elements.
     """
+
+    kind: ClassVar[str] = "proportional"
 
     mass_factor: Array = quantity("1/s", NONNEGATIVE, default=0.0)
     stiffness_factor: Array = quantity("s", NONNEGATIVE, default=0.0)
@@ -26,5 +30,7 @@ class ModalDamping(Part):
     Args:
         ratio: [-] (m,) damping ratios zeta of the m lowest modes.
     """
+
+    kind: ClassVar[str] = "modal"
 
     ratio: Array = quantity("", NONNEGATIVE, shape=(None,))

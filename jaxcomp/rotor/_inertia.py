@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, BadInput, Part, quantity
+from .._fields import NONNEGATIVE, Part, quantity, spread_columns
 from ._shaft import Node
 
 
@@ -24,17 +24,14 @@ class Disks(Part):
     """
 
     nodes: tuple[Node, ...] = eqx.field(static=True)
-    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,))
-    transverse_inertia: Array = quantity("kg m^2", NONNEGATIVE, shape=(None,))
-    polar_inertia: Array = quantity("kg m^2", NONNEGATIVE, shape=(None,))
-    offset: Array | None = quantity("m", shape=(None,), default=None)
+    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,), spread=True)
+    transverse_inertia: Array = quantity("kg m^2", NONNEGATIVE, shape=(None,), spread=True)
+    polar_inertia: Array = quantity("kg m^2", NONNEGATIVE, shape=(None,), spread=True)
+    offset: Array | None = quantity("m", shape=(None,), spread=True, default=None)
     spins: bool = eqx.field(static=True, default=True)
 
-    def __check_init__(self):
-        for name in ("mass", "transverse_inertia", "polar_inertia", "offset"):
-            value, n = getattr(self, name), len(self.nodes)
-            if value is not None and value.shape != (n,):
-                raise BadInput(name, value, f"one value for each of {n} disks")
+    def __post_init__(self):
+        spread_columns(self, len(self.nodes), "disks")
 
 
 class PointMasses(Part):
@@ -46,11 +43,10 @@ class PointMasses(Part):
     """
 
     nodes: tuple[Node, ...] = eqx.field(static=True)
-    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,))
+    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,), spread=True)
 
-    def __check_init__(self):
-        if self.mass.shape != (len(self.nodes),):
-            raise BadInput("mass", self.mass, f"one value for each of {len(self.nodes)} masses")
+    def __post_init__(self):
+        spread_columns(self, len(self.nodes), "masses")
 
 
 def solid_disk(

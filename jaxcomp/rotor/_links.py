@@ -5,10 +5,11 @@ K(W) d + C(W) d' on node b (and its opposite on node a). The law behind K and C 
 
     coefficients(spin_speed) -> (K, C)
 
-of shape (n_axes, n_axes): the two laws of this module, or a film model.
+of shape (n_axes, n_axes), and if it likes the number of axes as `size`: the laws of this module, or
+the films of `_film_laws`.
 """
 
-from typing import Literal, Protocol, runtime_checkable
+from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,6 +18,8 @@ from jaxtyping import Array, Float
 from .._fields import POSITIVE, BadInput, Part, is_traced, quantity
 from ._conventions import check_axes
 from ._shaft import Node
+
+GROUND = "ground"  # the word for `None` in lists of nodes
 
 
 @runtime_checkable
@@ -38,13 +41,63 @@ class ConstantLaw(Part):
         damping: [N s/m] (a, a).
     """
 
+    kind: ClassVar[str] = "constant"
+
     stiffness: Array = quantity("N/m", shape=(None, None))
     damping: Array = quantity("N s/m", shape=(None, None))
+
+    @property
+    def size(self):
+        """Number of axes."""
+        return self.stiffness.shape[-1]
 
     def coefficients(self, spin_speed):
         """The two matrices."""
         del spin_speed
         return self.stiffness, self.damping
+
+
+class Mount(Part):
+    """Uncoupled springs and dampers: a suspension or grommet.
+
+    Args:
+        stiffness: [N/m] (t,) along the displacements among the link's axes, which stand first.
+        damping: [N s/m] (t,)
+        angular_stiffness: [N m/rad] (r,) about the rotations that follow; absent for none.
+        angular_damping: [N m s/rad] (r,)
+    """
+
+    kind: ClassVar[str] = "mount"
+
+    stiffness: Array = quantity("N/m", shape=(None,))
+    damping: Array = quantity("N s/m", shape=(None,))
+    angular_stiffness: Array | None = quantity("N m/rad", shape=(None,), default=None)
+    angular_damping: Array | None = quantity("N m s/rad", shape=(None,), default=None)
+
+    def __check_init__(self):
+        for one, other in (("stiffness", "damping"), ("angular_stiffness", "angular_damping")):
+            sizes = [jnp.size(v) for v in (getattr(self, one), getattr(self, other))
+                     if v is not None]  # fmt: skip
+            if len(sizes) == 1 or (sizes and sizes[0] != sizes[1]):
+                raise BadInput(other, getattr(self, other), f"one value for each of `{one}`")
+
+    @property
+    def size(self):
+        """Number of axes."""
+        angular = self.angular_stiffness
+        return self.stiffness.size + (0 if angular is None else angular.size)
+
+    def coefficients(self, spin_speed):
+        """The two matrices."""
+        del spin_speed
+        none = jnp.zeros(0)
+        return tuple(
+            jnp.diag(jnp.concatenate([line, none if angular is None else angular]))
+            for line, angular in (
+                (self.stiffness, self.angular_stiffness),
+                (self.damping, self.angular_damping),
+            )
+        )
 
 
 class SpeedTable(Part):
@@ -79,6 +132,11 @@ class SpeedTable(Part):
         if self.kind not in ("linear", "monotone"):
             raise BadInput("kind", self.kind, "one of ('linear', 'monotone')")
 
+    @property
+    def size(self):
+        """Number of axes."""
+        return self.stiffness.shape[-1]
+
     def conditions(self):
         return {"a table with increasing speeds": jnp.all(jnp.diff(self.speed) > 0)}
 
@@ -94,7 +152,7 @@ class Link(Part):
     """One bearing, suspension or grommet.
 
     Args:
-        nodes: the two nodes; `None` as the second is the ground.
+        nodes: the two nodes; `None` or "ground" as the second is the ground.
         law: object with `coefficients(spin_speed)`.
         axes: the axes that the law's matrices refer to, by default ("ux", "uy"). Axes that a
             model of 4 degrees of freedom lacks (uz, thz) are left out there.
@@ -107,20 +165,24 @@ class Link(Part):
     law: LinkLaw
     axes: tuple[str, ...] = eqx.field(static=True, default=("ux", "uy"))
 
+    def __post_init__(self):
+        self.nodes = grounded(self.nodes)
+
     def __check_init__(self):
         check_axes(self.axes)
         if len(self.nodes) != 2 or self.nodes[0] is None or self.nodes[0] == self.nodes[1]:
             raise BadInput("nodes", str(self.nodes), "two different nodes, or a node and None")
-        shape = getattr(getattr(self.law, "stiffness", None), "shape", None)
-        if shape is not None and shape[-2:] != (len(self.axes),) * 2:
-            raise BadInput("law", str(shape), f"of shape {(len(self.axes),) * 2} for {self.axes}")
+        size = getattr(self.law, "size", len(self.axes))
+        if size != len(self.axes):
+            raise BadInput("axes", str(self.axes), f"{size} axes, as the matrices of `law` have")
 
 
 class SidePull(Part):
     """Unbalanced magnetic pull between stator and rotor: a negative isotropic radial stiffness.
 
     Args:
-        nodes: pairs (rotor node, stator node); `None` as the second for a fixed stator.
+        nodes: pairs (rotor node, stator node); `None` or "ground" as the second for a fixed
+            stator.
         stiffness: [N/m] magnitude over the whole length of the core, positive.
         share: [-] (n,) part of it on each pair; absent: equal parts.
     """
@@ -128,6 +190,9 @@ class SidePull(Part):
     nodes: tuple[tuple[Node, Node | None], ...] = eqx.field(static=True)
     stiffness: Array = quantity("N/m", POSITIVE)
     share: Array | None = quantity("", POSITIVE, shape=(None,), default=None)
+
+    def __post_init__(self):
+        self.nodes = tuple(grounded(pair) for pair in self.nodes)
 
     def __check_init__(self):
         n = len(self.nodes)
@@ -137,6 +202,11 @@ class SidePull(Part):
             total = jnp.sum(self.share)
             if not is_traced(total) and abs(float(total) - 1) > 1e-9:
                 raise BadInput("share", self.share, "parts that add up to 1")
+
+
+def grounded(nodes):
+    """A pair of nodes with `None` for the word "ground"."""
+    return tuple(None if node == GROUND else node for node in nodes)
 
 
 def isotropic(stiffness, damping=0.0, *, size: int = 2) -> ConstantLaw:

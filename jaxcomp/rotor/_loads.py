@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._fields import NONNEGATIVE, BadInput, Part, quantity
+from .._fields import NONNEGATIVE, BadInput, Part, quantity, spread_columns
 from ._assembly import collect, structure_of
 from ._conventions import AXES, SPACE_AXES
 from ._layout import layout_of
-from ._model import RotorModel, node_index
+from ._model import RotorModel, check_node, node_index, rotor_among
 from ._shaft import Node
 
 
@@ -23,28 +23,27 @@ class Unbalances(Part):
     """
 
     nodes: tuple[Node, ...] = eqx.field(static=True)
-    magnitude: Array = quantity("kg m", NONNEGATIVE, shape=(None,))
-    phase: Array = quantity("rad", shape=(None,))
+    magnitude: Array = quantity("kg m", NONNEGATIVE, shape=(None,), spread=True)
+    phase: Array = quantity("rad", shape=(None,), spread=True)
 
-    def __check_init__(self):
-        for name in ("magnitude", "phase"):
-            value, n = getattr(self, name), len(self.nodes)
-            if value.shape != (n,):
-                raise BadInput(name, value, f"one value for each of {n} unbalances")
+    def __post_init__(self):
+        spread_columns(self, len(self.nodes), "unbalances")
 
 
 class PeriodicForce(Part):
     """A force and moment on a node with its Fourier coefficients, and its reaction elsewhere.
 
-    f(t) = sum over the orders of a_n cos(n W t) + b_n sin(n W t). The six components are those of
-    (F_x, F_y, F_z, M_x, M_y, M_z); a model of 4 degrees of freedom takes the lateral ones.
+    f(t) = sum over the orders of a_n cos(n W t) + b_n sin(n W t) with f = (F_x, F_y, F_z), and
+    likewise the moment. A model of 4 degrees of freedom takes the lateral components.
 
     Args:
         node: where the force acts.
         reaction: node that takes the opposite force; `None` for an outer force.
         orders: the orders n.
-        cosine: [N], [N m] (orders, 6) coefficients a_n.
-        sine: [N], [N m] (orders, 6) coefficients b_n.
+        cosine: [N] (orders, 3) coefficients a_n.
+        sine: [N] (orders, 3) coefficients b_n.
+        moment_cosine: [N m] (orders, 3); absent for none.
+        moment_sine: [N m] (orders, 3)
         arm: [m] (3,) from the reaction node to the point of action; the reaction includes the
             moment of the force about its node. Absent: the two nodes coincide in space.
     """
@@ -52,17 +51,53 @@ class PeriodicForce(Part):
     node: Node = eqx.field(static=True)
     reaction: Node | None = eqx.field(static=True)
     orders: tuple[int, ...] = eqx.field(static=True)
-    cosine: Array = quantity("N", shape=(None, 6))
-    sine: Array = quantity("N", shape=(None, 6))
+    cosine: Array = quantity("N", shape=(None, 3))
+    sine: Array = quantity("N", shape=(None, 3))
+    moment_cosine: Array | None = quantity("N m", shape=(None, 3), default=None)
+    moment_sine: Array | None = quantity("N m", shape=(None, 3), default=None)
     arm: Array | None = quantity("m", shape=(3,), default=None)
 
     def __check_init__(self):
-        for name in ("cosine", "sine"):
-            value, n = getattr(self, name), len(self.orders)
-            if value.shape != (n, 6):
-                raise BadInput(name, value, f"six components for each of {n} orders")
+        n = len(self.orders)
+        for name in ("cosine", "sine", "moment_cosine", "moment_sine"):
+            value = getattr(self, name)
+            if value is not None and value.shape != (n, 3):
+                raise BadInput(name, value, f"three components for each of {n} orders")
         if self.node == self.reaction:
             raise BadInput("reaction", str(self.reaction), "another node than the force's own")
+
+
+class LoadCase(Part):
+    """The loads of a scene file.
+
+    Args:
+        unbalances: tables of unbalances.
+        forces: periodic forces.
+    """
+
+    unbalances: tuple[Unbalances, ...] = ()
+    forces: tuple[PeriodicForce, ...] = ()
+
+    @property
+    def loads(self) -> "Loads":
+        """All of them, as `respond` takes them."""
+        return (*self.unbalances, *self.forces)
+
+    def check_beside(self, parts) -> None:
+        """Whether the rotor of the same file has the nodes.
+
+        Raises:
+            BadInput: a node that the rotor does not have.
+        """
+        model = rotor_among(parts)
+        for number, table in enumerate(self.unbalances):
+            for node in table.nodes:
+                check_node(model, node, f"unbalances.{number}.nodes")
+        for number, force in enumerate(self.forces):
+            for field in ("node", "reaction"):
+                node = getattr(force, field)
+                if node is not None:
+                    check_node(model, node, f"forces.{number}.{field}")
 
 
 Loads = tuple[Unbalances | PeriodicForce, ...]
@@ -111,7 +146,12 @@ def _unbalance(model, load, spin_speed):
 
 def _periodic(model, load, order):
     row = load.orders.index(order)
-    wrench = load.cosine[row] - 1j * load.sine[row]
+    wrench = jnp.concatenate(
+        [
+            _amplitude(load.cosine, load.sine, row),
+            _amplitude(load.moment_cosine, load.moment_sine, row),
+        ]
+    )
     own = np.array([SPACE_AXES.index(a) for a in AXES[model.dof]])
     f = jnp.zeros((layout_of(model).n, model.dof), complex)
     f = f.at[node_index(model, load.node)].add(wrench[own])
@@ -120,6 +160,11 @@ def _periodic(model, load, order):
     if load.arm is not None:
         wrench = wrench.at[3:].add(jnp.cross(load.arm.astype(complex), wrench[:3]))
     return f.at[node_index(model, load.reaction)].add(-wrench[own])
+
+
+def _amplitude(cosine, sine, row):
+    a, b = (jnp.zeros(3) if table is None else table[row] for table in (cosine, sine))
+    return a - 1j * b
 
 
 def total_load(model: RotorModel, force: Complex[Array, "n dof"]) -> Complex[Array, " dof"]:

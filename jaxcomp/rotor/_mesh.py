@@ -1,6 +1,4 @@
-r"""Building shaft tables: one value for all elements, steps cut into elements."""
-
-from itertools import pairwise
+r"""Building shaft tables: lines of elements, and steps cut into elements."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +8,7 @@ from ._shaft import Node, ShaftElements
 
 
 def shaft_line(nodes: tuple[Node, ...], *, length, outer_diameter, **columns) -> ShaftElements:
-    """A line of elements through the nodes; single values stand for all elements.
+    """A line of elements through the nodes, every field by its name.
 
     Args:
         nodes: n + 1 node names in the direction of z.
@@ -18,16 +16,7 @@ def shaft_line(nodes: tuple[Node, ...], *, length, outer_diameter, **columns) ->
         outer_diameter: [m] one value or (n,)
         **columns: the other fields of `ShaftElements`, arrays by one value or (n,).
     """
-    n = len(nodes) - 1
-    if n < 1:
-        raise BadInput("nodes", str(nodes), "at least two nodes")
-    columns |= {"length": length, "outer_diameter": outer_diameter}
-    plain = {"theory", "shear_law", "spins"}
-    table = {
-        name: value if name in plain or value is None else _column(value, n)
-        for name, value in columns.items()
-    }
-    return ShaftElements(tuple(pairwise(nodes)), **table)
+    return ShaftElements(nodes, length, outer_diameter, **columns)
 
 
 def stepped_shaft(

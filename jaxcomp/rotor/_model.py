@@ -30,7 +30,8 @@ class RotorModel(Part):
         nodes: order of the nodes.
 
     Raises:
-        BadInput: an unknown or doubly slaved node, or no node at all.
+        BadInput: a node that nothing else joins to the model or that follows two bodies, or no
+            node at all.
     """
 
     shafts: tuple[ShaftElements, ...] = ()
@@ -55,12 +56,38 @@ class RotorModel(Part):
             raise BadInput(
                 "nodes", str(self.nodes), f"an ordering of {sorted(map(str, mentioned))}"
             )
+        self._check_joined()
         slaved = [node for body in self.bodies for node in body.nodes]
         centres = [body.centre for body in self.bodies]
         if len(set(slaved)) != len(slaved) or set(slaved) & set(centres):
             raise BadInput("bodies", str(slaved), "nodes that belong to one body each")
         if len(set(centres)) != len(centres):
             raise BadInput("bodies", str(centres), "bodies with a centre of their own")
+
+    def _check_joined(self):
+        """A node that stands in one place only is most likely a slip of the pen."""
+        shafts = {node for shaft in self.shafts for pair in shaft.nodes for node in pair}
+        bodies = {node for body in self.bodies for node in (body.centre, *body.nodes)}
+        inertias = {n for table in (*self.disks, *self.masses) for n in table.nodes}
+        ends = [n for link in self.links for n in link.nodes]
+        ends += [n for pull in self.side_pulls for pair in pull.nodes for n in pair]
+        for name in ("disks", "masses"):
+            for number, table in enumerate(getattr(self, name)):
+                for node in set(table.nodes) - shafts - bodies - set(ends):
+                    raise BadInput(
+                        f"{name}.{number}.nodes", node, "a node of a shaft, link or body"
+                    )
+        held = shafts | bodies | inertias | {None}
+        for number, link in enumerate(self.links):
+            for node in set(link.nodes) - held:
+                if ends.count(node) == 1:
+                    bound = "a node of a shaft, disk, mass, body or another link"
+                    raise BadInput(f"links.{number}.nodes", node, bound)
+        for number, pull in enumerate(self.side_pulls):
+            for node in {n for pair in pull.nodes for n in pair} - held:
+                if ends.count(node) == 1:
+                    bound = "a node of a shaft, disk, mass, body or link"
+                    raise BadInput(f"side_pulls.{number}.nodes", node, bound)
 
 
 def node_names(model: RotorModel) -> tuple[Node, ...]:
@@ -78,6 +105,28 @@ def node_index(model: RotorModel, node: Node) -> int:
     if node not in names:
         raise BadInput("node", str(node), f"one of {names}")
     return names.index(node)
+
+
+def check_node(model: RotorModel, node: Node, field: str) -> None:
+    """Refuse a node that the model does not have, under the name of the field that holds it.
+
+    Raises:
+        BadInput: there is no such node.
+    """
+    if node not in node_names(model):
+        raise BadInput(field, node, f"a node of the rotor, one of {node_names(model)}")
+
+
+def rotor_among(parts) -> RotorModel:
+    """The rotor among the parts of a scene.
+
+    Raises:
+        BadInput: there is none.
+    """
+    model = parts.get("rotor")
+    if not isinstance(model, RotorModel):
+        raise BadInput("", "absent", "beside a section [rotor]")
+    return model
 
 
 def _mentioned(model: RotorModel) -> tuple[Node, ...]:

@@ -15,6 +15,7 @@ the length where shear counts, and with the fourth power without. Without shear 
 inertia it is the Rayleigh beam, without both the Euler-Bernoulli beam.
 """
 
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import equinox as eqx
@@ -23,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, BadInput, Bound, Part, quantity
+from .._fields import NONNEGATIVE, POSITIVE, BadInput, Bound, Part, quantity, spread_columns
 from ._section import SHEAR_LAWS, ShearLaw, area, second_moment, shear_coefficient
 
 Node = int | str
@@ -39,11 +40,12 @@ _POINTS, _WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
 class ShaftElements(Part):
     """A table of circular beam elements; one entry along the axis of each array is one element.
 
-    Elements between the same two nodes act in parallel (a sleeve on a shaft). A density of zero
-    makes an element that is stiff but massless.
+    A single value stands for all elements, and a list of nodes for the line through them. Elements
+    between the same two nodes act in parallel (a sleeve on a shaft). A density of zero makes an
+    element that is stiff but massless.
 
     Args:
-        nodes: pairs of node names, left (smaller z) and right.
+        nodes: pairs of node names, left (smaller z) and right; or the n + 1 nodes of a line.
         length: [m] (n,)
         outer_diameter: [m] (n,), at the left end.
         young_modulus: [Pa] (n,)
@@ -62,34 +64,34 @@ class ShaftElements(Part):
         BadInput: a value outside its bound, or an inner diameter not below the outer one.
     """
 
-    nodes: tuple[tuple[Node, Node], ...] = eqx.field(static=True)
-    length: Array = quantity("m", POSITIVE, shape=(None,))
-    outer_diameter: Array = quantity("m", POSITIVE, shape=(None,))
-    young_modulus: Array = quantity("Pa", POSITIVE, shape=(None,))
-    density: Array = quantity("kg/m^3", NONNEGATIVE, shape=(None,))
-    poisson: Array = quantity("", Bound(-1.0, 0.5, low_open=True), shape=(None,))
-    inner_diameter: Array | None = quantity("m", NONNEGATIVE, shape=(None,), default=None)
-    outer_diameter_end: Array | None = quantity("m", POSITIVE, shape=(None,), default=None)
-    inner_diameter_end: Array | None = quantity("m", NONNEGATIVE, shape=(None,), default=None)
-    shear_constant: Array | None = quantity("", POSITIVE, shape=(None,), default=None)
+    nodes: tuple[tuple[Node, Node], ...] | tuple[Node, ...] = eqx.field(static=True)
+    length: Array = quantity("m", POSITIVE, shape=(None,), spread=True)
+    outer_diameter: Array = quantity("m", POSITIVE, shape=(None,), spread=True)
+    young_modulus: Array = quantity("Pa", POSITIVE, shape=(None,), spread=True)
+    density: Array = quantity("kg/m^3", NONNEGATIVE, shape=(None,), spread=True)
+    poisson: Array = quantity("", Bound(-1.0, 0.5, low_open=True), shape=(None,), spread=True)
+    inner_diameter: Array | None = quantity(
+        "m", NONNEGATIVE, shape=(None,), spread=True, default=None
+    )
+    outer_diameter_end: Array | None = quantity(
+        "m", POSITIVE, shape=(None,), spread=True, default=None
+    )
+    inner_diameter_end: Array | None = quantity(
+        "m", NONNEGATIVE, shape=(None,), spread=True, default=None
+    )
+    shear_constant: Array | None = quantity("", POSITIVE, shape=(None,), spread=True, default=None)
     theory: Theory = eqx.field(static=True, default="timoshenko")
     shear_law: ShearLaw = eqx.field(static=True, default="cowper")
     spins: bool = eqx.field(static=True, default=True)
 
+    def __post_init__(self):
+        if not any(isinstance(node, tuple) for node in self.nodes):
+            self.nodes = tuple(pairwise(self.nodes))
+        if not self.nodes:
+            raise BadInput("nodes", "()", "at least two nodes")
+        spread_columns(self, len(self.nodes), "elements")
+
     def __check_init__(self):
-        n = len(self.nodes)
-        for name in ("length", "outer_diameter", "young_modulus", "density", "poisson"):
-            if getattr(self, name).shape != (n,):
-                raise BadInput(name, getattr(self, name), f"one value for each of {n} elements")
-        for name in (
-            "inner_diameter",
-            "outer_diameter_end",
-            "inner_diameter_end",
-            "shear_constant",
-        ):
-            value = getattr(self, name)
-            if value is not None and value.shape != (n,):
-                raise BadInput(name, value, f"one value for each of {n} elements")
         if self.theory not in THEORIES:
             raise BadInput("theory", self.theory, f"one of {THEORIES}")
         if self.shear_law not in SHEAR_LAWS:

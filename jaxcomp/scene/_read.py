@@ -94,7 +94,10 @@ class Reader:
         self.sources[path] = own_source or source or ""
         if isinstance(entry, Number):
             si = to_si(value, entry.unit, path, unit)
-            _check_shape(si, entry.shape, path, value)
+            if not si.size and entry.shape[:1] == (None,):  # a table without rows has no columns
+                return si.reshape(0, *(n or 0 for n in entry.shape[1:]))
+            if si.ndim or not entry.spread:
+                _check_shape(si, entry.shape, path, value)
             return si
         if isinstance(entry, Option):
             problem = option_problem(entry.hint, value)
@@ -150,9 +153,14 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
     except BadInput as error:
         if error.field in given:
             value = unwrapped(table[error.field], path)[0]
-            unit = getattr(entries(kind)[error.field], "unit", "")
+            entry = entries(kind)[error.field]
+            numeric = isinstance(entry, Number) and error.bound == str(entry.bound)
+            unit = getattr(entry, "unit", "") if numeric else ""
             problem = f"must be {error.bound} {unit}".rstrip()
             raise SceneError(join(path, error.field), problem, value) from None
+        if error.field.split(".")[0] in given:  # a place within a table of parts
+            problem = f"must be {error.bound}"
+            raise SceneError(join(path, error.field), problem, error.value) from None
         # a rule across fields: show the values that it names
         words = [name for name in given if name in error.bound and name in table]
         shown = ", ".join(f"{name} = {unwrapped(table[name], path)[0]}" for name in words)

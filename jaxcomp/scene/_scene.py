@@ -5,21 +5,26 @@ import dataclasses
 import os
 import tomllib
 from collections.abc import Iterable, Mapping
-from importlib import resources
+from importlib import import_module, resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .._fields import Part
+from .._fields import BadInput, Part
 from ..compressor import Compressor
 from ._dump import is_section, toml_text
 from ._errors import SceneError, did_you_mean
-from ._read import Reader
+from ._read import Reader, join
 from ._schema import entries
 from ._write import set_value, updated
 
 # Sections beside those of the compressor: name of the section, class of its part (which may be
-# abstract: then `type` selects one of its subclasses).
-SECTIONS: dict[str, type[Part]] = {}
+# abstract: then `type` selects one of its subclasses). A class in the form "package:name" is
+# imported when a file has the section.
+SECTIONS: dict[str, type[Part] | str] = {
+    "rotor": "jaxcomp.rotor:RotorModel",
+    "loads": "jaxcomp.rotor:LoadCase",
+    "balancing": "jaxcomp.rotor:BalancingPlanes",
+}
 
 _HEADER = ("name", "description", "source")
 
@@ -166,6 +171,24 @@ def with_compressor(scene: Scene, compressor: Compressor, source: str) -> Scene:
     return _scene(document, scene.file)
 
 
+def _imported(part: type[Part] | str) -> type[Part]:
+    if not isinstance(part, str):
+        return part
+    package, _, name = part.partition(":")
+    return getattr(import_module(package), name)
+
+
+def _check_beside(name: str, part: Part, parts: Mapping[str, Part]) -> None:
+    """Let a part check what it says about the other sections, where it has a method for that."""
+    check = getattr(part, "check_beside", None)
+    if check is None:
+        return
+    try:
+        check(parts)
+    except BadInput as error:
+        raise SceneError(join(name, error.field), f"must be {error.bound}", error.value) from None
+
+
 def _bundled() -> dict[str, Any]:
     folder = resources.files("jaxcomp.machines")
     return {f.name[:-5]: f for f in folder.iterdir() if f.name.endswith(".toml")}
@@ -196,7 +219,9 @@ def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str]) ->
         compressor = reader.part(document, (Compressor,), "", source, ignored=ignored)
     for name, part in SECTIONS.items():
         if name in document:
-            parts[name] = reader.part(document[name], (part,), name, source)
+            parts[name] = reader.part(document[name], (_imported(part),), name, source)
+    for name, part in parts.items():
+        _check_beside(name, part, parts)
     default_name = Path(file).stem or "machine"
     return Scene(
         document.get("name", default_name),

@@ -19,7 +19,7 @@ from .._fields import Bound, Part
 
 
 class Number(NamedTuple):
-    """A float array with unit and bound."""
+    """A float array with unit and bound; with `spread` a single value may stand for a list."""
 
     unit: str
     bound: Bound
@@ -27,6 +27,7 @@ class Number(NamedTuple):
     required: bool
     optional: bool
     doc: str
+    spread: bool
 
 
 class Option(NamedTuple):
@@ -123,7 +124,8 @@ def _entry(field: dataclasses.Field, hint: Any) -> Entry:
     optional = field.default is None
     if "unit" in field.metadata:
         m = field.metadata
-        return Number(m["unit"], m["bound"], m["shape"], required, optional, m["doc"])
+        spread = m["spread"]
+        return Number(m["unit"], m["bound"], m["shape"], required, optional, m["doc"], spread)
     options = tuple(h for h in _members(hint) if h is not type(None))
     if options and all(_is_part(h) for h in options):
         return SubPart(options, required, optional)
