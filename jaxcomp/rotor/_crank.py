@@ -1,0 +1,118 @@
+r"""From the crank's periodic state to loads on the rotor and the crankcase.
+
+The rod pushes the crank pin, the gas the cylinder head, the piston the cylinder wall, and the motor
+turns rotor and stator against each other. All four are real forces on real places, so that their sum
+over the machine is minus the inertia force of rod and piston, and nothing else. The crank's own
+unbalance belongs to `Unbalances`.
+
+The frames are the same: x along the cylinder, the crank turns from x to y. The harmonics are those
+of time, with the crank at angle zero at W t = 0 on the mean; W is the mean speed.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import BadInput
+from ..mechanism import SliderCrank
+from ._loads import PeriodicForce
+from ._shaft import Node
+
+if TYPE_CHECKING:  # the crank's solvers are not needed to read their results
+    from ..compressor import Compressor
+    from ..crank import Orbit
+
+
+class CrankForces(NamedTuple):
+    """Loads of one periodic state of the crank.
+
+    Attributes:
+        forces: on rod end, head and wall, and of the motor where it was asked for.
+        spin_speed: [rad/s] mean speed, at which these forces hold.
+        missing: [-] by load, what the orders leave out: root mean square of the rest over that of
+            the force.
+    """
+
+    forces: tuple[PeriodicForce, ...]
+    spin_speed: Float[Array, ""]
+    missing: dict[str, Float[Array, ""]]
+
+
+def crank_forces(
+    compressor: "Compressor",
+    state: "Orbit",
+    orders: tuple[int, ...] = (0, 1, 2, 3, 4, 5),
+    *,
+    pin: Node,
+    head: Node,
+    wall: Node,
+    wall_position: Float[Array, ""] = 0.0,
+    motor: tuple[Node, Node] | None = None,
+) -> CrankForces:
+    """Fourier coefficients of the crank's forces, by the quadrature of its own solver.
+
+    Args:
+        compressor: with a slider-crank.
+        state: its periodic state, from `solve_orbit`; its nodes respect the kinks of the gas.
+        orders: harmonics to keep, 0 for the mean.
+        pin: node of the shaft in the plane of the rod; it takes the rod's force with its torque.
+        head: node of the crankcase on the cylinder axis, which takes the gas force.
+        wall: node of the crankcase, which takes the piston's side force and friction.
+        wall_position: [m] x of that node from the shaft's axis; the side force acts where the
+            piston is and so turns the crankcase as well.
+        motor: nodes of rotor and stator between which the motor's torque acts, for a model with
+            torsion.
+
+    Raises:
+        BadInput: another mechanism.
+    """
+    mechanism = compressor.mechanism
+    if not isinstance(mechanism, SliderCrank):
+        raise BadInput("mechanism", type(mechanism).__name__, "a slider-crank")
+    angle = state.state.angle
+    none = jnp.zeros_like(angle)
+    position, _, _ = mechanism.piston(angle)
+    rod = -state.loads.forces["crank_pin"]
+    side = -state.loads.forces["wall"]
+    gas = none
+    if state.pressure is not None and compressor.gas is not None:
+        gas = (state.pressure - compressor.gas.behind_piston) * mechanism.piston_area
+    radius, offset = mechanism.crank_radius, mechanism.offset
+    torque = radius * (jnp.cos(angle) * rod[1] - jnp.sin(angle) * rod[0])
+    lever = (position - wall_position) * side[1] - offset * side[0]
+    wrenches = {
+        pin: ("rod", rod[0], rod[1], torque),
+        head: ("gas", gas, none, -offset * gas),
+        wall: ("wall", side[0], side[1], lever),
+    }
+    phase = state.mean_speed * state.time + mechanism.dead_centres()[0]
+    share = state.weight / state.state.speed
+    share = share / jnp.sum(share)
+    forces, missing = [], {}
+    for node, (name, fx, fy, mz) in wrenches.items():
+        force = jnp.stack([fx, fy, none])
+        (cosine, sine), missing[name] = _harmonics(force, phase, share, orders)
+        (turning_cosine, turning_sine), _ = _harmonics(
+            jnp.stack([none, none, mz]), phase, share, orders
+        )
+        forces.append(PeriodicForce(node, None, orders, cosine, sine, turning_cosine, turning_sine))
+    if motor is not None:
+        turning = jnp.stack([none, none, state.motor_torque])
+        (cosine, sine), missing["motor"] = _harmonics(turning, phase, share, orders)
+        zero = jnp.zeros_like(cosine)
+        forces.append(PeriodicForce(*motor, orders, zero, zero, cosine, sine))
+    return CrankForces(tuple(forces), state.mean_speed, missing)
+
+
+def _harmonics(values: Float[Array, "3 n"], phase, share, orders):
+    """Coefficients (orders, 3) of cosine and sine, and the relative size of what is left out."""
+    table = [((1.0 if n == 0 else 2.0), n * phase) for n in orders]
+    cosine = jnp.stack([f * values @ (share * jnp.cos(p)) for f, p in table])
+    sine = jnp.stack([f * values @ (share * jnp.sin(p)) for f, p in table])
+    kept = sum(
+        a[:, None] * jnp.cos(p) + b[:, None] * jnp.sin(p)
+        for a, b, (_, p) in zip(cosine, sine, table, strict=True)
+    )
+    rest, whole = (jnp.sum(share * v**2) for v in (values - kept, values))
+    return (cosine, sine), jnp.sqrt(rest / jnp.where(whole == 0, 1.0, whole))
