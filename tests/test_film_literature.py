@@ -10,6 +10,7 @@ import pytest
 
 from jaxcomp.film import (
     ExplicitFit,
+    GroovedReynolds,
     Guembel,
     Ocvirk,
     Reynolds,
@@ -214,6 +215,29 @@ def test_plain_ring_is_near_someyas_grooved_bearing(q):
         # the grooves take capacity: the plain ring runs less eccentrically
         state = film_state(film, convert_load_number(s, "sommerfeld_number", "load_number", q))
         assert state.eccentricity_ratio < row[1]
+
+
+@pytest.mark.parametrize("q", list(SOMEYA))
+def test_grooved_film_meets_someya(q):
+    """Two axial grooves of 10 degrees, at his eccentricity ratios."""
+    film = GroovedReynolds(q)
+    for s, eps, phi, friction, *coefficients in rows(SOMEYA[q], 12):
+        load = load_number_at(film, eps)
+        ours = coefficients_per_load(film, load)
+        state = film_state(film, load)
+        assert abs(1 / (2 * np.pi * load) / s - 1) < 0.015
+        stiffness, damping = np.array(coefficients).reshape(2, 2, 2)
+        # 5 % of the largest entry. His K_xx at L/D = 1, eps = 0.9 is 5.7 % above ours, which agree
+        # with differences of the solver to 1e-4, and his angle there is off as well, by 1.05
+        # degrees: more than anywhere else on this side.
+        bound = 0.06 if (q, eps) == (1.0, 0.9) else 0.05
+        assert np.abs(ours.stiffness - stiffness).max() < bound * np.abs(stiffness).max()
+        assert np.abs(ours.damping - damping).max() < 0.05 * np.abs(damping).max()
+        angle = np.degrees(state.attitude_angle) - phi
+        # light load and L/D = 1, where the grooves matter most
+        assert abs(angle) < (2.6 if (q, eps) == (1.0, 0.2) else 1.1)
+        # shear over grooves and cavity is counted here
+        assert 0.01 < state.friction_number / load / friction - 1 < 0.07
 
 
 def test_revolutions_and_radians_are_not_mixed():

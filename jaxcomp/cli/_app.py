@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ._bearing import bearing
 from ._list import list_machines
 from ._run import run
 
@@ -21,6 +22,7 @@ app = typer.Typer(
 )
 app.command("list")(list_machines)
 app.command("run")(run)
+app.command("bearing")(bearing)
 
 
 def _show_version(wanted: bool) -> None:

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from .._fields import POSITIVE, Part, quantity
 from ._film import (
+    AbstractCarryingFilm,
     AbstractFilm,
     AbstractSolvedFilm,
     DynamicCoefficients,
@@ -37,7 +38,9 @@ class JournalBearing(Part):
         length: [m] Bearing length L.
         radial_clearance: [m] c, bush radius minus journal radius.
         dynamic_viscosity: [Pa s] eta.
-        film: Film model, a class such as `Reynolds` (default), `Ocvirk`, `Guembel`, `ExplicitFit`.
+        film: Film model, a class: `Reynolds` (default), `GroovedReynolds`, `Guembel`, `Ocvirk`; for
+            friction and position only `ExplicitFit`, for friction only `Petroff`, `LoadedPetroff`.
+            The attribute `limits` of each says where it stops being right.
 
     Raises:
         BadInput: for a value that is not positive, or L/D outside the range of the film model.
@@ -255,6 +258,11 @@ def stiffness_damping(
 
 def _position(bearing, load, speed, rest_speed) -> Scalar:
     bearing, film = prepare(bearing)
+    if not isinstance(film, AbstractCarryingFilm):
+        raise ValueError(
+            f"The film model {type(film).__name__} gives no position of the journal; take "
+            "`Reynolds`, `GroovedReynolds`, `Guembel`, `Ocvirk` or `ExplicitFit`."
+        )
     return film_ratio(film, load_number(bearing, load, speed, rest_speed=rest_speed))
 
 
@@ -263,7 +271,7 @@ def _solved(bearing) -> PreparedBearing:
     if not isinstance(bearing.film, AbstractSolvedFilm):
         raise ValueError(
             f"The film model {type(bearing.film).__name__} gives no attitude angle and no dynamic "
-            "coefficients; take `Reynolds`, `Guembel` or `Ocvirk`."
+            "coefficients; take `Reynolds`, `GroovedReynolds`, `Guembel` or `Ocvirk`."
         )
     return bearing
 

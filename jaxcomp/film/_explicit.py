@@ -9,10 +9,10 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ._film import AbstractFilm, Scalar
+from ._film import AbstractCarryingFilm, Scalar
 
 
-class ExplicitFit(AbstractFilm):
+class ExplicitFit(AbstractCarryingFilm):
     r"""Friction and eccentricity by closed formulas; no attitude angle, stiffness or damping.
 
     Args:
@@ -21,6 +21,10 @@ class ExplicitFit(AbstractFilm):
 
     length_ratio: Scalar
     length_ratio_range: ClassVar[tuple[float, float]] = (0.4, 2.0)
+    limits: ClassVar[str] = (
+        "Closed fit: friction within 1.7 % for L/D 0.5 to 1.5 and 2.8 % for 0.4 to 2, load within "
+        "2.5 % for eps to 0.97. No attitude angle, no coefficients."
+    )
 
     def __init__(self, length_ratio):
         self.length_ratio = jnp.asarray(length_ratio, dtype=jnp.result_type(float))

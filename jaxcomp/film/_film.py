@@ -31,21 +31,26 @@ Scalar = Float[Array, ""]
 
 
 class AbstractFilm(eqx.Module):
-    """A film model for one ratio of length to diameter: load capacity and friction."""
+    """A film model for one ratio of length to diameter: friction under a load."""
 
     length_ratio: eqx.AbstractVar[Scalar]
     length_ratio_range: ClassVar[tuple[float, float]] = (0.0, math.inf)
-
-    @abc.abstractmethod
-    def load_gain(self, film_ratio: Scalar) -> Scalar:
-        """[-] Phi_p/x, load number over film ratio: finite and positive at zero load."""
+    limits: ClassVar[str]  # where the model stops being right, for who reads its results
 
     @abc.abstractmethod
     def friction_number(self, load_number: Scalar) -> Scalar:
         """[-] Phi_T = M psi/(eta omega L D R), M the moment on the journal; pi at zero load."""
 
 
-class AbstractSolvedFilm(AbstractFilm):
+class AbstractCarryingFilm(AbstractFilm):
+    """A film model that also says how far the load moves the journal."""
+
+    @abc.abstractmethod
+    def load_gain(self, film_ratio: Scalar) -> Scalar:
+        """[-] Phi_p/x, load number over film ratio: finite and positive at zero load."""
+
+
+class AbstractSolvedFilm(AbstractCarryingFilm):
     """A film model that also gives the direction of the film force and its damping."""
 
     @abc.abstractmethod
@@ -55,6 +60,10 @@ class AbstractSolvedFilm(AbstractFilm):
     @abc.abstractmethod
     def damping(self, film_ratio: Scalar) -> tuple[Scalar, Scalar]:
         """[-] C_rr and C_tr = -dF_t/dv_r, over eta L D/(psi^2 c)."""
+
+    def radial_stiffness(self, film_ratio: Scalar) -> tuple[Scalar, Scalar]:
+        """[-] K_rr and K_tr, minus the slopes of F_r and F_t over eps."""
+        return slope_stiffness(self, film_ratio)
 
 
 class FilmState(NamedTuple):
@@ -95,13 +104,13 @@ def film_forces(film: AbstractSolvedFilm, eccentricity_ratio: Scalar) -> tuple[S
     return _forces(film, x)
 
 
-def load_number_at(film: AbstractFilm, eccentricity_ratio: Scalar) -> Scalar:
+def load_number_at(film: AbstractCarryingFilm, eccentricity_ratio: Scalar) -> Scalar:
     """[-] Load number Phi_p that holds the journal at an eccentricity ratio in [0, 1)."""
     x = film_ratio_of(eccentricity_ratio)
     return x * film.load_gain(x)
 
 
-def film_ratio(film: AbstractFilm, load_number: Scalar) -> Scalar:
+def film_ratio(film: AbstractCarryingFilm, load_number: Scalar) -> Scalar:
     """Position under a load, as film ratio x = e/h_min.
 
     The root of Phi_p(x) by Newton's method in ln x; derivatives of every order come from the
@@ -189,6 +198,51 @@ def coefficients_per_load(film: AbstractSolvedFilm, load_number: Scalar) -> Dyna
     return DynamicCoefficients(stiffness / load_number, damping / load_number)
 
 
+class StabilityThreshold(NamedTuple):
+    """Where a rigid rotor in the film begins to whirl by itself.
+
+    Attributes:
+        critical_mass: [-] m c omega^2/W of the mass m that one bearing carries; infinite if the
+            film is stable whatever the mass.
+        whirl_ratio: [-] whirl frequency over speed at the threshold; zero if there is none.
+    """
+
+    critical_mass: Scalar
+    whirl_ratio: Scalar
+
+
+def stability_threshold(film: AbstractSolvedFilm, load_number: Scalar) -> StabilityThreshold:
+    r"""Largest mass of a rigid rotor that the film carries without self-excited whirl (Lund 1966).
+
+    At the threshold the film acts like a spring k = kappa and takes no energy from a whirl at
+    gamma omega: with the coefficients over W/c and W/(c omega),
+
+        kappa = (K_xx C_yy + K_yy C_xx - K_xy C_yx - K_yx C_xy)/(C_xx + C_yy)
+        gamma^2 = ((K_xx - kappa)(K_yy - kappa) - K_xy K_yx)/(C_xx C_yy - C_xy C_yx)
+
+    and m c omega^2/W = kappa/gamma^2.
+
+    Args:
+        film: Film model.
+        load_number: [-] Phi_p > 0.
+
+    Returns:
+        `StabilityThreshold`; a rotor of less mass is stable.
+    """
+    k, c = coefficients_per_load(film, load_number)
+    cross = k[0, 0] * c[1, 1] + k[1, 1] * c[0, 0] - k[0, 1] * c[1, 0] - k[1, 0] * c[0, 1]
+    kappa = cross / (c[0, 0] + c[1, 1])
+    shifted = k - kappa * jnp.eye(2)
+    square = (shifted[0, 0] * shifted[1, 1] - k[0, 1] * k[1, 0]) / (
+        c[0, 0] * c[1, 1] - c[0, 1] * c[1, 0]
+    )
+    whirls = (square > 0) & (kappa > 0)
+    safe = jnp.where(whirls, square, 1.0)  # double where: the slope of sqrt at zero is infinite
+    return StabilityThreshold(
+        jnp.where(whirls, kappa / safe, jnp.inf), jnp.where(whirls, jnp.sqrt(safe), 0.0)
+    )
+
+
 LOAD_NUMBERS = ("load_number", "sommerfeld_number", "modified_sommerfeld_number")
 
 
@@ -240,19 +294,25 @@ def _chord_stiffness(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scala
     return load_per_eps * jnp.cos(phi), load_per_eps * jnp.sin(phi)
 
 
-def _film_axes(film: AbstractSolvedFilm, x: Scalar) -> tuple[Array, Array]:
-    chord_r, chord_t = _chord_stiffness(film, x)
+def slope_stiffness(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scalar]:
+    """-dF_r/deps and -dF_t/deps along the film's load line, by automatic differentiation."""
     _, (slope_r, slope_t) = jax.jvp(lambda x: _forces(film, x), (x,), (jnp.ones_like(x),))
     stretch = (1 + x) ** 2  # dx/deps
+    return -stretch * slope_r, -stretch * slope_t
+
+
+def _film_axes(film: AbstractSolvedFilm, x: Scalar) -> tuple[Array, Array]:
+    chord_r, chord_t = _chord_stiffness(film, x)
+    k_rr, k_tr = film.radial_stiffness(x)
     c_rr, c_tr = film.damping(x)
-    stiffness = jnp.array([[-stretch * slope_r, chord_t], [-stretch * slope_t, chord_r]])
+    stiffness = jnp.array([[k_rr, chord_t], [k_tr, chord_r]])
     damping = jnp.array([[c_rr, -2 * chord_r], [c_tr, 2 * chord_t]])
     return stiffness, damping
 
 
 @jax.custom_jvp
 @jax.jit
-def _log_compliance(film: AbstractFilm, load_number: Scalar) -> Scalar:
+def _log_compliance(film: AbstractCarryingFilm, load_number: Scalar) -> Scalar:
     """z = ln(x/Phi_p), the root of ln(load gain(Phi_p e^z)) + z: regular at zero load."""
     light = film.load_gain(jnp.zeros_like(load_number))
     # Start: Phi_p ~ light x + q^2 x^2/2 (short bearing), or Phi_p ~ 1.2 x (thin zone), whichever
@@ -278,5 +338,5 @@ def _log_compliance_jvp(primals, tangents):
     return z, -change / slope
 
 
-def _residual(film: AbstractFilm, load_number: Scalar, z: Scalar) -> Scalar:
+def _residual(film: AbstractCarryingFilm, load_number: Scalar, z: Scalar) -> Scalar:
     return jnp.log(film.load_gain(load_number * jnp.exp(z))) + z

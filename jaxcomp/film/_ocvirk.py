@@ -1,5 +1,7 @@
 r"""Short-bearing film in closed form (Ocvirk 1952; Dubois and Ocvirk, NACA Report 1157, 1953)."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 
 from ._film import AbstractSolvedFilm, Scalar, film_ratio, friction_at
@@ -21,6 +23,10 @@ class Ocvirk(AbstractSolvedFilm):
     """
 
     length_ratio: Scalar
+    limits: ClassVar[str] = (
+        "Short bearing, right for L/D -> 0: the load is 2 % too high at L/D = 1/4 and eps -> 0, 39 % "
+        "at eps = 0.9, and 1.3 to 5.7 times too high at L/D = 1."
+    )
 
     def __init__(self, length_ratio):
         self.length_ratio = jnp.asarray(length_ratio, dtype=jnp.result_type(float))
@@ -42,3 +48,9 @@ class Ocvirk(AbstractSolvedFilm):
 
     def friction_number(self, load_number):
         return friction_at(self, film_ratio(self, load_number))
+
+    def pressure(self, film_ratio, theta, zeta):
+        """[-] Pressure over eta omega/psi^2 at theta [rad] and zeta, from the mid-plane to 1."""
+        eps = film_ratio / (1 + film_ratio)
+        lobe = jnp.maximum(jnp.sin(theta), 0.0) / (1 + eps * jnp.cos(theta)) ** 3
+        return 3 * self.length_ratio**2 * eps * lobe * (1 - zeta**2)

@@ -1,5 +1,8 @@
 """Pictures: functions that return matplotlib figures and keep no state."""
 
+from ._film import film_coefficients as film_coefficients
+from ._film import film_figures as film_figures
+from ._film import film_pressure as film_pressure
 from ._orbit import crank_torques as crank_torques
 from ._orbit import joint_forces as joint_forces
 from ._orbit import joint_friction as joint_friction

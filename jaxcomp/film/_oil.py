@@ -1,0 +1,44 @@
+r"""Viscosity of mineral oils by grade and temperature."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from .._fields import BadInput, is_traced
+from ._film import Scalar
+
+ZERO_CELSIUS = 273.15  # [K]
+DENSITY = 900.0  # [kg/m^3] at 15 degrees Celsius, ordinary mineral oil
+
+
+def iso_vg_viscosity(grade: Scalar, temperature: Scalar, density: Scalar = DENSITY) -> Scalar:
+    r"""Dynamic viscosity of a mineral oil of an ISO viscosity grade.
+
+    $\eta = a\,e^{b/(T + 95)}$, T in degrees Celsius (Vogel), with
+    $\eta_{40} = 0.98375\cdot10^{-6}\,\rho_{15}\,\mathrm{VG}$,
+    $b = 159.55787 \ln(\eta_{40}/0.00018)$ and $a = \eta_{40} e^{-b/135}$ (DIN 31652, VDI 2204).
+    For mineral oils of a viscosity index of about 95: grades 10 to 460, some -10 to 120 degrees
+    Celsius. A grade is wide by 10 % either way; other oils follow other curves.
+
+    Args:
+        grade: [mm2/s] ISO VG, the kinematic viscosity at 40 degrees Celsius (ISO 3448).
+        temperature: [K] of the film.
+        density: [kg/m3] at 15 degrees Celsius.
+
+    Returns:
+        [Pa s] eta.
+
+    Raises:
+        BadInput: for a grade or density that is not positive, or a temperature at or below
+            -95 degrees Celsius, where the formula has its pole.
+    """
+    celsius = jnp.asarray(temperature, dtype=jnp.result_type(float)) - ZERO_CELSIUS
+    for name, value, low in (
+        ("grade", grade, 0.0),
+        ("density", density, 0.0),
+        ("temperature", temperature, ZERO_CELSIUS - 95),
+    ):
+        if not is_traced(value) and not np.all((np.asarray(value) > low) & np.isfinite(value)):
+            raise BadInput(name, value, f"> {low:g}")
+    at_40 = 0.98375e-6 * density * jnp.asarray(grade, dtype=celsius.dtype)
+    steepness = 159.55787 * jnp.log(at_40 / 0.00018)
+    return at_40 * jnp.exp(steepness * (1 / (celsius + 95) - 1 / 135))
