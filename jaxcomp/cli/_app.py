@@ -9,6 +9,8 @@ import typer
 
 from ._bearing import bearing
 from ._list import list_machines
+from ._modes import modes
+from ._respond import respond
 from ._run import run
 
 app = typer.Typer(
@@ -22,6 +24,8 @@ app = typer.Typer(
 )
 app.command("list")(list_machines)
 app.command("run")(run)
+app.command("respond")(respond)
+app.command("modes")(modes)
 app.command("bearing")(bearing)
 
 

@@ -9,6 +9,7 @@ from ._bodies import RigidBody as RigidBody
 from ._campbell import CriticalSpeeds as CriticalSpeeds
 from ._campbell import campbell as campbell
 from ._campbell import critical_speeds as critical_speeds
+from ._campbell import critical_speeds_between as critical_speeds_between
 from ._crank import CrankForces as CrankForces
 from ._crank import crank_forces as crank_forces
 from ._damped import DampedModes as DampedModes
@@ -28,13 +29,13 @@ from ._links import SidePull as SidePull
 from ._links import SpeedTable as SpeedTable
 from ._links import diagonal as diagonal
 from ._links import isotropic as isotropic
+from ._loads import CrankNodes as CrankNodes
 from ._loads import LoadCase as LoadCase
 from ._loads import PeriodicForce as PeriodicForce
 from ._loads import Unbalances as Unbalances
 from ._loads import load_vector as load_vector
 from ._loads import nodal_load as nodal_load
 from ._loads import total_load as total_load
-from ._mesh import node_positions as node_positions
 from ._mesh import shaft_line as shaft_line
 from ._mesh import stepped_shaft as stepped_shaft
 from ._mode_derivatives import ModeDerivatives as ModeDerivatives
@@ -46,6 +47,9 @@ from ._modes import Modes as Modes
 from ._modes import undamped_modes as undamped_modes
 from ._orbit import Orbit as Orbit
 from ._orbit import orbit as orbit
+from ._places import node_positions as node_positions
+from ._places import subset_names as subset_names
+from ._places import subsets as subsets
 from ._planes import BalancingPlanes as BalancingPlanes
 from ._planes import CorrectionPlane as CorrectionPlane
 from ._planes import TargetPlane as TargetPlane

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from ._damped import DampedModes, _damped, system_matrices
+from ._damped import DampedModes, _damped, damped_modes, system_matrices
 from ._layout import layout_of
 from ._model import RotorModel
 
@@ -87,8 +87,84 @@ def critical_speeds(
     return _critical(model, count, order, damping, jnp.asarray(near, float))
 
 
+def critical_speeds_between(
+    model: RotorModel,
+    spin_speeds: Float[Array, " speeds"],
+    count: int = 12,
+    *,
+    order: int = 1,
+    damping: bool = True,
+) -> CriticalSpeeds:
+    """All critical speeds within a range: where the Campbell diagram crosses the line n W.
+
+    The crossings between neighbouring speeds of the diagram start the Newton steps of
+    `critical_speeds`, so that heavily damped modes are found as well. Not to be traced, because the
+    number of crossings depends on the numbers.
+
+    Args:
+        model: the model.
+        spin_speeds: [rad/s] (speeds,) rising; two crossings of one mode between two of them are
+            missed.
+        count: number of modes of the diagram.
+        order: n, at least 1.
+        damping: false leaves out all damping.
+
+    Raises:
+        BadInput: an order below one, or speeds that do not rise.
+    """
+    spin_speeds = jnp.asarray(spin_speeds, float)
+    if order < 1:
+        raise BadInput("order", order, "at least 1")
+    if spin_speeds.size < 2 or not bool(jnp.all(jnp.diff(spin_speeds) > 0)):
+        raise BadInput("spin_speeds", spin_speeds, "at least two rising speeds")
+    modes = campbell(model, spin_speeds, count, damping=damping)
+    speed, gap = np.asarray(spin_speeds), np.asarray(modes.frequency)
+    gap = gap - order * speed[:, None]
+    at, mode = np.nonzero((gap[:-1] > 0) & (gap[1:] <= 0) | (gap[:-1] < 0) & (gap[1:] >= 0))
+    if not at.size:
+        return CriticalSpeeds(*(jnp.zeros(0),) * 3)
+    near, begin, growth = [], speed[at], np.zeros(at.size)
+    low, high, below, above = speed[at], speed[at + 1], gap[at, mode], gap[at + 1, mode]
+    one = lambda w: damped_modes(model, w, count, damping=damping)  # noqa: E731
+    for _ in range(3):  # regula falsi, so that close neighbours are told apart
+        begin = low + below / (below - above) * (high - low)
+        near = [one(w) for w in begin]
+        value = np.array([complex(m.eigenvalue[i]) for m, i in zip(near, mode, strict=True)])
+        here, growth = np.imag(value) - order * begin, np.real(value)
+        same = here * below > 0
+        low, below = np.where(same, begin, low), np.where(same, here, below)
+        high, above = np.where(same, high, begin), np.where(same, above, here)
+        above = np.where(below == above, below - 1.0, above)  # both zero: it is found
+    active = layout_of(model).active
+    shape = np.stack([np.asarray(m.shape)[i][active] for m, i in zip(near, mode, strict=True)])
+    found = _from_starts(model, jnp.asarray(begin), jnp.asarray(growth), shape, order, damping)
+    # Where a mode begins to oscillate the numbers shift, which looks like a crossing: its start
+    # leads to another crossing, or nowhere.
+    width = np.max(np.diff(speed))
+    kept: list[int] = []
+    for i in range(at.size):
+        w = float(found.speed[i])
+        known = [float(found.speed[j]) + 1j * float(found.growth[j]) for j in kept]
+        value = w + 1j * float(found.growth[i])
+        new = all(abs(value - other) > 1e-7 * w for other in known)
+        if np.isfinite(w) and abs(w - begin[i]) <= width and new:
+            kept.append(i)
+    kept.sort(key=lambda i: float(found.speed[i]))
+    return CriticalSpeeds(*(a[np.array(kept, int)] for a in found))
+
+
 @eqx.filter_jit
 def _critical(model, count, order, damping, near):
+    start = jax.lax.stop_gradient(_synchronous(model, count, order, near))
+    still = jnp.zeros_like(start[0])
+    found = _from_starts(model, start[0], still, start[1].T, order, damping)
+    first = jnp.argsort(found.speed)
+    return CriticalSpeeds(*(a[first] for a in found))
+
+
+@eqx.filter_jit
+def _from_starts(model, begin, begin_growth, shapes, order, damping):
+    """Newton steps from speeds, growths and vectors (m, active)."""
     numbers, rest = eqx.partition(model, eqx.is_inexact_array)
     frozen = jax.lax.stop_gradient(numbers)
 
@@ -96,8 +172,7 @@ def _critical(model, count, order, damping, near):
         full, d = system_matrices(eqx.combine(numbers, rest), spin, damping=damping)
         return full.mass, d, full.stiffness
 
-    start = jax.lax.stop_gradient(_synchronous(model, count, order, near))
-    b = jnp.asarray(np.random.default_rng(1).normal(size=start[1].shape[0])) + 0j
+    b = jnp.asarray(np.random.default_rng(1).normal(size=shapes.shape[1])) + 0j
 
     def stiffness(numbers, growth, spin):
         m, d, k = parts(numbers, spin)
@@ -121,23 +196,22 @@ def _critical(model, count, order, damping, near):
         dw = -(a.real * value.imag - a.imag * value.real) / det
         return growth + da, spin + dw
 
-    def one(spin, x):
+    def one(spin, growth, x):
         def step(state, _):
             growth, spin, x, y = state
             x, y = vectors(growth, spin, x, y)
             a, w = newton(frozen, growth, spin, x, y)
             return (a, w, x, y), jnp.abs(w - spin) / jnp.abs(w)
 
-        state = (jnp.asarray(0.0), spin, x, b + jnp.conj(x))
+        state = (growth, spin, x, b + jnp.conj(x))
         (growth, spin, x, y), change = jax.lax.scan(step, state, None, length=8)
         state = jax.lax.stop_gradient((growth, spin, x, y))
         growth, spin = newton(numbers, *state)
         found = (change[-1] < 1e-8) & (spin > 0)
         return jnp.where(found, spin, jnp.nan), jnp.where(found, growth, jnp.nan), change[-1]
 
-    speed, growth, residual = jax.lax.map(lambda a: one(*a), (start[0], start[1].T))
-    order_ = jnp.argsort(speed)
-    return CriticalSpeeds(speed[order_], growth[order_], residual[order_])
+    starts = (begin, begin_growth, jnp.asarray(shapes) / jnp.linalg.norm(shapes, axis=1)[:, None])
+    return CriticalSpeeds(*jax.lax.map(lambda a: one(*a), starts))
 
 
 def _synchronous(model, count, order, near):

@@ -16,8 +16,7 @@ from jaxtyping import Array, Float
 
 from .._fields import BadInput
 from ..mechanism import SliderCrank
-from ._loads import PeriodicForce
-from ._shaft import Node
+from ._loads import CrankNodes, PeriodicForce
 
 if TYPE_CHECKING:  # the crank's solvers are not needed to read their results
     from ..compressor import Compressor
@@ -42,27 +41,17 @@ class CrankForces(NamedTuple):
 def crank_forces(
     compressor: "Compressor",
     state: "Orbit",
+    nodes: CrankNodes,
     orders: tuple[int, ...] = (0, 1, 2, 3, 4, 5),
-    *,
-    pin: Node,
-    head: Node,
-    wall: Node,
-    wall_position: Float[Array, ""] = 0.0,
-    motor: tuple[Node, Node] | None = None,
 ) -> CrankForces:
     """Fourier coefficients of the crank's forces, by the quadrature of its own solver.
 
     Args:
         compressor: with a slider-crank.
-        state: its periodic state, from `solve_orbit`; its nodes respect the kinks of the gas.
+        state: its periodic state, from `solve_orbit`; its nodes respect the kinks of the gas, and
+            the orders should stay well below half their number.
+        nodes: where the forces act.
         orders: harmonics to keep, 0 for the mean.
-        pin: node of the shaft in the plane of the rod; it takes the rod's force with its torque.
-        head: node of the crankcase on the cylinder axis, which takes the gas force.
-        wall: node of the crankcase, which takes the piston's side force and friction.
-        wall_position: [m] x of that node from the shaft's axis; the side force acts where the
-            piston is and so turns the crankcase as well.
-        motor: nodes of rotor and stator between which the motor's torque acts, for a model with
-            torsion.
 
     Raises:
         BadInput: another mechanism.
@@ -80,11 +69,11 @@ def crank_forces(
         gas = (state.pressure - compressor.gas.behind_piston) * mechanism.piston_area
     radius, offset = mechanism.crank_radius, mechanism.offset
     torque = radius * (jnp.cos(angle) * rod[1] - jnp.sin(angle) * rod[0])
-    lever = (position - wall_position) * side[1] - offset * side[0]
+    lever = (position - nodes.wall_position) * side[1] - offset * side[0]
     wrenches = {
-        pin: ("rod", rod[0], rod[1], torque),
-        head: ("gas", gas, none, -offset * gas),
-        wall: ("wall", side[0], side[1], lever),
+        nodes.pin: ("rod", rod[0], rod[1], torque),
+        nodes.head: ("gas", gas, none, -offset * gas),
+        nodes.wall: ("wall", side[0], side[1], lever),
     }
     phase = state.mean_speed * state.time + mechanism.dead_centres()[0]
     share = state.weight / state.state.speed
@@ -97,11 +86,11 @@ def crank_forces(
             jnp.stack([none, none, mz]), phase, share, orders
         )
         forces.append(PeriodicForce(node, None, orders, cosine, sine, turning_cosine, turning_sine))
-    if motor is not None:
+    if nodes.rotor is not None:
         turning = jnp.stack([none, none, state.motor_torque])
         (cosine, sine), missing["motor"] = _harmonics(turning, phase, share, orders)
         zero = jnp.zeros_like(cosine)
-        forces.append(PeriodicForce(*motor, orders, zero, zero, cosine, sine))
+        forces.append(PeriodicForce(nodes.rotor, nodes.stator, orders, zero, zero, cosine, sine))
     return CrankForces(tuple(forces), state.mean_speed, missing)
 
 

@@ -49,8 +49,8 @@ class GroovedFilm(Part):
     in ln S and go on along their end slopes.
 
     Args:
-        diameter: [m] of the journal.
         length_ratio: L/D, "0.5" or "1" as published.
+        diameter: [m] of the journal.
         radial_clearance: [m]
         dynamic_viscosity: [Pa s]
         load: [N] (2,) static load on the journal along x and y; not zero.
@@ -59,8 +59,8 @@ class GroovedFilm(Part):
     kind: ClassVar[str] = "grooved_film"
     size: ClassVar[int] = 2
 
-    diameter: Array = quantity("m", POSITIVE, doc="of the journal")
     length_ratio: Literal["0.5", "1"] = eqx.field(static=True)
+    diameter: Array = quantity("m", POSITIVE, doc="of the journal")
     radial_clearance: Array = quantity("m", POSITIVE)
     dynamic_viscosity: Array = quantity("Pa s", POSITIVE)
     load: Array = quantity("N", shape=(2,), doc="static, on the journal, along x and y")

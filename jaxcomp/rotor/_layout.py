@@ -67,7 +67,7 @@ def layout_of(model: RotorModel) -> Layout:
     """The layout of a model; the same arrays for every model of the same construction."""
     names = node_names(model)
     number = {name: i for i, name in enumerate(names)}
-    pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.nodes)
+    pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.pairs)
     links = [(link.nodes, link.axes) for link in model.links]
     links += [(pair, ()) for pull in model.side_pulls for pair in pull.nodes]
     link_axes = tuple(

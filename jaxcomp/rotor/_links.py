@@ -9,7 +9,7 @@ of shape (n_axes, n_axes), and if it likes the number of axes as `size`: the law
 the films of `_film_laws`.
 """
 
-from typing import ClassVar, Literal, Protocol, runtime_checkable
+from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -204,7 +204,7 @@ class SidePull(Part):
                 raise BadInput("share", self.share, "parts that add up to 1")
 
 
-def grounded(nodes):
+def grounded(nodes: tuple) -> Any:
     """A pair of nodes with `None` for the word "ground"."""
     return tuple(None if node == GROUND else node for node in nodes)
 

@@ -67,16 +67,43 @@ class PeriodicForce(Part):
             raise BadInput("reaction", str(self.reaction), "another node than the force's own")
 
 
+class CrankNodes(Part):
+    """Nodes on which the forces of the crank mechanism act, see `crank_forces`.
+
+    Args:
+        pin: node of the shaft in the plane of the rod; it takes the rod's force with its torque.
+        head: node of the crankcase on the cylinder axis, which takes the gas force.
+        wall: node of the crankcase, which takes the piston's side force and friction.
+        wall_position: [m] x of that node from the shaft's axis; the side force acts where the
+            piston is and so turns the crankcase as well.
+        rotor: node that takes the motor's torque; absent without torsion.
+        stator: node that takes its reaction.
+    """
+
+    pin: Node = eqx.field(static=True)
+    head: Node = eqx.field(static=True)
+    wall: Node = eqx.field(static=True)
+    wall_position: Array = quantity("m", default=0.0)
+    rotor: Node | None = eqx.field(static=True, default=None)
+    stator: Node | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self):
+        if (self.rotor is None) != (self.stator is None):
+            raise BadInput("stator", str(self.stator), "given with `rotor`, and only with it")
+
+
 class LoadCase(Part):
     """The loads of a scene file.
 
     Args:
         unbalances: tables of unbalances.
         forces: periodic forces.
+        crank: where the forces of the compressor of the same file act.
     """
 
     unbalances: tuple[Unbalances, ...] = ()
     forces: tuple[PeriodicForce, ...] = ()
+    crank: CrankNodes | None = None
 
     @property
     def loads(self) -> "Loads":
@@ -98,6 +125,10 @@ class LoadCase(Part):
                 node = getattr(force, field)
                 if node is not None:
                     check_node(model, node, f"forces.{number}.{field}")
+        for field in ("pin", "head", "wall", "rotor", "stator") if self.crank else ():
+            node = getattr(self.crank, field)
+            if node is not None:
+                check_node(model, node, f"crank.{field}")
 
 
 Loads = tuple[Unbalances | PeriodicForce, ...]

@@ -57,17 +57,6 @@ def stepped_shaft(
     return ShaftElements(nodes, **table)
 
 
-def node_positions(shaft: ShaftElements, start: float = 0.0) -> dict:
-    """[m] z of the nodes of a line of elements, from that of its first node."""
-    z = {shaft.nodes[0][0]: start}
-    for (left, right), length in zip(shaft.nodes, np.asarray(shaft.length), strict=True):
-        if left in z:
-            z.setdefault(right, z[left] + length)
-        elif right in z:
-            z[left] = z[right] - length
-    return z
-
-
 def _column(value, n):
     value = jnp.asarray(value, float)
     return jnp.full(n, value) if value.ndim == 0 else value

@@ -66,7 +66,7 @@ class RotorModel(Part):
 
     def _check_joined(self):
         """A node that stands in one place only is most likely a slip of the pen."""
-        shafts = {node for shaft in self.shafts for pair in shaft.nodes for node in pair}
+        shafts = {node for shaft in self.shafts for pair in shaft.pairs for node in pair}
         bodies = {node for body in self.bodies for node in (body.centre, *body.nodes)}
         inertias = {n for table in (*self.disks, *self.masses) for n in table.nodes}
         ends = [n for link in self.links for n in link.nodes]
@@ -132,7 +132,7 @@ def rotor_among(parts) -> RotorModel:
 def _mentioned(model: RotorModel) -> tuple[Node, ...]:
     seen: dict[Node, None] = {}
     for shaft in model.shafts:
-        for pair in shaft.nodes:
+        for pair in shaft.pairs:
             seen.update(dict.fromkeys(pair))
     for table in (*model.disks, *model.masses):
         seen.update(dict.fromkeys(table.nodes))

@@ -86,7 +86,7 @@ class ShaftElements(Part):
 
     def __post_init__(self):
         if not any(isinstance(node, tuple) for node in self.nodes):
-            self.nodes = tuple(pairwise(self.nodes))
+            self.nodes = tuple(pairwise(self.nodes))  # pyright: ignore[reportAttributeAccessIssue]
         if not self.nodes:
             raise BadInput("nodes", "()", "at least two nodes")
         spread_columns(self, len(self.nodes), "elements")
@@ -98,9 +98,14 @@ class ShaftElements(Part):
             raise BadInput("shear_law", self.shear_law, f"one of {SHEAR_LAWS}")
         if self.shear_law == "constant" and self.shear_constant is None:
             raise BadInput("shear_constant", "absent", "given with shear_law = 'constant'")
-        for left, right in self.nodes:
+        for left, right in self.pairs:
             if left == right:
                 raise BadInput("nodes", str((left, right)), "two different nodes an element")
+
+    @property
+    def pairs(self) -> tuple[tuple[Node, Node], ...]:
+        """The two nodes of each element."""
+        return self.nodes  # pyright: ignore[reportReturnType]
 
     def conditions(self):
         outer, inner = end_diameters(self)

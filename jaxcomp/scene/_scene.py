@@ -186,7 +186,10 @@ def _check_beside(name: str, part: Part, parts: Mapping[str, Part]) -> None:
     try:
         check(parts)
     except BadInput as error:
-        raise SceneError(join(name, error.field), f"must be {error.bound}", error.value) from None
+        if not error.field:  # the section as a whole
+            raise SceneError(name, f"must be {error.bound}") from None
+        key = join(name, error.field)
+        raise SceneError(key, f"must be {error.bound}", error.value) from None
 
 
 def _bundled() -> dict[str, Any]:

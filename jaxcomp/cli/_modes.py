@@ -1,0 +1,98 @@
+"""`jaxcomp modes`: natural frequencies, damping, critical speeds and the Campbell diagram."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ._errors import CommandError, reports_errors
+
+
+@reports_errors
+def modes(
+    machine: Annotated[
+        str, typer.Argument(help="Bundled machine (see `jaxcomp list`) or scene file.")
+    ],
+    sets: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Set a value of the scene, e.g. rotor.dof=6. May be repeated.",
+        ),
+    ] = None,
+    speed: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--speed",
+            metavar="SPEED",
+            help="Spin speed, e.g. 3000rpm; those of the scene if absent. May be repeated.",
+        ),
+    ] = None,
+    speeds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FROM:TO:COUNT",
+            help="Range for Campbell diagram and critical speeds, e.g. 300rpm:6000rpm:60.",
+        ),
+    ] = None,
+    count: Annotated[int, typer.Option(help="Number of modes.")] = 12,
+    free: Annotated[
+        bool, typer.Option("--free", help="Without bearings, mounts and side pull (free-free).")
+    ] = False,
+    undamped: Annotated[bool, typer.Option("--undamped", help="Without damping.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for pictures, result.json and the scene as it was run."),
+    ] = None,
+) -> None:
+    """Find the modes of a rotor with its crankcase and housing.
+
+    Example: [bold]jaxcomp modes hermetic-68cc --speeds 300rpm:6000rpm:60 --out result[/bold]
+    """
+    from rich.console import Console
+
+    from ._arguments import assignments, changed_scene
+    from ._cache import enable_compilation_cache
+    from ._progress import progress
+    from ._rotor_result import campbell_result, modes_result
+    from ._rotor_tables import modes_tables
+    from ._speeds import rotor_of, single_speeds, speed_range
+    from ._tables import print_json
+
+    if speeds is not None and free:
+        raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
+    enable_compilation_cache()
+    scene = changed_scene(machine, sets or (), ())
+    model = rotor_of(scene)
+    points = single_speeds(speed or (), scene)
+    range_ = None if speeds is None else speed_range(speeds)
+    with progress("Solving (the first time it is compiled as well) ..."):
+        result, found = modes_result(scene, model, points, count, free, not undamped)
+        if range_ is not None:
+            result["campbell"] = campbell_result(model, range_, count, not undamped)
+    result["set"] = assignments(sets or (), "--set")
+    if out is not None:
+        with progress("Drawing ..."):
+            _write(out, scene, model, found, result)
+    if as_json:
+        print_json(result)
+        return
+    console = Console()
+    for table in modes_tables(result):
+        console.print(table)
+    if out is not None:
+        console.print(f"Pictures, result and scene are in {out}", soft_wrap=True, markup=False)
+
+
+def _write(folder: Path, scene, model, found, result) -> None:
+    from ..plot import campbell_diagram, mode_shapes, rotor_drawing
+    from ._rotor_result import write_results
+
+    figures = {"rotor": rotor_drawing(model), "modes": mode_shapes(model, found[0], result)}
+    if "campbell" in result:
+        figures["campbell"] = campbell_diagram(result["campbell"])
+    write_results(folder, scene, figures, result)

@@ -1,0 +1,114 @@
+"""`jaxcomp respond`: harmonic response of rotor, crankcase and housing to unbalances and forces."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ._errors import CommandError, reports_errors
+
+
+@reports_errors
+def respond(
+    machine: Annotated[
+        str, typer.Argument(help="Bundled machine (see `jaxcomp list`) or scene file.")
+    ],
+    sets: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Set a value of the scene, e.g. rotor.dof=6 or rotor.bodies.1.mass=8kg. May be "
+            "repeated.",
+        ),
+    ] = None,
+    speed: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--speed",
+            metavar="SPEED",
+            help="Speed to solve, e.g. 3000rpm; those of the scene if absent. May be repeated.",
+        ),
+    ] = None,
+    speeds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FROM:TO:COUNT", help="Range for response curves, e.g. 600rpm:6000rpm:200."
+        ),
+    ] = None,
+    orders: Annotated[
+        str | None,
+        typer.Option(metavar="N,N,...", help="Orders of the speed; all that are loaded if absent."),
+    ] = None,
+    node: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--node", help="Node to report; the target planes (or all) if absent. May be repeated."
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for pictures, result.json and the scene as it was run."),
+    ] = None,
+) -> None:
+    """Find the vibration of a rotor with its crankcase and housing.
+
+    Example: [bold]jaxcomp respond hermetic-68cc --speed 3000rpm --speeds 300rpm:6000rpm:200 --out
+    result[/bold]
+    """
+    from rich.console import Console
+
+    from ..rotor import RotorModel
+    from ._arguments import assignments, changed_scene
+    from ._cache import enable_compilation_cache
+    from ._progress import progress
+    from ._rotor_result import Watched, curve_result, respond_result, watched_nodes, whole_orders
+    from ._rotor_tables import response_tables
+    from ._speeds import rotor_of, single_speeds, speed_range
+    from ._tables import print_json
+
+    enable_compilation_cache()
+    scene = changed_scene(machine, sets or (), ())
+    model = rotor_of(scene)
+    assert isinstance(model, RotorModel)
+    case = scene.parts.get("loads")
+    if case is None or not case.loads:  # pyright: ignore[reportAttributeAccessIssue]
+        raise CommandError(f"{scene.file}: loads: is missing; nothing shakes this rotor")
+    loads = case.loads  # pyright: ignore[reportAttributeAccessIssue]
+    wanted = whole_orders(orders, loads)
+    watched: Watched = watched_nodes(scene, model, node or ())
+    points = single_speeds(speed or (), scene)
+    range_ = None if speeds is None else speed_range(speeds)
+    with progress("Solving (the first time it is compiled as well) ..."):
+        result, response = respond_result(scene, model, loads, points, wanted, watched)
+        if range_ is not None:
+            result["curves"] = curve_result(model, loads, range_, wanted, watched)
+    result["set"] = assignments(sets or (), "--set")
+    if out is not None:
+        with progress("Drawing ..."):
+            _write(out, scene, model, response, result)
+    if as_json:
+        print_json(result)
+        return
+    console = Console()
+    for table in response_tables(result):
+        console.print(table)
+    if out is not None:
+        console.print(f"Pictures, result and scene are in {out}", soft_wrap=True, markup=False)
+
+
+def _write(folder: Path, scene, model, response, result) -> None:
+    from ..plot import deflection_shape, response_curves, response_orbits, rotor_drawing
+    from ._rotor_result import write_results
+
+    figures = {
+        "rotor": rotor_drawing(model),
+        "shape": deflection_shape(model, response),
+        "orbits": response_orbits(result),
+    }
+    if "curves" in result:
+        figures["curves"] = response_curves(result)
+    write_results(folder, scene, figures, result)

@@ -1,0 +1,69 @@
+"""Speeds on the command line: `--speed 3000rpm` and `--speeds 600rpm:6000rpm:100`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..scene import Scene, SceneError, to_si
+from ._errors import CommandError
+
+# Points of a range that names none.
+POINTS = 60
+
+
+def single_speeds(texts: Sequence[str], scene: Scene) -> np.ndarray:
+    """[rad/s] The speeds of `--speed`, or those that the scene runs at.
+
+    Raises:
+        CommandError: no speed, one below zero, or none known.
+    """
+    if texts:
+        return np.array([_speed(text, f"--speed {text}") for text in texts])
+    planes = scene.parts.get("balancing")
+    if planes is not None:
+        return np.asarray(planes.speeds)  # pyright: ignore[reportAttributeAccessIssue]
+    mean = getattr(getattr(scene.compressor, "motor", None), "mean_speed", None)
+    if mean is not None:
+        return np.array([float(mean)])
+    raise CommandError("--speed: is missing, and the scene names no speed of its own")
+
+
+def speed_range(text: str) -> np.ndarray:
+    """[rad/s] The speeds of `--speeds from:to` or `from:to:count`.
+
+    Raises:
+        CommandError: another form, a range that does not rise, or fewer than two points.
+    """
+    parts = text.split(":")
+    option = f"--speeds {text}"
+    if len(parts) not in (2, 3):
+        raise CommandError(f"{option}: must have the form from:to or from:to:count")
+    low, high = (_speed(part, option) for part in parts[:2])
+    count = POINTS
+    if len(parts) == 3:
+        if not parts[2].strip().isdigit():
+            raise CommandError(f"{option}: the number of points must be a whole number")
+        count = int(parts[2])
+    if not low < high:
+        raise CommandError(f"{option}: must rise")
+    if not 2 <= count <= 100_000:
+        raise CommandError(f"{option}: must have 2 to 100000 points")
+    return np.linspace(low, high, count)
+
+
+def rotor_of(scene: Scene):
+    """The rotor of a scene.
+
+    Raises:
+        SceneError: it has none.
+    """
+    if "rotor" not in scene.parts:
+        raise SceneError("rotor", "is missing: this scene describes no rotor", file=scene.file)
+    return scene.parts["rotor"]
+
+
+def _speed(text: str, option: str) -> float:
+    value = float(to_si(text, "rad/s", option))
+    if value < 0:
+        raise CommandError(f"{option}: must be >= 0 rad/s")
+    return value

@@ -1,0 +1,183 @@
+"""Loads from the crank's periodic state, and the bundled hermetic compressor."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import BadInput, Collocation, load, solve_orbit
+from jaxcomp.rotor import (
+    CrankNodes,
+    RotorModel,
+    crank_forces,
+    load_vector,
+    node_index,
+    respond,
+    shaft_mass,
+    side_pull_limit,
+    undamped_modes,
+)
+from jaxcomp.scene import with_value
+from jaxcomp.shaking import shaking_wrench
+
+ORDERS = tuple(range(13))
+WALL = 0.08  # x of the wall's node in the file: 10 mm to the centre of inertia and 70 mm on
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load("hermetic-68cc")
+
+
+@pytest.fixture(scope="module")
+def orbit(scene):
+    return solve_orbit(scene.machine, Collocation(nodes=24))
+
+
+def forces_of(scene, orbit, orders=ORDERS):
+    return crank_forces(scene.machine, orbit, scene.parts["loads"].crank, orders)
+
+
+def harmonics(values, orbit, mechanism, orders=ORDERS):
+    """Coefficients a_n - i b_n (orders, k) of values (k, n) in the orbit's own quadrature."""
+    share = orbit.weight / orbit.state.speed
+    phase = orbit.mean_speed * orbit.time + mechanism.dead_centres()[0]
+    waves = np.exp(-1j * np.outer(orders, phase)) * np.where(np.array(orders) == 0, 1, 2)[:, None]
+    return (waves * np.asarray(share / jnp.sum(share))) @ np.asarray(values).T
+
+
+def test_forces_add_up_to_the_inertia_force_alone(scene, orbit):
+    found = forces_of(scene, orbit)
+    mechanism = scene.machine.mechanism
+    rod, gas, wall, _ = found.forces
+    force = sum(f.cosine - 1j * f.sine for f in found.forces[:3])
+    # About the crank centre: the wall's node stands WALL ahead of it.
+    moment = sum(f.moment_cosine - 1j * f.moment_sine for f in found.forces[:3])[:, 2]
+    moment = moment + WALL * (wall.cosine - 1j * wall.sine)[:, 1]
+    # Rod and piston without the crank, which carries its own inertia in the rotor model.
+    alone = eqx.tree_at(
+        lambda m: [m.crank_unbalance, m.crank_inertia], mechanism, [jnp.zeros(()), jnp.zeros(())]
+    )
+    wrench = shaking_wrench(alone, orbit.state)
+    size = float(jnp.abs(wrench.force).max())
+    # Linear in the forces at every node of the orbit: rounding only.
+    shaken = harmonics(wrench.force[:2], orbit, mechanism)
+    np.testing.assert_allclose(force[:, :2], shaken, atol=1e-11 * size)
+    turned = harmonics(wrench.moment[2:], orbit, mechanism)[:, 0]
+    np.testing.assert_allclose(moment, turned, atol=1e-11 * size * WALL)
+    # What cancels is not small.
+    np.testing.assert_array_less(
+        2 * np.abs(force[3, 0]), np.abs(gas.cosine[3, 0] - 1j * gas.sine[3, 0])
+    )
+    assert float(jnp.abs(rod.cosine[0, 0])) > 100
+
+
+def test_coefficients_converge_with_the_orbit_and_truncation_is_reported(scene, orbit):
+    fine = solve_orbit(scene.machine, Collocation(nodes=36))
+    for a, b in zip(forces_of(scene, orbit).forces, forces_of(scene, fine).forces, strict=True):
+        # Panels end at the kinks, so that Gauss's rule converges exponentially: 4e-12 N seen.
+        np.testing.assert_allclose(a.cosine, b.cosine, atol=1e-9)
+        np.testing.assert_allclose(a.moment_sine, b.moment_sine, atol=1e-9)
+    few, more, many = (forces_of(scene, orbit, tuple(range(n))).missing for n in (3, 6, 13))
+    for name in ("rod", "gas", "wall"):
+        # Kinks: coefficients fall with n^-2, their tail with n^-1.5.
+        assert float(many[name]) < 0.5 * float(more[name]) < 0.3 * float(few[name])
+        assert float(many[name]) < 0.05
+    # The share of the energy beyond order two, from the values themselves.
+    gas = scene.machine.gas.behind_piston
+    values = (orbit.pressure - gas) * scene.machine.mechanism.piston_area
+    share = orbit.weight / orbit.state.speed
+    power = float(jnp.sum(share * values**2) / jnp.sum(share))
+    c = harmonics(values[None], orbit, scene.machine.mechanism, (0, 1, 2))[:, 0]
+    kept = abs(c[0]) ** 2 + (abs(c[1]) ** 2 + abs(c[2]) ** 2) / 2
+    # Parseval's sum, with the waves orthogonal to 1e-12 in this quadrature.
+    assert float(few["gas"]) == pytest.approx(np.sqrt(1 - kept / power), rel=1e-9)
+
+
+def test_gas_and_motor_torque_turn_rotor_and_crankcase(scene, orbit):
+    six = with_value(scene, "rotor.dof", 6).parts["rotor"]
+    found = forces_of(scene, orbit, (1,))
+    case, pin, core = (node_index(six, n) for n in ("crankcase", 21, 6))
+    f = load_vector(six, found.forces, 1, found.spin_speed)
+    motor = load_vector(six, found.forces[3:], 1, found.spin_speed)
+    assert complex(motor[core, 5]) == -complex(motor[case, 5]) != 0
+    r = respond(six, found.forces, found.spin_speed[None]).checked()
+    rotor, block = r.displacement[0, 0, jnp.array([core, case]), 5]
+    # The rotor turns freely at this frequency, J w^2 theta = torque, but for the torsion of the shaft
+    # with a frequency of a kHz: (50 Hz/1 kHz)^2.
+    polar, w = float(scene.machine.mechanism.crank_inertia), float(found.spin_speed)
+    torque = complex(f[pin, 5] + f[core, 5])
+    assert complex(rotor) == pytest.approx(-torque / (polar * w**2), rel=0.01)
+    # And the crankcase turns about the vertical, which a lateral model cannot show.
+    assert abs(block) > 1e-6
+
+
+def test_other_mechanisms_are_refused(orbit):
+    other = load("slider-link-8cc").machine
+    with pytest.raises(BadInput, match="slider-crank"):
+        crank_forces(other, orbit, CrankNodes(21, "head", "wall"))
+
+
+def test_hermetic_machine_has_the_printed_figures(scene):
+    model, loads = scene.parts["rotor"], scene.parts["loads"]
+    tables = model.shafts
+    assert [len(t.nodes) for t in tables] == [2, 6, 6, 6, 11, 4, 6]  # 41 elements
+    rotor = sum(float(jnp.sum(shaft_mass(t))) for t in tables) + float(model.disks[0].mass.sum())
+    # "Roughly" 3.5, 15 and 7 kg, 26 kg with piston and rod.
+    assert rotor == pytest.approx(3.5, abs=1e-3)
+    assert [float(b.mass) for b in model.bodies] == [15.0, 7.0]
+    moving = scene.machine.mechanism.piston_mass + scene.machine.mechanism.conrod_mass
+    assert rotor + 22 + float(moving) == pytest.approx(26, abs=1e-3)
+    assert not np.any(tables[5].density)  # crank pin and arms, elements 32 to 35
+    sums = {float(u.phase[0]): float(jnp.sum(u.magnitude)) * 1e6 for u in loads.unbalances}
+    assert sums == pytest.approx({np.pi: 4458, 0.0: 3983}, rel=1e-12)
+    force = np.hypot(*np.asarray(model.links[0].law.load))
+    assert force == pytest.approx(1489, abs=1)
+    planes = scene.parts["balancing"]
+    assert [p.node for p in planes.planes] == [6, 48]
+    assert [t.name for t in planes.targets] == [f"TP{i}" for i in range(1, 8)]
+    np.testing.assert_allclose(planes.speeds, np.array([3000, 3600]) * np.pi / 30)
+    swept = float(scene.machine.mechanism.swept_volume)
+    assert swept == pytest.approx(68e-6, rel=1e-3)
+    # Polar inertia of the crank model and of the rotor model.
+    assert float(scene.machine.mechanism.crank_inertia) == pytest.approx(_polar(model), rel=1e-3)
+
+
+def _polar(model):
+    """[kg m2] Of all shafts and disks: their inertia in a rigid torsion."""
+    from jaxcomp.rotor import matrices, node_names
+
+    free = RotorModel(model.shafts, model.disks, dof=6)
+    turn = np.zeros((len(node_names(free)), 6))
+    turn[:, 5] = 1.0
+    turn = turn.reshape(-1)
+    return float(turn @ np.asarray(matrices(free).mass) @ turn)
+
+
+def test_hermetic_machine_is_stable_and_softly_hung(scene):
+    model = scene.parts["rotor"]
+    assert float(side_pull_limit(model, 314.0)) > 2
+    hertz = np.asarray(undamped_modes(model, 9, spin_speed=314.0).frequency) / (2 * np.pi)
+    assert np.all(hertz[:8] < 45)  # two bodies with four rigid motions each, below 50 Hz
+    assert hertz[8] > 100
+
+
+@pytest.mark.slow
+def test_derivative_through_the_crank(scene, orbit):
+    # From the piston's mass to the motion of the housing, with the orbit's own derivative.
+    machine, model = scene.machine, scene.parts["rotor"]
+
+    @jax.jit
+    def motion(mass):
+        moved = eqx.tree_at(lambda c: c.mechanism.piston_mass, machine, mass)
+        state = solve_orbit(moved, Collocation())
+        found = crank_forces(moved, state, scene.parts["loads"].crank, (1,))
+        r = respond(model, found.forces, found.spin_speed[None], nodes=("housing",))
+        return 1e6 * jnp.sum(jnp.abs(r.displacement[0, 0, 0, :2]) ** 2) ** 0.5
+
+    mass, h = float(machine.mechanism.piston_mass), 1e-4
+    slope = float(jax.grad(motion)(mass))
+    difference = float(motion(mass + h) - motion(mass - h)) / (2 * h)
+    # Truncation (3e-4)^2; the orbit is converged to 1e-8, 1e-5 after division by the step.
+    assert slope == pytest.approx(difference, rel=1e-5)
