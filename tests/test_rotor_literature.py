@@ -229,6 +229,38 @@ def test_rotor_of_friswell_example_5_9_1(rpm):
         np.testing.assert_array_equal(np.sign(np.round(modes.whirl, 6)), [-1, 1] * 3)
 
 
+# The same rotor on anisotropic, coupled and damped bearings, with 1e-3 kg m on the first disk and
+# 5e-4 kg m at 1.2 rad on the second: amplitudes u_x and u_y in m at 50, 150, 300 and 420 rad/s as
+# computed by ROSS 2.3.0 (`run_unbalance_response`; kxx = 1e6, kyy = 8e5, kxy = 5e4, kyx = -3e4 N/m,
+# cxx = 600, cyy = 400 N s/m).
+ROSS_RESPONSE = {
+    1: [
+        [2.48994005669e-06 + 7.64969349415e-07j, 8.93156113970e-07 - 3.27605132520e-06j],
+        [-7.60175648657e-07 - 4.76152889525e-06j, -6.05821968967e-06 - 5.57602195644e-07j],
+        [-1.49536753786e-04 - 3.21827844680e-05j, -1.38654078909e-05 + 1.25491982344e-04j],
+        [-4.40982468955e-05 + 1.02665049253e-05j, 1.01139600091e-05 + 4.76265972709e-05j],
+    ],
+    5: [
+        [5.48866008209e-06 + 2.54599868599e-06j, 2.81511720607e-06 - 6.37751067563e-06j],
+        [-2.02411793023e-05 - 6.25770359490e-06j, -5.63544617363e-06 + 2.00308599755e-05j],
+        [4.79247875170e-05 + 1.26648048213e-05j, 1.28648869611e-06 - 3.21058922541e-05j],
+        [2.25897128965e-06 - 7.83369362238e-06j, -7.79583096094e-06 - 8.44108193405e-07j],
+    ],
+}
+
+
+def test_response_of_friswells_rotor_as_by_another_program():
+    law = ConstantLaw([[1e6, 5e4], [-3e4, 8e5]], [[600.0, 0.0], [0.0, 400.0]])
+    base = friswell_rotor()
+    model = RotorModel(base.shafts, base.disks, links=tuple(Link((n, None), law) for n in (1, 7)))
+    loads = (Unbalances((3, 5), [1e-3, 5e-4], [0.0, 1.2]),)
+    r = respond(model, loads, jnp.array([50.0, 150.0, 300.0, 420.0]), nodes=(1, 5)).checked()
+    for place, node in enumerate((1, 5)):
+        # The same element in both; Poisson's ratio from E and G, condition 1e5: seven digits.
+        found, other = r.displacement[0, :, place, :2], np.array(ROSS_RESPONSE[node])
+        np.testing.assert_allclose(found, other, atol=1e-7 * np.abs(other).max())
+
+
 def test_unbalance_response_peaks_at_the_critical_speeds():
     # Lalanne's anisotropic rotor: the speed of the peak is the critical speed but for damping.
     model = lalanne_rotor()

@@ -11,12 +11,14 @@ from jaxcomp import BadInput
 from jaxcomp.rotor import (
     Disks,
     Link,
+    ModalDamping,
     PeriodicForce,
     PointMasses,
     RotorModel,
     SingularResponse,
     SpeedTable,
     damped_modes,
+    diagonal,
     harmonic_response,
     isotropic,
     load_vector,
@@ -28,9 +30,11 @@ from jaxcomp.rotor import (
     receptance,
     relative_displacement,
     respond,
+    shaft_line,
     side_pull_limit,
     total_load,
     transmitted_forces,
+    undamped_modes,
 )
 from jaxcomp.rotor._layout import layout_of
 
@@ -299,6 +303,35 @@ def jeffcott(frequency=50.0, damping=0.0):
         masses=(PointMasses(("m",), [2.0]),),
         links=(Link(("m", None), isotropic(2.0 * frequency**2, damping)),),
     )
+
+
+def test_modal_damping_is_that_of_its_modes():
+    # Three lowest modes with their own ratios, the others without; at rest, on springs.
+    shaft = shaft_line(
+        (1, 2, 3), length=0.2, outer_diameter=0.02, young_modulus=2e11, density=7800.0, poisson=0.3
+    )
+    links = (Link((1, None), isotropic(1e5)), Link((3, None), diagonal([2e5, 3e5], [0.0, 0.0])))
+    ratio = jnp.array([0.02, 0.05, 0.01])
+    model = RotorModel(
+        (shaft,), (Disks((2,), [1.0], [1e-3], [0.0]),), links=links, damping=ModalDamping(ratio)
+    )
+    modes = undamped_modes(model, 6)
+    damped = damped_modes(model, 0.0, 6)
+    order = jnp.argsort(jnp.abs(damped.eigenvalue))
+    # lambda = w (-zeta + i sqrt(1 - zeta^2)), exact for orthogonal modes.
+    np.testing.assert_allclose(jnp.abs(damped.eigenvalue)[order], modes.frequency, rtol=1e-9)
+    expected = jnp.concatenate([ratio, jnp.zeros(3)])
+    np.testing.assert_allclose(damped.damping_ratio[order], expected, atol=1e-9)
+    # Response by superposition of the modes, at the second resonance.
+    w, force = float(modes.frequency[1]), random_force((3, 4))
+    every = undamped_modes(model, 12)
+    size = jnp.sum(every.shape * force[None], (1, 2))
+    zeta = jnp.concatenate([ratio, jnp.zeros(9)])
+    gain = size / (every.square - w**2 + 2j * zeta * every.frequency * w)
+    x = harmonic_response(model, force, 0.0, w).checked().displacement
+    exact = jnp.einsum("m,mnd->nd", gain, every.shape)
+    # Rounding times the condition of the eigenvectors, 1e5.
+    np.testing.assert_allclose(x, exact, atol=1e-9 * float(jnp.abs(exact).max()))
 
 
 def test_singular_response_is_a_word():
