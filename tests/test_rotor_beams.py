@@ -142,7 +142,7 @@ def test_frequencies_converge_at_the_order_of_the_element(theory):
 
 
 def test_uniform_element_is_that_of_nelson_1980():
-    e = element_matrices(beam(1).shafts[0])
+    e = element_matrices(beam(1).shafts)
     area = np.pi / 4 * (OUTER**2 - INNER**2)
     i = np.pi / 64 * (OUTER**4 - INNER**4)
     kappa = float(shear_coefficient("cowper", OUTER, INNER, POISSON, 1.0))
@@ -176,7 +176,7 @@ def test_one_cone_has_the_exact_static_deflection_and_mass():
     cone = ShaftElements(
         ((0, 1),), [0.4], [0.08], [YOUNG], [DENSITY], [POISSON], [0.02], [0.04], [0.01]
     )
-    e = element_matrices(cone)
+    e = element_matrices((cone,))
     shape = np.asarray(deformation(e.length[0]))
     k = (shape.T @ e.lateral[0] @ shape)[2:, 2:]
     tip = np.linalg.solve(k, [1.0, 0.0])

@@ -78,9 +78,10 @@ class Matrices(NamedTuple):
 def structure_of(model: RotorModel) -> Structure:
     """Collect the speed-independent part of a model."""
     layout = layout_of(model)
-    tables = [element_matrices(shaft) for shaft in model.shafts]
-    empty = ElementMatrices(*(jnp.zeros((0, *s)) for s in _ELEMENT_SHAPES))
-    elements = jax.tree.map(lambda *x: jnp.concatenate(x), empty, *tables)
+    if model.shafts:
+        elements = element_matrices(model.shafts)
+    else:
+        elements = ElementMatrices(*(jnp.zeros((0, *s)) for s in _ELEMENT_SHAPES))
     mass = polar = axial = jnp.zeros((layout.n, 2, 2))
     for disks in model.disks:
         at = np.array([node_index(model, node) for node in disks.nodes], int)
@@ -109,20 +110,37 @@ def structure_of(model: RotorModel) -> Structure:
 
 def link_matrices(model: RotorModel, spin_speed: Float[Array, ""]) -> LinkMatrices:
     """Stiffness and damping of all links and side pulls at a spin speed [rad/s]."""
-    dof, stiffness, damping = model.dof, [], []
+    dof, values, places, used = model.dof, [], [], 0
     for link in model.links:
         k, c = link.law.coefficients(spin_speed)
         own, there = axis_numbers(dof, link.axes)
-        for values, out in ((k, stiffness), (c, damping)):
-            inside = values[np.ix_(own, own)]
-            out.append(jnp.zeros((1, dof, dof)).at[0, *np.ix_(there, there)].set(inside))
+        place = np.full((dof, dof), -1)
+        size = len(link.axes)
+        place[np.ix_(there, there)] = (
+            used + np.arange(size**2).reshape(size, size)[np.ix_(own, own)]
+        )
+        values.append(jnp.stack([k, c]).reshape(2, -1))
+        places.append(place)
+        used += size**2
+    # One gather for all links, whose last value is the zero of the places that no law fills.
+    table = jnp.concatenate([*values, jnp.zeros((2, 1))], 1)
+    stiffness, damping = table[:, np.array(places, int).reshape(-1, dof, dof)]
     lateral = np.zeros((dof, dof))
     lateral[0, 0] = lateral[1, 1] = 1.0
-    for pull in model.side_pulls:
-        stiffness.append(side_pull_stiffness(pull)[:, None, None] * lateral)
-        damping.append(jnp.zeros_like(stiffness[-1]))
-    none = [jnp.zeros((0, dof, dof))]
-    return LinkMatrices(jnp.concatenate(none + stiffness), jnp.concatenate(none + damping))
+    pulls = [side_pull_stiffness(pull)[:, None, None] * lateral for pull in model.side_pulls]
+    stiffness = jnp.concatenate([stiffness, *pulls])
+    return LinkMatrices(stiffness, jnp.zeros_like(stiffness).at[: len(damping)].set(damping))
+
+
+def link_places(layout: Layout, count: int | None = None):
+    """Nodes of the rows and columns of four blocks a link, and their signs: aa, bb, ab, ba.
+
+    The ground has the number beyond the last node. With `count` only the first links.
+    """
+    a, b = layout.links[:count].T
+    one = np.ones(len(a))
+    rows, columns = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
+    return rows, columns, np.concatenate([one, one, -one, -one])
 
 
 def to_planes(x: Array, dof: int) -> Array:
@@ -259,13 +277,12 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
     alpha, beta = (0.0, 0.0) if structure.damping is None else structure.damping
     c = alpha * m + beta * k
     if with_links:
-        links = link_matrices(model, spin_speed)
-        for (a, b), kl, cl in zip(layout.links, *links, strict=True):
-            difference = np.zeros((dof, n * dof))
-            difference[:, a * dof : (a + 1) * dof] = np.eye(dof)
-            if b < n:
-                difference[:, b * dof : (b + 1) * dof] = -np.eye(dof)
-            k, c = k + difference.T @ kl @ difference, c + difference.T @ cl @ difference
+        rows, columns, signs = link_places(layout)
+        own = np.concatenate([np.arange(len(layout.links))] * 4)
+        rows, columns = (at[:, None] * dof + np.arange(dof) for at in (rows, columns))
+        at = (rows[:, :, None], columns[:, None, :])
+        kl, cl = (signs[:, None, None] * m[own] for m in link_matrices(model, spin_speed))
+        k, c = k.at[at].add(kl, mode="drop"), c.at[at].add(cl, mode="drop")
     expand = expansion(layout, structure)
     reduced = (expand.T @ matrix @ expand for matrix in (m, c, g, k))
     return Matrices(*reduced, expand)

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ._assembly import link_places
 from ._conventions import plane_numbers
 from ._two_by_two import product_t
 
@@ -78,16 +79,18 @@ def border_motion(layout, z):
     """Touched border coordinates from the independent ones among them."""
     numbers, sign = _touched_numbers(layout)
     free = layout.active.reshape(-1)[numbers]
-    eye = jnp.eye(len(numbers))
     if not layout.slaved.size:
-        return eye[:, free]
+        return jnp.eye(len(numbers))[:, free]
     place = np.full(layout.n * layout.dof, -1)
     place[numbers] = np.arange(len(numbers))
-    motion = eye
-    for k, (node, centre) in enumerate(zip(layout.slaved, layout.centre_of, strict=True)):
-        rows, columns = (place[i * layout.dof + np.arange(layout.dof)] for i in (node, centre))
-        arm = sign[rows][:, None] * z.structure.arms[k] * sign[columns]
-        motion = motion.at[np.ix_(rows, rows)].set(0.0).at[np.ix_(rows, columns)].set(arm)
+    rows, columns = (
+        place[at[:, None] * layout.dof + np.arange(layout.dof)]
+        for at in (layout.slaved, layout.centre_of)
+    )
+    fixed = np.eye(len(numbers))
+    fixed[rows.reshape(-1)] = 0.0
+    arms = sign[rows][:, :, None] * z.structure.arms * sign[columns][:, None, :]
+    motion = jnp.asarray(fixed).at[rows[:, :, None], columns[:, None, :]].set(arms)
     return motion[:, free]
 
 
@@ -97,22 +100,19 @@ def links_and_bodies(model, layout, z):
     place = np.full((layout.n + 1) * layout.dof, len(numbers))
     place[numbers] = np.arange(len(numbers))
     factor = np.append(sign, 1.0)
-    dofs = np.arange(layout.dof)
-    w, full = z.frequency, jnp.zeros((len(numbers),) * 2, complex)
-
-    def add(full, rows, columns, block, toward):
-        rows, columns = place[rows * layout.dof + dofs], place[columns * layout.dof + dofs]
-        signed = toward * factor[rows][:, None] * block * factor[columns]
-        return full.at[rows[:, None], columns].add(signed, mode="drop")
-
-    blocks = z.links.stiffness + 1j * w * z.links.damping
-    for (a, b), block in zip(layout.links[: len(model.links)], blocks, strict=False):
-        full = add(add(full, a, a, block, 1), b, b, block, 1)
-        full = add(add(full, a, b, block, -1), b, a, block, -1)
+    w, count = z.frequency, len(model.links)
+    links = z.links.stiffness[:count] + 1j * w * z.links.damping[:count]
     inert = -(w**2) if z.structure.damping is None else -(w**2) + 1j * w * z.structure.damping[0]
-    for node, (mass, gyro) in zip(layout.centres, z.structure.bodies, strict=True):
-        full = add(full, node, node, inert * mass + 1j * w * z.spin_speed * gyro, 1)
-    return full
+    bodies = inert * z.structure.bodies[:, 0] + 1j * w * z.spin_speed * z.structure.bodies[:, 1]
+    rows, columns, signs = link_places(layout, count)
+    rows, columns = (np.concatenate([at, layout.centres]) for at in (rows, columns))
+    blocks = jnp.concatenate([signs[:, None, None] * jnp.tile(links, (4, 1, 1)), bodies])
+    rows, columns = (
+        place[at[:, None] * layout.dof + np.arange(layout.dof)] for at in (rows, columns)
+    )
+    signed = factor[rows][:, :, None] * blocks * factor[columns][:, None, :]
+    full = jnp.zeros((len(numbers),) * 2, complex)
+    return full.at[rows[:, :, None], columns[:, None, :]].add(signed, mode="drop")
 
 
 def unlane(kept):

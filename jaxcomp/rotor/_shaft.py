@@ -153,20 +153,39 @@ def shaft_mass(shaft: ShaftElements) -> Float[Array, " n"]:
     return shaft.density * jnp.pi / 4 * square * shaft.length
 
 
-def element_matrices(shaft: ShaftElements) -> ElementMatrices:
-    """Stiffness and inertia of every element, from the exact static deflection."""
-    outer, inner = end_diameters(shaft)
-    constant = jnp.ones_like(shaft.length) if shaft.shear_constant is None else shaft.shear_constant
-    one = lambda *args: _element(shaft.theory, shaft.shear_law, shaft.spins, *args)  # noqa: E731
-    return jax.vmap(one)(
-        shaft.length, outer, inner, shaft.young_modulus, shaft.density, shaft.poisson, constant
-    )
+def element_matrices(shafts: tuple[ShaftElements, ...]) -> ElementMatrices:
+    """Stiffness and inertia of every element of all tables, from the exact static deflection.
+
+    Tables of one kind go through together, because each of them would be a program of its own.
+    """
+    first = np.cumsum([0, *(len(shaft.nodes) for shaft in shafts)])
+    kinds: dict[tuple, list[int]] = {}
+    for number, shaft in enumerate(shafts):
+        kinds.setdefault((shaft.theory, shaft.shear_law, shaft.spins), []).append(number)
+    found, places = [], []
+    for kind, numbers in kinds.items():
+        columns = zip(*(_columns(shafts[number]) for number in numbers), strict=True)
+        one = lambda *args, kind=kind: _element(*kind, *args)  # noqa: E731
+        found.append(jax.vmap(one)(*(jnp.concatenate(column) for column in columns)))
+        places += [np.arange(first[number], first[number + 1]) for number in numbers]
+    whole = jax.tree.map(lambda *x: jnp.concatenate(x), *found)
+    if len(kinds) == 1:
+        return whole
+    order = np.argsort(np.concatenate(places))
+    return jax.tree.map(lambda x: x[order], whole)
 
 
 def deformation(length: Float[Array, ""]) -> Float[Array, "2 4"]:
     """J: relative rotation and transverse deformation from (u_1, phi_1, u_2, phi_2)."""
     o, one, h = jnp.zeros_like(length), jnp.ones_like(length), length / 2
     return jnp.stack([jnp.stack([o, -one, o, one]), jnp.stack([-one, -h, one, -h])])
+
+
+def _columns(shaft):
+    outer, inner = end_diameters(shaft)
+    constant = jnp.ones_like(shaft.length) if shaft.shear_constant is None else shaft.shear_constant
+    sizes = shaft.length, outer, inner
+    return *sizes, shaft.young_modulus, shaft.density, shaft.poisson, constant
 
 
 def _element(theory, shear_law, spins, length, outer, inner, young, density, poisson, constant):
