@@ -49,6 +49,7 @@ _ROOMS = {
     "mechanism": ("CrankState", "SliderCrank", "SliderLink"),
     "motor": ("ConstantTorque", "Kloss", "MeanSpeed", "SlipLine"),
     "film": ("JournalBearing",),
+    "rotor": ("RotorModel", "crank_forces", "damped_modes", "respond", "undamped_modes"),
     "scene": ("Scene", "SceneError", "describe", "dump", "load", "machines"),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
