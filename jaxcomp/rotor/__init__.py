@@ -17,7 +17,7 @@ from ._damped import damped_modes as damped_modes
 from ._damping import ModalDamping as ModalDamping
 from ._damping import ProportionalDamping as ProportionalDamping
 from ._film_laws import GroovedFilm as GroovedFilm
-from ._film_laws import PlainFilm as PlainFilm
+from ._film_laws import JournalFilm as JournalFilm
 from ._inertia import Disks as Disks
 from ._inertia import PointMasses as PointMasses
 from ._inertia import solid_disk as solid_disk

@@ -6,15 +6,23 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._fields import POSITIVE, Part, quantity
-from ..film import JournalBearing, someya_two_axial_grooves, stiffness_damping
+from .._fields import POSITIVE, BadInput, Part, quantity
+from ..film import (
+    GroovedReynolds,
+    JournalBearing,
+    Reynolds,
+    someya_two_axial_grooves,
+    stiffness_damping,
+)
+
+_FILMS = {"plain": Reynolds, "grooved": GroovedReynolds}
 
 # [rad/s] Below this speed the coefficients are held, so that a rotor at rest has finite ones.
 _REST_SPEED = 1e-3
 
 
-class PlainFilm(Part):
-    """Film of a plain ring (Reynolds), see `jaxcomp.film.stiffness_damping`.
+class JournalFilm(Part):
+    """Film of a plain ring or of one with two axial grooves, see `jaxcomp.film.stiffness_damping`.
 
     Args:
         diameter: [m] of the journal.
@@ -22,6 +30,7 @@ class PlainFilm(Part):
         radial_clearance: [m]
         dynamic_viscosity: [Pa s]
         load: [N] (2,) static load on the journal along x and y.
+        ring: "plain" for `Reynolds`, "grooved" for `GroovedReynolds`.
     """
 
     kind: ClassVar[str] = "film"
@@ -32,17 +41,26 @@ class PlainFilm(Part):
     radial_clearance: Array = quantity("m", POSITIVE)
     dynamic_viscosity: Array = quantity("Pa s", POSITIVE)
     load: Array = quantity("N", shape=(2,), doc="static, on the journal, along x and y")
+    ring: Literal["plain", "grooved"] = eqx.field(static=True, default="plain")
+
+    def __check_init__(self):
+        if self.ring not in _FILMS:
+            raise BadInput("ring", self.ring, f"one of {tuple(_FILMS)}")
 
     def coefficients(self, spin_speed):
         """Stiffness and damping of the film at a spin speed."""
         bearing = JournalBearing(
-            self.diameter / 2, self.length, self.radial_clearance, self.dynamic_viscosity
+            self.diameter / 2,
+            self.length,
+            self.radial_clearance,
+            self.dynamic_viscosity,
+            film=_FILMS[self.ring],
         )
         return tuple(stiffness_damping(bearing, self.load, spin_speed))
 
 
 class GroovedFilm(Part):
-    r"""Film of a bearing with two axial grooves, `jaxcomp.film.someya_two_axial_grooves`.
+    r"""Published coefficients of a bearing with two axial grooves, `someya_two_axial_grooves`.
 
     $S = (\eta n L D/W)(R/c)^2$ with n in rev/s; the published matrices c K/W and c w C/W have their
     first axis along the load and the second ahead with the rotation. The tables are interpolated
