@@ -57,6 +57,9 @@ class Collocation(eqx.Module):
         """The orbit of an admissible compressor."""
         turn, motion, report = solve_motion(compressor, self)
         now = torques(compressor, turn, motion)
+        loads = loads_at(compressor, now.state, turn.gas_force)
+        # The accounts are of these loads, which are a little finer than those of the passes.
+        now = eqx.tree_at(lambda t: t.loss, now, loads.total_loss_torque)
         motor = now.motor
         status = Status.where(report.settled, Status.converged, Status.not_converged)
         stalled = jnp.min(motion.energy) <= ENERGY_FLOOR
@@ -70,7 +73,6 @@ class Collocation(eqx.Module):
             status = Status.where(growth < 0, status, Status.no_periodic_state)
         status = Status.where(stalled, Status.stalled, status)
         grid = turn.grid
-        loads = loads_at(compressor, now.state, turn.gas_force)
         energy = Energy(
             grid.total(motor),
             -grid.total(turn.conservative),

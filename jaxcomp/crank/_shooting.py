@@ -79,30 +79,20 @@ class Shooting(eqx.Module):
         level = motor_level(turn, torques(frozen, turn, initial_motion(turn)))
         scales = (turn.speed_scale, turn.energy_scale, level)
         stops = self._stops(frozen, edges)
-        holds_speed = isinstance(compressor.motor, MeanSpeed)
-        start = jnp.ones(2 if holds_speed else 1)
+        start = jnp.ones(2 if isinstance(compressor.motor, MeanSpeed) else 1)
 
-        def gap(unknowns, machine, adjoint):
-            first = unknowns[0]
-            end = self._turn(machine, unknowns, scales, edges, stops, adjoint=adjoint)[0]
-            gaps = [end["speed"] - first]
-            if holds_speed:
-                gaps.append(end["time"] * machine.motor.mean_speed / turn.speed_scale - 1)
-            return jnp.stack(gaps)
+        fixed = (scales, edges, stops)
 
         root, jacobian, steps = self._newton(
-            lambda unknowns: gap(unknowns, frozen, diffrax.ForwardMode()), start
+            lambda unknowns: self._gap(unknowns, frozen, fixed, diffrax.ForwardMode()), start
         )
-        left = gap(root, compressor, self.adjoint)
-        unknowns = root - jnp.linalg.solve(jacobian, left)
-        end, states = self._turn(
-            compressor, unknowns, scales, edges, stops, accounts=True, adjoint=self.adjoint
-        )
-        gap_size = jnp.max(jnp.abs(left))
+        unknowns = _follow_parameters(compressor, (root, jacobian, fixed), self)
+        end, states = self._turn(compressor, unknowns, *fixed, accounts=True, adjoint=self.adjoint)
+        gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, scales))))
         settled = gap_size <= 3 * self.tolerance
         report = FixedPointReport(steps, gap_size, settled)
         status = Status.where(settled, Status.converged, Status.not_converged)
-        unstable = (jacobian[0, 0] >= 0) & (not holds_speed)
+        unstable = (jacobian[0, 0] >= 0) & (not isinstance(compressor.motor, MeanSpeed))
         status = Status.where(settled & unstable, Status.no_periodic_state, status)
         return self._orbit(compressor, unknowns, scales, edges, end, states, status, report)
 
@@ -127,6 +117,11 @@ class Shooting(eqx.Module):
         stops = jnp.concatenate([edges[1:-1], near_kinks.ravel(), near_pinches.ravel()])
         inside = (stops > edges[0]) & (stops < edges[-1])
         return jnp.sort(jnp.where(inside, stops, edges[1]))
+
+    def _gap(self, unknowns, machine, fixed, adjoint):
+        """By how much a turn misses its own beginning."""
+        end, _ = self._turn(machine, unknowns, *fixed, adjoint=adjoint)
+        return _gap_at(end, unknowns, machine, fixed[0])
 
     def _newton(self, gap, start):
         """Newton's method that hands out its Jacobian as well: the derivatives need it."""
@@ -228,6 +223,34 @@ class Shooting(eqx.Module):
         )
         mean_speed = speed_scale / end["time"]
         return eqx.tree_at(lambda o: o.mean_speed, orbit, mean_speed)
+
+
+def _gap_at(end, unknowns, machine, scales):
+    gaps = [end["speed"] - unknowns[0]]
+    if isinstance(machine.motor, MeanSpeed):
+        gaps.append(end["time"] * machine.motor.mean_speed / scales[0] - 1)
+    return jnp.stack(gaps)
+
+
+@eqx.filter_custom_jvp
+def _follow_parameters(machine, solved, options):
+    """The solved unknowns, with their dependence on the machine by the implicit function theorem.
+
+    Only a derivative asks for the extra turn.
+    """
+    del machine, options
+    return solved[0]
+
+
+@_follow_parameters.def_jvp
+def _follow_parameters_jvp(primals, tangents):
+    machine, (root, jacobian, fixed), options = primals
+
+    def gap(machine):
+        return options._gap(root, machine, fixed, options.adjoint)
+
+    _, moved = eqx.filter_jvp(gap, (machine,), (tangents[0],))
+    return root, -jnp.linalg.solve(jacobian, moved)
 
 
 def _over_panels(function):

@@ -3,6 +3,7 @@
 from functools import singledispatch
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..mechanism import AbstractMechanism, CrankState
@@ -34,7 +35,8 @@ class JointLoads(eqx.Module):
     @property
     def total_loss_torque(self) -> Float[Array, "*n"]:
         """[N m]"""
-        return sum(self.loss_torque.values())  # pyright: ignore[reportReturnType]
+        nothing = jnp.zeros_like(next(iter(self.forces.values()))[0])
+        return sum(self.loss_torque.values(), start=nothing)
 
 
 @singledispatch
