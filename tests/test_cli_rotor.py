@@ -322,6 +322,14 @@ def test_places_and_subsets_follow_the_joints():
     np.testing.assert_allclose(places["foot"], [0, 0, 0], atol=1e-15)
     assert subsets(model) == ((1, 2, 3, "end"), ("foot", "case"))
     assert subset_names(model) == ("rotor", "case")
+    hermetic = load("hermetic-68cc").parts["rotor"]
+    places = node_positions(hermetic)
+    # Along the shaft, through a bearing, the crankcase and the springs to the foot of the housing:
+    # 215 mm to the lower bearing, 5 mm back to the springs, 60 mm on to the grommets.
+    np.testing.assert_allclose(places[65], [0, 0, 0.215], atol=1e-12)
+    np.testing.assert_allclose(places["grommets"], [0, 0, 0.27], atol=1e-12)
+    np.testing.assert_allclose(places["head"], [0.11, 0, 0.169], atol=1e-12)
+    assert subset_names(hermetic) == ("rotor", "crankcase", "housing")
 
 
 def test_respond_prints_what_the_library_finds(file, tmp_path):
