@@ -106,6 +106,7 @@ def test_out_writes_pictures_result_and_scene(tmp_path):
     result = run("--out", str(folder), "--design", "bore=120mm")
     assert result.exit_code == 0, result.stderr
     names = {"pv_diagram", "speed", "torques", "joint_forces", "joint_friction", "losses"}
+    names |= {"bearing_loads", "shaking_force"}
     assert {f.stem for f in folder.glob("*.png")} == names
     written = json.loads((folder / "result.json").read_text())
     # the scene as it was run gives the same result again

@@ -10,6 +10,7 @@ from jaxcomp import Collocation, plot, solve_orbit
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.plot._style import over_turn
 from jaxcomp.scene import load, with_values
+from jaxcomp.shaking import shaking_wrench
 
 
 @pytest.fixture(scope="module")
@@ -33,13 +34,16 @@ def test_all_pictures_are_labelled_and_can_be_saved(machine, orbit, tmp_path):
         "speed",
         "torques",
         "joint_forces",
+        "bearing_loads",
         "joint_friction",
         "losses",
+        "shaking_force",
     ]
     for name, figure in figures.items():
         for ax in figure.axes:
-            assert ax.get_ylabel() or name == "losses", name
-        assert any(ax.get_xlabel() for ax in figure.axes), name
+            polar = name == "bearing_loads"
+            assert ax.get_title(loc="left") if polar else ax.get_ylabel() or name == "losses", name
+        assert polar or any(ax.get_xlabel() for ax in figure.axes), name
         figure.savefig(tmp_path / f"{name}.png", dpi=60)
         assert (tmp_path / f"{name}.png").stat().st_size > 4000
 
@@ -102,6 +106,29 @@ def test_joint_forces_peak_where_the_paper_has_its_peak(machine, orbit):
     assert degrees[np.argmax(np.abs(side))] == pytest.approx(-35, abs=1.0)
 
 
+def test_polar_loads_are_those_of_the_bearings(machine, orbit):
+    figure = plot.bearing_loads(machine, orbit)
+    crank_pin, main = (ax.lines[0].get_xydata().T for ax in figure.axes)
+    forces = fine_turn(machine, orbit).loads.forces
+    for (direction, size), force in (
+        (crank_pin, forces["crank_pin"]),
+        (main, -forces["main_journal"]),  # the joint reports the force on the shaft
+    ):
+        drawn = 1e3 * size * np.stack([np.cos(direction), np.sin(direction)])
+        np.testing.assert_allclose(drawn, force, atol=1e-6)  # rounding of 50 kN
+    # the gas presses the shaft away from the head, so the bearing is loaded on that side
+    assert np.cos(main[0][np.argmax(main[1])]) < -0.9
+
+
+def test_locus_of_the_shaking_force(machine, orbit):
+    figure = plot.shaking_force(machine, orbit)
+    locus = figure.axes[0].lines[0].get_xydata().T * 1e3
+    force = shaking_wrench(machine.mechanism, orbit.state).force
+    # the largest node misses the largest of the curve by less than the curve bends in between
+    np.testing.assert_allclose(np.abs(locus).max(axis=1), np.abs(force[:2]).max(axis=1), rtol=2e-3)
+    assert len(figure.axes[1].lines) == 3  # about z alone, and the two zero lines
+
+
 def test_friction_torques_are_those_of_coulomb(machine, orbit):
     figure = plot.joint_friction(machine, orbit)
     titles = [ax.get_title(loc="left") for ax in figure.axes]
@@ -119,7 +146,8 @@ def test_loss_bars_are_the_losses(machine, orbit):
 def test_absent_parts_have_no_picture():
     bare = with_values(load("mayekawa-wbhe"), {"friction": None, "gas": None}).machine
     orbit = solve_orbit(bare, Collocation())
-    assert list(plot.orbit_figures(bare, orbit)) == ["speed", "torques", "joint_forces"]
+    names = ["speed", "torques", "joint_forces", "bearing_loads", "shaking_force"]
+    assert list(plot.orbit_figures(bare, orbit)) == names
     with pytest.raises(ValueError, match="needs a compressor with gas"):
         plot.pv_diagram(bare, orbit)
 

@@ -14,6 +14,7 @@ from test_slider_link import OFFSET, coulomb_friction, joint_loads, machine, ran
 
 from jaxcomp import BadInput
 from jaxcomp.mechanism import CrankState, SliderCrank
+from jaxcomp.scene import SceneError, describe, dump, load, loads, with_value
 from jaxcomp.shaking import (
     BlockMotion,
     Harmonics,
@@ -29,6 +30,7 @@ from jaxcomp.shaking import (
     mass_matrix,
     natural_frequencies,
     point_motion,
+    retuned,
     shaking_wrench,
     simulate,
     stiffness_matrix,
@@ -452,6 +454,43 @@ def test_damping_ratio_of_the_springs():
 def test_refuses_a_spring_without_direction():
     with pytest.raises(BadInput, match="direction"):
         Spring((0.0, 0.0, 0.0), axial_stiffness=1.0, axis=(0.0, 0.0, 0.0))
+
+
+def test_suspension_of_the_bundled_machine():
+    """Its section describes the block of these tests; every value has a source."""
+    scene = load("slider-link-8cc")
+    assert eqx.tree_equal(
+        scene.parts["suspension"], suspension(), typematch=True, rtol=2e-4
+    )  # damping is given with four digits
+    rows = [row for row in describe(scene) if row.path.startswith("suspension.")]
+    assert len(rows) == 5 + 4 * 6
+    assert all(row.source.startswith("assumed") or row.source == "default" for row in rows)
+    again = loads(dump(scene))
+    assert eqx.tree_equal(again.parts["suspension"], scene.parts["suspension"])
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("suspension.springs.2.axial_stiffness", "-1 N/mm", "must be >= 0 N/m"),
+        ("suspension.springs.0.lateral_stiffness", "2 kg", "another dimension"),
+        ("suspension.springs.1.position", ["1 mm", "2 mm"], "a list of 3 values"),
+        ("suspension.springs.1.axis", [0, 0, 0], "whose axis has a direction"),
+        ("suspension.mass", "0 kg", "must be > 0 kg"),
+        ("suspension.inertia_z", None, "is missing"),
+        ("suspension.spring", 1, "did you mean"),
+    ],
+)
+def test_refuses_a_wrong_suspension(path, value, message):
+    with pytest.raises(SceneError, match=message) as caught:
+        with_value(load("slider-link-8cc"), path, value)
+    assert "suspension" in str(caught.value)
+
+
+def test_retuned_suspension_keeps_its_damping_ratios():
+    s, other = suspension(), retuned(suspension(), 0.3)
+    np.testing.assert_allclose(natural_frequencies(other), 0.3 * natural_frequencies(s), rtol=1e-12)
+    np.testing.assert_allclose(damping_matrix(other), 0.3 * damping_matrix(s), rtol=1e-12)
 
 
 def test_refuses_an_unknown_mechanism():

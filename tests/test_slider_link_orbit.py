@@ -5,6 +5,8 @@ figures were computed beforehand by another integrator (RK4 in time, film journa
 formulas); they are golden values, apart from the losses that Dagilis et al. measured.
 """
 
+import json
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,18 +16,28 @@ from jax.flatten_util import ravel_pytree
 from test_shaking import suspension
 from test_slider_link import coulomb_friction, machine
 from test_slider_link_limits import film_friction
+from typer.testing import CliRunner
 
-from jaxcomp import Collocation, Compressor, Status, solve_orbit
+from jaxcomp import Collocation, Compressor, Status, plot, solve_orbit
+from jaxcomp.cli import app
 from jaxcomp.friction import OilPump, SliderLinkFriction, ThrustBearing
 from jaxcomp.gas import PolytropicCycle
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import Kloss
-from jaxcomp.shaking import harmonic_response, harmonics, point_motion, shaking_wrench
+from jaxcomp.plot._fine import fine_turn
+from jaxcomp.shaking import (
+    free_body_response,
+    harmonic_response,
+    orbit_load,
+    point_motion,
+    shaking_wrench,
+    time_response,
+)
 
 # The loads of crown, edge and slider change sides up to ten times in a turn.
 SOLVER = Collocation(kinks=12)
-ISOBUTANE = PolytropicCycle(0.6294e5, 7.620e5, 1.049, 0.02)
-R134A = PolytropicCycle(1.1484e5, 14.698e5, 1.062, 0.02)
+ISOBUTANE = PolytropicCycle(0.6294e5, 7.620e5, 1.049, 0.02, 0.6294e5)
+R134A = PolytropicCycle(1.1484e5, 14.698e5, 1.062, 0.02, 1.1484e5)
 
 
 def household(gas=ISOBUTANE, pull_out=0.75, mu_s=0.015, friction=film_friction, **changes):
@@ -39,12 +51,16 @@ def household(gas=ISOBUTANE, pull_out=0.75, mu_s=0.015, friction=film_friction, 
     return Compressor(machine(), motor, gas, friction(**(laws | changes)))
 
 
-@eqx.filter_jit
 def run(compressor):
+    # the compiled solver is shared with the command line
     orbit = solve_orbit(compressor, SOLVER, throw=False)
+    return orbit, *shaking(compressor, orbit)
+
+
+@eqx.filter_jit
+def shaking(compressor, orbit):
     wrench = shaking_wrench(compressor.mechanism, orbit.state)
-    load = harmonics(suspension(), wrench, orbit.time, orbit.weight / orbit.state.speed, 6)
-    return orbit, wrench, load
+    return wrench, orbit_load(compressor.mechanism, orbit, suspension(), 6)
 
 
 @pytest.fixture(scope="module")
@@ -135,6 +151,75 @@ def test_shaking_force_and_vibration(isobutane):
     assert np.abs(mean / size).max() < 1e-7  # quadrature of the orbit
     # as the crank is nearly harmonic, the second harmonic is small
     assert np.abs(load.amplitude[0, 1]) < 0.05 * first[0]
+
+
+def test_command_line_reports_vibration_and_losses(monkeypatch):
+    """The bundled machine on its springs; the closed formulas of the film share compiled programs."""
+    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
+    journals = ("crank_pin", "upper_bearing", "lower_bearing")
+    sets = [x for name in journals for x in ("--set", f"friction.{name}.film=fit")]
+    result = CliRunner().invoke(app, ["run", "slider-link-8cc", "--json", *sets])
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found["solver"] == "collocation"  # the default for this mechanism
+    assert abs(found["energy_residual"]) < 1e-10
+    names = {"wall", "link_slider", *journals, "thrust_bearing", "pump", "piston_film"}
+    named = {name for name, loss in found["losses"].items() if loss > 0}
+    assert named == names
+    vibration = found["vibration"]
+    assert set(vibration["points"]) == {"mass_centre", *(f"spring_{i}" for i in range(4))}
+    centre = vibration["points"]["mass_centre"]
+    # 70 um of the free body; the speed swings by 1.9 %, which adds to the first harmonic
+    np.testing.assert_allclose(centre["free_body"][:2], 70e-6, rtol=0.02)
+    assert 0.005 < centre["free_body_error"] < 0.02  # (4.2 to 5.8 Hz over 48 Hz)^2
+    apart = np.hypot(*np.subtract(centre["amplitude"], centre["free_body"])[:2])
+    assert apart <= centre["free_body_error"] * np.linalg.norm(centre["amplitude"])
+    for point in vibration["points"].values():
+        assert point["rms"] < point["peak"]
+    assert found["peak_shaking_force"] == pytest.approx(50, abs=1)
+    bare = CliRunner().invoke(
+        app, ["run", "slider-link-8cc", "--json", *sets, "--set", "suspension=none"]
+    )
+    assert "vibration" not in json.loads(bare.stdout)
+
+
+def test_pictures_of_loads_and_vibration(isobutane, tmp_path):
+    orbit, _, load = isobutane
+    figures = plot.orbit_figures(household(), orbit, suspension())
+    assert {"bearing_loads", "shaking_force", "vibration_orbits", "free_body_errors"} < set(figures)
+    for name in ("bearing_loads", "vibration_orbits", "free_body_errors"):
+        figures[name].savefig(tmp_path / f"{name}.png", dpi=60)
+    names = [ax.get_title(loc="left") for ax in figures["bearing_loads"].axes]
+    assert names == ["Crank pin", "Upper bearing", "Lower bearing", "Support"]
+    vectors = [
+        size * np.stack([np.cos(direction), np.sin(direction)])
+        for direction, size in (ax.lines[0].get_xydata().T for ax in figures["bearing_loads"].axes)
+    ]
+    # both bearings carry the pin's force and the inertia of the crank's counterweight
+    turn = fine_turn(household(), orbit)
+    crank = household().mechanism.crank_unbalance
+    angle, speed, rise = turn.state
+    second = np.stack([
+        -np.cos(angle) * speed**2 - np.sin(angle) * rise,
+        -np.sin(angle) * speed**2 + np.cos(angle) * rise,
+    ])  # fmt: skip
+    np.testing.assert_allclose(vectors[3], -vectors[0] - crank * second, atol=1e-9)
+    # orbit of the mass centre: as the response in time says, the first instant at the dead centre
+    axes = figures["vibration_orbits"].axes[0]
+    drawn = 1e-6 * axes.lines[0].get_xydata()
+    response = harmonic_response(suspension(), load)
+    time = jnp.linspace(0.0, 1.0, drawn.shape[0]) * orbit.period
+    expected = time_response(response, time).displacement[:, :2]
+    np.testing.assert_allclose(drawn, expected, atol=2e-8)  # twelve harmonics against six
+    # error of the free body: the ring is this suspension, and the softest is the closest
+    curve = figures["free_body_errors"].axes[0].lines[0].get_xydata()
+    ring = figures["free_body_errors"].axes[0].lines[1].get_xydata()[0]
+    free = free_body_response(suspension(), load)
+    true, approximate = response.amplitude[:3, 0], free.amplitude[:3, 0]
+    error = np.linalg.norm(approximate - true) / np.linalg.norm(true)
+    np.testing.assert_allclose(ring[1], 100 * error, rtol=1e-9)
+    assert np.all(np.diff(curve[:, 1]) > 0)
+    assert curve[0, 1] < 0.1
 
 
 def test_a_wedged_piston_is_a_status():

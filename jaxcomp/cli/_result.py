@@ -5,11 +5,13 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 
 from .._status import Status
 from ..compressor import Compressor
 from ..crank import Orbit
 from ..scene import Scene
+from ..shaking import shaking_wrench
 
 _ORDER = (
     "mechanical_efficiency",
@@ -26,6 +28,8 @@ _ORDER = (
     "friction_power",
     "mean_forces",
     "peak_forces",
+    "peak_shaking_force",
+    "peak_shaking_moment",
     "stroke",
     "swept_volume",
     "energy_residual",
@@ -59,6 +63,7 @@ def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
 def _numbers(compressor: Compressor, orbit: Orbit) -> dict[str, Any]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
     energy = orbit.energy
+    wrench = shaking_wrench(compressor.mechanism, orbit.state)
     # every joint that carries a force and could have friction has an entry; without a law it loses
     # nothing
     friction = compressor.friction
@@ -80,6 +85,8 @@ def _numbers(compressor: Compressor, orbit: Orbit) -> dict[str, Any]:
         "friction_power": energy.total_loss / orbit.period,
         "mean_forces": orbit.mean_forces,
         "peak_forces": orbit.peak_forces,
+        "peak_shaking_force": jnp.max(jnp.linalg.norm(wrench.force, axis=0)),
+        "peak_shaking_moment": jnp.max(jnp.linalg.norm(wrench.moment, axis=0)),
         "stroke": compressor.mechanism.stroke,
         "swept_volume": compressor.mechanism.swept_volume,
         "energy_residual": energy.residual,

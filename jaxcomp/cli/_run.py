@@ -1,4 +1,4 @@
-"""`jaxcomp run`: the periodic state of a machine, its efficiency, losses, forces and pictures."""
+"""`jaxcomp run`: the periodic state of a machine, its efficiency, losses, forces, vibration, pictures."""
 
 import enum
 from pathlib import Path
@@ -39,8 +39,12 @@ def run(
         ),
     ] = None,
     solver: Annotated[
-        Solver, typer.Option(help="Shooting with diffrax, or collocation (compiles faster).")
-    ] = Solver.shooting,
+        Solver | None,
+        typer.Option(
+            help="Shooting with diffrax (default), or collocation, which compiles faster (default for "
+            "a slider-link, whose many changes of side cost shooting its accuracy)."
+        ),
+    ] = None,
     tolerance: Annotated[
         float | None, typer.Option(help="Tolerance of the solver; its own default if absent.")
     ] = None,
@@ -61,20 +65,22 @@ def run(
         raise CommandError(f"--tolerance {tolerance:g}: must be > 0 and < 1")
     from rich.console import Console
 
-    from ..crank import Collocation, Shooting, solve_orbit
+    from ..crank import solve_orbit
     from ._arguments import assignments, changed_scene
     from ._cache import enable_compilation_cache
     from ._progress import progress
     from ._result import run_result
     from ._tables import print_json, result_tables
+    from ._vibration import vibration_result, vibration_table
 
     enable_compilation_cache()
     scene = changed_scene(machine, sets or (), designs or ())
-    options = {} if tolerance is None else {"tolerance": tolerance}
-    method = {"shooting": Shooting, "collocation": Collocation}[solver](**options)
+    method = _method(scene.machine.mechanism, solver, tolerance)
     with progress("Solving the periodic state (the first time it is compiled as well) ..."):
         orbit = solve_orbit(scene.machine, method)
         result = run_result(scene, orbit)
+        if "suspension" in scene.parts:
+            result["vibration"] = vibration_result(scene, orbit)
     result["tolerance"] = method.tolerance
     result["set"] = assignments(sets or (), "--set")
     result["design"] = assignments(designs or (), "--design")
@@ -87,8 +93,22 @@ def run(
     console = Console()
     for table in result_tables(scene, result):
         console.print(table)
+    if "vibration" in result:
+        console.print(vibration_table(result["vibration"]))
     if out is not None:
         console.print(f"Pictures, result and scene are in {out}", soft_wrap=True, markup=False)
+
+
+def _method(mechanism, solver: Solver | None, tolerance: float | None):
+    from ..crank import Collocation, Shooting
+    from ..mechanism import SliderLink
+
+    if solver is None:
+        solver = Solver.collocation if isinstance(mechanism, SliderLink) else Solver.shooting
+    options = {"kinks": mechanism.side_changes}
+    if tolerance is not None:
+        options["tolerance"] = tolerance
+    return {"shooting": Shooting, "collocation": Collocation}[solver](**options)
 
 
 def _write(folder: Path, scene, orbit, result) -> None:
@@ -97,7 +117,8 @@ def _write(folder: Path, scene, orbit, result) -> None:
     from ._tables import json_text
 
     folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in orbit_figures(scene.machine, orbit).items():
+    figures = orbit_figures(scene.machine, orbit, scene.parts.get("suspension"))
+    for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", dpi=150)
     (folder / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
     (folder / "scene.toml").write_text(dump(scene), encoding="utf-8")

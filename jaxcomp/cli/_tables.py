@@ -111,6 +111,8 @@ def _forces(result: dict[str, Any]) -> Table:
     for name, peak in result["peak_forces"].items():
         mean = result["mean_forces"][name]
         table.add_row(_words(name), f"{mean / scale:.4g}", f"{peak / scale:.4g}")
+    table.add_section()
+    table.add_row("Shaking force", "", f"{result['peak_shaking_force'] / scale:.4g}")
     return table
 
 

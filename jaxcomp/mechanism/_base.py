@@ -1,7 +1,7 @@
 """What every crank mechanism offers to the rest of the house."""
 
 from abc import abstractmethod
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -30,6 +30,9 @@ class AbstractMechanism(Part):
     The frame has its origin at the crank centre, x along the cylinder towards the head, y across,
     and the crank turns from +x towards +y. A prime is a derivative with respect to crank angle.
     """
+
+    # How often a contact or pin load may change its side in the mid-stroke of an ordinary turn.
+    side_changes: ClassVar[int] = 4
 
     piston_mass: eqx.AbstractVar[Float[Array, ""]]
     crank_inertia: eqx.AbstractVar[Float[Array, ""]]

@@ -45,6 +45,7 @@ class SliderLink(AbstractMechanism):
     """
 
     kind: ClassVar[str] = "slider_link"
+    side_changes: ClassVar[int] = 12  # up to ten are seen: of crown, edge, slider and crank pin
 
     bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter D")
     crank_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="R, half the stroke")

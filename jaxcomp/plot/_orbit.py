@@ -1,4 +1,4 @@
-"""Pictures of one periodic turn: pressure, forces, friction, speed, torques and losses.
+"""Pictures of one periodic turn: pressure, forces, friction, speed, torques, losses, vibration.
 
 All of them take what the library computed and return a figure; none shows or saves anything. Crank
 angles run from -180 to 180 degrees with the top dead centre at zero (exactly so without an offset).
@@ -12,7 +12,10 @@ from matplotlib.figure import Figure
 from ..compressor import Compressor
 from ..crank import Orbit
 from ..mechanism import SliderCrank, rod_motion
+from ..shaking import Suspension
 from ._fine import FineTurn, fine_turn
+from ._polar import bearing_loads
+from ._shaking import free_body_errors, shaking_force, vibration_orbits
 from ._style import (
     INK,
     colour,
@@ -28,7 +31,9 @@ from ._style import (
 _RPM = 30 / np.pi
 
 
-def orbit_figures(compressor: Compressor, orbit: Orbit) -> dict[str, Figure]:
+def orbit_figures(
+    compressor: Compressor, orbit: Orbit, suspension: Suspension | None = None
+) -> dict[str, Figure]:
     """All pictures of a turn by name; those of absent parts are left out."""
     figures = {}
     if orbit.pressure is not None:
@@ -36,9 +41,14 @@ def orbit_figures(compressor: Compressor, orbit: Orbit) -> dict[str, Figure]:
     figures["speed"] = speed_over_turn(compressor, orbit)
     figures["torques"] = crank_torques(compressor, orbit)
     figures["joint_forces"] = joint_forces(compressor, orbit)
+    figures["bearing_loads"] = bearing_loads(compressor, orbit)
     if orbit.loads.loss_torque:
         figures["joint_friction"] = joint_friction(compressor, orbit)
         figures["losses"] = loss_shares(orbit)
+    figures["shaking_force"] = shaking_force(compressor, orbit)
+    if suspension is not None:
+        figures["vibration_orbits"] = vibration_orbits(compressor, orbit, suspension)
+        figures["free_body_errors"] = free_body_errors(compressor, orbit, suspension)
     return figures
 
 

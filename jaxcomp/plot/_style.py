@@ -11,6 +11,15 @@ COLOURS = {
     "piston_pin": "#009E73",
     "crank_pin": "#0072B2",
     "main_journal": "#56437F",
+    "wall_crown": "#D55E00",
+    "wall_edge": "#CC79A7",
+    "piston_film": "#E69F00",
+    "link_slider": "#009E73",
+    "upper_bearing": "#56437F",
+    "lower_bearing": "#56B4E9",
+    "support": "#444444",
+    "thrust_bearing": "#999933",
+    "pump": "#AA4499",
     "gas": "#D55E00",
     "motor": "#0072B2",
     "friction": "#7F7F7F",
@@ -32,10 +41,13 @@ def words(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
-def new_figure(rows: int, columns: int, size: tuple[float, float], title: str):
-    """A figure with a grid of axes in the house style, as an array of shape (rows, columns)."""
+def new_figure(rows: int, columns: int, size: tuple[float, float], title: str, share: bool = True):
+    """A figure with a grid of axes in the house style, as an array of shape (rows, columns).
+
+    With `share` all axes have the same abscissa.
+    """
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=rows > 1 or columns > 1)
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=share and rows * columns > 1)
     figure.suptitle(title, fontsize=11, color=INK, x=0.01, ha="left")
     for ax in axes.flat:
         ax.grid(True, color="#E3E3E3", linewidth=0.7)
@@ -43,6 +55,20 @@ def new_figure(rows: int, columns: int, size: tuple[float, float], title: str):
         ax.spines[["top", "right"]].set_visible(False)
         ax.spines[["left", "bottom"]].set_color("#888888")
         ax.tick_params(colors=INK, labelsize=8.5)
+    return figure, axes
+
+
+def new_polar_figure(rows: int, columns: int, title: str):
+    """A figure with a grid of polar axes in the house style, as an array of shape (rows, columns)."""
+    size = (4.0 * columns, 4.0 * rows + 0.4)
+    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    axes = figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": "polar"})
+    figure.suptitle(title, fontsize=11, color=INK, x=0.01, ha="left")
+    for ax in axes.flat:
+        ax.grid(True, color="#E3E3E3", linewidth=0.7)
+        ax.set_axisbelow(True)
+        ax.spines["polar"].set_color("#888888")
+        ax.tick_params(colors=INK, labelsize=8)
     return figure, axes
 
 

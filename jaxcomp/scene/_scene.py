@@ -24,6 +24,7 @@ SECTIONS: dict[str, type[Part] | str] = {
     "rotor": "jaxcomp.rotor:RotorModel",
     "loads": "jaxcomp.rotor:LoadCase",
     "balancing": "jaxcomp.rotor:BalancingPlanes",
+    "suspension": "jaxcomp.shaking:Suspension",
 }
 
 _HEADER = ("name", "description", "source")

@@ -2,9 +2,11 @@
 
 from ._suspension import Spring as Spring
 from ._suspension import Suspension as Suspension
+from ._suspension import block_points as block_points
 from ._suspension import damping_matrix as damping_matrix
 from ._suspension import mass_matrix as mass_matrix
 from ._suspension import natural_frequencies as natural_frequencies
+from ._suspension import retuned as retuned
 from ._suspension import stiffness_matrix as stiffness_matrix
 from ._suspension import viscous_damping as viscous_damping
 from ._vibration import BlockMotion as BlockMotion
@@ -13,6 +15,7 @@ from ._vibration import free_body_error as free_body_error
 from ._vibration import free_body_response as free_body_response
 from ._vibration import harmonic_response as harmonic_response
 from ._vibration import harmonics as harmonics
+from ._vibration import orbit_load as orbit_load
 from ._vibration import point_motion as point_motion
 from ._vibration import simulate as simulate
 from ._vibration import time_response as time_response

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, Part, quantity
+from .._fields import ANY, NONNEGATIVE, POSITIVE, Part, quantity, replaced
 
 
 class Spring(Part):
@@ -23,11 +23,17 @@ class Spring(Part):
 
     kind: ClassVar[str] = "spring"
 
-    position: Float[Array, "3"] = quantity("m", ANY, shape=(3,))
-    axial_stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE)
-    lateral_stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE, default=0.0)
-    axial_damping: Float[Array, ""] = quantity("N s/m", NONNEGATIVE, default=0.0)
-    lateral_damping: Float[Array, ""] = quantity("N s/m", NONNEGATIVE, default=0.0)
+    position: Float[Array, "3"] = quantity("m", ANY, shape=(3,), doc="where it holds the block")
+    axial_stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE, doc="along its axis")
+    lateral_stiffness: Float[Array, ""] = quantity(
+        "N/m", NONNEGATIVE, default=0.0, doc="across its axis"
+    )
+    axial_damping: Float[Array, ""] = quantity(
+        "N s/m", NONNEGATIVE, default=0.0, doc="along its axis"
+    )
+    lateral_damping: Float[Array, ""] = quantity(
+        "N s/m", NONNEGATIVE, default=0.0, doc="across its axis"
+    )
     axis: Float[Array, "3"] = quantity(
         "", ANY, shape=(3,), default=(0.0, 0.0, 1.0), doc="direction, of any length"
     )
@@ -48,12 +54,14 @@ class Suspension(Part):
 
     kind: ClassVar[str] = "suspension"
 
-    mass: Float[Array, ""] = quantity("kg", POSITIVE)
-    inertia_x: Float[Array, ""] = quantity("kg m^2", POSITIVE)
-    inertia_y: Float[Array, ""] = quantity("kg m^2", POSITIVE)
-    inertia_z: Float[Array, ""] = quantity("kg m^2", POSITIVE)
+    mass: Float[Array, ""] = quantity("kg", POSITIVE, doc="of all that hangs in the springs")
+    inertia_x: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")
+    inertia_y: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")
+    inertia_z: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")
     springs: tuple[Spring, ...] = eqx.field(converter=tuple)  # pyright: ignore[reportGeneralTypeIssues]
-    mass_centre: Float[Array, "3"] = quantity("m", ANY, shape=(3,), default=(0.0, 0.0, 0.0))
+    mass_centre: Float[Array, "3"] = quantity(
+        "m", ANY, shape=(3,), default=(0.0, 0.0, 0.0), doc="from the mechanism's origin"
+    )
 
 
 def mass_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
@@ -91,6 +99,27 @@ def viscous_damping(
         carried_mass: [kg] m, the block's mass over the number of springs.
     """
     return 2 * damping_ratio * jnp.sqrt(stiffness * carried_mass)
+
+
+def retuned(suspension: Suspension, factor: Float[Array, ""]) -> Suspension:
+    """The suspension with all natural frequencies times a factor, at the same damping ratios."""
+
+    def scaled(spring):
+        return replaced(
+            spring,
+            axial_stiffness=factor**2 * spring.axial_stiffness,
+            lateral_stiffness=factor**2 * spring.lateral_stiffness,
+            axial_damping=factor * spring.axial_damping,
+            lateral_damping=factor * spring.lateral_damping,
+        )
+
+    return replaced(suspension, springs=tuple(map(scaled, suspension.springs)))
+
+
+def block_points(suspension: Suspension) -> dict[str, Float[Array, "3"]]:
+    """Points [m] of the block where its vibration is of interest: mass centre and springs."""
+    springs = {f"spring_{i}": spring.position for i, spring in enumerate(suspension.springs)}
+    return {"mass_centre": suspension.mass_centre, **springs}
 
 
 def motion_at(suspension: Suspension, point: Float[Array, "3"]) -> Float[Array, "3 6"]:

@@ -16,8 +16,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..crank import Orbit
+from ..mechanism import AbstractMechanism
 from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
-from ._wrench import Wrench, wrench_about
+from ._wrench import Wrench, shaking_wrench, wrench_about
 
 
 class Harmonics(eqx.Module):
@@ -76,6 +78,22 @@ def harmonics(
     order = jnp.arange(1, count + 1)
     turning = jnp.exp(-1j * order * speed * time[:, None])
     return Harmonics(2 / period * (load * duration) @ turning, speed)
+
+
+def orbit_load(
+    mechanism: AbstractMechanism, orbit: Orbit, suspension: Suspension, count: int
+) -> Harmonics:
+    """Harmonics of the shaking wrench of a periodic state about the mass centre of the block.
+
+    Args:
+        mechanism: of the compressor that the orbit was found for.
+        orbit: the periodic state.
+        suspension: gives the mass centre.
+        count: number of harmonics.
+    """
+    wrench = shaking_wrench(mechanism, orbit.state)
+    duration = orbit.weight / orbit.state.speed
+    return harmonics(suspension, wrench, orbit.time, duration, count)
 
 
 def harmonic_response(suspension: Suspension, load: Harmonics) -> Harmonics:

@@ -1,0 +1,52 @@
+"""Polar diagrams: how the loads of the bearings turn and grow while the crank turns."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ..compressor import Compressor
+from ..crank import Orbit
+from ..mechanism import SliderLink
+from ._fine import fine_turn
+from ._style import INK, colour, new_polar_figure, words
+
+
+def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Force of the shaft on every bush, by size and direction.
+
+    Directions are those of the machine at rest: 0 towards the head, growing in the sense of
+    rotation. Marks stand every 45 degrees of crank angle. A slider-link machine has the two bearings
+    of its overhung shaft and their sum, the load of the support; a slider-crank its main journal.
+    """
+    turn = fine_turn(compressor, orbit)
+    loads = _loads(compressor, {k: np.asarray(v) for k, v in turn.loads.forces.items()})
+    largest = max(np.hypot(*load).max() for load in loads.values())
+    unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
+    title = f"Bearing loads, {unit}; marks: crank angle from top dead centre"
+    figure, axes = new_polar_figure(len(loads) // 2, 2, title)
+    degrees = np.rad2deg(np.asarray(turn.state.angle))
+    for place, (ax, (name, load)) in enumerate(zip(axes.flat, loads.items(), strict=True)):
+        size, tint = np.hypot(*load) / scale, colour(name, place)
+        # without jumps of a whole turn, which would draw as circles
+        direction = np.unwrap(np.arctan2(load[1], load[0]))
+        ax.plot(direction, size, color=tint, linewidth=1.5)
+        for mark in range(0, 360, 45):
+            at = np.argmin(np.abs((degrees - mark + 180) % 360 - 180))
+            ax.plot(direction[at], size[at], "o", color=tint, markersize=3.2)
+            if mark % 90 == 0:
+                ax.annotate(f"{mark}°", (direction[at], size[at]), xytext=(3, 3), color=INK,
+                            textcoords="offset points", fontsize=7.5)  # fmt: skip
+        ax.set_ylim(0, 1.08 * max(size.max(), 1e-12))
+        ax.yaxis.set_major_locator(MaxNLocator(4))
+        ax.set_rlabel_position(67.5)  # away from the loads, which lie along the cylinder
+        ax.set_title(words(name), fontsize=9.5, loc="left", color=INK)
+    return figure
+
+
+def _loads(compressor, forces):
+    """Loads on the bushes; the joints report the forces of the bearings on the shaft instead."""
+    loads = {"crank_pin": forces["crank_pin"]}
+    if isinstance(compressor.mechanism, SliderLink):
+        upper, lower = -forces["upper_bearing"], -forces["lower_bearing"]
+        return loads | {"upper_bearing": upper, "lower_bearing": lower, "support": upper + lower}
+    return loads | {"main_journal": -forces["main_journal"]}
