@@ -35,8 +35,9 @@ class JointLoads(eqx.Module):
     @property
     def total_loss_torque(self) -> Float[Array, "*n"]:
         """[N m]"""
-        nothing = jnp.zeros_like(next(iter(self.forces.values()))[0])
-        return sum(self.loss_torque.values(), start=nothing)
+        # of the torques where there are any: loads mapped over instants have (n, 2) for their forces
+        like = next(iter(self.loss_torque.values()), next(iter(self.forces.values()))[0])
+        return sum(self.loss_torque.values(), start=jnp.zeros_like(like))
 
 
 @singledispatch
