@@ -36,6 +36,9 @@ _BESIDE = 2e-7
 # machine of Tsuji et al. the load of the piston pin turns round within 6e-5 rad.
 _CLOSING = 6
 
+# [-] Gap reported of a turn that could not be integrated.
+_LOST = 1e6
+
 
 class Shooting(eqx.Module):
     """Options of the shooting solver.
@@ -78,7 +81,7 @@ class Shooting(eqx.Module):
         # Constant speed gives the level of torque from which Newton's method starts.
         level = motor_level(turn, torques(frozen, turn, initial_motion(turn)))
         scales = (turn.speed_scale, turn.energy_scale, level)
-        stops = self._stops(frozen, edges)
+        stops, places = self._stops(frozen, edges)
         start = jnp.ones(2 if isinstance(compressor.motor, MeanSpeed) else 1)
 
         fixed = (scales, edges, stops)
@@ -87,17 +90,23 @@ class Shooting(eqx.Module):
             lambda unknowns: self._gap(unknowns, frozen, fixed, diffrax.ForwardMode()), start
         )
         unknowns = _follow_parameters(compressor, (root, jacobian, fixed), self)
-        end, states = self._turn(compressor, unknowns, *fixed, accounts=True, adjoint=self.adjoint)
+        end, states = self._turn(compressor, unknowns, *fixed, places=places, adjoint=self.adjoint)
         gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, scales))))
+        gap_size = jnp.where(jnp.isfinite(gap_size), gap_size, _LOST)
+        end, states = jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 1.0), (end, states))
         settled = gap_size <= 3 * self.tolerance
         report = FixedPointReport(steps, gap_size, settled)
         status = Status.where(settled, Status.converged, Status.not_converged)
         unstable = (jacobian[0, 0] >= 0) & (not isinstance(compressor.motor, MeanSpeed))
         status = Status.where(settled & unstable, Status.no_periodic_state, status)
-        return self._orbit(compressor, unknowns, scales, edges, end, states, status, report)
+        return self._orbit(
+            compressor, unknowns, scales, edges, places, end, states, status, report
+        )
 
     def _stops(self, machine: Compressor, edges):
-        """Where steps end: at the known kinks, beside each change of side, and closing in on pinches.
+        """Where steps end, and the edges of the panels on which the result is reported.
+
+        Steps end at the known kinks, beside each change of side, and closing in on pinches.
 
         A step that ended on a change itself would pick a side at random, and its derivative with it.
         Near a pinch the derivatives of a load turn round within an angle so short that the step
@@ -105,7 +114,7 @@ class Shooting(eqx.Module):
         collocation solver; the solution does not.
         """
         if machine.friction is None or not self.kinks:
-            return edges[1:-1]
+            return edges[1:-1], edges
         changes, _, _ = place_changes(machine, Resolution(8, self.kinks, 3, 80))
         kinks, pinches = jnp.split(changes.angle, 2)
         beside = jnp.array([-_BESIDE, _BESIDE])
@@ -116,7 +125,11 @@ class Shooting(eqx.Module):
         near_pinches = jnp.where(used[self.kinks :], pinches[:, None] + around, edges[1])
         stops = jnp.concatenate([edges[1:-1], near_kinks.ravel(), near_pinches.ravel()])
         inside = (stops > edges[0]) & (stops < edges[-1])
-        return jnp.sort(jnp.where(inside, stops, edges[1]))
+        places = jnp.clip(changes.angle, edges[0], edges[-1])
+        return (
+            jnp.sort(jnp.where(inside, stops, edges[1])),
+            jnp.sort(jnp.concatenate([edges, places])),
+        )
 
     def _gap(self, unknowns, machine, fixed, adjoint):
         """By how much a turn misses its own beginning."""
@@ -137,16 +150,23 @@ class Shooting(eqx.Module):
         def advance(carry):
             unknowns, _, _, steps = carry
             jacobian, value = jax.jacfwd(value_twice, has_aux=True)(unknowns)
+            step = jnp.linalg.solve(jacobian, value)
+            # A turn that could not be integrated has no step to offer; the gap reports it.
+            lost = ~jnp.all(jnp.isfinite(step))
+            jacobian = jnp.where(lost, jnp.eye(start.size), jacobian)
             # a long step may reach a halt; half the speed at a time is far enough
-            step = jnp.clip(jnp.linalg.solve(jacobian, value), -0.5, 0.5)
+            step = jnp.where(lost, 0.0, jnp.clip(step, -0.5, 0.5))
             return unknowns - step, jacobian, jnp.max(jnp.abs(step)), steps + 1
 
         begin = (start, jnp.eye(start.size), jnp.asarray(jnp.inf), jnp.asarray(0))
         root, jacobian, _, steps = lax.while_loop(going_on, advance, begin)
         return lax.stop_gradient(root), lax.stop_gradient(jacobian), steps
 
-    def _turn(self, machine, unknowns, scales, edges, stops, *, accounts=False, adjoint):
-        """Integrate one turn; returns the end and, with accounts, the speed at the output nodes."""
+    def _turn(self, machine, unknowns, scales, edges, stops, *, places=None, adjoint):
+        """Integrate one turn to its end.
+
+        With `places`, edges of panels, keep the accounts and return the speed at their nodes too.
+        """
         speed_scale, energy_scale, level_scale = scales
         holds_speed = isinstance(machine.motor, MeanSpeed)
         moving = turn_edges(kink_angles(machine))
@@ -161,7 +181,7 @@ class Shooting(eqx.Module):
                 motor = motor * unknowns[1] * level_scale
             rise, conservative, gas = solve_acceleration(machine, branch, speed, motor)
             out = {"speed": rise / speed / speed_scale, "time": speed_scale / speed / (2 * jnp.pi)}
-            if accounts:
+            if places is not None:
                 state = CrankState(branch, speed, rise)
                 loads = loads_at(machine, state, gas, evidence=False)
                 work = {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
@@ -170,12 +190,12 @@ class Shooting(eqx.Module):
 
         y0 = {"speed": unknowns[0], "time": jnp.zeros(())}
         saveat = diffrax.SaveAt(t1=True)
-        if accounts:
+        if places is not None:
             nothing = {"motor": jnp.zeros(()), "gas": jnp.zeros(())}
             names = jax.eval_shape(lambda: rate(edges[0], y0 | {"work": None}, None))["work"]
             nothing["losses"] = {name: jnp.zeros(()) for name in names["losses"]}
             y0["work"] = nothing
-            nodes = panels(edges, self.output_nodes).angle.ravel()
+            nodes = panels(places, self.output_nodes).angle.ravel()
             saveat = diffrax.SaveAt(
                 subs=[
                     diffrax.SubSaveAt(t1=True),
@@ -198,15 +218,18 @@ class Shooting(eqx.Module):
             adjoint=adjoint,
             throw=False,
         )
-        if not accounts:
+        if places is None:
             return jax.tree.map(lambda x: x[-1], solution.ys), None
         assert solution.ys is not None
         end, speed = solution.ys
         return jax.tree.map(lambda x: x[-1], end), speed
 
-    def _orbit(self, compressor, unknowns, scales, edges, end, speed, status, report) -> Orbit:
+    def _orbit(
+        self, compressor, unknowns, scales, edges, places, end, speed, status, report
+    ) -> Orbit:
         speed_scale, energy_scale, level_scale = scales
-        grid = panels(turn_edges(kink_angles(compressor)), self.output_nodes)
+        moved = jnp.interp(places, edges, turn_edges(kink_angles(compressor)))
+        grid = panels(moved, self.output_nodes)
         speed = jnp.maximum(speed.reshape(grid.angle.shape), 1e-3) * speed_scale
         motor = compressor.motor.torque(speed)
         if isinstance(compressor.motor, MeanSpeed):
