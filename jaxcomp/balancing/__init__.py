@@ -1,0 +1,26 @@
+"""Balancing: from influence coefficients to correction masses, with or without a model."""
+
+from ._balance import Balance as Balance
+from ._classical import PlanePair as PlanePair
+from ._classical import permissible_unbalance as permissible_unbalance
+from ._classical import rigid_balance as rigid_balance
+from ._descent import Descent as Descent
+from ._descent import descend as descend
+from ._discrete import Split as Split
+from ._discrete import discrete as discrete
+from ._discrete import split as split
+from ._discrete import stock as stock
+from ._influence import Influence as Influence
+from ._influence import Row as Row
+from ._influence import direct_influence as direct_influence
+from ._influence import select as select
+from ._influence import trial_influence as trial_influence
+from ._least_squares import bounded as bounded
+from ._least_squares import invert as invert
+from ._least_squares import least_squares as least_squares
+from ._least_squares import quadratic as quadratic
+from ._measured import Measured as Measured
+from ._measured import read_measurements as read_measurements
+from ._min_max import min_max as min_max
+from ._sectors import Sector as Sector
+from ._sectors import outside_sectors as outside_sectors

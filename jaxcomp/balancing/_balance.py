@@ -1,0 +1,67 @@
+"""What a balancing method hands back: the corrections with the evidence for them."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ._influence import Influence
+
+
+class Balance(eqx.Module):
+    """Corrections and what they do.
+
+    Attributes:
+        influence: the system that was balanced.
+        correction: [kg m] (planes,) unbalance to add, mass times radius with its angle.
+        bound: [m] a value that no admissible correction can get below, in the norm of the method
+            (`objective`); equal to the objective where the method is exact.
+        objective: [m] what the method makes small, at the correction.
+        method: name of the method.
+    """
+
+    influence: Influence
+    correction: Complex[Array, " planes"]
+    objective: Float[Array, ""]
+    bound: Float[Array, ""]
+    method: str = eqx.field(static=True)
+
+    @property
+    def residual(self) -> Complex[Array, " rows"]:
+        """[m] Predicted vibration of every row."""
+        return self.influence.vibration(self.correction)
+
+    @property
+    def gap(self) -> Float[Array, ""]:
+        """[-] How far above its bound the objective lies, relative to the vibration before."""
+        before = jnp.linalg.norm(self.influence.weighted[1])
+        return (self.objective - self.bound) / jnp.where(before > 0, before, 1.0)
+
+    @property
+    def improvement(self) -> Float[Array, ""]:
+        """[-] Weighted root mean square of the vibration after over before."""
+        weight = self.influence.weight
+        before = jnp.linalg.norm(weight * self.influence.initial)
+        return jnp.linalg.norm(weight * self.residual) / jnp.where(before > 0, before, 1.0)
+
+    @property
+    def condition(self) -> Float[Array, ""]:
+        """[-] Ratio of the largest to the smallest singular value of the weighted system."""
+        values = jnp.linalg.svd(self.influence.weighted[0], compute_uv=False)
+        smallest = values[min(self.influence.matrix.shape) - 1]
+        return values[0] / jnp.maximum(smallest, 1e-300)
+
+    def sensitivity(
+        self, mass_error: float = 0.01, angle_error: float = np.pi / 180
+    ) -> Float[Array, "rows planes"]:
+        """[m] Change of each vibration when one plane's mass and angle are off by these errors.
+
+        To first order the error vector has the length |B| sqrt(mass^2 + angle^2) at worst one
+        perpendicular to the other.
+
+        Args:
+            mass_error: [-] relative error of the mass.
+            angle_error: [rad] of its place.
+        """
+        size = jnp.abs(self.correction) * jnp.hypot(mass_error, angle_error)
+        return jnp.abs(self.influence.matrix) * size

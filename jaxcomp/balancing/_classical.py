@@ -1,0 +1,84 @@
+r"""Balancing of the rotor alone, as a balancing machine does it: two planes, a rigid rotor.
+
+The baseline that a balance of the whole machine has to beat. Grades: ISO 21940-11 (formerly
+ISO 1940-1).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from .._fields import BadInput
+from ..rotor import Unbalances
+from ..rotor._shaft import Node
+
+
+class PlanePair(NamedTuple):
+    """Corrections of the rigid rotor.
+
+    Attributes:
+        correction: [kg m] (2,) to add in the planes.
+        permissible: [kg m] (2,) what each plane may keep in the grade.
+    """
+
+    correction: Complex[Array, "2"]
+    permissible: Float[Array, "2"]
+
+
+def permissible_unbalance(
+    grade: Float[Array, ""] | float,
+    mass: Float[Array, ""] | float,
+    speed: Float[Array, ""] | float,
+) -> Float[Array, ""]:
+    """[kg m] Residual unbalance of a rotor in a grade of ISO 21940-11: U = G m / W.
+
+    Args:
+        grade: [mm/s] number of the grade, 6.3 for G6.3.
+        mass: [kg] of the rotor.
+        speed: [rad/s] of service.
+    """
+    return jnp.asarray(grade) * 1e-3 * mass / speed
+
+
+def rigid_balance(
+    unbalances: Sequence[Unbalances],
+    places: Mapping[Node, Float[Array, ""] | float],
+    planes: tuple[Node, Node],
+    *,
+    centre: Float[Array, ""] | float,
+    mass: Float[Array, ""] | float,
+    speed: Float[Array, ""] | float,
+    grade: Float[Array, ""] | float = 6.3,
+) -> PlanePair:
+    """Corrections in two planes that take away the sum and the couple of all unbalances.
+
+    A rigid rotor is balanced at every speed alike, so that the speed of the balancing machine does
+    not matter as long as it is far below the first bending critical.
+
+    Args:
+        unbalances: of the rotor.
+        places: [m] z of every node.
+        planes: nodes of the correction planes.
+        centre: [m] z of the mass centre; shares the permissible unbalance between the planes.
+        mass: [kg] of the rotor.
+        speed: [rad/s] of service.
+        grade: [mm/s] of ISO 21940-11.
+
+    Raises:
+        BadInput: both planes at one place.
+    """
+    first, second = (jnp.asarray(places[p], float) for p in planes)
+    if planes[0] == planes[1]:
+        raise BadInput("planes", str(planes), "two different nodes")
+    total, couple = jnp.zeros((), complex), jnp.zeros((), complex)
+    for table in unbalances:
+        vectors = table.magnitude * jnp.exp(1j * table.phase)
+        z = jnp.stack([jnp.asarray(places[node], float) for node in table.nodes])
+        total = total + jnp.sum(vectors)
+        couple = couple + jnp.sum(vectors * (z - first))
+    far = -couple / (second - first)
+    allowed = permissible_unbalance(grade, mass, speed)
+    share = jnp.clip((second - centre) / (second - first), 0.3, 0.7)  # 30 to 70 % by the standard
+    return PlanePair(jnp.stack([-total - far, far]), allowed * jnp.stack([share, 1 - share]))

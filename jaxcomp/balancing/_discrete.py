@@ -1,0 +1,168 @@
+"""Corrections out of a stock: masses and angles that exist, and masses split over holes."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from .._fields import BadInput
+from ._balance import Balance
+from ._influence import Influence
+
+# Combinations of stock corrections that are tried in one go.
+_CHUNK = 1 << 16
+
+
+def discrete(
+    influence: Influence,
+    options: Sequence[np.ndarray],
+    *,
+    most: int = 2_000_000,
+) -> Balance:
+    """The best correction out of a finite stock for each plane, in the weighted sum of squares.
+
+    Branch and bound over the planes: with the first planes chosen, least squares over the others
+    without any stock is a bound that no choice of theirs gets below, so that branches above the
+    best known choice are left out unseen. With `most` nodes spent, the best so far is returned, with
+    the smallest bound of what is left.
+
+    Args:
+        influence: the system; its numbers have to be concrete.
+        options: [kg m] for each plane the complex unbalances in stock; put a zero among them if
+            the plane may stay empty.
+        most: combinations to look at.
+
+    Raises:
+        BadInput: a plane without a stock, or another number of stocks than of planes.
+    """
+    matrix, initial = (np.asarray(x) for x in influence.weighted)
+    stocks = [np.unique(np.asarray(stock, complex)) for stock in options]
+    if len(stocks) != len(influence.planes) or not all(s.size for s in stocks):
+        raise BadInput(
+            "options", len(stocks), f"a stock for each of {len(influence.planes)} planes"
+        )
+    # The plane of the largest influence first: its choices differ most, so that bounds bite early.
+    order = np.argsort(
+        [
+            -np.linalg.norm(matrix[:, p]) * np.ptp(np.abs(s)) if s.size > 1 else 0.0
+            for p, s in enumerate(stocks)
+        ]
+    )
+    # What the planes still to come can take off: projectors onto the complements of their columns.
+    rest_basis = [np.linalg.qr(matrix[:, order[k:]])[0] for k in range(1, len(order))]
+    rest_basis.append(np.zeros((matrix.shape[0], 0)))
+    best, lowest = _greedy(matrix, initial, stocks)
+    seen, unseen_bound = 0, np.inf
+    waiting = [(0.0, initial, ())]
+    while waiting:
+        below, rest, chosen = waiting.pop()
+        if below >= lowest:
+            continue
+        if seen >= most:
+            unseen_bound = min(unseen_bound, below)
+            continue
+        level = len(chosen)
+        plane = order[level]
+        rests = rest[:, None] + matrix[:, plane, None] * stocks[plane]
+        basis = rest_basis[level]
+        inside = basis.conj().T @ rests
+        bounds = np.sqrt(
+            np.maximum(np.sum(np.abs(rests) ** 2, 0) - np.sum(np.abs(inside) ** 2, 0), 0)
+        )
+        seen += stocks[plane].size
+        if level + 1 == len(order):
+            at = int(np.argmin(bounds))
+            if bounds[at] < lowest:
+                lowest = float(bounds[at])
+                best = np.zeros(len(order), complex)
+                for p, i in zip(order, (*chosen, at), strict=True):
+                    best[p] = stocks[p][i]
+            continue
+        # The most promising branch ends up on top of the stack.
+        for i in np.argsort(-bounds):
+            if bounds[i] < lowest:
+                waiting.append((float(bounds[i]), rests[:, i], (*chosen, int(i))))
+    bound = min(lowest, unseen_bound)
+    return Balance(
+        influence, jnp.asarray(best), jnp.asarray(lowest), jnp.asarray(bound), "discrete"
+    )
+
+
+def _greedy(matrix, initial, stocks):
+    """Each plane's best choice given the others, until none changes."""
+    free = -np.linalg.lstsq(matrix, initial, rcond=1e-12)[0]
+    picked = np.array([s[np.argmin(np.abs(s - b))] for s, b in zip(stocks, free, strict=True)])
+    lowest = np.inf
+    while True:
+        for p, stock in enumerate(stocks):
+            rest = initial + matrix @ picked - matrix[:, p] * picked[p]
+            sizes = np.linalg.norm(rest[:, None] + matrix[:, p, None] * stock, axis=0)
+            picked[p] = stock[np.argmin(sizes)]
+        size = float(np.linalg.norm(initial + matrix @ picked))
+        if size >= lowest:
+            return picked, size
+        lowest = size
+
+
+def stock(masses: Sequence[float], angles: Sequence[float], radius: float) -> np.ndarray:
+    """[kg m] All unbalances of single masses at single places, and none at all.
+
+    Args:
+        masses: [kg] in stock.
+        angles: [rad] of the places.
+        radius: [m] of the places.
+    """
+    places = np.exp(1j * np.asarray(angles, float))
+    return np.append(np.outer(np.asarray(masses, float), places).ravel() * radius, 0.0)
+
+
+class Split(NamedTuple):
+    """Masses in holes that stand for one correction.
+
+    Attributes:
+        masses: [kg] (holes,) in the order of the holes.
+        error: [kg m] what the holes leave of the correction, where a mass is at its limit.
+    """
+
+    masses: np.ndarray
+    error: complex
+
+
+def split(
+    correction: complex, angles: Sequence[float], radius: float, largest: float = np.inf
+) -> Split:
+    """Divide a correction over holes: the masses that come closest to it.
+
+    Without a limit only the two holes beside it are used, which takes the least mass; where a hole
+    is full, the neighbours take over.
+
+    Args:
+        correction: [kg m] with its angle.
+        angles: [rad] of the holes.
+        radius: [m] of the holes.
+        largest: [kg] in one hole.
+
+    Raises:
+        BadInput: no hole, a radius or a limit that is not positive.
+    """
+    angles = np.asarray(angles, float)
+    for field, value in (("radius", radius), ("largest", largest), ("angles", angles.size)):
+        if not value > 0:
+            raise BadInput(field, value, "> 0")
+    from scipy.optimize import lsq_linear, nnls
+
+    arms = radius * np.stack([np.cos(angles), np.sin(angles)])
+    wanted = np.array([complex(correction).real, complex(correction).imag])
+    scale = max(abs(complex(correction)) / radius, 1e-300)
+    # A trace of the mass itself makes the answer the lightest one.
+    light = 1e-7 * radius
+    system = np.vstack([arms, light * np.ones(angles.size)])
+    right = np.append(wanted / scale, 0.0)
+    if np.isinf(largest):
+        masses = nnls(system, right)[0]
+    else:
+        masses = lsq_linear(system, right, (0.0, largest / scale), tol=1e-14).x
+    masses = np.where(masses < 1e-9, 0.0, masses) * scale
+    left = wanted - arms @ masses
+    return Split(masses, complex(left[0], left[1]))

@@ -1,0 +1,179 @@
+r"""Influence coefficients: how correction masses move the vibration at the targets.
+
+The model of the balance is linear, V = V_0 + C B, with complex amplitudes: the unbalances B [kg m]
+in the correction planes, the vibration V at the targets. Speeds, targets and directions are rows of
+one system. Paper: Balancing a hermetic single-cylinder compressor, Eqs (8)-(11).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from .._fields import BadInput, is_traced
+from ..rotor import (
+    BalancingPlanes,
+    PeriodicForce,
+    RotorModel,
+    Unbalances,
+    load_vector,
+    nodal_load,
+    receptance,
+)
+
+
+class Row(NamedTuple):
+    """One row of the system.
+
+    Attributes:
+        target: name of the target plane or sensor.
+        axis: direction of the motion, such as "ux".
+        speed: [rad/s]
+    """
+
+    target: str
+    axis: str
+    speed: float
+
+
+class Influence(eqx.Module):
+    """The vibration before balancing and what unbalance in each plane adds to it.
+
+    Attributes:
+        matrix: [m/(kg m)] (rows, planes) C; of whatever unit the vibration has.
+        initial: [m] (rows,) V_0.
+        weight: [-] (rows,) of each row in every norm.
+        rows: what each row is; static.
+        planes: names of the correction planes; static.
+    """
+
+    matrix: Complex[Array, "rows planes"]
+    initial: Complex[Array, " rows"]
+    weight: Float[Array, " rows"]
+    rows: tuple[Row, ...] = eqx.field(static=True)
+    planes: tuple[str, ...] = eqx.field(static=True)
+
+    def __check_init__(self):
+        count = (len(self.rows), len(self.planes))
+        for name, shape in (("matrix", count), ("initial", count[:1]), ("weight", count[:1])):
+            value = getattr(self, name)
+            if jnp.shape(value) != shape:
+                raise BadInput(name, str(jnp.shape(value)), f"of shape {shape}")
+            if not is_traced(value) and not np.all(np.isfinite(value)):
+                raise BadInput(name, value, "finite")
+
+    def vibration(self, correction: Complex[Array, " planes"]) -> Complex[Array, " rows"]:
+        """[m] V = V_0 + C B, Eq. (8)."""
+        return self.initial + self.matrix @ correction
+
+    @property
+    def weighted(self) -> tuple[Complex[Array, "rows planes"], Complex[Array, " rows"]]:
+        """Matrix and initial vibration with every row times its weight."""
+        return self.weight[:, None] * self.matrix, self.weight * self.initial
+
+
+def direct_influence(
+    model: RotorModel,
+    loads: Sequence[Unbalances | PeriodicForce],
+    places: BalancingPlanes,
+    speeds: Float[Array, " speeds"] | None = None,
+) -> Influence:
+    """Influence coefficients as columns of the dynamic flexibility at order 1.
+
+    Differentiable in the model, the loads and the speeds; one factorisation a speed.
+
+    Args:
+        model: rotor, crankcase and housing.
+        loads: what shakes it before balancing.
+        places: correction planes and targets.
+        speeds: [rad/s] the speeds to balance at; those of `places` if absent.
+    """
+    speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
+    outputs, rows, weights = [], [], []
+    for target in places.targets:
+        for axis in target.axes:
+            along = nodal_load(model, target.node, axis).real
+            if target.relative_to is not None:
+                along = along - nodal_load(model, target.relative_to, axis).real
+            outputs.append(along)
+            rows.append((target.name, axis))
+            weights.append(target.weight)
+    trials = [Unbalances((p.node,), [1.0], [0.0]) for p in places.planes]
+
+    def at_speed(speed):
+        inputs = [load_vector(model, tuple(loads), 1, speed)]
+        inputs += [load_vector(model, (trial,), 1, speed) for trial in trials]
+        return receptance(model, jnp.stack(inputs), jnp.stack(outputs), speed, speed)
+
+    answer = jax.lax.map(at_speed, speeds).reshape(-1, 1 + len(trials))
+    labels = speeds if not is_traced(speeds) else np.arange(speeds.size)
+    return Influence(
+        answer[:, 1:],
+        answer[:, 0],
+        jnp.tile(jnp.stack([jnp.asarray(w, float) for w in weights]), speeds.size),
+        tuple(Row(*row, float(speed)) for speed in labels for row in rows),
+        tuple(p.name for p in places.planes),
+    )
+
+
+def trial_influence(
+    initial: Complex[Array, " rows"],
+    trials: Complex[Array, "planes rows"],
+    masses: Complex[Array, " planes"],
+    rows: Sequence[Row],
+    planes: Sequence[str],
+    weight: Float[Array, " rows"] | None = None,
+) -> Influence:
+    """Influence coefficients from runs with one trial weight each, Eqs (10)-(11).
+
+    Args:
+        initial: [m] vibration without a trial weight.
+        trials: [m] vibration with the trial weight in each plane, which is taken off again after.
+        masses: [kg m] trial unbalance of each plane, mass times radius, with its angle.
+        rows, planes: what the rows and columns are.
+        weight: [-] of each row; 1 if absent.
+
+    Raises:
+        BadInput: a trial unbalance of zero.
+    """
+    masses = jnp.asarray(masses, complex)
+    if not is_traced(masses) and np.any(np.asarray(masses) == 0):
+        raise BadInput("masses", masses, "different from zero")
+    initial, trials = jnp.asarray(initial, complex), jnp.asarray(trials, complex)
+    weight = jnp.ones(len(rows)) if weight is None else jnp.asarray(weight, float)
+    matrix = ((trials - initial) / masses[:, None]).T
+    return Influence(matrix, initial, weight, tuple(rows), tuple(planes))
+
+
+def select(
+    influence: Influence,
+    *,
+    planes: Sequence[str] | None = None,
+    targets: Sequence[str] | None = None,
+) -> Influence:
+    """The part of a system that belongs to some planes and targets.
+
+    Raises:
+        BadInput: an unknown name.
+    """
+    for field, names, known in (
+        ("planes", planes, influence.planes),
+        ("targets", targets, {row.target for row in influence.rows}),
+    ):
+        for name in names or ():
+            if name not in known:
+                raise BadInput(field, name, f"one of {', '.join(sorted(known))}")
+    columns = [i for i, name in enumerate(influence.planes) if planes is None or name in planes]
+    kept = [i for i, row in enumerate(influence.rows) if targets is None or row.target in targets]
+    at = np.array(kept, int)
+    return Influence(
+        influence.matrix[np.ix_(at, np.array(columns, int))],
+        influence.initial[at],
+        influence.weight[at],
+        tuple(influence.rows[i] for i in kept),
+        tuple(influence.planes[i] for i in columns),
+    )

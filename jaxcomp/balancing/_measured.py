@@ -1,0 +1,138 @@
+"""Field balancing: influence coefficients from a table of measured vibration, without any model.
+
+The table is CSV with a header. One line is one reading:
+
+    run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]
+    initial,bearing-1,3000,7.2,238,,
+    plane-1,bearing-1,3000,4.9,114,120,0
+
+`run` is `initial`, or the name of the plane that holds the trial weight. The vibration may have any
+unit as long as it is one; its name is kept for the tables.
+"""
+
+import csv
+import os
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from ..scene import SceneError, to_si
+from ._influence import Influence, Row, trial_influence
+
+_COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
+_UNITS = {"speed": "rad/s", "phase": "rad", "trial": "kg m", "angle": "rad"}
+_INITIAL = "initial"
+
+
+class Measured(NamedTuple):
+    """A system read from measurements.
+
+    Attributes:
+        influence: the system.
+        unit: of the vibration, as written in the header.
+    """
+
+    influence: Influence
+    unit: str
+
+
+def read_measurements(path: str | os.PathLike) -> Measured:
+    """Influence coefficients from a CSV file of an initial run and one run per plane.
+
+    Raises:
+        SceneError: a file that cannot be read, a missing or unknown column, a value of another
+            dimension, a reading that is missing or given twice. It names file, line and column.
+    """
+    name = os.fspath(path)
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            lines = [line for line in csv.reader(file) if any(cell.strip() for cell in line)]
+    except OSError as error:
+        raise SceneError("", f"cannot be read: {error.strerror}", file=name) from None
+    except UnicodeDecodeError:
+        raise SceneError("", "is no text in UTF-8", file=name) from None
+    try:
+        return _measured(lines)
+    except SceneError as error:
+        raise error.in_file(name) from None
+
+
+def _measured(lines) -> Measured:
+    if not lines:
+        raise SceneError("", "is empty")
+    units = _header(lines[0])
+    columns = list(units)
+    readings: dict[str, dict[tuple[str, float], complex]] = {}
+    trials: dict[str, complex] = {}
+    for number, line in enumerate(lines[1:], 2):
+        if len(line) != len(columns):
+            raise SceneError(f"line {number}", f"must have {len(columns)} cells", len(line))
+        cell = {c: text.strip() for c, text in zip(columns, line, strict=True)}
+        run, target = cell["run"], cell["target"]
+        if not run or not target:
+            raise SceneError(f"line {number}", "needs a run and a target")
+        key = (target, round(_number(cell, "speed", units, number), 6))
+        own = readings.setdefault(run, {})
+        if key in own:
+            raise SceneError(f"line {number}", f"reads {target} a second time in run {run}")
+        own[key] = _number(cell, "amplitude", units, number) * np.exp(
+            1j * _number(cell, "phase", units, number)
+        )
+        if run == _INITIAL:
+            continue
+        trial = _number(cell, "trial", units, number) * np.exp(
+            1j * _number(cell, "angle", units, number)
+        )
+        if trial == 0:
+            raise SceneError(f"line {number}.trial", "must be different from zero", 0)
+        if trials.setdefault(run, trial) != trial:
+            raise SceneError(f"line {number}", f"has another trial weight than run {run} before")
+    if _INITIAL not in readings:
+        raise SceneError("run", f'has no line "{_INITIAL}"')
+    if not trials:
+        raise SceneError("run", "has no run with a trial weight")
+    keys = list(readings[_INITIAL])
+    for run in trials:
+        for target, speed in set(keys) ^ set(readings[run]):
+            at = f"{target} at {speed * 30 / np.pi:.6g} rpm"
+            raise SceneError("run", f'"{run}" and "{_INITIAL}" must both read {at}')
+    influence = trial_influence(
+        np.array([readings[_INITIAL][k] for k in keys]),
+        np.array([[readings[run][k] for k in keys] for run in trials]),
+        np.array(list(trials.values())),
+        [Row(target, "measured", speed) for target, speed in keys],
+        list(trials),
+    )
+    return Measured(influence, units["amplitude"])
+
+
+def _header(cells) -> dict[str, str]:
+    units = {}
+    for cell in cells:
+        match = re.fullmatch(r"\s*(\w+)\s*(?:\[(.*)\])?\s*", cell)
+        name = match[1].lower() if match else cell
+        if match is None or name not in _COLUMNS:
+            raise SceneError(cell.strip(), f"is an unknown column; known are {', '.join(_COLUMNS)}")
+        if name in units:
+            raise SceneError(name, "is there twice")
+        units[name] = (match[2] or "").strip()
+    for name in _COLUMNS:
+        if name not in units:
+            raise SceneError(name, "is a missing column")
+        if name in _UNITS and not units[name]:
+            raise SceneError(name, f'needs its unit in the header, such as "{name} [..]"')
+    return units
+
+
+def _number(cell, column, units, line) -> float:
+    key = f"line {line}.{column}"
+    try:
+        value = float(cell[column])
+    except ValueError:
+        raise SceneError(key, "must be a number", cell[column]) from None
+    if not np.isfinite(value):
+        raise SceneError(key, "must be finite", value)
+    if column not in _UNITS:
+        return value
+    return float(to_si(f"{value!r} {units[column]}", _UNITS[column], key))

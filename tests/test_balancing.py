@@ -1,0 +1,362 @@
+"""Balancing methods on plain numbers: exact cases, proofs of optimality, stocks, files."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import BadInput, SceneError
+from jaxcomp.balancing import (
+    Influence,
+    Row,
+    Sector,
+    bounded,
+    descend,
+    discrete,
+    invert,
+    least_squares,
+    min_max,
+    outside_sectors,
+    permissible_unbalance,
+    quadratic,
+    read_measurements,
+    rigid_balance,
+    select,
+    split,
+    stock,
+    trial_influence,
+)
+from jaxcomp.rotor import Unbalances
+
+
+def system(rows, planes, seed=0, noise=1.0):
+    """A system whose best correction is of order one, with `noise` that no correction removes."""
+    rng = np.random.default_rng(seed)
+    draw = lambda *shape: rng.normal(size=shape) + 1j * rng.normal(size=shape)  # noqa: E731
+    matrix, planted = draw(rows, planes), draw(planes)
+    labels = tuple(Row(f"t{i}", "ux", 300.0) for i in range(rows))
+    names = tuple(f"p{i}" for i in range(planes))
+    weight = jnp.asarray(rng.uniform(0.5, 2.0, rows))
+    initial = -matrix @ planted + noise * draw(rows)
+    return Influence(jnp.asarray(matrix), jnp.asarray(initial), weight, labels, names), planted
+
+
+# ---------------------------------------------------------------- sum of squares
+def test_planted_unbalance_is_recovered():
+    square, planted = system(3, 3, noise=0.0)
+    # a condition of about 10 leaves 15 digits
+    np.testing.assert_allclose(invert(square).correction, planted, rtol=1e-12)
+    tall, planted = system(9, 3, noise=0.0)
+    balance = least_squares(tall)
+    np.testing.assert_allclose(balance.correction, planted, rtol=1e-12)
+    assert float(balance.improvement) < 1e-12
+
+
+def test_inversion_wants_a_square_system():
+    with pytest.raises(BadInput, match="square"):
+        invert(system(4, 3)[0])
+
+
+def test_least_squares_satisfies_the_normal_equations():
+    tall, _ = system(9, 3)
+    balance = least_squares(tall)
+    matrix, initial = tall.weighted
+    left = matrix.conj().T @ (initial + matrix @ balance.correction)
+    np.testing.assert_allclose(left, 0.0, atol=1e-12 * float(jnp.linalg.norm(initial)))
+
+
+def test_minimum_norm_among_many():
+    wide, _ = system(2, 4)
+    balance = least_squares(wide)
+    np.testing.assert_allclose(balance.residual, 0.0, atol=1e-12)
+    expected = -np.linalg.pinv(np.asarray(wide.weighted[0])) @ np.asarray(wide.weighted[1])
+    np.testing.assert_allclose(balance.correction, expected, atol=1e-12)
+
+
+def test_planes_that_nearly_coincide_are_cut():
+    """Two planes of nearly the same effect: all digits go into their difference, unless it is cut."""
+    base, _ = system(6, 1)
+    rng = np.random.default_rng(5)
+    twin = base.matrix[:, 0] * (1 + 1e-12 * rng.normal(size=6))
+    near = Influence(
+        jnp.stack([base.matrix[:, 0], twin], 1), base.initial, base.weight, base.rows, ("a", "b")
+    )
+    cut = least_squares(near, cut=1e-8)
+    assert float(least_squares(near, cut=0.0).condition) > 1e11
+    # half of the one-plane answer in each
+    one = least_squares(base).correction[0]
+    np.testing.assert_allclose(cut.correction, [one / 2, one / 2], rtol=1e-6)
+
+
+def test_tikhonov_trades_vibration_for_mass():
+    tall, _ = system(9, 3)
+    sizes, rests = [], []
+    for penalty in (0.0, 0.3, 1.0, 3.0):
+        balance = least_squares(tall, tikhonov=penalty)
+        sizes.append(float(jnp.linalg.norm(balance.correction)))
+        rests.append(float(balance.objective))
+    assert np.all(np.diff(sizes) < 0)
+    assert np.all(np.diff(rests) > 0)
+    # the penalised normal equations
+    penalty = 0.3
+    matrix, initial = (np.asarray(x) for x in tall.weighted)
+    size = penalty * np.linalg.norm(matrix, 2)
+    full = np.vstack([matrix, size * np.eye(3)])
+    expected = np.linalg.lstsq(full, -np.append(initial, np.zeros(3)), rcond=None)[0]
+    got = least_squares(tall, tikhonov=penalty).correction
+    np.testing.assert_allclose(got, expected, rtol=1e-11)
+
+
+def test_gradient_descent_finds_the_least_squares():
+    tall, _ = system(9, 3)
+    found = descend(quadratic(tall), jnp.zeros(3), 1.0)
+    assert bool(found.converged)
+    # the slope of 1e-9 over a curvature of order one
+    np.testing.assert_allclose(found.correction, least_squares(tall).correction, atol=1e-7)
+
+
+def test_derivative_of_the_balance_equals_differences():
+    tall, _ = system(5, 2)
+
+    def residual(shift):
+        moved = Influence(
+            tall.matrix * (1 + shift), tall.initial, tall.weight, tall.rows, tall.planes
+        )
+        return jnp.abs(least_squares(moved).correction[0])
+
+    step = 1e-4
+    estimate = (residual(step) - residual(-step)) / (2 * step)
+    # h^2 of the central difference
+    assert float(jax.grad(residual)(0.0)) == pytest.approx(float(estimate), rel=1e-7)
+
+
+# ---------------------------------------------------------------- bounds and the largest vibration
+def test_wide_bounds_change_nothing():
+    tall, _ = system(9, 3)
+    balance = bounded(tall, 100.0, tolerance=1e-14)
+    np.testing.assert_allclose(balance.correction, least_squares(tall).correction, atol=1e-6)
+
+
+def test_bounded_masses_are_optimal_by_their_own_proof():
+    tall, _ = system(9, 3)
+    free = np.abs(least_squares(tall).correction)
+    largest = 0.6 * free
+    balance = bounded(tall, largest, tolerance=1e-10)
+    assert np.all(np.abs(balance.correction) <= largest * (1 + 1e-12))
+    assert 0 <= float(balance.gap) < 1e-8
+    # and no random admissible correction is better
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        other = largest * np.sqrt(rng.uniform(size=3)) * np.exp(2j * np.pi * rng.uniform(size=3))
+        rest = tall.weight * tall.vibration(jnp.asarray(other))
+        assert float(jnp.linalg.norm(rest)) >= float(balance.bound)
+
+
+def test_bound_of_zero_is_refused():
+    with pytest.raises(BadInput, match="> 0"):
+        bounded(system(4, 2)[0], 0.0)
+
+
+def test_min_max_is_optimal_by_duality():
+    tall, _ = system(9, 2)
+    balance = min_max(tall)
+    largest = float(jnp.max(tall.weight * jnp.abs(balance.residual)))
+    assert largest == pytest.approx(float(balance.objective), rel=1e-12)
+    # the tolerance of the method
+    assert float(balance.bound) >= float(balance.objective) * (1 - 1.1e-6)
+    squares = least_squares(tall)
+    assert largest < 0.98 * float(jnp.max(tall.weight * jnp.abs(squares.residual)))
+    assert float(squares.objective) < float(jnp.linalg.norm(tall.weight * balance.residual))
+
+
+def test_min_max_of_a_square_system_vanishes():
+    square, planted = system(3, 3, noise=0.0)
+    balance = min_max(square)
+    np.testing.assert_allclose(balance.correction, planted, rtol=1e-9)
+
+
+# ---------------------------------------------------------------- sectors and stocks
+def test_sector_that_is_not_touched_changes_nothing():
+    tall, _ = system(9, 2)
+    free = least_squares(tall)
+    opposite = float(np.angle(free.correction[0])) + np.pi
+    balance = outside_sectors(tall, [Sector("p0", opposite - 0.5, opposite + 0.5)])
+    np.testing.assert_allclose(balance.correction, free.correction, rtol=1e-10)
+
+
+def test_forbidden_sector_is_avoided_at_least_cost():
+    tall, _ = system(9, 2)
+    at = float(np.angle(least_squares(tall).correction[0]))
+    balance = outside_sectors(tall, [Sector("p0", at - 0.3, at + 0.9)])
+    assert float(np.angle(balance.correction[0])) == pytest.approx(
+        np.angle(np.exp(1j * (at - 0.3)))
+    )
+    # a search over all admissible angles and sizes of plane 0, with plane 1 free
+    matrix, initial = (np.asarray(x) for x in tall.weighted)
+    best = np.inf
+    for angle in np.linspace(at + 0.9, at - 0.3 + 2 * np.pi, 721):
+        for size in np.linspace(0, 4, 201):
+            rest = initial + matrix[:, 0] * size * np.exp(1j * angle)
+            free = np.linalg.lstsq(matrix[:, 1:], -rest, rcond=None)[0]
+            best = min(best, np.linalg.norm(rest + matrix[:, 1:] @ free))
+    assert float(balance.objective) <= best
+    # the grid of 0.02 in size misses the optimum by its square
+    assert best < float(balance.objective) * (1 + 1e-3)
+
+
+def test_unknown_plane_of_a_sector_is_refused():
+    with pytest.raises(BadInput, match="p0"):
+        outside_sectors(system(4, 2)[0], [Sector("top", 0.0, 1.0)])
+
+
+@pytest.mark.parametrize("planes", [1, 2, 3])
+def test_discrete_search_equals_enumeration(planes):
+    tall, _ = system(7, planes, seed=planes)
+    options = [stock([0.5, 1.0, 1.7], np.arange(5) * 2 * np.pi / 5, 1.0)] * planes
+    balance = discrete(tall, options)
+    matrix, initial = (np.asarray(x) for x in tall.weighted)
+    every = [
+        np.linalg.norm(initial + matrix @ np.array(choice))
+        for choice in itertools.product(*options)
+    ]
+    assert float(balance.objective) == pytest.approx(min(every), rel=1e-12)
+    assert float(balance.gap) == 0.0
+    assert float(least_squares(tall).objective) <= float(balance.objective)
+
+
+def test_discrete_search_that_ends_early_states_its_gap():
+    tall, _ = system(7, 3, seed=3)
+    options = [stock([0.2, 0.5, 1.0, 1.7], np.arange(12) * np.pi / 6, 1.0)] * 3
+    full, early = discrete(tall, options), discrete(tall, options, most=50)
+    assert float(full.gap) == 0.0
+    assert float(early.bound) <= float(full.objective) <= float(early.objective)
+    assert float(early.gap) > 0
+
+
+def test_split_over_holes_stands_for_the_correction():
+    angles = np.arange(8) * np.pi / 4
+    parts = split(0.01 * np.exp(0.3j), angles, 0.05)
+    assert np.count_nonzero(parts.masses) == 2
+    total = np.sum(parts.masses * 0.05 * np.exp(1j * angles))
+    # the trace of the mass itself is 1e-7 of the radius
+    assert abs(total - 0.01 * np.exp(0.3j)) < 1e-8
+    assert abs(parts.error) < 1e-8
+    # law of sines
+    expected = 0.01 / 0.05 * np.sin(np.pi / 4 - 0.3) / np.sin(np.pi / 4)
+    assert parts.masses[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_full_holes_hand_over_to_their_neighbours():
+    angles = np.arange(8) * np.pi / 4
+    parts = split(0.01 * np.exp(0.3j), angles, 0.05, largest=0.1)
+    assert np.all(parts.masses <= 0.1 + 1e-12)
+    assert np.count_nonzero(parts.masses) > 2
+    small = split(0.01, angles, 0.05, largest=0.01)
+    assert abs(small.error) > 0.005
+
+
+# ---------------------------------------------------------------- evidence
+def test_sensitivity_is_the_change_of_the_vibration():
+    tall, _ = system(5, 2)
+    balance = least_squares(tall)
+    wrong = balance.correction.at[1].multiply(1.01)
+    change = jnp.abs(tall.vibration(wrong) - balance.residual)
+    np.testing.assert_allclose(balance.sensitivity(0.01, 0.0)[:, 1], change, rtol=1e-10)
+
+
+def test_select_keeps_the_right_part():
+    tall, _ = system(4, 3)
+    part = select(tall, planes=["p2"], targets=["t1", "t3"])
+    np.testing.assert_array_equal(part.matrix, tall.matrix[jnp.array([1, 3])][:, 2:])
+    with pytest.raises(BadInput, match="p9"):
+        select(tall, planes=["p9"])
+
+
+# ---------------------------------------------------------------- classical
+def test_rigid_balance_takes_away_sum_and_couple():
+    table = Unbalances(("a", "b", "c"), [0.003, 0.002, 0.004], [0.2, 2.0, 4.0])
+    places = {"a": 0.0, "b": 0.1, "c": 0.25, "left": 0.05, "right": 0.3}
+    pair = rigid_balance(
+        [table], places, ("left", "right"), centre=0.15, mass=3.5, speed=100 * np.pi
+    )
+    vectors = np.append(
+        np.asarray(table.magnitude) * np.exp(1j * np.asarray(table.phase)), pair.correction
+    )
+    z = np.array([places[n] for n in ("a", "b", "c", "left", "right")])
+    assert abs(np.sum(vectors)) < 1e-17
+    assert abs(np.sum(vectors * z)) < 1e-17
+    # ISO 21940-11: G6.3 at 3000 r/min is 20.05 g mm per kg
+    assert float(permissible_unbalance(6.3, 1.0, 100 * np.pi)) == pytest.approx(20.05e-6, rel=1e-3)
+    assert float(jnp.sum(pair.permissible)) == pytest.approx(3.5 * 20.05e-6, rel=1e-3)
+
+
+# ---------------------------------------------------------------- measured data
+HEADER = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]\n"
+
+
+def three_runs():
+    """Readings of two bearings in three runs, amplitude and phase."""
+    deg = np.pi / 180
+    polar = lambda r, a: r * np.exp(1j * a * deg)  # noqa: E731
+    return {
+        "initial": (polar(7.2, 238), polar(13.5, 296)),
+        "plane-1": (polar(4.9, 114), polar(9.2, 347)),
+        "plane-2": (polar(4.0, 79), polar(12.0, 292)),
+    }
+
+
+def table(runs, trial="2.5", angle="0"):
+    lines = [HEADER]
+    for run, values in runs.items():
+        for number, value in enumerate(values, 1):
+            cells = [run, f"bearing-{number}", "1490", repr(float(abs(value)))]
+            cells += [repr(float(np.angle(value, deg=True)))]
+            cells += ["", ""] if run == "initial" else [trial, angle]
+            lines.append(",".join(cells) + "\n")
+    return "".join(lines)
+
+
+def test_trial_weights_of_a_table_are_the_coefficients(tmp_path):
+    runs = three_runs()
+    path = tmp_path / "runs.csv"
+    path.write_text(table(runs))
+    measured = read_measurements(path)
+    assert measured.unit == "mm/s"
+    influence = measured.influence
+    assert influence.planes == ("plane-1", "plane-2")
+    assert [row.target for row in influence.rows] == ["bearing-1", "bearing-2"]
+    assert influence.rows[0].speed == pytest.approx(1490 * np.pi / 30, rel=1e-8)
+    for p, run in enumerate(influence.planes):
+        expected = (np.array(runs[run]) - np.array(runs["initial"])) / 2.5e-6
+        np.testing.assert_allclose(influence.matrix[:, p], expected, rtol=1e-12)
+
+
+BAD = {
+    "no initial run": (lambda t: "".join(x for x in t.splitlines(True) if "initial" not in x), "initial"),
+    "unknown column": (lambda t: t.replace("target", "sensor", 1), "sensor"),
+    "missing unit": (lambda t: t.replace(" [rpm]", ""), "speed"),
+    "wrong dimension": (lambda t: t.replace("[rpm]", "[mm]"), "speed"),
+    "no number": (lambda t: t.replace("1490", "fast", 1), "fast"),
+    "no trial": (lambda t: t.replace("2.5", "0"), "trial"),
+    "missing reading": (lambda t: t[: t.rindex("plane-2")], "bearing-2"),
+    "double reading": (lambda t: t + t.splitlines(keepends=True)[-1], "second time"),
+    "other trial": (lambda t: t[: t.rindex("2.5")] + "3.5,0\n", "another trial"),
+    "empty": (lambda t: "", "empty"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_tables_are_refused_with_file_and_line(tmp_path, case):
+    change, words = BAD[case]
+    path = tmp_path / "runs.csv"
+    path.write_text(change(table(three_runs())))
+    with pytest.raises(SceneError, match=words) as error:
+        read_measurements(path)
+    assert "runs.csv" in str(error.value)
+
+
+def test_trial_of_zero_is_refused():
+    with pytest.raises(BadInput, match="different from zero"):
+        trial_influence([1.0], [[2.0]], [0.0], [Row("t", "ux", 1.0)], ["p"])
