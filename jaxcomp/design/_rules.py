@@ -11,9 +11,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import POSITIVE, BadInput, Bound, is_traced, replaced
+from .._fields import ANY, POSITIVE, BadInput, Bound, is_traced, replaced
 from ..compressor import Compressor
-from ..mechanism import SliderCrank
+from ..mechanism import SliderCrank, SliderLink
 
 
 class DesignRule(NamedTuple):
@@ -49,16 +49,22 @@ def with_bore(compressor: Compressor, bore: Float[Array, ""]) -> Compressor:
     designed along. Inertia and mass of the crankshaft and the diameters of pins and journals do not
     change, nor do gas, motor and coefficients of friction.
 
+    A slider-link machine follows the same rule for R and $m_p$. The engaged length of its piston at
+    the bottom dead centre grows with the bore, the crank keeps its share of the half balance
+    $(m_s + m_p/2)R$, and slider, link, eccentricity and the planes of the shaft stay.
+
     Args:
-        compressor: the machine to start from, with a slider-crank.
+        compressor: the machine to start from.
         bore: [m] piston diameter.
 
     Raises:
-        BadInput: the mechanism is no slider-crank, or a concrete bore is not positive.
+        BadInput: a mechanism without such a rule, or a concrete bore that is not positive.
     """
-    mechanism = _slider_crank(compressor)
+    mechanism = _ruled(compressor)
     bore = _checked("bore", bore, POSITIVE)
     scale = (mechanism.bore / bore) ** 2
+    if isinstance(mechanism, SliderLink):
+        return replaced(compressor, mechanism=_link_with_bore(mechanism, bore, scale))
     scaled = replaced(
         mechanism,
         bore=bore,
@@ -74,22 +80,126 @@ def with_bore(compressor: Compressor, bore: Float[Array, ""]) -> Compressor:
     return replaced(compressor, mechanism=scaled)
 
 
+def with_stroke_bore_ratio(compressor: Compressor, ratio: Float[Array, ""]) -> Compressor:
+    r"""The compressor with another ratio of crank circle to bore, $2R/D$, by `with_bore`.
+
+    Args:
+        compressor: the machine to start from.
+        ratio: [-] $2R/D$, the stroke over the bore.
+
+    Raises:
+        BadInput: as `with_bore`.
+    """
+    ratio = _checked("stroke_bore_ratio", ratio, POSITIVE)
+    return with_bore(compressor, _ruled(compressor).bore * jnp.cbrt(_ratio(compressor) / ratio))
+
+
+def with_cylinder_eccentricity(compressor: Compressor, value: Float[Array, ""]) -> Compressor:
+    """The slider-link machine with another distance e [m] from the crank to the cylinder's axis.
+
+    Raises:
+        BadInput: the mechanism is no slider-link.
+    """
+    mechanism = _slider_link(compressor)
+    value = _checked("cylinder_eccentricity", value, ANY)
+    return replaced(compressor, mechanism=replaced(mechanism, eccentricity=value))
+
+
+def with_piston_clearance(compressor: Compressor, clearance: Float[Array, ""]) -> Compressor:
+    """The compressor with another radial clearance [m] of the piston.
+
+    It acts on the drag of the oil film alone: leakage past the piston is not modelled, so the gain
+    of a wider clearance has no price here.
+
+    Raises:
+        BadInput: there is no film between piston and cylinder, or a clearance that is not positive.
+    """
+    clearance = _checked("piston_clearance", clearance, POSITIVE)
+    name, film = _film(compressor)
+    friction = replaced(compressor.friction, **{name: replaced(film, clearance=clearance)})
+    return replaced(compressor, friction=friction)
+
+
 design_rules: dict[str, DesignRule] = {
     "bore": DesignRule(
         with_bore,
-        lambda compressor: _slider_crank(compressor).bore,
+        lambda compressor: _ruled(compressor).bore,
         "m",
         POSITIVE,
         "piston diameter at fixed displacement and crank ratio (Tsuji et al. 2012, Eq. 6)",
-    )
+    ),
+    "stroke_bore_ratio": DesignRule(
+        with_stroke_bore_ratio,
+        lambda compressor: _ratio(compressor),
+        "",
+        POSITIVE,
+        "twice the crank radius over the bore, at fixed displacement",
+    ),
+    "cylinder_eccentricity": DesignRule(
+        with_cylinder_eccentricity,
+        lambda compressor: _slider_link(compressor).eccentricity,
+        "m",
+        ANY,
+        "cylinder axis beside the crank axis, of a slider-link",
+    ),
+    "piston_clearance": DesignRule(
+        with_piston_clearance,
+        lambda compressor: _film(compressor)[1].clearance,
+        "m",
+        POSITIVE,
+        "radial, of the piston's oil film (no leakage)",
+    ),
 }
 
 
-def _slider_crank(compressor: Compressor) -> SliderCrank:
-    if not isinstance(compressor.mechanism, SliderCrank):
-        given = getattr(compressor.mechanism, "kind", type(compressor.mechanism).__name__)
-        raise BadInput("mechanism", given, "a slider_crank, for which this rule is made")
+def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
+    radius, piston_mass = mechanism.crank_radius * scale, mechanism.piston_mass / scale
+    engaged = (mechanism.cylinder_length - 2 * mechanism.crank_radius) * bore / mechanism.bore
+    length = engaged + 2 * radius
+    half = (mechanism.slider_mass + mechanism.piston_mass / 2) * mechanism.crank_radius
+    share = (mechanism.slider_mass + piston_mass / 2) * radius / half
+    return replaced(
+        mechanism,
+        bore=bore,
+        crank_radius=radius,
+        cylinder_length=length,
+        crown_to_link=mechanism.crown_to_link - mechanism.cylinder_length + length,
+        piston_mass=piston_mass,
+        crank_eccentricity=mechanism.crank_eccentricity * share,
+        crank_product=mechanism.crank_product * share,
+    )
+
+
+def _ratio(compressor: Compressor):
+    mechanism = _ruled(compressor)
+    return 2 * mechanism.crank_radius / mechanism.bore
+
+
+def _ruled(compressor: Compressor) -> SliderCrank | SliderLink:
+    """The mechanism, if it is one that the rules know."""
+    if not isinstance(compressor.mechanism, SliderCrank | SliderLink):
+        raise _unruled(compressor, "a slider_crank or a slider_link")
     return compressor.mechanism
+
+
+def _slider_link(compressor: Compressor) -> SliderLink:
+    if not isinstance(compressor.mechanism, SliderLink):
+        raise _unruled(compressor, "a slider_link")
+    return compressor.mechanism
+
+
+def _unruled(compressor, wanted):
+    given = getattr(compressor.mechanism, "kind", type(compressor.mechanism).__name__)
+    return BadInput("mechanism", given, f"{wanted}, for which this rule is made")
+
+
+def _film(compressor: Compressor):
+    """Name and law of the film between piston and cylinder."""
+    for name in ("piston_film", "wall_film"):
+        film = getattr(compressor.friction, name, None)
+        if film is not None:
+            return name, film
+    raise BadInput("friction", "without", "one with a film between piston and cylinder")
 
 
 def _checked(name: str, value, bound: Bound) -> Float[Array, ""]:

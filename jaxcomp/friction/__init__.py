@@ -20,3 +20,4 @@ from ._loads import joint_loads as joint_loads
 from ._slider_crank import SliderCrankFriction as SliderCrankFriction
 from ._slider_link import SliderLinkFriction as SliderLinkFriction
 from ._slider_link import substitution as substitution
+from ._support import OverhungSupport as OverhungSupport

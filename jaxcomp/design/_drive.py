@@ -1,0 +1,139 @@
+"""Slider-link against connecting rod at equal duty.
+
+Dagilis et al., *Slider-link driven compressor (I)*, ask what the transition to a connecting rod would
+gain. Here the same cylinder, gas, motor, shaft and bearings are driven either way.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, Part, quantity
+from ..compressor import Compressor
+from ..crank import Collocation
+from ..friction import (
+    CoulombJournal,
+    OverhungSupport,
+    PistonFilm,
+    SliderCrankFriction,
+    SliderLinkFriction,
+)
+from ..mechanism import SliderCrank, SliderLink
+from ._study import Figures, figures_of
+
+# The pair of a rod drive that does the work of a pair of the slider-link, where names differ.
+_COUNTERPART = {"piston_film": "wall_film", "link_slider": "piston_pin"}
+
+
+class RodDrive(Part):
+    """What replaces slider and link: a rod, its pin, and a piston without link."""
+
+    conrod_length: Float[Array, ""] = quantity("m", POSITIVE, doc="between the eyes")
+    conrod_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE)
+    conrod_centre: Float[Array, ""] = quantity("m", ANY, doc="mass centre from the big end")
+    conrod_inertia: Float[Array, ""] = quantity("kg m^2", NONNEGATIVE, doc="about that centre")
+    piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="with its pin")
+    piston_length: Float[Array, ""] = quantity("m", POSITIVE, doc="wetted")
+    pin_diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of the piston pin")
+    pin_coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="Coulomb, of that pin")
+
+
+def rod_driven(compressor: Compressor, rod: RodDrive) -> Compressor:
+    """The compressor with a connecting rod in the place of slider and link.
+
+    Bore, stroke, gas, motor, shaft, bearings, thrust bearing, pump, the laws of the cylinder wall
+    and of the crank pin stay. The cylinder's axis goes through the crank's. The counterweight takes
+    the rotating share of the rod and half of the reciprocating masses, in the plane of the piston.
+
+    Args:
+        compressor: a slider-link machine with both shaft bearings.
+        rod: the rod and its piston.
+
+    Raises:
+        BadInput: another mechanism, or a missing shaft bearing.
+    """
+    mechanism, friction = compressor.mechanism, compressor.friction
+    if not isinstance(mechanism, SliderLink) or not isinstance(friction, SliderLinkFriction):
+        raise BadInput(
+            "mechanism", getattr(mechanism, "kind", "another"), "a slider_link with friction"
+        )
+    if friction.upper_bearing is None or friction.lower_bearing is None:
+        raise BadInput("friction", "without", "one with an upper_bearing and a lower_bearing")
+    at_piston = rod.conrod_mass * rod.conrod_centre / rod.conrod_length
+    rotating, reciprocating = rod.conrod_mass - at_piston, rod.piston_mass + at_piston
+    crank = SliderCrank(
+        bore=mechanism.bore,
+        crank_radius=mechanism.crank_radius,
+        conrod_length=rod.conrod_length,
+        piston_mass=rod.piston_mass,
+        conrod_mass=rod.conrod_mass,
+        crank_inertia=mechanism.crank_inertia,
+        conrod_centre=rod.conrod_centre,
+        conrod_inertia=rod.conrod_inertia,
+        crank_unbalance=-(rotating + reciprocating / 2) * mechanism.crank_radius,
+        crank_mass=mechanism.crank_mass,
+    )
+    film = friction.piston_film
+    if film is not None:
+        film = PistonFilm(film.viscosity, film.clearance, rod.piston_length)
+    support = OverhungSupport(
+        friction.upper_bearing,
+        friction.lower_bearing,
+        mechanism.overhang,
+        mechanism.bearing_span,
+        mechanism.crank_mass,
+        friction.thrust_bearing,  # pyright: ignore[reportArgumentType]
+        friction.pump,  # pyright: ignore[reportArgumentType]
+    )
+    laws = SliderCrankFriction(
+        wall=friction.wall,
+        wall_film=film,
+        piston_pin=CoulombJournal(rod.pin_coefficient, rod.pin_diameter),
+        crank_pin=friction.crank_pin,
+        main_journal=support,
+    )
+    return Compressor(crank, compressor.motor, compressor.gas, laws, compressor.gravity)
+
+
+class DriveComparison(NamedTuple):
+    """Both drives, and what the rod saves.
+
+    Attributes:
+        slider_link, connecting_rod: the figures of both machines.
+        saving: [W] by pair of the slider-link, at its gas power: the losses of the rod drive are
+            taken per unit of work on the gas, because it turns a little faster. What the link's
+            sliding pair loses stands against the piston pin.
+    """
+
+    slider_link: Figures
+    connecting_rod: Figures
+    saving: dict[str, Float[Array, "*n"]]
+
+    @property
+    def total_saving(self) -> Float[Array, "*n"]:
+        """[W] at the shaft."""
+        return sum(self.saving.values(), start=jnp.zeros_like(self.slider_link.gas_power))
+
+
+def compare_drives(
+    compressor: Compressor, rod: RodDrive, solver: Collocation | None = None
+) -> DriveComparison:
+    """Run a slider-link machine and the same with a connecting rod; differentiable.
+
+    Args:
+        compressor: a slider-link machine.
+        rod: what replaces slider and link.
+        solver: as in `figures_of`.
+
+    Raises:
+        BadInput: as `rod_driven`.
+    """
+    link = figures_of(compressor, solver)
+    crank = figures_of(rod_driven(compressor, rod), solver)
+    scale = link.gas_power / crank.gas_power
+    saving = {
+        name: loss - scale * crank.loss_power.get(_COUNTERPART.get(name, name), 0.0)
+        for name, loss in link.loss_power.items()
+    }
+    return DriveComparison(link, crank, saving)

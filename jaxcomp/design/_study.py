@@ -1,0 +1,100 @@
+"""A design variable over a range, all values solved at once."""
+
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._status import Status
+from ..compressor import Compressor
+from ..crank import Collocation, solve_orbit
+from ..friction import OverhungSupport, SliderCrankFriction
+from ._rules import design_rules
+
+
+class Figures(NamedTuple):
+    """What a design is judged by; with a leading axis for several designs.
+
+    Attributes:
+        mechanical_efficiency: [-].
+        motor_power: [W] at the shaft.
+        gas_power: [W] indicated.
+        loss_power: [W] by pair; the parts of an `OverhungSupport` count by themselves.
+        mean_speed: [rad/s].
+        margin: [-] against self-locking.
+        status: how the solver ended.
+    """
+
+    mechanical_efficiency: Float[Array, "*n"]
+    motor_power: Float[Array, "*n"]
+    gas_power: Float[Array, "*n"]
+    loss_power: dict[str, Float[Array, "*n"]]
+    mean_speed: Float[Array, "*n"]
+    margin: Float[Array, "*n"]
+    status: Status
+
+
+def figures_of(compressor: Compressor, solver: Collocation | None = None) -> Figures:
+    """The figures of one design, differentiable.
+
+    Args:
+        compressor: the design.
+        solver: of the periodic state; if absent, collocation with as many panel edges as the
+            mechanism has changes of side.
+    """
+    if solver is None:
+        solver = Collocation(kinks=compressor.mechanism.side_changes)
+    orbit = solve_orbit(compressor, solver, throw=False)
+    energy, period = orbit.energy, orbit.period
+    loss = {name: work / period for name, work in energy.losses.items()}
+    friction = compressor.friction
+    support = friction.main_journal if isinstance(friction, SliderCrankFriction) else None
+    if isinstance(support, OverhungSupport):
+        del loss["main_journal"]
+        load = jnp.hypot(*orbit.loads.forces["main_journal"])
+        for name, moment in support.moments(load, orbit.state.speed).items():
+            loss[name] = moment @ orbit.weight / period
+    return Figures(
+        orbit.mechanical_efficiency,
+        orbit.motor_power,
+        energy.gas_work / period,
+        loss,
+        orbit.mean_speed,
+        orbit.margin,
+        orbit.status,
+    )
+
+
+def design_study(
+    compressor: Compressor,
+    variable: str,
+    values: Float[Array, " n"],
+    solver: Collocation | None = None,
+) -> Figures:
+    """The figures of a machine over a range of one design variable.
+
+    A value that locks, stalls or breaks a bound has its status and spoils no other.
+
+    Args:
+        compressor: the machine to start from.
+        variable: name of a rule in `design_rules`.
+        values: in the unit of the rule.
+        solver: as in `figures_of`.
+
+    Raises:
+        KeyError: no such rule.
+        BadInput: a mechanism for which the rule is not made.
+    """
+    rule = design_rules[variable]
+    # The designs are laid out before anything is compiled, so that studies of other variables with
+    # as many values run the same program.
+    designs = jax.vmap(partial(rule.apply, compressor))(jnp.asarray(values, float))
+    return _all(designs, solver)
+
+
+@eqx.filter_jit
+def _all(designs: Compressor, solver: Collocation | None) -> Figures:
+    return jax.vmap(lambda design: figures_of(design, solver))(designs)
