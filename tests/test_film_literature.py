@@ -19,6 +19,7 @@ from jaxcomp.film import (
     film_state,
     friction_at,
     load_number_at,
+    reference_solution,
     someya_two_axial_grooves,
 )
 
@@ -227,9 +228,7 @@ def test_grooved_film_meets_someya(q):
         state = film_state(film, load)
         assert abs(1 / (2 * np.pi * load) / s - 1) < 0.015
         stiffness, damping = np.array(coefficients).reshape(2, 2, 2)
-        # 5 % of the largest entry. His K_xx at L/D = 1, eps = 0.9 is 5.7 % above ours, which agree
-        # with differences of the solver to 1e-4, and his angle there is off as well, by 1.05
-        # degrees: more than anywhere else on this side.
+        # 5 % of the largest entry; for the last row see the next test
         bound = 0.06 if (q, eps) == (1.0, 0.9) else 0.05
         assert np.abs(ours.stiffness - stiffness).max() < bound * np.abs(stiffness).max()
         assert np.abs(ours.damping - damping).max() < 0.05 * np.abs(damping).max()
@@ -238,6 +237,25 @@ def test_grooved_film_meets_someya(q):
         assert abs(angle) < (2.6 if (q, eps) == (1.0, 0.2) else 1.1)
         # shear over grooves and cavity is counted here
         assert 0.01 < state.friction_number / load / friction - 1 < 0.07
+
+
+def test_someyas_stiffness_at_heavy_load_is_neither_our_grid_nor_our_groove():
+    """L/D = 1, eps = 0.9: his K_xx is 5.6 % of the largest entry above ours. What moves ours?"""
+    eps, q, printed = 0.9, 1.0, 11.9
+    coarse, fine = ((60, 4), (120, 8), (240, 16)), ((120, 8), (240, 16), (480, 32))
+
+    def stiffness(eps, grids):
+        solved = reference_solution(eps, q, grooved=True, grids=grids)
+        return solved.stiffness[0, 0] / solved.load_number
+
+    ours = stiffness(eps, fine)
+    # extrapolated, 240 x 16 cells give the same as 480 x 32, and those as 1920 x 64 (11.226)
+    np.testing.assert_allclose(stiffness(eps, coarse), ours, rtol=1e-4)
+    assert 0.05 < printed / ours - 1 < 0.065
+    # grooves of 2 to 30 degrees give 11.14 to 11.50, the plain ring 10.65: none reaches 11.9. His
+    # is ours at eps = 0.906, but there S is 7.8 % below his, while at 0.9 it is 0.6 % below. The row
+    # itself does not fit together, or his pads differ by more than the grooves' width.
+    np.testing.assert_allclose(stiffness(0.906, fine), printed, rtol=2e-3)
 
 
 def test_revolutions_and_radians_are_not_mixed():

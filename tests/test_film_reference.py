@@ -14,6 +14,7 @@ from jaxcomp.film import (
     load_number_at,
     reference_solution,
 )
+from jaxcomp.film import _reference as reference
 from jaxcomp.film._reference import GRIDS
 
 MEDIUM = GRIDS[:3]
@@ -63,7 +64,7 @@ def test_errors_fall_with_the_square_of_the_cells(options):
 def test_half_sommerfeld_meets_the_series():
     """Finite volumes on the closed ring against the series: two codes with nothing in common."""
     eps, q = 0.5, 1.0
-    solved = reference_solution(eps, q, cavitation="guembel", grids=MEDIUM)
+    solved = reference_solution(eps, q, cavitation="guembel", grids=((120, 16), (240, 32)))
     film = Guembel(q)
     load = load_number_at(film, eps)
     # 1e-6 of the finite volumes, 1e-5 of the modes left out of the series
@@ -129,6 +130,52 @@ def test_coefficients_obey_the_identities():
         # reciprocity of the linear film, exact; the rotation leaves rounding
         np.testing.assert_allclose(solved.damping[0, 1], solved.damping[1, 0], rtol=1e-12)
         assert solved.stiffness[0, 1] > solved.stiffness[1, 0]
+
+
+@pytest.mark.parametrize(("eps", "q", "grooved"), [(0.5, 1.0, False), (0.8, 0.3, True)])
+def test_linear_response_is_the_slope_of_the_forces(eps, q, grooved, monkeypatch):
+    """Against complementarity problems solved anew for other positions and velocities."""
+    ring = reference.pads(reference.groove_attitude(eps, q, GRIDS[:2]) if grooved else None)
+
+    def forces(eps):
+        fields = reference._fields(eps, q, ring, MEDIUM, False)[-2:]
+        return reference._extrapolated(np.array([reference._total(field) for field in fields]))
+
+    fields = reference._fields(eps, q, ring, MEDIUM, False)[-2:]
+    slopes = reference._extrapolated(np.array([reference._response(eps, f) for f in fields]))
+    # F_t answers a radial velocity as F_r answers a tangential one
+    np.testing.assert_allclose(slopes[1, 1], -forces(eps)[0], rtol=2e-5)
+    step = 0.02 * (1 - eps)
+    weights = np.array([1, -8, 8, -1]) / (12 * step)
+    chords = np.array([(e * forces(e)) for e in eps + step * np.array([-2, -1, 1, 2])])
+    # noise of the film's edge, 1e-6, over the step
+    np.testing.assert_allclose(slopes[0], weights @ chords, rtol=3e-4)
+
+    wedge, slow = reference._wedge, 0.05 * math.sqrt(1 - eps)
+    turned = []
+    for turn in slow * np.array([-2, -1, 1, 2]):
+        monkeypatch.setattr(
+            reference,
+            "_wedge",
+            lambda g, t=turn: wedge(g) - 6 * t * np.cos(g.theta)[:, None] * g.weights,
+        )
+        turned.append(forces(eps))
+    weights = np.array([1, -8, 8, -1]) / (12 * slow)
+    # the fifth power of the turn, and the same noise
+    np.testing.assert_allclose(slopes[1], weights @ turned, rtol=1e-3)
+
+
+def test_film_ends_within_a_cell():
+    """The flow that the first dry cell takes up shows where the film ends: no staircase."""
+    eps, q, ends = 0.5, 1.0, []
+    for cells in ((60, 8), (120, 16), (240, 32)):
+        grid = reference.film_grid(eps, q, *cells)
+        film = np.broadcast_to((np.sin(grid.theta) > 0)[:, None], grid.shape)
+        p, film = reference.solve_pressure(grid, film)
+        ends.append(reference.film_end(grid, p, film)[0] / cells[0])
+    # on the mid-plane, of the ring: a cell is 4e-3 on the finest grid
+    assert abs(ends[1] - ends[0]) < 2e-3
+    assert abs(ends[2] - ends[1]) < 5e-4
 
 
 @pytest.mark.parametrize("eps", [0.0, 1e-6, 1 - 1e-6])

@@ -64,6 +64,41 @@ def collapsed(
     return coefficients @ (values + slopes)
 
 
+class Place(eqx.Module):
+    """Coordinate t in [-1, 1] of s in [edge, 1], with nodes drawn together about a centre.
+
+    s = centre + width sinh(shift + scale t) (Tee and Trefethen 2006); without a centre t is linear.
+    """
+
+    edge: float = eqx.field(static=True)
+    crowd: tuple[Float[Array, ""], Float[Array, ""]] | None = None  # centre and width
+
+    def __call__(self, s: Float[Array, "*b"]) -> Float[Array, "*b"]:
+        if self.crowd is None:
+            return (2 * s - self.edge - 1) / (1 - self.edge)
+        centre, width, low, high = self._sinh(self.crowd)
+        return (2 * jnp.arcsinh((s - centre) / width) - low - high) / (high - low)
+
+    def back(self, t: Float[Array, "*b"]) -> Float[Array, "*b"]:
+        """s of t."""
+        if self.crowd is None:
+            return 0.5 * (1 + self.edge) + 0.5 * (1 - self.edge) * t
+        centre, width, low, high = self._sinh(self.crowd)
+        return centre + width * jnp.sinh(0.5 * (low + high) + 0.5 * (high - low) * t)
+
+    def edge_slope(self) -> Float[Array, ""]:
+        """dt/ds at the edge."""
+        if self.crowd is None:
+            return jnp.asarray(2 / (1 - self.edge))
+        centre, width, low, high = self._sinh(self.crowd)
+        return 2 / ((high - low) * jnp.sqrt(width**2 + (self.edge - centre) ** 2))
+
+    def _sinh(self, crowd):
+        centre, width = crowd
+        ends = (jnp.arcsinh((end - centre) / width) for end in (self.edge, 1.0))
+        return centre, width, *ends
+
+
 class SeriesToLimit(eqx.Module):
     """A function of s = sqrt(1 - eps): a Chebyshev series on [edge, 1], continued down to s = 0.
 
@@ -76,27 +111,28 @@ class SeriesToLimit(eqx.Module):
     edge_value: Float[Array, ""]
     edge_slope: Float[Array, ""]
     limit: Float[Array, ""]
+    place: Place
     limit_slope: float | None = eqx.field(static=True)
-    edge: float = eqx.field(static=True)
 
     def __init__(
         self,
         coefficients: Float[Array, " n"],
-        edge: float,
+        place: Place,
         limit: Float[Array, ""],
         limit_slope: float | None = None,
     ):
         order = np.arange(coefficients.shape[0])
-        self.coefficients, self.edge = coefficients, edge
+        self.coefficients, self.place = coefficients, place
         self.limit, self.limit_slope = limit, limit_slope
         self.edge_value = coefficients @ (-1.0) ** order  # T_k(-1)
-        self.edge_slope = coefficients @ ((-1.0) ** (order + 1) * order**2) * 2 / (1 - edge)
+        self.edge_slope = coefficients @ ((-1.0) ** (order + 1) * order**2) * place.edge_slope()
 
     def __call__(self, s: Float[Array, ""]) -> Float[Array, ""]:
-        beyond = s < self.edge
-        t = (2 * jnp.where(beyond, self.edge, s) - self.edge - 1) / (1 - self.edge)
+        edge = self.place.edge
+        beyond = s < edge
+        t = self.place(jnp.where(beyond, edge, s))
         outer = continuation(
-            s, self.edge, self.edge_value, self.edge_slope, self.limit, self.limit_slope
+            s, edge, self.edge_value, self.edge_slope, self.limit, self.limit_slope
         )
         return jnp.where(beyond, outer, chebyshev_sum(self.coefficients, t))
 

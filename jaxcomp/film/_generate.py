@@ -1,6 +1,6 @@
 r"""Offline generation of the tables of `Reynolds` and `GroovedReynolds`.
 
-Run `python -m jaxcomp.film._generate` to write both data files anew (needs SciPy; some fifteen
+Run `python -m jaxcomp.film._generate` to write both data files anew (needs SciPy; some five
 minutes on one core), or with the name of one of them. Nothing else in the library imports this
 module. The film is solved by `_reference` on Chebyshev's points.
 """
@@ -11,12 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ._reference import Forces, solve_forces
-from ._reynolds import AbstractTabulatedFilm, GroovedReynolds, Reynolds
+from ._reference import GRIDS, Forces, groove_contact, solve_forces
+from ._reynolds import AbstractTabulatedFilm, GroovedReynolds, Reynolds, place_of
 
 S_RANGE = (0.07, 1.0)  # s = sqrt(1 - eps), so eps up to 0.9951
 Q_RANGE = (0.1, 2.0)  # q = L/D
 NODES = (18, 11)  # in s and in ln q
+GROOVED_NODES = (44, 16)
+GROOVED_TERMS = (36, 14)  # the terms beyond hold little but the noise of the film's edge
+CORNER_NODES = 8  # in ln q
 FRICTION_NODES = 32  # in u = (1 + Phi_p/Phi_p(eps = 1/2))^(-1/4)
 FAMILIES = (Reynolds, GroovedReynolds)
 
@@ -38,36 +41,39 @@ def chebyshev_coefficients(values: np.ndarray) -> np.ndarray:
 
 
 def tabulated(eps: float, q: float, forces: Forces) -> list[float]:
-    """The smooth quantities of the tables: load, attitude angle, radial damping, and the drift.
+    """The smooth quantities of the tables: load, attitude angle, radial damping and stiffness.
 
     The logarithms of Phi_p (1 - eps)/(eps q^2) and of C_rr (1 - eps)^1.5/q^2, the angle in rad, and
-    the slopes of F_r and F_t as the grooves turn, over Phi_p.
+    K_rr and K_tr, times (1 - eps)/(Phi_p/eps).
     """
     size = np.hypot(forces.radial, forces.tangential)
     load = np.log(size * (1 - eps) / q**2)
     damping = np.log(forces.radial_damping * (1 - eps) ** 1.5 / q**2)
-    return [float(load), forces.attitude_angle, float(damping), *(np.array(forces.drift) / size)]
+    stiffness = np.array(forces.radial_stiffness) * (1 - eps) / size
+    return [float(load), forces.attitude_angle, float(damping), *stiffness.tolist()]
 
 
 def solve_table(family: type[AbstractTabulatedFilm], progress=print) -> dict:
     """Solve the film on the nodes of the table and fit it."""
     ln_q = np.log(np.array(Q_RANGE))
-    s_nodes = chebyshev_nodes(S_RANGE, NODES[0])
-    q_nodes = np.exp(chebyshev_nodes(tuple(ln_q), NODES[1]))
     grooved = family is GroovedReynolds
-    values = np.empty((5, *NODES))
-    for i, s in enumerate(s_nodes):
-        for j, q in enumerate(q_nodes):
-            forces = solve_forces(1 - s**2, q, grooved=grooved)
-            values[:, i, j] = tabulated(1 - s**2, q, forces)
-        progress(f"{family.__name__}: s = {s:.4f} ({i + 1} of {NODES[0]})")
-    fits = [chebyshev_coefficients(v) for v in values]
-    names = ("load", "attitude", "damping") + ("drift_r", "drift_t") * grooved
-    return {
-        "s_range": list(S_RANGE),
-        "ln_q_range": [float(v) for v in ln_q],
-        **dict(zip(names, fits[: len(names)], strict=True)),
-    }
+    nodes = GROOVED_NODES if grooved else NODES
+    table = {"s_range": list(S_RANGE), "ln_q_range": [float(v) for v in ln_q]}
+    if grooved:
+        at = chebyshev_nodes(tuple(ln_q), CORNER_NODES)
+        corners = [[np.log(groove_contact(float(q))) for q in np.exp(at)]]
+        table["corner"] = chebyshev_coefficients(np.array(corners))
+    values = np.empty((5, *nodes))
+    for j, at in enumerate(chebyshev_nodes(tuple(ln_q), nodes[1])):
+        q = float(np.exp(at))
+        s = np.asarray(place_of(table, at).back(chebyshev_nodes((-1, 1), nodes[0])))
+        for i, eps in enumerate((1 - s**2).tolist()):
+            values[:, i, j] = tabulated(eps, q, solve_forces(eps, q, GRIDS, grooved=grooved))
+        progress(f"{family.__name__}: L/D = {q:.4f} ({j + 1} of {nodes[1]})")
+    kept = GROOVED_TERMS if grooved else nodes
+    fits = [chebyshev_coefficients(v)[: kept[0], : kept[1]] for v in values]
+    names = ("load", "attitude", "damping") + ("stiffness_r", "stiffness_t") * grooved
+    return {**table, **dict(zip(names, fits[: len(names)], strict=True))}
 
 
 def fit_friction(

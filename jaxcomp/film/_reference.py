@@ -6,7 +6,8 @@ from the mid-plane, q = L/D and p in units of eta omega/psi^2,
 
     (h^3 p_theta)_theta + (1/q^2) (h^3 p_zeta)_zeta = 6 h_theta + 12 v cos(theta),
 
-where v is the radial velocity of the journal in units of c omega. Two rules for the end of the film:
+where v is the radial velocity of the journal in units of c omega, zero in steady running. Two rules
+for the end of the film:
 
 - `reynolds` (Swift-Stieber): p = dp/dn = 0, which is the complementarity problem p >= 0,
   equation >= 0, one of them an equality. The film of the plain ring starts with p = 0 on the line
@@ -23,6 +24,12 @@ are drawn towards the bearing's end as the end layer gets thin. The complementar
 solved by the primal-dual active set method (Hintermueller, Ito and Kunisch 2003), each step one
 banded Cholesky factorisation, grid after grid; two grids are extrapolated by Richardson's rule.
 The pressure is divided by eps, so that the concentric bearing is a regular case.
+
+Stiffness and damping of the Swift-Stieber film follow from the linear response of the pressure,
+which vanishes on the steady edge of the film (Lund 1966): the edge moves by second order only. The
+active set shows the edge as a staircase; where it lies within a cell follows from the share of the
+wedge's flow that the cell takes up. Links cut by the edge are shortened (Gibou, Fedkiw, Cheng and
+Kang 2002), which keeps the matrix symmetric and the error of second order.
 """
 
 import math
@@ -33,7 +40,7 @@ import numpy as np
 
 from .._fields import BadInput
 
-GRIDS = ((60, 8), (120, 16), (240, 32), (480, 64))  # cells in gamma, cells in half the length
+GRIDS = ((120, 8), (240, 16), (480, 32), (960, 64))  # cells in gamma, cells in half the length
 SOMEYA_GROOVE = math.radians(10.0)  # width of each groove that gives back Someya's load numbers
 RING = (0.0, 2 * math.pi, 1.0)  # first and last theta of a pad, share of the cells
 CAVITATIONS = ("reynolds", "guembel")
@@ -46,16 +53,15 @@ class Forces(NamedTuple):
         radial: F_r/eps.
         tangential: F_t/eps.
         radial_damping: C_rr.
+        radial_stiffness: K_rr and K_tr of a film that moves with the journal.
         attitude_angle: [rad] phi.
-        drift: (d F_r, d F_t)/d phi over eps, by which the forces change as fixed grooves turn
-            against the line of centres; zero without grooves.
     """
 
     radial: float
     tangential: float
     radial_damping: float
+    radial_stiffness: tuple[float, float]
     attitude_angle: float
-    drift: tuple[float, float] = (0.0, 0.0)
 
 
 class FilmSolution(NamedTuple):
@@ -94,13 +100,14 @@ class Grid(NamedTuple):
     """Nodes of one pad, without its edges and the bearing's end (p = 0 there)."""
 
     theta: np.ndarray
+    theta_faces: np.ndarray  # between the nodes
     theta_slope: np.ndarray  # d theta/d gamma at the nodes
     zeta: np.ndarray
     weights: np.ndarray  # of the integral over theta and zeta in [0, 1]
     coupling_theta: np.ndarray  # finite-volume coefficients between neighbours in theta ...
     coupling_zeta: np.ndarray  # ... and in zeta
-    held: np.ndarray  # rows that are film whatever the pressure: those behind a fixed start
     end: np.ndarray  # area of the half cells at the bearing's end
+    starts_freely: bool  # the film reaches the last edge of the pad instead of the first
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -119,7 +126,7 @@ def reference_solution(
     """Solve the film at a position: pressure, load, friction, side flow, coefficients.
 
     Numbers are extrapolated from the last two grids. On the default grids forces are good to 1e-5
-    and stiffness and damping to some 1e-4, in one to ten seconds; not differentiable.
+    and stiffness and damping to some 5e-5, in about a second; not differentiable.
 
     Args:
         eccentricity_ratio: [-] eps in [0, 1).
@@ -128,7 +135,7 @@ def reference_solution(
         grooved: Two axial grooves of 10 degrees at right angles to the load instead of a plain
             ring. In the coefficients the film moves with the journal, as in Someya's tables; with
             "reynolds" only.
-        coefficients: Whether to find stiffness and damping, which costs some ten more solutions.
+        coefficients: Whether to find stiffness and damping.
         grids: Cells round the ring and over half the length, each grid twice as fine as the last.
 
     Raises:
@@ -154,7 +161,11 @@ def reference_solution(
     stiffness = damping = None
     attitude = math.atan2(tangential, -radial)
     if coefficients:
-        stiffness, damping = _coefficients(eps, q, phi, attitude, grids, linear)
+        axes = _linear_coefficients(eps, q, grids) if linear else _coefficients(eps, fields)
+        turn = np.array(
+            [[math.cos(attitude), -math.sin(attitude)], [math.sin(attitude), math.cos(attitude)]]
+        )
+        stiffness, damping = turn @ axes[0] @ turn.T, turn @ axes[1] @ turn.T
     return FilmSolution(
         **_field_with_edges(eps, ring, fields[-1]),
         load_number=eps * math.hypot(radial, tangential),
@@ -212,35 +223,29 @@ def film_grid(
     faces_g = start + dg * (np.arange(n_theta) + 0.5)
     faces_t = dt * (np.arange(n_zeta) + 0.5)
 
-    theta = angle(gamma)
-    h, h_face = 1 + eps * np.cos(theta), 1 + eps * np.cos(angle(faces_g))
+    theta, between = angle(gamma), angle(faces_g)
+    h, h_face = 1 + eps * np.cos(theta), 1 + eps * np.cos(between)
     width_z = place_slope(t) * half * dt
     return Grid(
         theta=theta,
+        theta_faces=between,
         theta_slope=slope(gamma),
         zeta=place(t),
         weights=np.outer(slope(gamma) * dg, width_z),
         coupling_theta=np.outer(h_face**3 / (slope(faces_g) * dg), width_z),
         coupling_zeta=np.outer(h**3 * slope(gamma) * dg, 1 / (place_slope(faces_t) * dt)) / q**2,
-        held=theta < (np.pi / 2 if 0 <= first < np.pi / 2 else -np.inf),
         end=slope(gamma) * dg * (1 - place(faces_t[-1])),
+        starts_freely=first > np.pi,
     )
 
 
-def solve_pressure(grid: Grid, turn: float, film: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Swift-Stieber pressure over eps, and where the film is, starting from the guess `film`.
-
-    `turn` is 2 v/eps, by which a radial velocity turns the wedge. Behind a fixed start and ahead of
-    theta = pi/2 the film is taken as given, so that the response to a velocity keeps the steady
-    start.
-    """
+def solve_pressure(grid: Grid, film: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Swift-Stieber pressure over eps, and where the film is, starting from the guess `film`."""
     from scipy.linalg import solveh_banded
 
     n, m = grid.shape
-    source = (6 * np.sin(grid.theta) - 6 * turn * np.cos(grid.theta))[:, None] * grid.weights
+    source = _wedge(grid)
     diagonal = _diagonal(grid)
-    always = grid.held[:, None] & np.ones(m, bool)
-    film = film | always
     for _ in range(300):
         p = np.zeros((n, m))
         if film.any():
@@ -256,11 +261,109 @@ def solve_pressure(grid: Grid, turn: float, film: np.ndarray) -> tuple[np.ndarra
             p[:rows] = solveh_banded(
                 bands.reshape(m + 1, -1), right.ravel(), overwrite_ab=True, check_finite=False
             ).reshape(rows, m)
-        new = always | np.where(film, p > 0, _residual(grid, diagonal, p) < source)
+        new = np.where(film, p > 0, _residual(grid, diagonal, p) < source)
         if np.array_equal(new, film):
             return p, film
         film = new
     raise RuntimeError("The active set did not settle.")
+
+
+def film_end(grid: Grid, p: np.ndarray, film: np.ndarray) -> np.ndarray:
+    """Where a film that begins at the first edge of its pad ends, column by column.
+
+    In spacings from that edge. In the first cell without pressure the wedge takes up what flows in
+    over part of the cell: that part is film. (In one dimension this is exact.)
+    """
+    source = _wedge(grid)
+    took = _residual(grid, _diagonal(grid), p)
+    behind = ~film & (source < 0)
+    share = np.where(behind, np.clip(took / np.where(behind, source, -1.0), 0.0, 1.0), film)
+    end = 0.5 + share.sum(axis=0)
+    # the half cell at the last edge: filled, or with the film's end in it
+    last = grid.shape[0] + 0.5 + grid.coupling_theta[-1] * p[-1] / np.abs(source[-1])
+    return np.where(film[-1], np.minimum(last, grid.shape[0] + 1), end)
+
+
+def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> np.ndarray:
+    """Slopes of the forces over eps (first row) and over the turn 2 v/eps of the wedge (second).
+
+    Columns F_r and F_t; of the pressure and of the pressure over eps. The pad stays where it is
+    against the line of centres.
+    """
+    from scipy.linalg import solveh_banded
+
+    if not film.any():
+        return np.zeros((2, 2))
+    if grid.starts_freely:
+        grid, p, film = _reversed(grid), p[::-1], film[::-1]
+    n, m = grid.shape
+    along, across = grid.coupling_theta, grid.coupling_zeta
+    gap = film_end(grid, p, film) - np.arange(1.0, n + 1)[:, None]  # in spacings in theta
+    inside = gap > 1e-9
+    short = 1e-6  # a node so near to the edge has no pressure
+
+    # the matrix: whole links within the film, shortened ones over its edge
+    link = np.where(inside[1:] & inside[:-1], along[1:-1], 0.0)
+    link_out = np.where(inside[:, 1:] & inside[:, :-1], across[:, :-1], 0.0)
+    diagonal = np.zeros((n, m))
+    diagonal[0] = along[0]
+    diagonal[1:] += link
+    diagonal[:-1] += link
+    diagonal[:, 1:] += link_out
+    diagonal[:, :-1] += link_out
+    diagonal[:, -1] += across[:, -1]
+    ends = inside & ~np.vstack([inside[1:], np.zeros((1, m), bool)])
+    to_edge = np.where(ends, np.clip(gap, short, 1.0), 1.0)
+    diagonal += np.where(ends, along[1:] / to_edge, 0.0)
+    # in zeta the edge lies where the line between the ends of two columns crosses the row
+    fall = gap[:, :-1] - gap[:, 1:]
+    fall = np.where(fall == 0, 1.0, fall)
+    cut = inside[:, :-1] & ~inside[:, 1:]
+    way = np.where(cut, np.clip(gap[:, :-1] / fall, short, 1.0), 1.0)
+    diagonal[:, :-1] += np.where(cut, across[:, :-1] / way, 0.0)
+    cut = inside[:, 1:] & ~inside[:, :-1]
+    way = np.where(cut, np.clip(-gap[:, 1:] / fall, short, 1.0), 1.0)
+    diagonal[:, 1:] += np.where(cut, across[:, :-1] / way, 0.0)
+
+    # what the film's change of thickness adds to the flow of the steady pressure
+    cos, cos_faces = np.cos(grid.theta), np.cos(grid.theta_faces)
+    steady = np.pad(eps * p, 1)
+    flow = along * (3 * cos_faces / (1 + eps * cos_faces))[:, None]
+    flow = flow * (steady[:-1, 1:-1] - steady[1:, 1:-1])
+    flow_out = across * (3 * cos / (1 + eps * cos))[:, None]
+    flow_out = flow_out * (steady[1:-1, 1:-1] - steady[1:-1, 2:])
+    change = flow[:-1] - flow[1:] - flow_out
+    change[:, 1:] += flow_out[:, :-1]
+    sources = np.stack([_wedge(grid) + change, -6 * cos[:, None] * grid.weights], axis=-1)
+
+    rows = int(np.flatnonzero(inside.any(axis=1))[-1]) + 1
+    bands = np.zeros((m + 1, rows, m))
+    bands[m] = np.where(inside, diagonal, 1.0)[:rows]
+    bands[m - 1, :, 1:] = -link_out[:rows]
+    bands[0, 1:] = -link[: rows - 1]
+    right = np.where(inside[..., None], sources, 0.0)[:rows].reshape(-1, 2)
+    response = solveh_banded(
+        bands.reshape(m + 1, -1), right, overwrite_ab=True, check_finite=False
+    ).reshape(rows, m, 2)
+    # the trapezoidal rule up to the edge
+    weights = (grid.weights * (1 + to_edge) / 2)[:rows]
+    trig = np.stack([np.cos(grid.theta), np.sin(grid.theta)])[:, :rows]
+    return 0.5 * np.einsum("ki,ij,ijl->lk", trig, weights, response)
+
+
+def _reversed(grid: Grid) -> Grid:
+    return grid._replace(
+        theta=grid.theta[::-1],
+        theta_faces=grid.theta_faces[::-1],
+        weights=grid.weights[::-1],
+        coupling_theta=grid.coupling_theta[::-1],
+        coupling_zeta=grid.coupling_zeta[::-1],
+    )
+
+
+def _wedge(grid: Grid) -> np.ndarray:
+    """Right side of the steady film, over eps and integrated over the cells."""
+    return 6 * np.sin(grid.theta)[:, None] * grid.weights
 
 
 def solve_ring(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
@@ -306,22 +409,18 @@ def pressure_forces(grid: Grid, p: np.ndarray) -> np.ndarray:
 
 
 def solve_forces(eps: float, q: float, grids=GRIDS, *, grooved: bool = False) -> Forces:
-    """Forces and radial damping at one position, extrapolated from the last two grids."""
-    phi, drift = None, np.zeros(2)
-    if grooved:
-        phi = groove_attitude(eps, q, grids[:-1])
-        at = [_steady(eps, q, phi + d, grids[:-1]) for d in (-0.05, 0.05)]
-        drift = (at[1] - at[0]) / 0.1
+    """Forces, radial stiffness and damping at one position, extrapolated from two grids."""
+    phi = groove_attitude(eps, q, grids[:-1]) if grooved else None
     fields = _fields(eps, q, pads(phi), grids, False)[-2:]
-    forces = _extrapolated(np.array([_total(field) for field in fields]))
-    damping = float(_extrapolated(np.array([_radial_damping(eps, field) for field in fields])))
-    attitude = float(np.arctan2(forces[1], -forces[0]))
-    if phi is not None:
-        # the finer grids move the attitude angle, by little: one step of Newton's method
-        slope = (forces[1] * drift[0] - forces[0] * drift[1]) / (forces @ forces)
-        change = (attitude - phi) / (1 - slope)
-        forces, attitude = forces + change * drift, phi + change
-    return Forces(float(forces[0]), float(forces[1]), damping, attitude, tuple(drift.tolist()))
+    radial, tangential = _extrapolated(np.array([_total(field) for field in fields])).tolist()
+    slopes = _extrapolated(np.array([_response(eps, field) for field in fields]))
+    return Forces(
+        radial,
+        tangential,
+        radial_damping=float(-2 * slopes[1, 0]),  # F_r = eps G(2 v/eps), so dF_r/dv = 2 G'
+        radial_stiffness=(float(-slopes[0, 0]), float(-slopes[0, 1])),
+        attitude_angle=math.atan2(tangential, -radial),
+    )
 
 
 def groove_attitude(eps: float, q: float, grids) -> float:
@@ -343,6 +442,20 @@ def groove_attitude(eps: float, q: float, grids) -> float:
     return behind
 
 
+def groove_contact(q: float, grids=((120, 8), (240, 16))) -> float:
+    """Eccentricity ratio up to which the film of the mid-plane fills the loaded pad to its end."""
+    low, high = 0.0, 0.7
+    for _ in range(14):
+        eps = 0.5 * (low + high)
+        phi = groove_attitude(eps, q, grids)
+        (grid, p, film), _ = _fields(eps, q, pads(phi), grids, False)[-1]
+        if film_end(grid, p, film)[0] > grid.shape[0] + 1 - 1e-9:
+            low = eps
+        else:
+            high = eps
+    return 0.5 * (low + high)
+
+
 def _fields(eps, q, ring, grids, linear) -> list:
     """On every grid the pads, each with its grid, the pressure over eps and the film."""
     films, out = None, []
@@ -360,7 +473,7 @@ def _fields(eps, q, ring, grids, linear) -> list:
             films = [np.broadcast_to((np.sin(g.theta) > 0)[:, None], g.shape) for g in each]
         else:
             films = [_refined(film, g.shape) for film, g in zip(films, each, strict=True)]
-        solved = [solve_pressure(g, 0.0, film) for g, film in zip(each, films, strict=True)]
+        solved = [solve_pressure(g, film) for g, film in zip(each, films, strict=True)]
         films = [film for _, film in solved]
         out.append([(grid, p, film) for grid, (p, film) in zip(each, solved, strict=True)])
     return out
@@ -387,25 +500,8 @@ def _steady(eps, q, phi, grids, linear=False) -> np.ndarray:
     return _extrapolated(np.array([_total(field) for field in fields]))
 
 
-# Steps of the radial velocity, in the natural unit of the thin zone, and the weights of the slope
-# of the odd quintic that fits the four differences best. Much smaller steps, or fewer, would show
-# the staircase of the film's edge, which follows the grid.
-_TURNS = 0.05 * np.arange(1.0, 5.0)
-_SLOPE = np.linalg.pinv(_TURNS[:, None] ** np.array([1, 3, 5]))[0]
-
-
-def _radial_damping(eps, field) -> float:
-    """C_rr of a Swift-Stieber film, which is solved again for every velocity."""
-    scale, out = math.sqrt(1 - eps), 0.0
-    for turn, weight in zip(_TURNS, _SLOPE, strict=True):
-        ends = [
-            sum(pressure_forces(g, solve_pressure(g, sign * scale * turn, film)[0])[0]
-                for g, _, film in field)
-            for sign in (1, -1)
-        ]  # fmt: skip
-        # F_r = eps G(2 v/eps), so dF_r/dv = 2 G'
-        out -= weight * (ends[0] - ends[1]) / scale
-    return out
+def _response(eps, field) -> np.ndarray:
+    return np.sum([linear_response(eps, grid, p, film) for grid, p, film in field], axis=0)
 
 
 def _linear_damping(field) -> np.ndarray:
@@ -418,27 +514,28 @@ def _linear_damping(field) -> np.ndarray:
     return -2 * pressure_forces(grid, share * solve_ring(grid)[1])
 
 
-def _coefficients(eps, q, phi, attitude, grids, linear) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and damping in the axes of the load; the film moves with the journal."""
-    # Slope of the sextic through seven places, all of them within the bearing. The step is large
-    # enough for the noise of the film's edge, which jumps from node to node.
+def _coefficients(eps, fields) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping in the axes of the film, which moves with the journal."""
+    radial, tangential = _extrapolated(np.array([_total(field) for field in fields]))
+    slopes = _extrapolated(np.array([_response(eps, field) for field in fields]))
+    stiffness = np.array([[-slopes[0, 0], tangential], [-slopes[0, 1], -radial]])
+    # F = eps G(2 v/eps), so dF/dv = 2 G'; C_tr = C_rt by reciprocity
+    damping = np.array([[-2 * slopes[1, 0], 2 * radial], [2 * radial, 2 * tangential]])
+    return stiffness, damping
+
+
+def _linear_coefficients(eps, q, grids) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping of a half-Sommerfeld film in its axes."""
+    # Slope of the sextic through seven places, all of them within the bearing.
     step = 0.08 * (1 - eps)
     places = max(eps, 3 * step) + step * np.arange(-3.0, 4.0)
-    chords = np.array([_steady(e, q, phi, grids, linear) for e in places])
+    chords = np.array([_steady(e, q, None, grids, True) for e in places])
     sextic = np.polynomial.polynomial.polyfit((places - eps) / step, chords, 6)
     chord, slope = sextic[0], sextic[0] + eps * sextic[1] / step  # F/eps and dF/deps
-    field = _fields(eps, q, pads(phi), grids, linear)[-2:]
-    if linear:
-        c_rr, c_tr = _extrapolated(np.array([_linear_damping(f) for f in field]))
-    else:
-        c_rr = _extrapolated(np.array([_radial_damping(eps, f) for f in field]))
-        c_tr = 2 * chord[0]
+    fields = _fields(eps, q, pads(None), grids, True)[-2:]
+    c_rr, c_tr = _extrapolated(np.array([_linear_damping(f) for f in fields]))
     stiffness = np.array([[-slope[0], chord[1]], [-slope[1], -chord[0]]])
-    damping = np.array([[c_rr, 2 * chord[0]], [c_tr, 2 * chord[1]]])
-    turned = np.array(
-        [[math.cos(attitude), -math.sin(attitude)], [math.sin(attitude), math.cos(attitude)]]
-    )
-    return turned @ stiffness @ turned.T, turned @ damping @ turned.T
+    return stiffness, np.array([[c_rr, 2 * chord[0]], [c_tr, 2 * chord[1]]])
 
 
 def _field_with_edges(eps, ring, field) -> dict:

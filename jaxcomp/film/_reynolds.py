@@ -11,8 +11,11 @@ A fourth series gives Phi_T of Phi_p at once, without a position in between.
 
 A film between axial grooves needs two more functions. Along its load line the attitude angle moves
 the film against the line of centres; Someya's stiffness (and that of other databooks) lets the film
-move with the journal instead. The difference is the slope of the forces as the grooves turn, times
-d phi/d eps; the table holds that slope over Phi_p.
+move with the journal instead, so that it is not the slope of the tabulated forces. The table holds
+K_rr (1-eps)/(Phi_p/eps) and K_tr (1-eps)/(Phi_p/eps), found from the linear response of the film.
+Its nodes crowd about the eccentricity ratio, a function of L/D, from which on the film of the mid-plane
+ends ahead of the groove: second derivatives of the force, and slopes of the coefficients, are steep
+below it and jump there.
 """
 
 import functools
@@ -20,11 +23,10 @@ import json
 from importlib import resources
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ._chebyshev import SeriesToLimit, chebyshev_sum, collapsed
+from ._chebyshev import Place, SeriesToLimit, chebyshev_sum, collapsed
 from ._film import AbstractSolvedFilm, Scalar, slope_stiffness
 
 # Limits for eps -> 1 at any L/D: the thin zone theta - pi = sqrt(2 (1-eps)) t looks infinitely
@@ -34,6 +36,8 @@ LOAD_LIMIT = 1.2237421234783  # Phi_p (1 - eps)
 ATTITUDE_LIMIT = 1.8799209353354  # phi/sqrt(1 - eps)
 DAMPING_LIMIT = 3.2741379095279  # C_rr (1 - eps)^1.5
 
+CROWDING = 0.018  # how narrowly the nodes of a table crowd about its corner, in s
+
 
 class AbstractTabulatedFilm(AbstractSolvedFilm):
     """Film from a table of solutions, collapsed to one L/D."""
@@ -42,7 +46,7 @@ class AbstractTabulatedFilm(AbstractSolvedFilm):
     load: SeriesToLimit
     attitude: SeriesToLimit
     damping_series: SeriesToLimit
-    drift: tuple[SeriesToLimit, ...]
+    stiffness_series: tuple[SeriesToLimit, ...]
     friction: Scalar
     friction_scale: Scalar
     length_ratio_range: ClassVar[tuple[float, float]] = (0.1, 2.0)
@@ -51,18 +55,20 @@ class AbstractTabulatedFilm(AbstractSolvedFilm):
     def __init__(self, length_ratio, *, table=None):
         table = _table(self.table_name) if table is None else table
         q = jnp.asarray(length_ratio, dtype=jnp.result_type(float))
-        edge, ln_q = float(table["s_range"][0]), jnp.log(q)
+        ln_q = jnp.log(q)
+        place = place_of(table, ln_q)
 
         def series(name, limit, limit_slope=None):
             coefficients = collapsed(table[name], table["ln_q_range"], ln_q)
-            return SeriesToLimit(coefficients, edge, jnp.asarray(limit, q.dtype), limit_slope)
+            return SeriesToLimit(coefficients, place, jnp.asarray(limit, q.dtype), limit_slope)
 
         self.length_ratio = q
         self.load = series("load", jnp.log(LOAD_LIMIT) - 2 * ln_q)
         self.attitude = series("attitude", 0.0, ATTITUDE_LIMIT)
         self.damping_series = series("damping", jnp.log(DAMPING_LIMIT) - 2 * ln_q)
-        # a closing film knows nothing of grooves
-        self.drift = tuple(series(n, 0.0) for n in ("drift_r", "drift_t") if n in table)
+        # a closing film knows nothing of grooves: the limits of the plain ring
+        limits = ("stiffness_r", 1.0, None), ("stiffness_t", 0.0, -ATTITUDE_LIMIT / 2)
+        self.stiffness_series = tuple(series(*each) for each in limits if each[0] in table)
         self.friction = collapsed(table["friction"], table["ln_q_range"], ln_q)
         self.friction_scale = self.load_gain(jnp.ones_like(q))  # Phi_p at eps = 1/2
 
@@ -80,13 +86,11 @@ class AbstractTabulatedFilm(AbstractSolvedFilm):
         return c_rr, -2 * chord
 
     def radial_stiffness(self, film_ratio):
-        k_rr, k_tr = slope_stiffness(self, film_ratio)
-        if not self.drift:
-            return k_rr, k_tr
-        turn = jax.grad(self.attitude_angle)(film_ratio) * (1 + film_ratio) ** 2  # d phi/d eps
-        load = film_ratio * self.load_gain(film_ratio)
-        drift_r, drift_t = (series(_closeness(film_ratio)) for series in self.drift)
-        return k_rr + load * drift_r * turn, k_tr + load * drift_t * turn
+        if not self.stiffness_series:
+            return slope_stiffness(self, film_ratio)
+        scale = (1 + film_ratio) ** 2 * self.load_gain(film_ratio)
+        k_rr, k_tr = (series(_closeness(film_ratio)) for series in self.stiffness_series)
+        return scale * k_rr, scale * k_tr
 
     def friction_number(self, load_number):
         # u ~ s for a short bearing and u^2 ~ s for a long one, so that P is smooth up to u = 0.
@@ -129,9 +133,10 @@ class GroovedReynolds(AbstractTabulatedFilm):
     because shear is counted over the whole ring. Grooves held fixed in the bearing would more than
     halve K_yx at light load and L/D = 1.
 
-    Between grooves stiffness and damping have corners where the edge of the film meets a groove,
-    which the table rounds off: against the solver load and friction are within 1e-4, stiffness
-    within 2e-3 and damping within 5e-3 of the largest entry, and better beyond eps = 0.5.
+    Where the edge of the film meets a groove the coefficients have steep places, about which the
+    nodes of the table crowd. At 90 places of eps 0.01 to 0.97 and L/D 0.1 to 2, half of them below
+    eps = 0.5, load was within 1e-5 of the solver, stiffness within 1e-5 and damping within 9e-5 of the
+    largest entry.
 
     Args:
         length_ratio: [-] q = L/D, with the range and the limits of `Reynolds`.
@@ -143,6 +148,15 @@ class GroovedReynolds(AbstractTabulatedFilm):
         "0.995, limits of a closing film beyond. In the stiffness the film moves with the journal, "
         "as Someya tabulates it; grooves fixed in the bearing change K_yx at light load."
     )
+
+
+def place_of(table: dict, ln_q: Scalar) -> Place:
+    """Coordinate in s of a table at one L/D."""
+    edge = float(table["s_range"][0])
+    if "corner" not in table:
+        return Place(edge)
+    corner = jnp.exp(collapsed(table["corner"], table["ln_q_range"], ln_q)[0])  # eps of it
+    return Place(edge, (jnp.sqrt(1 - corner), jnp.asarray(CROWDING, corner.dtype)))
 
 
 def _closeness(film_ratio: Scalar) -> Scalar:
