@@ -334,7 +334,10 @@ def test_trial_weights_of_a_table_are_the_coefficients(tmp_path):
 
 
 BAD = {
-    "no initial run": (lambda t: "".join(x for x in t.splitlines(True) if "initial" not in x), "initial"),
+    "no initial run": (
+        lambda t: "".join(x for x in t.splitlines(True) if "initial" not in x),
+        "initial",
+    ),
     "unknown column": (lambda t: t.replace("target", "sensor", 1), "sensor"),
     "missing unit": (lambda t: t.replace(" [rpm]", ""), "speed"),
     "wrong dimension": (lambda t: t.replace("[rpm]", "[mm]"), "speed"),

@@ -93,31 +93,36 @@ def direct_influence(
         speeds: [rad/s] the speeds to balance at; those of `places` if absent.
     """
     speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
-    outputs, rows, weights = [], [], []
+    rows = [(target.name, axis) for target in places.targets for axis in target.axes]
+    weights = [jnp.asarray(t.weight, float) for t in places.targets for _ in t.axes]
+    answer = _flexibility(model, tuple(loads), places, speeds)
+    labels = speeds if not is_traced(speeds) else np.arange(speeds.size)
+    return Influence(
+        answer[:, 1:],
+        answer[:, 0],
+        jnp.tile(jnp.stack(weights), speeds.size),
+        tuple(Row(*row, float(speed)) for speed in labels for row in rows),
+        tuple(p.name for p in places.planes),
+    )
+
+
+@eqx.filter_jit
+def _flexibility(model, loads, places, speeds):
+    """(rows, 1 + planes) responses to the loads and to a unit of unbalance in each plane."""
+    outputs = []
     for target in places.targets:
         for axis in target.axes:
             along = nodal_load(model, target.node, axis).real
             if target.relative_to is not None:
                 along = along - nodal_load(model, target.relative_to, axis).real
             outputs.append(along)
-            rows.append((target.name, axis))
-            weights.append(target.weight)
-    trials = [Unbalances((p.node,), [1.0], [0.0]) for p in places.planes]
+    cases = [loads, *((Unbalances((p.node,), [1.0], [0.0]),) for p in places.planes)]
 
     def at_speed(speed):
-        inputs = [load_vector(model, tuple(loads), 1, speed)]
-        inputs += [load_vector(model, (trial,), 1, speed) for trial in trials]
-        return receptance(model, jnp.stack(inputs), jnp.stack(outputs), speed, speed)
+        inputs = jnp.stack([load_vector(model, case, 1, speed) for case in cases])
+        return receptance(model, inputs, jnp.stack(outputs), speed, speed)
 
-    answer = jax.lax.map(at_speed, speeds).reshape(-1, 1 + len(trials))
-    labels = speeds if not is_traced(speeds) else np.arange(speeds.size)
-    return Influence(
-        answer[:, 1:],
-        answer[:, 0],
-        jnp.tile(jnp.stack([jnp.asarray(w, float) for w in weights]), speeds.size),
-        tuple(Row(*row, float(speed)) for speed in labels for row in rows),
-        tuple(p.name for p in places.planes),
-    )
+    return jax.lax.map(at_speed, speeds).reshape(-1, len(cases))
 
 
 def trial_influence(

@@ -119,10 +119,10 @@ def batches(machine):
         "compile",
     )
     best = 0.0
-    settings = [(5, 1e-5), (8, 1e-5), (12, 1e-5), (16, 1e-6)]
+    settings = [(5, 1e-5), (8, 1e-5), (10, 1e-5), (12, 1e-5), (16, 1e-6)]
     for nodes, tolerance in settings[:: 2 if options.quick else 1]:
         solver = Collocation(nodes=nodes, kinks=0, tolerance=tolerance)
-        for chunk in (64, 256) if options.quick else (32, 64, 128, 256, 512):
+        for chunk in (64, 512) if options.quick else (64, 512, 2048):
             one = lambda c, solver=solver: efficiency(c, solver)  # noqa: E731
 
             def many(batch, one=one, chunk=chunk):
