@@ -70,8 +70,7 @@ def descend(
             change, state = method.update(slope, state, pair, value=now, grad=slope, value_fn=value)
         else:
             change, state = method.update(slope, state, pair)
-        new = optax.apply_updates(pair, change)
-        return new, state, jnp.max(jnp.abs(slope)), steps + 1
+        return pair + change, state, jnp.max(jnp.abs(slope)), steps + 1
 
     start_ = (pair, method.init(pair), jnp.asarray(jnp.inf), jnp.asarray(0))
     pair, _, slope, steps = jax.lax.while_loop(going_on, advance, start_)

@@ -146,18 +146,18 @@ def split(
     Raises:
         BadInput: no hole, a radius or a limit that is not positive.
     """
-    angles = np.asarray(angles, float)
-    for field, value in (("radius", radius), ("largest", largest), ("angles", angles.size)):
+    at = np.asarray(angles, float)
+    for field, value in (("radius", radius), ("largest", largest), ("angles", at.size)):
         if not value > 0:
             raise BadInput(field, value, "> 0")
     from scipy.optimize import lsq_linear, nnls
 
-    arms = radius * np.stack([np.cos(angles), np.sin(angles)])
+    arms = radius * np.stack([np.cos(at), np.sin(at)])
     wanted = np.array([complex(correction).real, complex(correction).imag])
     scale = max(abs(complex(correction)) / radius, 1e-300)
     # A trace of the mass itself makes the answer the lightest one.
     light = 1e-7 * radius
-    system = np.vstack([arms, light * np.ones(angles.size)])
+    system = np.vstack([arms, light * np.ones(at.size)])
     right = np.append(wanted / scale, 0.0)
     if np.isinf(largest):
         masses = nnls(system, right)[0]
