@@ -7,6 +7,7 @@ formulas); they are golden values, apart from the losses that Dagilis et al. mea
 
 import json
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,11 +15,19 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 from test_shaking import suspension
-from test_slider_link import coulomb_friction, machine
+from test_slider_link import machine
 from test_slider_link_limits import film_friction
 from typer.testing import CliRunner
 
-from jaxcomp import Collocation, Compressor, Status, plot, solve_orbit
+from jaxcomp import (
+    Collocation,
+    Compressor,
+    Status,
+    TimeIntegration,
+    plot,
+    simulate,
+    solve_orbit,
+)
 from jaxcomp.cli import app
 from jaxcomp.friction import OilPump, SliderLinkFriction, ThrustBearing
 from jaxcomp.gas import PolytropicCycle
@@ -262,16 +271,14 @@ def test_slider_crank_without_friction_has_the_same_orbit_far_out():
 
 @pytest.mark.slow
 def test_gradients_of_efficiency_and_vibration_over_a_turn():
-    """Every parameter of machine, friction, gas and motor against solved differences."""
-    compressor = household(friction=coulomb_friction, mu=0.01)
-    flat, rebuild = ravel_pytree(compressor)
+    """Every parameter of machine, films, gas, motor and suspension against solved differences."""
+    flat, rebuild = ravel_pytree((household(), suspension()))
 
     def outcome(x):
-        machine_ = rebuild(x)
-        orbit, _, load = run(machine_)
-        corner = point_motion(
-            suspension(), harmonic_response(suspension(), load), (0.06, 0.05, 0.06)
-        )
+        machine_, block = rebuild(x)
+        orbit = solve_orbit(machine_, SOLVER, throw=False)
+        load = orbit_load(machine_.mechanism, orbit, block, 6)
+        corner = point_motion(block, harmonic_response(block, load), (0.06, 0.05, 0.06))
         return jnp.stack([orbit.mechanical_efficiency, 1e4 * jnp.sqrt(jnp.sum(corner.rms**2))])
 
     f = jax.jit(outcome)
@@ -293,3 +300,27 @@ def test_frictionless_machine_gives_all_its_work_to_the_gas():
     orbit = solve_orbit(bare, Collocation(kinks=0))
     np.testing.assert_allclose(orbit.energy.motor_work, orbit.energy.gas_work, rtol=1e-12)
     assert not orbit.energy.losses
+
+
+def test_transient_stays_on_the_periodic_state(isobutane):
+    """Three turns in time from a point of the orbit come back to it; energy closes on the way."""
+    orbit, _, _ = isobutane
+    duration = 3.2 * orbit.period
+    run_ = simulate(
+        household(),
+        duration,
+        angle=orbit.state.angle[0],
+        speed=orbit.state.speed[0],
+        options=TimeIntegration(diffrax.Dopri8(), tolerance=1e-12),
+    )
+    assert run_.status == Status.converged
+    assert abs(run_.residual[-1]) < 1e-10
+    assert np.abs(run_.residual).max() < 1e-7  # listed instants lie within steps: dense output
+    time = orbit.time - orbit.time[0] + 2 * orbit.period
+    angle, speed = jax.vmap(run_.at)(time)
+    # the dense output has an order less than the steps: 1e-7 of the speed
+    np.testing.assert_allclose(speed, orbit.state.speed, rtol=1e-6)
+    np.testing.assert_allclose(angle - 4 * np.pi, orbit.state.angle, atol=1e-5)
+    losses = {k: v[-1] / duration for k, v in run_.energy.losses.items()}
+    for name, loss in losses.items():  # 0.2 turns differ from the mean
+        np.testing.assert_allclose(loss, watts(orbit, name), rtol=0.1, err_msg=name)
