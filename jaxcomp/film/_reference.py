@@ -126,7 +126,8 @@ def reference_solution(
     """Solve the film at a position: pressure, load, friction, side flow, coefficients.
 
     Numbers are extrapolated from the last two grids. On the default grids forces are good to 1e-5
-    and stiffness and damping to some 5e-5, in about a second; not differentiable.
+    and stiffness and damping to some 5e-5, in 0.1 to 0.3 s on one BLAS thread (OMP_NUM_THREADS=1; on
+    busy cores more of them are ten times slower); not differentiable.
 
     Args:
         eccentricity_ratio: [-] eps in [0, 1).
