@@ -231,11 +231,12 @@ def test_position_inverts_the_load(model):
         np.testing.assert_allclose(back(model(q), x), x, rtol=3e-14)
 
 
-def test_reynolds_damping_and_whirl_drive():
+@pytest.mark.parametrize("model", [Reynolds, GroovedReynolds])
+def test_reynolds_damping_and_whirl_drive(model):
     coefficients = mapped(lambda film, x: dynamic_coefficients(film, x * film.load_gain(x)))
     s = np.linspace(0.04, 0.9999, 300)  # beyond both ends of the table as well
     for q in (0.1, 0.25, 0.5, 1.0, 2.0):
-        stiffness, damping = (np.asarray(a) for a in coefficients(Reynolds(q), 1 / s**2 - 1))
+        stiffness, damping = (np.asarray(a) for a in coefficients(model(q), 1 / s**2 - 1))
         largest = np.abs(damping).max((1, 2))
         # symmetric up to the rounding of a rotation
         assert np.max(np.abs(damping[:, 0, 1] - damping[:, 1, 0]) / largest) < 1e-13

@@ -7,6 +7,7 @@ import pytest
 
 from jaxcomp.film import (
     ExplicitFit,
+    GroovedReynolds,
     Guembel,
     JournalBearing,
     Ocvirk,
@@ -113,14 +114,19 @@ def test_stiffness_is_differentiable():
             )
 
 
-@pytest.mark.parametrize("quantity", ["load", "attitude", "damping", "friction"])
-def test_slopes_are_continuous_where_the_table_ends(quantity):
-    film = Reynolds(0.25)
+QUANTITIES = [(m, n) for m in (Reynolds, GroovedReynolds) for n in ("load", "attitude", "damping")]
+QUANTITIES += [(Reynolds, "friction"), (GroovedReynolds, "stiffness")]
+
+
+@pytest.mark.parametrize(("model", "quantity"), QUANTITIES)
+def test_slopes_are_continuous_where_the_table_ends(model, quantity):
+    film = model(0.25)
     function = {
         "load": film.load_gain,
         "attitude": film.attitude_angle,
         "damping": lambda x: film.damping(x)[0],
         "friction": lambda x: friction_at(film, x),
+        "stiffness": lambda x: film.radial_stiffness(x)[0],
     }[quantity]
     slope = jax.grad(function)
     below, at, above = (slope(EDGE * (1 + d)) for d in (-1e-9, 0.0, 1e-9))
