@@ -45,10 +45,11 @@ def modes_tables(result: dict[str, Any]) -> list[Table]:
 
 def _orbits(result, s):
     rpm = result["speeds"][s] * _RPM
-    title = f"{result['machine']} at {rpm:.5g} rpm: amplitudes and half axes in um"
-    columns = ("Node", "n", "x", "y", "Major", "Minor", "Whirl", "mm/s rms")
+    title = f"{result['machine']} at {rpm:.5g} rpm: amplitudes and half axes in um, velocity in mm/s rms"
+    columns = ("Node", "n", "x", "y", "Major", "Minor", "Whirl", "mm/s")
     table = _table(escape(title), *columns, numbers=True)
-    table.columns[0].no_wrap = True
+    table.columns[0].no_wrap = table.columns[6].no_wrap = True
+    table.columns[6].min_width = len("backward")
     for name, motion in result["nodes"].items():
         for n, order in enumerate(result["orders"]):
             x, y = (motion["amplitude"][a][n][s] for a in ("ux", "uy"))
@@ -57,11 +58,18 @@ def _orbits(result, s):
             table.add_row(
                 escape(name) if n == 0 else "",
                 str(order),
-                *(f"{v * 1e6:.3g}" for v in (x, y, major, abs(minor))),
+                *(_short(v * 1e6) for v in (x, y, major, abs(minor))),
                 _whirl(minor / major if major else 0.0),
-                f"{1e3 * w * math.hypot(x, y) / math.sqrt(2):.3g}",
+                _short(1e3 * w * math.hypot(x, y) / math.sqrt(2)),
             )
     return table
+
+
+def _short(value: float) -> str:
+    """Three digits in five characters, so that the table fits a narrow terminal; JSON has all."""
+    if not value >= 0.01:
+        return "<0.01" if value > 0 else "0"
+    return f"{value:.3g}" if value >= 0.1 else f"{value:.3f}"
 
 
 def _links(result):
