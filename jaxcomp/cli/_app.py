@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ._balance import balance
 from ._bearing import bearing
 from ._list import list_machines
 from ._modes import modes
@@ -27,6 +28,7 @@ app.command("run")(run)
 app.command("respond")(respond)
 app.command("modes")(modes)
 app.command("bearing")(bearing)
+app.command("balance")(balance)
 
 
 def _show_version(wanted: bool) -> None:

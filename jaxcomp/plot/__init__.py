@@ -1,5 +1,8 @@
 """Pictures: functions that return matplotlib figures and keep no state."""
 
+from ._balance import balance_bars as balance_bars
+from ._balance import balance_figures as balance_figures
+from ._balance import balance_polar as balance_polar
 from ._film import film_coefficients as film_coefficients
 from ._film import film_figures as film_figures
 from ._film import film_pressure as film_pressure

@@ -1,0 +1,125 @@
+"""`jaxcomp balance`: correction masses, from the model of a machine or from measurements."""
+
+import enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ._errors import CommandError, reports_errors
+
+
+class Method(enum.StrEnum):
+    """What is made small."""
+
+    least_squares = "least-squares"
+    min_max = "min-max"
+
+
+class Excitation(enum.StrEnum):
+    """What shakes the machine beside its unbalances."""
+
+    file = "file"
+    crank = "crank"
+
+
+@reports_errors
+def balance(
+    machine: Annotated[
+        str | None,
+        typer.Argument(help="Bundled machine or scene file with a rotor; none with --measured."),
+    ] = None,
+    sets: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Set a value of the scene. Repeatable."),
+    ] = None,
+    planes: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Correction planes; all if absent.")
+    ] = None,
+    targets: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Target planes; all if absent.")
+    ] = None,
+    speeds: Annotated[
+        str | None,
+        typer.Option(metavar="N,N", help="Speeds, e.g. 3000rpm,3600rpm; the scene's if absent."),
+    ] = None,
+    method: Annotated[
+        Method, typer.Option(help="Weighted sum of squares, or the largest vibration.")
+    ] = Method.least_squares,
+    tikhonov: Annotated[
+        float, typer.Option(help="Penalty on the masses, 0 for none; least squares only.")
+    ] = 0.0,
+    largest: Annotated[
+        str | None,
+        typer.Option(metavar="U", help="Bound of every unbalance, e.g. '800 g mm'; least squares."),
+    ] = None,
+    excitation: Annotated[
+        Excitation,
+        typer.Option(help="Forces of the file, or of the crank's periodic state at each speed."),
+    ] = Excitation.file,
+    measured: Annotated[
+        Path | None,
+        typer.Option(help="CSV of an initial run and one run with a trial weight per plane."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for pictures and result.json.")] = None,
+) -> None:
+    """Find the masses that balance a machine at its target planes.
+
+    Example: [bold]jaxcomp balance hermetic-68cc --speeds 3000rpm,3600rpm --out result[/bold]
+    """
+    if (machine is None) == (measured is None):
+        raise CommandError("balance: needs either a machine or --measured FILE")
+    given = {"--set": sets, "--speeds": speeds}
+    if measured is not None and any(given.values()):
+        name = next(option for option, value in given.items() if value)
+        raise CommandError(f"{name}: has no meaning with --measured")
+    if method is Method.min_max and (tikhonov or largest):
+        raise CommandError("--method min-max: takes neither --tikhonov nor --largest")
+    if tikhonov and largest:
+        raise CommandError("--largest: takes no --tikhonov beside it")
+    from rich.console import Console
+
+    from ._balance_result import (
+        balance_result,
+        balance_tables,
+        measured_system,
+        model_system,
+        solve,
+    )
+    from ._cache import enable_compilation_cache
+    from ._progress import progress
+    from ._tables import json_text, print_json
+
+    enable_compilation_cache()
+    with progress("Solving (the first time it is compiled as well) ..."):
+        if measured is not None:
+            system = measured_system(measured)
+        else:
+            system = model_system(machine, sets or (), speeds, excitation is Excitation.crank)
+        found = solve(
+            system, _names(planes), _names(targets), method is Method.min_max, tikhonov, largest
+        )
+        result = balance_result(system, found)
+    if out is not None:
+        from ..plot import balance_figures
+
+        with progress("Drawing ..."):
+            out.mkdir(parents=True, exist_ok=True)
+            for name, figure in balance_figures(result).items():
+                figure.savefig(out / f"{name}.png", dpi=150)
+            (out / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
+    if as_json:
+        print_json(result)
+        return
+    console = Console()
+    for table in balance_tables(result):
+        console.print(table)
+    if out is not None:
+        console.print(f"Pictures and result are in {out}", soft_wrap=True, markup=False)
+
+
+def _names(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]

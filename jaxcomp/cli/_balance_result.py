@@ -1,0 +1,232 @@
+"""What `jaxcomp balance` solves and shows."""
+
+import math
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from ..balancing import (
+    Balance,
+    Influence,
+    bounded,
+    direct_influence,
+    least_squares,
+    min_max,
+    read_measurements,
+    select,
+)
+from ..scene import to_si
+from ._errors import CommandError
+from ._tables import _table
+
+_RPM = 30 / math.pi
+_GMM = 1e6  # g mm in a kg m
+
+
+class System(NamedTuple):
+    """What is to be balanced.
+
+    Attributes:
+        name: of the machine or file.
+        influence: the system.
+        radius: [m] by plane, where one is known.
+        unit: of the vibration.
+        excitation: what shakes the machine.
+    """
+
+    name: str
+    influence: Influence
+    radius: dict[str, float]
+    unit: str
+    excitation: str
+
+
+def measured_system(path: Path) -> System:
+    """From a CSV file."""
+    data = read_measurements(path)
+    return System(path.name, data.influence, {}, data.unit or "as measured", "measured")
+
+
+def model_system(name: str | None, sets: Sequence[str], speeds: str | None, crank: bool) -> System:
+    """From a scene with a rotor and balancing planes.
+
+    Raises:
+        CommandError: no planes, no loads, or no crank forces to take.
+    """
+    from ._arguments import changed_scene
+    from ._speeds import rotor_of, single_speeds
+
+    scene = changed_scene(str(name), sets, ())
+    model = rotor_of(scene)
+    places, case = (scene.parts.get(part) for part in ("balancing", "loads"))
+    for part, what in ((places, "balancing"), (case, "loads")):
+        if part is None:
+            raise CommandError(f"{scene.file}: {what}: is missing; `balance` needs it")
+    texts = [text.strip() for text in speeds.split(",")] if speeds else ()
+    at = single_speeds(texts, scene)
+    if crank:
+        if case.crank is None:  # pyright: ignore[reportAttributeAccessIssue]
+            raise CommandError(
+                f"{scene.file}: loads.crank: is missing; --excitation crank needs it"
+            )
+        influence = _with_crank(scene, model, case, places, at)
+    else:
+        influence = direct_influence(model, case.loads, places, jnp.asarray(at))  # pyright: ignore[reportAttributeAccessIssue]
+    radius = {
+        plane.name: float(plane.radius)
+        for plane in places.planes  # pyright: ignore[reportAttributeAccessIssue]
+        if plane.radius is not None
+    }
+    return System(scene.name, influence, radius, "m", "crank" if crank else "file")
+
+
+def _with_crank(scene, model, case, places, speeds) -> Influence:
+    """The forces of the periodic state at each speed, in place of the forces of the file."""
+    from ..crank import Collocation, solve_orbit
+    from ..motor import MeanSpeed
+    from ..rotor import crank_forces
+
+    parts = []
+    for speed in speeds:
+        machine = eqx.tree_at(
+            lambda c: c.motor, scene.machine, MeanSpeed(speed), is_leaf=lambda x: x is None
+        )
+        orbit = solve_orbit(machine, Collocation(nodes=16))
+        forces = crank_forces(machine, orbit, case.crank, orders=(1,)).forces
+        loads = (*case.unbalances, *forces)
+        parts.append(direct_influence(model, loads, places, jnp.asarray([speed])))
+    return Influence(
+        jnp.concatenate([p.matrix for p in parts]),
+        jnp.concatenate([p.initial for p in parts]),
+        jnp.concatenate([p.weight for p in parts]),
+        tuple(row for p in parts for row in p.rows),
+        parts[0].planes,
+    )
+
+
+def solve(system: System, planes, targets, largest_vibration, tikhonov, largest) -> Balance:
+    """Balance the chosen part of a system."""
+    part = select(system.influence, planes=planes, targets=targets)
+    if largest_vibration:
+        return min_max(part)
+    if largest is not None:
+        return bounded(part, float(to_si(largest, "kg m", "--largest")))
+    return least_squares(part, tikhonov=tikhonov)
+
+
+def balance_result(system: System, found: Balance) -> dict[str, Any]:
+    """The balance in numbers. The keys are stable; new ones may join them."""
+    part = found.influence
+    before, after = np.asarray(part.initial), np.asarray(found.residual)
+    spread = np.asarray(found.sensitivity())
+    planes = []
+    for name, value in zip(part.planes, np.asarray(found.correction), strict=True):
+        radius = system.radius.get(name)
+        mass = None if radius is None else abs(value) / radius
+        planes.append(
+            {
+                "name": name,
+                "unbalance": abs(value),
+                "phase": float(np.angle(value)),
+                "radius": radius,
+                "mass": mass,
+            }
+        )
+    rows = [
+        {
+            "target": row.target,
+            "axis": row.axis,
+            "speed": row.speed,
+            "weight": float(weight),
+            "before": abs(b),
+            "before_phase": float(np.angle(b)),
+            "after": abs(a),
+            "after_phase": float(np.angle(a)),
+            "sensitivity": dict(zip(part.planes, map(float, s), strict=True)),
+        }
+        for row, weight, b, a, s in zip(
+            part.rows, np.asarray(part.weight), before, after, spread, strict=True
+        )
+    ]
+    return {
+        "machine": system.name,
+        "version": version("jaxcomp"),
+        "method": found.method,
+        "excitation": system.excitation,
+        "vibration_unit": system.unit,
+        "planes": planes,
+        "rows": rows,
+        "improvement": float(found.improvement),
+        "condition": float(found.condition),
+        "objective": float(found.objective),
+        "bound": float(found.bound),
+        "gap": float(found.gap),
+    }
+
+
+def shown(result: dict[str, Any]) -> tuple[str, float]:
+    """Unit of the vibration in tables and pictures, and its factor."""
+    unit = result["vibration_unit"]
+    return ("um", 1e6) if unit == "m" else (unit, 1.0)
+
+
+def balance_tables(result: dict[str, Any]) -> list[Table]:
+    """Corrections, vibration before and after, evidence."""
+    masses = _table(
+        escape(f"{result['machine']}: corrections to add"),
+        "Plane",
+        "g mm",
+        "deg",
+        "mm",
+        "g",
+        numbers=True,
+    )
+    for plane in result["planes"]:
+        radius, mass = plane["radius"], plane["mass"]
+        masses.add_row(
+            escape(plane["name"]),
+            f"{plane['unbalance'] * _GMM:.4g}",
+            f"{math.degrees(plane['phase']):.1f}",
+            "" if radius is None else f"{radius * 1e3:.4g}",
+            "" if mass is None else f"{mass * 1e3:.4g}",
+        )
+    unit, factor = shown(result)
+    rows = _table(
+        escape(f"Vibration at order 1, {unit}; +-: with 1 % and 1 deg of error in every plane"),
+        "Target",
+        "Axis",
+        "rpm",
+        "Before",
+        "After",
+        "Share",
+        "+-",
+        numbers=True,
+    )
+    rows.columns[0].no_wrap = True
+    last = None
+    for row in result["rows"]:
+        spread = math.sqrt(sum(s**2 for s in row["sensitivity"].values()))
+        rows.add_row(
+            escape(row["target"]) if row["target"] != last else "",
+            row["axis"],
+            f"{row['speed'] * _RPM:.5g}",
+            f"{row['before'] * factor:.3g}",
+            f"{row['after'] * factor:.3g}",
+            f"{100 * row['after'] / row['before']:.0f} %" if row["before"] else "",
+            f"{spread * factor:.2g}",
+        )
+        last = row["target"]
+    evidence = _table(None, "Evidence", "", "")
+    evidence.add_row("Method", result["method"], f"excitation: {result['excitation']}")
+    share = f"{100 * result['improvement']:.3g} %"
+    evidence.add_row("Weighted rms", share, "after over before, all rows")
+    evidence.add_row("Condition", f"{result['condition']:.4g}", "of the weighted system")
+    evidence.add_row("Gap", f"{result['gap']:.1e}", "to the proven optimum, over the rms before")
+    return [masses, rows, evidence]
