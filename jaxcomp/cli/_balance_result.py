@@ -22,6 +22,7 @@ from ..balancing import (
     read_measurements,
     select,
 )
+from ..rotor import BalancingPlanes, LoadCase
 from ..scene import to_si
 from ._errors import CommandError
 from ._tables import _table
@@ -66,23 +67,22 @@ def model_system(name: str | None, sets: Sequence[str], speeds: str | None, cran
     scene = changed_scene(str(name), sets, ())
     model = rotor_of(scene)
     places, case = (scene.parts.get(part) for part in ("balancing", "loads"))
-    for part, what in ((places, "balancing"), (case, "loads")):
-        if part is None:
-            raise CommandError(f"{scene.file}: {what}: is missing; `balance` needs it")
+    if not isinstance(places, BalancingPlanes):
+        raise CommandError(f"{scene.file}: balancing: is missing; `balance` needs it")
+    if not isinstance(case, LoadCase):
+        raise CommandError(f"{scene.file}: loads: is missing; `balance` needs it")
     texts = [text.strip() for text in speeds.split(",")] if speeds else ()
     at = single_speeds(texts, scene)
     if crank:
-        if case.crank is None:  # pyright: ignore[reportAttributeAccessIssue]
+        if case.crank is None:
             raise CommandError(
                 f"{scene.file}: loads.crank: is missing; --excitation crank needs it"
             )
         influence = _with_crank(scene, model, case, places, at)
     else:
-        influence = direct_influence(model, case.loads, places, jnp.asarray(at))  # pyright: ignore[reportAttributeAccessIssue]
+        influence = direct_influence(model, case.loads, places, jnp.asarray(at))
     radius = {
-        plane.name: float(plane.radius)
-        for plane in places.planes  # pyright: ignore[reportAttributeAccessIssue]
-        if plane.radius is not None
+        plane.name: float(plane.radius) for plane in places.planes if plane.radius is not None
     }
     return System(scene.name, influence, radius, "m", "crank" if crank else "file")
 

@@ -99,9 +99,7 @@ class Shooting(eqx.Module):
         status = Status.where(settled, Status.converged, Status.not_converged)
         unstable = (jacobian[0, 0] >= 0) & (not isinstance(compressor.motor, MeanSpeed))
         status = Status.where(settled & unstable, Status.no_periodic_state, status)
-        return self._orbit(
-            compressor, unknowns, scales, edges, places, end, states, status, report
-        )
+        return self._orbit(compressor, unknowns, scales, edges, places, end, states, status, report)
 
     def _stops(self, machine: Compressor, edges):
         """Where steps end, and the edges of the panels on which the result is reported.
