@@ -21,7 +21,6 @@ from jaxcomp.balancing import (
     outside_sectors,
     permissible_unbalance,
     quadratic,
-    read_measurements,
     rigid_balance,
     select,
     split,
@@ -29,6 +28,7 @@ from jaxcomp.balancing import (
     trial_influence,
 )
 from jaxcomp.rotor import Unbalances
+from jaxcomp.scene.measurements import read_measurements
 
 
 def system(rows, planes, seed=0, noise=1.0):

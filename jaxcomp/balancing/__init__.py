@@ -1,4 +1,7 @@
-"""Balancing: from influence coefficients to correction masses, with or without a model."""
+"""Balancing: from influence coefficients to correction masses, with or without a model.
+
+`jaxcomp.scene.measurements` reads the coefficients from a table of measured vibration.
+"""
 
 from ._balance import Balance as Balance
 from ._classical import PlanePair as PlanePair
@@ -19,8 +22,6 @@ from ._least_squares import bounded as bounded
 from ._least_squares import invert as invert
 from ._least_squares import least_squares as least_squares
 from ._least_squares import quadratic as quadratic
-from ._measured import Measured as Measured
-from ._measured import read_measurements as read_measurements
 from ._min_max import min_max as min_max
 from ._sectors import Sector as Sector
 from ._sectors import outside_sectors as outside_sectors

@@ -19,11 +19,11 @@ from ..balancing import (
     direct_influence,
     least_squares,
     min_max,
-    read_measurements,
     select,
 )
 from ..rotor import BalancingPlanes, LoadCase
 from ..scene import to_si
+from ..scene.measurements import read_measurements
 from ._errors import CommandError
 from ._tables import _table
 

@@ -17,8 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..scene import SceneError, to_si
-from ._influence import Influence, Row, trial_influence
+from ..balancing import Influence, Row, trial_influence
+from ._errors import SceneError
+from ._units import to_si
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
 _UNITS = {"speed": "rad/s", "phase": "rad", "trial": "kg m", "angle": "rad"}
