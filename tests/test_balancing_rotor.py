@@ -87,6 +87,7 @@ def test_unbalance_in_the_planes_is_found(model):
     )
 
 
+@pytest.mark.slow
 def test_derivative_of_the_residual_equals_differences(model):
     @jax.jit
     def left(mount):

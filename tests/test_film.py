@@ -290,6 +290,7 @@ def test_short_bearing_threshold_at_light_load_in_closed_form():
     np.testing.assert_allclose(critical, 24 / math.pi, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", SOLVED)
 def test_rigid_rotor_whirls_beyond_the_threshold(model):
     """Eigenvalues of m u'' + C u' + K u = 0 in units of speed, clearance and load."""

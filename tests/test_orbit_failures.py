@@ -109,6 +109,7 @@ def test_a_motor_that_cannot_run_the_machine_is_reported(case):
     assert not_finite == []
 
 
+@pytest.mark.slow
 def test_constant_torque_without_friction_has_no_periodic_state():
     """Nothing depends on the speed: either every speed is periodic or none is."""
     motor = lambda level: ConstantTorque(level, 105.0)  # noqa: E731

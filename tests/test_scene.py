@@ -313,6 +313,7 @@ def test_a_registered_section_is_set_described_and_dumped(housing):
     assert rows["housing.mass"].doc == "all of it"
 
 
+@pytest.mark.slow
 def test_slider_link_machine_runs_from_its_scene():
     orbit = solve_orbit(load("slider-link-8cc").compressor, Collocation(kinks=12))
     # the household machine as computed by an independent RK4 integration in time (tests of the
