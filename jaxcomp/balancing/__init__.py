@@ -17,6 +17,7 @@ from ._influence import Influence as Influence
 from ._influence import Row as Row
 from ._influence import direct_influence as direct_influence
 from ._influence import select as select
+from ._influence import stacked as stacked
 from ._influence import trial_influence as trial_influence
 from ._least_squares import bounded as bounded
 from ._least_squares import invert as invert

@@ -10,9 +10,6 @@ from .._fields import BadInput
 from ._balance import Balance
 from ._influence import Influence
 
-# Combinations of stock corrections that are tried in one go.
-_CHUNK = 1 << 16
-
 
 def discrete(
     influence: Influence,

@@ -182,3 +182,22 @@ def select(
         tuple(influence.rows[i] for i in kept),
         tuple(influence.planes[i] for i in columns),
     )
+
+
+def stacked(parts: Sequence[Influence]) -> Influence:
+    """Systems of the same planes, such as those of single speeds, as the rows of one.
+
+    Raises:
+        BadInput: other planes in one of them.
+    """
+    planes = parts[0].planes
+    for part in parts:
+        if part.planes != planes:
+            raise BadInput("planes", str(part.planes), f"the same everywhere: {planes}")
+    return Influence(
+        jnp.concatenate([part.matrix for part in parts]),
+        jnp.concatenate([part.initial for part in parts]),
+        jnp.concatenate([part.weight for part in parts]),
+        tuple(row for part in parts for row in part.rows),
+        planes,
+    )

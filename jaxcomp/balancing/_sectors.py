@@ -89,6 +89,6 @@ def _allowed(correction, choice, by_plane):
             turned = (np.angle(value) - sector.start) % (2 * np.pi)
             slack = 0.0 if kind is None else 1e-9
             inside = slack < turned < sector.end - sector.start - slack
-            if value != 0 and inside and turned < 2 * np.pi - slack:
+            if value != 0 and inside:
                 return False
     return True

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
+from ._options import AsJson, OutWithoutScene
 
 
 class Method(enum.StrEnum):
@@ -61,10 +62,8 @@ def balance(
         Path | None,
         typer.Option(help="CSV of an initial run and one run with a trial weight per plane."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
-    ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for pictures and result.json.")] = None,
+    as_json: AsJson = False,
+    out: OutWithoutScene = None,
 ) -> None:
     """Find the masses that balance a machine at its target planes.
 
@@ -80,8 +79,6 @@ def balance(
         raise CommandError("--method min-max: takes neither --tikhonov nor --largest")
     if tikhonov and largest:
         raise CommandError("--largest: takes no --tikhonov beside it")
-    from rich.console import Console
-
     from ._balance_result import (
         balance_result,
         balance_tables,
@@ -90,8 +87,8 @@ def balance(
         solve,
     )
     from ._cache import enable_compilation_cache
+    from ._output import show_results, write_results
     from ._progress import progress
-    from ._tables import json_text, print_json
 
     enable_compilation_cache()
     with progress("Solving (the first time it is compiled as well) ..."):
@@ -107,18 +104,8 @@ def balance(
         from ..plot import balance_figures
 
         with progress("Drawing ..."):
-            out.mkdir(parents=True, exist_ok=True)
-            for name, figure in balance_figures(result).items():
-                figure.savefig(out / f"{name}.png", dpi=150)
-            (out / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
-    if as_json:
-        print_json(result)
-        return
-    console = Console()
-    for table in balance_tables(result):
-        console.print(table)
-    if out is not None:
-        console.print(f"Pictures and result are in {out}", soft_wrap=True, markup=False)
+            write_results(out, balance_figures(result), result)
+    show_results(result, balance_tables(result), as_json, out, "Pictures and result")
 
 
 def _names(text: str | None) -> list[str] | None:

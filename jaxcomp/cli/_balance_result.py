@@ -20,6 +20,7 @@ from ..balancing import (
     least_squares,
     min_max,
     select,
+    stacked,
 )
 from ..rotor import BalancingPlanes, LoadCase
 from ..scene import to_si
@@ -102,13 +103,7 @@ def _with_crank(scene, model, case, places, speeds) -> Influence:
         forces = crank_forces(machine, orbit, case.crank, orders=(1,)).forces
         loads = (*case.unbalances, *forces)
         parts.append(direct_influence(model, loads, places, jnp.asarray([speed])))
-    return Influence(
-        jnp.concatenate([p.matrix for p in parts]),
-        jnp.concatenate([p.initial for p in parts]),
-        jnp.concatenate([p.weight for p in parts]),
-        tuple(row for p in parts for row in p.rows),
-        parts[0].planes,
-    )
+    return stacked(parts)
 
 
 def solve(system: System, planes, targets, largest_vibration, tikhonov, largest) -> Balance:

@@ -4,12 +4,12 @@ import enum
 import functools
 import math
 import re
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from ._errors import CommandError, reports_errors
+from ._options import AsJson, OutWithoutScene
 
 FRAME = "x along the load on the journal, y = x turned by 90 degrees with rotation"
 _GRADE = re.compile(
@@ -47,23 +47,21 @@ def bearing(
     model: Annotated[
         Model, typer.Option(help="Film model; each says where it stops being right.")
     ] = Model.reynolds,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
-    ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for pictures and result.json.")] = None,
+    as_json: AsJson = False,
+    out: OutWithoutScene = None,
 ) -> None:
     """Run a journal bearing under a steady load: position, friction, stiffness and damping.
 
     Example: [bold]jaxcomp bearing --length 20mm --diameter 40mm --clearance 30um --viscosity "VG 46
     at 60 degC" --speed 3000rpm --load 2kN[/bold]
     """
-    from rich.console import Console
+    from rich.markup import escape
 
     from ..scene import to_si
     from ._bearing_tables import bearing_tables
     from ._cache import enable_compilation_cache
+    from ._output import show_results, write_results
     from ._progress import progress
-    from ._tables import json_text, print_json
 
     def number(name: str, text: str, unit: str) -> float:
         return float(to_si(text, unit, f"--{name}"))
@@ -107,20 +105,10 @@ def bearing(
     if out is not None:
         from ..plot import film_figures
 
-        out.mkdir(parents=True, exist_ok=True)
         with progress("Drawing ..."):
-            for name, figure in film_figures(film, result, field).items():
-                figure.savefig(out / f"{name}.png", dpi=150)
-        (out / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
-    if as_json:
-        print_json(result)
-        return
-    console = Console()
-    for table in bearing_tables(result):
-        console.print(table)
-    console.print(f"{model}: {film.limits}", markup=False)
-    if out is not None:
-        console.print(f"Pictures and result are in {out}", soft_wrap=True, markup=False)
+            write_results(out, film_figures(film, result, field), result)
+    tables = [*bearing_tables(result), escape(f"{model}: {film.limits}")]
+    show_results(result, tables, as_json, out, "Pictures and result")
 
 
 def bearing_result(film_type, model: str, given: dict[str, float]) -> tuple[dict[str, Any], Any]:

@@ -6,13 +6,12 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
+from ._options import AsJson, Machine, Out
 
 
 @reports_errors
 def modes(
-    machine: Annotated[
-        str, typer.Argument(help="Bundled machine (see `jaxcomp list`) or scene file.")
-    ],
+    machine: Machine,
     sets: Annotated[
         list[str] | None,
         typer.Option(
@@ -41,27 +40,20 @@ def modes(
         bool, typer.Option("--free", help="Without bearings, mounts and side pull (free-free).")
     ] = False,
     undamped: Annotated[bool, typer.Option("--undamped", help="Without damping.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for pictures, result.json and the scene as it was run."),
-    ] = None,
+    as_json: AsJson = False,
+    out: Out = None,
 ) -> None:
     """Find the modes of a rotor with its crankcase and housing.
 
     Example: [bold]jaxcomp modes hermetic-68cc --speeds 300rpm:6000rpm:60 --out result[/bold]
     """
-    from rich.console import Console
-
     from ._arguments import assignments, changed_scene
     from ._cache import enable_compilation_cache
+    from ._output import show_results
     from ._progress import progress
     from ._rotor_result import campbell_result, modes_result
     from ._rotor_tables import modes_tables
     from ._speeds import rotor_of, single_speeds, speed_range
-    from ._tables import print_json
 
     if speeds is not None and free:
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
@@ -78,21 +70,14 @@ def modes(
     if out is not None:
         with progress("Drawing ..."):
             _write(out, scene, model, found, result)
-    if as_json:
-        print_json(result)
-        return
-    console = Console()
-    for table in modes_tables(result):
-        console.print(table)
-    if out is not None:
-        console.print(f"Pictures, result and scene are in {out}", soft_wrap=True, markup=False)
+    show_results(result, modes_tables(result), as_json, out)
 
 
 def _write(folder: Path, scene, model, found, result) -> None:
     from ..plot import campbell_diagram, mode_shapes, rotor_drawing
-    from ._rotor_result import write_results
+    from ._output import write_results
 
     figures = {"rotor": rotor_drawing(model), "modes": mode_shapes(model, found[0], result)}
     if "campbell" in result:
         figures["campbell"] = campbell_diagram(result["campbell"])
-    write_results(folder, scene, figures, result)
+    write_results(folder, figures, result, scene)

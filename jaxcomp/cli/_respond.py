@@ -6,13 +6,12 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
+from ._options import AsJson, Machine, Out
 
 
 @reports_errors
 def respond(
-    machine: Annotated[
-        str, typer.Argument(help="Bundled machine (see `jaxcomp list`) or scene file.")
-    ],
+    machine: Machine,
     sets: Annotated[
         list[str] | None,
         typer.Option(
@@ -46,38 +45,30 @@ def respond(
             "--node", help="Node to report; the target planes (or all) if absent. May be repeated."
         ),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for pictures, result.json and the scene as it was run."),
-    ] = None,
+    as_json: AsJson = False,
+    out: Out = None,
 ) -> None:
     """Find the vibration of a rotor with its crankcase and housing.
 
     Example: [bold]jaxcomp respond hermetic-68cc --speed 3000rpm --speeds 300rpm:6000rpm:200 --out
     result[/bold]
     """
-    from rich.console import Console
-
-    from ..rotor import RotorModel
+    from ..rotor import LoadCase
     from ._arguments import assignments, changed_scene
     from ._cache import enable_compilation_cache
+    from ._output import show_results
     from ._progress import progress
     from ._rotor_result import Watched, curve_result, respond_result, watched_nodes, whole_orders
     from ._rotor_tables import response_tables
     from ._speeds import rotor_of, single_speeds, speed_range
-    from ._tables import print_json
 
     enable_compilation_cache()
     scene = changed_scene(machine, sets or (), ())
     model = rotor_of(scene)
-    assert isinstance(model, RotorModel)
     case = scene.parts.get("loads")
-    if case is None or not case.loads:  # pyright: ignore[reportAttributeAccessIssue]
+    if not isinstance(case, LoadCase) or not case.loads:
         raise CommandError(f"{scene.file}: loads: is missing; nothing shakes this rotor")
-    loads = case.loads  # pyright: ignore[reportAttributeAccessIssue]
+    loads = case.loads
     wanted = whole_orders(orders, loads)
     watched: Watched = watched_nodes(scene, model, node or ())
     points = single_speeds(speed or (), scene)
@@ -90,19 +81,12 @@ def respond(
     if out is not None:
         with progress("Drawing ..."):
             _write(out, scene, model, response, result)
-    if as_json:
-        print_json(result)
-        return
-    console = Console()
-    for table in response_tables(result):
-        console.print(table)
-    if out is not None:
-        console.print(f"Pictures, result and scene are in {out}", soft_wrap=True, markup=False)
+    show_results(result, response_tables(result), as_json, out)
 
 
 def _write(folder: Path, scene, model, response, result) -> None:
     from ..plot import deflection_shape, response_curves, response_orbits, rotor_drawing
-    from ._rotor_result import write_results
+    from ._output import write_results
 
     figures = {
         "rotor": rotor_drawing(model),
@@ -111,4 +95,4 @@ def _write(folder: Path, scene, model, response, result) -> None:
     }
     if "curves" in result:
         figures["curves"] = response_curves(result)
-    write_results(folder, scene, figures, result)
+    write_results(folder, figures, result, scene)

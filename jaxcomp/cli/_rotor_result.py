@@ -1,8 +1,7 @@
 """What `jaxcomp respond` and `jaxcomp modes` found, as objects of plain numbers in SI units."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -186,18 +185,6 @@ def campbell_result(
             for w, g in zip(critical.speed, critical.growth, strict=True)
         ],
     }
-
-
-def write_results(folder: Path, scene: Scene, figures: Mapping[str, Any], result: dict) -> None:
-    """Pictures, numbers and the scene as it was run."""
-    from ..scene import dump
-    from ._tables import json_text
-
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=150)
-    (folder / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
-    (folder / "scene.toml").write_text(dump(scene), encoding="utf-8")
 
 
 def _header(scene: Scene, model: RotorModel) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
+from ._options import AsJson, Machine, Out
 
 
 class Solver(enum.StrEnum):
@@ -18,9 +19,7 @@ class Solver(enum.StrEnum):
 
 @reports_errors
 def run(
-    machine: Annotated[
-        str, typer.Argument(help="Bundled machine (see `jaxcomp list`) or scene file.")
-    ],
+    machine: Machine,
     sets: Annotated[
         list[str] | None,
         typer.Option(
@@ -48,13 +47,8 @@ def run(
     tolerance: Annotated[
         float | None, typer.Option(help="Tolerance of the solver; its own default if absent.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for pictures, result.json and the scene as it was run."),
-    ] = None,
+    as_json: AsJson = False,
+    out: Out = None,
 ) -> None:
     """Find the periodic state of a machine and print efficiency, losses and forces.
 
@@ -63,14 +57,13 @@ def run(
     """
     if tolerance is not None and not 0 < tolerance < 1:
         raise CommandError(f"--tolerance {tolerance:g}: must be > 0 and < 1")
-    from rich.console import Console
-
     from ..crank import solve_orbit
     from ._arguments import assignments, changed_scene
     from ._cache import enable_compilation_cache
+    from ._output import show_results
     from ._progress import progress
     from ._result import run_result
-    from ._tables import print_json, result_tables
+    from ._tables import result_tables
     from ._vibration import vibration_result, vibration_table
 
     enable_compilation_cache()
@@ -87,16 +80,10 @@ def run(
     if out is not None:
         with progress("Drawing ..."):
             _write(out, scene, orbit, result)
-    if as_json:
-        print_json(result)
-        return
-    console = Console()
-    for table in result_tables(scene, result):
-        console.print(table)
+    tables = result_tables(scene, result)
     if "vibration" in result:
-        console.print(vibration_table(result["vibration"]))
-    if out is not None:
-        console.print(f"Pictures, result and scene are in {out}", soft_wrap=True, markup=False)
+        tables.append(vibration_table(result["vibration"]))
+    show_results(result, tables, as_json, out)
 
 
 def _method(mechanism, solver: Solver | None, tolerance: float | None):
@@ -113,12 +100,7 @@ def _method(mechanism, solver: Solver | None, tolerance: float | None):
 
 def _write(folder: Path, scene, orbit, result) -> None:
     from ..plot import orbit_figures
-    from ..scene import dump
-    from ._tables import json_text
+    from ._output import write_results
 
-    folder.mkdir(parents=True, exist_ok=True)
     figures = orbit_figures(scene.machine, orbit, scene.parts.get("suspension"))
-    for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=150)
-    (folder / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
-    (folder / "scene.toml").write_text(dump(scene), encoding="utf-8")
+    write_results(folder, figures, result, scene)

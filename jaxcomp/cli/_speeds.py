@@ -1,11 +1,15 @@
 """Speeds on the command line: `--speed 3000rpm` and `--speeds 600rpm:6000rpm:100`."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..scene import Scene, SceneError, to_si
 from ._errors import CommandError
+
+if TYPE_CHECKING:  # a speed can be read without the rotor
+    from ..rotor import RotorModel
 
 # Points of a range that names none.
 POINTS = 60
@@ -51,15 +55,18 @@ def speed_range(text: str) -> np.ndarray:
     return np.linspace(low, high, count)
 
 
-def rotor_of(scene: Scene):
+def rotor_of(scene: Scene) -> "RotorModel":
     """The rotor of a scene.
 
     Raises:
         SceneError: it has none.
     """
-    if "rotor" not in scene.parts:
+    from ..rotor import RotorModel
+
+    model = scene.parts.get("rotor")
+    if not isinstance(model, RotorModel):
         raise SceneError("rotor", "is missing: this scene describes no rotor", file=scene.file)
-    return scene.parts["rotor"]
+    return model
 
 
 def _speed(text: str, option: str) -> float:

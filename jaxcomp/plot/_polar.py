@@ -8,7 +8,7 @@ from ..compressor import Compressor
 from ..crank import Orbit
 from ..mechanism import SliderLink
 from ._fine import fine_turn
-from ._style import INK, colour, new_polar_figure, words
+from ._style import INK, colour, crank_marks, new_polar_figure, words
 
 
 def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
@@ -30,12 +30,7 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
         # without jumps of a whole turn, which would draw as circles
         direction = np.unwrap(np.arctan2(load[1], load[0]))
         ax.plot(direction, size, color=tint, linewidth=1.5)
-        for mark in range(0, 360, 45):
-            at = np.argmin(np.abs((degrees - mark + 180) % 360 - 180))
-            ax.plot(direction[at], size[at], "o", color=tint, markersize=3.2)
-            if mark % 90 == 0:
-                ax.annotate(f"{mark}°", (direction[at], size[at]), xytext=(3, 3), color=INK,
-                            textcoords="offset points", fontsize=7.5)  # fmt: skip
+        crank_marks(ax, degrees, direction, size, tint)
         ax.set_ylim(0, 1.08 * max(size.max(), 1e-12))
         ax.yaxis.set_major_locator(MaxNLocator(4))
         ax.set_rlabel_position(67.5)  # away from the loads, which lie along the cylinder

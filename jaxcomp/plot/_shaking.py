@@ -23,7 +23,16 @@ from ..shaking import (
     shaking_wrench,
 )
 from ._fine import fine_turn
-from ._style import INK, crank_axis, legend, legend_above, new_figure, over_turn, words, ylabel
+from ._style import (
+    crank_axis,
+    crank_marks,
+    legend,
+    legend_above,
+    new_figure,
+    over_turn,
+    words,
+    ylabel,
+)
 
 _TINTS = ("#222222", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _HARMONICS = 12
@@ -39,13 +48,7 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     figure, ((left, right),) = new_figure(1, 2, (8.6, 4.0), "Shaking force and moments", False)
     left.plot(force[0] / scale, force[1] / scale, color="#0072B2", linewidth=1.6)
     degrees = np.rad2deg(np.asarray(turn.state.angle))
-    for mark in range(0, 360, 45):
-        at = np.argmin(np.abs((degrees - mark + 180) % 360 - 180))
-        place = force[0, at] / scale, force[1, at] / scale
-        left.plot(*place, "o", color="#0072B2", markersize=3.2)
-        if mark % 90 == 0:
-            left.annotate(f"{mark}°", place, xytext=(3, 3), textcoords="offset points",
-                          fontsize=7.5, color=INK)  # fmt: skip
+    crank_marks(left, degrees, force[0] / scale, force[1] / scale, "#0072B2")
     left.axhline(0, color="#888888", linewidth=0.8)
     left.axvline(0, color="#888888", linewidth=0.8)
     left.set_aspect("equal", adjustable="datalim")

@@ -81,6 +81,23 @@ def crank_axis(ax: Axes, label: bool = True) -> None:
         ax.set_xlabel("Crank angle from top dead centre, degrees", fontsize=9)
 
 
+def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
+    """Dots on a closed curve every 45 degrees of crank angle, every other one with its number.
+
+    Args:
+        ax: plane or polar axes.
+        degrees: crank angle (n,) of the points.
+        x, y: (n,) the curve.
+        tint: its colour.
+    """
+    for mark in range(0, 360, 45):
+        at = np.argmin(np.abs((degrees - mark + 180) % 360 - 180))
+        ax.plot(x[at], y[at], "o", color=tint, markersize=3.2)
+        if mark % 90 == 0:
+            ax.annotate(f"{mark}°", (x[at], y[at]), xytext=(3, 3), color=INK,
+                        textcoords="offset points", fontsize=7.5)  # fmt: skip
+
+
 def ylabel(ax: Axes, text: str) -> None:
     ax.set_ylabel(text, fontsize=9)
 

@@ -1,0 +1,48 @@
+"""How every command hands out what it found: a folder, JSON or tables."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..scene import Scene, dump
+from ._tables import json_text, print_json
+
+
+def write_results(
+    folder: Path, figures: Mapping[str, Any], result: dict[str, Any], scene: Scene | None = None
+) -> None:
+    """Pictures, numbers and, where there is one, the scene as it was run."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, figure in figures.items():
+        figure.savefig(folder / f"{name}.png", dpi=150)
+    (folder / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
+    if scene is not None:
+        (folder / "scene.toml").write_text(dump(scene), encoding="utf-8")
+
+
+def show_results(
+    result: dict[str, Any],
+    tables: Iterable[Any],
+    as_json: bool,
+    out: Path | None,
+    written: str = "Pictures, result and scene",
+) -> None:
+    """One JSON object, or the tables and a word on where the files are.
+
+    Args:
+        result: what JSON prints.
+        tables: what `rich` prints, one after the other; not asked for with JSON.
+        as_json: which of the two.
+        out: folder that was written, if any.
+        written: what was written there.
+    """
+    if as_json:
+        print_json(result)
+        return
+    from rich.console import Console
+
+    console = Console()
+    for table in tables:
+        console.print(table)
+    if out is not None:
+        console.print(f"{written} are in {out}", soft_wrap=True, markup=False)
