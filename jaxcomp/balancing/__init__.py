@@ -7,6 +7,9 @@ from ._balance import Balance as Balance
 from ._classical import PlanePair as PlanePair
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance
+from ._crank import at_speed as at_speed
+from ._crank import crank_case as crank_case
+from ._crank import crank_influence as crank_influence
 from ._descent import Descent as Descent
 from ._descent import descend as descend
 from ._discrete import Split as Split
@@ -17,7 +20,6 @@ from ._influence import Influence as Influence
 from ._influence import Row as Row
 from ._influence import direct_influence as direct_influence
 from ._influence import select as select
-from ._influence import stacked as stacked
 from ._influence import trial_influence as trial_influence
 from ._least_squares import bounded as bounded
 from ._least_squares import invert as invert

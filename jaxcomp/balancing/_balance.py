@@ -35,14 +35,14 @@ class Balance(eqx.Module):
     def gap(self) -> Float[Array, ""]:
         """[-] How far above its bound the objective lies, relative to the vibration before."""
         before = jnp.linalg.norm(self.influence.weighted[1])
-        return (self.objective - self.bound) / jnp.where(before > 0, before, 1.0)
+        return (self.objective - self.bound) / (before + (before == 0))
 
     @property
     def improvement(self) -> Float[Array, ""]:
         """[-] Weighted root mean square of the vibration after over before."""
         weight = self.influence.weight
         before = jnp.linalg.norm(weight * self.influence.initial)
-        return jnp.linalg.norm(weight * self.residual) / jnp.where(before > 0, before, 1.0)
+        return jnp.linalg.norm(weight * self.residual) / (before + (before == 0))
 
     @property
     def condition(self) -> Float[Array, ""]:

@@ -93,9 +93,13 @@ def direct_influence(
         speeds: [rad/s] the speeds to balance at; those of `places` if absent.
     """
     speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
+    return influence_of(_flexibility(model, tuple(loads), places, speeds), places, speeds)
+
+
+def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Influence:
+    """The system whose columns are the vibration before and that of a unit in each plane."""
     rows = [(target.name, axis) for target in places.targets for axis in target.axes]
     weights = [jnp.asarray(t.weight, float) for t in places.targets for _ in t.axes]
-    answer = _flexibility(model, tuple(loads), places, speeds)
     labels = speeds if not is_traced(speeds) else np.arange(speeds.size)
     return Influence(
         answer[:, 1:],
@@ -109,6 +113,15 @@ def direct_influence(
 @eqx.filter_jit
 def _flexibility(model, loads, places, speeds):
     """(rows, 1 + planes) responses to the loads and to a unit of unbalance in each plane."""
+
+    def at_speed(speed):
+        return flexibility(model, loads, places, speed)
+
+    return jax.lax.map(at_speed, speeds).reshape(-1, 1 + len(places.planes))
+
+
+def flexibility(model, loads, places, speed) -> Complex[Array, "rows columns"]:
+    """[m], [m/(kg m)] Motion of the targets at one speed, by the loads and by each plane's unit."""
     outputs = []
     for target in places.targets:
         for axis in target.axes:
@@ -117,12 +130,8 @@ def _flexibility(model, loads, places, speeds):
                 along = along - nodal_load(model, target.relative_to, axis).real
             outputs.append(along)
     cases = [loads, *((Unbalances((p.node,), [1.0], [0.0]),) for p in places.planes)]
-
-    def at_speed(speed):
-        inputs = jnp.stack([load_vector(model, case, 1, speed) for case in cases])
-        return receptance(model, inputs, jnp.stack(outputs), speed, speed)
-
-    return jax.lax.map(at_speed, speeds).reshape(-1, len(cases))
+    inputs = jnp.stack([load_vector(model, case, 1, speed) for case in cases])
+    return receptance(model, inputs, jnp.stack(outputs), speed, speed)
 
 
 def trial_influence(
@@ -181,23 +190,4 @@ def select(
         influence.weight[at],
         tuple(influence.rows[i] for i in kept),
         tuple(influence.planes[i] for i in columns),
-    )
-
-
-def stacked(parts: Sequence[Influence]) -> Influence:
-    """Systems of the same planes, such as those of single speeds, as the rows of one.
-
-    Raises:
-        BadInput: other planes in one of them.
-    """
-    planes = parts[0].planes
-    for part in parts:
-        if part.planes != planes:
-            raise BadInput("planes", str(part.planes), f"the same everywhere: {planes}")
-    return Influence(
-        jnp.concatenate([part.matrix for part in parts]),
-        jnp.concatenate([part.initial for part in parts]),
-        jnp.concatenate([part.weight for part in parts]),
-        tuple(row for part in parts for row in part.rows),
-        planes,
     )

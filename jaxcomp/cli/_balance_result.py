@@ -6,7 +6,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from rich.markup import escape
@@ -16,11 +15,11 @@ from ..balancing import (
     Balance,
     Influence,
     bounded,
+    crank_influence,
     direct_influence,
     least_squares,
     min_max,
     select,
-    stacked,
 )
 from ..rotor import BalancingPlanes, LoadCase
 from ..scene import to_si
@@ -79,31 +78,13 @@ def model_system(name: str | None, sets: Sequence[str], speeds: str | None, cran
             raise CommandError(
                 f"{scene.file}: loads.crank: is missing; --excitation crank needs it"
             )
-        influence = _with_crank(scene, model, case, places, at)
+        influence = crank_influence(scene.machine, model, case, places, jnp.asarray(at))
     else:
         influence = direct_influence(model, case.loads, places, jnp.asarray(at))
     radius = {
         plane.name: float(plane.radius) for plane in places.planes if plane.radius is not None
     }
     return System(scene.name, influence, radius, "m", "crank" if crank else "file")
-
-
-def _with_crank(scene, model, case, places, speeds) -> Influence:
-    """The forces of the periodic state at each speed, in place of the forces of the file."""
-    from ..crank import Collocation, solve_orbit
-    from ..motor import MeanSpeed
-    from ..rotor import crank_forces
-
-    parts = []
-    for speed in speeds:
-        machine = eqx.tree_at(
-            lambda c: c.motor, scene.machine, MeanSpeed(speed), is_leaf=lambda x: x is None
-        )
-        orbit = solve_orbit(machine, Collocation(nodes=16))
-        forces = crank_forces(machine, orbit, case.crank, orders=(1,)).forces
-        loads = (*case.unbalances, *forces)
-        parts.append(direct_influence(model, loads, places, jnp.asarray([speed])))
-    return stacked(parts)
 
 
 def solve(system: System, planes, targets, largest_vibration, tikhonov, largest) -> Balance:

@@ -1,9 +1,23 @@
 """Design variables and the rules that keep a machine consistent while they change; studies."""
 
+from ._design import Design as Design
+from ._design import Variable as Variable
+from ._design import design_of as design_of
+from ._design import variable as variable
+from ._design import variable_names as variable_names
 from ._drive import DriveComparison as DriveComparison
 from ._drive import RodDrive as RodDrive
 from ._drive import compare_drives as compare_drives
 from ._drive import rod_driven as rod_driven
+from ._problem import Answer as Answer
+from ._problem import Problem as Problem
+from ._problem import problem as problem
+from ._quantities import Chain as Chain
+from ._quantities import Found as Found
+from ._quantities import Quantity as Quantity
+from ._quantities import Vibration as Vibration
+from ._quantities import quantity as quantity
+from ._quantities import quantity_names as quantity_names
 from ._rules import DesignRule as DesignRule
 from ._rules import design_rules as design_rules
 from ._rules import with_bore as with_bore

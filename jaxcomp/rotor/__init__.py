@@ -10,8 +10,10 @@ from ._campbell import CriticalSpeeds as CriticalSpeeds
 from ._campbell import campbell as campbell
 from ._campbell import critical_speeds as critical_speeds
 from ._campbell import critical_speeds_between as critical_speeds_between
+from ._conventions import AXES as AXES
 from ._crank import CrankForces as CrankForces
 from ._crank import crank_forces as crank_forces
+from ._crank import loaded_films as loaded_films
 from ._damped import DampedModes as DampedModes
 from ._damped import damped_modes as damped_modes
 from ._damping import ModalDamping as ModalDamping

@@ -11,12 +11,14 @@ of time, with the crank at angle zero at W t = 0 on the mean; W is the mean spee
 
 from typing import TYPE_CHECKING, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
 from ..mechanism import SliderCrank
 from ._loads import CrankNodes, PeriodicForce
+from ._model import RotorModel
 
 if TYPE_CHECKING:  # the crank's solvers are not needed to read their results
     from ..compressor import Compressor
@@ -92,6 +94,35 @@ def crank_forces(
         zero = jnp.zeros_like(cosine)
         forces.append(PeriodicForce(nodes.rotor, nodes.stator, orders, zero, zero, cosine, sine))
     return CrankForces(tuple(forces), state.mean_speed, missing)
+
+
+def loaded_films(model: RotorModel, nodes: CrankNodes, forces: CrankForces) -> RotorModel:
+    """The model with its film bearings under the mean force of the rod at this state.
+
+    Paper 000, Eqs (6) and (7): each bearing of `nodes.bearings` carries its share of the mean rod
+    force as its static load, whose Sommerfeld number sets stiffness and damping.
+
+    Args:
+        model: with the links that `nodes` names.
+        nodes: the bearings and their shares.
+        forces: of `crank_forces`, with order 0 among the orders.
+
+    Raises:
+        BadInput: forces without order 0.
+    """
+    rod = forces.forces[0]
+    if 0 not in rod.orders:
+        raise BadInput("orders", str(rod.orders), "with 0, the mean force that loads the bearings")
+    if not nodes.bearings:
+        return model
+    mean = rod.cosine[rod.orders.index(0), :2]
+    share = nodes.bearing_share
+    share = jnp.full(len(nodes.bearings), 0.5) if share is None else share
+    return eqx.tree_at(
+        lambda m: [m.links[number].law.load for number in nodes.bearings],
+        model,
+        [part * mean for part in share],
+    )
 
 
 def _harmonics(values: Float[Array, "3 n"], phase, share, orders):

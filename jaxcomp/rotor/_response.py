@@ -129,8 +129,7 @@ def respond(
         orders: orders n of the spin speed; the frequency is n W.
         nodes: the nodes to keep; absent: all, in the order of `node_names`.
         solver: "structured" or "dense".
-        batch_size: speeds solved side by side. Batches of 64 and more of a 65-node model were seen
-            to stand still on two cores (jax 0.10.2); 16 costs no time.
+        batch_size: speeds solved side by side; more than 16 gain little time and take memory.
 
     Returns:
         Response with the batch (orders, speeds).

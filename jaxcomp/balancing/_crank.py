@@ -1,0 +1,97 @@
+r"""Influence coefficients of a machine that its own crank shakes.
+
+None of the seed papers couples the two: at every speed the periodic state of the crank gives the
+Fourier coefficients of the forces and, by the mean force, stiffness and damping of the films.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._fields import replaced
+from ..compressor import Compressor
+from ..crank import Collocation, solve_orbit
+from ..motor import MeanSpeed
+from ..rotor import (
+    BalancingPlanes,
+    LoadCase,
+    PeriodicForce,
+    RotorModel,
+    Unbalances,
+    crank_forces,
+    loaded_films,
+)
+from ._influence import Influence, flexibility, influence_of
+
+
+def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
+    """The compressor held at a mean speed [rad/s], whatever its motor."""
+    motor = compressor.motor
+    if isinstance(motor, MeanSpeed):
+        return replaced(compressor, motor=replaced(motor, mean_speed=speed))
+    held = replaced(MeanSpeed(1.0), mean_speed=jnp.asarray(speed, float))
+    return replaced(compressor, motor=held)
+
+
+def crank_case(
+    compressor: Compressor,
+    model: RotorModel,
+    case: LoadCase,
+    speed: Float[Array, ""],
+    orders: tuple[int, ...] = (1,),
+    solver: Collocation | None = None,
+) -> tuple[RotorModel, tuple[Unbalances | PeriodicForce, ...], Bool[Array, ""]]:
+    """Model and loads at one speed, from the periodic state of the crank there.
+
+    Args:
+        compressor: with a slider-crank; its motor gives way to the speed.
+        model: the rotor.
+        case: its unbalances stay; its forces give way to those of the crank.
+        speed: [rad/s] mean speed.
+        orders: harmonics of the forces.
+        solver: of the periodic state.
+
+    Returns:
+        The model with its films under the mean force of the rod, the loads, and whether the
+        periodic state converged.
+    """
+    machine = at_speed(compressor, speed)
+    orbit = solve_orbit(machine, solver or Collocation(), throw=False)
+    assert case.crank is not None
+    kept = tuple(dict.fromkeys((0, *orders)))
+    forces = crank_forces(machine, orbit, case.crank, orders=kept)
+    loads = (*case.unbalances, *forces.forces)
+    return loaded_films(model, case.crank, forces), loads, orbit.converged
+
+
+def crank_influence(
+    compressor: Compressor,
+    model: RotorModel,
+    case: LoadCase,
+    places: BalancingPlanes,
+    speeds: Float[Array, " speeds"] | None = None,
+    solver: Collocation | None = None,
+) -> Influence:
+    """Influence coefficients at order 1 with the crank's own forces, differentiable end to end.
+
+    Args:
+        compressor: with a slider-crank; its motor gives way to the speeds.
+        model: rotor, crankcase and housing.
+        case: unbalances, and where the forces of the crank act.
+        places: correction planes and targets.
+        speeds: [rad/s] those of `places` if absent.
+        solver: of the periodic state.
+    """
+    speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
+    answer = _answers(compressor, model, case, places, speeds, solver)
+    return influence_of(answer, places, speeds)
+
+
+@eqx.filter_jit
+def _answers(compressor, model, case, places, speeds, solver):
+    def at(speed):
+        loaded, loads, _ = crank_case(compressor, model, case, speed, (1,), solver)
+        return flexibility(loaded, loads, places, speed)
+
+    return jax.vmap(at)(speeds).reshape(-1, 1 + len(places.planes))

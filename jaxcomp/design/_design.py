@@ -1,0 +1,215 @@
+r"""A design: all numbers of a machine in one pytree, and the variables that turn some of them."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import ANY, BadInput, Bound, Part, quantities
+from ..compressor import Compressor
+from ..rotor import BalancingPlanes
+from ._rules import design_rules
+
+CORRECTIONS = "corrections"
+
+
+class Design(eqx.Module):
+    """All numbers of a machine that may be designed.
+
+    Attributes:
+        compressor: the machine as the crank sees it; `None` where there is none.
+        parts: rotor, loads, balancing planes, suspension: the other sections of a scene, by name.
+        corrections: [kg m] (x, y) unbalance added in each correction plane, by name of the plane.
+    """
+
+    compressor: Compressor | None
+    parts: dict[str, Part]
+    corrections: dict[str, Float[Array, "2"]]
+
+
+def design_of(scene: Any) -> Design:
+    """The design that a scene describes, with no correction masses yet.
+
+    Args:
+        scene: of `jaxcomp.load`; anything with `compressor` and `parts`.
+    """
+    parts: Mapping[str, Part] = scene.parts
+    places = parts.get("balancing")
+    planes = places.planes if isinstance(places, BalancingPlanes) else ()
+    return Design(scene.compressor, dict(parts), {plane.name: jnp.zeros(2) for plane in planes})
+
+
+class Variable(NamedTuple):
+    """One number of a design, with the range it may take.
+
+    Attributes:
+        name: of a rule in `design_rules` (the machine follows as a whole), or the dotted path of a
+            number as in a scene file ("mechanism.conrod_length", "rotor.links.3.law.stiffness.0",
+            "corrections.rotor-top.x"). A path to a list of numbers is a common factor on all of
+            them, which is 1 as the design stands.
+        low, high: in the SI unit of the number.
+        unit: SI unit, `""` for pure numbers and factors.
+        bound: what the number must keep in any case.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    bound: Bound
+
+    def current(self, design: Design) -> Float[Array, ""]:
+        """The value in a design."""
+        if self.name in design_rules:
+            return design_rules[self.name].current(_compressor(design, self.name))
+        value = _walk(design, _steps(self.name))
+        return value if jnp.ndim(value) == 0 else jnp.ones(())
+
+    def apply(self, design: Design, value: Float[Array, ""]) -> Design:
+        """The design with another value; unchecked, as everything that may run inside `jit`."""
+        if self.name in design_rules:
+            machine = design_rules[self.name].apply(_compressor(design, self.name), value)
+            return eqx.tree_at(lambda d: d.compressor, design, machine)
+        steps = _steps(self.name)
+        place = steps[:-1] if _in_array(design, steps) else steps
+        old = _walk(design, place)
+        if len(place) < len(steps):
+            new = old.at[int(steps[-1])].set(value)
+        else:
+            new = jnp.asarray(value, float) if jnp.ndim(old) == 0 else old * value
+        return eqx.tree_at(lambda d: _walk(d, place), design, new)
+
+
+def variable(
+    design: Design, name: str, low: float | None = None, high: float | None = None
+) -> Variable:
+    """A variable of a design, looked up and checked.
+
+    Args:
+        design: the design it belongs to.
+        name: as in `Variable`.
+        low, high: [SI] the range; the bounds of the number itself if absent.
+
+    Raises:
+        BadInput: no such number, or a range that is empty or outside the number's bounds.
+    """
+    if name in design_rules:
+        rule = design_rules[name]
+        unit, bound = rule.unit, rule.bound
+        rule.current(_compressor(design, name))  # refuses a machine for which it is not made
+    else:
+        unit, bound = _declared(design, name)
+    for end in (low, high):
+        if end is not None and not bool(bound.holds(end)):
+            raise BadInput(name, end, str(bound))
+    low = bound.low if low is None else float(low)
+    high = bound.high if high is None else float(high)
+    if not low <= high:
+        raise BadInput(name, low, f"a range from low to high, here up to {high:g}")
+    return Variable(name, low, high, unit, bound)
+
+
+def variable_names(design: Design) -> list[str]:
+    """All names that `variable` takes, but for the single entries of lists."""
+    names = []
+    for name, rule in design_rules.items():
+        try:
+            rule.current(_compressor(design, name))
+        except BadInput:
+            continue
+        names.append(name)
+    for path, tree in _roots(design).items():
+        names += [f"{path}{name}" for name in _numbers(tree)]
+    return names + [
+        f"{CORRECTIONS}.{plane}.{axis}" for plane in design.corrections for axis in "xy"
+    ]
+
+
+def _numbers(tree):
+    if isinstance(tree, tuple):
+        children = [(str(i), child) for i, child in enumerate(tree)]
+    else:
+        children = [(f.name, getattr(tree, f.name)) for f in dataclasses.fields(tree)]
+    for name, child in children:
+        if isinstance(child, Part) or (
+            isinstance(child, tuple) and any(isinstance(c, Part) for c in child)
+        ):
+            yield from (f"{name}.{rest}" for rest in _numbers(child))
+        elif eqx.is_array(child):
+            yield name
+
+
+def _roots(design):
+    out = {} if design.compressor is None else {"": design.compressor}
+    return out | {f"{name}.": part for name, part in design.parts.items()}
+
+
+def _compressor(design: Design, name: str) -> Compressor:
+    if design.compressor is None:
+        raise BadInput(name, "without", "a variable of a scene with a compressor")
+    return design.compressor
+
+
+def _steps(name: str) -> list[str]:
+    steps = name.split(".")
+    if steps[0] == CORRECTIONS and len(steps) == 3 and steps[2] in ("x", "y"):
+        steps[2] = "xy".index(steps[2]).__str__()
+    return steps
+
+
+def _walk(design: Design, steps: list[str]) -> Any:
+    """What stands at the end of a path; raises `LookupError` at a step that leads nowhere."""
+    node: Any = design
+    for number, step in enumerate(steps):
+        if number == 0:
+            if step == CORRECTIONS:
+                node = design.corrections
+                continue
+            node = design.parts.get(step, None)
+            if node is not None:
+                continue
+            node = design.compressor
+        if isinstance(node, dict):
+            node = node[step]
+        elif isinstance(node, tuple) or eqx.is_array(node):
+            if not step.isdigit() or (jnp.ndim(node) == 0 and eqx.is_array(node)):
+                raise LookupError(step)
+            if int(step) >= len(node):
+                raise LookupError(step)
+            node = node[int(step)]
+        elif isinstance(node, Part) and step in {f.name for f in dataclasses.fields(node)}:
+            node = getattr(node, step)
+        else:
+            raise LookupError(step)
+    return node
+
+
+def _in_array(design: Design, steps: list[str]) -> bool:
+    return steps[-1].isdigit() and eqx.is_array(_walk(design, steps[:-1]))
+
+
+def _declared(design: Design, name: str) -> tuple[str, Bound]:
+    """Unit and bound of the number at the end of a path."""
+    steps = _steps(name)
+    try:
+        value = _walk(design, steps)
+        holder = steps[:-1]
+        if steps[0] == CORRECTIONS:
+            if jnp.ndim(value) > 0:
+                raise LookupError(name)
+            return "kg m", ANY
+        if not eqx.is_array(value):
+            raise LookupError(name)
+        owner = _walk(design, holder) if holder else design.compressor
+        while eqx.is_array(owner):
+            holder = holder[:-1]
+            owner = _walk(design, holder)
+    except LookupError:
+        raise BadInput(name, name, "a design rule or the dotted path of a number") from None
+    field = dict(quantities(owner))[steps[len(holder)]]
+    if jnp.ndim(value) > 0:
+        return "", ANY
+    return field.metadata["unit"], field.metadata["bound"]

@@ -1,0 +1,113 @@
+r"""A design problem: which numbers change, and what is asked of the result."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._fields import BadInput
+from ._design import Design, Variable, design_of, variable
+from ._quantities import Chain, Found, quantity
+
+Asked = str | Callable[[Found], Float[Array, ""]]
+
+
+class Answer(NamedTuple):
+    """What one design is worth.
+
+    Attributes:
+        values: (quantities,) in SI units, in the order of the problem.
+        ok: whether they can be relied on; if not they are finite where the solvers are, and mean
+            nothing.
+    """
+
+    values: Float[Array, " quantities"]
+    ok: Bool[Array, ""]
+
+
+class Problem(eqx.Module):
+    """Quantities of a design as one pure function of its variables.
+
+    `problem(values)` is differentiable and may be compiled and mapped; it computes what its
+    quantities need and nothing else. Optimiser, sweep, tolerances and reports all stand on it.
+
+    Attributes:
+        design: as it stands.
+        variables: the numbers that change; static.
+        quantities: names of `quantity`, or functions of a `Found`; static.
+        chain: how a design is worked out.
+    """
+
+    design: Design
+    variables: tuple[Variable, ...] = eqx.field(static=True)
+    quantities: tuple[Asked, ...] = eqx.field(static=True)
+    chain: Chain
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the quantities; a function goes by its own name."""
+        return tuple(q if isinstance(q, str) else q.__name__ for q in self.quantities)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI units of the quantities; empty for functions."""
+        return tuple(quantity(q).unit if isinstance(q, str) else "" for q in self.quantities)
+
+    @property
+    def current(self) -> Float[Array, " variables"]:
+        """The variables as the design stands, in SI units."""
+        return jnp.stack([jnp.asarray(v.current(self.design), float) for v in self.variables])
+
+    def designed(self, values: Float[Array, " variables"]) -> Design:
+        """The design with these values of the variables, set in their order."""
+        design = self.design
+        for number, one in enumerate(self.variables):
+            design = one.apply(design, values[number])
+        return design
+
+    def __call__(self, values: Float[Array, " variables"]) -> Answer:
+        """The quantities of one design.
+
+        Raises:
+            BadInput: a quantity that the scene does not have.
+        """
+        found = Found(self.designed(values), self.chain)
+        out = [(quantity(q).value if isinstance(q, str) else q)(found) for q in self.quantities]
+        inside = jnp.asarray(True)
+        for number, one in enumerate(self.variables):
+            inside &= one.bound.holds(values[number])
+        values = jnp.stack([jnp.asarray(value, float) for value in out])
+        return Answer(values, found.ok & inside & jnp.all(jnp.isfinite(values)))
+
+
+def problem(
+    scene: Any,
+    variables: Sequence[str] | dict[str, tuple[float | None, float | None]],
+    quantities: Sequence[Asked],
+    chain: Chain | None = None,
+) -> Problem:
+    """A problem on a scene.
+
+    Args:
+        scene: of `jaxcomp.load`, or a `Design`.
+        variables: names, or ranges in SI units by name; see `Variable`.
+        quantities: see `quantity_names`; functions of a `Found` as well.
+        chain: how a design is worked out.
+
+    Raises:
+        BadInput: an unknown variable or quantity, or an impossible range.
+    """
+    design = scene if isinstance(scene, Design) else design_of(scene)
+    ranges = (
+        variables if isinstance(variables, dict) else {name: (None, None) for name in variables}
+    )
+    if not quantities:
+        raise BadInput("quantities", "none", "at least one")
+    chosen = tuple(variable(design, name, *ends) for name, ends in ranges.items())
+    made = Problem(design, chosen, tuple(quantities), chain or Chain())
+    # Refuses what the scene does not have before anything is compiled.
+    eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(chosen),), float))
+    return made

@@ -1,0 +1,345 @@
+r"""What a design is judged by: named quantities, each computed only if it is asked for."""
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
+
+from .._fields import BadInput, admissible
+from ..balancing import Influence, crank_case, crank_influence, direct_influence, least_squares
+from ..crank import Collocation, Orbit, Shooting, solve_orbit
+from ..rotor import (
+    AXES,
+    BalancingPlanes,
+    LoadCase,
+    RotorModel,
+    Unbalances,
+    node_index,
+    respond,
+    transmitted_forces,
+)
+from ..shaking import Wrench, shaking_wrench
+from ._design import Design
+
+
+class Chain(eqx.Module):
+    """How a design is worked out; everything here is fixed while numbers change.
+
+    Attributes:
+        solver: of the periodic state. Absent: collocation with a panel edge for each change of side.
+        excitation: what shakes the rotor: "crank" (the periodic state at each speed, whose mean
+            force loads the films as well) or "file" (the forces of the scene). Absent: the forces of
+            the scene if it has any, otherwise the crank.
+        orders: orders of the spin speed that count in vibrations and mount forces.
+    """
+
+    solver: Collocation | Shooting | None = eqx.field(static=True, default=None)
+    excitation: Literal["crank", "file"] | None = eqx.field(static=True, default=None)
+    orders: tuple[int, ...] = eqx.field(static=True, default=(1,))
+
+    def __check_init__(self):
+        if self.excitation not in ("crank", "file", None):
+            raise BadInput("excitation", str(self.excitation), "'crank' or 'file'")
+        if not self.orders or min(self.orders) < 1:
+            raise BadInput("orders", str(self.orders), "whole numbers from 1")
+
+
+class Vibration(NamedTuple):
+    """Harmonic response at the balancing planes' speeds.
+
+    Attributes:
+        targets: [m], [rad] (speeds, orders, rows) complex amplitudes; the rows are the targets and
+            their axes in the order of the scene.
+        mount_force: [N] (speeds, orders) largest lateral force, over the turn, that the links to the
+            ground pass on, each link added in amplitude.
+        ok: (speeds,) whether the periodic state and the responses can be relied on.
+    """
+
+    targets: Complex[Array, "speeds orders rows"]
+    mount_force: Float[Array, "speeds orders"]
+    ok: Bool[Array, " speeds"]
+
+
+class Found:
+    """What is known of one design; every item is worked out when it is first read.
+
+    A function `f(found) -> number` serves as a quantity of a `Study` beside the named ones.
+
+    Attributes:
+        design: the design.
+        chain: how it is worked out.
+    """
+
+    def __init__(self, design: Design, chain: Chain):
+        self.design, self.chain = design, chain
+
+    @cached_property
+    def orbit(self) -> Orbit:
+        """The periodic state of the crank at the motor of the design."""
+        compressor = self.design.compressor
+        if compressor is None:
+            raise BadInput("compressor", "without", "a scene with one, for a quantity of the crank")
+        solver = self.chain.solver
+        if solver is None:
+            solver = Collocation(kinks=compressor.mechanism.side_changes)
+        return solve_orbit(compressor, solver, throw=False)
+
+    @cached_property
+    def wrench(self) -> Wrench:
+        """Shaking force and moment over the turn."""
+        assert self.design.compressor is not None
+        return shaking_wrench(self.design.compressor.mechanism, self.orbit.state)
+
+    @cached_property
+    def vibration(self) -> Vibration:
+        """Harmonic response of the rotor at the speeds of its balancing planes."""
+        model, case, places = self._rotor()
+        orders = self.chain.orders
+        corrections = [self.design.corrections[plane.name] for plane in places.planes]
+        added = tuple(
+            _unbalance(plane.node, value)
+            for plane, value in zip(places.planes, corrections, strict=True)
+        )
+
+        def at(speed):
+            loaded, loads, ok = self._loads(model, case, speed)
+            response = respond(loaded, (*loads, *added), speed[None], orders)
+            rows = []
+            for target in places.targets:
+                x = response.displacement[:, 0, node_index(loaded, target.node)]
+                if target.relative_to is not None:
+                    x = x - response.displacement[:, 0, node_index(loaded, target.relative_to)]
+                rows += [x[:, AXES[loaded.dof].index(axis)] for axis in target.axes]
+            grounded = np.flatnonzero([None in link.nodes for link in model.links])
+            force = transmitted_forces(loaded, response)[:, 0, grounded]
+            into = jnp.sum(_major_axis(force[..., 0], force[..., 1]), -1)
+            return Vibration(jnp.stack(rows, -1), into, ok & jnp.all(response.ok))
+
+        return jax.vmap(at)(places.speeds)
+
+    @cached_property
+    def influence(self) -> Influence:
+        """Influence coefficients at order 1, with the vibration before any correction."""
+        model, case, places = self._rotor()
+        if self._excitation(case) == "crank":
+            solver = self._crank_solver()
+            return crank_influence(
+                self.design.compressor, model, case, places, places.speeds, solver
+            )
+        return direct_influence(model, case.loads, places, places.speeds)
+
+    @property
+    def ok(self) -> Bool[Array, ""]:
+        """Whether all that was worked out so far can be relied on."""
+        good = jnp.asarray(True)
+        if self.design.compressor is not None:
+            good &= admissible(self.design.compressor)
+        for part in self.design.parts.values():
+            good &= admissible(part)
+        if "orbit" in self.__dict__:
+            good &= self.orbit.converged
+        if "vibration" in self.__dict__:
+            good &= jnp.all(self.vibration.ok)
+        if "influence" in self.__dict__:
+            good &= jnp.all(jnp.isfinite(self.influence.initial))
+        return good
+
+    @property
+    def weights(self) -> Float[Array, " rows"]:
+        """[-] of the rows of `vibration.targets`."""
+        places = self._rotor()[2]
+        return jnp.stack([jnp.asarray(t.weight) for t in places.targets for _ in t.axes])
+
+    def _rotor(self) -> tuple[RotorModel, LoadCase, BalancingPlanes]:
+        parts = self.design.parts
+        found = [parts.get(name) for name in ("rotor", "loads", "balancing")]
+        if not (
+            isinstance(found[0], RotorModel)
+            and isinstance(found[1], LoadCase)
+            and isinstance(found[2], BalancingPlanes)
+        ):
+            raise BadInput("rotor", "without", "a scene with rotor, loads and balancing planes")
+        return found[0], found[1], found[2]
+
+    def _excitation(self, case: LoadCase) -> str:
+        chosen = self.chain.excitation or ("file" if case.forces else "crank")
+        if chosen == "crank" and (case.crank is None or self.design.compressor is None):
+            raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
+        return chosen
+
+    def _crank_solver(self):
+        assert self.design.compressor is not None
+        kinks = self.design.compressor.mechanism.side_changes
+        return self.chain.solver or Collocation(kinks=kinks)
+
+    def _loads(self, model, case, speed):
+        if self._excitation(case) == "file":
+            return model, case.loads, jnp.asarray(True)
+        compressor = self.design.compressor
+        return crank_case(compressor, model, case, speed, self.chain.orders, self._crank_solver())
+
+
+class Quantity(NamedTuple):
+    """A named quantity.
+
+    Attributes:
+        name: as typed.
+        unit: SI unit.
+        better: "more" or "less", which way a design improves; "" where neither.
+        doc: one line.
+        value: from what is known of a design.
+    """
+
+    name: str
+    unit: str
+    better: str
+    doc: str
+    value: Callable[[Found], Float[Array, ""]]
+
+
+def _mean_square(found: Found, rows=slice(None)) -> Float[Array, ""]:
+    amplitude = found.vibration.targets[..., rows]
+    weight = found.weights[rows]
+    return jnp.sum((weight * jnp.abs(amplitude)) ** 2) / (amplitude.shape[0] * jnp.sum(weight**2))
+
+
+def _orbit_quantities():
+    table = [
+        ("mechanical_efficiency", "", "more", "gas over motor work", lambda o: o.mechanical_efficiency),
+        ("motor_power", "W", "less", "at the shaft", lambda o: o.motor_power),
+        ("gas_power", "W", "", "indicated", lambda o: o.energy.gas_work / o.period),
+        ("friction_power", "W", "less", "of all joints", lambda o: o.energy.total_loss / o.period),
+        ("speed_fluctuation", "", "less", "(highest - lowest)/mean", lambda o: o.speed_fluctuation),
+        ("mean_speed", "rad/s", "", "of the crank", lambda o: o.mean_speed),
+        ("joint_margin", "", "more", "against self-locking", lambda o: o.margin),
+    ]  # fmt: skip
+    return {
+        name: Quantity(name, unit, better, doc, lambda found, read=read: read(found.orbit))
+        for name, unit, better, doc, read in table
+    }
+
+
+def _largest(vector) -> Float[Array, ""]:
+    return jnp.sqrt(jnp.max(jnp.sum(vector**2, axis=0)))
+
+
+_PLAIN = _orbit_quantities() | {
+    q.name: q
+    for q in (
+        Quantity(
+            "swept_volume", "m^3", "", "of one stroke",
+            lambda f: f.design.compressor.mechanism.swept_volume,
+        ),
+        Quantity(
+            "peak_shaking_force", "N", "less", "largest over the turn",
+            lambda f: _largest(f.wrench.force),
+        ),
+        Quantity(
+            "peak_shaking_moment", "N m", "less", "largest over the turn",
+            lambda f: _largest(f.wrench.moment),
+        ),
+        Quantity(
+            "vibration", "m", "less",
+            "weighted root mean square amplitude of all targets, with the corrections",
+            lambda f: jnp.sqrt(_mean_square(f)),
+        ),
+        Quantity(
+            "balanced_vibration", "m", "less",
+            "the same at order 1 after the least-squares corrections for this design",
+            lambda f: _balanced(f),
+        ),
+        Quantity(
+            "mount_force", "N", "less",
+            "root mean square, over the speeds, of the lateral force into the ground",
+            lambda f: jnp.sqrt(jnp.mean(jnp.sum(f.vibration.mount_force**2, -1))),
+        ),
+    )
+}  # fmt: skip
+
+_FAMILIES = {
+    "loss_power": ("W", "less", "friction power of this joint"),
+    "peak_force": ("N", "less", "largest force of this joint over the turn"),
+    "mean_force": ("N", "less", "mean magnitude of this joint's force over crank angle"),
+    "vibration": ("m", "less", "root mean square amplitude of this target"),
+}
+
+
+def quantity_names(design: Design) -> dict[str, str]:
+    """What `Study` can be asked for, with a line on each; families as `loss_power.<joint>`."""
+    names = {}
+    for name, entry in _PLAIN.items():
+        rotor = name in ("vibration", "balanced_vibration", "mount_force")
+        if (
+            ("rotor" in design.parts and "balancing" in design.parts)
+            if rotor
+            else design.compressor
+        ):
+            names[name] = entry.doc
+    if design.compressor is not None:
+        for family in ("loss_power", "peak_force", "mean_force"):
+            names[f"{family}.<joint>"] = _FAMILIES[family][2]
+    if "vibration" in names:
+        for target in design.parts["balancing"].targets:  # pyright: ignore[reportAttributeAccessIssue]
+            names[f"vibration.{target.name}"] = _FAMILIES["vibration"][2]
+    return names
+
+
+def quantity(name: str) -> Quantity:
+    """A quantity by name.
+
+    Raises:
+        BadInput: no such quantity.
+    """
+    if name in _PLAIN:
+        return _PLAIN[name]
+    family, _, member = name.partition(".")
+    if family not in _FAMILIES or not member:
+        raise BadInput("quantity", name, f"one of {', '.join(_PLAIN)}, or <family>.<member> of "
+                       f"{', '.join(_FAMILIES)}")  # fmt: skip
+    unit, better, doc = _FAMILIES[family]
+    return Quantity(name, unit, better, doc, lambda found: _member(found, family, member))
+
+
+def _member(found: Found, family: str, member: str):
+    if family == "vibration":
+        places = found._rotor()[2]
+        numbers = [
+            number
+            for number, name in enumerate(t.name for t in places.targets for _ in t.axes)
+            if name == member
+        ]
+        if not numbers:
+            names = ", ".join(target.name for target in places.targets)
+            raise BadInput("vibration", member, f"one of {names}")
+        return jnp.sqrt(_mean_square(found, jnp.array(numbers)))
+    orbit = found.orbit
+    if family == "loss_power":
+        known = {name: work / orbit.period for name, work in orbit.energy.losses.items()}
+    else:
+        known = orbit.peak_forces if family == "peak_force" else orbit.mean_forces
+    if member not in known:
+        raise BadInput(family, member, f"one of {', '.join(known)}")
+    return known[member]
+
+
+def _balanced(found: Found):
+    influence = found.influence
+    left = influence.weight * influence.vibration(least_squares(influence).correction)
+    return jnp.sqrt(jnp.sum(jnp.abs(left) ** 2) / jnp.sum(influence.weight**2))
+
+
+def _unbalance(node, value) -> Unbalances:
+    # two signed unbalances along x and y: smooth at zero, where magnitude and phase are not
+    two = Unbalances((node, node), jnp.zeros(2), jnp.array([0.0, jnp.pi / 2]))
+    return eqx.tree_at(lambda u: u.magnitude, two, value)
+
+
+def _major_axis(x, y):
+    """Largest length over the turn of the real vector with the complex amplitudes x and y."""
+    forward, backward = jnp.abs(x + 1j * y), jnp.abs(x - 1j * y)
+    return (forward + backward) / 2
