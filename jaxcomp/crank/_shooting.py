@@ -119,9 +119,9 @@ class Shooting(eqx.Module):
         closing = 0.1 * 0.15 ** jnp.arange(_CLOSING)
         around = jnp.concatenate([-closing, closing])
         used = changes.row[:, None] >= 0
-        around_all = jnp.concatenate([kinks[:, None] + beside, pinches[:, None] + around])
-        near = jnp.where(used[:, None], around_all, edges[1])
-        stops = jnp.concatenate([edges[1:-1], jnp.ravel(near)])
+        near_kinks = jnp.where(used[: self.kinks], kinks[:, None] + beside, edges[1])
+        near_pinches = jnp.where(used[self.kinks :], pinches[:, None] + around, edges[1])
+        stops = jnp.concatenate([edges[1:-1], *map(jnp.ravel, (near_kinks, near_pinches))])
         inside = (stops > edges[0]) & (stops < edges[-1])
         places = jnp.clip(changes.angle, edges[0], edges[-1])
         return (

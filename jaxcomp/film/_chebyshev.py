@@ -134,7 +134,7 @@ class SeriesToLimit(eqx.Module):
         outer = continuation(
             s, edge, self.edge_value, self.edge_slope, self.limit, self.limit_slope
         )
-        return jnp.where(beyond, outer, chebyshev_sum(self.coefficients, t))
+        return jax.lax.select(beyond, outer, chebyshev_sum(self.coefficients, t))
 
 
 def continuation(s, edge, value, slope, limit, limit_slope=None):

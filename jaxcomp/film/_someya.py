@@ -94,8 +94,8 @@ def someya_two_axial_grooves(sommerfeld_number: Scalar, length_ratio: float) -> 
         eccentricity_ratio=values[0],
         attitude_angle=jnp.deg2rad(values[1]),
         friction_number=values[2] / (2 * jnp.pi * sommerfeld_number),
-        stiffness=values[3:7].reshape(2, 2),
-        damping=values[7:].reshape(2, 2),
+        stiffness=jnp.reshape(values[3:7], (2, 2)),
+        damping=jnp.reshape(values[7:], (2, 2)),
         inside=inside,
     )
 

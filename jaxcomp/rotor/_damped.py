@@ -131,8 +131,8 @@ def _spectrum(m, d, k):
     """Oscillating eigenvalues by frequency with right vectors, and the least stable eigenvalue."""
     n = m.shape[0]
     # Coordinates of one size, and the shift as the unit of frequency.
-    diag = jnp.abs(jnp.diagonal(k))
-    inertia = jnp.where(jnp.diagonal(m) > 0, jnp.diagonal(m), jnp.nan)
+    diag, moving = jnp.abs(jnp.diagonal(k)), jnp.diagonal(m)
+    inertia = jnp.select([moving > 0], [moving], jnp.nan)
     s = jnp.sqrt(jnp.nanmedian(jnp.where(diag > 0, diag, jnp.nan) / inertia)) * 1e-3
     s = jnp.where(s > 0, s, 1.0)
     size = diag + s**2 * jnp.nan_to_num(inertia)

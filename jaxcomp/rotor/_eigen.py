@@ -29,7 +29,7 @@ def _eigh_jvp(primals, tangents):
     gap = values[None, :] - values[:, None]
     same = jnp.abs(gap) <= CLUSTER * jnp.max(jnp.abs(values))
     inner = vectors.T @ da @ vectors
-    turn = jnp.where(same, 0.0, inner / jnp.where(same, 1.0, gap))
+    turn = jnp.select([~same], [inner / jnp.where(same, 1.0, gap)])
     return (values, vectors), (jnp.diagonal(inner), vectors @ turn)
 
 
@@ -46,7 +46,8 @@ def pencil(
         mu in descending order, and vectors (columns) with x^T M x = mu; both may be NaN if no shift
         was found (K has a negative part without inertia).
     """
-    d = jnp.where(jnp.diagonal(m) > 0, jnp.diagonal(m), jnp.nan)
+    inertia = jnp.diagonal(m)
+    d = jnp.select([inertia > 0], [inertia], jnp.nan)
     s = 1e-8 * jnp.nanmedian(jnp.abs(jnp.diagonal(k)) / d)
     s = jax.lax.stop_gradient(jnp.where(s > 0, s, 1.0))
     kf, mf = jax.lax.stop_gradient((k, m))
