@@ -1,8 +1,13 @@
-"""64-bit mode, and compiled programs that outlive a run."""
+"""64-bit mode, compiled programs that outlive a run, and none that outlive their module."""
 
-import jax
+import os
 
-import jaxcomp  # noqa: F401  (turns on 64-bit mode)
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # XLA prints pages about each program it loads
+
+import jax  # noqa: E402
+import pytest  # noqa: E402
+
+import jaxcomp  # noqa: E402, F401  (turns on 64-bit mode)
 
 
 def pytest_configure(config):
@@ -11,3 +16,10 @@ def pytest_configure(config):
         folder = config.cache.mkdir("jax")
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _forget_programs():
+    # Thousands of programs in one process use up the memory maps that Linux allows it (65,530).
+    yield
+    jax.clear_caches()

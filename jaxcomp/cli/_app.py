@@ -53,7 +53,8 @@ def _program(
 
 def main() -> None:
     """Entry point of the program `jaxcomp`."""
-    from ._cache import leave_out_callbacks
+    from ._cache import leave_out_callbacks, quiet_loader
 
+    quiet_loader()
     leave_out_callbacks()
     app()

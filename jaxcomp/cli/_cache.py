@@ -37,6 +37,15 @@ def enable_compilation_cache() -> Path | None:
     return folder
 
 
+def quiet_loader() -> None:
+    """Keep XLA from printing pages about tuning flags of kept programs; call before JAX is imported.
+
+    It compares the flags that a program was compiled with, hints to the compiler among them, with
+    the features of the processor, and finds the hints missing there on the same machine.
+    """
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+
+
 def leave_out_callbacks() -> None:
     """Compile without the checks that call back from a running program; call before JAX is imported.
 
