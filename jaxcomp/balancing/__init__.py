@@ -5,6 +5,7 @@
 
 from ._balance import Balance as Balance
 from ._classical import PlanePair as PlanePair
+from ._classical import classical_balance as classical_balance
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance
 from ._crank import at_speed as at_speed
@@ -24,6 +25,7 @@ from ._influence import trial_influence as trial_influence
 from ._least_squares import bounded as bounded
 from ._least_squares import invert as invert
 from ._least_squares import least_squares as least_squares
+from ._least_squares import predicted as predicted
 from ._least_squares import quadratic as quadratic
 from ._min_max import min_max as min_max
 from ._sectors import Sector as Sector

@@ -11,7 +11,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .._fields import BadInput
-from ..rotor import Unbalances
+from ..rotor import (
+    BalancingPlanes,
+    RotorModel,
+    Unbalances,
+    node_positions,
+    shaft_mass,
+    subset_names,
+    subsets,
+)
 from ..rotor._shaft import Node
 
 
@@ -82,3 +90,51 @@ def rigid_balance(
     allowed = permissible_unbalance(grade, mass, speed)
     share = jnp.clip((second - centre) / (second - first), 0.3, 0.7)  # 30 to 70 % by the standard
     return PlanePair(jnp.stack([-total - far, far]), allowed * jnp.stack([share, 1 - share]))
+
+
+def classical_balance(
+    model: RotorModel,
+    unbalances: Sequence[Unbalances],
+    places: BalancingPlanes,
+    *,
+    speed: Float[Array, ""] | float,
+    grade: Float[Array, ""] | float = 6.3,
+) -> PlanePair:
+    """`rigid_balance` of the rotor of a model, taken out of its crankcase and housing.
+
+    Args:
+        model: its numbers have to be concrete.
+        unbalances: of the rotor.
+        places: with two correction planes.
+        speed: [rad/s] of service.
+        grade: [mm/s] of ISO 21940-11.
+
+    Raises:
+        BadInput: another number of planes than two, or no part that spins.
+    """
+    if len(places.planes) != 2:
+        raise BadInput("planes", len(places.planes), "two, for the balance of the rotor alone")
+    names = subset_names(model)
+    if "rotor" not in names:
+        raise BadInput("rotor", str(names), "a model with a shaft that spins")
+    own = set(subsets(model)[names.index("rotor")])
+    z = {node: float(place[2]) for node, place in node_positions(model).items() if node in own}
+    mass = moment = 0.0
+    for shaft in model.shafts:
+        for (a, b), each in zip(shaft.pairs, shaft_mass(shaft), strict=True):
+            if a in own:
+                mass, moment = mass + each, moment + each * (z[a] + z[b]) / 2
+    for table in (*model.disks, *model.masses):
+        for node, each in zip(table.nodes, table.mass, strict=True):
+            if node in own:
+                mass, moment = mass + each, moment + each * z[node]
+    first, second = (plane.node for plane in places.planes)
+    return rigid_balance(
+        unbalances,
+        z,
+        (first, second),
+        centre=moment / mass,
+        mass=mass,
+        speed=speed,
+        grade=grade,
+    )

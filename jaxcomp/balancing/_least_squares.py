@@ -6,7 +6,7 @@ $\min_B \|W (V_0 + C B)\|_2$, by the singular value decomposition and never by t
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from .._fields import BadInput, is_traced
 from ._balance import Balance
@@ -51,6 +51,15 @@ def least_squares(
     share = jnp.where(kept, safe / (safe**2 + (tikhonov * values[0]) ** 2), 0.0)
     correction = -right.conj().T @ (share * (left.conj().T @ initial))
     return _balance(influence, correction, "least squares")
+
+
+def predicted(
+    influence: Influence, correction: Complex[Array, " planes"], method: str = "given"
+) -> Balance:
+    """What given corrections do; the bound is the least squares."""
+    best = least_squares(influence)
+    left = jnp.linalg.norm(influence.weight * influence.vibration(jnp.asarray(correction, complex)))
+    return Balance(influence, jnp.asarray(correction, complex), left, best.bound, method)
 
 
 def bounded(

@@ -11,10 +11,11 @@ from ._options import AsJson, OutWithoutScene
 
 
 class Method(enum.StrEnum):
-    """What is made small."""
+    """What is made small; `classical` balances the rotor alone, as a balancing machine does."""
 
     least_squares = "least-squares"
     min_max = "min-max"
+    classical = "classical"
 
 
 class Excitation(enum.StrEnum):
@@ -75,6 +76,11 @@ def balance(
     if measured is not None and any(given.values()):
         name = next(option for option, value in given.items() if value)
         raise CommandError(f"{name}: has no meaning with --measured")
+    if method is Method.classical and (tikhonov or largest or planes or measured):
+        raise CommandError(
+            "--method classical: takes no --planes, --tikhonov, --largest or --measured; it balances "
+            "the rotor of a scene in both planes"
+        )
     if method is Method.min_max and (tikhonov or largest):
         raise CommandError("--method min-max: takes neither --tikhonov nor --largest")
     if tikhonov and largest:
@@ -96,9 +102,7 @@ def balance(
             system = measured_system(measured)
         else:
             system = model_system(machine, sets or (), speeds, excitation is Excitation.crank)
-        found = solve(
-            system, _names(planes), _names(targets), method is Method.min_max, tikhonov, largest
-        )
+        found = solve(system, _names(planes), _names(targets), method.value, tikhonov, largest)
         result = balance_result(system, found)
     if out is not None:
         from ..plot import balance_figures

@@ -14,11 +14,14 @@ from rich.table import Table
 from ..balancing import (
     Balance,
     Influence,
+    PlanePair,
     bounded,
+    classical_balance,
     crank_influence,
     direct_influence,
     least_squares,
     min_max,
+    predicted,
     select,
 )
 from ..rotor import BalancingPlanes, LoadCase
@@ -40,6 +43,8 @@ class System(NamedTuple):
         radius: [m] by plane, where one is known.
         unit: of the vibration.
         excitation: what shakes the machine.
+        rotor_alone: corrections of the rotor alone with their permissible rest, of a scene with two
+            planes.
     """
 
     name: str
@@ -47,6 +52,7 @@ class System(NamedTuple):
     radius: dict[str, float]
     unit: str
     excitation: str
+    rotor_alone: PlanePair | None = None
 
 
 def measured_system(path: Path) -> System:
@@ -84,13 +90,24 @@ def model_system(name: str | None, sets: Sequence[str], speeds: str | None, cran
     radius = {
         plane.name: float(plane.radius) for plane in places.planes if plane.radius is not None
     }
-    return System(scene.name, influence, radius, "m", "crank" if crank else "file")
+    alone = None
+    if len(places.planes) == 2:
+        alone = classical_balance(model, case.unbalances, places, speed=max(at))
+    return System(scene.name, influence, radius, "m", "crank" if crank else "file", alone)
 
 
-def solve(system: System, planes, targets, largest_vibration, tikhonov, largest) -> Balance:
-    """Balance the chosen part of a system."""
+def solve(system: System, planes, targets, method: str, tikhonov, largest) -> Balance:
+    """Balance the chosen part of a system.
+
+    Raises:
+        CommandError: no two planes for the rotor alone.
+    """
     part = select(system.influence, planes=planes, targets=targets)
-    if largest_vibration:
+    if method == "classical":
+        if system.rotor_alone is None:
+            raise CommandError("--method classical: needs a scene with two correction planes")
+        return predicted(part, system.rotor_alone.correction, "rotor alone, two planes")
+    if method == "min-max":
         return min_max(part)
     if largest is not None:
         return bounded(part, float(to_si(largest, "kg m", "--largest")))
