@@ -1,9 +1,9 @@
 r"""From the crank's periodic state to loads on the rotor and the crankcase.
 
 The rod pushes the crank pin, the gas the cylinder head, the piston the cylinder wall, and the motor
-turns rotor and stator against each other. All four are real forces on real places, so that their sum
-over the machine is minus the inertia force of rod and piston, and nothing else. The crank's own
-unbalance belongs to `Unbalances`.
+and the main journal turn rotor and stator against each other. All are real forces on real places, with
+the friction of the pins, so that force and moment over the machine are minus those of the inertia of
+rod and piston, and nothing else. The crank's own unbalance belongs to `Unbalances`.
 
 The frames are the same: x along the cylinder, the crank turns from x to y. The harmonics are those
 of time, with the crank at angle zero at W t = 0 on the mean; W is the mean speed.
@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from ..mechanism import SliderCrank
+from ..mechanism import SliderCrank, rod_motion
 from ._loads import CrankNodes, PeriodicForce
 from ._model import RotorModel
 
@@ -70,8 +70,12 @@ def crank_forces(
     if state.pressure is not None and compressor.gas is not None:
         gas = (state.pressure - compressor.gas.behind_piston) * mechanism.piston_area
     radius, offset = mechanism.crank_radius, mechanism.offset
+    # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
+    lost, tilt = state.loads.loss_torque, rod_motion(mechanism, angle).tilt_1
     torque = radius * (jnp.cos(angle) * rod[1] - jnp.sin(angle) * rod[0])
+    torque = torque - lost.get("crank_pin", none) / (1 + tilt)
     lever = (position - nodes.wall_position) * side[1] - offset * side[0]
+    lever = lever - lost.get("piston_pin", none) / jnp.where(tilt == 0, 1.0, tilt)
     wrenches = {
         nodes.pin: ("rod", rod[0], rod[1], torque),
         nodes.head: ("gas", gas, none, -offset * gas),
@@ -89,7 +93,8 @@ def crank_forces(
         )
         forces.append(PeriodicForce(node, None, orders, cosine, sine, turning_cosine, turning_sine))
     if nodes.rotor is not None:
-        turning = jnp.stack([none, none, state.motor_torque])
+        between = state.motor_torque - lost.get("main_journal", none)
+        turning = jnp.stack([none, none, between])
         (cosine, sine), missing["motor"] = _harmonics(turning, phase, share, orders)
         zero = jnp.zeros_like(cosine)
         forces.append(PeriodicForce(nodes.rotor, nodes.stator, orders, zero, zero, cosine, sine))
