@@ -1,0 +1,262 @@
+"""A design problem: variables and quantities by name, and derivatives through the whole chain."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import BadInput, Collocation, crank_forces, load, solve_orbit
+from jaxcomp.balancing import at_speed, crank_case, crank_influence, direct_influence, least_squares
+from jaxcomp.design import (
+    Chain,
+    design_of,
+    problem,
+    quantity_names,
+    variable,
+    variable_names,
+    with_bore,
+)
+
+FAST = Collocation(nodes=8, kinks=0, tolerance=1e-11)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load("hermetic-68cc")
+
+
+@pytest.fixture(scope="module")
+def mayekawa():
+    return load("mayekawa-wbhe")
+
+
+# ---------------------------------------------------------------- variables
+@pytest.mark.parametrize("machine", ["mayekawa-wbhe", "slider-link-8cc", "hermetic-68cc"])
+def test_every_name_leads_to_a_number_and_back(machine):
+    design = design_of(load(machine))
+    names = variable_names(design)
+    assert "mechanism.bore" in names
+    for name in names:
+        one = variable(design, name)
+        now = one.current(design)
+        same = one.apply(design, now)
+        for a, b in zip(jax.tree.leaves(design), jax.tree.leaves(same), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-14, err_msg=name)
+        # 7 % on, or off zero: what was set is what is read, unless it is a factor on a list
+        other = one.apply(design, now * 1.07 + 1e-3)
+        if one.unit or jnp.ndim(_leaf(design, name)) == 0:
+            assert float(one.current(other)) == pytest.approx(float(now * 1.07 + 1e-3), rel=1e-12)
+
+
+def _leaf(design, name):
+    if "." not in name:
+        return jnp.zeros(())
+    head, rest = name.split(".", 1)
+    node = design.parts.get(head)
+    if head == "corrections":
+        return jnp.zeros(())
+    node, rest = (design.compressor, name) if node is None else (node, rest)
+    for step in rest.split("."):
+        node = node[int(step)] if step.isdigit() else getattr(node, step)
+    return node
+
+
+def test_entries_of_lists_and_factors_on_them(scene):
+    design = design_of(scene)
+    entry = variable(design, "rotor.links.4.law.stiffness.1")
+    assert (entry.unit, float(entry.current(design))) == ("N/m", 4e4)
+    changed = entry.apply(design, 5e4).parts["rotor"].links[4].law.stiffness
+    np.testing.assert_array_equal(changed, [4e4, 5e4, 6e4])
+    factor = variable(design, "rotor.links.4.law.stiffness", 0.5, 2.0)
+    assert (factor.unit, float(factor.current(design))) == ("", 1.0)
+    scaled = factor.apply(design, 2.0).parts["rotor"].links[4].law.stiffness
+    np.testing.assert_array_equal(scaled, [8e4, 8e4, 12e4])
+
+
+def test_a_rule_moves_the_whole_machine(mayekawa):
+    design = design_of(mayekawa)
+    one = variable(design, "bore", 0.1, 0.15)
+    ruled = with_bore(mayekawa.machine, 0.12)
+    for a, b in zip(
+        jax.tree.leaves(one.apply(design, 0.12).compressor), jax.tree.leaves(ruled), strict=True
+    ):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "quantities", "words"),
+    [
+        ({"mechanism.bor": (None, None)}, ["motor_power"], "mechanism.bor.*dotted path"),
+        ({"mechanism.bore.0": (None, None)}, ["motor_power"], "dotted path"),
+        ({"mechanism": (None, None)}, ["motor_power"], "dotted path"),
+        ({"bore": (-0.1, 0.2)}, ["motor_power"], "bore.*> 0.*-0.1"),
+        ({"bore": (0.2, 0.1)}, ["motor_power"], "bore.*low to high"),
+        ({"cylinder_eccentricity": (None, None)}, ["motor_power"], "slider_link"),
+        ({"bore": (0.1, 0.2)}, ["power"], "quantity.*one of.*motor_power"),
+        ({"bore": (0.1, 0.2)}, ["loss_power.knee"], "loss_power.*crank_pin.*knee"),
+        ({"bore": (0.1, 0.2)}, ["vibration"], "rotor.*without"),
+        ({"bore": (0.1, 0.2)}, [], "quantities.*at least one"),
+    ],
+)
+def test_refusals_name_what_is_wrong(mayekawa, ranges, quantities, words):
+    with pytest.raises(BadInput, match=words):
+        problem(mayekawa, ranges, quantities)
+
+
+# ---------------------------------------------------------------- quantities
+def test_quantities_are_those_of_the_solvers(mayekawa):
+    names = [
+        "mechanical_efficiency", "motor_power", "friction_power", "speed_fluctuation",
+        "loss_power.wall", "peak_force.crank_pin", "swept_volume",
+    ]  # fmt: skip
+    assert {n for n in names if "." not in n} <= set(quantity_names(design_of(mayekawa)))
+    one = problem(mayekawa, ["bore"], names, Chain(solver=FAST))
+    answer = eqx.filter_jit(one)(jnp.array([0.12]))
+    orbit = solve_orbit(with_bore(mayekawa.machine, 0.12), FAST)
+    expected = [
+        orbit.mechanical_efficiency,
+        orbit.motor_power,
+        orbit.motor_power - orbit.energy.gas_work / orbit.period,
+        orbit.speed_fluctuation,
+        orbit.energy.losses["wall"] / orbit.period,
+        orbit.peak_forces["crank_pin"],
+        mayekawa.machine.mechanism.swept_volume,
+    ]
+    # The friction power is the difference of two that are ten times larger.
+    np.testing.assert_allclose(answer.values, np.array(expected), rtol=1e-11)
+    assert bool(answer.ok)
+    assert one.names == tuple(names)
+    assert one.units[:2] == ("", "W")
+
+
+def test_a_design_out_of_bounds_is_marked_and_finite(mayekawa):
+    one = problem(mayekawa, ["friction.wall.coefficient"], ["motor_power"], Chain(solver=FAST))
+    answers = jax.jit(jax.vmap(lambda x: one(x)))(jnp.array([[0.083], [-0.1], [40.0]]))
+    assert answers.ok.tolist() == [True, False, False]  # the last one locks
+    assert np.all(np.isfinite(answers.values))
+
+
+def test_functions_serve_as_quantities(mayekawa):
+    def twice_the_power(found):
+        return 2 * found.orbit.motor_power
+
+    one = problem(mayekawa, ["bore"], ["motor_power", twice_the_power], Chain(solver=FAST))
+    power, twice = one(one.current).values
+    assert float(twice) == pytest.approx(2 * float(power), rel=1e-14)
+    assert one.names[1] == "twice_the_power"
+
+
+def test_only_what_is_asked_for_is_computed(scene):
+    """The size of the traced program: the crank alone has no trace of the rotor, nor the reverse."""
+    count = lambda names, **how: len(  # noqa: E731
+        str(
+            jax.make_jaxpr(problem(scene, ["mechanism.bore"], names, Chain(solver=FAST, **how)))(
+                jnp.array([0.05])
+            )
+        )
+    )
+    crank = count(["motor_power"])
+    bare = len(str(jax.make_jaxpr(lambda c: solve_orbit(c, FAST).motor_power)(scene.machine)))
+    rotor = count(["vibration"], excitation="file")
+    both = count(["motor_power", "vibration"], excitation="file")
+    # The bounds of the rotor's numbers are checked, a few operations each; nothing is solved.
+    assert crank < 1.5 * bare
+    assert both > 0.9 * (crank + rotor - bare)
+    assert rotor < both - 0.5 * bare
+
+
+# ---------------------------------------------------------------- the whole chain
+def test_vibration_is_that_of_the_influence_coefficients(scene):
+    places = scene.parts["balancing"]
+    corrections = np.array([[3e-4, -2e-4], [-5e-4, 1e-4]])
+    ranges = [f"corrections.{p.name}.{axis}" for p in places.planes for axis in "xy"]
+    one = problem(scene, ranges, ["vibration", "balanced_vibration", "vibration.TP4"])
+    found = eqx.filter_jit(one)(jnp.array(corrections.reshape(-1)))
+    influence = direct_influence(scene.parts["rotor"], scene.parts["loads"].loads, places)
+    added = corrections[:, 0] + 1j * corrections[:, 1]
+    rms = lambda v: np.sqrt(np.mean(np.abs(np.asarray(v)) ** 2))  # noqa: E731  (all weights are 1)
+    left = np.asarray(influence.vibration(added))
+    own = [row.target == "TP4" for row in influence.rows]
+    balanced = influence.vibration(least_squares(influence).correction)
+    # Two ways through the same solver, refined to 1e-10.
+    np.testing.assert_allclose(found.values, [rms(left), rms(balanced), rms(left[own])], rtol=1e-9)
+
+
+def test_films_carry_the_mean_force_of_their_speed(scene):
+    """Eq. (6): half the mean rod force rests on every film; it changes with the speed."""
+    model, case = scene.parts["rotor"], scene.parts["loads"]
+    loads = []
+    for speed in (200.0, 377.0):
+        loaded, _, ok = crank_case(scene.machine, model, case, jnp.asarray(speed), solver=FAST)
+        assert bool(ok)
+        machine = at_speed(scene.machine, speed)
+        orbit = solve_orbit(machine, FAST)
+        rod = crank_forces(machine, orbit, case.crank, orders=(0,)).forces[0]
+        for number in (0, 1, 2):
+            np.testing.assert_allclose(
+                loaded.links[number].law.load, rod.cosine[0, :2] / 2, rtol=1e-12
+            )
+        loads.append(np.asarray(loaded.links[0].law.load))
+    assert np.linalg.norm(loads[1] - loads[0]) > 0.01 * np.linalg.norm(loads[0])
+
+
+CHAIN = {
+    "bore": 1e-5,
+    "mechanism.conrod_length": 1e-5,
+    "mechanism.crank_unbalance": 1e-4,
+    "gas.suction_pressure": 1e-5,
+    "rotor.links.0.law.radial_clearance": 1e-5,
+    "rotor.links.4.law.stiffness": 1e-5,
+    "rotor.shafts.4.outer_diameter": 1e-5,
+    "corrections.rotor-top.x": None,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["vibration", "balanced_vibration", "mount_force"])
+def test_gradient_from_geometry_to_the_housing_equals_differences(scene, name):
+    """Through orbit, Fourier coefficients, bearing films and finite elements, in reverse mode."""
+    one = problem(scene, list(CHAIN), [name], Chain(solver=FAST, excitation="crank"))
+    value = eqx.filter_jit(lambda x: one(x).values[0])
+    here = np.array(one.current)
+    slope = np.asarray(eqx.filter_jit(jax.grad(lambda x: one(x).values[0]))(jnp.array(here)))
+    for number, (path, step) in enumerate(CHAIN.items()):
+        h = 1e-7 if step is None else step * abs(here[number])
+        ends = [here.copy(), here.copy()]
+        ends[0][number] += h
+        ends[1][number] -= h
+        up, down = (float(value(jnp.array(end))) for end in ends)
+        size = float(value(jnp.array(here))) / max(abs(here[number]), 1e-4)
+        # Differences of values to 1e-12 over steps of 1e-5 are good to 1e-7 of value over variable.
+        assert slope[number] == pytest.approx((up - down) / (2 * h), rel=1e-5, abs=1e-7 * size), (
+            path
+        )
+
+
+def test_derivative_through_the_whole_chain_along_one_direction(scene):
+    """As the slow test, in forward mode along one mixed direction."""
+    one = problem(scene, list(CHAIN), ["vibration"], Chain(solver=FAST, excitation="crank"))
+    here = one.current
+    along = np.abs(np.array(here)) * np.array([1.0, -2, 1, 0.5, 1, 2, -1, 0])
+    along[-1] = 1e-3
+
+    @eqx.filter_jit
+    def both(x):
+        return jax.jvp(lambda x: one(x).values[0], (x,), (jnp.array(along),))
+
+    h = 1e-5
+    up, down = (float(both(here + sign * h * along)[0]) for sign in (1, -1))
+    assert float(both(here)[1]) == pytest.approx((up - down) / (2 * h), rel=1e-6)
+
+
+@pytest.mark.slow
+def test_crank_influence_at_each_speed_is_its_own(scene):
+    """A speed does not see the other speeds of the same call."""
+    parts = scene.parts
+    arguments = (scene.machine, parts["rotor"], parts["loads"], parts["balancing"])
+    together = crank_influence(*arguments, jnp.array([314.0, 377.0]), FAST)
+    alone = crank_influence(*arguments, jnp.array([377.0]), FAST)
+    rows = len(alone.rows)
+    np.testing.assert_allclose(together.matrix[rows:], alone.matrix, rtol=1e-9)
+    np.testing.assert_allclose(together.initial[rows:], alone.initial, rtol=1e-9)
