@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, load, solve_orbit
+from jaxcomp.balancing import crank_case
 from jaxcomp.rotor import (
     CrankNodes,
     RotorModel,
@@ -181,3 +182,32 @@ def test_derivative_through_the_crank(scene, orbit):
     difference = float(motion(mass + h) - motion(mass - h)) / (2 * h)
     # Truncation (3e-4)^2; the orbit is converged to 1e-8, 1e-5 after division by the step.
     assert slope == pytest.approx(difference, rel=1e-5)
+
+
+def test_gas_and_inertia_add_up_at_constant_speed(scene):
+    """Without friction and fluctuation the forces are linear in their two causes."""
+    parts = scene.parts
+    speed = jnp.asarray(314.0)
+
+    def rod(*left_out):
+        _, loads, ok = crank_case(
+            scene.machine,
+            parts["rotor"],
+            parts["loads"],
+            speed,
+            ORDERS,
+            Collocation(nodes=24),
+            ("friction", "fluctuation", *left_out),
+        )
+        assert bool(ok)
+        force = loads[len(parts["loads"].unbalances)]
+        return np.asarray(force.cosine - 1j * force.sine)[:, :2]
+
+    both, gas, inertia = rod(), rod("inertia"), rod("gas")
+    size = np.abs(both).max()
+    # What is left of inertia and fluctuation is a millionth of each.
+    np.testing.assert_allclose(gas + inertia, both, atol=3e-6 * size)
+    assert np.abs(gas).max() > 0.1 * size
+    assert np.abs(inertia).max() > 0.1 * size
+    with pytest.raises(BadInput, match=r"without.*one of.*gas.*oil"):
+        rod("oil")

@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import replaced
+from .._fields import BadInput, replaced
 from ..compressor import Compressor
-from ..crank import Collocation, solve_orbit
+from ..crank import Collocation, Shooting, solve_orbit
 from ..motor import MeanSpeed
 from ..rotor import (
     BalancingPlanes,
@@ -34,13 +34,46 @@ def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
     return replaced(compressor, motor=held)
 
 
+# What the crank's forces may do without.
+LEAVABLE = ("gas", "inertia", "friction", "fluctuation")
+
+
+def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
+    """The compressor without some of what makes its forces, to see what each of them is worth.
+
+    Args:
+        compressor: with a slider-crank.
+        left_out: "gas"; "inertia" (of piston and rod); "friction"; "fluctuation" (of the speed,
+            by a flywheel a million times as heavy).
+
+    Raises:
+        BadInput: another word.
+    """
+    for word in left_out:
+        if word not in LEAVABLE:
+            raise BadInput("without", word, f"one of {LEAVABLE}")
+    mechanism = compressor.mechanism
+    if "inertia" in left_out:
+        # Their bounds leave out zero; a millionth is as good.
+        names = ("piston_mass", "conrod_mass", "conrod_inertia")
+        mechanism = replaced(mechanism, **{n: 1e-6 * getattr(mechanism, n) for n in names})
+    if "fluctuation" in left_out:
+        mechanism = replaced(mechanism, crank_inertia=1e6 * mechanism.crank_inertia)
+    changed = replaced(compressor, mechanism=mechanism)
+    for word in ("gas", "friction"):
+        if word in left_out and getattr(changed, word) is not None:
+            changed = eqx.tree_at(lambda c, word=word: getattr(c, word), changed, None)
+    return changed
+
+
 def crank_case(
     compressor: Compressor,
     model: RotorModel,
     case: LoadCase,
     speed: Float[Array, ""],
     orders: tuple[int, ...] = (1,),
-    solver: Collocation | None = None,
+    solver: Collocation | Shooting | None = None,
+    left_out: tuple[str, ...] = (),
 ) -> tuple[RotorModel, tuple[Unbalances | PeriodicForce, ...], Bool[Array, ""]]:
     """Model and loads at one speed, from the periodic state of the crank there.
 
@@ -51,12 +84,13 @@ def crank_case(
         speed: [rad/s] mean speed.
         orders: harmonics of the forces.
         solver: of the periodic state.
+        left_out: see `without`.
 
     Returns:
         The model with its films under the mean force of the rod, the loads, and whether the
         periodic state converged.
     """
-    machine = at_speed(compressor, speed)
+    machine = without(at_speed(compressor, speed), left_out)
     orbit = solve_orbit(machine, solver or Collocation(), throw=False)
     assert case.crank is not None
     kept = tuple(dict.fromkeys((0, *orders)))
@@ -71,7 +105,8 @@ def crank_influence(
     case: LoadCase,
     places: BalancingPlanes,
     speeds: Float[Array, " speeds"] | None = None,
-    solver: Collocation | None = None,
+    solver: Collocation | Shooting | None = None,
+    left_out: tuple[str, ...] = (),
 ) -> Influence:
     """Influence coefficients at order 1 with the crank's own forces, differentiable end to end.
 
@@ -82,16 +117,17 @@ def crank_influence(
         places: correction planes and targets.
         speeds: [rad/s] those of `places` if absent.
         solver: of the periodic state.
+        left_out: see `without`.
     """
     speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
-    answer = _answers(compressor, model, case, places, speeds, solver)
+    answer = _answers(compressor, model, case, places, speeds, solver, left_out)
     return influence_of(answer, places, speeds)
 
 
 @eqx.filter_jit
-def _answers(compressor, model, case, places, speeds, solver):
+def _answers(compressor, model, case, places, speeds, solver, left_out):
     def at(speed):
-        loaded, loads, _ = crank_case(compressor, model, case, speed, (1,), solver)
+        loaded, loads, _ = crank_case(compressor, model, case, speed, (1,), solver, left_out)
         return flexibility(loaded, loads, places, speed)
 
     return jax.vmap(at)(speeds).reshape(-1, 1 + len(places.planes))

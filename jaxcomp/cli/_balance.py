@@ -59,6 +59,13 @@ def balance(
         Excitation,
         typer.Option(help="Forces of the file, or of the crank's periodic state at each speed."),
     ] = Excitation.file,
+    without: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B",
+            help="Leave gas, inertia, friction or fluctuation out of the forces of the crank.",
+        ),
+    ] = None,
     measured: Annotated[
         Path | None,
         typer.Option(help="CSV of an initial run and one run with a trial weight per plane."),
@@ -76,6 +83,8 @@ def balance(
     if measured is not None and any(given.values()):
         name = next(option for option, value in given.items() if value)
         raise CommandError(f"{name}: has no meaning with --measured")
+    if without and excitation is not Excitation.crank:
+        raise CommandError("--without: needs --excitation crank")
     if method is Method.classical and (tikhonov or largest or planes or measured):
         raise CommandError(
             "--method classical: takes no --planes, --tikhonov, --largest or --measured; it balances "
@@ -101,7 +110,8 @@ def balance(
         if measured is not None:
             system = measured_system(measured)
         else:
-            system = model_system(machine, sets or (), speeds, excitation is Excitation.crank)
+            crank = excitation is Excitation.crank
+            system = model_system(machine, sets or (), speeds, crank, _names(without) or ())
         found = solve(system, _names(planes), _names(targets), method.value, tikhonov, largest)
         result = balance_result(system, found)
     if out is not None:

@@ -61,8 +61,14 @@ def measured_system(path: Path) -> System:
     return System(path.name, data.influence, {}, data.unit or "as measured", "measured")
 
 
-def model_system(name: str | None, sets: Sequence[str], speeds: str | None, crank: bool) -> System:
-    """From a scene with a rotor and balancing planes.
+def model_system(
+    name: str | None,
+    sets: Sequence[str],
+    speeds: str | None,
+    crank: bool,
+    left_out: Sequence[str] = (),
+) -> System:
+    """From a scene with a rotor and balancing planes; `left_out` of the crank's forces.
 
     Raises:
         CommandError: no planes, no loads, or no crank forces to take.
@@ -84,7 +90,9 @@ def model_system(name: str | None, sets: Sequence[str], speeds: str | None, cran
             raise CommandError(
                 f"{scene.file}: loads.crank: is missing; --excitation crank needs it"
             )
-        influence = crank_influence(scene.machine, model, case, places, jnp.asarray(at))
+        influence = crank_influence(
+            scene.machine, model, case, places, jnp.asarray(at), None, tuple(left_out)
+        )
     else:
         influence = direct_influence(model, case.loads, places, jnp.asarray(at))
     radius = {

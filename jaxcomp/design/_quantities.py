@@ -36,11 +36,13 @@ class Chain(eqx.Module):
             force loads the films as well) or "file" (the forces of the scene). Absent: the forces of
             the scene if it has any, otherwise the crank.
         orders: orders of the spin speed that count in vibrations and mount forces.
+        left_out: what the crank's forces on the rotor do without, see `jaxcomp.balancing.without`.
     """
 
     solver: Collocation | Shooting | None = eqx.field(static=True, default=None)
     excitation: Literal["crank", "file"] | None = eqx.field(static=True, default=None)
     orders: tuple[int, ...] = eqx.field(static=True, default=(1,))
+    left_out: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __check_init__(self):
         if self.excitation not in ("crank", "file", None):
@@ -129,7 +131,13 @@ class Found:
         if self._excitation(case) == "crank":
             solver = self._crank_solver()
             return crank_influence(
-                self.design.compressor, model, case, places, places.speeds, solver
+                self.design.compressor,
+                model,
+                case,
+                places,
+                places.speeds,
+                solver,
+                self.chain.left_out,
             )
         return direct_influence(model, case.loads, places, places.speeds)
 
@@ -181,7 +189,10 @@ class Found:
         if self._excitation(case) == "file":
             return model, case.loads, jnp.asarray(True)
         compressor = self.design.compressor
-        return crank_case(compressor, model, case, speed, self.chain.orders, self._crank_solver())
+        solver = self._crank_solver()
+        return crank_case(
+            compressor, model, case, speed, self.chain.orders, solver, self.chain.left_out
+        )
 
 
 class Quantity(NamedTuple):
