@@ -51,6 +51,7 @@ _ROOMS = {
     "film": ("JournalBearing",),
     "rotor": ("RotorModel", "crank_forces", "damped_modes", "respond", "undamped_modes"),
     "scene": ("Scene", "SceneError", "describe", "dump", "load", "machines"),
+    "sweeping": ("open_sweep", "sweep"),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 

@@ -13,6 +13,7 @@ from ._list import list_machines
 from ._modes import modes
 from ._respond import respond
 from ._run import run
+from ._sweep import sweep
 
 app = typer.Typer(
     name="jaxcomp",
@@ -29,6 +30,7 @@ app.command("respond")(respond)
 app.command("modes")(modes)
 app.command("bearing")(bearing)
 app.command("balance")(balance)
+app.command("sweep")(sweep)
 
 
 def _show_version(wanted: bool) -> None:

@@ -23,3 +23,8 @@ from ._rotor import rotor_drawing as rotor_drawing
 from ._shaking import free_body_errors as free_body_errors
 from ._shaking import shaking_force as shaking_force
 from ._shaking import vibration_orbits as vibration_orbits
+from ._sweep import optimum_curve as optimum_curve
+from ._sweep import sample_cloud as sample_cloud
+from ._sweep import sweep_curves as sweep_curves
+from ._sweep import sweep_figures as sweep_figures
+from ._sweep import sweep_map as sweep_map

@@ -1,0 +1,16 @@
+"""Grids and samples of designs: many at a time, streamed to disk, on all devices and hosts."""
+
+from ._axes import Distribution as Distribution
+from ._axes import grid as grid
+from ._axes import log_grid as log_grid
+from ._axes import log_uniform as log_uniform
+from ._axes import normal as normal
+from ._axes import uniform as uniform
+from ._best import Ridge as Ridge
+from ._best import best_design as best_design
+from ._best import ridge as ridge
+from ._run import sweep as sweep
+from ._shown import Shown as Shown
+from ._shown import shown as shown
+from ._shown import shown_column as shown_column
+from ._store import open_sweep as open_sweep

@@ -1,0 +1,232 @@
+r"""`sweep`: the quantities of many designs."""
+
+import platform
+from collections import deque
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from .._fields import BadInput
+from ..design import Chain, Problem, problem, quantity
+from ..design._problem import Asked
+from ._axes import Distribution, as_values
+from ._bar import bar
+from ._fingerprint import fingerprint
+from ._plan import Column, Plan
+from ._points import GridPoints, Layout, SamplePoints
+from ._program import Device, block_program, chosen_devices, default_width
+from ._store import OK, InMemory, OnDisk, stored_header
+
+if TYPE_CHECKING:
+    import xarray
+
+# Large enough that writing a block takes a small share of working it out, small enough that a
+# killed run loses a fraction of a second.
+BATCH = 8192
+# Blocks that are under way at the same time, so that devices work while one is written.
+_AHEAD = 2
+
+Over: TypeAlias = Mapping[str, Distribution | Sequence[float] | Float[np.ndarray, " n"]]
+
+
+class Part(NamedTuple):
+    """One of several processes that share a sweep."""
+
+    number: int
+    of: int
+
+
+def sweep(
+    scene: Any,
+    over: Over,
+    quantities: Sequence[Asked] | None = None,
+    *,
+    samples: int | None = None,
+    sampling: Literal["sobol", "latin_hypercube", "random"] = "sobol",
+    seed: int = 0,
+    chain: Chain | None = None,
+    out: str | Path | None = None,
+    batch: int | None = None,
+    width: int | None = None,
+    devices: int | Sequence[Device] | None = None,
+    part: tuple[int, int] | None = None,
+    progress: bool = True,
+) -> "xarray.Dataset":
+    """The quantities of all designs of a grid, or of samples.
+
+    The designs are worked out in blocks of one shape, each shared by all devices of this process
+    and written as soon as it is done, so that memory does not grow with their number. Results are
+    the same to the last bit whatever the number of devices and processes, and however often the
+    sweep was stopped: run it again with the same `out` and it goes on.
+
+    A process of `jax.distributed` works on its share of the blocks and then on what others have not
+    done yet; all of them must see the folder `out`.
+
+    Args:
+        scene: of `jaxcomp.load`, a `Design`, or a `Problem`, which has its quantities and chain.
+        over: values [SI] of each variable by name (see `Variable`), for a grid; or a distribution
+            each (`uniform`, `log_uniform`, `normal`), for samples. Set in this order.
+        quantities: see `quantity_names`; functions of a `Found` as well.
+        samples: how many designs to draw, for distributions.
+        sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
+        seed: of the samples.
+        chain: how a design is worked out.
+        out: folder of a zarr store; in memory alone if absent.
+        batch: designs in a block, at most. Absent: as in the store, or 8192.
+        width: designs that a device works out in step. Absent: as in the store, or 32 on a CPU.
+        devices: how many devices of this process, or which; all if absent.
+        part: (i, n) for the i-th of n processes. Absent: as `jax.distributed` knows it.
+        progress: show a bar on standard error, if that is a terminal.
+
+    Returns:
+        A dimension for each variable of a grid, or the one dimension `sample`, with the variables
+        as coordinates; a data variable for each quantity, NaN where a design failed, and `ok`.
+        Units are in the attributes. With `out` it is read from disk when it is used.
+
+    Raises:
+        BadInput: an unknown variable or quantity, a value out of bounds, an option that makes no
+            sense, or a folder `out` that holds something else.
+    """
+    points = _points(over, samples, sampling, seed)
+    asked = _problem(scene, points, quantities, chain)
+    there = None if out is None else stored_header(Path(out))
+    layout = _layout(points, batch, there)
+    local = chosen_devices(devices)
+    width = _chosen("width", width, there, default_width(local))
+    plan = Plan(points, layout, width, *_columns(asked), fingerprint(asked, points), _about(local))
+    mine = Part(*(part or (jax.process_index(), jax.process_count())))
+    if not 0 <= mine.number < mine.of:
+        raise BadInput("part", f"{mine.number} of {mine.of}", "i of n with 0 <= i < n")
+    if mine.of > 1 and out is None:
+        raise BadInput("out", "none", "a folder, where several processes share a sweep")
+    store = InMemory(plan) if out is None else OnDisk(Path(out), plan)
+    _run(plan, store, mine, block_program(asked, width, local), progress)
+    return store.dataset()
+
+
+def _run(plan, store, mine, start, progress):
+    """Work out what is not there, own blocks first."""
+    layout, total = plan.layout, int(np.prod(plan.layout.shape))
+    own = range(mine.number, layout.number, mine.of)
+    # The blocks of others from their ends, where they arrive last.
+    rest = [n for n in reversed(range(layout.number)) if n % mine.of != mine.number]
+    left, done = [], 0
+    for number in (*own, *rest):
+        if store.has(number):
+            done += _size(layout, number)
+        else:
+            left.append(number)
+    waiting = deque()
+
+    def finish():
+        number, rows, wait = waiting.popleft()
+        values, ok = wait()
+        store.write(number, rows, values, ok)
+        advance(len(rows), True)
+
+    with bar(total, done, progress) as advance:
+        for number in left:
+            if mine.of > 1 and store.has(number):
+                advance(_size(layout, number), False)
+                continue
+            rows = plan.points.rows(layout.place(number))
+            waiting.append((number, rows, start(rows)))
+            if len(waiting) > _AHEAD:
+                finish()
+        while waiting:
+            finish()
+
+
+def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
+    if not over:
+        raise BadInput("over", "none", "at least one variable")
+    scattered = {name: axis for name, axis in over.items() if isinstance(axis, Distribution)}
+    if samples is None:
+        if scattered:
+            name = next(iter(scattered))
+            raise BadInput(name, "a distribution", "a list of values, or go with `samples`")
+        return GridPoints({name: as_values(name, axis) for name, axis in over.items()})
+    if len(scattered) < len(over):
+        name = next(name for name in over if name not in scattered)
+        raise BadInput(name, "a list of values", "a distribution, where `samples` is given")
+    return SamplePoints(scattered, samples, sampling, seed)
+
+
+def _problem(scene, points, quantities, chain) -> Problem:
+    if isinstance(scene, Problem):
+        if quantities is not None or chain is not None:
+            raise BadInput("quantities", "given twice", "left to the `Problem`, as is the chain")
+        names = tuple(variable.name for variable in scene.variables)
+        if tuple(points.axes) != names:
+            raise BadInput("over", ", ".join(points.axes), f"{', '.join(names)}, in this order")
+        _refuse_clashes(points, scene.names)
+        made = scene
+        for variable in made.variables:
+            for end in _ends(points.axes[variable.name]):
+                if not bool(variable.bound.holds(end)):
+                    raise BadInput(variable.name, end, str(variable.bound))
+    else:
+        quantities = quantities or ("mechanical_efficiency",)
+        _refuse_clashes(points, [q if isinstance(q, str) else q.__name__ for q in quantities])
+        ends = {name: _ends(axis) for name, axis in points.axes.items()}
+        made = problem(scene, ends, quantities, chain)
+    return made
+
+
+def _refuse_clashes(points, quantities) -> None:
+    names = [*{*points.dims, *points.axes}, *quantities, OK]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput("quantities", name, "a name that nothing else in the sweep has")
+
+
+def _ends(axis) -> tuple[float, float]:
+    if isinstance(axis, Distribution):
+        return axis.ends
+    return float(np.min(axis)), float(np.max(axis))
+
+
+def _columns(asked: Problem) -> tuple[tuple[Column, ...], tuple[Column, ...]]:
+    found = [quantity(one) if isinstance(one, str) else None for one in asked.quantities]
+    pairs = zip(asked.names, found, strict=True)
+    return (
+        tuple(Column(variable.name, variable.unit) for variable in asked.variables),
+        tuple(Column(n, q.unit, q.better, q.doc) if q else Column(n, "") for n, q in pairs),
+    )
+
+
+def _layout(points, batch, there) -> Layout:
+    if there is None:
+        batch = BATCH if batch is None else batch
+        if batch < 1:
+            raise BadInput("batch", batch, ">= 1")
+        return Layout.of(points.shape, batch)
+    stored = tuple(there["block"])
+    if batch is not None and Layout.of(points.shape, batch).block != stored:
+        raise BadInput("batch", batch, f"as in the store, whose blocks have shape {stored}")
+    return Layout(points.shape, stored)
+
+
+def _chosen(name, given, there, default) -> int:
+    if given is not None and given < 1:
+        raise BadInput(name, given, ">= 1")
+    stored = None if there is None else there[name]
+    if stored is not None and given not in (None, stored):
+        raise BadInput(name, given, f"{stored}, as in the store")
+    return given or stored or default
+
+
+def _size(layout: Layout, number: int) -> int:
+    return int(np.prod([part.stop - part.start for part in layout.place(number)]))
+
+
+def _about(devices) -> dict[str, str]:
+    return {
+        "made_with": f"jaxcomp {version('jaxcomp')}, jax {jax.__version__}",
+        "made_on": f"{devices[0].device_kind}, {platform.machine()}",
+    }

@@ -1,0 +1,74 @@
+r"""Numbers in the units in which people speak of them."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+_RPM = 30 / math.pi
+# Pure numbers that people give in per cent.
+_SHARES = ("efficiency", "fluctuation", "clearance_ratio")
+# Sizes from which on a unit is used, the largest first.
+_UNITS = {
+    "m": ((10.0, 1.0, "m"), (2e-3, 1e3, "mm"), (0.0, 1e6, "µm")),
+    "m^3": ((0.1, 1.0, "m³"), (0.0, 1e6, "cm³")),
+    "rad/s": ((0.0, _RPM, "rpm"),),
+    "rad": ((0.0, 180 / math.pi, "°"),),
+    "Pa": ((1e5, 1e-6, "MPa"), (0.0, 1e-3, "kPa")),
+    "Pa s": ((0.0, 1e3, "mPa s"),),
+    "W": ((1e3, 1e-3, "kW"), (0.0, 1.0, "W")),
+    "N": ((1e3, 1e-3, "kN"), (0.0, 1.0, "N")),
+    "N/m": ((1e5, 1e-6, "MN/m"), (0.0, 1.0, "N/m")),
+    "kg": ((0.1, 1.0, "kg"), (0.0, 1e3, "g")),
+    "kg m": ((0.1, 1.0, "kg m"), (0.0, 1e6, "g mm")),
+}
+
+
+class Shown(NamedTuple):
+    """How a variable or quantity is shown.
+
+    Attributes:
+        words: its name.
+        unit: in which it is shown, "" for a pure number.
+        factor: from SI to that unit.
+    """
+
+    words: str
+    unit: str
+    factor: float
+
+    @property
+    def label(self) -> str:
+        """Name and unit, for an axis."""
+        return f"{self.words}, {self.unit}" if self.unit else self.words
+
+    def text(self, value: float, digits: int = 5) -> str:
+        """A value [SI] with its unit."""
+        return f"{value * self.factor:.{digits}g} {self.unit}".strip()
+
+
+def shown(name: str, unit: str, values) -> Shown:
+    """The unit that suits the size of some values.
+
+    Args:
+        name: of the variable or quantity.
+        unit: SI unit of the values.
+        values: [SI], of any shape; those that are not finite do not count.
+    """
+    words = name.replace(".", " ").replace("_", " ").replace("-", " ")
+    words = words[:1].upper() + words[1:]
+    if not unit:
+        share = any(name.split(".")[-1].endswith(word) for word in _SHARES)
+        return Shown(words, "%" if share else "", 100.0 if share else 1.0)
+    values = np.abs(np.asarray(values, dtype=float))
+    values = values[np.isfinite(values)]
+    size = values.max() if values.size else 0.0
+    for least, factor, name_of_unit in _UNITS.get(unit, ()):
+        if size >= least:
+            return Shown(words, name_of_unit, factor)
+    return Shown(words, unit, 1.0)
+
+
+def shown_column(found, name: str) -> Shown:
+    """How a variable or quantity of a sweep is shown."""
+    return shown(name, found[name].attrs.get("units", ""), found[name].values)

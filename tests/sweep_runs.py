@@ -1,0 +1,124 @@
+"""Sweeps that several tests run, in this process and in others; as a script, one of them.
+
+`python sweep_runs.py KIND [key=value ...]`: see `main`.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+FAST = {"nodes": 5, "kinks": 0, "tolerance": 1e-5}
+
+
+def machine():
+    from jaxcomp import load
+
+    return load("mayekawa-wbhe")
+
+
+def chain():
+    from jaxcomp import Collocation
+    from jaxcomp.design import Chain
+
+    return Chain(Collocation(**FAST))
+
+
+def small(**options):
+    """A grid of 21 bores and 10 speeds, seven groups of 32 with a rest."""
+    from jaxcomp import sweep
+    from jaxcomp.sweeping import grid
+
+    over = {"bore": grid(0.1, 0.15, 21), "motor.mean_speed": grid(60.0, 140.0, 10)}
+    return sweep(machine(), over, ["mechanical_efficiency"], chain=chain(), **options)
+
+
+def many(out, count=20_000, batch=256, **options):
+    """Samples in many blocks."""
+    from jaxcomp import sweep
+    from jaxcomp.sweeping import normal, uniform
+
+    over = {"bore": uniform(0.11, 0.15), "friction.wall.coefficient": normal(0.08, 0.01)}
+    options = {"chain": chain(), "samples": count, "seed": 3, "batch": batch} | options
+    return sweep(machine(), over, ["mechanical_efficiency"], out=out, **options)
+
+
+def cheap(out, count, **options):
+    """Samples of a quantity that costs next to nothing."""
+    from jaxcomp import sweep
+    from jaxcomp.sweeping import uniform
+
+    over = {"bore": uniform(0.11, 0.15), "mechanism.offset": uniform(0.0, 0.01)}
+    return sweep(machine(), over, ["swept_volume"], out=out, samples=count, **options)
+
+
+def volumes(out):
+    """A cheap one in many blocks."""
+    return cheap(out, 20_000, batch=256)
+
+
+def command(kind, **options):
+    """The command line and the environment that run this file in another process."""
+    import jax
+
+    environment = dict(os.environ) | {"JAXCOMP_X64": "1"}
+    environment.pop("XLA_FLAGS", None)
+    cache = jax.config.jax_compilation_cache_dir
+    if cache:
+        environment["JAX_COMPILATION_CACHE_DIR"] = cache
+    given = [f"{key}={value}" for key, value in options.items()]
+    return [sys.executable, str(Path(__file__)), kind, *given], environment
+
+
+def counted(run, out):
+    """How many blocks a sweep writes in this process."""
+    from jaxcomp.sweeping._store import OnDisk
+
+    written, write = [], OnDisk.write
+
+    def writing(store, number, *block):
+        written.append(number)
+        write(store, number, *block)
+
+    OnDisk.write = writing
+    run(out)
+    return len(written)
+
+
+def main(kind, out, devices="", what="", address="", process="0", count=""):
+    """Run one sweep.
+
+    Args:
+        kind: "devices" (both numbers of devices, arrays to the file `out`), "many" (to a store),
+            "distributed" (likewise, shared with another process; prints its number of blocks) or
+            "memory" (prints by how many kB the peak grew).
+        out: where to.
+        devices: host devices to share.
+        what: which sweep to distribute.
+        address, process: of the other process.
+        count: of samples.
+    """
+    import jax
+
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    if kind == "devices":
+        values = [small(devices=n).mechanical_efficiency.values for n in (1, int(devices))]
+        np.save(out, np.stack(values))
+    elif kind == "many":
+        many(out)
+    elif kind == "distributed":
+        jax.distributed.initialize(address, 2, int(process))
+        assert jax.process_count() == 2
+        print(counted({"many": many, "volumes": volumes}[what], out))
+    elif kind == "memory":
+        import resource
+
+        cheap(out, 10_000)
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        cheap(f"{out}-more", int(count))
+        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], **dict(text.split("=", 1) for text in sys.argv[2:]))

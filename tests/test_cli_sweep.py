@@ -1,0 +1,209 @@
+"""`jaxcomp sweep`: grids, samples, pictures, going on with a stopped one, and refusals."""
+
+import json
+import os
+import pty
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from jaxcomp.cli import app
+
+RUNNER = CliRunner()
+FAST = ["--solver-nodes", "5", "--solver-kinks", "0", "--solver-tolerance", "1e-5"]
+RPM = np.pi / 30
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_cache():
+    jax.devices()  # so that the command finds JAX running and leaves the other tests their devices
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+        patch.setenv("JAXCOMP_CACHE_DIR", "off")
+        yield
+
+
+def run(*arguments):
+    return RUNNER.invoke(app, ["sweep", "mayekawa-wbhe", *map(str, arguments)])
+
+
+def found(*arguments):
+    result = run(*arguments, "--json")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+BORES = ("--over", "bore=100mm:180mm:9")
+SPEEDS = ("--over", "motor.mean_speed=800rpm,1000rpm,1200rpm")
+
+
+@pytest.fixture(scope="module")
+def folder(no_cache, tmp_path_factory):
+    return tmp_path_factory.mktemp("sweep") / "out"
+
+
+@pytest.fixture(scope="module")
+def best_bores(folder):
+    return found(*BORES, *SPEEDS, *FAST, "--out", folder)
+
+
+def test_best_bores_are_the_published_ones(best_bores):
+    """Tsuji et al. (2012), Figs 5c and 6, of a 10 mm grid."""
+    points = best_bores["quantities"]["mechanical_efficiency"]["ridge"]["points"]
+    across = [point["across"] / RPM for point in points]
+    np.testing.assert_allclose(across, [800, 1000, 1200], rtol=1e-12)
+    np.testing.assert_allclose([p["best"] for p in points], [0.12, 0.13, 0.14], rtol=1e-12)
+    # printed to three digits, and fitted to 0.05 per cent points
+    np.testing.assert_allclose([p["value"] for p in points], [0.921, 0.911, 0.903], atol=1e-3)
+
+
+def test_json_has_every_design_in_si_units(best_bores):
+    assert best_bores["shape"] == [9, 3]
+    assert best_bores["failed"] == 0
+    assert best_bores["variables"]["bore"]["unit"] == "m"
+    assert best_bores["variables"]["bore"]["values"] == pytest.approx(np.linspace(0.1, 0.18, 9))
+    entry = best_bores["quantities"]["mechanical_efficiency"]
+    values = np.array(entry["values"])
+    assert values.shape == (9, 3)
+    assert entry["highest"] == values.max() == entry["best"]["mechanical_efficiency"]
+    assert entry["best"]["bore"] == pytest.approx(0.12)
+
+
+def test_folder_has_store_pictures_scene_and_result(best_bores, folder):
+    from jaxcomp import open_sweep
+
+    for name in ("map", "curves", "optimum"):
+        assert (folder / f"{name}-mechanical_efficiency.png").stat().st_size > 10_000
+    assert (folder / "scene.toml").exists()
+    assert json.loads((folder / "result.json").read_text()) == best_bores
+    stored = open_sweep(folder / "sweep.zarr").mechanical_efficiency
+    np.testing.assert_array_equal(
+        stored, best_bores["quantities"]["mechanical_efficiency"]["values"]
+    )
+
+
+def test_same_command_goes_on_where_one_ended(best_bores, folder):
+    marks = [folder / "sweep.zarr" / name / "c/0/0" for name in ("ok", "mechanical_efficiency")]
+    stamps = [mark.stat().st_mtime_ns for mark in marks]
+    assert found(*BORES, *SPEEDS, *FAST, "--out", folder) == best_bores
+    assert [mark.stat().st_mtime_ns for mark in marks] == stamps
+    other = run("--over", "bore=100mm:190mm:9", *SPEEDS, *FAST, "--out", folder)
+    assert other.exit_code == 2
+    assert "other values of the variables" in other.stderr
+
+
+def test_tables_speak_in_millimetres_and_per_cent(best_bores, folder):
+    text = run(*BORES, *SPEEDS, *FAST, "--out", folder).stdout
+    for word in ("Best bore, mm", "Motor mean speed, rpm", "27 designs", "120", "91.1", "800"):
+        assert word in text
+    assert str(folder) in text.replace("\n", "")
+
+
+def test_a_line_of_designs_is_listed_and_failures_are_named():
+    text = run("--over", "friction.wall.coefficient=0.083,40", *FAST).stdout
+    assert "1 failed" in text
+    assert "0.083" in text
+    assert "failed" in text.splitlines()[-2]
+    result = found("--over", "friction.wall.coefficient=0.083,40", *FAST)
+    assert result["ok"] == [True, False]
+    assert result["quantities"]["mechanical_efficiency"]["values"][1] is None
+
+
+def test_samples_scatter_about_their_ranges(tmp_path):
+    arguments = ["--over", "bore=125mm:135mm", "--over", "gas.exponent=normal:1.05:0.01"]
+    arguments += ["--samples", 300, "--quantity", "mechanical_efficiency", *FAST]
+    result = found(*arguments, "--out", tmp_path / "out")
+    assert result["dimensions"] == ["sample"]
+    bore = np.array(result["variables"]["bore"]["values"])
+    assert bore.min() > 0.125
+    assert bore.max() < 0.135
+    # 300 quasi-random points
+    assert np.mean(bore) == pytest.approx(0.13, abs=1e-4)
+    assert np.std(result["variables"]["gas.exponent"]["values"]) == pytest.approx(0.01, rel=0.05)
+    entry = result["quantities"]["mechanical_efficiency"]
+    assert entry["lowest"] < entry["percentiles"]["5"] < entry["percentiles"]["95"]
+    assert (tmp_path / "out/samples-mechanical_efficiency.png").stat().st_size > 10_000
+    assert found(*arguments, "--seed", 1)["variables"]["bore"]["values"] != bore.tolist()
+
+
+def test_three_variables_are_drawn_at_the_best_of_the_third(tmp_path):
+    result = found(
+        "--over", "bore=120mm:140mm:3", "--over", "motor.mean_speed=log:800rpm:1200rpm:3",
+        "--over", "friction.wall.coefficient=0.08,0.1", "--quantity", "mechanical_efficiency",
+        *FAST, "--out", tmp_path / "out",
+    )  # fmt: skip
+    assert result["shape"] == [3, 3, 2]
+    speeds = np.array(result["variables"]["motor.mean_speed"]["values"])
+    assert speeds[1] ** 2 == pytest.approx(speeds[0] * speeds[2])
+    assert (
+        result["quantities"]["mechanical_efficiency"]["best"]["friction.wall.coefficient"] == 0.08
+    )
+    assert (tmp_path / "out/map-mechanical_efficiency.png").stat().st_size > 10_000
+
+
+def test_bar_is_shown_on_a_terminal_alone(tmp_path):
+    """The rate on a terminal; nothing on a pipe, so that the error output stays clean."""
+    arguments = ["sweep", "mayekawa-wbhe", "--over", "bore=110mm:140mm:40", "--quantity"]
+    arguments += ["swept_volume", "--batch", "10", "--json"]
+    code = "from jaxcomp.cli import main; main()"
+    ours, theirs = pty.openpty()
+    environment = dict(os.environ) | {"TERM": "xterm", "COLUMNS": "120"}
+    with subprocess.Popen([sys.executable, "-c", code, *arguments], stdout=subprocess.DEVNULL,
+                          stderr=theirs, env=environment) as process:  # fmt: skip
+        os.close(theirs)
+        shown = b""
+        try:
+            while part := os.read(ours, 4096):
+                shown += part
+        except OSError:  # the other end is closed
+            pass
+    assert process.returncode == 0
+    assert b"designs/s" in shown
+    assert b"100%" in shown
+    assert run(*arguments[2:]).stderr == ""
+
+
+REFUSED = {
+    "no variable": ([], "--over"),
+    "unknown variable": (["--over", "bor=1mm:2mm:3"], 'did you mean "bore"'),
+    "no unit": (["--over", "bore=100:200:3"], "lacks its unit"),
+    "other dimension": (["--over", "bore=1s,2s"], "another dimension"),
+    "bound": (["--over", "bore=-1mm:2mm:3"], "--over bore=-1mm:2mm:3: must be > 0 m"),
+    "falling": (["--over", "bore=2mm:1mm:3"], "rises"),
+    "one value": (["--over", "bore=1mm:2mm:1"], ">= 2"),
+    "no count": (["--over", "bore=1mm:2mm"], "from:to:count"),
+    "fraction": (["--over", "bore=1mm:2mm:2.5"], "from:to:count"),
+    "repeated": (["--over", "bore=1mm,1mm"], "must not repeat"),
+    "twice": (["--over", "bore=1mm,2mm", "--over", "bore=1mm,2mm"], "set twice"),
+    "bell without samples": (["--over", "gas.exponent=normal:1:0.1"], "needs --samples"),
+    "grid of samples": (["--over", "bore=1mm:2mm:3", "--samples", "9"], "with --samples"),
+    "no deviation": (["--over", "gas.exponent=normal:1:0", "--samples", "9"], "must be > 0"),
+    "no samples": (["--over", "bore=1mm:2mm", "--samples", "0"], "--samples 0: must be >= 1"),
+    "sampling": ([*BORES, "--sampling", "random"], "--sampling random: has no meaning"),
+    "quantity": ([*BORES, "--quantity", "speed"], "mechanical_efficiency"),
+    "joint": ([*BORES, "--quantity", "loss_power.knee", *FAST], "crank_pin"),
+    "nodes": ([*BORES, "--solver-nodes", "1"], "--solver-nodes 1: must be >= 2"),
+    "kinks": ([*BORES, "--solver-kinks", "-1"], "--solver-kinks -1: must be >= 0"),
+    "tolerance": ([*BORES, "--solver-tolerance", "2"], "--solver-tolerance 2: must be > 0"),
+    "devices": ([*BORES, "--devices", "0"], "--devices 0: must be >= 1"),
+    "batch": ([*BORES, "--batch", "0"], "`batch` must be >= 1"),
+    "processes": ([*BORES, "--processes", "2"], "--coordinator"),
+    "process": ([*BORES, "--process", "1"], "--process 1: must be >= 0 and < 1"),
+    "no folder": (
+        [*BORES, "--coordinator", "127.0.0.1:1", "--processes", "2"],
+        "--out: is needed",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals_name_what_is_wrong(case):
+    arguments, words = REFUSED[case]
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert "Traceback" not in result.output
