@@ -84,19 +84,26 @@ def crank_case(
         speed: [rad/s] mean speed.
         orders: harmonics of the forces.
         solver: of the periodic state.
-        left_out: see `without`.
+        left_out: see `without`; the films keep the mean force of the whole machine.
 
     Returns:
         The model with its films under the mean force of the rod, the loads, and whether the
         periodic state converged.
     """
-    machine = without(at_speed(compressor, speed), left_out)
-    orbit = solve_orbit(machine, solver or Collocation(), throw=False)
     assert case.crank is not None
+    whole = at_speed(compressor, speed)
+    forces, converged = _forces(whole, case.crank, orders, solver)
+    loaded = loaded_films(model, case.crank, forces)
+    if left_out:
+        forces, also = _forces(without(whole, left_out), case.crank, orders, solver)
+        converged &= also
+    return loaded, (*case.unbalances, *forces.forces), converged
+
+
+def _forces(machine, nodes, orders, solver):
+    orbit = solve_orbit(machine, solver or Collocation(), throw=False)
     kept = tuple(dict.fromkeys((0, *orders)))
-    forces = crank_forces(machine, orbit, case.crank, orders=kept)
-    loads = (*case.unbalances, *forces.forces)
-    return loaded_films(model, case.crank, forces), loads, orbit.converged
+    return crank_forces(machine, orbit, nodes, orders=kept), orbit.converged
 
 
 def crank_influence(
