@@ -24,7 +24,7 @@ _ROOMS = {
         "simulate",
         "solve_orbit",
     ),
-    "design": ("design_rules", "with_bore"),
+    "design": ("design_rules", "optimise", "pareto", "problem", "with_bore"),
     "friction": (
         "CoulombJournal",
         "CoulombSlide",

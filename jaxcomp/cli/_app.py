@@ -11,6 +11,7 @@ from ._balance import balance
 from ._bearing import bearing
 from ._list import list_machines
 from ._modes import modes
+from ._optimise import optimise
 from ._respond import respond
 from ._run import run
 from ._sweep import sweep
@@ -30,6 +31,7 @@ app.command("respond")(respond)
 app.command("modes")(modes)
 app.command("bearing")(bearing)
 app.command("balance")(balance)
+app.command("optimise")(optimise)
 app.command("sweep")(sweep)
 
 

@@ -9,6 +9,10 @@ from ._drive import DriveComparison as DriveComparison
 from ._drive import RodDrive as RodDrive
 from ._drive import compare_drives as compare_drives
 from ._drive import rod_driven as rod_driven
+from ._optimise import optimise as optimise
+from ._optimum import Optimum as Optimum
+from ._pareto import Front as Front
+from ._pareto import pareto as pareto
 from ._problem import Answer as Answer
 from ._problem import Problem as Problem
 from ._problem import problem as problem
@@ -24,6 +28,7 @@ from ._rules import with_bore as with_bore
 from ._rules import with_cylinder_eccentricity as with_cylinder_eccentricity
 from ._rules import with_piston_clearance as with_piston_clearance
 from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
+from ._search import Search as Search
 from ._study import Figures as Figures
 from ._study import design_study as design_study
 from ._study import figures_of as figures_of

@@ -6,6 +6,10 @@ from ._balance import balance_polar as balance_polar
 from ._film import film_coefficients as film_coefficients
 from ._film import film_figures as film_figures
 from ._film import film_pressure as film_pressure
+from ._optimise import optimum_convergence as optimum_convergence
+from ._optimise import optimum_figures as optimum_figures
+from ._optimise import optimum_path as optimum_path
+from ._optimise import pareto_front as pareto_front
 from ._orbit import crank_torques as crank_torques
 from ._orbit import joint_forces as joint_forces
 from ._orbit import joint_friction as joint_friction

@@ -1,0 +1,136 @@
+"""`jaxcomp optimise`: the best design of a machine by gradients, and the front of two objectives."""
+
+import enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ._errors import CommandError, reports_errors
+from ._options import AsJson, Machine, Out
+
+
+class Method(enum.StrEnum):
+    """How the starts move."""
+
+    bfgs = "bfgs"
+    least_squares = "least-squares"
+    adam = "adam"
+
+
+class Accuracy(enum.StrEnum):
+    """How the periodic state is solved."""
+
+    fine = "fine"
+    fast = "fast"
+
+
+@reports_errors
+def optimise(
+    machine: Machine,
+    variables: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--variable",
+            metavar="NAME=LOW:HIGH",
+            help="What may change and its range, e.g. bore=100mm:160mm (a rule: at fixed displacement) "
+            "or mechanism.crank_inertia=0.1kg*m^2:0.3kg*m^2. Repeatable.",
+        ),
+    ] = None,
+    objective: Annotated[
+        str | None,
+        typer.Option(metavar="QUANTITY", help="What to improve; mechanical_efficiency if absent."),
+    ] = None,
+    targets: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--target",
+            metavar="QUANTITY=VALUE",
+            help="Value to meet in the sense of least squares, instead of --objective. Repeatable.",
+        ),
+    ] = None,
+    maximise: Annotated[
+        bool | None,
+        typer.Option(
+            "--maximise/--minimise", help="For objectives that are not better in one direction."
+        ),
+    ] = None,
+    constraints: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--constraint",
+            metavar="QUANTITY<=VALUE",
+            help="Bound of a quantity, with <=, >= or =, e.g. 'peak_force.crank_pin<=8kN'. Repeatable.",
+        ),
+    ] = None,
+    pareto: Annotated[
+        str | None,
+        typer.Option(metavar="QUANTITY", help="Trace the front with this second objective."),
+    ] = None,
+    points: Annotated[int, typer.Option(help="Points of the front.")] = 12,
+    sets: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Set a value of the scene. Repeatable."),
+    ] = None,
+    method: Annotated[
+        Method | None,
+        typer.Option(help="BFGS (default), Levenberg-Marquardt (default with --target), or Adam."),
+    ] = None,
+    starts: Annotated[int, typer.Option(help="Starts, spread over the ranges.")] = 8,
+    max_steps: Annotated[int, typer.Option("--steps", help="Largest number of steps.")] = 100,
+    tolerance: Annotated[
+        float, typer.Option(help="Of the slope that is left, in spreads of the objective.")
+    ] = 1e-5,
+    samples: Annotated[
+        int, typer.Option(help="Designs of the coarse sweep that the optimum is compared with.")
+    ] = 256,
+    seed: Annotated[int, typer.Option(help="Of starts and samples.")] = 0,
+    accuracy: Annotated[
+        Accuracy,
+        typer.Option(help="fast: efficiency to 1e-5, compiles three times as fast."),
+    ] = Accuracy.fine,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Go on with the search.npz that --out has left, with more --steps."),
+    ] = None,
+    as_json: AsJson = False,
+    out: Out = None,
+) -> None:
+    """Find the best design by gradients, from several starts, and compare it with a coarse sweep.
+
+    Example: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --constraint
+    'peak_force.crank_pin<=8kN' --out result[/bold]
+
+    Front of two objectives: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --pareto
+    speed_fluctuation --out result[/bold]
+    """
+    if not variables:
+        raise CommandError("--variable: is missing; e.g. --variable bore=100mm:160mm")
+    if targets and (objective or maximise is not None):
+        raise CommandError("--target: takes neither --objective nor --maximise beside it")
+    if pareto and (targets or resume or method):
+        name = "--target" if targets else "--resume" if resume else "--method"
+        raise CommandError(f"--pareto: takes no {name} beside it")
+    from ._cache import enable_compilation_cache
+    from ._optimise_search import Asked, searched_front, searched_optimum
+
+    enable_compilation_cache()
+    asked = Asked(
+        machine=machine,
+        sets=tuple(sets or ()),
+        variables=tuple(variables),
+        objective=None if targets else (objective or "mechanical_efficiency"),
+        targets=tuple(targets or ()),
+        maximise=maximise,
+        constraints=tuple(constraints or ()),
+        method=(method or (Method.least_squares if targets else Method.bfgs)).value,
+        starts=starts,
+        samples=samples,
+        seed=seed,
+        tolerance=tolerance,
+        accuracy=accuracy.value,
+    )
+    if pareto:
+        searched_front(asked, pareto, points, max_steps, as_json, out)
+    else:
+        searched_optimum(asked, max_steps, resume, as_json, out)

@@ -1,0 +1,221 @@
+"""The work behind `jaxcomp optimise`: reading what is asked, searching with a sign of life, writing."""
+
+import json
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import typer
+
+from ..crank import Collocation
+from ..design import Chain, Problem, Search, optimise, pareto, problem, quantity, variable
+from ..design import design_of as _design_of
+from ..scene import SceneError, to_si
+from ._arguments import assignments, changed_scene, entry
+from ._errors import CommandError
+from ._optimise_result import (
+    front_result,
+    front_tables,
+    optimised_scene,
+    optimum_result,
+    optimum_tables,
+)
+from ._output import show_results, write_results
+from ._progress import progress
+
+SEARCH_FILE = "search.npz"
+# [s] between two writings of the search
+_EVERY = 5.0
+_CONSTRAINT = re.compile(r"\s*([\w.-]+)\s*(<=|>=|=)\s*(.+?)\s*")
+
+
+class Asked(NamedTuple):
+    """What was typed; a search can be resumed with the same only."""
+
+    machine: str
+    sets: tuple[str, ...]
+    variables: tuple[str, ...]
+    objective: str | None
+    targets: tuple[str, ...]
+    maximise: bool | None
+    constraints: tuple[str, ...]
+    method: str
+    starts: int
+    samples: int
+    seed: int
+    tolerance: float
+    accuracy: str
+
+
+def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: Path | None) -> None:
+    """Search for an optimum, write and show it."""
+    begun = time.perf_counter()
+    kept = None if resume is None else _read(resume, asked)
+    scene, made = _problem(asked)
+    goals = {}
+    for name, text in assignments(asked.targets, "--target").items():
+        goals[name] = _value(name, text, f"--target {name}")
+    with _watch(out, asked) as callback:
+        found = optimise(
+            made,
+            goals or asked.objective,
+            maximise=asked.maximise,
+            constraints=_constraints(asked.constraints),
+            starts=asked.starts,
+            method=asked.method,
+            max_steps=max_steps,
+            tolerance=asked.tolerance,
+            samples=asked.samples,
+            seed=asked.seed,
+            callback=callback,
+            resume=kept,
+        )
+    result = optimum_result(scene, asked._asdict(), found, time.perf_counter() - begun)
+    if out is not None:
+        from ..plot import optimum_figures
+
+        with progress("Drawing ..."):
+            new, left = optimised_scene(scene, found)
+            result["not_in_scene"] = left
+            write_results(out, optimum_figures(found), result, new)
+            _write(out, asked, found.search)
+    show_results(
+        result, optimum_tables(result), as_json, out, "Pictures, result and optimised scene"
+    )
+
+
+def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, out) -> None:
+    """Trace a front, write and show it."""
+    begun = time.perf_counter()
+    scene, made = _problem(asked, other)
+    with _watch(None, asked) as callback:
+        found = pareto(
+            made,
+            (asked.objective or "", other),
+            maximise=(asked.maximise, None),
+            constraints=_constraints(asked.constraints),
+            points=points,
+            starts=asked.starts,
+            max_steps=max_steps,
+            tolerance=asked.tolerance,
+            samples=asked.samples,
+            seed=asked.seed,
+            callback=callback,
+        )
+    result = front_result(scene, asked._asdict(), found, time.perf_counter() - begun)
+    if out is not None:
+        from ..plot import pareto_front
+
+        with progress("Drawing ..."):
+            write_results(out, {"pareto": pareto_front(found)}, result)
+    show_results(result, front_tables(result), as_json, out, "Picture and result")
+
+
+def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
+    scene = changed_scene(asked.machine, asked.sets, ())
+    design = _design_of(scene)
+    ranges = {}
+    for name, text in assignments(asked.variables, "--variable").items():
+        unit = variable(design, name).unit
+        low, colon, high = text.partition(":")
+        if not colon:
+            raise CommandError(f"--variable {name}={text}: must have the form NAME=LOW:HIGH")
+        ends = (_si(end.strip(), unit, f"--variable {name}") for end in (low, high))
+        ranges[name] = tuple(ends)
+    fast = Collocation(nodes=12, kinks=0, tolerance=1e-10) if asked.accuracy == "fast" else None
+    quantities = (
+        [asked.objective] if asked.objective else list(assignments(asked.targets, "--target"))
+    )
+    return scene, problem(design, ranges, [*quantities, *others], Chain(solver=fast))
+
+
+def _constraints(texts: tuple[str, ...]) -> dict[str, tuple[float | None, float | None]]:
+    out: dict[str, tuple[float | None, float | None]] = {}
+    for text in texts:
+        match = _CONSTRAINT.fullmatch(text)
+        if not match:
+            raise CommandError(f"--constraint {text}: must have the form QUANTITY<=VALUE, >= or =")
+        name, sign, given = match.groups()
+        value = _value(name, given, f"--constraint {name}")
+        low, high = out.get(name, (None, None))
+        if (sign != "<=" and low is not None) or (sign != ">=" and high is not None):
+            raise CommandError(f"--constraint {text}: {name} has such a bound already")
+        out[name] = (low if sign == "<=" else value, high if sign == ">=" else value)
+    return out
+
+
+def _value(name: str, text: str, option: str) -> float:
+    return _si(text, quantity(name).unit, option)
+
+
+def _si(text: str, unit: str, option: str) -> float:
+    if not text:
+        raise SceneError(option, "lacks a value")
+    given = entry(text)
+    return float(to_si(text if given is None else given, unit, option))
+
+
+@contextmanager
+def _watch(out: Path | None, asked: Asked) -> Iterator[Any]:
+    """A bar on standard error, and the search in a file now and then and when it is interrupted."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    last: dict[str, Any] = {"search": None, "time": time.perf_counter()}
+    with Progress(
+        *columns, console=console, disable=not console.is_terminal, transient=True
+    ) as bars:
+        bar = bars.add_task("Compiling and sampling", total=None)
+
+        def callback(search: Search) -> None:
+            words = "Sampling the ranges" if search.stage == "sample" else "Descending, step"
+            bars.update(bar, description=words, completed=search.done, total=search.total)
+            if search.stage == "descent" and out is not None:
+                last["search"] = search
+                if time.perf_counter() - last["time"] > _EVERY:
+                    _write(out, asked, search)
+                    last["time"] = time.perf_counter()
+
+        try:
+            yield callback
+        except KeyboardInterrupt:
+            if out is None or last["search"] is None:
+                typer.echo("stopped; nothing was kept", err=True)
+            else:
+                _write(out, asked, last["search"])
+                typer.echo(f"stopped; go on with --resume {out / SEARCH_FILE}", err=True)
+            raise typer.Exit(130) from None
+
+
+def _write(folder: Path, asked: Asked, search: Search) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    part = folder / f"{SEARCH_FILE}.part"
+    with part.open("wb") as file:
+        np.savez_compressed(file, asked=np.array(json.dumps(asked._asdict())), **search.kept())  # pyright: ignore
+    part.replace(folder / SEARCH_FILE)  # whole or not at all, also if the power fails
+
+
+def _read(path: Path, asked: Asked) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path) as file:
+            kept = {name: file[name] for name in file.files}
+        before = json.loads(str(kept.pop("asked")))
+    except (ValueError, KeyError, EOFError) as error:
+        raise CommandError(f"--resume {path}: is no file of a search ({error})") from None
+    for name, value in json.loads(json.dumps(asked._asdict())).items():
+        if before.get(name) != value:
+            raise CommandError(
+                f"--resume {path}: is of a search with {name} = {before.get(name)}, not {value}"
+            )
+    return kept
