@@ -4,7 +4,7 @@ import warnings
 from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from .._fields import BadInput
 from ._axes import Distribution, Values
@@ -161,6 +161,30 @@ class Layout(NamedTuple):
             slice(i * part, min((i + 1) * part, size))
             for i, part, size in zip(self.index(number), self.block, self.shape, strict=True)
         )
+
+
+def neighbours_together(rows: Rows, width: int) -> Int[np.ndarray, " designs"]:
+    """An order of designs in which those that follow each other are alike.
+
+    All designs of a group take as many passes as the slowest of them, and neighbours take as many.
+
+    Args:
+        rows: the designs.
+        width: designs in a group.
+    """
+    span = np.ptp(rows, axis=0)
+    rows = (rows - rows.min(axis=0)) / np.where(span > 0, span, 1.0)
+
+    def halved(which):
+        if len(which) <= width:
+            return [which]
+        widest = np.argmax(np.ptp(rows[which], axis=0))
+        which = which[np.argsort(rows[which, widest], kind="stable")]
+        # whole groups on the left
+        middle = -(-len(which) // (2 * width)) * width
+        return [*halved(which[:middle]), *halved(which[middle:])]
+
+    return np.concatenate(halved(np.arange(len(rows))))
 
 
 def _inside(share):

@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float
 
 from .._fields import BadInput
 from ..design import Answer, Problem
-from ._points import Rows
+from ._points import Rows, neighbours_together
 
 # Widest groups whose intermediate results stay in the cache of a core; a GPU wants many at once.
 _WIDTH = {"cpu": 32}
@@ -96,6 +96,8 @@ def block_program(
             free.put(place)
 
     def start(rows):
+        order = neighbours_together(rows, width)
+        back, rows = np.argsort(order), rows[order]
         number = -(-len(rows) // width)
         # the last group is filled up with its last design
         padded = np.concatenate([rows, np.repeat(rows[-1:], number * width - len(rows), axis=0)])
@@ -107,7 +109,7 @@ def block_program(
         def wait():
             done = [piece.result() for piece in running]
             values, ok = (np.concatenate(parts) for parts in zip(*done, strict=True))
-            values, ok = values.reshape(-1, values.shape[-1])[: len(rows)], ok.ravel()[: len(rows)]
+            values, ok = values.reshape(-1, values.shape[-1])[back], ok.ravel()[back]
             return np.where(ok[:, None], values, np.nan), ok
 
         return wait

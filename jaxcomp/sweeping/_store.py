@@ -102,8 +102,11 @@ class OnDisk:
         if differs:
             wanted = "a new folder, or the store of this same sweep"
             raise BadInput("out", f"{path}, which holds {differs}", wanted)
-        group = zarr.open_group(path, mode="r+")
-        self._arrays: Any = {name: group[name] for name in (*self._sampled, *self._asked, OK)}
+        names = (*self._sampled, *self._asked, OK)
+        # A block of failures alone is a result like any other; a store forgets this setting.
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            group = zarr.open_group(path, mode="r+")
+            self._arrays: Any = {name: group[name] for name in names}
 
     @property
     def _sampled(self):
@@ -194,8 +197,6 @@ def _make(path: Path, plan: Plan) -> None:
             fill_value=fill,
             dimension_names=dims,
             attributes=attributes,
-            # a block of failures alone is a result like any other
-            config={"write_empty_chunks": True},
         )
 
     for column in plan.variables:
