@@ -27,7 +27,12 @@ from jaxcomp.sweeping import (
     shown,
     uniform,
 )
-from jaxcomp.sweeping._points import GridPoints, Layout, SamplePoints
+from jaxcomp.sweeping._points import (
+    GridPoints,
+    Layout,
+    SamplePoints,
+    neighbours_together,
+)
 
 RPM = np.pi / 30
 
@@ -99,6 +104,13 @@ def test_failed_designs_are_marked_and_spoil_no_other(machine):
     alone = sweep(machine, good, ["mechanical_efficiency", "motor_power"], chain=sweep_runs.chain())
     for name in alone.data_vars:
         np.testing.assert_array_equal(found[name][:2], alone[name])
+
+
+def test_block_of_failures_alone_is_kept_as_a_result(machine, tmp_path):
+    over = {"friction.wall.coefficient": [40.0, 50.0]}
+    found = sweep(machine, over, chain=sweep_runs.chain(), out=tmp_path / "out", batch=1)
+    assert not found.ok.values.any()
+    assert len(blocks(tmp_path / "out")) == 2
 
 
 def test_functions_and_problems_are_swept_as_well(machine):
@@ -343,6 +355,17 @@ def test_blocks_cover_every_design_once(shape, batch):
     assert (seen == 1).all()
     # no more than half of the batch is left idle where there are designs to fill it
     assert np.prod(layout.block) >= min(batch, np.prod(shape)) / 2 - 1 or batch < max(shape)
+
+
+def test_neighbours_come_together_and_all_are_there():
+    rows = np.random.default_rng(0).random((1000, 2)) * [1.0, 1e6]
+    order = neighbours_together(rows, 32)
+    assert sorted(order) == list(range(1000))
+    spread = [np.ptp(rows[part], axis=0) for part in np.split(order, range(32, 1000, 32))]
+    # 32 groups in a square of side 1 have sides of about 1/sqrt(32), whatever the units
+    assert (np.mean(spread, axis=0) < [0.25, 0.25e6]).all()
+    alike = neighbours_together(np.ones((40, 2)), 32)
+    assert sorted(alike) == list(range(40))
 
 
 def test_rows_of_a_grid_are_in_the_order_of_its_arrays():
