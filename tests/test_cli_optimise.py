@@ -1,0 +1,233 @@
+"""`jaxcomp optimise`: the optimum, the front, what it writes, resuming, and its refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from jaxcomp import Collocation, load, optimise, problem, solve_orbit
+from jaxcomp.cli import _optimise_search as work
+from jaxcomp.cli import app
+from jaxcomp.cli._optimise_result import optimised_scene
+
+RUNNER = CliRunner()
+BORE = ("mayekawa-wbhe", "--variable", "bore=100mm:160mm", "--accuracy", "fast", "--starts", "8")
+SMALL = ("--samples", "32")
+
+
+def run(*arguments):
+    return RUNNER.invoke(app, ["optimise", *map(str, arguments)])
+
+
+def found(*arguments):
+    result = run(*arguments, "--json")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_cache():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+        patch.setenv("JAXCOMP_CACHE_DIR", "off")
+        yield
+
+
+@pytest.fixture(scope="module")
+def optimum(tmp_path_factory):
+    out = tmp_path_factory.mktemp("optimum")
+    return found(*BORE, *SMALL, "--set", "motor.mean_speed=1200rpm", "--out", out), out
+
+
+def test_optimum_and_its_evidence(optimum):
+    result, _ = optimum
+    (bore,) = result["variables"]
+    assert bore["value"] == pytest.approx(
+        0.13965, abs=1e-4
+    )  # to 0.1 mm; tests/benchmarks/optimise.py
+    assert (bore["low"], bore["high"], bore["present"]) == (0.1, 0.16, 0.13)
+    assert bore["at_bound"] is None
+    goal = result["objective"]
+    assert goal["name"] == "mechanical_efficiency"
+    assert goal["maximised"]
+    assert goal["value"] > goal["present"]
+    assert result["status"] == "converged"
+    assert result["verdict"] == "no better design among 33 samples"
+    assert result["agreeing"] == 8
+    assert result["evaluations"] == sum(start["steps"] for start in result["starts"])
+    assert len(result["history"]["objective"]) == max(s["steps"] for s in result["starts"])
+
+
+def test_files_and_the_scene_as_optimised(optimum):
+    result, out = optimum
+    for name in ("path.png", "convergence.png", "result.json", "scene.toml", "search.npz"):
+        assert (out / name).stat().st_size > 500
+    scene = load(out / "scene.toml")
+    assert float(scene.machine.mechanism.bore) == result["variables"][0]["value"]
+    # at fixed displacement, at the speed that was set
+    swept = load("mayekawa-wbhe").machine.mechanism.swept_volume
+    assert float(scene.machine.mechanism.swept_volume) == pytest.approx(float(swept), rel=1e-12)
+    assert float(scene.machine.motor.mean_speed) == pytest.approx(40 * np.pi)
+    assert scene.sources["mechanism.bore"] == "optimised for mechanical_efficiency"
+    orbit = solve_orbit(scene.machine, Collocation(nodes=12, kinks=0, tolerance=1e-10))
+    efficiency = float(orbit.mechanical_efficiency)
+    # the same solver at the same numbers, but in a batch, whose passes end with its slowest member
+    assert efficiency == pytest.approx(result["objective"]["value"], abs=1e-9)
+
+
+def test_search_is_resumed(optimum, tmp_path):
+    whole, _ = optimum
+    same = (*BORE, *SMALL, "--set", "motor.mean_speed=1200rpm")
+    part = found(*same, "--steps", "3", "--out", tmp_path)
+    assert part["status"] == "step limit"
+    again = found(*same, "--resume", tmp_path / "search.npz")
+    assert again["variables"] == whole["variables"]
+    assert again["history"] == whole["history"]
+    other = run(*BORE, *SMALL, "--resume", tmp_path / "search.npz")
+    assert other.exit_code == 2
+    assert "is of a search with sets = ['motor.mean_speed=1200rpm'], not []" in other.stderr
+    (tmp_path / "broken.npz").write_text("nothing")
+    broken = run(*same, "--resume", tmp_path / "broken.npz")
+    assert broken.exit_code == 2
+    assert "is no file of a search" in broken.stderr
+
+
+def test_interrupted_search_is_kept(monkeypatch, tmp_path, optimum):
+    whole, _ = optimum
+    same = (*BORE, *SMALL, "--set", "motor.mean_speed=1200rpm")
+
+    def interrupted(*arguments, callback, **options):
+        def stop(search):
+            callback(search)
+            if search.stage == "descent" and search.done == 2:
+                raise KeyboardInterrupt
+
+        return optimise(*arguments, callback=stop, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(work, "optimise", interrupted)
+        result = run(*same, "--out", tmp_path)
+        assert result.exit_code == 130
+        assert f"--resume {tmp_path / 'search.npz'}" in result.stderr
+        assert "nothing was kept" in run(*same).stderr
+    again = found(*same, "--resume", tmp_path / "search.npz")
+    assert again["variables"] == whole["variables"]
+
+
+def test_tables_show_optimum_starts_and_evidence():
+    text = run(*BORE, *SMALL).stdout
+    for word in (
+        "Optimum",
+        "133.17 mm",
+        "100 mm to 160 mm",
+        "at the optimum",
+        "8 of 8",
+        "Compared",
+    ):
+        assert word in text, word
+
+
+def test_front_of_two_objectives(tmp_path):
+    out = tmp_path / "front"
+    front = found(*BORE, *SMALL, "--pareto", "speed_fluctuation", "--points", "4", "--out", out)
+    assert (out / "pareto.png").stat().st_size > 500
+    rows = [p["objectives"] for p in front["points"]]
+    efficiency = [row["mechanical_efficiency"] for row in rows]
+    fluctuation = [row["speed_fluctuation"] for row in rows]
+    assert len(rows) == 4
+    assert np.all(np.diff(efficiency) < 0)
+    assert np.all(np.diff(fluctuation) < 0)
+    assert not any(p["dominated"] for p in front["points"])
+    assert front["beaten_by"] == 0
+    assert front["points"][-1]["values"]["bore"] == pytest.approx(0.1, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_points_of_the_front_are_constrained_optima():
+    front = found(*BORE, *SMALL, "--pareto", "speed_fluctuation", "--points", "4")
+    # under the level of the fluctuation, whose multiplier the front calls exchange
+    middle = front["points"][1]
+    level = middle["objectives"]["speed_fluctuation"]
+    held = found(*BORE, *SMALL, "--constraint", f"speed_fluctuation<={level!r}")
+    assert held["variables"][0]["value"] == pytest.approx(middle["values"]["bore"], abs=1e-5)
+    (one,) = held["constraints"]
+    assert one["active"]
+    assert one["multiplier"] == pytest.approx(middle["exchange"], rel=1e-2)  # at 1e-5 of the spread
+
+
+def test_scene_takes_numbers_of_every_section():
+    def wanted(found):
+        parts = found.design.parts
+        mass, law = parts["rotor"].bodies[0].mass, parts["rotor"].links[3].law
+        return (mass - 3) ** 2 + (law.stiffness.reshape(-1)[0] / first - 1.2) ** 2
+
+    scene = load("hermetic-68cc")
+    stiffness = np.asarray(scene.parts["rotor"].links[3].law.stiffness)
+    first = stiffness.reshape(-1)[0]
+    names = {
+        "rotor.bodies.0.mass": (1.0, 8.0),
+        "rotor.links.3.law.stiffness": (0.5, 2.0),
+        "corrections.rotor-top.x": (-1e-3, 1e-3),
+    }
+    made = problem(scene, names, [wanted])
+    optimum = optimise(made, starts=2, samples=4)
+    new, left = optimised_scene(scene, optimum)
+    assert left == ["corrections.rotor-top.x"]
+    assert float(new.parts["rotor"].bodies[0].mass) == optimum.values["rotor.bodies.0.mass"]
+    factor = optimum.values["rotor.links.3.law.stiffness"]
+    assert factor == pytest.approx(1.2, abs=1e-3)
+    np.testing.assert_allclose(
+        new.parts["rotor"].links[3].law.stiffness, stiffness * factor, rtol=1e-15
+    )
+
+
+REFUSED = {
+    "no variable": (["mayekawa-wbhe"], "--variable: is missing"),
+    "unknown variable": (["mayekawa-wbhe", "--variable", "bor=1mm:2mm"], "`bor` must be a design"),
+    "no range": (["mayekawa-wbhe", "--variable", "bore=100mm"], "must have the form NAME=LOW:HIGH"),
+    "no unit": (["mayekawa-wbhe", "--variable", "bore=100:160"], "lacks its unit"),
+    "other unit": (["mayekawa-wbhe", "--variable", "bore=1kg:2kg"], "unit of another dimension"),
+    "empty range": (["mayekawa-wbhe", "--variable", "bore=160mm:100mm"], "range from low to high"),
+    "out of bounds": (["mayekawa-wbhe", "--variable", "bore=-1mm:100mm"], "`bore` must be > 0"),
+    "one-sided": (["mayekawa-wbhe", "--variable", "bore=:100mm"], "lacks a value"),
+    "unknown objective": ([*BORE, "--objective", "noise"], "one of mechanical_efficiency"),
+    "either way": ([*BORE, "--objective", "gas_power"], "better in either direction"),
+    "unknown joint": ([*BORE, "--objective", "peak_force.crank"], "one of crank_pin"),
+    "bad constraint": (
+        [*BORE, "--constraint", "motor_power"],
+        "must have the form QUANTITY<=VALUE",
+    ),
+    "bound of a length": ([*BORE, "--constraint", "motor_power<=3mm"], "another dimension"),
+    "bound twice": (
+        [*BORE, "--constraint", "motor_power<=3kW", "--constraint", "motor_power<=4kW"],
+        "has such a bound already",
+    ),
+    "crossed bounds": (
+        [*BORE, "--constraint", "motor_power<=3kW", "--constraint", "motor_power>=4kW"],
+        "a lower bound below the upper",
+    ),
+    "target and objective": (
+        [*BORE, "--target", "motor_power=5kW", "--objective", "motor_power"],
+        "takes neither --objective",
+    ),
+    "front and target": (
+        [*BORE, "--target", "motor_power=5kW", "--pareto", "motor_power"],
+        "--pareto: takes no --target",
+    ),
+    "front with itself": ([*BORE, "--pareto", "mechanical_efficiency"], "two different quantities"),
+    "least squares of one": ([*BORE, "--method", "least-squares"], "without targets"),
+    "no start": (["mayekawa-wbhe", *BORE[1:3], "--starts", "0"], "`starts` must be >= 1"),
+    "no file": ([*BORE, "--resume", "nowhere.npz"], "nowhere.npz"),
+    "unknown machine": (["mayekawa", *BORE[1:]], "did you mean"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals_name_what_is_wrong(case):
+    arguments, words = REFUSED[case]
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert "Traceback" not in result.output
+    assert result.stdout == ""
