@@ -26,6 +26,8 @@ class FixedPointReport(NamedTuple):
 
 # A change below this that no longer falls is taken for rounding, which a stiff torque curve amplifies.
 _ROUNDING = 1e-8
+# A change that falls by less than this in a pass does not come from a contraction.
+_JUMPING = 0.9
 # The unknowns are of order one; a change beyond this comes from a balance that has no solution.
 _RUNAWAY = 1e6
 
@@ -58,7 +60,9 @@ def fixed_point(
             change = _distance(new, value)
             # A pass that runs away (NaN included) is not taken: what is reported stays finite.
             lost = ~(change < _RUNAWAY)
-            new = jax.tree.map(lambda a, b: jnp.where(lost, b, a), new, value)
+            # A pass that jumps to and fro across a kink is halved.
+            share = jnp.where(change > _JUMPING * last.change, 0.5, 1.0)
+            new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
             change = jnp.where(lost, 2 * _RUNAWAY, change)
             standing = (change < _ROUNDING) & (change > 0.5 * last.change)
             settled = (change <= tolerance) | standing

@@ -115,7 +115,7 @@ def respond(
     *,
     nodes: tuple[Node, ...] | None = None,
     solver: Solver = "structured",
-    batch_size: int = 16,
+    batch_size: int = 64,
 ) -> Response:
     """Response to unbalances and periodic forces at many speeds and orders.
 
@@ -129,7 +129,7 @@ def respond(
         orders: orders n of the spin speed; the frequency is n W.
         nodes: the nodes to keep; absent: all, in the order of `node_names`.
         solver: "structured" or "dense".
-        batch_size: speeds solved side by side; more than 16 gain little time and take memory.
+        batch_size: speeds solved side by side; more gain no time and take memory.
 
     Returns:
         Response with the batch (orders, speeds).
