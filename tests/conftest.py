@@ -4,10 +4,10 @@ import os
 
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # XLA prints pages about each program it loads
 
-import jax  # noqa: E402
-import pytest  # noqa: E402
+import jax
+import pytest
 
-import jaxcomp  # noqa: E402, F401  (turns on 64-bit mode)
+import jaxcomp  # noqa: F401  (turns on 64-bit mode)
 
 
 def pytest_configure(config):

@@ -175,7 +175,7 @@ def _walk(design: Design, steps: list[str]) -> Any:
         if isinstance(node, dict):
             node = node[step]
         elif isinstance(node, tuple) or eqx.is_array(node):
-            if not step.isdigit() or (eqx.is_array(node) and node.ndim == 0):
+            if not step.isdigit() or (not isinstance(node, tuple) and node.ndim == 0):
                 raise LookupError(step)
             if int(step) >= len(node):
                 raise LookupError(step)
