@@ -8,11 +8,12 @@ import jax
 import pytest
 
 import jaxcomp  # noqa: F401  (turns on 64-bit mode)
+from jaxcomp.cli._cache import keeps_programs
 
 
 def pytest_configure(config):
     # A second run of the tests reuses the compiled programs of the first.
-    if config.cache is not None:
+    if keeps_programs():
         folder = config.cache.mkdir("jax")
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)

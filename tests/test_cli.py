@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from jaxcomp import Collocation, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._arguments import assignments, entry
+from jaxcomp.cli._cache import keeps_programs
 from jaxcomp.cli._errors import CommandError
 from jaxcomp.design import with_bore
 from jaxcomp.scene import load, with_value
@@ -247,6 +248,10 @@ def started(folder, *arguments):
     return compiled, hits, json.loads(done.stdout)
 
 
+kept = pytest.mark.skipif(not keeps_programs(), reason="this jaxlib does not keep programs safely")
+
+
+@kept
 def test_second_start_compiles_nothing(tmp_path):
     # without friction the program is small
     options = ("--solver", "collocation", "--set", "friction=none")
@@ -259,6 +264,7 @@ def test_second_start_compiles_nothing(tmp_path):
     assert first["mean_speed"] > second["mean_speed"]
 
 
+@kept
 @pytest.mark.slow
 def test_second_start_compiles_nothing_with_shooting(tmp_path):
     first, _, _ = started(tmp_path)

@@ -6,6 +6,13 @@ from pathlib import Path
 ENVIRONMENT = "JAXCOMP_CACHE_DIR"
 
 
+def keeps_programs() -> bool:
+    """Whether this jaxlib can load what it kept: 0.9.2 ends in a segmentation fault on some."""
+    from jaxlib.version import __version_info__
+
+    return __version_info__ >= (0, 10)
+
+
 def enable_compilation_cache() -> Path | None:
     """Let JAX keep compiled programs in the user's cache folder.
 
@@ -13,11 +20,14 @@ def enable_compilation_cache() -> Path | None:
     (`off`, `0` or empty). JAX's own `JAX_COMPILATION_CACHE_DIR` goes first.
 
     Returns:
-        The folder in use; `None` if there is none, also if it cannot be written.
+        The folder in use; `None` if there is none, also if it cannot be written or if kept programs
+        cannot be trusted.
     """
     import jax
     import platformdirs
 
+    if not keeps_programs():
+        return None
     wanted = os.environ.get("JAX_COMPILATION_CACHE_DIR") or os.environ.get(ENVIRONMENT)
     if wanted is None and ENVIRONMENT not in os.environ:
         wanted = str(platformdirs.user_cache_path("jaxcomp") / "xla")
