@@ -123,7 +123,7 @@ def mode_shapes(model: RotorModel, modes: DampedModes, result: Mapping[str, Any]
         _shape((ax,), model, shape[:, [plane]])
         hertz = float(modes.frequency[i]) / (2 * math.pi)
         damping = 100 * float(modes.damping_ratio[i])
-        text = f"{i + 1}: {hertz:.4g} Hz, damping {damping:.2g} %, {'xy'[plane]}"
+        text = f"{i + 1}: {hertz:.4g} Hz, damping {damping:.3g} %, {'xy'[plane]}"
         ax.set_title(text, fontsize=8.5, loc="left", color=INK)
         ax.set_yticks([0])
     legend(axes[0, 0])
