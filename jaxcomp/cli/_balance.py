@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, OutWithoutScene
+from ._options import AsJson, OutWithoutScene, Sets
 
 
 class Method(enum.StrEnum):
@@ -31,10 +31,7 @@ def balance(
         str | None,
         typer.Argument(help="Bundled machine or scene file with a rotor; none with --measured."),
     ] = None,
-    sets: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Set a value of the scene. Repeatable."),
-    ] = None,
+    sets: Sets = None,
     planes: Annotated[
         str | None, typer.Option(metavar="A,B", help="Correction planes; all if absent.")
     ] = None,

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, Machine, Out
+from ._options import AsJson, Machine, Out, Sets
 
 
 class Method(enum.StrEnum):
@@ -68,10 +68,7 @@ def optimise(
         typer.Option(metavar="QUANTITY", help="Trace the front with this second objective."),
     ] = None,
     points: Annotated[int, typer.Option(help="Points of the front.")] = 12,
-    sets: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Set a value of the scene. Repeatable."),
-    ] = None,
+    sets: Sets = None,
     method: Annotated[
         Method | None,
         typer.Option(help="BFGS (default), Levenberg-Marquardt (default with --target), or Adam."),

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, Machine, Out
+from ._options import AsJson, Machine, Out, Sets
 
 
 class Sampling(enum.StrEnum):
@@ -38,10 +38,7 @@ def sweep(
             "mechanical_efficiency if absent. May be repeated.",
         ),
     ] = None,
-    sets: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Set a value of the scene. Repeatable."),
-    ] = None,
+    sets: Sets = None,
     designs: Annotated[
         list[str] | None,
         typer.Option(

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
 from ..crank import Shooting
-from ._problem import Asked, Problem
+from ._problem import Asked, Problem, name_of
 from ._quantities import quantity
 
 Interval = tuple[float | None, float | None]
@@ -165,13 +165,9 @@ def solved(problem: Problem, points: Float[Array, "n variables"], batch: int) ->
     return Solved(*(jnp.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _name(asked: Asked) -> str:
-    return asked if isinstance(asked, str) else asked.__name__
-
-
 def _number(asked: Asked, value) -> float:
     if not math.isfinite(value):
-        raise BadInput(_name(asked), value, "given a finite value to meet")
+        raise BadInput(name_of(asked), value, "given a finite value to meet")
     return float(value)
 
 
@@ -187,7 +183,7 @@ def _sign(asked: Asked, maximise: bool | None) -> int:
 
 
 def _sides(asked: Asked, place: int, interval: Interval) -> list[Limit]:
-    name = _name(asked)
+    name = name_of(asked)
     low, high = interval
     ends = [(-1, low), (1, high)]
     for _, end in ends:

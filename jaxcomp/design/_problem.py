@@ -15,6 +15,11 @@ from ._quantities import Chain, Found, quantity
 Asked = str | Callable[[Found], Float[Array, ""]]
 
 
+def name_of(asked: Asked) -> str:
+    """Of a quantity; a function goes by its own name."""
+    return asked if isinstance(asked, str) else asked.__name__
+
+
 class Answer(NamedTuple):
     """What one design is worth.
 
@@ -49,7 +54,7 @@ class Problem(eqx.Module):
     @property
     def names(self) -> tuple[str, ...]:
         """Of the quantities; a function goes by its own name."""
-        return tuple(q if isinstance(q, str) else q.__name__ for q in self.quantities)
+        return tuple(name_of(q) for q in self.quantities)
 
     @property
     def units(self) -> tuple[str, ...]:

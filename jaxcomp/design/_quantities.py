@@ -86,10 +86,7 @@ class Found:
         compressor = self.design.compressor
         if compressor is None:
             raise BadInput("compressor", "without", "a scene with one, for a quantity of the crank")
-        solver = self.chain.solver
-        if solver is None:
-            solver = Collocation(kinks=compressor.mechanism.side_changes)
-        return solve_orbit(compressor, solver, throw=False)
+        return solve_orbit(compressor, self._crank_solver(), throw=False)
 
     @cached_property
     def wrench(self) -> Wrench:

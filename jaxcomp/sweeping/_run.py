@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from .._fields import BadInput
 from ..design import Chain, Problem, problem, quantity
-from ..design._problem import Asked
+from ..design._problem import Asked, name_of
 from ._axes import Distribution, as_values
 from ._bar import bar
 from ._fingerprint import fingerprint
@@ -172,7 +172,7 @@ def _problem(scene, points, quantities, chain) -> Problem:
                     raise BadInput(variable.name, end, str(variable.bound))
     else:
         quantities = quantities or ("mechanical_efficiency",)
-        _refuse_clashes(points, [q if isinstance(q, str) else q.__name__ for q in quantities])
+        _refuse_clashes(points, [name_of(q) for q in quantities])
         ends = {name: _ends(axis) for name, axis in points.axes.items()}
         made = problem(scene, ends, quantities, chain)
     return made
