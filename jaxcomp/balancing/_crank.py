@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, replaced
+from .._words import one_of
 from ..compressor import Compressor
 from ..crank import Collocation, Shooting, solve_orbit
 from ..motor import MeanSpeed
@@ -51,7 +52,7 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
     """
     for word in left_out:
         if word not in LEAVABLE:
-            raise BadInput("without", word, f"one of {LEAVABLE}")
+            raise BadInput("without", word, one_of(word, LEAVABLE))
     mechanism = compressor.mechanism
     if "inertia" in left_out:
         # Their bounds leave out zero; a millionth is as good.

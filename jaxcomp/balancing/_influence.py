@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._fields import BadInput, is_traced
+from .._words import one_of
 from ..rotor import (
     BalancingPlanes,
     PeriodicForce,
@@ -180,7 +181,7 @@ def select(
     ):
         for name in names or ():
             if name not in known:
-                raise BadInput(field, name, f"one of {', '.join(sorted(known))}")
+                raise BadInput(field, name, one_of(name, sorted(known)))
     columns = [i for i, name in enumerate(influence.planes) if planes is None or name in planes]
     kept = [i for i, row in enumerate(influence.rows) if targets is None or row.target in targets]
     at = np.array(kept, int)

@@ -25,6 +25,9 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
             if not isinstance(error, _caused_by_user()):
                 raise
             typer.echo(f"error: {' '.join(str(error).split())}", err=True)
+            others = len(getattr(error, "others", ()))
+            if others:
+                typer.echo(f"and {others} more; `jaxcomp check FILE` lists them", err=True)
             raise typer.Exit(2) from None
 
     return wrapped

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import ANY, BadInput, Bound, Part, quantities
+from .._words import hint
 from ..compressor import Compressor
 from ..rotor import BalancingPlanes
 from ._rules import design_rules
@@ -208,7 +209,9 @@ def _declared(design: Design, name: str) -> tuple[str, Bound]:
             holder = holder[:-1]
             owner = _walk(design, holder)
     except LookupError:
-        raise BadInput(name, name, "a design rule or the dotted path of a number") from None
+        meant = hint(name, variable_names(design))
+        bound = f"a design rule or the dotted path of a number{meant}"
+        raise BadInput(name, name, bound) from None
     field = dict(quantities(owner))[steps[len(holder)]]
     if jnp.ndim(value) > 0:
         return "", ANY

@@ -3,6 +3,7 @@ r"""The model: tables of elements over named nodes."""
 import equinox as eqx
 
 from .._fields import BadInput, Part
+from .._words import hint
 from ._bodies import RigidBody
 from ._conventions import AXES
 from ._damping import ModalDamping, ProportionalDamping
@@ -103,7 +104,7 @@ def node_index(model: RotorModel, node: Node) -> int:
     """
     names = node_names(model)
     if node not in names:
-        raise BadInput("node", str(node), f"one of {names}")
+        raise BadInput("node", str(node), f"one of {names}{hint(node, names)}")
     return names.index(node)
 
 
@@ -114,7 +115,8 @@ def check_node(model: RotorModel, node: Node, field: str) -> None:
         BadInput: there is no such node.
     """
     if node not in node_names(model):
-        raise BadInput(field, node, f"a node of the rotor, one of {node_names(model)}")
+        names = node_names(model)
+        raise BadInput(field, node, f"a node of the rotor, one of {names}{hint(node, names)}")
 
 
 def rotor_among(parts) -> RotorModel:

@@ -1,9 +1,9 @@
 """Scene files: machines in TOML with units, and the source of every value."""
 
+from .._words import did_you_mean as did_you_mean
 from ._describe import Row as Row
 from ._describe import describe as describe
 from ._errors import SceneError as SceneError
-from ._errors import did_you_mean as did_you_mean
 from ._scene import SECTIONS as SECTIONS
 from ._scene import Machine as Machine
 from ._scene import Scene as Scene

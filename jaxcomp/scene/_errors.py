@@ -1,6 +1,5 @@
 """What is wrong with a scene file, in one line."""
 
-import difflib
 from collections.abc import Iterable
 from typing import Any
 
@@ -13,25 +12,26 @@ class SceneError(ValueError):
         key: dotted path of the entry, empty if the file as a whole is meant.
         value: the value as it was given, `None` if there is none.
         problem: what is wrong with it, and the bound where there is one.
+        others: what else is wrong with the same scene, in the order of reading.
     """
 
-    def __init__(self, key: str, problem: str, value: Any = None, file: str = ""):
+    def __init__(
+        self,
+        key: str,
+        problem: str,
+        value: Any = None,
+        file: str = "",
+        others: Iterable["SceneError"] = (),
+    ):
         self.key, self.problem, self.value, self.file = key, problem, value, file
+        self.others = tuple(others)
         entry = key if value is None else f"{key} = {_short(value)}"
         super().__init__(": ".join(part for part in (file, entry, problem) if part))
 
     def in_file(self, file: str) -> "SceneError":
-        """The same complaint with the name of the file in front."""
-        return SceneError(self.key, self.problem, self.value, file)
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`; did you mean "..."?` if something similar is known, and what is known otherwise."""
-    known = sorted(known)
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    if near:
-        return f'; did you mean "{near[0]}"?'
-    return f"; known here: {', '.join(known)}" if known else ""
+        """The same complaints with the name of the file in front."""
+        others = [other.in_file(file) for other in self.others]
+        return SceneError(self.key, self.problem, self.value, file, others)
 
 
 def _short(value: Any) -> str:

@@ -1,12 +1,13 @@
 """From the tables of a scene file to parts."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from .._fields import BadInput, Part
-from ._errors import SceneError, did_you_mean
+from .._words import did_you_mean, nearest
+from ._errors import SceneError
 from ._schema import (
     Entry,
     Number,
@@ -26,16 +27,18 @@ _META = ("type", "source")
 
 
 class Reader:
-    """Reads sections and remembers where each value comes from.
+    """Reads sections, remembers where each value comes from, and goes on after what is wrong.
 
     Attributes:
         sources: text by dotted path.
+        problems: everything that is wrong with what was read so far.
         stale: paths of entries that are dropped, from the tables as well, where their section has
             no use for them.
     """
 
     def __init__(self, stale: Iterable[str] = ()):
         self.sources: dict[str, str] = {}
+        self.problems: list[SceneError] = []
         self.stale = frozenset(stale)
 
     def part(
@@ -45,7 +48,7 @@ class Reader:
         path: str,
         source: str | None = None,
         ignored: tuple[str, ...] = (),
-    ) -> Part:
+    ) -> Part | None:
         """Build the part that a section describes.
 
         Args:
@@ -55,9 +58,21 @@ class Reader:
             source: source of all values that name none.
             ignored: keys that belong to somebody else.
 
-        Raises:
-            SceneError: with the key, its value and what was expected.
+        Returns:
+            The part, `None` if `problems` got longer: with key, value and what was expected.
         """
+        return self._tried(self._part, table, classes, path, source, ignored)
+
+    def _tried(self, read: Callable[..., Any], *arguments: Any) -> Any:
+        """What a function reads, `None` where that ends in a problem."""
+        before = len(self.problems)
+        try:
+            found = read(*arguments)
+        except SceneError as error:
+            self.problems.append(error)
+        return found if len(self.problems) == before else None
+
+    def _part(self, table, classes, path, source, ignored) -> Part | None:
         if not isinstance(table, Mapping) or "value" in table:
             raise SceneError(path, f"must be a section [{path}]", table)
         kind = chosen(table, classes, path)
@@ -66,20 +81,24 @@ class Reader:
         for key in [key for key in table if key not in known]:
             if join(path, key) in self.stale:
                 del table[key]  # pyright: ignore[reportIndexIssue]
+        before, meant = len(self.problems), set()
         for key, value in table.items():
             if key not in known and key not in _META and key not in ignored:
                 hint = did_you_mean(key, known)
                 shown = value.get("value") if isinstance(value, Mapping) else value
-                raise SceneError(join(path, key), f"is an unknown key{hint}", shown)
+                self.problems.append(SceneError(join(path, key), f"is an unknown key{hint}", shown))
+                meant.add(nearest(key, known))
         given = {
-            name: self._entry(entry, table[name], join(path, name), source)
+            name: self._tried(self._entry, entry, table[name], join(path, name), source)
             for name, entry in known.items()
             if name in table
         }
         for name, entry in known.items():
-            if name not in table and entry.required:
-                raise SceneError(join(path, name), f"is missing; it must be {_what(entry)}")
-        return _built(kind, given, table, path)
+            # a misspelt key is not reported a second time as a missing one
+            if name not in table and entry.required and name not in meant:
+                problem = f"is missing; it must be {_what(entry)}"
+                self.problems.append(SceneError(join(path, name), problem))
+        return _built(kind, given, table, path) if len(self.problems) == before else None
 
     def _entry(self, entry: Entry, given: Any, path: str, source: str | None) -> Any:
         if isinstance(entry, SubPart):

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._fields import BadInput, Part
+from .._words import did_you_mean, hint
 from ..compressor import Compressor
 from ._dump import is_section, toml_text
-from ._errors import SceneError, did_you_mean
+from ._errors import SceneError
 from ._read import Reader, join
 from ._schema import entries
 from ._write import set_value, updated
@@ -87,11 +88,14 @@ def load(name_or_path: str | os.PathLike) -> Scene:
     path = Path(given)
     if given in _bundled():
         file, read = f"{given}.toml", _bundled()[given].read_bytes
-    elif path.suffix == ".toml" or path.exists():
+    elif path.exists():
         file, read = given, path.read_bytes
+    elif path.suffix == ".toml":
+        files = (str(other) for other in path.parent.glob("*.toml"))
+        raise SceneError("", f"cannot be read: No such file{hint(given, files)}", file=given)
     else:
-        hint = did_you_mean(given, _bundled())
-        raise SceneError("", f'no machine and no file has the name "{given}"{hint}')
+        near = did_you_mean(given, _bundled())
+        raise SceneError("", f'no machine and no file has the name "{given}"{near}')
     try:
         return loads(read().decode("utf-8"), file)
     except OSError as error:
@@ -206,24 +210,26 @@ def _scene(document: dict[str, Any], file: str, stale: Iterable[str] = ()) -> Sc
 
 
 def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str]) -> Scene:
+    reader, own = Reader(stale), entries(Compressor)
     for key in _HEADER:
         if not isinstance(document.get(key, ""), str):
-            raise SceneError(key, "must be a text", document[key])
-    own = entries(Compressor)
-    for key, value in document.items():
-        if key not in own and key not in _HEADER and key not in SECTIONS:
-            what = "section" if is_section(value) else "key"
-            hint = did_you_mean(key, {*own, *_HEADER, *SECTIONS})
-            raise SceneError(key, f"is an unknown {what}{hint}")
-    reader = Reader(stale)
+            reader.problems.append(SceneError(key, "must be a text", document[key]))
+    unknown = [key for key in document if key not in {*own, *_HEADER, *SECTIONS}]
+    for key in unknown:
+        what = "section" if is_section(document[key]) else "key"
+        near = did_you_mean(key, {*own, *_HEADER, *SECTIONS})
+        reader.problems.append(SceneError(key, f"is an unknown {what}{near}"))
     source = document.get("source")
     compressor, parts = None, {}
     if any(key in own for key in document) or not any(key in SECTIONS for key in document):
-        ignored = (*_HEADER, *SECTIONS)
+        ignored = (*_HEADER, *SECTIONS, *unknown)
         compressor = reader.part(document, (Compressor,), "", source, ignored=ignored)
     for name, part in SECTIONS.items():
         if name in document:
             parts[name] = reader.part(document[name], (_imported(part),), name, source)
+    if reader.problems:
+        first, *others = reader.problems
+        raise SceneError(first.key, first.problem, first.value, others=others)
     for name, part in parts.items():
         _check_beside(name, part, parts)
     default_name = Path(file).stem or "machine"

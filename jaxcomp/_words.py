@@ -1,0 +1,30 @@
+"""The nearest known word to one that is unknown, for messages."""
+
+import difflib
+from collections.abc import Iterable
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The most similar of some words, `None` if none is similar."""
+    return next(iter(difflib.get_close_matches(word, sorted(known), n=1, cutoff=0.6)), None)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`; did you mean "..."?` if something similar is known, and what is known otherwise."""
+    known = sorted(known)
+    near = nearest(word, known)
+    if near is not None:
+        return f'; did you mean "{near}"?'
+    return f"; known here: {', '.join(known)}" if known else ""
+
+
+def hint(word: object, known: Iterable[object]) -> str:
+    """` (did you mean "..."?)` if something similar is known."""
+    near = nearest(str(word), map(str, known))
+    return "" if near is None else f' (did you mean "{near}"?)'
+
+
+def one_of(word: object, known: Iterable[object]) -> str:
+    """`one of ...` as the bound of a `BadInput`, with the nearest word where one is near."""
+    known = [str(name) for name in known]
+    return f"one of {', '.join(known)}{hint(word, known)}"
