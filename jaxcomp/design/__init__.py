@@ -15,11 +15,11 @@ from ._pareto import Front as Front
 from ._pareto import pareto as pareto
 from ._problem import Answer as Answer
 from ._problem import Problem as Problem
+from ._problem import prepared as prepared
 from ._problem import problem as problem
 from ._quantities import Chain as Chain
 from ._quantities import Found as Found
 from ._quantities import Quantity as Quantity
-from ._quantities import Vibration as Vibration
 from ._quantities import quantity as quantity
 from ._quantities import quantity_names as quantity_names
 from ._rules import DesignRule as DesignRule
@@ -32,3 +32,4 @@ from ._search import Search as Search
 from ._study import Figures as Figures
 from ._study import design_study as design_study
 from ._study import figures_of as figures_of
+from ._vibration import Vibration as Vibration

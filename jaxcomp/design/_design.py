@@ -8,13 +8,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, BadInput, Bound, Part, quantities
+from .._fields import ANY, NONNEGATIVE, BadInput, Bound, Part, quantities
 from .._words import hint
 from ..compressor import Compressor
 from ..rotor import BalancingPlanes
 from ._rules import design_rules
 
 CORRECTIONS = "corrections"
+# Polar coordinates of a correction, with unit and bound.
+_POLAR = {"magnitude": ("kg m", NONNEGATIVE), "angle": ("rad", ANY)}
 
 
 class Design(eqx.Module):
@@ -49,8 +51,8 @@ class Variable(NamedTuple):
     Attributes:
         name: of a rule in `design_rules` (the machine follows as a whole), or the dotted path of a
             number as in a scene file ("mechanism.conrod_length", "rotor.links.3.law.stiffness.0",
-            "corrections.rotor-top.x"). A path to a list of numbers is a common factor on all of
-            them, which is 1 as the design stands.
+            "corrections.rotor-top.x", or .y, .magnitude, .angle). A path to a list of numbers is a
+            common factor on all of them, which is 1 as the design stands.
         low, high: in the SI unit of the number.
         unit: SI unit, `""` for pure numbers and factors.
         bound: what the number must keep in any case.
@@ -66,6 +68,9 @@ class Variable(NamedTuple):
         """The value in a design."""
         if self.name in design_rules:
             return design_rules[self.name].current(_compressor(design, self.name))
+        plane, polar = _polar(self.name)
+        if polar:
+            return _polar_of(design.corrections[plane])[polar == "angle"]
         value = _walk(design, _steps(self.name))
         return value if jnp.ndim(value) == 0 else jnp.ones(())
 
@@ -74,6 +79,12 @@ class Variable(NamedTuple):
         if self.name in design_rules:
             machine = design_rules[self.name].apply(_compressor(design, self.name), value)
             return eqx.tree_at(lambda d: d.compressor, design, machine)
+        plane, polar = _polar(self.name)
+        if polar:
+            magnitude, angle = _polar_of(design.corrections[plane])
+            magnitude, angle = (magnitude, value) if polar == "angle" else (value, angle)
+            new = magnitude * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+            return eqx.tree_at(lambda d: d.corrections[plane], design, new)
         steps = _steps(self.name)
         place = steps[:-1] if _in_array(design, steps) else steps
         old = _walk(design, place)
@@ -125,8 +136,25 @@ def variable_names(design: Design) -> list[str]:
     for path, tree in _roots(design).items():
         names += [f"{path}{name}" for name in _numbers(tree)]
     return names + [
-        f"{CORRECTIONS}.{plane}.{axis}" for plane in design.corrections for axis in "xy"
+        f"{CORRECTIONS}.{plane}.{axis}"
+        for plane in design.corrections
+        for axis in ("x", "y", *_POLAR)
     ]
+
+
+def _polar(name: str) -> tuple[str, str]:
+    """Plane and polar coordinate of a correction that is named by one; twice `""` otherwise."""
+    root, _, rest = name.partition(".")
+    plane, _, polar = rest.rpartition(".")
+    return (plane, polar) if root == CORRECTIONS and polar in _POLAR else ("", "")
+
+
+def _polar_of(xy: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Magnitude and angle; at zero, where neither has a derivative, that of the x axis."""
+    some = jnp.any(xy != 0)
+    safe = jnp.where(some, xy, jnp.array([1.0, 0.0]))
+    magnitude, angle = jnp.hypot(safe[0], safe[1]), jnp.arctan2(safe[1], safe[0])
+    return jnp.where(some, magnitude, xy[0]), jnp.where(some, angle, 0.0)
 
 
 def _numbers(tree):
@@ -194,6 +222,9 @@ def _in_array(design: Design, steps: list[str]) -> bool:
 
 def _declared(design: Design, name: str) -> tuple[str, Bound]:
     """Unit and bound of the number at the end of a path."""
+    plane, polar = _polar(name)
+    if polar and plane in design.corrections:
+        return _POLAR[polar]
     steps = _steps(name)
     try:
         value = _walk(design, steps)

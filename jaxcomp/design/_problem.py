@@ -10,7 +10,8 @@ from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
 from ._design import Design, Variable, design_of, variable
-from ._quantities import Chain, Found, quantity
+from ._quantities import Chain, Found, quantity, shaken_by
+from ._vibration import known_response
 
 Asked = str | Callable[[Found], Float[Array, ""]]
 
@@ -116,3 +117,29 @@ def problem(
     # Refuses what the scene does not have before anything is compiled.
     eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(chosen),), float))
     return made
+
+
+# Variables that change the loads of a rotor and not the rotor.
+_LOADS = ("corrections.", "loads.unbalances.", "balancing.targets.")
+
+
+def prepared(problem: Problem, also: Sequence[str] = ()) -> Problem:
+    """The problem with its rotor solved beforehand, where nothing but loads changes; else as it is.
+
+    Many designs then cost a product of matrices each instead of a factorisation.
+
+    Args:
+        problem: any.
+        also: names of variables that its quantities change by themselves.
+    """
+    shaking = ("vibration", "mount_force")
+    asked = any(not isinstance(q, str) or q.startswith(shaking) for q in problem.quantities)
+    if not asked or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
+        return problem
+    shaken = shaken_by(problem.design, problem.chain)
+    kept = _LOADS if shaken.by_crank else (*_LOADS, "loads.forces.")
+    names = [v.name for v in problem.variables] + list(also)
+    if not all(name.startswith(kept) for name in names):
+        return problem
+    known = known_response(problem.design, shaken)
+    return eqx.tree_at(lambda p: p.chain.known, problem, known, is_leaf=lambda x: x is None)

@@ -5,26 +5,15 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, admissible
-from ..balancing import Influence, crank_case, crank_influence, direct_influence, least_squares
+from ..balancing import Influence, crank_influence, direct_influence, least_squares
 from ..crank import Collocation, Orbit, Shooting, solve_orbit
-from ..rotor import (
-    AXES,
-    BalancingPlanes,
-    LoadCase,
-    RotorModel,
-    Unbalances,
-    node_index,
-    respond,
-    transmitted_forces,
-)
 from ..shaking import Wrench, shaking_wrench
 from ._design import Design
+from ._vibration import KnownResponse, Shaken, Vibration, rotor_of, vibration_of
 
 
 class Chain(eqx.Module):
@@ -37,34 +26,20 @@ class Chain(eqx.Module):
             the scene if it has any, otherwise the crank.
         orders: orders of the spin speed that count in vibrations and mount forces.
         left_out: what the crank's forces on the rotor do without, see `jaxcomp.balancing.without`.
+        known: response of a rotor that does not change to unit loads; see `prepared`.
     """
 
-    solver: Collocation | Shooting | None = eqx.field(static=True, default=None)
+    solver: Collocation | Shooting | None = None
     excitation: Literal["crank", "file"] | None = eqx.field(static=True, default=None)
     orders: tuple[int, ...] = eqx.field(static=True, default=(1,))
     left_out: tuple[str, ...] = eqx.field(static=True, default=())
+    known: KnownResponse | None = None
 
     def __check_init__(self):
         if self.excitation not in ("crank", "file", None):
             raise BadInput("excitation", str(self.excitation), "'crank' or 'file'")
         if not self.orders or min(self.orders) < 1:
             raise BadInput("orders", str(self.orders), "whole numbers from 1")
-
-
-class Vibration(NamedTuple):
-    """Harmonic response at the balancing planes' speeds.
-
-    Attributes:
-        targets: [m], [rad] (speeds, orders, rows) complex amplitudes; the rows are the targets and
-            their axes in the order of the scene.
-        mount_force: [N] (speeds, orders) largest lateral force, over the turn, that the links to the
-            ground pass on, each link added in amplitude.
-        ok: (speeds,) whether the periodic state and the responses can be relied on.
-    """
-
-    targets: Complex[Array, "speeds orders rows"]
-    mount_force: Float[Array, "speeds orders"]
-    ok: Bool[Array, " speeds"]
 
 
 class Found:
@@ -86,7 +61,7 @@ class Found:
         compressor = self.design.compressor
         if compressor is None:
             raise BadInput("compressor", "without", "a scene with one, for a quantity of the crank")
-        return solve_orbit(compressor, self._crank_solver(), throw=False)
+        return solve_orbit(compressor, crank_solver(self.design, self.chain), throw=False)
 
     @cached_property
     def wrench(self) -> Wrench:
@@ -97,44 +72,22 @@ class Found:
     @cached_property
     def vibration(self) -> Vibration:
         """Harmonic response of the rotor at the speeds of its balancing planes."""
-        model, case, places = self._rotor()
-        orders = self.chain.orders
-        corrections = [self.design.corrections[plane.name] for plane in places.planes]
-        added = tuple(
-            _unbalance(plane.node, value)
-            for plane, value in zip(places.planes, corrections, strict=True)
-        )
-
-        def at(speed):
-            loaded, loads, ok = self._loads(model, case, speed)
-            response = respond(loaded, (*loads, *added), speed[None], orders)
-            rows = []
-            for target in places.targets:
-                x = response.displacement[:, 0, node_index(loaded, target.node)]
-                if target.relative_to is not None:
-                    x = x - response.displacement[:, 0, node_index(loaded, target.relative_to)]
-                rows += [x[:, AXES[loaded.dof].index(axis)] for axis in target.axes]
-            grounded = np.flatnonzero([None in link.nodes for link in model.links])
-            force = transmitted_forces(loaded, response)[:, 0, grounded]
-            into = jnp.sum(_major_axis(force[..., 0], force[..., 1]), -1)
-            return Vibration(jnp.stack(rows, -1), into, ok & jnp.all(response.ok))
-
-        return jax.vmap(at)(places.speeds)
+        return vibration_of(self.design, self._shaken(), self.chain.known)
 
     @cached_property
     def influence(self) -> Influence:
         """Influence coefficients at order 1, with the vibration before any correction."""
-        model, case, places = self._rotor()
-        if self._excitation(case) == "crank":
-            solver = self._crank_solver()
+        model, case, places = rotor_of(self.design)
+        shaken = self._shaken()
+        if shaken.by_crank:
             return crank_influence(
                 self.design.compressor,
                 model,
                 case,
                 places,
                 places.speeds,
-                solver,
-                self.chain.left_out,
+                shaken.solver,
+                shaken.left_out,
             )
         return direct_influence(model, case.loads, places, places.speeds)
 
@@ -157,39 +110,32 @@ class Found:
     @property
     def weights(self) -> Float[Array, " rows"]:
         """[-] of the rows of `vibration.targets`."""
-        places = self._rotor()[2]
+        places = rotor_of(self.design).places
         return jnp.stack([jnp.asarray(t.weight) for t in places.targets for _ in t.axes])
 
-    def _rotor(self) -> tuple[RotorModel, LoadCase, BalancingPlanes]:
-        parts = self.design.parts
-        found = [parts.get(name) for name in ("rotor", "loads", "balancing")]
-        if not (
-            isinstance(found[0], RotorModel)
-            and isinstance(found[1], LoadCase)
-            and isinstance(found[2], BalancingPlanes)
-        ):
-            raise BadInput("rotor", "without", "a scene with rotor, loads and balancing planes")
-        return found[0], found[1], found[2]
+    def _shaken(self) -> Shaken:
+        return shaken_by(self.design, self.chain)
 
-    def _excitation(self, case: LoadCase) -> str:
-        chosen = self.chain.excitation or ("file" if case.forces else "crank")
-        if chosen == "crank" and (case.crank is None or self.design.compressor is None):
-            raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
-        return chosen
 
-    def _crank_solver(self):
-        assert self.design.compressor is not None
-        kinks = self.design.compressor.mechanism.side_changes
-        return self.chain.solver or Collocation(kinks=kinks)
+def crank_solver(design: Design, chain: Chain) -> Collocation | Shooting:
+    """The solver of the periodic state: that of the chain, or one that suits the machine."""
+    assert design.compressor is not None
+    return chain.solver or Collocation(kinks=design.compressor.mechanism.side_changes)
 
-    def _loads(self, model, case, speed):
-        if self._excitation(case) == "file":
-            return model, case.loads, jnp.asarray(True)
-        compressor = self.design.compressor
-        solver = self._crank_solver()
-        return crank_case(
-            compressor, model, case, speed, self.chain.orders, solver, self.chain.left_out
-        )
+
+def shaken_by(design: Design, chain: Chain) -> Shaken:
+    """What shakes the rotor of a design.
+
+    Raises:
+        BadInput: a part that is missing.
+    """
+    case = rotor_of(design).case
+    chosen = chain.excitation or ("file" if case.forces else "crank")
+    if chosen == "crank" and (case.crank is None or design.compressor is None):
+        raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
+    by_crank = chosen == "crank"
+    solver = crank_solver(design, chain) if by_crank else None
+    return Shaken(by_crank, solver, chain.orders, chain.left_out)
 
 
 class Quantity(NamedTuple):
@@ -315,7 +261,7 @@ def quantity(name: str) -> Quantity:
 
 def _member(found: Found, family: str, member: str):
     if family == "vibration":
-        places = found._rotor()[2]
+        places = rotor_of(found.design).places
         numbers = [
             number
             for number, name in enumerate(t.name for t in places.targets for _ in t.axes)
@@ -339,15 +285,3 @@ def _balanced(found: Found):
     influence = found.influence
     left = influence.weight * influence.vibration(least_squares(influence).correction)
     return jnp.sqrt(jnp.sum(jnp.abs(left) ** 2) / jnp.sum(influence.weight**2))
-
-
-def _unbalance(node, value) -> Unbalances:
-    # two signed unbalances along x and y: smooth at zero, where magnitude and phase are not
-    two = Unbalances((node, node), jnp.zeros(2), jnp.array([0.0, jnp.pi / 2]))
-    return eqx.tree_at(lambda u: u.magnitude, two, value)
-
-
-def _major_axis(x, y):
-    """Largest length over the turn of the real vector with the complex amplitudes x and y."""
-    forward, backward = jnp.abs(x + 1j * y), jnp.abs(x - 1j * y)
-    return (forward + backward) / 2
