@@ -1,4 +1,4 @@
-"""The command line: `jaxcomp list | run`."""
+"""The command line, the program `jaxcomp`."""
 
 from ._app import app as app
 from ._app import main as main

@@ -9,8 +9,10 @@ import typer
 
 from ._balance import balance
 from ._bearing import bearing
+from ._check import check
 from ._list import list_machines
 from ._modes import modes
+from ._new import new
 from ._optimise import optimise
 from ._respond import respond
 from ._run import run
@@ -20,19 +22,23 @@ app = typer.Typer(
     name="jaxcomp",
     help="Reciprocating compressors: from geometry to efficiency and vibration.",
     no_args_is_help=True,
-    add_completion=False,
+    epilog="Begin with: [bold]jaxcomp new my-machine.toml[/bold], [bold]jaxcomp check "
+    "my-machine.toml[/bold], [bold]jaxcomp run my-machine.toml --out result[/bold]",
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("list")(list_machines)
-app.command("run")(run)
-app.command("respond")(respond)
-app.command("modes")(modes)
-app.command("bearing")(bearing)
-app.command("balance")(balance)
-app.command("optimise")(optimise)
-app.command("sweep")(sweep)
+_MACHINES, _ANALYSE, _DESIGN = "Machines", "Analyse one machine", "Design and balance"
+app.command("new", rich_help_panel=_MACHINES)(new)
+app.command("check", rich_help_panel=_MACHINES)(check)
+app.command("list", rich_help_panel=_MACHINES)(list_machines)
+app.command("run", rich_help_panel=_ANALYSE)(run)
+app.command("respond", rich_help_panel=_ANALYSE)(respond)
+app.command("modes", rich_help_panel=_ANALYSE)(modes)
+app.command("bearing", rich_help_panel=_ANALYSE)(bearing)
+app.command("balance", rich_help_panel=_DESIGN)(balance)
+app.command("optimise", rich_help_panel=_DESIGN)(optimise)
+app.command("sweep", rich_help_panel=_DESIGN)(sweep)
 
 
 def _show_version(wanted: bool) -> None:

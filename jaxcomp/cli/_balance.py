@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ._completion import complete_machine
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, OutWithoutScene, Sets
 
@@ -29,7 +30,10 @@ class Excitation(enum.StrEnum):
 def balance(
     machine: Annotated[
         str | None,
-        typer.Argument(help="Bundled machine or scene file with a rotor; none with --measured."),
+        typer.Argument(
+            help="Bundled machine or scene file with a rotor; none with --measured.",
+            autocompletion=complete_machine,
+        ),
     ] = None,
     sets: Sets = None,
     planes: Annotated[

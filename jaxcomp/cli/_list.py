@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from ._completion import complete_machine
 from ._errors import reports_errors
 
 
@@ -11,7 +12,10 @@ from ._errors import reports_errors
 def list_machines(
     machine: Annotated[
         str | None,
-        typer.Argument(help="Machine or scene file whose values and sources to show."),
+        typer.Argument(
+            help="Machine or scene file whose values and sources to show.",
+            autocompletion=complete_machine,
+        ),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object instead of a table.")

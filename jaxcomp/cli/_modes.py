@@ -6,20 +6,13 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, Machine, Out
+from ._options import AsJson, Machine, Out, Sets
 
 
 @reports_errors
 def modes(
     machine: Machine,
-    sets: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Set a value of the scene, e.g. rotor.dof=6. May be repeated.",
-        ),
-    ] = None,
+    sets: Sets = None,
     speed: Annotated[
         list[str] | None,
         typer.Option(

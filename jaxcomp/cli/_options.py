@@ -5,10 +5,23 @@ from typing import Annotated
 
 import typer
 
-Machine = Annotated[str, typer.Argument(help="Bundled machine (see `jaxcomp list`) or scene file.")]
+from ._completion import complete_machine, complete_path
+
+Machine = Annotated[
+    str,
+    typer.Argument(
+        help="Bundled machine (see `jaxcomp list`) or scene file.", autocompletion=complete_machine
+    ),
+]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Set a value of the scene. Repeatable."),
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Set a value of the scene, e.g. motor.mean_speed=800rpm; `none` takes an optional one "
+        "away. Repeatable.",
+        autocompletion=complete_path,
+    ),
 ]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")

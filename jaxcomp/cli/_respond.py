@@ -6,21 +6,13 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, Machine, Out
+from ._options import AsJson, Machine, Out, Sets
 
 
 @reports_errors
 def respond(
     machine: Machine,
-    sets: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Set a value of the scene, e.g. rotor.dof=6 or rotor.bodies.1.mass=8kg. May be "
-            "repeated.",
-        ),
-    ] = None,
+    sets: Sets = None,
     speed: Annotated[
         list[str] | None,
         typer.Option(

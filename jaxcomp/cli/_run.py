@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, Machine, Out
+from ._options import AsJson, Machine, Out, Sets
 
 
 class Solver(enum.StrEnum):
@@ -20,15 +20,7 @@ class Solver(enum.StrEnum):
 @reports_errors
 def run(
     machine: Machine,
-    sets: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Set a value of the scene, e.g. motor.mean_speed=800rpm; `none` takes an optional "
-            "one away. May be repeated.",
-        ),
-    ] = None,
+    sets: Sets = None,
     designs: Annotated[
         list[str] | None,
         typer.Option(

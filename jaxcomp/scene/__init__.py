@@ -1,9 +1,13 @@
 """Scene files: machines in TOML with units, and the source of every value."""
 
 from .._words import did_you_mean as did_you_mean
+from ._annotate import start as start
+from ._annotate import starts as starts
 from ._describe import Row as Row
 from ._describe import describe as describe
 from ._errors import SceneError as SceneError
+from ._plausible import Doubt as Doubt
+from ._plausible import doubts as doubts
 from ._scene import SECTIONS as SECTIONS
 from ._scene import Machine as Machine
 from ._scene import Scene as Scene

@@ -27,10 +27,10 @@ def _section(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
     lines = []
     for key, value in table.items():
         if not is_section(value) and not is_row_of_sections(value):
-            lines.append(f"{_key(key)} = {_value(value)}")
+            lines.append(f"{key_text(key)} = {value_text(value)}")
     for key, value in table.items():
         name = (*path, key)
-        title = ".".join(map(_key, name))
+        title = ".".join(map(key_text, name))
         if is_section(value):
             lines += ["", f"[{title}]", *_section(value, name)]
         elif is_row_of_sections(value):
@@ -39,11 +39,13 @@ def _section(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
     return lines
 
 
-def _key(key: str) -> str:
+def key_text(key: str) -> str:
+    """A key, in quotes where it needs them."""
     return key if _BARE.fullmatch(key) else _string(key)
 
 
-def _value(value: Any) -> str:
+def value_text(value: Any) -> str:
+    """A value in one line."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
@@ -51,9 +53,9 @@ def _value(value: Any) -> str:
     if isinstance(value, str):
         return _string(value)
     if isinstance(value, list):
-        return "[" + ", ".join(map(_value, value)) + "]"
+        return "[" + ", ".join(map(value_text, value)) + "]"
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{key_text(k)} = {value_text(v)}" for k, v in value.items()) + " }"
     return str(value)  # dates and times
 
 

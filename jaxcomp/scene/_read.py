@@ -16,6 +16,7 @@ from ._schema import (
     SubPart,
     choices,
     entries,
+    expected,
     kind_of,
     option_problem,
     option_value,
@@ -96,7 +97,7 @@ class Reader:
         for name, entry in known.items():
             # a misspelt key is not reported a second time as a missing one
             if name not in table and entry.required and name not in meant:
-                problem = f"is missing; it must be {_what(entry)}"
+                problem = f"is missing; it must be {expected(entry)}"
                 self.problems.append(SceneError(join(path, name), problem))
         return _built(kind, given, table, path) if len(self.problems) == before else None
 
@@ -197,19 +198,6 @@ def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, gi
         wanted = " x ".join("n" if n is None else str(n) for n in shape)
         what = f"a list of {wanted} values" if shape else "a single value"
         raise SceneError(path, f"must be {what}", given)
-
-
-def _what(entry: Entry) -> str:
-    if isinstance(entry, Number):
-        unit = f"[{entry.unit}]" if entry.unit else "pure"
-        bound = "" if str(entry.bound) == "finite" else f" {entry.bound}"
-        doc = f", {entry.doc}" if entry.doc else ""
-        return f"a{' list of' if entry.shape else ''} number{bound} {unit}{doc}"
-    if isinstance(entry, SubPart):
-        return f"a section of type {' or '.join(sorted(choices(entry.classes)))}"
-    if isinstance(entry, Option):
-        return (option_problem(entry.hint, object()) or "given").removeprefix("must be ")
-    return "given"
 
 
 def _text(value: Any, path: str) -> str | None:

@@ -176,7 +176,8 @@ def with_compressor(scene: Scene, compressor: Compressor, source: str) -> Scene:
     return _scene(document, scene.file)
 
 
-def _imported(part: type[Part] | str) -> type[Part]:
+def imported(part: type[Part] | str) -> type[Part]:
+    """The class of a section of `SECTIONS`."""
     if not isinstance(part, str):
         return part
     package, _, name = part.partition(":")
@@ -226,7 +227,7 @@ def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str]) ->
         compressor = reader.part(document, (Compressor,), "", source, ignored=ignored)
     for name, part in SECTIONS.items():
         if name in document:
-            parts[name] = reader.part(document[name], (_imported(part),), name, source)
+            parts[name] = reader.part(document[name], (imported(part),), name, source)
     if reader.problems:
         first, *others = reader.problems
         raise SceneError(first.key, first.problem, first.value, others=others)

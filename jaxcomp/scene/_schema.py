@@ -117,6 +117,22 @@ def option_value(hint: Any, value: Any) -> Any:
     return value
 
 
+def expected(entry: Entry) -> str:
+    """What an entry must be, with unit and bound, as the end of a sentence."""
+    if isinstance(entry, Number):
+        unit = f"[{entry.unit}]" if entry.unit else "pure"
+        bound = "" if str(entry.bound) == "finite" else f" {entry.bound}"
+        doc = f", {entry.doc}" if entry.doc else ""
+        what = "a list of numbers" if entry.shape else "a number"
+        what = "a number or a list of numbers" if entry.spread else what
+        return f"{what}{bound} {unit}{doc}"
+    if isinstance(entry, SubPart):
+        return f"a section of type {' or '.join(sorted(choices(entry.classes)))}"
+    if isinstance(entry, Option):
+        return (option_problem(entry.hint, object()) or "given").removeprefix("must be ")
+    return "given"
+
+
 def _entry(field: dataclasses.Field, hint: Any) -> Entry:
     required = field.default is dataclasses.MISSING and (
         field.default_factory is dataclasses.MISSING

@@ -1,0 +1,192 @@
+"""Scene files to start from, with what every entry means written beside it.
+
+The comments are read off the declarations of the parts, as the checks of a file are, so that the two
+cannot differ. A line that begins with `#` and a key, without a space, is an optional entry with its
+default: taking the `#` away changes nothing.
+"""
+
+import dataclasses
+import inspect
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from .._fields import Part
+from ..compressor import Compressor
+from ._dump import key_text, value_text
+from ._read import chosen
+from ._scene import SECTIONS, imported
+from ._schema import Entry, Number, Option, PartTable, SubPart, choices, entries, expected
+from ._units import as_text
+
+_WIDTH = 100
+_COLUMN = 38  # of the comments behind values
+_HOW = (
+    "A machine for jaxcomp; `jaxcomp check` reads this file and tells all that is wrong with it.",
+    'A value is a number, a text with any unit of the dimension in brackets ("50 mm", "1.5 in"), a '
+    'list of them, or a table with its source: { value = "50 mm", source = "drawing 17" }.',
+    "A key right behind # is optional and has this default; ... stands where there is none. What "
+    "appears more than once is explained where it comes first.",
+)
+
+
+def starts() -> dict[str, str]:
+    """The machines to start from: kind and what it is."""
+    return {
+        kind: tomllib.loads(file.read_text("utf-8"))["description"]
+        for kind, file in _start_files().items()
+    }
+
+
+def start(kind: str, name: str) -> str:
+    """The text of a scene file to start from, one of `starts`.
+
+    Args:
+        kind: key of `starts`.
+        name: name of the new machine.
+    """
+    document = tomllib.loads(_start_files()[kind].read_text("utf-8"))
+    return annotated({"name": name, **document})
+
+
+def annotated(document: Mapping[str, Any]) -> str:
+    """TOML of the tables of a valid scene, with comments on every entry they have or could have."""
+    header = [f"{key} = {value_text(document[key])}" for key in document if _is_text(document[key])]
+    lines = [*_comment(*_HOW), "", *header]
+    told: set[type] = set()
+    parts: dict[str, SubPart] = {
+        name: entry for name, entry in entries(Compressor).items() if isinstance(entry, SubPart)
+    }
+    parts |= {name: SubPart((imported(part),), False, True) for name, part in SECTIONS.items()}
+    if any(key in entries(Compressor) for key in document):
+        lines += _keys(document, Compressor, only_numbers=True)
+    for name, entry in parts.items():
+        if name in document:
+            lines += _section(document[name], entry.classes, name, f"[{name}]", told)
+    absent = {name: entry for name, entry in parts.items() if name not in document}
+    if absent:
+        lines += ["", "# Other sections that a file may have:"]
+        lines += _comment(
+            *(f"[{name}]: {_choices(entry.classes)}" for name, entry in absent.items())
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _section(table, classes, path: str, title: str, told: set[type]) -> list[str]:
+    """The lines of a section and of those inside it; adds to the classes that are explained."""
+    part = chosen(table, classes, path)
+    comments = part not in told
+    told.add(part)
+    lines = [""]
+    if comments:
+        others = {kind: other for kind, other in choices(classes).items() if other is not part}
+        lines += _comment(_summary(part))
+        lines += _comment(f"Other types: {_listed(others)}") if others else []
+    lines.append(title)
+    lines += [f"{key} = {value_text(table[key])}" for key in ("type", "source") if key in table]
+    lines += _keys(table, part, comments=comments)
+    for name, entry in entries(part).items():
+        here = f"{path}.{name}"
+        if isinstance(entry, SubPart) and name in table:
+            lines += _section(table[name], entry.classes, here, f"[{here}]", told)
+        elif isinstance(entry, PartTable):
+            for row in table.get(name, ()):
+                lines += _section(row, entry.classes, here, f"[[{here}]]", told)
+        if comments and isinstance(entry, SubPart | PartTable) and name not in table:
+            brackets = f"[[{here}]]" if isinstance(entry, PartTable) else f"[{here}]"
+            lines += ["", *_comment(f"Optional {brackets}: {_choices(entry.classes)}")]
+    return lines
+
+
+def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[str]:
+    """The values of a section, then its optional ones that are not given."""
+    known = {n: e for n, e in entries(part).items() if isinstance(e, Number | Option)}
+    meanings = _arguments(part)
+    lines = []
+    for name, entry in known.items():
+        if name in table:
+            text = f"{key_text(name)} = {value_text(table[name])}"
+            lines += _beside(text, _meaning(entry, meanings.get(name, ""))) if comments else [text]
+    for name, entry in known.items():
+        if name not in table and comments and (isinstance(entry, Number) or not only_numbers):
+            text = f"#{key_text(name)} = {_default(part, name, entry)}"
+            lines += _beside(text, _meaning(entry, meanings.get(name, "")))
+    return lines
+
+
+def _meaning(entry: Entry, told: str) -> str:
+    text = expected(entry)
+    if getattr(entry, "doc", "") or not told:
+        return text
+    return told if told.startswith('"') else f"{text}, {told}"  # a list of words says it all
+
+
+def _default(part: type[Part], name: str, entry: Entry) -> str:
+    value = next(f.default for f in dataclasses.fields(part) if f.name == name)
+    if value is None:
+        return "..."
+    if isinstance(entry, Number):
+        value = _with_unit(np.asarray(value, float), entry.unit)
+    return value_text(list(value) if isinstance(value, tuple) else value)
+
+
+def _with_unit(value: np.ndarray, unit: str) -> Any:
+    if value.ndim == 0:
+        return as_text(float(value), unit)
+    return [_with_unit(item, unit) for item in value]
+
+
+def _beside(text: str, comment: str) -> list[str]:
+    """A line with its comment, which stands above it where it does not fit behind."""
+    line = f"{text.ljust(_COLUMN)} # {comment}"
+    return [line] if len(line) <= _WIDTH else [*_comment(comment), text]
+
+
+def _comment(*texts: str) -> list[str]:
+    import textwrap
+
+    return [
+        f"# {line}"
+        for text in texts
+        for line in textwrap.wrap(text, _WIDTH - 2, break_long_words=False, break_on_hyphens=False)
+    ]
+
+
+def _choices(classes: Iterable[type]) -> str:
+    known = choices(tuple(classes))
+    if len(known) == 1:
+        return _summary(*known.values())
+    return _listed(known)
+
+
+def _listed(known: Mapping[str, type]) -> str:
+    return "; ".join(f"{kind}: {_summary(part)}" for kind, part in known.items())
+
+
+def _summary(part: type) -> str:
+    """The first line of a class's documentation, without formulas."""
+    line = (inspect.getdoc(part) or "").partition("\n")[0]
+    return re.sub(r",?\s*\$[^$]*\$", "", line).rstrip(".")
+
+
+def _arguments(part: type) -> dict[str, str]:
+    """What the documentation of a class says about its arguments, without unit and shape."""
+    _, _, text = (inspect.getdoc(part) or "").partition("Args:\n")
+    block = re.split(r"\n\S", text)[0]
+    found = re.findall(r"^    (\w+): (.*(?:\n     +.*)*)", block, re.MULTILINE)
+    bare = {name: re.sub(r"^\[[^]]*\](?: \([^)]*\))?,? ?", "", told) for name, told in found}
+    return {name: " ".join(told.split()).rstrip(".") for name, told in bare.items()}
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _start_files() -> dict[str, Any]:
+    folder = resources.files("jaxcomp.scene") / "starts"
+    found = {f.name[:-5]: f for f in folder.iterdir() if f.name.endswith(".toml")}
+    return dict(sorted(found.items(), key=lambda item: item[0] != "slider-crank"))

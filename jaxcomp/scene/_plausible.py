@@ -1,0 +1,107 @@
+"""Values that a machine can have but hardly does: slips of a unit or of a decimal point.
+
+The ranges are wide, a factor of two or more beyond what reciprocating compressors from the smallest
+household machine to large process machines have; a value outside is worth a second look, no more.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from .._fields import Part, subparts
+from ..mechanism import SliderCrank
+from ._describe import Row, describe
+from ._read import join
+from ._scene import Scene
+
+
+class Doubt(NamedTuple):
+    """A value out of the usual range.
+
+    Attributes:
+        path: dotted path of the value, or of the part that the ratio belongs to.
+        what: what is unusual, with its value.
+        usual: the usual range, as text.
+    """
+
+    path: str
+    what: str
+    usual: str
+
+
+# SI, by the last name of the path. Zero is left alone: it switches an effect off.
+_RPM = np.pi / 30
+_VALUES: dict[str, tuple[float, float, str]] = {
+    "bore": (5e-3, 1.0, "5 mm to 1 m"),
+    "crank_radius": (1e-3, 0.5, "1 mm to 0.5 m"),
+    "conrod_length": (5e-3, 3.0, "5 mm to 3 m"),
+    "mean_speed": (60 * _RPM, 3e4 * _RPM, "60 to 30,000 rpm"),
+    "synchronous_speed": (60 * _RPM, 3e4 * _RPM, "60 to 30,000 rpm"),
+    "suction_pressure": (1e3, 2e7, "0.01 to 200 bar"),
+    "discharge_pressure": (1e4, 1e8, "0.1 to 1000 bar"),
+    "clearance_ratio": (1e-3, 0.3, "0.1 to 30 %"),
+    "coefficient": (5e-4, 0.5, "0.0005 to 0.5"),
+    "dynamic_viscosity": (1e-4, 2.0, "0.1 mPa s to 2 Pa s"),
+    "viscosity": (1e-4, 2.0, "0.1 mPa s to 2 Pa s"),
+    "radial_clearance": (1e-6, 1e-3, "1 um to 1 mm"),
+    "young_modulus": (1e9, 1e12, "1 to 1000 GPa"),
+    "density": (500.0, 25e3, "500 to 25,000 kg/m^3"),
+}
+_Ratio = tuple[str, Callable, float, float]
+_SLIDER_CRANK: tuple[_Ratio, ...] = (
+    ("stroke over bore", lambda m: 2 * m.crank_radius / m.bore, 0.2, 4.0),
+    ("crank radius over rod length", lambda m: m.crank_radius / m.conrod_length, 0.08, 0.5),
+    ("conrod_centre over rod length", lambda m: m.conrod_centre / m.conrod_length, 0.05, 0.95),
+    (
+        "rod's radius of gyration over its length",
+        lambda m: np.sqrt(m.conrod_inertia / max(m.conrod_mass, 1e-300)) / m.conrod_length,
+        0.1,
+        1.0,
+    ),
+)
+_JOURNAL: tuple[_Ratio, ...] = (
+    ("radial_clearance over radius", lambda j: 2 * j.radial_clearance / j.diameter, 2e-4, 1e-2),
+    ("length over diameter", lambda j: j.length / j.diameter, 0.1, 5.0),
+)
+_CYCLE: tuple[_Ratio, ...] = (
+    ("pressure ratio", lambda g: g.discharge_pressure / g.suction_pressure, 1.1, 50.0),
+)
+
+
+def doubts(scene: Scene) -> tuple[Doubt, ...]:
+    """What is unusual in a scene, in the order of its parts."""
+    rows = [doubt for row in describe(scene) for doubt in _of_value(row)]
+    roots = {} if scene.compressor is None else {"": scene.compressor}
+    ratios = [
+        doubt
+        for root, tree in {**roots, **scene.parts}.items()
+        for path, part in subparts(tree)
+        for doubt in _of_part(join(root, path).rstrip("."), part)
+    ]
+    return tuple(rows + ratios)
+
+
+def _of_value(row: Row) -> Iterator[Doubt]:
+    key = row.path.split(".")[-1]
+    if key not in _VALUES or (not row.unit and key not in ("clearance_ratio", "coefficient")):
+        return
+    low, high, usual = _VALUES[key]
+    sizes = np.abs(np.asarray(row.value, float))
+    if np.any((sizes > 0) & ((sizes < low) | (sizes > high))):
+        given = row.given if row.given is not None else f"{row.value} {row.unit}"
+        yield Doubt(row.path, f"{given}", usual)
+
+
+def _of_part(path: str, part: Part) -> Iterator[Doubt]:
+    ratios: tuple[_Ratio, ...] = ()
+    if isinstance(part, SliderCrank):
+        ratios = _SLIDER_CRANK
+    elif all(hasattr(part, name) for name in ("radial_clearance", "diameter", "length")):
+        ratios = _JOURNAL
+    elif all(hasattr(part, name) for name in ("suction_pressure", "discharge_pressure")):
+        ratios = _CYCLE
+    for what, ratio, low, high in ratios:
+        value = float(ratio(part))
+        if value != 0 and not low <= abs(value) <= high:
+            yield Doubt(path, f"{what} is {value:.3g}", f"{low:g} to {high:g}")

@@ -1,0 +1,214 @@
+"""`jaxcomp check`, help and completion: what a newcomer meets first."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from jaxcomp.cli import app
+from jaxcomp.cli._completion import complete_machine
+from jaxcomp.scene import SceneError, doubts, load, loads, start, with_value
+
+# Five faults in four sections; everything else is as `jaxcomp new` writes it.
+FAULTS = {
+    'bore = "50 mm"': 'bor = "50 mm"',
+    'conrod_mass = "0.20 kg"': 'conrod_mass = "0.20 m"',
+    'mean_speed = "1450 rpm"': 'mean_speed = "-1450 rpm"',
+    "exponent = 1.3": "exponent = 0.7",
+    "[friction.piston_pin]": "[friction.pistonpin]",
+}
+MESSAGES = {
+    "mechanism.bor": 'is an unknown key; did you mean "bore"?',
+    "mechanism.conrod_mass": 'has a unit of another dimension, "m"; it must be a text with a unit',
+    "motor.mean_speed": "must be > 0 rad/s",
+    "gas.exponent": "must be >= 1 and <= 3",
+    "friction.pistonpin": 'is an unknown key; did you mean "piston_pin"?',
+}
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch):
+    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
+
+
+@pytest.fixture
+def faulty(tmp_path):
+    text = start("slider-crank", "faulty")
+    for good, bad in FAULTS.items():
+        assert text.count(good) == 1, good
+        text = text.replace(good, bad)
+    file = tmp_path / "faulty.toml"
+    file.write_text(text)
+    return str(file)
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_all_errors_of_a_file_are_found(faulty):
+    with pytest.raises(SceneError) as caught:
+        load(faulty)
+    found = {error.key: error for error in (caught.value, *caught.value.others)}
+    assert list(found) == list(MESSAGES)
+    for key, problem in MESSAGES.items():
+        assert found[key].problem.startswith(problem)
+        assert found[key].file == faulty
+    assert found["mechanism.conrod_mass"].value == "0.20 m"
+
+
+def test_check_lists_all_errors_and_leaves_with_2(faulty):
+    result = invoke("check", faulty)
+    assert result.exit_code == 2
+    lines = result.stderr.splitlines()
+    assert len(lines) == len(MESSAGES) + 1
+    for line, (key, problem) in zip(lines, MESSAGES.items(), strict=False):
+        assert line.startswith(f"error: {faulty}: {key}"), line
+        assert problem in line
+    assert lines[-1] == "5 errors"
+    answer = json.loads(invoke("check", faulty, "--json").stdout)
+    assert not answer["ok"]
+    assert [error["key"] for error in answer["errors"]] == list(MESSAGES)
+
+
+def test_other_commands_tell_the_first_error_and_how_many_follow(faulty):
+    result = invoke("run", faulty)
+    assert result.exit_code == 2
+    first, more = result.stderr.splitlines()
+    assert "mechanism.bor" in first
+    assert more == "and 4 more; `jaxcomp check FILE` lists them"
+
+
+def test_a_misspelt_key_is_no_missing_key_as_well():
+    text = start("slider-crank", "m").replace('bore = "50 mm"', "")
+    with pytest.raises(SceneError, match=r"mechanism.bore: is missing") as caught:
+        loads(text)
+    assert caught.value.others == ()
+
+
+def test_check_shows_parts_and_what_follows():
+    result = invoke("check", "slider-link-8cc")
+    assert result.exit_code == 0, result.stderr
+    for text in ("friction", "suspension", "Swept volume", "7.9771", "Block on its springs"):
+        assert text in result.stdout, text
+    found = json.loads(invoke("check", "hermetic-68cc", "--json").stdout)
+    assert (found["ok"], found["unusual"]) == (True, [])
+    assert found["commands"] == ["run", "optimise", "sweep", "modes", "respond", "balance"]
+    follows = {row["what"]: row["value"] for row in found["follows"]}
+    assert follows["Swept volume"] == pytest.approx(68, abs=0.01)  # printed: 68 cm3
+    # 43 nodes, of which 17 follow the two bodies, with 4 each
+    assert (follows["Nodes of the rotor model"], follows["Degrees of freedom"]) == (43, 104)
+    assert found["parts"]["rotor"]["without_source"] == 0
+
+
+def test_an_unusual_value_is_pointed_at_but_no_error():
+    """Table 1 of Tsuji et al. has the rod's mass centre at 0.0857 mm, a thousandth of a usual one."""
+    result = invoke("check", "mayekawa-wbhe")
+    assert result.exit_code == 0
+    assert "conrod_centre over rod length is 0.000286" in " ".join(result.stdout.split())
+    assert doubts(load("mayekawa-wbhe-rod-centre")) == ()
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("mechanism.bore", "5 m"),
+        ("motor.mean_speed", "1450 rad/s"),  # 13,800 rpm is usual enough; see the next entry
+        ("motor.mean_speed", "14500 rad/s"),
+        ("gas.suction_pressure", "1 Pa"),
+        ("friction.wall.coefficient", 5.0),
+        ("mechanism.conrod_inertia", "250 kg m^2"),
+    ],
+)
+def test_slips_of_a_unit_are_pointed_at(path, value):
+    scene = with_value(loads(start("slider-crank", "m")), path, value)
+    found = [doubt.path for doubt in doubts(scene)]
+    assert bool(found) == (value != "1450 rad/s")
+    assert all(path.startswith(name) or name == "gas" for name in found)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "nearest"),
+    [
+        (["run", "mayekawa-wbeh"], '"mayekawa-wbhe"'),
+        (["run", "mayekawa-wbhe", "--sett", "a=1"], "--set"),
+        (["rnu", "mayekawa-wbhe"], "run"),
+        (["run", "mayekawa-wbhe", "--set", "motr.mean_speed=800rpm"], '"motor"'),
+        (["run", "mayekawa-wbhe", "--set", "motor.mean_sped=800rpm"], '"mean_speed"'),
+        (["run", "mayekawa-wbhe", "--design", "boer=1m"], '"bore"'),
+        (["sweep", "mayekawa-wbhe", "--over", "boer=1m:2m:3"], '"bore"'),
+        (["optimise", "mayekawa-wbhe", "--variable", "motor.mean_sped=1rpm:2rpm"], '"motor.mean_'),
+        (["respond", "hermetic-68cc", "--node", "gromets"], '"grommets"'),
+    ],
+    ids=lambda value: " ".join(value[:4]) if isinstance(value, list) else "",
+)
+def test_the_nearest_known_name_is_offered(arguments, nearest):
+    result = invoke(*arguments)
+    assert result.exit_code == 2
+    assert nearest in result.stderr
+
+
+def test_a_missing_file_offers_the_one_beside_it(tmp_path):
+    (tmp_path / "pump.toml").write_text(start("slider-crank", "pump"))
+    result = invoke("check", str(tmp_path / "pmup.toml"))
+    assert result.exit_code == 2
+    assert "cannot be read: No such file" in result.stderr
+    assert f'did you mean "{tmp_path / "pump.toml"}"?' in result.stderr
+
+
+def commands():
+    return typer.main.get_command(app).commands  # pyright: ignore
+
+
+@pytest.mark.parametrize("name", sorted(commands()))
+def test_help_of_every_command_has_an_example(name):
+    text = commands()[name].help
+    assert "Example: [bold]jaxcomp " + name in text
+
+
+def test_every_command_stands_in_a_group_and_the_start_comes_first():
+    result = invoke("--help")
+    groups = [command.rich_help_panel for command in commands().values()]
+    assert all(isinstance(group, str) for group in groups)
+    assert result.stdout.index("Machines") < result.stdout.index("Analyse one machine")
+    assert "jaxcomp new my-machine.toml" in result.stdout
+
+
+def complete(words: str, folder=None) -> list[str]:
+    """What bash is offered after some words; fails if that starts JAX."""
+    code = (
+        "import sys, atexit\n"
+        "atexit.register(lambda: print('JAX' if 'jax' in sys.modules else '', file=sys.stderr))\n"
+        "from jaxcomp.cli import app\n"
+        "app(prog_name='jaxcomp')"
+    )
+    environment = {
+        **os.environ,
+        "_JAXCOMP_COMPLETE": "complete_bash",
+        "COMP_WORDS": f"jaxcomp {words}",
+        "COMP_CWORD": str(len(words.split(" "))),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment, cwd=folder, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert "JAX" not in done.stderr
+    return done.stdout.split("\n")[:-1]
+
+
+def test_completion_knows_commands_machines_files_and_paths(tmp_path):
+    (tmp_path / "mine.toml").write_text(start("slider-crank", "mine"))
+    assert "optimise" in complete("opt")
+    assert "mayekawa-wbhe" in complete("run may")
+    assert complete("check mi", tmp_path) == ["mine.toml"]
+    assert complete("run mine.toml --set motor.m", tmp_path) == ["motor.mean_speed="]
+    assert "rotor.bodies.1.mass=" in complete("respond hermetic-68cc --set rotor.bodies.1.m")
+
+
+def test_completed_machines_come_with_their_description():
+    found = dict(complete_machine("slider-link"))
+    assert "8 cm3" in found["slider-link-8cc"]

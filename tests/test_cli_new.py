@@ -1,0 +1,127 @@
+"""`jaxcomp new`: files to start from are valid, explain every entry, and tell true defaults."""
+
+import json
+import math
+import re
+
+import equinox as eqx
+import pytest
+from typer.testing import CliRunner
+
+from jaxcomp.cli import app
+from jaxcomp.scene import SECTIONS, describe, doubts, loads, start, starts
+from jaxcomp.scene._schema import entries
+
+KINDS = list(starts())
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch):
+    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_there_is_a_start_for_both_mechanisms_and_for_a_rotor():
+    assert KINDS == ["slider-crank", "rotor", "slider-link"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_file_is_written_valid_and_usual(kind, tmp_path):
+    file = tmp_path / "pump.toml"
+    result = invoke("new", str(file), "--kind", kind)
+    assert result.exit_code == 0, result.stderr
+    scene = loads(file.read_text(), "pump.toml")
+    assert scene.name == "pump"
+    assert doubts(scene) == ()
+    given = [row for row in describe(scene) if row.given is not None and row.unit]
+    assert given
+    assert {row.source for row in given} == {"example value, to be replaced"}
+
+
+def test_no_file_is_overwritten_without_force(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("name = 'mine'\n")
+    refused = invoke("new", str(file))
+    assert refused.exit_code == 2
+    assert "is there already" in refused.stderr
+    assert file.read_text() == "name = 'mine'\n"
+    assert invoke("new", str(file), "--force").exit_code == 0
+    assert loads(file.read_text()).compressor is not None
+
+
+def test_other_endings_are_refused_and_a_dash_prints(tmp_path):
+    assert "must end in .toml" in invoke("new", str(tmp_path / "mine.json")).stderr
+    assert loads(invoke("new", "-").stdout).name == "my-machine"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_defaults_in_comments_are_those_of_the_parts(kind):
+    """Taking the # away from every default changes nothing; one changed default would."""
+    text = start(kind, "m")
+    lines = [line for line in text.splitlines() if not re.match(r"#\w+ = \.\.\.", line)]
+    written = "\n".join(re.sub(r"^#(\w+ = )", r"\1", line) for line in lines)
+    assert written.count("\n#") < text.count("\n#")
+    assert same(loads(written), loads(text))
+    other = re.sub(r"^#(\w+ = \")0\.0 ", r"\g<1>0.001 ", "\n".join(lines), count=1, flags=re.M)
+    if other != "\n".join(lines):
+        assert not same(loads(other), loads(text))
+
+
+def same(one, other) -> bool:
+    trees = [(scene.compressor, dict(scene.parts)) for scene in (one, other)]
+    return bool(eqx.tree_equal(*trees))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_entry_of_a_section_stands_in_the_file(kind):
+    text = start(kind, "m")
+    scene = loads(text)
+    parts = {"mechanism": scene.compressor.mechanism} if scene.compressor else dict(scene.parts)
+    for name, part in parts.items():
+        section = text.split(f"\n[{name}]\n")[1]
+        for key in entries(type(part)):
+            here = re.search(rf"^#?{key} = |\[+{name}\.{key}\]", section, re.MULTILINE)
+            assert here, f"{name}.{key}"
+
+
+def test_comments_carry_unit_bound_and_meaning():
+    text = start("slider-crank", "m")
+    assert re.search(r'^bore = "50 mm" +# a number > 0 \[m\], piston diameter$', text, re.MULTILINE)
+    assert re.search(r'^#shape = "constant" +# one of "constant", "proportional"$', text, re.M)
+    for section in SECTIONS:
+        assert f"[{section}]: " in text
+    assert "Other types: constant_torque: " not in text.split("[gas]")[1]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["run", "--kind", "slider-crank", "--solver", "collocation"],
+        ["respond", "--kind", "rotor"],
+        pytest.param(["run", "--kind", "slider-link"], marks=pytest.mark.slow),
+        pytest.param(["balance", "--kind", "rotor"], marks=pytest.mark.slow),
+    ],
+    ids=lambda words: " ".join(words[:3:2]),
+)
+def test_a_fresh_file_runs(command, tmp_path):
+    verb, option, kind, *rest = command
+    file = tmp_path / "fresh.toml"
+    assert invoke("new", str(file), option, kind).exit_code == 0
+    result = invoke(verb, str(file), "--json", *rest)
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    if verb == "run":
+        assert found["converged"]
+        # an ordinary small machine: worse than 75 % or without any loss would be a slip in the file
+        assert 0.75 < found["mechanical_efficiency"] < 0.97
+    elif verb == "respond":
+        amplitudes = [n["amplitude"]["ux"][0][0] for n in found["nodes"].values()]
+        # a g mm of the same order as the file's over the mass of housing and rotor: micrometres
+        assert all(1e-7 < a < 1e-3 for a in amplitudes), amplitudes
+    else:
+        # masses in the planes of the two unbalances undo them: 120 g mm at 0, 60 g mm at 140 degrees
+        assert [plane["unbalance"] for plane in found["planes"]] == pytest.approx([12e-5, 6e-5])
+        assert found["planes"][1]["phase"] == pytest.approx(math.radians(140 - 180))
