@@ -143,6 +143,17 @@ def test_slips_of_a_unit_are_pointed_at(path, value):
         (["sweep", "mayekawa-wbhe", "--over", "boer=1m:2m:3"], '"bore"'),
         (["optimise", "mayekawa-wbhe", "--variable", "motor.mean_sped=1rpm:2rpm"], '"motor.mean_'),
         (["respond", "hermetic-68cc", "--node", "gromets"], '"grommets"'),
+        (
+            [
+                "optimise",
+                "mayekawa-wbhe",
+                "--variable",
+                "bore=1cm:2cm",
+                "--objective",
+                "motor_pwer",
+            ],
+            '"motor_power"',
+        ),
     ],
     ids=lambda value: " ".join(value[:4]) if isinstance(value, list) else "",
 )

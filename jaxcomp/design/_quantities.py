@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, admissible
+from .._words import hint, one_of
 from ..balancing import Influence, crank_influence, direct_influence, least_squares
 from ..crank import Collocation, Orbit, Shooting, solve_orbit
 from ..shaking import Wrench, shaking_wrench
@@ -254,7 +255,7 @@ def quantity(name: str) -> Quantity:
     family, _, member = name.partition(".")
     if family not in _FAMILIES or not member:
         raise BadInput("quantity", name, f"one of {', '.join(_PLAIN)}, or <family>.<member> of "
-                       f"{', '.join(_FAMILIES)}")  # fmt: skip
+                       f"{', '.join(_FAMILIES)}{hint(name, _PLAIN)}")  # fmt: skip
     unit, better, doc = _FAMILIES[family]
     return Quantity(name, unit, better, doc, lambda found: _member(found, family, member))
 
@@ -268,8 +269,8 @@ def _member(found: Found, family: str, member: str):
             if name == member
         ]
         if not numbers:
-            names = ", ".join(target.name for target in places.targets)
-            raise BadInput("vibration", member, f"one of {names}")
+            names = [target.name for target in places.targets]
+            raise BadInput("vibration", member, one_of(member, names))
         return jnp.sqrt(_mean_square(found, jnp.array(numbers)))
     orbit = found.orbit
     if family == "loss_power":
@@ -277,7 +278,7 @@ def _member(found: Found, family: str, member: str):
     else:
         known = orbit.peak_forces if family == "peak_force" else orbit.mean_forces
     if member not in known:
-        raise BadInput(family, member, f"one of {', '.join(known)}")
+        raise BadInput(family, member, one_of(member, known))
     return known[member]
 
 
