@@ -123,14 +123,13 @@ def problem(
 _LOADS = ("corrections.", "loads.unbalances.", "balancing.targets.")
 
 
-def prepared(problem: Problem, also: Sequence[str] = ()) -> Problem:
+def prepared(problem: Problem) -> Problem:
     """The problem with its rotor solved beforehand, where nothing but loads changes; else as it is.
 
     Many designs then cost a product of matrices each instead of a factorisation.
 
-    Args:
-        problem: any.
-        also: names of variables that its quantities change by themselves.
+    A quantity that is a function, and that changes the design it is given, has to name the variables
+    it changes in an attribute `changes`.
     """
     shaking = ("vibration", "mount_force")
     asked = any(not isinstance(q, str) or q.startswith(shaking) for q in problem.quantities)
@@ -138,7 +137,8 @@ def prepared(problem: Problem, also: Sequence[str] = ()) -> Problem:
         return problem
     shaken = shaken_by(problem.design, problem.chain)
     kept = _LOADS if shaken.by_crank else (*_LOADS, "loads.forces.")
-    names = [v.name for v in problem.variables] + list(also)
+    names = [v.name for v in problem.variables]
+    names += [name for q in problem.quantities for name in getattr(q, "changes", ())]
     if not all(name.startswith(kept) for name in names):
         return problem
     known = known_response(problem.design, shaken)

@@ -1,0 +1,138 @@
+r"""Monte Carlo: every sample is a machine that is solved in full.
+
+The samples come in several independent sets, each scrambled by itself if it is a sequence of Sobol; how
+much the sets differ is the error of what all of them together say, whatever the kind of sampling.
+"""
+
+from collections import deque
+from typing import Literal, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._fields import BadInput
+from ..design import Problem
+from ..sweeping import normal
+from ..sweeping._bar import bar
+from ..sweeping._points import SamplePoints
+from ..sweeping._program import block_program, default_width
+from ._scatter import Scatter
+
+Sampling = Literal["sobol", "latin_hypercube", "random"]
+# Independent sets: enough for an error that is itself known to a quarter.
+SETS = 8
+# Designs of a block, and blocks that are under way at a time.
+_BLOCK = 8192
+_AHEAD = 2
+# Designs in step where each costs a product of small matrices: wide enough to be worth a call.
+_WIDE = 1024
+
+
+class Sampled(NamedTuple):
+    """Machines of a scatter.
+
+    Attributes:
+        normals: [-] (samples, variables) u.
+        values: [SI] (samples, quantities); NaN where a machine could not be solved.
+        ok: (samples,)
+        mean, deviation: [SI] (quantities,) of those that could be solved.
+        skewness: [-] (quantities,)
+        mean_error, deviation_error: [SI] (quantities,) standard errors, from the sets.
+    """
+
+    normals: Float[np.ndarray, "samples variables"]
+    values: Float[np.ndarray, "samples quantities"]
+    ok: Bool[np.ndarray, " samples"]
+    mean: Float[np.ndarray, " quantities"]
+    deviation: Float[np.ndarray, " quantities"]
+    skewness: Float[np.ndarray, " quantities"]
+    mean_error: Float[np.ndarray, " quantities"]
+    deviation_error: Float[np.ndarray, " quantities"]
+
+    def quantile(self, share) -> Float[np.ndarray, "*shares quantities"]:
+        """[SI] Values that these shares of the machines do not exceed."""
+        return np.quantile(self.values[self.ok], share, axis=0)
+
+
+def sampled(
+    problem: Problem,
+    scatter: Scatter,
+    nominal,
+    samples: int,
+    sampling: Sampling = "sobol",
+    seed: int = 0,
+    progress: bool = True,
+) -> Sampled:
+    """Draw machines and solve them.
+
+    Raises:
+        BadInput: fewer than two samples in a set.
+    """
+    if samples < 2 * SETS:
+        raise BadInput("samples", samples, f">= {2 * SETS}")
+    names = list(scatter.tolerances)
+    sizes = [samples // SETS + (i < samples % SETS) for i in range(SETS)]
+    parts = []
+    for number, size in enumerate(sizes):
+        axes = {name: normal(0.0, 1.0) for name in names}
+        points = SamplePoints(axes, size, sampling, seed * SETS + number)
+        parts.append(points.rows((slice(0, size),)))
+    normals = np.concatenate(parts)
+    values, ok = solved_normals(problem, scatter, nominal, normals, progress)
+    groups = np.repeat(np.arange(SETS), sizes)
+    return _summary(normals, values, ok, groups)
+
+
+def solved_normals(problem: Problem, scatter: Scatter, nominal, normals, progress=True):
+    """[SI] (samples, quantities) of machines u, and whether they could be solved."""
+    return solved_rows(problem, normals, lambda u: np.asarray(scatter.at(nominal, u)), progress)
+
+
+def solved_rows(problem: Problem, rows, values_of=lambda rows: rows, progress=False):
+    """[SI] (rows, quantities) and whether they could be solved, in blocks on all devices.
+
+    Args:
+        problem: what is asked.
+        rows: (rows, variables)
+        values_of: from a block of rows to values of the variables [SI].
+        progress: show a bar.
+    """
+    devices = jax.local_devices()
+    width = default_width(devices) if problem.chain.known is None else _WIDE
+    start, waiting, done = block_program(problem, width, devices), deque(), []
+    with bar(len(rows), 0, progress) as advance:
+
+        def finish():
+            size, wait = waiting.popleft()
+            done.append(wait())
+            advance(size, True)
+
+        for first in range(0, len(rows), _BLOCK):
+            block = values_of(rows[first : first + _BLOCK])
+            waiting.append((len(block), start(block)))
+            if len(waiting) > _AHEAD:
+                finish()
+        while waiting:
+            finish()
+    values, ok = (np.concatenate(parts) for parts in zip(*done, strict=True))
+    return values, ok
+
+
+def _summary(normals, values, ok, groups) -> Sampled:
+    good = values[ok]
+    if len(good) < 2:
+        nothing = np.full(values.shape[1], np.nan)
+        return Sampled(normals, values, ok, *([nothing] * 5))
+    mean, deviation = good.mean(0), good.std(0)
+    flat = np.where(deviation > 0, deviation, 1.0)
+    skewness = np.mean(((good - mean) / flat) ** 3, axis=0)
+    sets = [values[ok & (groups == i)] for i in range(SETS)]
+    sets = [one for one in sets if len(one)]
+    errors = [
+        np.std([f(one) for one in sets], axis=0, ddof=1) / np.sqrt(len(sets))
+        if len(sets) > 1
+        else np.full(values.shape[1], np.nan)
+        for f in (lambda v: v.mean(0), lambda v: v.std(0))
+    ]
+    return Sampled(normals, values, ok, mean, deviation, skewness, *errors)

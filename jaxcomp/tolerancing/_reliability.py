@@ -1,0 +1,259 @@
+r"""The probability that a quantity exceeds its limit.
+
+First order (Hasofer and Lind 1974): in the space of independent standard normal variables u the most
+likely machine that reaches the limit is the nearest one, at the distance beta, and P = Phi(-beta). Second
+order (Hohenbichler and Rackwitz 1988, J. Eng. Mech. 114, 2195): the curvatures kappa of the limit there
+bend it,
+
+    P = Phi(-beta) prod_i (1 + psi kappa_i)^(-1/2),      psi = phi(beta) / Phi(-beta).
+
+A quantity near its own optimum reaches the limit on several sides; every nearest point that is found
+counts, and their probabilities add up, which is an upper bound (Ditlevsen 1979). Samples about the points
+(Melchers 1989) check both orders where plain samples are too few.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+from scipy.optimize import minimize
+
+from ..design import Problem
+from ..design._goal import solved
+from ._local import BATCH
+from ._monte_carlo import Sampled, solved_normals
+from ._scatter import Scatter
+
+# Of the first-order deviation: how exactly a nearest point lies on the limit.
+_ON_LIMIT = 1e-6
+# Two searches that end closer than this found the same point.
+_SAME = 0.3
+# Half a difference of slopes for the curvatures of the limit, in standard deviations.
+_STEP = 0.25
+_WORST_START = 3.0
+
+
+class Limit(NamedTuple):
+    """A bound that machines should keep.
+
+    Attributes:
+        quantity: name.
+        bound: [SI]
+        above: whether more than it is a failure, or less.
+    """
+
+    quantity: str
+    bound: float
+    above: bool = True
+
+
+class Reliability(NamedTuple):
+    """How probable it is that a limit is broken.
+
+    Attributes:
+        limit: the limit.
+        sampled: share of the samples that break it, with its 95 % interval in `sampled_interval`.
+        beta: [-] distance of the nearest point; negative if the mean machine breaks the limit; NaN
+            if none was found.
+        first_order, second_order: probabilities; NaN if no point was found, or if the limit bends
+            too much for the second order.
+        near_points, near_points_error: probability by samples about the nearest points, and its
+            standard error; NaN as above.
+        points: [-] (points, variables) u of the nearest points, the nearest first.
+        design: [SI] (variables,) the most likely machine that breaks the limit.
+        importance: [-] (variables,) squared direction cosines of the nearest point; they sum to one.
+    """
+
+    limit: Limit
+    sampled: float
+    sampled_interval: tuple[float, float]
+    beta: float
+    first_order: float
+    second_order: float
+    near_points: float
+    near_points_error: float
+    points: Float[np.ndarray, "points variables"]
+    design: Float[np.ndarray, " variables"]
+    importance: Float[np.ndarray, " variables"]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the first order lies in the interval of the samples, or within a quarter of it."""
+        low, high = self.sampled_interval
+        return bool(0.75 * low <= self.first_order <= 1.25 * high)
+
+
+class _Slopes:
+    """Value and slope of one quantity in the space of u, each point solved once."""
+
+    def __init__(self, problem: Problem, scatter: Scatter, nominal, place: int, limit: Limit):
+        self.problem, self.nominal, self.place = problem, nominal, place
+        self.sign, self.bound = (1.0 if limit.above else -1.0), limit.bound
+        self.map = lambda u: scatter.at(nominal, u)
+        self.slope_of_map = jax.vmap(jax.jacfwd(self.map))
+        self.known: dict[bytes, tuple[float, np.ndarray]] = {}
+
+    def __call__(self, points) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) how far beyond the limit, positive for failures, and (n, variables) its slope."""
+        points = np.atleast_2d(np.asarray(points, float))
+        new = [p for p in points if p.tobytes() not in self.known]
+        if new:
+            u = jnp.asarray(np.stack(new))
+            found = solved(self.problem, self.map(u), BATCH)
+            slope = jnp.einsum("nv,nvu->nu", found.slope[:, self.place], self.slope_of_map(u))
+            beyond = self.sign * (found.values[:, self.place] - self.bound)
+            good = np.asarray(found.ok)
+            for one, value, along, fine in zip(new, beyond, slope, good, strict=True):
+                known = (float(value), self.sign * np.asarray(along))
+                nothing = (np.nan, np.full(len(one), np.nan))
+                self.known[one.tobytes()] = known if fine else nothing
+        pairs = [self.known[p.tobytes()] for p in points]
+        return np.array([p[0] for p in pairs]), np.stack([p[1] for p in pairs])
+
+
+def reliability(
+    problem: Problem,
+    scatter: Scatter,
+    nominal,
+    limit: Limit,
+    samples: Sampled,
+    around: int = 4096,
+    seed: int = 0,
+) -> Reliability:
+    """The probability that a limit is broken, in several ways.
+
+    Args:
+        problem: with the quantity of the limit.
+        scatter: of its variables.
+        nominal: [SI] (variables,)
+        limit: the limit.
+        samples: plain samples, solved.
+        around: samples about the nearest points; 0 for none.
+        seed: of these.
+    """
+    place = problem.names.index(limit.quantity)
+    share, interval = _counted(samples, place, limit)
+    slopes = _Slopes(problem, scatter, nominal, place, limit)
+    nothing = np.full(len(nominal), np.nan)
+    points = _nearest_points(slopes, len(nominal))
+    if not len(points):
+        empty = np.zeros((0, len(nominal)))
+        nan = [np.nan] * 5
+        return Reliability(limit, share, interval, *nan, empty, nothing, nothing)
+    failed = slopes(np.zeros(len(nominal)))[0][0] > 0
+    distance = np.linalg.norm(points, axis=1)
+    beta = -distance[0] if failed else distance[0]
+    first = float(stats.norm.sf(beta) if failed else min(1.0, stats.norm.sf(distance).sum()))
+    second = _second_order(slopes, points, failed)
+    near, error = np.nan, np.nan
+    if around and not failed:
+        near, error = _about(problem, scatter, nominal, limit, place, points, around, seed)
+    return Reliability(
+        limit,
+        share,
+        interval,
+        float(beta),
+        first,
+        second,
+        near,
+        error,
+        points,
+        np.asarray(scatter.at(nominal, points[0])),
+        (points[0] / distance[0]) ** 2 if distance[0] > 0 else nothing,
+    )
+
+
+def _counted(samples: Sampled, place: int, limit: Limit) -> tuple[float, tuple[float, float]]:
+    values = samples.values[samples.ok, place]
+    if not values.size:
+        return np.nan, (np.nan, np.nan)
+    broken = int(np.sum(values > limit.bound if limit.above else values < limit.bound))
+    interval = stats.binomtest(broken, values.size).proportion_ci(method="wilson")
+    return broken / values.size, (float(interval.low), float(interval.high))
+
+
+def _nearest_points(slopes: _Slopes, n: int) -> np.ndarray:
+    """(points, n) all points of the limit that are nearest in their surroundings, sorted."""
+    starts = _starts(slopes, n)
+    scale = np.nanmax(np.abs(slopes(starts)[0]))
+    if not (np.isfinite(scale) and scale > 0):
+        return np.zeros((0, n))
+    found = []
+    for start in starts:
+        answer = minimize(
+            lambda u: (0.5 * u @ u, u),
+            start,
+            jac=True,
+            method="SLSQP",
+            constraints={
+                "type": "eq",
+                "fun": lambda u: slopes(u)[0][0] / scale,
+                "jac": lambda u: slopes(u)[1][0] / scale,
+            },
+            options={"maxiter": 100, "ftol": 1e-10},
+        )
+        off = slopes(answer.x)[0][0] / scale
+        if answer.success and abs(off) < _ON_LIMIT and np.linalg.norm(answer.x) < 12:
+            found.append(answer.x)
+    found.sort(key=np.linalg.norm)
+    kept: list[np.ndarray] = []
+    for point in found:
+        if all(np.linalg.norm(point - other) > _SAME for other in kept):
+            kept.append(point)
+    return np.stack(kept) if kept else np.zeros((0, n))
+
+
+def _starts(slopes: _Slopes, n: int) -> np.ndarray:
+    """Along the slope at the mean, and to both sides along what bends the quantity most."""
+    centre = np.zeros(n)
+    steps = _STEP * np.eye(n)
+    value, slope = slopes(np.concatenate([centre[None], steps, -steps]))
+    directions = [slope[0]]
+    bent = (slope[1 : n + 1] - slope[n + 1 :]) / (2 * _STEP)
+    if np.all(np.isfinite(bent)):
+        vectors = np.linalg.eigh((bent + bent.T) / 2)[1][:, ::-1]
+        directions += [sign * v for v in vectors.T[:2] for sign in (1.0, -1.0)]
+    starts = []
+    for direction in directions:
+        length = np.linalg.norm(direction)
+        if np.isfinite(length) and length > 0:
+            climb = slope[0] @ direction / length
+            needed = -value[0] / climb if climb else _WORST_START
+            starts.append(np.clip(needed, -_WORST_START, _WORST_START) * direction / length)
+    return np.stack(starts) if starts else np.ones((1, n))
+
+
+def _second_order(slopes: _Slopes, points, failed: bool) -> float:
+    total = 0.0
+    for point in points[:1] if failed else points:
+        beta, n = np.linalg.norm(point), len(point)
+        steps = _STEP * np.eye(n)
+        _, slope = slopes(np.concatenate([point[None], point + steps, point - steps]))
+        bent = (slope[1 : n + 1] - slope[n + 1 :]) / (2 * _STEP)
+        steep = np.linalg.norm(slope[0])
+        flat = np.linalg.svd(slope[:1] / steep)[2][1:]  # directions along the limit
+        curvature = -np.linalg.eigvalsh(flat @ (bent + bent.T) @ flat.T / 2) / steep
+        if failed:  # what is safe lies beyond, and bends the other way
+            curvature = -curvature
+        growth = 1 + stats.norm.pdf(beta) / stats.norm.sf(beta) * curvature
+        if not np.all(growth > 0):
+            return np.nan
+        total += stats.norm.sf(beta) / np.sqrt(np.prod(growth))
+    return float(1 - total if failed else min(1.0, total))
+
+
+def _about(problem, scatter, nominal, limit, place, points, around, seed) -> tuple[float, float]:
+    rng = np.random.default_rng(seed)
+    which = rng.integers(len(points), size=around)
+    u = points[which] + rng.standard_normal((around, points.shape[1]))
+    values, ok = solved_normals(problem, scatter, nominal, u, progress=False)
+    values = values[:, place]
+    # phi(u) over the mixture of bells about the points
+    away = [-0.5 * np.sum((u - p) ** 2, 1) for p in points]
+    weight = np.exp(-0.5 * np.sum(u**2, 1) - np.logaddexp.reduce(away, axis=0)) * len(points)
+    broken = (values > limit.bound if limit.above else values < limit.bound) & ok
+    parts = weight * broken
+    return float(parts.mean()), float(parts.std(ddof=1) / np.sqrt(around))

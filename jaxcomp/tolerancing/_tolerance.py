@@ -1,0 +1,225 @@
+r"""`tolerance`: what the scatter of production does to a machine."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .._fields import BadInput
+from ..design import Chain, Problem, prepared, problem
+from ..design._problem import Asked, name_of
+from ._local import Curvature, Local, Moments, first_order, local, second_order, shares
+from ._monte_carlo import Sampled, Sampling, sampled, solved_rows
+from ._reliability import Limit, Reliability, reliability
+from ._scatter import Correlations, Scatter, check_nominal, scatter_of
+from ._within import Within
+
+# From here on a method is said to disagree with the samples: share of the samples' deviation.
+_DISAGREES = 0.1
+
+
+class Tolerances(NamedTuple):
+    """What a scatter does to the quantities of a machine.
+
+    Attributes:
+        problem: the quantities as functions of the scattered variables.
+        scatter: of the variables, in the order of the problem.
+        nominal: [SI] (variables,) as drawn.
+        deviation: [SI] (variables,) standard deviations of the variables.
+        value: [SI] (quantities,) of the machine as drawn.
+        local: value, slope and curvature at the mean machine.
+        first_order, second_order: moments from these; the second `None` without curvature.
+        shares: [-] (quantities, variables) of the variance, from the highest order known.
+        swings: [SI] (2, variables, quantities) with one variable at its low or high limit, the
+            others at their means; NaN where it cannot be solved.
+        sampled: Monte Carlo.
+        reliability: of each limit.
+    """
+
+    problem: Problem
+    scatter: Scatter
+    nominal: Float[np.ndarray, " variables"]
+    deviation: Float[np.ndarray, " variables"]
+    value: Float[np.ndarray, " quantities"]
+    local: Local
+    first_order: Moments
+    second_order: Moments | None
+    shares: Float[np.ndarray, "quantities variables"]
+    swings: Float[np.ndarray, "2 variables quantities"]
+    sampled: Sampled
+    reliability: tuple[Reliability, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the quantities."""
+        return self.problem.names
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables."""
+        return tuple(one.name for one in self.problem.variables)
+
+    def ranking(self, quantity: str) -> list[tuple[str, float]]:
+        """Variables and their shares of the variance [-], the largest first.
+
+        Raises:
+            BadInput: a quantity that was not asked for.
+        """
+        if quantity not in self.names:
+            raise BadInput("quantity", quantity, f"one of {', '.join(self.names)}")
+        row = self.shares[self.names.index(quantity)]
+        return sorted(zip(self.variables, row.tolist(), strict=True), key=lambda p: -abs(p[1]))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Where the methods disagree, and what could not be solved, in words."""
+        out = []
+        lost = int(np.sum(~self.sampled.ok))
+        if lost:
+            out.append(f"{lost} of {len(self.sampled.ok)} samples could not be solved")
+        if not self.local.ok:
+            out.append("the derivatives cannot be relied on: a design near the mean is not solved")
+        for place, name in enumerate(self.names):
+            out += _disagreements(self, place, name)
+        for one in self.reliability:
+            if not one.agrees:
+                low, high = one.sampled_interval
+                out.append(
+                    f"{one.limit.quantity}: first-order probability {one.first_order:.3g} of breaking "
+                    f"the limit, {low:.3g} to {high:.3g} by the samples"
+                )
+        return tuple(out)
+
+
+def tolerance(
+    scene: Any,
+    tolerances: Mapping[str, Within],
+    quantities: Sequence[Asked] | None = None,
+    *,
+    correlations: Correlations | None = None,
+    limits: Mapping[str, tuple[float | None, float | None]] | None = None,
+    chain: Chain | None = None,
+    samples: int = 16384,
+    sampling: Sampling = "sobol",
+    seed: int = 0,
+    curvature: Curvature = "differences",
+    progress: bool = True,
+) -> Tolerances:
+    """What production tolerances do to a machine, by derivatives and by Monte Carlo.
+
+    Args:
+        scene: of `jaxcomp.load`, a `Design`, or a `Problem`, whose variables are the scattered ones.
+        tolerances: of each variable by name, see `within` and `Variable`. Names set in this order.
+        quantities: see `quantity_names`; functions of a `Found` as well. Efficiency if absent.
+        correlations: [-] of the deviations of two variables, by pairs of names.
+        limits: [SI] (low, high) by quantity, `None` for an open end: the probability of breaking
+            each is worked out.
+        chain: how a design is worked out.
+        samples: machines of the Monte Carlo.
+        sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
+        seed: of the samples.
+        curvature: how the second order comes about, see `local`; `None` for the first alone.
+        progress: show a bar on standard error, if that is a terminal.
+
+    Raises:
+        BadInput: an unknown variable or quantity, a tolerance that takes a variable out of its
+            bounds, correlations that cannot be, or an option that makes no sense.
+    """
+    scatter = scatter_of(tolerances, correlations)
+    limits = limits or {}
+    made = _problem(scene, scatter, quantities, limits, chain)
+    nominal = np.asarray(made.current)
+    check_nominal(scatter, nominal)
+    _check_bounds(made, scatter, nominal)
+    made = prepared(made)
+    mean = scatter.mean(nominal)
+    deviation, covariance = scatter.deviation(nominal), scatter.covariance(nominal)
+    excess = jnp.array([one.excess for one in scatter.tolerances.values()])
+    near = local(made, mean, deviation, curvature)
+    many = sampled(made, scatter, nominal, samples, sampling, seed, progress)
+    ends = _limits(limits, made)
+    value, swings = _one_at_a_time(made, scatter, nominal)
+    return Tolerances(
+        made,
+        scatter,
+        nominal,
+        np.asarray(deviation),
+        value,
+        near,
+        first_order(near, covariance),
+        None if near.curvature is None else second_order(near, covariance, excess),
+        shares(near, covariance, excess),
+        swings,
+        many,
+        tuple(reliability(made, scatter, nominal, end, many, seed=seed) for end in ends),
+    )
+
+
+def _problem(scene, scatter, quantities, limits, chain) -> Problem:
+    if isinstance(scene, Problem):
+        if quantities is not None or chain is not None:
+            raise BadInput("quantities", "given twice", "left to the `Problem`, as is the chain")
+        names = tuple(one.name for one in scene.variables)
+        if tuple(scatter.tolerances) != names:
+            given = ", ".join(scatter.tolerances)
+            raise BadInput("tolerances", given, f"{', '.join(names)}, in this order")
+        missing = [name for name in limits if name not in scene.names]
+        if missing:
+            raise BadInput("limits", missing[0], f"one of {', '.join(scene.names)}")
+        return scene
+    asked = list(quantities or (() if limits else ("mechanical_efficiency",)))
+    asked += [name for name in limits if name not in [name_of(q) for q in asked]]
+    return problem(scene, list(scatter.tolerances), asked, chain)
+
+
+def _check_bounds(made: Problem, scatter: Scatter, nominal) -> None:
+    for end in np.asarray(scatter.limits(nominal)):
+        for one, value in zip(made.variables, end, strict=True):
+            if not bool(one.bound.holds(value)):
+                raise BadInput(one.name, float(value), f"{one.bound}, at every limit of tolerance")
+
+
+def _limits(limits, made: Problem) -> list[Limit]:
+    out = []
+    for name, (low, high) in limits.items():
+        if low is None and high is None:
+            raise BadInput(f"limits.{name}", "without bounds", "given a lower or an upper bound")
+        for end, above in ((low, False), (high, True)):
+            if end is None:
+                continue
+            if not np.isfinite(end):
+                raise BadInput(f"limits.{name}", end, "finite, or None for no bound")
+            out.append(Limit(name, float(end), above))
+    return out
+
+
+def _one_at_a_time(made: Problem, scatter: Scatter, nominal):
+    """Quantities as drawn, and with each variable in turn at both limits."""
+    ends, mean = np.asarray(scatter.limits(nominal)), np.asarray(scatter.mean(nominal))
+    n = len(nominal)
+    points = np.tile(mean, (2, n, 1))
+    for side in range(2):
+        points[side, np.arange(n), np.arange(n)] = ends[side]
+    rows = np.concatenate([np.asarray(nominal)[None], points.reshape(-1, n)])
+    values, _ = solved_rows(made, rows)
+    return values[0], values[1:].reshape(2, n, -1)
+
+
+def _disagreements(found: Tolerances, place: int, name: str) -> list[str]:
+    truth, error = found.sampled.deviation[place], found.sampled.deviation_error[place]
+    out = []
+    for word, moments in (("first", found.first_order), ("second", found.second_order)):
+        if moments is None:
+            continue
+        allowed = max(_DISAGREES * truth, 4 * error)
+        off = moments.deviation[place] - truth
+        shift = moments.mean[place] - found.sampled.mean[place]
+        if not abs(off) <= allowed:
+            share = f"{moments.deviation[place]:.3g} against {truth:.3g} by the samples"
+            out.append(f"{name}: {word}-order deviation {share}")
+        if not abs(shift) <= max(_DISAGREES * truth, 4 * found.sampled.mean_error[place]):
+            share = f"{moments.mean[place]:.6g} against {found.sampled.mean[place]:.6g}"
+            out.append(f"{name}: {word}-order mean {share} by the samples")
+    return out
