@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ._accuracy import accuracy
 from ._balance import balance
 from ._bearing import bearing
 from ._check import check
@@ -36,6 +37,7 @@ app.command("run", rich_help_panel=_ANALYSE)(run)
 app.command("respond", rich_help_panel=_ANALYSE)(respond)
 app.command("modes", rich_help_panel=_ANALYSE)(modes)
 app.command("bearing", rich_help_panel=_ANALYSE)(bearing)
+app.command("accuracy", rich_help_panel=_ANALYSE)(accuracy)
 app.command("balance", rich_help_panel=_DESIGN)(balance)
 app.command("optimise", rich_help_panel=_DESIGN)(optimise)
 app.command("sweep", rich_help_panel=_DESIGN)(sweep)

@@ -4,8 +4,10 @@ from ._collocation import Collocation as Collocation
 from ._motion import acceleration as acceleration
 from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit
+from ._panels import panels as panels
 from ._shooting import Shooting as Shooting
 from ._solve import solve_orbit as solve_orbit
 from ._transient import TimeIntegration as TimeIntegration
 from ._transient import Transient as Transient
 from ._transient import simulate as simulate
+from ._turn import orbit_on_panels as orbit_on_panels

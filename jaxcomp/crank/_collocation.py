@@ -10,6 +10,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
+from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport, fixed_point
 from .._status import Status
@@ -41,14 +42,15 @@ class Collocation(eqx.Module):
         nodes: Gauss nodes on every panel.
         kinks: how many changes of side in mid-stroke may become panel edges; 0 looks for none.
         grading: how often the panels beside a vanishing pin load are cut again, towards it.
-        tolerance: [-] change of the relative kinetic energy at which the passes stop.
+        tolerance: [-] change of the relative kinetic energy at which the passes stop. Given as an
+            array, all tolerances share one compiled program.
         max_passes: passes after which the result is marked as not converged.
     """
 
     nodes: int = eqx.field(static=True, default=8)
     kinks: int = eqx.field(static=True, default=4)
     grading: int = eqx.field(static=True, default=3)
-    tolerance: float = eqx.field(static=True, default=1e-13)
+    tolerance: float | Float[Array, ""] = 1e-13
     max_passes: int = eqx.field(static=True, default=80)
 
     name: ClassVar[str] = "collocation"

@@ -50,7 +50,8 @@ class Shooting(eqx.Module):
             where a load changes its side are met unprepared, and there the error estimate of a step
             is too hopeful. Derivatives converge after the values; measured on the machine of Tsuji et
             al. with offset and weights, as worst relative error of an elasticity: 2e-4 at the
-            default, 1e-7 with `Shooting(diffrax.Dopri8(), 1e-9)`.
+            default, 1e-7 with `Shooting(diffrax.Dopri8(), 1e-9)`. Given as an array, all tolerances
+            share one compiled program.
         adjoint: how diffrax differentiates a turn; the default serves reverse mode,
             `diffrax.ForwardMode()` serves forward mode.
         kinks: how many changes of side in mid-stroke the steps avoid to cross; 0 looks for none.
@@ -60,7 +61,7 @@ class Shooting(eqx.Module):
     """
 
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
-    tolerance: float = eqx.field(static=True, default=1e-7)
+    tolerance: float | Float[Array, ""] = 1e-7
     adjoint: diffrax.AbstractAdjoint = eqx.field(default_factory=diffrax.RecursiveCheckpointAdjoint)
     kinks: int = eqx.field(static=True, default=4)
     max_newton: int = eqx.field(static=True, default=12)
@@ -70,7 +71,7 @@ class Shooting(eqx.Module):
     name: ClassVar[str] = "shooting"
 
     @property
-    def step_tolerance(self) -> float:
+    def step_tolerance(self) -> float | Float[Array, ""]:
         return 1e-3 * self.tolerance
 
     def solve(self, compressor: Compressor) -> Orbit:

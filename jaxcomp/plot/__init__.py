@@ -1,5 +1,8 @@
 """Pictures: functions that return matplotlib figures and keep no state."""
 
+from ._accuracy import accuracy_figures as accuracy_figures
+from ._accuracy import order_diagram as order_diagram
+from ._accuracy import work_precision_diagram as work_precision_diagram
 from ._balance import balance_bars as balance_bars
 from ._balance import balance_figures as balance_figures
 from ._balance import balance_polar as balance_polar

@@ -1,0 +1,136 @@
+"""What `jaxcomp accuracy` prints."""
+
+import math
+import os
+import platform
+from collections.abc import Iterator
+from importlib.metadata import version
+from typing import Any
+
+from ..work_precision import Report, Row
+from ._tables import _table
+
+# Errors for which methods are set side by side.
+_DECADES = tuple(10.0**-n for n in range(3, 13))
+
+
+def accuracy_result(report: Report, error: float) -> dict[str, Any]:
+    """The report in SI units, with the recommendation and the machine it was measured on."""
+    best, reference = report.cheapest(error), report.reference
+    return {
+        "study": report.study,
+        "scene": report.scene,
+        "quantity": report.quantity,
+        "unit": report.unit,
+        "reference": {
+            "value": reference.value,
+            "other": reference.other,
+            "methods": list(reference.methods),
+            "floor": reference.floor,
+        },
+        "error": error,
+        "recommended": None if best is None else _entry(best),
+        "rows": [_entry(row) for row in report.rows],
+        "cheapest": {
+            f"{at:g}": {method: _time(report, at, method) for method in report.methods}
+            for at in _reachable(report)
+        },
+        "orders": {
+            name: {"expected": order.expected, "observed": _finite(order.observed)}
+            for name, order in report.orders.items()
+        },
+        "measured_on": {
+            "cores": os.cpu_count(),
+            "load": os.getloadavg()[0],
+            "python": platform.python_version(),
+        }
+        | {name: version(name) for name in ("jax", "diffrax", "scipy", "jaxcomp")},
+    }
+
+
+def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
+    """Every setting, the methods at equal error, orders, and the recommendation."""
+    reference = report.reference
+    title = f"{report.scene}: {report.note}"
+    heads = ("Method", "Setting", "Error", "Time", "Compiling", "Passes", "Operations")
+    table = _table(title, *heads, numbers=True)
+    table.columns[1].justify = "left"
+    for row in report.rows:
+        table.add_row(
+            row.method,
+            row.setting,
+            _error(report, row),
+            _duration(row.seconds),
+            _duration(row.compile_seconds),
+            "" if row.passes is None else str(row.passes),
+            "" if row.flops is None else f"{row.flops:,.0f}",
+        )
+    yield table
+    if report.orders:
+        orders = _table(None, "Method", "Order", "Observed", numbers=True)
+        for name, order in report.orders.items():
+            orders.add_row(name, str(order.expected), f"{order.observed:.2f}")
+        yield orders
+    else:
+        yield _side_by_side(report)
+    yield (
+        f"{report.quantity} = {reference.value:.12g} {report.unit}".rstrip()
+        + f" by {reference.methods[0]}; {reference.methods[1]} differs by {reference.floor:.1e}, "
+        "below which no error is claimed.\n"
+    )
+    best = report.cheapest(error)
+    if best is None:
+        yield f"No setting tried has an error of {error:g} or less.\n"
+    else:
+        yield (
+            f"Cheapest for an error of {error:g}: {best.method}, {best.setting}, "
+            f"{_duration(best.seconds)}.\n"
+        )
+
+
+def _side_by_side(report: Report):
+    """The time of each method's cheapest setting for an error, and how many times the fastest."""
+    table = _table("Time for an error of at most", "Error", *report.methods, numbers=True)
+    for at in _reachable(report):
+        times = [_time(report, at, method) for method in report.methods]
+        fastest = min(t for t in times if t is not None)
+        cells = [
+            "" if t is None else f"{_duration(t)} ({t / fastest:.3g}x)" if t > fastest else
+            f"[bold]{_duration(t)}"
+            for t in times
+        ]  # fmt: skip
+        table.add_row(f"{at:.0e}", *cells)
+    return table
+
+
+def _reachable(report: Report) -> list[float]:
+    return [at for at in _DECADES if report.cheapest(at) is not None]
+
+
+def _time(report: Report, error: float, method: str) -> float | None:
+    best = report.cheapest(error, method)
+    return None if best is None else best.seconds
+
+
+def _entry(row: Row) -> dict[str, Any]:
+    return {key: _finite(value) for key, value in row._asdict().items()}
+
+
+def _finite(value):
+    return value if not isinstance(value, float) or math.isfinite(value) else None
+
+
+def _error(report: Report, row: Row) -> str:
+    if not math.isfinite(row.error):
+        return "not converged"
+    floor = report.reference.floor
+    return f"< {floor:.1e}" if row.error < floor else f"{row.error:.1e}"
+
+
+def _duration(seconds: float) -> str:
+    if not math.isfinite(seconds):
+        return ""
+    for scale, unit in ((1.0, "s"), (1e-3, "ms")):
+        if seconds >= scale:
+            return f"{seconds / scale:.3g} {unit}"
+    return f"{seconds * 1e6:.3g} µs"

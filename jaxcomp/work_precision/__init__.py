@@ -1,0 +1,11 @@
+"""Error against run time of every solver, and what each part of a scene costs."""
+
+from ._accuracy import STUDIES as STUDIES
+from ._accuracy import accuracy as accuracy
+from ._measure import Program as Program
+from ._measure import compile_program as compile_program
+from ._measure import median_time as median_time
+from ._report import Order as Order
+from ._report import Reference as Reference
+from ._report import Report as Report
+from ._report import Row as Row

@@ -1,0 +1,68 @@
+r"""`accuracy`: error against run time of whatever works a quantity out."""
+
+from collections.abc import Callable
+from typing import Any
+
+from .._fields import BadInput
+from ..design import Design, design_of, quantity
+from ._orbit import orbit_study
+from ._order import order_study
+from ._report import Report, Row
+from ._study import Question
+
+# By the word a user types.
+STUDIES: dict[str, Callable[[Question, bool], Any]] = {
+    "orbit": orbit_study,
+    "order": order_study,
+}
+
+
+def accuracy(
+    scene: Any,
+    quantity_name: str = "mechanical_efficiency",
+    study: str = "orbit",
+    *,
+    variable: str | None = None,
+    thorough: bool = False,
+    tell: Callable[[str, int, int], None] | None = None,
+) -> Report:
+    """Measure error against run time.
+
+    Args:
+        scene: of `jaxcomp.load`, or a `Design`.
+        quantity_name: what the errors are of: any name of `jaxcomp.design.quantity`.
+        study: a word of `STUDIES`.
+        variable: what to differentiate by, for the study of gradients; any name of
+            `jaxcomp.design.variable`.
+        thorough: all methods and settings instead of the more telling ones.
+        tell: called before each piece of the work with its name, its number and how many there are.
+
+    Returns:
+        Every setting with its error and time, and the reference.
+
+    Raises:
+        BadInput: an unknown study, quantity or variable, or one that the scene does not have.
+    """
+    if study not in STUDIES:
+        raise BadInput("study", study, f"one of {', '.join(STUDIES)}")
+    asked = quantity(quantity_name)
+    design = scene if isinstance(scene, Design) else design_of(scene)
+    plan = STUDIES[study](Question(design, quantity_name, variable), thorough)
+    tell = tell or (lambda words, number, total: None)
+    total = len(plan.pieces) + 1
+    tell("reference", 0, total)
+    reference = plan.reference()
+    rows: list[Row] = []
+    for number, piece in enumerate(plan.pieces, 1):
+        tell(piece.words, number, total)
+        rows += piece.rows(reference)
+    return Report(
+        study,
+        getattr(scene, "name", "design"),
+        quantity_name,
+        asked.unit,
+        reference,
+        tuple(rows),
+        plan.orders(rows, reference),
+        plan.note,
+    )

@@ -1,0 +1,105 @@
+r"""The periodic state: collocation, shooting with several methods of diffrax, and plain SciPy.
+
+The reference is collocation on 24 nodes a panel, beside shooting with an eighth-order method: the
+two share the laws and nothing else. Both place panel edges or stops at the changes of side.
+"""
+
+from collections.abc import Callable
+from functools import cache, partial
+
+import diffrax
+
+from ..crank import Collocation, Shooting
+from ._report import Reference
+from ._scipy import scipy_row
+from ._study import Piece, Question, SolverProgram, Study, needs_crank
+
+_FINE = Collocation(nodes=24)
+_FINE_TOLERANCE, _TIGHT_TOLERANCE = 1e-13, 1e-9
+
+# Methods of diffrax: at a tight tolerance those of low order would take tens of thousands of steps.
+_EXPLICIT: dict[str, tuple[Callable[[], diffrax.AbstractSolver], tuple[float, ...]]] = {
+    "Heun": (diffrax.Heun, (1e-1, 1e-2, 1e-3)),
+    "Bosh3": (diffrax.Bosh3, (1e-1, 1e-2, 1e-3, 1e-4)),
+    "Dopri5": (diffrax.Dopri5, (1e-2, 1e-3, 1e-5, 1e-7, 1e-9)),
+    "Tsit5": (diffrax.Tsit5, (1e-2, 1e-3, 1e-5, 1e-7, 1e-9)),
+    "Dopri8": (diffrax.Dopri8, (1e-2, 1e-3, 1e-5, 1e-7, 1e-9)),
+}
+_IMPLICIT: dict[str, tuple[Callable[[], diffrax.AbstractSolver], tuple[float, ...]]] = {
+    "Kvaerno3": (diffrax.Kvaerno3, (1e-1, 1e-2, 1e-3)),
+    "Kvaerno5": (diffrax.Kvaerno5, (1e-2, 1e-3, 1e-5)),
+}
+_DIFFRAX = _EXPLICIT | _IMPLICIT
+# Compiling a method takes most of the time of a study, so that the ordinary one has one of each kind.
+_ORDINARY = ("Tsit5", "Dopri8", "Kvaerno5")
+_MAX_STEPS = 65536
+
+# Nodes a panel without panel edges at the changes of side, and with them.
+_NODES = {0: (4, 8, 16, 32), 4: (3, 5, 8, 12, 16)}
+_ORDINARY_NODES = {0: (8, 32), 4: (4, 8, 12)}
+_TOLERANCES = (1e-5, 1e-7, 1e-10)
+_SCIPY = {"RK45": (1e-3, 1e-5, 1e-7), "DOP853": (1e-4, 1e-6, 1e-8, 1e-10)}
+
+
+def orbit_study(question: Question, thorough: bool) -> Study:
+    """Solvers of the periodic state over tolerances and nodes.
+
+    Args:
+        question: of a machine with a crank.
+        thorough: all methods instead of one of each kind.
+    """
+    needs_crank(question, "orbit")
+    methods = _DIFFRAX if thorough else {name: _DIFFRAX[name] for name in _ORDINARY}
+    shooting = cache(partial(_shooting, question))
+
+    def reference():
+        value, _, _ = SolverProgram(question, _FINE)(_FINE_TOLERANCE)
+        other, _, _ = shooting("Dopri8")(_TIGHT_TOLERANCE)
+        methods = "collocation, 24 nodes", f"shooting, Dopri8 at {_TIGHT_TOLERANCE:g}"
+        return Reference(value, other, methods)
+
+    pieces = [
+        Piece(f"collocation, {nodes} nodes", partial(_collocation_rows, question, nodes, kinks))
+        for kinks, counts in (_NODES if thorough else _ORDINARY_NODES).items()
+        for nodes in counts
+    ]
+    pieces += [
+        Piece(f"shooting, {name}", partial(_shooting_rows, shooting, name, tolerances))
+        for name, (_, tolerances) in methods.items()
+    ]
+    if question.quantity.partition(".")[0] not in (
+        "vibration",
+        "balanced_vibration",
+        "mount_force",
+    ):
+        pieces += [
+            Piece(f"SciPy, {name}", partial(_scipy_rows, question, name, tolerances))
+            for name, tolerances in _SCIPY.items()
+            if thorough or name == "DOP853"
+        ]
+    return Study(reference, tuple(pieces), "solvers of the periodic state, single designs")
+
+
+def _collocation_rows(question: Question, nodes: int, kinks: int, reference: Reference):
+    program = SolverProgram(question, Collocation(nodes=nodes, kinks=kinks))
+    method = "collocation" if kinks else "collocation, kinks=0"
+    for tolerance in _TOLERANCES:
+        setting = f"nodes={nodes} kinks={kinks} tolerance={tolerance:g}"
+        yield program.row(reference, method, setting, tolerance)
+
+
+def _shooting(question: Question, name: str) -> SolverProgram:
+    make, _ = _DIFFRAX[name]
+    return SolverProgram(question, Shooting(make(), max_steps=_MAX_STEPS))
+
+
+def _shooting_rows(shooting, name: str, tolerances, reference: Reference):
+    program = shooting(name)
+    for tolerance in tolerances:
+        method = f"shooting, {name}"
+        yield program.row(reference, method, f"{name} tolerance={tolerance:g}", tolerance)
+
+
+def _scipy_rows(question: Question, method: str, tolerances, reference: Reference):
+    for tolerance in tolerances:
+        yield scipy_row(question, method, tolerance, reference)

@@ -1,0 +1,160 @@
+r"""Orders of convergence: fixed steps of diffrax on a stretch of the turn without kinks.
+
+Across a kink no method keeps its order, so the equation of motion is integrated from the periodic
+state over the longest stretch between kinks and changes of side. The reference is the orbit by
+collocation, beside an eighth-order method with many steps.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+
+from .._fields import BadInput
+from ..compressor import Compressor, kink_angles
+from ..crank import Collocation, acceleration, solve_orbit
+from ._measure import compile_program
+from ._report import Order, Reference, Row, observed_order
+from ._study import Piece, Question, Study, needs_crank
+
+_FINE = Collocation(nodes=24)
+_STEPS = (1, 2, 3, 4, 5, 6, 8, 16, 32, 64, 128)
+_MANY = 512
+# [-] Errors that may be rounding: a hundred steps leave some 1e-14.
+_ROUNDING = 1e-13
+# [-] Share of the stretch left out at either end: a change of side is only bracketed by two nodes.
+_MARGIN = 0.05
+# Of the implicit stages. Closer to rounding their iteration sees no contraction and gives up.
+_ROOTS = {"rtol": 1e-11, "atol": 1e-11}
+
+_METHODS: dict[str, tuple[int, Callable[[], diffrax.AbstractSolver]]] = {
+    "Euler": (1, diffrax.Euler),
+    "Heun": (2, diffrax.Heun),
+    "Bosh3": (3, diffrax.Bosh3),
+    "Dopri5": (5, diffrax.Dopri5),
+    "Tsit5": (5, diffrax.Tsit5),
+    "Dopri8": (8, diffrax.Dopri8),
+    "Kvaerno3": (3, lambda: diffrax.Kvaerno3(root_finder=diffrax.VeryChord(**_ROOTS))),
+    "Kvaerno5": (5, lambda: diffrax.Kvaerno5(root_finder=diffrax.VeryChord(**_ROOTS))),
+}
+# The implicit methods take a minute to compile.
+_ORDINARY = ("Heun", "Bosh3", "Tsit5", "Dopri8")
+
+
+class _Stretch(NamedTuple):
+    """A stretch of the periodic state.
+
+    Attributes:
+        low, high: [rad] its ends.
+        first, last: [rad/s] speed at the ends.
+        level: [-] of the motor torque.
+    """
+
+    low: float
+    high: float
+    first: float
+    last: float
+    level: float
+
+
+def order_study(question: Question, thorough: bool) -> Study:
+    """Methods of diffrax by number of steps; errors are of the speed at the end of the stretch."""
+    needs_crank(question, "order")
+    if question.quantity != "mean_speed":
+        raise BadInput("quantity", question.quantity, "'mean_speed' for the study of orders")
+    machine = question.design.compressor
+    assert machine is not None
+    stretch = _longest_stretch(machine)
+    names = tuple(_METHODS) if thorough else _ORDINARY
+
+    def reference():
+        program = _program(machine, stretch, "Dopri8")
+        other = program(machine, stretch, jnp.asarray(_MANY))
+        return Reference(
+            stretch.last, float(other[0]), ("collocation, 24 nodes", f"Dopri8, {_MANY} steps")
+        )
+
+    def orders(rows, reference):
+        found = {}
+        for name in names:
+            mine = [row for row in rows if row.method == name]
+            order = observed_order(
+                [row.passes for row in mine],
+                [row.error for row in mine],
+                max(20 * reference.floor, _ROUNDING),
+            )
+            found[name] = Order(_METHODS[name][0], order)
+        return found
+
+    pieces = tuple(Piece(f"fixed steps, {n}", partial(_rows, machine, stretch, n)) for n in names)
+    words = f"fixed steps from {np.rad2deg(stretch.low):.0f} to {np.rad2deg(stretch.high):.0f}°"
+    return Study(reference, pieces, words, orders)
+
+
+def _rows(machine, stretch, name, reference: Reference):
+    program = _program(machine, stretch, name)
+    for steps in _STEPS:
+        arguments = machine, stretch, jnp.asarray(steps)
+        value, ok = program(*arguments)
+        error = reference.error(float(value)) if bool(ok) else float("inf")
+        seconds = program.timed(*arguments)
+        yield Row(name, f"{steps} steps", error, seconds, program.seconds, steps, program.flops)
+
+
+def _program(machine, stretch, name):
+    _, make = _METHODS[name]
+
+    def last_speed(machine, stretch, steps):
+        return _integrate(machine, stretch, make(), steps)
+
+    return compile_program(last_speed, machine, stretch, jnp.asarray(_STEPS[0]))
+
+
+def _integrate(machine: Compressor, stretch, solver: diffrax.AbstractSolver, steps):
+    """[rad/s] speed at the end of the stretch by a number of equal steps, and whether they ended."""
+    scale, level = machine.motor.speed_guess, stretch.level
+
+    def rate(angle, y, args):
+        del args
+        speed = y * scale
+        rise, _, _ = acceleration(machine, angle, speed, level * machine.motor.torque(speed))
+        return rise / speed / scale
+
+    found = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate),
+        solver,
+        t0=stretch.low,
+        t1=stretch.high,
+        dt0=(stretch.high - stretch.low) / steps,
+        y0=stretch.first / scale,
+        max_steps=2 * _MANY,
+        stepsize_controller=diffrax.ConstantStepSize(),
+        throw=False,
+    )
+    assert found.ys is not None
+    return found.ys[-1] * scale, found.result == diffrax.RESULTS.successful
+
+
+def _longest_stretch(machine: Compressor) -> _Stretch:
+    """The longest stretch of the periodic state without kinks and changes of side."""
+    orbit = solve_orbit(machine, _FINE)
+    angle = np.asarray(orbit.state.angle)
+    sides = np.sign(np.concatenate([orbit.loads.kinks, orbit.loads.pinches]))
+    changed = np.any(sides[:, 1:] != sides[:, :-1], axis=0)
+    between = (angle[1:] + angle[:-1]) / 2
+    first = np.asarray(kink_angles(machine))
+    edges = np.sort(np.concatenate([first, first[:1] + 2 * np.pi, between[changed]]))
+    longest = int(np.argmax(np.diff(edges)))
+    low, high = edges[longest : longest + 2]
+    low, high = low + _MARGIN * (high - low), high - _MARGIN * (high - low)
+    # ends at nodes: the solution there needs no interpolation
+    inside = np.flatnonzero((angle >= low) & (angle <= high))
+    ends = inside[[0, -1]]
+    speed, torque = np.asarray(orbit.state.speed), np.asarray(orbit.motor_torque)
+    level = float(torque[ends[0]] / machine.motor.torque(jnp.asarray(speed[ends[0]])))
+    (low, high), (first_speed, last_speed) = angle[ends], speed[ends]
+    numbers = (jnp.asarray(x, float) for x in (low, high, first_speed))
+    return _Stretch(*numbers, float(last_speed), jnp.asarray(level))

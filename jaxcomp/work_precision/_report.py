@@ -1,0 +1,143 @@
+r"""What a study found: settings with error and time, and the reference they were judged by."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Reference(NamedTuple):
+    """The converged value, by two methods that share nothing but the laws.
+
+    Attributes:
+        value: [SI] of the first method.
+        other: [SI] of the second method.
+        methods: what the two are.
+    """
+
+    value: float
+    other: float
+    methods: tuple[str, str]
+
+    @property
+    def floor(self) -> float:
+        """[-] disagreement of the methods over the value: no smaller error is claimed.
+
+        Not below the rounding of the number format.
+        """
+        return max(self.error(self.other), float(np.finfo(float).eps))
+
+    def error(self, value: float) -> float:
+        """[-] relative to the reference value; absolute where that is zero."""
+        size = abs(self.value)
+        return abs(float(value) - self.value) / (size if size > 0 else 1.0)
+
+
+class Row(NamedTuple):
+    """One setting of one method.
+
+    Attributes:
+        method: name of the curve it belongs to.
+        setting: what is particular to it.
+        error: [-] relative to the reference; infinite where the solver did not converge.
+        seconds: [s] median of several warm calls.
+        compile_seconds: [s] of the program it runs, which other settings of the method may share.
+        passes: iterations, Newton steps or steps, as the method counts them; `None` for none.
+        flops: operations of the program, loop bodies counted once; `None` where nothing is compiled.
+    """
+
+    method: str
+    setting: str
+    error: float
+    seconds: float
+    compile_seconds: float
+    passes: int | None = None
+    flops: float | None = None
+
+
+class Order(NamedTuple):
+    """Convergence of a method of known order.
+
+    Attributes:
+        expected: order of the method.
+        observed: slope of error over step in logarithms.
+    """
+
+    expected: int
+    observed: float
+
+
+class Report(NamedTuple):
+    """Error against run time.
+
+    Attributes:
+        study: what was varied.
+        scene: name of the machine.
+        quantity: what the errors are of.
+        unit: its SI unit.
+        reference: what they are relative to.
+        rows: every setting.
+        orders: by method, in a study of fixed steps; empty elsewhere.
+        note: one line on what is to be had from the study.
+    """
+
+    study: str
+    scene: str
+    quantity: str
+    unit: str
+    reference: Reference
+    rows: tuple[Row, ...]
+    orders: dict[str, Order]
+    note: str
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the curves in the order of their first rows."""
+        return tuple(dict.fromkeys(row.method for row in self.rows))
+
+    def claimed(self, row: Row) -> float:
+        """[-] the error of a row that can be claimed: its own, or the floor of the reference."""
+        return max(row.error, self.reference.floor)
+
+    def cheapest(self, error: float, method: str | None = None) -> Row | None:
+        """The fastest setting with at most this error, of one method or of all; `None` for none."""
+        good = [
+            row
+            for row in self.rows
+            if self.claimed(row) <= error and (method is None or row.method == method)
+        ]
+        return min(good, key=lambda row: row.seconds, default=None)
+
+    def curve(self, method: str) -> tuple[Row, ...]:
+        """The settings of a method that no other setting of it beats in both error and time."""
+        return tuple(_unbeaten(row for row in self.rows if row.method == method))
+
+
+def _unbeaten(rows: Iterable[Row]):
+    best = np.inf
+    for row in sorted(rows, key=lambda row: (row.seconds, row.error)):
+        if row.error < best:
+            best = row.error
+            yield row
+
+
+# Settings from which an order is read: the coarser ones may not be on the slope yet.
+_ON_SLOPE = 3
+
+
+def observed_order(steps, errors, floor: float) -> float:
+    """Slope of the logarithm of the error over that of the step, of the finest steps above a floor.
+
+    Args:
+        steps: (n,) numbers of steps.
+        errors: (n,)
+        floor: [-] errors below it are rounding, or those of the reference.
+
+    Returns:
+        NaN with fewer than two errors above the floor.
+    """
+    steps, errors = np.asarray(steps, float), np.asarray(errors, float)
+    good = np.flatnonzero(np.isfinite(errors) & (errors > floor))[-_ON_SLOPE:]
+    if good.size < 2:
+        return float("nan")
+    return float(-np.polyfit(np.log(steps[good]), np.log(errors[good]), 1)[0])
