@@ -115,8 +115,8 @@ def test_a_fresh_file_runs(command, tmp_path):
     found = json.loads(result.stdout)
     if verb == "run":
         assert found["converged"]
-        # an ordinary small machine: worse than 75 % or without any loss would be a slip in the file
-        assert 0.75 < found["mechanical_efficiency"] < 0.97
+        # small machines lose 5 to 32 % (the household one has 8 W of films and pump); beyond is a slip
+        assert 0.6 < found["mechanical_efficiency"] < 0.97
     elif verb == "respond":
         amplitudes = [n["amplitude"]["ux"][0][0] for n in found["nodes"].values()]
         # a g mm of the same order as the file's over the mass of housing and rotor: micrometres

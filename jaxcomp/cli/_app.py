@@ -11,6 +11,7 @@ from ._accuracy import accuracy
 from ._balance import balance
 from ._bearing import bearing
 from ._check import check
+from ._command_line import RecordedGroup
 from ._list import list_machines
 from ._modes import modes
 from ._new import new
@@ -18,9 +19,11 @@ from ._optimise import optimise
 from ._respond import respond
 from ._run import run
 from ._sweep import sweep
+from ._tolerance import tolerance
 
 app = typer.Typer(
     name="jaxcomp",
+    cls=RecordedGroup,
     help="Reciprocating compressors: from geometry to efficiency and vibration.",
     no_args_is_help=True,
     epilog="Begin with: [bold]jaxcomp new my-machine.toml[/bold], [bold]jaxcomp check "
@@ -41,6 +44,7 @@ app.command("accuracy", rich_help_panel=_ANALYSE)(accuracy)
 app.command("balance", rich_help_panel=_DESIGN)(balance)
 app.command("optimise", rich_help_panel=_DESIGN)(optimise)
 app.command("sweep", rich_help_panel=_DESIGN)(sweep)
+app.command("tolerance", rich_help_panel=_DESIGN)(tolerance)
 
 
 def _show_version(wanted: bool) -> None:

@@ -8,7 +8,7 @@ import typer
 
 from ._completion import complete_machine
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, OutWithoutScene, Sets
+from ._options import AsJson, Out, Sets
 
 
 class Method(enum.StrEnum):
@@ -72,7 +72,7 @@ def balance(
         typer.Option(help="CSV of an initial run and one run with a trial weight per plane."),
     ] = None,
     as_json: AsJson = False,
-    out: OutWithoutScene = None,
+    out: Out = None,
 ) -> None:
     """Find the masses that balance a machine at its target planes.
 
@@ -115,12 +115,13 @@ def balance(
             system = model_system(machine, sets or (), speeds, crank, _names(without) or ())
         found = solve(system, _names(planes), _names(targets), method.value, tikhonov, largest)
         result = balance_result(system, found)
+    tables = balance_tables(result)
     if out is not None:
         from ..plot import balance_figures
 
         with progress("Drawing ..."):
-            write_results(out, balance_figures(result), result)
-    show_results(result, balance_tables(result), as_json, out, "Pictures and result")
+            write_results(out, balance_figures(result), result, system.scene, tables)
+    show_results(result, tables, as_json, out, "Report, pictures and result")
 
 
 def _names(text: str | None) -> list[str] | None:

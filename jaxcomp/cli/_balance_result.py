@@ -25,7 +25,7 @@ from ..balancing import (
     select,
 )
 from ..rotor import BalancingPlanes, LoadCase
-from ..scene import to_si
+from ..scene import Scene, to_si
 from ..scene.measurements import read_measurements
 from ._errors import CommandError
 from ._tables import _table
@@ -45,6 +45,7 @@ class System(NamedTuple):
         excitation: what shakes the machine.
         rotor_alone: corrections of the rotor alone with their permissible rest, of a scene with two
             planes.
+        scene: that it was made from; `None` for measurements.
     """
 
     name: str
@@ -53,6 +54,7 @@ class System(NamedTuple):
     unit: str
     excitation: str
     rotor_alone: PlanePair | None = None
+    scene: Scene | None = None
 
 
 def measured_system(path: Path) -> System:
@@ -101,7 +103,8 @@ def model_system(
     alone = None
     if len(places.planes) == 2:
         alone = classical_balance(model, case.unbalances, places, speed=max(at))
-    return System(scene.name, influence, radius, "m", "crank" if crank else "file", alone)
+    word = "crank" if crank else "file"
+    return System(scene.name, influence, radius, "m", word, alone, scene)
 
 
 def solve(system: System, planes, targets, method: str, tikhonov, largest) -> Balance:

@@ -102,13 +102,13 @@ def bearing(
         )
     with progress("Solving the film (the first time it is compiled as well) ..."):
         result, field = bearing_result(film, str(model), given)
+    tables = [*bearing_tables(result), escape(f"{model}: {film.limits}")]
     if out is not None:
         from ..plot import film_figures
 
         with progress("Drawing ..."):
-            write_results(out, film_figures(film, result, field), result)
-    tables = [*bearing_tables(result), escape(f"{model}: {film.limits}")]
-    show_results(result, tables, as_json, out, "Pictures and result")
+            write_results(out, film_figures(film, result, field), result, tables=tables)
+    show_results(result, tables, as_json, out, "Report, pictures and result")
 
 
 def bearing_result(film_type, model: str, given: dict[str, float]) -> tuple[dict[str, Any], Any]:

@@ -60,17 +60,18 @@ def modes(
         if range_ is not None:
             result["campbell"] = campbell_result(model, range_, count, not undamped)
     result["set"] = assignments(sets or (), "--set")
+    tables = modes_tables(result)
     if out is not None:
         with progress("Drawing ..."):
-            _write(out, scene, model, found, result)
-    show_results(result, modes_tables(result), as_json, out)
+            _write(out, scene, model, found, result, tables)
+    show_results(result, tables, as_json, out)
 
 
-def _write(folder: Path, scene, model, found, result) -> None:
+def _write(folder: Path, scene, model, found, result, tables) -> None:
     from ..plot import campbell_diagram, mode_shapes, rotor_drawing
     from ._output import write_results
 
     figures = {"rotor": rotor_drawing(model), "modes": mode_shapes(model, found[0], result)}
     if "campbell" in result:
         figures["campbell"] = campbell_diagram(result["campbell"])
-    write_results(folder, figures, result, scene)
+    write_results(folder, figures, result, scene, tables)

@@ -1,7 +1,6 @@
 """The work behind `jaxcomp optimise`: reading what is asked, searching with a sign of life, writing."""
 
 import json
-import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,10 +11,10 @@ import numpy as np
 import typer
 
 from ..crank import Collocation
-from ..design import Chain, Problem, Search, optimise, pareto, problem, quantity, variable
+from ..design import Chain, Problem, Search, optimise, pareto, problem, variable
 from ..design import design_of as _design_of
-from ..scene import SceneError, to_si
-from ._arguments import assignments, changed_scene, entry
+from ._arguments import assignments, changed_scene
+from ._constraints import bounds_of, si, value_of
 from ._errors import CommandError
 from ._optimise_result import (
     front_result,
@@ -30,7 +29,6 @@ from ._progress import progress
 SEARCH_FILE = "search.npz"
 # [s] between two writings of the search
 _EVERY = 5.0
-_CONSTRAINT = re.compile(r"\s*([\w.-]+)\s*(<=|>=|=)\s*(.+?)\s*")
 
 
 class Asked(NamedTuple):
@@ -58,13 +56,13 @@ def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: P
     scene, made = _problem(asked)
     goals = {}
     for name, text in assignments(asked.targets, "--target").items():
-        goals[name] = _value(name, text, f"--target {name}")
+        goals[name] = value_of(name, text, f"--target {name}")
     with _watch(out, asked) as callback:
         found = optimise(
             made,
             goals or asked.objective,
             maximise=asked.maximise,
-            constraints=_constraints(asked.constraints),
+            constraints=bounds_of(asked.constraints, "--constraint"),
             starts=asked.starts,
             method=asked.method,
             max_steps=max_steps,
@@ -75,17 +73,16 @@ def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: P
             resume=kept,
         )
     result = optimum_result(scene, asked._asdict(), found, time.perf_counter() - begun)
+    tables = list(optimum_tables(result))
     if out is not None:
         from ..plot import optimum_figures
 
         with progress("Drawing ..."):
             new, left = optimised_scene(scene, found)
             result["not_in_scene"] = left
-            write_results(out, optimum_figures(found), result, new)
+            write_results(out, optimum_figures(found), result, new, tables)
             _write(out, asked, found.search)
-    show_results(
-        result, optimum_tables(result), as_json, out, "Pictures, result and optimised scene"
-    )
+    show_results(result, tables, as_json, out, "Report, pictures, result and optimised scene")
 
 
 def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, out) -> None:
@@ -97,7 +94,7 @@ def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, ou
             made,
             (asked.objective or "", other),
             maximise=(asked.maximise, None),
-            constraints=_constraints(asked.constraints),
+            constraints=bounds_of(asked.constraints, "--constraint"),
             points=points,
             starts=asked.starts,
             max_steps=max_steps,
@@ -107,12 +104,13 @@ def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, ou
             callback=callback,
         )
     result = front_result(scene, asked._asdict(), found, time.perf_counter() - begun)
+    tables = list(front_tables(result))
     if out is not None:
         from ..plot import pareto_front
 
         with progress("Drawing ..."):
-            write_results(out, {"pareto": pareto_front(found)}, result)
-    show_results(result, front_tables(result), as_json, out, "Picture and result")
+            write_results(out, {"pareto": pareto_front(found)}, result, scene, tables)
+    show_results(result, tables, as_json, out, "Report, picture, result and scene")
 
 
 def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
@@ -124,39 +122,13 @@ def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
         low, colon, high = text.partition(":")
         if not colon:
             raise CommandError(f"--variable {name}={text}: must have the form NAME=LOW:HIGH")
-        ends = (_si(end.strip(), unit, f"--variable {name}") for end in (low, high))
+        ends = (si(end.strip(), unit, f"--variable {name}") for end in (low, high))
         ranges[name] = tuple(ends)
     fast = Collocation(nodes=12, kinks=0, tolerance=1e-10) if asked.accuracy == "fast" else None
     quantities = (
         [asked.objective] if asked.objective else list(assignments(asked.targets, "--target"))
     )
     return scene, problem(design, ranges, [*quantities, *others], Chain(solver=fast))
-
-
-def _constraints(texts: tuple[str, ...]) -> dict[str, tuple[float | None, float | None]]:
-    out: dict[str, tuple[float | None, float | None]] = {}
-    for text in texts:
-        match = _CONSTRAINT.fullmatch(text)
-        if not match:
-            raise CommandError(f"--constraint {text}: must have the form QUANTITY<=VALUE, >= or =")
-        name, sign, given = match.groups()
-        value = _value(name, given, f"--constraint {name}")
-        low, high = out.get(name, (None, None))
-        if (sign != "<=" and low is not None) or (sign != ">=" and high is not None):
-            raise CommandError(f"--constraint {text}: {name} has such a bound already")
-        out[name] = (low if sign == "<=" else value, high if sign == ">=" else value)
-    return out
-
-
-def _value(name: str, text: str, option: str) -> float:
-    return _si(text, quantity(name).unit, option)
-
-
-def _si(text: str, unit: str, option: str) -> float:
-    if not text:
-        raise SceneError(option, "lacks a value")
-    given = entry(text)
-    return float(to_si(text if given is None else given, unit, option))
 
 
 @contextmanager

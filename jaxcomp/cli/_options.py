@@ -27,6 +27,11 @@ AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
 ]
 Out = Annotated[
-    Path | None, typer.Option(help="Folder for pictures, result.json and the scene as it was run.")
+    Path | None,
+    typer.Option(
+        help="Folder for report.html, pictures, result.json and scene.toml as it was run."
+    ),
 ]
-OutWithoutScene = Annotated[Path | None, typer.Option(help="Folder for pictures and result.json.")]
+OutWithoutScene = Annotated[
+    Path | None, typer.Option(help="Folder for report.html, pictures and result.json.")
+]

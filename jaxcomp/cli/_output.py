@@ -5,19 +5,39 @@ from pathlib import Path
 from typing import Any
 
 from ..scene import Scene, dump
+from ._command_line import command_line
 from ._tables import json_text, print_json
 
 
 def write_results(
-    folder: Path, figures: Mapping[str, Any], result: dict[str, Any], scene: Scene | None = None
+    folder: Path,
+    figures: Mapping[str, Any],
+    result: dict[str, Any],
+    scene: Scene | None = None,
+    tables: Iterable[Any] = (),
 ) -> None:
-    """Pictures, numbers and, where there is one, the scene as it was run."""
+    """Pictures, numbers, a report of both, and, where there is one, the scene as it was run.
+
+    Args:
+        folder: is made if it is missing.
+        figures: figures of matplotlib, or the bytes of a GIF, by name.
+        result: what JSON prints.
+        scene: what was worked on.
+        tables: what the terminal shows; the report shows the numbers of `result` without them.
+    """
+    from ..report import Made, report
+
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=150)
+        if isinstance(figure, bytes):
+            (folder / f"{name}.gif").write_bytes(figure)
+        else:
+            figure.savefig(folder / f"{name}.png", dpi=150)
     (folder / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
     if scene is not None:
         (folder / "scene.toml").write_text(dump(scene), encoding="utf-8")
+    page = report(result, tables, figures, scene, Made.now(command_line()))
+    (folder / "report.html").write_text(page, encoding="utf-8")
 
 
 def show_results(
@@ -25,7 +45,7 @@ def show_results(
     tables: Iterable[Any],
     as_json: bool,
     out: Path | None,
-    written: str = "Pictures, result and scene",
+    written: str = "Report, pictures, result and scene",
 ) -> None:
     """One JSON object, or the tables and a word on where the files are.
 

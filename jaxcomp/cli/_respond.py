@@ -70,13 +70,14 @@ def respond(
         if range_ is not None:
             result["curves"] = curve_result(model, loads, range_, wanted, watched)
     result["set"] = assignments(sets or (), "--set")
+    tables = response_tables(result)
     if out is not None:
         with progress("Drawing ..."):
-            _write(out, scene, model, response, result)
-    show_results(result, response_tables(result), as_json, out)
+            _write(out, scene, model, response, result, tables)
+    show_results(result, tables, as_json, out)
 
 
-def _write(folder: Path, scene, model, response, result) -> None:
+def _write(folder: Path, scene, model, response, result, tables) -> None:
     from ..plot import deflection_shape, response_curves, response_orbits, rotor_drawing
     from ._output import write_results
 
@@ -87,4 +88,4 @@ def _write(folder: Path, scene, model, response, result) -> None:
     }
     if "curves" in result:
         figures["curves"] = response_curves(result)
-    write_results(folder, figures, result, scene)
+    write_results(folder, figures, result, scene, tables)

@@ -69,12 +69,12 @@ def run(
     result["tolerance"] = method.tolerance
     result["set"] = assignments(sets or (), "--set")
     result["design"] = assignments(designs or (), "--design")
-    if out is not None:
-        with progress("Drawing ..."):
-            _write(out, scene, orbit, result)
     tables = result_tables(scene, result)
     if "vibration" in result:
         tables.append(vibration_table(result["vibration"]))
+    if out is not None:
+        with progress("Drawing ..."):
+            _write(out, scene, orbit, result, tables)
     show_results(result, tables, as_json, out)
 
 
@@ -90,9 +90,9 @@ def _method(mechanism, solver: Solver | None, tolerance: float | None):
     return {"shooting": Shooting, "collocation": Collocation}[solver](**options)
 
 
-def _write(folder: Path, scene, orbit, result) -> None:
+def _write(folder: Path, scene, orbit, result, tables) -> None:
     from ..plot import orbit_figures
     from ._output import write_results
 
     figures = orbit_figures(scene.machine, orbit, scene.parts.get("suspension"))
-    write_results(folder, figures, result, scene)
+    write_results(folder, figures, result, scene, tables)

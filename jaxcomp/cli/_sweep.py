@@ -122,12 +122,13 @@ def sweep(
     if process > 0:  # the first one shows what all have found
         return
     result = sweep_result(found, scene.name, out)
+    tables = list(sweep_tables(found, result))
     if out is not None:
         from ..plot import sweep_figures
 
         with progress("Drawing ..."):
-            write_results(out, sweep_figures(found, scene.name), result, scene)
-    show_results(result, sweep_tables(found, result), as_json, out)
+            write_results(out, sweep_figures(found, scene.name), result, scene, tables)
+    show_results(result, tables, as_json, out)
 
 
 def _check(sampling, samples, tolerance, nodes, kinks, coordinator, processes, process, out):

@@ -1,0 +1,98 @@
+"""Whether a result can be trusted, read off the evidence that it carries."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+# What is left of an energy balance, of a periodicity or of a linear system: solvers reach 1e-9 and
+# better, and a millionth of an efficiency is far below what the laws of friction are known to.
+_SMALL = 1e-6
+
+
+class Check(NamedTuple):
+    """One question that a result answers about itself.
+
+    Attributes:
+        name: what is asked.
+        found: the answer, in words or as a number.
+        good: whether it is as it should be.
+        wanted: what it should be.
+    """
+
+    name: str
+    found: str
+    good: bool
+    wanted: str
+
+
+def checks(result: Mapping[str, Any]) -> tuple[Check, ...]:
+    """The checks that the keys of a result of the command line allow, in a fixed order."""
+    found = [make(result) for keys, make in _CHECKS if all(key in result for key in keys)]
+    return tuple(check for check in found if check is not None)
+
+
+def _solution(result) -> Check:
+    return Check("Solution", str(result["status"]), bool(result["converged"]), "converged")
+
+
+def _size(name: str, key: str):
+    def make(result) -> Check:
+        limit = max(_SMALL, 10 * _number(result.get("tolerance")))
+        value = abs(result[key])
+        return Check(name, f"{value:.1e}", value <= limit, f"at most {limit:.0e}")
+
+    return make
+
+
+def _margin(result) -> Check:
+    value = result["joint_margin"]
+    return Check("Margin against self-locking", f"{value:.4f}", value > 0, "above 0")
+
+
+def _stable(result) -> Check:
+    good = all(result["stable"])
+    return Check("Stability", "stable" if good else "unstable", good, "no mode grows")
+
+
+def _failed(result) -> Check:
+    failed, designs = result["failed"], result["designs"]
+    return Check("Designs without a result", f"{failed:,} of {designs:,}", failed == 0, "none")
+
+
+def _optimum(result) -> Check:
+    good = str(result["status"]) == "converged"
+    return Check("Search", str(result["status"]), good, "converged")
+
+
+def _feasible(result) -> Check:
+    good = bool(result["feasible"])
+    return Check("Constraints", "kept" if good else "violated", good, "kept")
+
+
+def _condition(result) -> Check:
+    value = result["condition"]
+    # errors of the influence coefficients come out that much larger in the masses
+    return Check("Condition of the balancing planes", f"{value:.3g}", value < 100, "below 100")
+
+
+def _gap(result) -> Check:
+    size = abs(result["gap"])
+    return Check("Gap to the proven optimum", f"{size:.1e}", size <= 1e-3, "at most 1e-03")
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+_CHECKS = (
+    (("converged", "status"), _solution),
+    (("feasible", "status", "stationarity"), _optimum),
+    (("feasible", "stationarity"), _feasible),
+    (("energy_residual",), _size("Energy closure", "energy_residual")),
+    (("residual",), _size("Residual", "residual")),
+    (("correction",), _size("Last correction of the linear solution", "correction")),
+    (("joint_margin",), _margin),
+    (("stable",), _stable),
+    (("failed", "designs"), _failed),
+    (("planes", "condition"), _condition),
+    (("planes", "gap"), _gap),
+)
