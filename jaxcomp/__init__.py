@@ -47,11 +47,13 @@ _ROOMS = {
         "VolumeTable",
     ),
     "mechanism": ("CrankState", "SliderCrank", "SliderLink"),
-    "motor": ("ConstantTorque", "Kloss", "MeanSpeed", "SlipLine"),
+    "motor": ("ConstantSpeed", "ConstantTorque", "Kloss", "MeanSpeed", "SlipLine"),
     "film": ("JournalBearing",),
     "rotor": ("RotorModel", "crank_forces", "damped_modes", "respond", "undamped_modes"),
     "scene": ("Scene", "SceneError", "describe", "dump", "load", "machines"),
     "sweeping": ("open_sweep", "sweep"),
+    "work_precision": ("accuracy",),
+    "tolerancing": ("robust", "tolerance", "within"),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ._accuracy import accuracy
+from ._animate import animate
 from ._balance import balance
 from ._bearing import bearing
 from ._check import check
@@ -37,6 +38,7 @@ app.command("new", rich_help_panel=_MACHINES)(new)
 app.command("check", rich_help_panel=_MACHINES)(check)
 app.command("list", rich_help_panel=_MACHINES)(list_machines)
 app.command("run", rich_help_panel=_ANALYSE)(run)
+app.command("animate", rich_help_panel=_ANALYSE)(animate)
 app.command("respond", rich_help_panel=_ANALYSE)(respond)
 app.command("modes", rich_help_panel=_ANALYSE)(modes)
 app.command("bearing", rich_help_panel=_ANALYSE)(bearing)

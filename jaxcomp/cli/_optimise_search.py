@@ -26,6 +26,8 @@ from ._optimise_result import (
 from ._output import show_results, write_results
 from ._progress import progress
 
+# Of the periodic state by `--accuracy`; the fine one is chosen by the design.
+SOLVERS = {"fast": Collocation(nodes=12, kinks=0, tolerance=1e-10), "fine": None}
 SEARCH_FILE = "search.npz"
 # [s] between two writings of the search
 _EVERY = 5.0
@@ -124,11 +126,10 @@ def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
             raise CommandError(f"--variable {name}={text}: must have the form NAME=LOW:HIGH")
         ends = (si(end.strip(), unit, f"--variable {name}") for end in (low, high))
         ranges[name] = tuple(ends)
-    fast = Collocation(nodes=12, kinks=0, tolerance=1e-10) if asked.accuracy == "fast" else None
     quantities = (
         [asked.objective] if asked.objective else list(assignments(asked.targets, "--target"))
     )
-    return scene, problem(design, ranges, [*quantities, *others], Chain(solver=fast))
+    return scene, problem(design, ranges, [*quantities, *others], Chain(SOLVERS[asked.accuracy]))
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from ._problem import problem as problem
 from ._quantities import Chain as Chain
 from ._quantities import Found as Found
 from ._quantities import Quantity as Quantity
+from ._quantities import balanced_design as balanced_design
 from ._quantities import quantity as quantity
 from ._quantities import quantity_names as quantity_names
 from ._rules import DesignRule as DesignRule

@@ -124,6 +124,19 @@ def crank_solver(design: Design, chain: Chain) -> Collocation | Shooting:
     return chain.solver or Collocation(kinks=design.compressor.mechanism.side_changes)
 
 
+def balanced_design(design: Design, chain: Chain) -> Design:
+    """The design with the corrections in all planes that least squares at order 1 ask for."""
+    bare = eqx.tree_at(
+        lambda d: d.corrections, design, {name: jnp.zeros(2) for name in design.corrections}
+    )
+    influence = Found(bare, chain).influence
+    correction = least_squares(influence).correction
+    both = jnp.stack([correction.real, correction.imag], -1)
+    return eqx.tree_at(
+        lambda d: d.corrections, design, dict(zip(influence.planes, both, strict=True))
+    )
+
+
 def shaken_by(design: Design, chain: Chain) -> Shaken:
     """What shakes the rotor of a design.
 

@@ -3,12 +3,16 @@
 from ._accuracy import accuracy_figures as accuracy_figures
 from ._accuracy import order_diagram as order_diagram
 from ._accuracy import work_precision_diagram as work_precision_diagram
+from ._animate import mechanism_motion as mechanism_motion
+from ._animate_rotor import balance_motion as balance_motion
 from ._balance import balance_bars as balance_bars
 from ._balance import balance_figures as balance_figures
 from ._balance import balance_polar as balance_polar
 from ._film import film_coefficients as film_coefficients
 from ._film import film_figures as film_figures
 from ._film import film_pressure as film_pressure
+from ._motion import Motion as Motion
+from ._motion import gif as gif
 from ._optimise import optimum_convergence as optimum_convergence
 from ._optimise import optimum_figures as optimum_figures
 from ._optimise import optimum_path as optimum_path
@@ -35,3 +39,6 @@ from ._sweep import sample_cloud as sample_cloud
 from ._sweep import sweep_curves as sweep_curves
 from ._sweep import sweep_figures as sweep_figures
 from ._sweep import sweep_map as sweep_map
+from ._tolerance import tolerance_figures as tolerance_figures
+from ._tolerance import tolerance_histogram as tolerance_histogram
+from ._tolerance import tornado as tornado

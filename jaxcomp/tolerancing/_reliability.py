@@ -33,7 +33,8 @@ _ON_LIMIT = 1e-6
 _SAME = 0.3
 # Half a difference of slopes for the curvatures of the limit, in standard deviations.
 _STEP = 0.25
-_WORST_START = 3.0
+# How far out a search starts, in standard deviations.
+_FAR = 3.0
 
 
 class Limit(NamedTuple):
@@ -211,18 +212,14 @@ def _starts(slopes: _Slopes, n: int) -> np.ndarray:
     centre = np.zeros(n)
     steps = _STEP * np.eye(n)
     value, slope = slopes(np.concatenate([centre[None], steps, -steps]))
-    directions = [slope[0]]
+    starts = []
+    steep = np.linalg.norm(slope[0])
+    if np.isfinite(steep) and steep > 0:
+        starts.append(np.clip(-value[0] / steep, -_FAR, _FAR) * slope[0] / steep)
     bent = (slope[1 : n + 1] - slope[n + 1 :]) / (2 * _STEP)
     if np.all(np.isfinite(bent)):
         vectors = np.linalg.eigh((bent + bent.T) / 2)[1][:, ::-1]
-        directions += [sign * v for v in vectors.T[:2] for sign in (1.0, -1.0)]
-    starts = []
-    for direction in directions:
-        length = np.linalg.norm(direction)
-        if np.isfinite(length) and length > 0:
-            climb = slope[0] @ direction / length
-            needed = -value[0] / climb if climb else _WORST_START
-            starts.append(np.clip(needed, -_WORST_START, _WORST_START) * direction / length)
+        starts += [side * _FAR * v for v in vectors.T[:2] for side in (1.0, -1.0)]
     return np.stack(starts) if starts else np.ones((1, n))
 
 

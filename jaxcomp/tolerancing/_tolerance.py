@@ -10,6 +10,7 @@ from jaxtyping import Float
 from .._fields import BadInput
 from ..design import Chain, Problem, prepared, problem
 from ..design._problem import Asked, name_of
+from ..sweeping import shown
 from ._local import Curvature, Local, Moments, first_order, local, second_order, shares
 from ._monte_carlo import Sampled, Sampling, sampled, solved_rows
 from ._reliability import Limit, Reliability, reliability
@@ -208,18 +209,15 @@ def _one_at_a_time(made: Problem, scatter: Scatter, nominal):
 
 
 def _disagreements(found: Tolerances, place: int, name: str) -> list[str]:
-    truth, error = found.sampled.deviation[place], found.sampled.deviation_error[place]
+    truth = found.sampled
+    allowed = _DISAGREES * truth.deviation[place]
+    look = shown(name, found.problem.units[place], truth.mean[place])
     out = []
     for word, moments in (("first", found.first_order), ("second", found.second_order)):
-        if moments is None:
-            continue
-        allowed = max(_DISAGREES * truth, 4 * error)
-        off = moments.deviation[place] - truth
-        shift = moments.mean[place] - found.sampled.mean[place]
-        if not abs(off) <= allowed:
-            share = f"{moments.deviation[place]:.3g} against {truth:.3g} by the samples"
-            out.append(f"{name}: {word}-order deviation {share}")
-        if not abs(shift) <= max(_DISAGREES * truth, 4 * found.sampled.mean_error[place]):
-            share = f"{moments.mean[place]:.6g} against {found.sampled.mean[place]:.6g}"
-            out.append(f"{name}: {word}-order mean {share} by the samples")
+        for field in ("mean", "deviation") if moments is not None else ():
+            given, right = getattr(moments, field)[place], getattr(truth, field)[place]
+            error = getattr(truth, f"{field}_error")[place]
+            if not abs(given - right) <= max(allowed, 4 * error):
+                texts = f"{look.text(given)} against {look.text(right)} by the samples"
+                out.append(f"{look.words}: {word}-order {field} {texts}")
     return out

@@ -1,0 +1,254 @@
+"""What `jaxcomp tolerance` reads from its options, and what it prints."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..design import Chain, Design, balanced_design, design_of, quantity
+from ..scene import Scene
+from ..scene.tolerances import read_tolerance_file, tolerances_of
+from ..sweeping import shown
+from ..tolerancing import Tolerances, Within
+from ._arguments import assignments
+from ._constraints import bounds_of
+from ._errors import CommandError
+from ._sweep_options import default_quantities
+from ._tables import _table
+
+_SHARES = (0.00135, 0.05, 0.5, 0.95, 0.99865)
+_SHARE_NAMES = ("0.135", "5", "50", "95", "99.865")
+# Contributors of a table.
+_ROWS = 12
+
+
+class Asked(NamedTuple):
+    """What is asked of a scatter."""
+
+    design: Design
+    tolerances: dict[str, Within]
+    texts: dict[str, str]
+    correlations: dict[tuple[str, str], float]
+    quantities: list[str]
+    limits: dict[str, tuple[float | None, float | None]]
+    balanced: bool
+
+
+def asked_tolerances(
+    scene: Scene,
+    chain: Chain,
+    balanced: bool,
+    vary,
+    file: Path | None,
+    correlate,
+    quantities,
+    limits,
+) -> Asked:
+    """Read the options.
+
+    Raises:
+        CommandError, SceneError, BadInput: what cannot be read, or a name that fits nothing.
+    """
+    design, texts, pairs = design_of(scene), {}, {}
+    if balanced:
+        if not design.corrections:
+            raise CommandError("--balanced: needs a scene with balancing planes")
+        design = balanced_design(design, chain)
+    if file is not None:
+        texts, pairs = read_tolerance_file(file)
+    # what is typed comes last, and so counts where both fit
+    texts = {**texts, **assignments(vary or (), "--vary")}
+    for text in correlate or ():
+        pairs[_pair(text)] = _correlation(text)
+    bounds = bounds_of(limits or (), "--limit", equalities=False)
+    asked = list(quantities or (() if bounds else default_quantities(scene)))
+    for name in asked:
+        quantity(name)
+    asked += [name for name in bounds if name not in asked]
+    found = tolerances_of(design, texts)
+    return Asked(design, found, texts, pairs, asked, bounds, balanced)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    names = [name.strip() for name in text.partition("=")[0].split(",")]
+    if len(names) != 2 or not all(names):
+        raise CommandError(f"--correlate {text}: must have the form A,B=VALUE")
+    return names[0], names[1]
+
+
+def _correlation(text: str) -> float:
+    try:
+        return float(text.partition("=")[2])
+    except ValueError:
+        raise CommandError(f"--correlate {text}: must have the form A,B=VALUE") from None
+
+
+def tolerance_result(found: Tolerances, scene: str, asked: Asked) -> dict[str, Any]:
+    """The answer in SI units. The keys are stable; new ones may join them."""
+    sampled = found.sampled
+    return {
+        "scene": scene,
+        "balanced": asked.balanced,
+        "corrections": {
+            name: [float(x) for x in xy] for name, xy in found.problem.design.corrections.items()
+        },
+        "variables": {
+            one.name: {
+                "unit": one.unit,
+                "nominal": float(found.nominal[i]),
+                "deviation": float(found.deviation[i]),
+                **asked.tolerances[one.name]._asdict(),
+            }
+            for i, one in enumerate(found.problem.variables)
+        },
+        "correlations": [{"between": list(p), "value": v} for p, v in asked.correlations.items()],
+        "samples": len(sampled.ok),
+        "failed": int(np.sum(~sampled.ok)),
+        "quantities": {
+            name: _quantity(found, i, unit)
+            for i, (name, unit) in enumerate(zip(found.names, found.problem.units, strict=True))
+        },
+        "limits": [_limit(one, found) for one in found.reliability],
+        "remarks": list(found.remarks),
+    }
+
+
+def _quantity(found: Tolerances, i: int, unit: str) -> dict[str, Any]:
+    sampled, second = found.sampled, found.second_order
+    good = sampled.ok.sum() > 1
+    levels = sampled.quantile(_SHARES)[:, i].tolist() if good else [math.nan] * len(_SHARES)
+    return {
+        "unit": unit,
+        "nominal": _finite(found.value[i]),
+        "mean": _finite(sampled.mean[i]),
+        "mean_error": _finite(sampled.mean_error[i]),
+        "deviation": _finite(sampled.deviation[i]),
+        "deviation_error": _finite(sampled.deviation_error[i]),
+        "skewness": _finite(sampled.skewness[i]),
+        "percentiles": dict(zip(_SHARE_NAMES, map(_finite, levels), strict=True)),
+        "first_order": _moments(found.first_order, i),
+        "second_order": None if second is None else _moments(second, i),
+        "contributors": [
+            {
+                "variable": name,
+                "share": _finite(share),
+                "at_low_limit": _finite(found.swings[0, found.variables.index(name), i]),
+                "at_high_limit": _finite(found.swings[1, found.variables.index(name), i]),
+            }
+            for name, share in found.ranking(found.names[i])
+        ],
+    }
+
+
+def _moments(moments, i) -> dict[str, float | None]:
+    return {"mean": _finite(moments.mean[i]), "deviation": _finite(moments.deviation[i])}
+
+
+def _limit(one, found: Tolerances) -> dict[str, Any]:
+    known = bool(np.all(np.isfinite(one.design)))
+    row = dict(zip(found.variables, one.design.tolist(), strict=True)) if known else None
+    return {
+        "quantity": one.limit.quantity,
+        "bound": one.limit.bound,
+        "broken_above": one.limit.above,
+        "sampled": _finite(one.sampled),
+        "sampled_interval": [_finite(x) for x in one.sampled_interval],
+        "beta": _finite(one.beta),
+        "first_order": _finite(one.first_order),
+        "second_order": _finite(one.second_order),
+        "near_points": _finite(one.near_points),
+        "near_points_error": _finite(one.near_points_error),
+        "nearest_points": len(one.points),
+        "most_likely_design": row,
+        "importance": dict(zip(found.variables, map(_finite, one.importance), strict=True)),
+    }
+
+
+def _finite(value) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def tolerance_tables(found: Tolerances, result: dict[str, Any]) -> Iterator[Any]:
+    """Distributions, contributors, probabilities, and where the methods disagree."""
+    yield _distributions(found, result)
+    yield _orders(found, result)
+    for name in found.names:
+        yield _contributors(found, name)
+    if found.reliability:
+        yield _probabilities(found)
+    for remark in found.remarks:
+        yield f"[yellow]Note:[/yellow] {remark}"
+
+
+def _distributions(found: Tolerances, result):
+    lost = f", {result['failed']:,} not solved" if result["failed"] else ""
+    title = f"{result['scene']}: {result['samples']:,} machines{lost}"
+    heads = ("Quantity", "As drawn", "Mean", "Deviation", "5 %", "95 %")
+    table = _table(title, *heads, numbers=True)
+    for look, entry in _entries(found, result):
+        numbers = [entry["nominal"], entry["mean"], entry["deviation"]]
+        numbers += [entry["percentiles"]["5"], entry["percentiles"]["95"]]
+        table.add_row(look.label, *(_cell(x, look.factor) for x in numbers))
+    return table
+
+
+def _orders(found: Tolerances, result):
+    heads = ("By derivatives", "1st-order mean", "Deviation", "2nd-order mean", "Deviation")
+    table = _table(None, *heads, numbers=True)
+    for look, entry in _entries(found, result):
+        nothing = {"mean": None, "deviation": None}
+        orders = (entry["first_order"], entry["second_order"] or nothing)
+        cells = [_cell(one[key], look.factor) for one in orders for key in ("mean", "deviation")]
+        table.add_row(look.label, *cells)
+    return table
+
+
+def _entries(found: Tolerances, result):
+    for i, (name, unit) in enumerate(zip(found.names, found.problem.units, strict=True)):
+        yield shown(name, unit, found.value[i]), result["quantities"][name]
+
+
+def _contributors(found: Tolerances, name: str):
+    place = found.names.index(name)
+    look = shown(name, found.problem.units[place], found.value[place])
+    heads = ("Contributors to " + look.words[:1].lower() + look.words[1:], "Share of variance")
+    ends = (f"Low limit, {look.unit}", f"High limit, {look.unit}") if look.unit else ("Low", "High")
+    table = _table(None, *heads, *ends, numbers=True)
+    table.columns[0].overflow = "fold"
+    ranked = found.ranking(name)
+    for variable, share in ranked[:_ROWS]:
+        swing = found.swings[:, found.variables.index(variable), place]
+        cells = (_cell(x, look.factor) for x in swing)
+        table.add_row(variable, f"{100 * share:.1f} %", *cells)
+    if len(ranked) > _ROWS:
+        rest = sum(share for _, share in ranked[_ROWS:])
+        table.add_row(f"{len(ranked) - _ROWS} more", f"{100 * rest:.1f} %", "", "")
+    return table
+
+
+def _probabilities(found: Tolerances):
+    heads = ("Limit", "Beta", "1st order", "2nd order", "About the points", "Samples (95 %)")
+    table = _table("Probability of breaking a limit", *heads, numbers=True)
+    for one in found.reliability:
+        place = found.names.index(one.limit.quantity)
+        look = shown(one.limit.quantity, found.problem.units[place], found.value[place])
+        sign = "<=" if one.limit.above else ">="
+        low, high = one.sampled_interval
+        near = _cell(one.near_points, 1, 3)
+        if near:
+            near += f" ± {one.near_points_error:.1g}"
+        table.add_row(
+            f"{look.words} {sign} {look.text(one.limit.bound)}",
+            _cell(one.beta, 1, 4),
+            _cell(one.first_order, 1, 3),
+            _cell(one.second_order, 1, 3),
+            near,
+            f"{one.sampled:.3g} ({low:.2g} to {high:.2g})",
+        )
+    return table
+
+
+def _cell(value, factor, digits: int = 5) -> str:
+    return "" if value is None or not np.isfinite(value) else f"{value * factor:.{digits}g}"

@@ -1,0 +1,180 @@
+"""Tolerances as they are written on drawings, and files of them.
+
+    +-0.02 mm                 between -0.02 and 0.02 mm, normal, a limit at three standard deviations
+    -0.01 +0.03 mm            one limit by one
+    +-5 %                     a share of the nominal value
+    +-0.02 mm uniform         every value between the limits is as likely
+    +-0.02 mm truncated       normal, sorted out beyond the limits
+    +-0.02 mm 2 sigma         a limit at two standard deviations
+    sigma 5 um                one standard deviation
+
+A file of them is TOML, with names as in `jaxcomp.design.Variable`; `*` stands for any part of a name:
+
+    [tolerances]
+    "loads.unbalances.*.magnitude.*" = "+-5 %"
+    "mechanism.bore" = "+-0.02 mm"
+
+    [[correlations]]
+    between = ["mechanism.bore", "mechanism.conrod_length"]
+    value = 0.3
+"""
+
+import fnmatch
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ..design import Design, variable, variable_names
+from ..tolerancing import Within, within
+from ._errors import SceneError
+from ._units import to_si
+
+_NUMBER = r"\d*\.?\d+(?:[eE][+-]?\d+)?"
+_BOTH = re.compile(rf"\s*(?:\+/-|\+-|±)\s*({_NUMBER})\s*(.*)")
+_TWO = re.compile(rf"\s*([+-]?\s*{_NUMBER})\s*(?:/|,|\s)\s*([+-]?\s*{_NUMBER})\s*(.*)")
+_SIGMA = re.compile(rf"\s*sigma\s*({_NUMBER})\s*(.*)")
+_WORDS = re.compile(
+    rf"(.*?)[\s,]*(?:\b(normal|uniform|truncated))?[\s,]*(?:({_NUMBER})\s*sigma)?\s*"
+)
+_FORMS = 'must be written like "+-0.02 mm", "-0.01 +0.03 mm", "+-5 % uniform" or "sigma 5 um"'
+
+
+class ToleranceFile(NamedTuple):
+    """What a file of tolerances holds.
+
+    Attributes:
+        tolerances: as written, by name or pattern.
+        correlations: by pairs of names.
+    """
+
+    tolerances: dict[str, str]
+    correlations: dict[tuple[str, str], float]
+
+
+def read_tolerance(text: Any, unit: str, key: str) -> Within:
+    """A tolerance as written.
+
+    Args:
+        text: see the notation above.
+        unit: SI unit of the number that it belongs to.
+        key: what it belongs to, for the message.
+
+    Raises:
+        SceneError: what cannot be read, a unit of another dimension, or limits that do not rise.
+    """
+    text = str(text)
+    single, both, two = _SIGMA.fullmatch(text), _BOTH.fullmatch(text), _TWO.fullmatch(text)
+    match = single or both or two
+    if match is None:
+        raise SceneError(key, _FORMS, text)
+    *numbers, rest = match.groups()
+    words = _WORDS.fullmatch(rest)
+    assert words is not None  # it matches any text
+    given_unit, distribution, sigmas = words[1].strip(), words[2] or "normal", words[3] or "3"
+    if single and (words[2] or words[3]):
+        raise SceneError(key, "is a standard deviation, which takes no other word", text)
+    relative = given_unit == "%"
+    if relative:
+        values = [float(n.replace(" ", "")) / 100 for n in numbers]
+    else:
+        values = [float(to_si(f"{n} {given_unit}", unit, key)) for n in numbers]
+    if two:
+        limits: Any = (min(values), max(values))  # drawings have either one on top
+    else:
+        limits = 3 * values[0] if single else values[0]
+    try:
+        return within(limits, distribution, sigmas=float(sigmas), relative=relative)  # pyright: ignore
+    except ValueError as error:
+        raise SceneError(key, f"is no tolerance: {error}", text) from None
+
+
+def tolerances_of(design: Design, texts: Mapping[str, str]) -> dict[str, Within]:
+    """Tolerances of the numbers of a design.
+
+    Args:
+        design: whose numbers they are.
+        texts: as written, by name or pattern; where several fit the last one counts.
+
+    Raises:
+        SceneError: a name or pattern that fits nothing, or a text that cannot be read.
+    """
+    out: dict[str, Within] = {}
+    for name, text in texts.items():
+        names = _matching(design, name)
+        if not names:
+            raise SceneError(name, "fits no number of this scene")
+        for one in names:
+            out[one] = read_tolerance(text, variable(design, one).unit, one)
+    return out
+
+
+def read_tolerance_file(path: str | os.PathLike) -> ToleranceFile:
+    """A file of tolerances, as written.
+
+    Raises:
+        SceneError: a file that cannot be read, or an entry that does not belong there.
+    """
+    name = os.fspath(path)
+    try:
+        with open(path, "rb") as file:
+            tables = tomllib.load(file)
+    except OSError as error:
+        raise SceneError("", f"cannot be read: {error.strerror}", file=name) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SceneError("", f"is no TOML: {error}", file=name) from None
+    try:
+        return _file(tables)
+    except SceneError as error:
+        raise error.in_file(name) from None
+
+
+def _file(tables: Mapping[str, Any]) -> ToleranceFile:
+    for key in tables:
+        if key not in ("tolerances", "correlations"):
+            raise SceneError(key, "must be `tolerances` or `correlations`")
+    given = tables.get("tolerances")
+    if not isinstance(given, dict) or not given:
+        raise SceneError("tolerances", "must be a table of at least one tolerance")
+    for key, text in given.items():
+        if not isinstance(text, str):
+            raise SceneError(
+                f"tolerances.{key}", f'{_FORMS}; a name with dots needs quotes: "{key}"'
+            )
+    pairs = {}
+    for number, row in enumerate(tables.get("correlations", ())):
+        key = f"correlations.{number}"
+        if not isinstance(row, dict) or set(row) != {"between", "value"}:
+            raise SceneError(key, "must have the entries `between` and `value`")
+        between, value = row["between"], row["value"]
+        if not isinstance(between, list) or len(between) != 2:
+            raise SceneError(f"{key}.between", "must be two names", between)
+        pairs[(str(between[0]), str(between[1]))] = float(to_si(value, "", f"{key}.value"))
+    return ToleranceFile(dict(given), pairs)
+
+
+def _matching(design: Design, pattern: str) -> list[str]:
+    """Names that fit a pattern: of single numbers, of lists by their entries, else as a whole."""
+    if not any(sign in pattern for sign in "*?["):
+        variable(design, pattern)  # refuses what is no number
+        return [pattern]
+    out = []
+    for name in variable_names(design):
+        if fnmatch.fnmatchcase(f"{name}.0", pattern):
+            entries = _entries(design, name)
+            out += [entry for entry in entries if fnmatch.fnmatchcase(entry, pattern)]
+            if entries:
+                continue
+        if fnmatch.fnmatchcase(name, pattern):
+            out.append(name)
+    return out
+
+
+def _entries(design: Design, name: str) -> list[str]:
+    entries: list[str] = []
+    while True:
+        try:
+            entries.append(variable(design, f"{name}.{len(entries)}").name)
+        except ValueError:
+            return entries
