@@ -97,7 +97,11 @@ def test_check_shows_parts_and_what_follows():
         assert text in result.stdout, text
     found = json.loads(invoke("check", "hermetic-68cc", "--json").stdout)
     assert (found["ok"], found["unusual"]) == (True, [])
-    assert found["commands"] == ["run", "optimise", "sweep", "modes", "respond", "balance"]
+    crank, rotor = (
+        ["run", "animate", "optimise", "sweep", "tolerance"],
+        ["modes", "respond", "balance"],
+    )
+    assert found["commands"] == crank + rotor
     follows = {row["what"]: row["value"] for row in found["follows"]}
     assert follows["Swept volume"] == pytest.approx(68, abs=0.01)  # printed: 68 cm3
     # 43 nodes, of which 17 follow the two bodies, with 4 each

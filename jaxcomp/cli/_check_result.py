@@ -78,7 +78,7 @@ def _counts(rows, name: str) -> dict[str, int]:
 
 def _commands(scene: Scene) -> list[str]:
     """The commands that have something to work on."""
-    out = [] if scene.compressor is None else ["run", "optimise", "sweep"]
+    out = [] if scene.compressor is None else ["run", "animate", "optimise", "sweep", "tolerance"]
     if "rotor" in scene.parts:
         loads = scene.parts.get("loads")
         out += ["modes"]

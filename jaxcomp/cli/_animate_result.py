@@ -1,0 +1,57 @@
+"""What `jaxcomp animate` solves before it draws."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..balancing import direct_influence, least_squares
+from ..crank import Collocation, solve_orbit
+from ..plot import Motion, balance_motion, mechanism_motion
+from ..rotor import BalancingPlanes, LoadCase, Unbalances, respond
+from ..scene import Scene
+from ._errors import CommandError
+from ._speeds import rotor_of, single_speeds
+
+
+def turning_motion(scene: Scene, frames: int) -> tuple[Motion, dict[str, Any]]:
+    """The mechanism in its periodic state."""
+    machine = scene.machine
+    orbit = solve_orbit(machine, Collocation(kinks=machine.mechanism.side_changes))
+    evidence = {
+        "converged": bool(orbit.converged),
+        "status": "converged" if bool(orbit.converged) else "not converged",
+        "energy_residual": float(orbit.energy.residual),
+        "mean_speed": float(orbit.mean_speed),
+        "mechanical_efficiency": float(orbit.mechanical_efficiency),
+    }
+    return mechanism_motion(machine, orbit, frames), evidence
+
+
+def balancing_motion(scene: Scene, speed: str | None, frames: int) -> tuple[Motion, dict[str, Any]]:
+    """The rotor with its crankcase and housing, without and with the least-squares corrections.
+
+    Raises:
+        CommandError: nothing that shakes it.
+    """
+    model = rotor_of(scene)
+    places, case = scene.parts["balancing"], scene.parts["loads"]
+    assert isinstance(places, BalancingPlanes)
+    if not isinstance(case, LoadCase) or not case.loads:
+        raise CommandError(f"{scene.file}: loads: is missing; nothing shakes this rotor")
+    at = jnp.asarray(single_speeds([speed] if speed else (), scene))
+    found = least_squares(direct_influence(model, case.loads, places, at))
+    masses = Unbalances(
+        tuple(plane.node for plane in places.planes),
+        jnp.abs(found.correction),
+        jnp.angle(found.correction),
+    )
+    before = respond(model, case.loads, at[:1]).checked()
+    after = respond(model, (*case.loads, masses), at[:1]).checked()
+    result = {
+        "speed": float(at[0]),
+        "largest_before": float(np.abs(before.displacement[..., 0]).max()),
+        "largest_after": float(np.abs(after.displacement[..., 0]).max()),
+        "improvement": float(found.improvement),
+    }
+    return balance_motion(model, before, after, frames), result
