@@ -13,7 +13,7 @@ from .._fields import BadInput, replaced
 from .._words import one_of
 from ..compressor import Compressor
 from ..crank import Collocation, Shooting, solve_orbit
-from ..motor import MeanSpeed
+from ..motor import ConstantSpeed, MeanSpeed
 from ..rotor import (
     BalancingPlanes,
     LoadCase,
@@ -29,7 +29,7 @@ from ._influence import Influence, flexibility, influence_of
 def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
     """The compressor held at a mean speed [rad/s], whatever its motor."""
     motor = compressor.motor
-    if isinstance(motor, MeanSpeed):
+    if isinstance(motor, MeanSpeed | ConstantSpeed):
         return replaced(compressor, motor=replaced(motor, mean_speed=speed))
     held = replaced(MeanSpeed(1.0), mean_speed=jnp.asarray(speed, float))
     return replaced(compressor, motor=held)

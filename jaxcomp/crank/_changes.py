@@ -95,6 +95,11 @@ def place_changes(compressor: Compressor, resolution: Resolution) -> tuple[Chang
     return changes, turn, motion
 
 
+def changes_of(compressor: Compressor, turn: Turn, motion: Motion, kinks: int) -> Changes:
+    """The changes of side of a motion that is known."""
+    return _bisect(compressor, turn, motion, _find_changes(compressor, turn, motion, kinks))
+
+
 def _loads_between(compressor: Compressor, turn: Turn, motion: Motion, angle) -> JointLoads:
     energy = jnp.maximum(turn.grid.interpolate(motion.energy, angle), ENERGY_FLOOR)
     inertia, _ = compressor.mechanism.inertia(angle)

@@ -6,7 +6,10 @@ import jax.numpy as jnp
 from .._fields import admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
+from ..motor import ConstantSpeed
+from ._changes import Resolution
 from ._collocation import Collocation
+from ._given import orbit_at_given_speed
 from ._orbit import Orbit
 from ._shooting import Shooting
 
@@ -19,7 +22,8 @@ def solve_orbit(
     Args:
         compressor: the machine.
         solver: options of the solver, `Shooting()` if absent. `Collocation()` solves the whole turn
-            at once and is much faster, above all in batches.
+            at once and is much faster, above all in batches. With a motor of `ConstantSpeed` nothing
+            is solved; only the nodes and kinks of the options count there.
         throw: raise if no periodic state was found. Within `jit`, `vmap` or `grad` nothing is
             raised; look at `status` there.
 
@@ -46,7 +50,16 @@ def solve_orbit(
 @eqx.filter_jit
 def _solve(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
     good = admissible(compressor)
-    orbit = solver.solve(clipped(compressor))
+    orbit = _orbit(clipped(compressor), solver)
     status = Status.where(orbit.margin > 0, orbit.status, Status.self_locking)
     status = Status.where(good, status, Status.bad_input)
     return eqx.tree_at(lambda o: o.status, orbit, status)
+
+
+def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
+    if not isinstance(compressor.motor, ConstantSpeed):
+        return solver.solve(compressor)
+    nodes = solver.nodes if isinstance(solver, Collocation) else solver.output_nodes
+    grading = solver.grading if isinstance(solver, Collocation) else Collocation().grading
+    resolution = Resolution(nodes, solver.kinks, grading, max_passes=0)
+    return orbit_at_given_speed(compressor, compressor.motor, resolution)

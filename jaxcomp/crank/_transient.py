@@ -10,7 +10,7 @@ from .._fields import BadInput, admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
 from ..mechanism import CrankState
-from ..motor import MeanSpeed
+from ..motor import ConstantSpeed, MeanSpeed
 from ._motion import acceleration
 from ._orbit import Energy
 
@@ -105,12 +105,14 @@ def simulate(
         throw: raise if the end is not reached (not within `jit` or `vmap`; see `status` there).
 
     Raises:
-        BadInput: if the motor holds a mean speed, since that is no torque law.
+        BadInput: if the motor holds a speed, since that is no torque law.
         SolveFailed: if `throw` and the integration did not reach its end.
     """
-    if isinstance(compressor.motor, MeanSpeed):
+    if isinstance(compressor.motor, MeanSpeed | ConstantSpeed):
         raise BadInput(
-            "motor", "MeanSpeed", "a torque law over speed (ConstantTorque, SlipLine, Kloss)"
+            "motor",
+            type(compressor.motor).__name__,
+            "a torque law over speed (ConstantTorque, SlipLine, Kloss)",
         )
     options = TimeIntegration() if options is None else options
     if isinstance(duration, (int, float)) and not duration > 0:

@@ -1,6 +1,7 @@
 """Motors: torque over speed."""
 
 from ._motors import AbstractMotor as AbstractMotor
+from ._motors import ConstantSpeed as ConstantSpeed
 from ._motors import ConstantTorque as ConstantTorque
 from ._motors import Kloss as Kloss
 from ._motors import MeanSpeed as MeanSpeed

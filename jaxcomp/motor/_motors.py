@@ -1,7 +1,7 @@
 r"""Torque of the driving motor over crank speed.
 
 Tsuji et al. (2012) give the mean speed and a torque "in proportion to the rotational speed" without
-a constant; `MeanSpeed` finds the level that holds the speed. The induction motor is Kloss'
+a constant; `MeanSpeed` finds the level that holds the mean. The induction motor is Kloss'
 formula, $M = 2 M_m s s_b/(s^2 + s_b^2)$ with slip $s = 1 - \omega/\omega_s$.
 """
 
@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, POSITIVE, Part, quantity
+from .._fields import ANY, POSITIVE, BadInput, Part, quantity
 
 
 class AbstractMotor(Part):
@@ -50,6 +50,27 @@ class MeanSpeed(AbstractMotor):
         if self.shape == "proportional":
             return speed / self.mean_speed
         return jnp.ones_like(speed)
+
+    @property
+    def speed_guess(self):
+        return self.mean_speed
+
+
+class ConstantSpeed(AbstractMotor):
+    """A motor that holds the speed at every instant, by whatever torque that takes.
+
+    The crank does not fluctuate, as with an endless flywheel, and there is no equation of motion to
+    solve: the leanest machine for joint forces and losses at a given speed.
+    """
+
+    kind: ClassVar[str] = "constant_speed"
+
+    mean_speed: Float[Array, ""] = quantity("rad/s", POSITIVE, doc="at every crank angle")
+
+    def torque(self, speed):
+        raise BadInput(
+            "motor", self.kind, "a torque law over speed: this one has no torque of its own"
+        )
 
     @property
     def speed_guess(self):

@@ -2,6 +2,11 @@
 
 from ._accuracy import STUDIES as STUDIES
 from ._accuracy import accuracy as accuracy
+from ._lean import LeanScene as LeanScene
+from ._lean import SceneCost as SceneCost
+from ._lean import lean_program as lean_program
+from ._lean import lean_scenes as lean_scenes
+from ._lean import scene_costs as scene_costs
 from ._measure import Program as Program
 from ._measure import compile_program as compile_program
 from ._measure import median_time as median_time

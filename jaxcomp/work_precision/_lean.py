@@ -1,0 +1,224 @@
+r"""Lean scenes: what each part of a machine costs, from the barest to the fullest.
+
+A part that is left out is not traced, so that what is left costs what it costs alone. Operations are
+those of the compiled program, in which the body of a loop counts once.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .._fields import BadInput
+from ..compressor import Compressor
+from ..design import Chain, Design, design_of
+from ..friction import FilmJournal, SliderCrankFriction
+from ..motor import ConstantSpeed
+from ..rotor import BalancingPlanes, Link, LoadCase, RotorModel, TargetPlane
+from ._measure import Program, compile_program
+from ._study import answer
+
+# The film journals that stand in for the scene's own where it has none: usual proportions.
+_LENGTH_RATIO, _CLEARANCE_RATIO, _VISCOSITY = 0.5, 1e-3, 5e-3  # [-], [-], [Pa s]
+_CRANK = "peak_force.main_journal"
+
+
+class SceneCost(NamedTuple):
+    """One scene of the ladder.
+
+    Attributes:
+        name: what it has.
+        quantity: what is asked of it.
+        value: [SI]
+        flops: operations of the compiled program, loop bodies counted once.
+        loops: loops in the compiled program.
+        compile_seconds: [s]
+        seconds: [s] median of several warm calls.
+        memory: [bytes] of intermediate results, `None` where the backend does not tell.
+    """
+
+    name: str
+    quantity: str
+    value: float
+    flops: float
+    loops: int
+    compile_seconds: float
+    seconds: float
+    memory: int | None
+
+
+class LeanScene(NamedTuple):
+    """A scene to be priced: a design, how it is worked out, and what is asked of it."""
+
+    name: str
+    design: Design
+    chain: Chain
+    quantity: str
+
+
+def scene_costs(
+    scene: Any, tell: Callable[[str, int, int], None] | None = None
+) -> tuple[SceneCost, ...]:
+    """Compile and run every scene of the ladder.
+
+    Args:
+        scene: of `jaxcomp.load`, or a `Design`.
+        tell: called before each scene with its name, its number and how many there are.
+
+    Raises:
+        BadInput: a scene with neither a crank nor a rotor with planes.
+    """
+    ladder = lean_scenes(scene)
+    tell = tell or (lambda words, number, total: None)
+    costs = []
+    for number, one in enumerate(ladder):
+        tell(one.name, number, len(ladder))
+        costs.append(_cost(one))
+    return tuple(costs)
+
+
+def lean_scenes(scene: Any) -> tuple[LeanScene, ...]:
+    """The scenes from the barest to the fullest that can be made of one by leaving out parts.
+
+    Raises:
+        BadInput: a scene with neither a crank nor a rotor with planes.
+    """
+    design = scene if isinstance(scene, Design) else design_of(scene)
+    found = [*_crank_scenes(design), *_rotor_scenes(design)]
+    if not found:
+        raise BadInput("scene", "without", "one with a compressor, or a rotor with its planes")
+    return tuple(found)
+
+
+def lean_program(one: LeanScene) -> Program:
+    """The compiled program of a scene."""
+
+    def value(design):
+        found, _, ok = answer(design, one.chain, one.quantity)
+        return found, ok
+
+    return compile_program(value, one.design)
+
+
+def _cost(one: LeanScene) -> SceneCost:
+    program = lean_program(one)
+    value, _ = program(one.design)
+    return SceneCost(
+        one.name,
+        one.quantity,
+        float(value),
+        program.flops,
+        program.text.count(" while("),
+        program.seconds,
+        program.timed(one.design),
+        program.memory,
+    )
+
+
+def _crank_scenes(design: Design):
+    machine = design.compressor
+    if machine is None:
+        return
+    given = ConstantSpeed(machine.motor.speed_guess)
+    ladder = {
+        "given speed, no friction": _changed(machine, motor=given, friction=None),
+        "given speed": _changed(machine, motor=given),
+        "fluctuating speed, no friction": _changed(machine, friction=None),
+        "fluctuating speed": machine,
+    }
+    if isinstance(machine.friction, SliderCrankFriction):
+        ladder["fluctuating speed, film journals"] = _changed(
+            machine, friction=_filmed(machine.friction)
+        )
+    for name, made in ladder.items():
+        alone = Design(made, {}, {})
+        yield LeanScene(f"crank: {name}", alone, Chain(), _CRANK)
+
+
+def _rotor_scenes(design: Design):
+    model, case = design.parts.get("rotor"), design.parts.get("loads")
+    places = design.parts.get("balancing")
+    if not (
+        isinstance(model, RotorModel)
+        and isinstance(case, LoadCase)
+        and isinstance(places, BalancingPlanes)
+        and places.planes
+    ):
+        return
+    shaken = "file" if case.forces else "crank"
+    # one target that every scene has: the first plane of the rotor
+    first = places.planes[0]
+    places = dataclasses.replace(places, targets=(TargetPlane(first.name, first.node),))
+    for kept in range(len(model.bodies) + 1):
+        lean, loads = _grounded(model, case, kept)
+        parts = {"rotor": dataclasses.replace(lean, dof=4), "loads": loads, "balancing": places}
+        name = (
+            "rotor: alone, its bearings on the ground" if not kept else f"rotor: {kept + 1} subsets"
+        )
+        if shaken == "file":
+            alone = Design(None, parts, design.corrections)
+            yield LeanScene(name, alone, Chain(excitation="file"), "vibration")
+    full = {"rotor": dataclasses.replace(model, dof=6), "loads": case, "balancing": places}
+    whole = f"{len(model.bodies) + 1} subsets, six degrees of freedom"
+    if shaken == "file":
+        alone = Design(None, full, design.corrections)
+        yield LeanScene(f"rotor: {whole}", alone, Chain(excitation="file"), "vibration")
+    machine = design.compressor
+    if case.crank is not None and machine is not None:
+        friction = machine.friction
+        if isinstance(friction, SliderCrankFriction):
+            machine = _changed(machine, friction=_filmed(friction))
+        made = Design(machine, full, design.corrections)
+        name = f"all: {whole}, shaken by the crank"
+        yield LeanScene(name, made, Chain(excitation="crank"), "vibration")
+
+
+def _changed(machine: Compressor, **parts) -> Compressor:
+    return dataclasses.replace(machine, **parts)
+
+
+def _filmed(friction: SliderCrankFriction) -> SliderCrankFriction:
+    """The same joints with films on crank pin and main journal."""
+
+    def film(law):
+        if law is None or isinstance(law, FilmJournal) or not hasattr(law, "diameter"):
+            return law
+        d = law.diameter
+        return FilmJournal(d, _LENGTH_RATIO * d, _CLEARANCE_RATIO * d / 2, jnp.asarray(_VISCOSITY))
+
+    names = ("crank_pin", "main_journal")
+    return dataclasses.replace(friction, **{n: film(getattr(friction, n)) for n in names})
+
+
+def _grounded(model: RotorModel, case: LoadCase, kept: int) -> tuple[RotorModel, LoadCase]:
+    """The model with its first bodies alone, and the ground in the place of the others."""
+    gone = {node for body in model.bodies[kept:] for node in (body.centre, *body.nodes)}
+    if not gone:
+        return model, case
+    links = []
+    for link in model.links:
+        nodes = tuple(None if node in gone else node for node in link.nodes)
+        if any(node is not None for node in nodes):
+            links.append(_relinked(link, nodes))
+    pulls = tuple(
+        pull for pull in model.side_pulls if not gone & {n for pair in pull.nodes for n in pair}
+    )
+    lean = dataclasses.replace(
+        model, links=tuple(links), side_pulls=pulls, bodies=model.bodies[:kept], nodes=None
+    )
+    forces = tuple(
+        dataclasses.replace(force, reaction=None) if force.reaction in gone else force
+        for force in case.forces
+        if force.node not in gone
+    )
+    return lean, eqx.tree_at(lambda c: c.forces, case, forces)
+
+
+def _relinked(link: Link, nodes) -> Link:
+    """A link to the ground has it as its second node."""
+    first, second = nodes
+    if first is None:
+        first, second = second, first
+    return dataclasses.replace(link, nodes=(first, second))

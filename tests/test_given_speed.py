@@ -1,0 +1,107 @@
+"""A crank held at one speed: the limit of an endless flywheel, evaluated instead of solved."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+from helpers import difference, machine, named_leaves
+
+from jaxcomp import BadInput, Collocation, ConstantSpeed, Shooting, load, simulate, solve_orbit
+from jaxcomp.balancing import at_speed
+from jaxcomp.scene import with_values
+
+SPEED = 104.72
+SOLVER = Collocation(nodes=8)
+
+
+@pytest.fixture(scope="module")
+def held():
+    return machine(motor=ConstantSpeed(SPEED), gravity=(-9.81, 0.0), offset=0.01)
+
+
+@pytest.fixture(scope="module")
+def orbit(held):
+    return solve_orbit(held, SOLVER)
+
+
+def test_accounts_close_and_the_speed_stands_still(orbit):
+    # sums of the same torques at the same nodes: rounding alone
+    assert abs(float(orbit.energy.residual)) < 1e-13
+    assert float(orbit.speed_fluctuation) == pytest.approx(0.0, abs=1e-13)
+    assert float(orbit.mean_speed) == pytest.approx(SPEED, rel=1e-14)
+    assert float(orbit.motor_power) == pytest.approx(
+        float(orbit.energy.motor_work) * SPEED / (2 * jnp.pi), rel=1e-14
+    )
+    assert bool(orbit.converged)
+
+
+@pytest.mark.slow
+def test_it_is_the_limit_of_a_heavy_flywheel(held, orbit):
+    mean = eqx.tree_at(lambda c: c.motor, held, machine().motor)
+    gaps = []
+    for times in (1e3, 1e5):
+        heavy = eqx.tree_at(
+            lambda c: c.mechanism.crank_inertia, mean, times * mean.mechanism.crank_inertia
+        )
+        heavy = eqx.tree_at(lambda c: c.motor.mean_speed, heavy, jnp.asarray(SPEED))
+        found = solve_orbit(heavy, SOLVER)
+        gaps.append(abs(float(found.mechanical_efficiency - orbit.mechanical_efficiency)))
+    # the fluctuation falls with one over the inertia; its first effect on the losses as well
+    assert gaps[1] < 0.02 * gaps[0]
+    assert gaps[1] < 1e-8
+
+
+@pytest.mark.slow
+def test_panels_end_where_loads_change_their_side(held, orbit):
+    plain = solve_orbit(held, Collocation(nodes=8, kinks=0)).mechanical_efficiency
+    fine = solve_orbit(held, Collocation(nodes=24)).mechanical_efficiency
+    # of the edges at the changes of side: 100 times closer at the same nodes
+    assert abs(orbit.mechanical_efficiency - fine) < 0.01 * abs(plain - fine)
+    # as the solved orbit with these nodes, whose error `jaxcomp accuracy` gives as 5e-9
+    assert abs(orbit.mechanical_efficiency - fine) < 2e-8
+
+
+@pytest.mark.slow
+def test_both_solvers_hand_it_out(held, orbit):
+    found = solve_orbit(held, Shooting(output_nodes=8))
+    assert found.solver == orbit.solver == "given speed"
+    # the same nodes, so the same numbers
+    assert float(found.mechanical_efficiency) == float(orbit.mechanical_efficiency)
+
+
+def test_derivatives_equal_differences(held):
+    def loss(speed, bore):
+        changed = eqx.tree_at(lambda c: (c.motor.mean_speed, c.mechanism.bore), held, (speed, bore))
+        found = solve_orbit(changed, SOLVER, throw=False)
+        return found.energy.total_loss
+
+    loss = jax.jit(loss)
+    at = jnp.asarray(SPEED), held.mechanism.bore
+    slopes = jax.jit(jax.grad(loss, (0, 1)))(*at)
+    for place, slope in enumerate(slopes):
+        step = 1e-3 * at[place]
+        moved = lambda x, place=place: loss(*(x if i == place else a for i, a in enumerate(at)))  # noqa: E731
+        # measured 1e-7, of the panels that end beside the pinch
+        assert float(slope) == pytest.approx(float(difference(moved, at[place], step)), rel=1e-6)
+    assert all(jnp.all(jnp.isfinite(x)) for x in named_leaves(slopes).values())
+
+
+def test_a_scene_file_can_ask_for_it():
+    scene = with_values(
+        load("mayekawa-wbhe"), {"motor.type": "constant_speed", "motor.shape": None}
+    )
+    assert isinstance(scene.compressor.motor, ConstantSpeed)
+    assert float(scene.compressor.motor.mean_speed) == pytest.approx(1000 * jnp.pi / 30)
+
+
+def test_other_speeds_keep_it_constant(held):
+    other = at_speed(held, jnp.asarray(50.0))
+    assert isinstance(other.motor, ConstantSpeed)
+    assert float(other.motor.mean_speed) == 50.0
+
+
+def test_it_has_no_torque_to_start_from_rest_with(held):
+    with pytest.raises(BadInput, match="ConstantSpeed"):
+        simulate(held, 1.0)
+    with pytest.raises(BadInput, match="constant_speed"):
+        held.motor.torque(jnp.asarray(1.0))
