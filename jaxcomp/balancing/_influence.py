@@ -154,6 +154,15 @@ def trial_influence(
 
     Raises:
         BadInput: a trial unbalance of zero.
+
+    >>> rows = [Row("front", "ux", 314.0), Row("rear", "ux", 314.0)]
+    >>> trials = [[30e-6 + 10e-6j, 20e-6], [10e-6j, 60e-6]]  # [m] with 100 g mm in either plane
+    >>> system = trial_influence([10e-6j, 20e-6], trials, [1e-4, 1e-4], rows, ["top", "weight"])
+    >>> from jaxcomp.balancing import least_squares
+    >>> for mass in least_squares(system).correction:
+    ...     print(f"{1e6 * abs(mass):.1f} g mm at {np.rad2deg(np.angle(mass)):.0f} degrees")
+    33.3 g mm at -90 degrees
+    50.0 g mm at 180 degrees
     """
     masses = jnp.asarray(masses, complex)
     if not is_traced(masses) and np.any(np.asarray(masses) == 0):

@@ -72,6 +72,12 @@ def optimise(
     Raises:
         BadInput: a variable without finite range, an unknown quantity, an impossible bound.
         SolveFailed: no design of the sample can be solved.
+
+    >>> from jaxcomp import load, problem
+    >>> bore = problem(load("mayekawa-wbhe"), {"bore": (0.1, 0.16)}, ["mechanical_efficiency"])
+    >>> best = optimise(bore, samples=16)
+    >>> print(f"{1e3 * best.values['bore']:.1f} mm, {100 * best.objective:.2f} %, {best.status}")
+    133.2 mm, 91.18 %, converged
     """
     ranges = ranges_of(problem.variables)
     goal = goal_of(problem, objective, maximise, constraints)

@@ -105,6 +105,15 @@ def problem(
 
     Raises:
         BadInput: an unknown variable or quantity, or an impossible range.
+
+    >>> from jaxcomp import load, problem
+    >>> def swept_volume(found):
+    ...     return found.design.compressor.mechanism.swept_volume
+    >>> made = problem(load("mayekawa-wbhe"), ["mechanism.bore"], [swept_volume])
+    >>> print(f"{made(made.current).values[0]:.6f}")  # [m^3]
+    0.001327
+    >>> print(f"{jax.grad(lambda x: made(x).values[0])(made.current)[0]:.5f}")  # [m^2]
+    0.02042
     """
     design = scene if isinstance(scene, Design) else design_of(scene)
     ranges = (

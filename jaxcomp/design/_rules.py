@@ -59,6 +59,14 @@ def with_bore(compressor: Compressor, bore: Float[Array, ""]) -> Compressor:
 
     Raises:
         BadInput: a mechanism without such a rule, or a concrete bore that is not positive.
+
+    >>> from jaxcomp import load, with_bore
+    >>> machine = load("mayekawa-wbhe").machine
+    >>> narrow = with_bore(machine, 0.120)
+    >>> for one in (machine, narrow):
+    ...     print(f"{one.mechanism.stroke:.4f} m, {1e6 * one.mechanism.swept_volume:.0f} cm3")
+    0.1000 m, 1327 cm3
+    0.1173 m, 1327 cm3
     """
     mechanism = _ruled(compressor)
     bore = _checked("bore", bore, POSITIVE)

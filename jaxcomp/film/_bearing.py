@@ -44,6 +44,12 @@ class JournalBearing(Part):
 
     Raises:
         BadInput: for a value that is not positive, or L/D outside the range of the film model.
+
+    >>> bearing = JournalBearing(0.020, 0.020, 30e-6, 0.02)
+    >>> print(f"{1e6 * minimum_film(bearing, 2000.0, 314.0):.2f} um")  # at 2 kN and 314 rad/s
+    8.80 um
+    >>> print(f"{friction_moment(bearing, 2000.0, 314.0):.4f} N m")
+    0.3111 N m
     """
 
     radius: Scalar = quantity("m", POSITIVE, doc="journal radius")

@@ -136,6 +136,16 @@ def respond(
 
     Raises:
         BadInput: speeds that are not finite or not one-dimensional, or an unknown node.
+
+    >>> from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, Unbalances
+    >>> shaft = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)
+    >>> bearing = Mount([1e7, 1e7], [100.0, 100.0])
+    >>> links = (Link((1, None), bearing), Link((3, None), bearing))
+    >>> model = RotorModel((shaft,), (Disks((2,), 5.0, 6e-3, 12e-3),), links=links)
+    >>> loads = (Unbalances((2,), 1e-4, 0.0),)  # 100 g mm
+    >>> motion = respond(model, loads, [100.0, 300.0]).checked().displacement[0, :, 1, 0]
+    >>> print([f"{1e6 * abs(x):.2f} um" for x in motion])
+    ['0.92 um', '13.98 um']
     """
     spin_speeds = jnp.asarray(spin_speeds, float)
     if spin_speeds.ndim != 1 or not spin_speeds.size:

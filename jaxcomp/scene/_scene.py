@@ -83,6 +83,14 @@ def load(name_or_path: str | os.PathLike) -> Scene:
     Raises:
         SceneError: the file cannot be found or read, an unknown key, a missing key or part, a
             value of another dimension or outside its bound. It names file, key, value and bound.
+
+    >>> scene = load("mayekawa-wbhe")
+    >>> float(scene.machine.mechanism.bore), scene.sources["mechanism.bore"]
+    (0.13, 'printed, Table 1')
+    >>> load("mayekawa-wbeh")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    jaxcomp.scene._errors.SceneError: no machine ... "mayekawa-wbeh"; did you mean "mayekawa-wbhe"?
     """
     given = os.fspath(name_or_path)
     path = Path(given)

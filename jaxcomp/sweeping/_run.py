@@ -91,6 +91,13 @@ def sweep(
     Raises:
         BadInput: an unknown variable or quantity, a value out of bounds, an option that makes no
             sense, or a folder `out` that holds something else.
+
+    >>> from jaxcomp import load
+    >>> grid = {"bore": [0.12, 0.13], "motor.mean_speed": [80.0, 100.0, 120.0]}  # [m], [rad/s]
+    >>> found = sweep(load("mayekawa-wbhe"), grid, ["mechanical_efficiency"], progress=False)
+    >>> print((100 * found.mechanical_efficiency.values).round(1))
+    [[92.3 91.  89.4]
+     [92.2 91.4 90.3]]
     """
     points = _points(over, samples, sampling, seed)
     asked = _problem(scene, points, quantities, chain)
