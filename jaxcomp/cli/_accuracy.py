@@ -72,9 +72,10 @@ def accuracy(
     with pieces_bar("Measuring") as tell:
         report = measure(scene, asked, study.value, variable=variable, thorough=thorough, tell=tell)
     result = accuracy_result(report, error)
+    tables = list(accuracy_tables(report, error))
     if out is not None:
         from ..plot import accuracy_figures
 
         with progress("Drawing ..."):
-            write_results(out, accuracy_figures(report, error), result, scene)
-    show_results(result, accuracy_tables(report, error), as_json, out)
+            write_results(out, accuracy_figures(report, error), result, scene, tables)
+    show_results(result, tables, as_json, out)

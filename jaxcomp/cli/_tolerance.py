@@ -132,9 +132,10 @@ def tolerance(
             progress=False,
         )
     result = tolerance_result(found, scene.name, asked)
+    tables = list(tolerance_tables(found, result))
     if out is not None:
         from ..plot import tolerance_figures
 
         with progress("Drawing ..."):
-            write_results(out, tolerance_figures(found, scene.name), result, scene)
-    show_results(result, tolerance_tables(found, result), as_json, out)
+            write_results(out, tolerance_figures(found, scene.name), result, scene, tables)
+    show_results(result, tables, as_json, out)
