@@ -33,6 +33,8 @@ _ON_LIMIT = 1e-6
 _SAME = 0.3
 # Half a difference of slopes for the curvatures of the limit, in standard deviations.
 _STEP = 0.25
+# Factors of the second order below which it no longer is one: the limit bends with the sphere.
+_STRAIGHT = 0.2
 # How far out a search starts, in standard deviations.
 _FAR = 3.0
 
@@ -236,7 +238,7 @@ def _second_order(slopes: _Slopes, points, failed: bool) -> float:
         if failed:  # what is safe lies beyond, and bends the other way
             curvature = -curvature
         growth = 1 + stats.norm.pdf(beta) / stats.norm.sf(beta) * curvature
-        if not np.all(growth > 0):
+        if not np.all(growth > _STRAIGHT):
             return np.nan
         total += stats.norm.sf(beta) / np.sqrt(np.prod(growth))
     return float(1 - total if failed else min(1.0, total))

@@ -64,14 +64,15 @@ class Scatter(NamedTuple):
     def covariance(self, nominal: Float[Array, " n"]) -> Float[Array, "n n"]:
         """[SI] of the values."""
         sigma = self._of("deviation") * self._scale(nominal)
-        return self.correlation * jnp.outer(sigma, sigma)
+        return jnp.asarray(self.correlation) * jnp.outer(sigma, sigma)
 
     def _of(self, name: str) -> Float[Array, " n"]:
         return jnp.array([getattr(one, name) for one in self.tolerances.values()])
 
-    def _scale(self, nominal):
+    def _scale(self, nominal) -> Float[Array, " n"]:
+        nominal = jnp.asarray(nominal)
         relative = jnp.array([one.relative for one in self.tolerances.values()])
-        return jnp.where(relative, nominal, 1.0)
+        return jnp.where(relative, nominal, jnp.ones_like(nominal))  # pyright: ignore
 
 
 def scatter_of(

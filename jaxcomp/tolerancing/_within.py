@@ -71,9 +71,13 @@ class Within(NamedTuple):
         if self.distribution == "uniform":
             return erf(z / math.sqrt(2))
         outside = math.erfc(self.sigmas / math.sqrt(2)) / 2
-        # From the nearer tail, where the share of all that lies beyond keeps its digits.
-        beyond = outside + ndtr(-jnp.abs(z)) * (1 - 2 * outside)
-        return jnp.where(z > 0, -1.0, 1.0) * ndtri(beyond) / self.sigmas
+
+        def lower(z):
+            return ndtri(outside + ndtr(z) * (1 - 2 * outside)) / self.sigmas
+
+        # Each half from its own tail, where the share of all that lies beyond keeps its digits.
+        half = lower(jnp.where(z > 0, -z, z))
+        return jnp.where(z > 0, -half, half)
 
 
 def within(
