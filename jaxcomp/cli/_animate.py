@@ -29,7 +29,7 @@ def animate(
     if not 4 <= frames <= 360:
         raise CommandError(f"--frames {frames}: must be >= 4 and <= 360")
     from ..plot import gif
-    from ._animate_result import balancing_motion, turning_motion
+    from ._animate_result import animate_tables, balancing_motion, turning_motion
     from ._arguments import changed_scene
     from ._cache import enable_compilation_cache
     from ._output import show_results, write_results
@@ -49,5 +49,6 @@ def animate(
             result |= found
         if not moving:
             raise CommandError(f"{scene.file}: has neither a crank nor a rotor to be balanced")
-        write_results(out, moving, result, scene)
-    show_results(result, (), False, out, "Moving pictures and report")
+        tables = animate_tables(result)
+        write_results(out, moving, result, scene, tables)
+    show_results(result, tables, False, out, "Moving pictures and report")

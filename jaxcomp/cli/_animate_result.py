@@ -1,5 +1,6 @@
 """What `jaxcomp animate` solves before it draws."""
 
+import math
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,6 +13,7 @@ from ..rotor import BalancingPlanes, LoadCase, Unbalances, respond
 from ..scene import Scene
 from ._errors import CommandError
 from ._speeds import rotor_of, single_speeds
+from ._tables import _table
 
 
 def turning_motion(scene: Scene, frames: int) -> tuple[Motion, dict[str, Any]]:
@@ -55,3 +57,21 @@ def balancing_motion(scene: Scene, speed: str | None, frames: int) -> tuple[Moti
         "improvement": float(found.improvement),
     }
     return balance_motion(model, before, after, frames), result
+
+
+def animate_tables(result: dict[str, Any]):
+    """What was solved for the pictures, in the units of their captions."""
+    table = _table(f"{result['machine']}: moving pictures", "What", "")
+    rpm = 30 / math.pi
+    rows = (
+        ("Mechanical efficiency", "mechanical_efficiency", 100, "%"),
+        ("Mean speed", "mean_speed", rpm, "rpm"),
+        ("Speed of the rotor", "speed", rpm, "rpm"),
+        ("Largest motion before balancing", "largest_before", 1e6, "µm"),
+        ("Largest motion after balancing", "largest_after", 1e6, "µm"),
+        ("Root mean square at the targets that is left", "improvement", 100, "%"),
+    )
+    for words, key, factor, unit in rows:
+        if key in result:
+            table.add_row(words, f"{factor * result[key]:.4g} {unit}")
+    return [table]

@@ -44,6 +44,9 @@ def _row(row: Row) -> str:
 
 def _si(row: Row) -> str:
     if not isinstance(row.value, np.ndarray):
-        return str(row.value) if row.given is None else ""
+        word = str(row.value)
+        return "" if row.given is not None else word.lower() if word in ("True", "False") else word
+    if row.value.ndim == 1 and row.value.size > 1 and np.all(row.value == row.value[0]):
+        return f"{row.value.size} × {row.value[0]:.6g} {row.unit}".strip()
     text = np.array2string(row.value, precision=6, separator=", ", threshold=60)
     return f"{text if row.value.ndim else format(row.value.item(), '.6g')} {row.unit}".strip()

@@ -20,7 +20,7 @@ from ..compressor import Compressor
 from ._dump import key_text, value_text
 from ._read import chosen
 from ._scene import SECTIONS, imported
-from ._schema import Entry, Number, Option, PartTable, SubPart, choices, entries, expected
+from ._schema import Entry, Number, Option, PartTable, SubPart, choices, entries, expected, meanings
 from ._units import as_text
 
 _WIDTH = 100
@@ -105,16 +105,16 @@ def _section(table, classes, path: str, title: str, told: set[type]) -> list[str
 def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[str]:
     """The values of a section, then its optional ones that are not given."""
     known = {n: e for n, e in entries(part).items() if isinstance(e, Number | Option)}
-    meanings = _arguments(part)
+    told = meanings(part)
     lines = []
     for name, entry in known.items():
         if name in table:
             text = f"{key_text(name)} = {value_text(table[name])}"
-            lines += _beside(text, _meaning(entry, meanings.get(name, ""))) if comments else [text]
+            lines += _beside(text, _meaning(entry, told[name])) if comments else [text]
     for name, entry in known.items():
         if name not in table and comments and (isinstance(entry, Number) or not only_numbers):
             text = f"#{key_text(name)} = {_default(part, name, entry)}"
-            lines += _beside(text, _meaning(entry, meanings.get(name, "")))
+            lines += _beside(text, _meaning(entry, told[name]))
     return lines
 
 
@@ -171,15 +171,6 @@ def _summary(part: type) -> str:
     """The first line of a class's documentation, without formulas."""
     line = (inspect.getdoc(part) or "").partition("\n")[0]
     return re.sub(r",?\s*\$[^$]*\$", "", line).rstrip(".")
-
-
-def _arguments(part: type) -> dict[str, str]:
-    """What the documentation of a class says about its arguments, without unit and shape."""
-    _, _, text = (inspect.getdoc(part) or "").partition("Args:\n")
-    block = re.split(r"\n\S", text)[0]
-    found = re.findall(r"^    (\w+): (.*(?:\n     +.*)*)", block, re.MULTILINE)
-    bare = {name: re.sub(r"^\[[^]]*\](?: \([^)]*\))?,? ?", "", told) for name, told in found}
-    return {name: " ".join(told.split()).rstrip(".") for name, told in bare.items()}
 
 
 def _is_text(value: Any) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from .._fields import Part
 from ._read import join, unwrapped
 from ._scene import Scene
-from ._schema import Number, Option, PartTable, SubPart, choices, entries, kind_of
+from ._schema import Number, Option, PartTable, SubPart, choices, entries, kind_of, meanings
 
 
 class Row(NamedTuple):
@@ -44,6 +44,7 @@ def describe(scene: Scene) -> tuple[Row, ...]:
 
 
 def _rows(scene: Scene, part: Part, table: Any, path: str):
+    told = meanings(type(part))
     for name, entry in entries(type(part)).items():
         value, here = getattr(part, name), join(path, name)
         if value is None:
@@ -60,9 +61,9 @@ def _rows(scene: Scene, part: Part, table: Any, path: str):
             given = _written(table[name], here) if name in table else None
             source = scene.sources.get(here, "default")
             if isinstance(entry, Number):
-                yield Row(here, given, np.asarray(value), entry.unit, source, entry.doc)
+                yield Row(here, given, np.asarray(value), entry.unit, source, told[name])
             else:
-                yield Row(here, given, value, "", source, "")
+                yield Row(here, given, value, "", source, told[name])
 
 
 def _written(entry: Any, path: str) -> Any:

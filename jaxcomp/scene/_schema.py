@@ -70,6 +70,21 @@ def entries(part: type[Part]) -> dict[str, Entry]:
     return {f.name: _entry(f, hints[f.name]) for f in dataclasses.fields(part) if f.init}
 
 
+@cache
+def meanings(part: type[Part]) -> dict[str, str]:
+    """What each entry of a section is, in words: of its declaration or of the class's documentation."""
+    _, _, text = (inspect.getdoc(part) or "").partition("Args:\n")
+    block = re.split(r"\n\S", text)[0]
+    found = re.findall(r"^    (\w+): (.*(?:\n     +.*)*)", block, re.MULTILINE)
+    # without unit and shape, which the declaration has
+    bare = {name: re.sub(r"^\[[^]]*\](?: \([^)]*\))?,? ?", "", told) for name, told in found}
+    told = {name: " ".join(words.split()).rstrip(".") for name, words in bare.items()}
+    return {
+        name: getattr(entry, "doc", "") or told.get(name, "")
+        for name, entry in entries(part).items()
+    }
+
+
 def kind_of(part: type) -> str:
     """The word that selects a class: its `kind`, or its name in lower case with underscores."""
     kind = part.__dict__.get("kind")
