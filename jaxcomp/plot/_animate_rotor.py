@@ -46,7 +46,8 @@ def balance_motion(
         outlines = _outlines(model, at, motion)
         pictures.append([(_line(ax, one), one) for one in outlines])
         _limits(ax, outlines)
-    axes[0, 0].legend(frameon=False, fontsize=8, loc="lower left")
+    handles, words = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, words, frameon=False, fontsize=8.5, loc="outside lower center", ncols=4)
 
     def show(frame: int) -> None:
         turned = np.exp(2j * np.pi * frame / frames)
@@ -83,7 +84,7 @@ def _first(response: Response) -> np.ndarray:
 
 
 def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Outline]:
-    """Boxes around the bodies, the longest one the widest, and the shafts in front of them."""
+    """Boxes around the bodies, the longest one around the others, and the shafts in front."""
     names = list(node_names(model))
     on_shafts = {node for shaft in model.shafts for pair in shaft.pairs for node in pair}
     groups = list(enumerate(zip(subset_names(model), subsets(model), strict=True)))
@@ -98,19 +99,19 @@ def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Out
             shafts.append(Outline(word, number, at[line, 0], at[line, 2], motion[line]))
     boxes.sort(key=lambda box: np.ptp(at[box[2], 2]))
     height = np.ptp(at[:, 2])
-    out = [
-        _box(number, word, at[members], motion[members], (0.12 + 0.1 * place) * height)
-        for place, (number, word, members) in enumerate(boxes)
-    ]
+    out, left, right = [], 0.0, 0.0
+    for number, word, members in boxes:
+        left = min(left - 0.08 * height, at[members, 0].min())
+        right = max(right + 0.08 * height, at[members, 0].max())
+        out.append(_box(number, word, at[members], motion[members], (left, right)))
     return [*out[::-1], *shafts]
 
 
-def _box(number: int, word: str, at: np.ndarray, motion: np.ndarray, half: float) -> Outline:
-    """A box around the nodes of a rigid body, at least `half` [mm] to either side of the shaft."""
-    low, high = at.min(axis=0), at.max(axis=0)
-    left, right = min(low[0], -half), max(high[0], half)
+def _box(number: int, word: str, at: np.ndarray, motion: np.ndarray, sides) -> Outline:
+    """A box over the length of a rigid body between two sides [mm]."""
+    (left, right), low, high = sides, at[:, 2].min(), at[:, 2].max()
     x = np.array([left, right, right, left, left])
-    z = np.array([low[2], low[2], high[2], high[2], low[2]])
+    z = np.array([low, low, high, high, low])
     # of a rigid body u_x is linear in y and z, so that its nodes tell the motion of the corners
     terms = np.stack([np.ones(len(at)), at[:, 1], at[:, 2]], axis=1)
     fit = np.linalg.lstsq(terms, motion, rcond=None)[0]
