@@ -28,6 +28,9 @@ class FixedPointReport(NamedTuple):
 _ROUNDING = 1e-8
 # A change that falls by less than this in a pass does not come from a contraction.
 _JUMPING = 0.9
+# Passes that jump to and fro, across a kink or by a strong coupling, are halved down to this; those that
+# come closer again grow back, slower than they were halved.
+_SMALLEST_SHARE, _REGROWTH = 0.125, 1.5
 # The unknowns are of order one; a change beyond this comes from a balance that has no solution.
 _RUNAWAY = 1e6
 
@@ -50,26 +53,26 @@ def fixed_point(
 
     def solve(_, start):
         def going_on(carry):
-            _, report = carry
+            _, report, _ = carry
             moving = report.change < 2 * _RUNAWAY
             return moving & ~report.settled & (report.steps < max_steps)
 
         def advance(carry):
-            value, last = carry
+            value, last, share = carry
             new = step(value)
             change = _distance(new, value)
             # A pass that runs away (NaN included) is not taken: what is reported stays finite.
             lost = ~(change < _RUNAWAY)
-            # A pass that jumps to and fro across a kink is halved.
-            share = jnp.where(change > _JUMPING * last.change, 0.5, 1.0)
+            share = _share(share, change > _JUMPING * last.change)
             new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
             change = jnp.where(lost, 2 * _RUNAWAY, change)
             standing = (change < _ROUNDING) & (change > 0.5 * last.change)
             settled = (change <= tolerance) | standing
-            return new, FixedPointReport(last.steps + 1, change, settled)
+            return new, FixedPointReport(last.steps + 1, change, settled), share
 
         first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
-        value, report = jax.lax.while_loop(going_on, advance, (start, first))
+        begin = (start, first, jnp.asarray(1.0))
+        value, report, _ = jax.lax.while_loop(going_on, advance, begin)
         # custom_root wants floats beside the root
         return value, jnp.stack([x.astype(report.change.dtype) for x in report])
 
@@ -90,22 +93,29 @@ def _neumann(tolerance, max_steps):
         size = _distance(right_side, jax.tree.map(jnp.zeros_like, right_side))
 
         def going_on(carry):
-            _, change, steps = carry
+            _, change, _, steps = carry
             return (change > tolerance * size) & (steps < max_steps)
 
         def advance(carry):
-            value, _, steps = carry
+            value, last, share, steps = carry
             rest = jax.tree.map(jnp.subtract, right_side, matvec(value))
             change = jnp.max(jnp.stack([jnp.max(jnp.abs(r)) for r in jax.tree.leaves(rest)]))
             # as above: where the passes do not contract, the derivative means nothing but is finite
             lost = ~(change < _RUNAWAY * size)
-            new = jax.tree.map(lambda v, r: jnp.where(lost, v, v + r), value, rest)
-            return new, jnp.where(lost, 0.0, change), steps + 1
+            share = _share(share, change > _JUMPING * last)
+            new = jax.tree.map(lambda v, r: jnp.where(lost, v, v + share * r), value, rest)
+            return new, jnp.where(lost, 0.0, change), share, steps + 1
 
-        start = (right_side, jnp.asarray(jnp.inf), jnp.asarray(0))
+        start = (right_side, jnp.asarray(jnp.inf), jnp.asarray(1.0), jnp.asarray(0))
         return jax.lax.while_loop(going_on, advance, start)[0]
 
     return solve
+
+
+def _share(last: Float[Array, ""], jumps: Bool[Array, ""]) -> Float[Array, ""]:
+    """The share of the next step that is taken."""
+    smaller = jnp.maximum(0.5 * last, _SMALLEST_SHARE)
+    return jnp.where(jumps, smaller, jnp.minimum(_REGROWTH * last, 1.0))
 
 
 def _distance(a, b) -> Float[Array, ""]:

@@ -18,6 +18,10 @@ class Status(eqx.Enumeration):
     stalled = (
         "the crank comes to a halt within the turn; the motor is too weak or the inertia too small"
     )
+    unresolved = (
+        "the nodes do not resolve the turn: the crank all but halts in it, so that its duration is not "
+        "known; take more nodes, a higher speed or more inertia"
+    )
     no_periodic_state = (
         "no stable periodic state was found: the net work of a turn does not fall with speed"
     )

@@ -71,6 +71,11 @@ class Panels(NamedTuple):
         """Integral over the turn."""
         return jnp.sum(self.weight * values)
 
+    def finer(self, values: Float[Array, "p s"], nodes: int) -> Float[Array, "p n"]:
+        """The panel polynomials at the nodes of a rule with more of them."""
+        basis = legendre_basis(2 * jnp.asarray(gauss(nodes).nodes) - 1, self.rule.nodes.size)
+        return values @ self.rule.to_legendre.T @ basis.T
+
     def interpolate(
         self, values: Float[Array, "p s"], angle: Float[Array, "*n"]
     ) -> Float[Array, "*n"]:

@@ -165,6 +165,22 @@ def _energy_for_period(turn: Turn, gained, first, period):
     return first
 
 
+def resolved_turn(
+    compressor: Compressor, turn: Turn, motion: Motion
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Duration of the turn [s] and lowest kinetic energy [-], with twice the nodes on every panel.
+
+    The polynomials of the energy are smooth where the crank all but halts; the duration, which goes
+    with one over its root, is not, and the nodes may step over the halt.
+    """
+    nodes = 2 * turn.grid.rule.nodes.size
+    fine = panels(turn.grid.edges, nodes)
+    inertia, _ = compressor.mechanism.inertia(fine.angle)
+    energy = turn.grid.finer(motion.energy, nodes)
+    level = jnp.maximum(energy, ENERGY_FLOOR) * turn.energy_scale
+    return fine.total(jnp.sqrt(inertia / (2 * level))), jnp.min(energy)
+
+
 def steepness(compressor: Compressor, turn: Turn, motion: Motion) -> Float[Array, "p s"]:
     """[1/rad] Slope of the net torque over the kinetic energy at the nodes.
 

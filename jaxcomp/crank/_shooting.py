@@ -238,6 +238,12 @@ class Shooting(eqx.Module):
         work = jax.tree.map(lambda w: w * energy_scale, end["work"])
         energy = Energy(work["motor"], work["gas"], work["losses"])
         loads = loads_at(compressor, state)
+        # Close to self-locking the steps of the joint loop, or those to the acceleration, are too few.
+        quick = loads_at(compressor, state, evidence=False)
+        sound = loads.agrees(quick.total_loss_torque)
+        sound &= jnp.abs(energy.residual) <= 10 * self.tolerance
+        lost = ~sound & (status == Status.converged)
+        status = Status.where(lost, Status.not_converged, status)
         stalled = jnp.min(speed) <= 2e-3 * speed_scale
         status = Status.where(stalled, Status.stalled, status)
         orbit = orbit_on_panels(

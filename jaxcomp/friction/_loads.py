@@ -4,7 +4,7 @@ from functools import singledispatch
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..mechanism import AbstractMechanism, CrankState
 
@@ -38,6 +38,19 @@ class JointLoads(eqx.Module):
         # of the torques where there are any: loads mapped over instants have (n, 2) for their forces
         like = next(iter(self.loss_torque.values()), next(iter(self.forces.values()))[0])
         return sum(self.loss_torque.values(), start=jnp.zeros_like(like))
+
+    def agrees(self, loss_torque: Float[Array, "*n"]) -> Bool[Array, ""]:
+        """Whether a total loss torque [N m] that was found without evidence is that of these loads.
+
+        Close to self-locking the steps that an iteration makes on the joint loop are too few.
+        """
+        exact = self.total_loss_torque
+        gap = jnp.max(jnp.abs(loss_torque - exact))
+        return gap <= _LOOP_ERROR * jnp.max(jnp.abs(exact))
+
+
+# [-] Of the largest loss torque. It moves the efficiency by less, since it is met at few angles only.
+_LOOP_ERROR = 1e-5
 
 
 @singledispatch
