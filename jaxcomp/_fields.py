@@ -129,7 +129,7 @@ class Part(eqx.Module):
             if value is None:
                 continue
             _check_shape(type(self).__name__, name, value, field.metadata["shape"])
-            if not is_traced(value) and not bound.holds(value):
+            if not is_traced(value) and not _holds_now(bound, value):
                 raise BadInput(name, value, str(bound))
         for rule, holds in self.conditions().items():
             if not is_traced(holds) and not bool(holds):
@@ -234,6 +234,12 @@ def _as_float(value: Any) -> Any:
     if value is None or type(value) is object:  # `object()` marks a leaf in JAX's own tree tools
         return value
     return jnp.asarray(value, dtype=jnp.result_type(float))
+
+
+def _holds_now(bound: Bound, value: Any) -> bool:
+    # within `jit` even a comparison of known numbers would be traced
+    with jax.ensure_compile_time_eval():
+        return bool(bound.holds(value))
 
 
 def is_traced(value: Any) -> bool:
