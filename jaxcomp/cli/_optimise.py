@@ -68,6 +68,24 @@ def optimise(
         typer.Option(metavar="QUANTITY", help="Trace the front with this second objective."),
     ] = None,
     points: Annotated[int, typer.Option(help="Points of the front.")] = 12,
+    scatter: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=TOLERANCE",
+            help="Tolerance that the objective counts, as `jaxcomp tolerance --vary` takes it. "
+            "Repeatable.",
+        ),
+    ] = None,
+    sigmas: Annotated[
+        float | None,
+        typer.Option(
+            help="With --scatter: the mean and so many standard deviations to the worse; 3 if absent."
+        ),
+    ] = None,
+    quantile: Annotated[
+        float | None,
+        typer.Option(help="With --scatter: what this share of the machines keeps, e.g. 0.95."),
+    ] = None,
     sets: Sets = None,
     method: Annotated[
         Method | None,
@@ -98,6 +116,9 @@ def optimise(
     Example: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --constraint
     'peak_force.crank_pin<=8kN' --out result[/bold]
 
+    Robust: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --scatter
+    'friction.*.coefficient=+-20 %' --sigmas 3[/bold]
+
     Front of two objectives: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --pareto
     speed_fluctuation --out result[/bold]
     """
@@ -108,6 +129,12 @@ def optimise(
     if pareto and (targets or resume or method):
         name = "--target" if targets else "--resume" if resume else "--method"
         raise CommandError(f"--pareto: takes no {name} beside it")
+    if scatter and targets:
+        raise CommandError("--scatter: takes no --target beside it")
+    if not scatter and (sigmas is not None or quantile is not None):
+        raise CommandError("--sigmas and --quantile: need --scatter")
+    if sigmas is not None and quantile is not None:
+        raise CommandError("--sigmas: takes no --quantile beside it")
     from ._cache import enable_compilation_cache
     from ._optimise_search import Asked, searched_front, searched_optimum
 
@@ -126,6 +153,9 @@ def optimise(
         seed=seed,
         tolerance=tolerance,
         accuracy=accuracy.value,
+        scatter=tuple(scatter or ()),
+        sigmas=sigmas,
+        quantile=quantile,
     )
     if pareto:
         searched_front(asked, pareto, points, max_steps, as_json, out)

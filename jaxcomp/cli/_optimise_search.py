@@ -11,8 +11,21 @@ import numpy as np
 import typer
 
 from ..crank import Collocation
-from ..design import Chain, Problem, Search, optimise, pareto, problem, variable
+from ..design import (
+    Chain,
+    Design,
+    Problem,
+    Search,
+    optimise,
+    pareto,
+    prepared,
+    problem,
+    quantity,
+    variable,
+)
 from ..design import design_of as _design_of
+from ..scene.tolerances import tolerances_of
+from ..tolerancing import Robust, robust
 from ._arguments import assignments, changed_scene
 from ._constraints import bounds_of, si, value_of
 from ._errors import CommandError
@@ -49,6 +62,9 @@ class Asked(NamedTuple):
     seed: int
     tolerance: float
     accuracy: str
+    scatter: tuple[str, ...] = ()
+    sigmas: float | None = None
+    quantile: float | None = None
 
 
 def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: Path | None) -> None:
@@ -62,8 +78,8 @@ def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: P
     with _watch(out, asked) as callback:
         found = optimise(
             made,
-            goals or asked.objective,
-            maximise=asked.maximise,
+            goals or made.quantities[0],
+            maximise=_maximise(asked),
             constraints=bounds_of(asked.constraints, "--constraint"),
             starts=asked.starts,
             method=asked.method,
@@ -94,8 +110,8 @@ def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, ou
     with _watch(None, asked) as callback:
         found = pareto(
             made,
-            (asked.objective or "", other),
-            maximise=(asked.maximise, None),
+            (made.quantities[0], other),
+            maximise=(_maximise(asked), None),
             constraints=bounds_of(asked.constraints, "--constraint"),
             points=points,
             starts=asked.starts,
@@ -126,10 +142,33 @@ def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
             raise CommandError(f"--variable {name}={text}: must have the form NAME=LOW:HIGH")
         ends = (si(end.strip(), unit, f"--variable {name}") for end in (low, high))
         ranges[name] = tuple(ends)
-    quantities = (
-        [asked.objective] if asked.objective else list(assignments(asked.targets, "--target"))
-    )
-    return scene, problem(design, ranges, [*quantities, *others], Chain(SOLVERS[asked.accuracy]))
+    if asked.objective:
+        quantities = [_robust(asked, design) if asked.scatter else asked.objective]
+    else:
+        quantities = list(assignments(asked.targets, "--target"))
+    made = problem(design, ranges, [*quantities, *others], Chain(SOLVERS[asked.accuracy]))
+    return scene, prepared(made)
+
+
+def _maximise(asked: Asked) -> bool | None:
+    """Which way; a robust objective goes the way of what it is made of."""
+    if not asked.scatter or asked.maximise is not None:
+        return asked.maximise
+    better = quantity(asked.objective or "").better
+    if not better:
+        raise CommandError("--maximise: is missing; the objective is not better in one direction")
+    return better == "more"
+
+
+def _robust(asked: Asked, design: Design) -> Robust:
+    """The objective at the worse end of its scatter."""
+    tolerances = tolerances_of(design, assignments(asked.scatter, "--scatter"))
+    largest, share, sigmas = _maximise(asked), asked.quantile, asked.sigmas
+    if share is not None:
+        share = 1 - share if largest else share
+    else:
+        sigmas = (-1 if largest else 1) * (3.0 if sigmas is None else sigmas)
+    return robust(design, asked.objective or "", tolerances, sigmas=sigmas, quantile=share)
 
 
 @contextmanager

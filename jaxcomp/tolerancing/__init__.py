@@ -5,6 +5,7 @@ from ._local import Moments as Moments
 from ._monte_carlo import Sampled as Sampled
 from ._reliability import Limit as Limit
 from ._reliability import Reliability as Reliability
+from ._robust import Robust as Robust
 from ._robust import robust as robust
 from ._scatter import Scatter as Scatter
 from ._scatter import scatter_of as scatter_of
