@@ -25,8 +25,8 @@ def orbit(held):
 
 
 def test_accounts_close_and_the_speed_stands_still(orbit):
-    # sums of the same torques at the same nodes: rounding alone
-    assert abs(float(orbit.energy.residual)) < 1e-13
+    # what eight nodes a panel leave of the integral of the inertia torque over the turn, which is zero
+    assert abs(float(orbit.energy.residual)) < 1e-11
     assert float(orbit.speed_fluctuation) == pytest.approx(0.0, abs=1e-13)
     assert float(orbit.mean_speed) == pytest.approx(SPEED, rel=1e-14)
     assert float(orbit.motor_power) == pytest.approx(

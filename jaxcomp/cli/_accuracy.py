@@ -14,10 +14,17 @@ class Of(enum.StrEnum):
 
     orbit = "orbit"
     order = "order"
+    gradient = "gradient"
+    friction = "friction"
+    film = "film"
+    mesh = "mesh"
+    precision = "precision"
+    scenes = "scenes"
 
 
-# What the errors are of if nothing is said.
-_QUANTITY = {Of.order: "mean_speed"}
+# What the errors are of, and what is differentiated by, if nothing is said.
+_QUANTITY = {Of.order: "mean_speed", Of.film: "friction_number", Of.mesh: "vibration"}
+_VARIABLE = {Of.gradient: "mechanism.crank_radius"}
 
 
 @reports_errors
@@ -25,7 +32,11 @@ def accuracy(
     machine: Machine,
     study: Annotated[
         Of,
-        typer.Option(help="orbit: solvers of the periodic state; order: fixed steps of diffrax."),
+        typer.Option(
+            help="orbit: solvers of the periodic state; order: fixed steps of diffrax; gradient: ways "
+            "to a derivative; friction: its loops; film: bearing beside Reynolds' equation; mesh: "
+            "finite elements; precision: float32; scenes: what each part of the machine costs."
+        ),
     ] = Of.orbit,
     quantity: Annotated[
         str | None,
@@ -37,7 +48,9 @@ def accuracy(
     ] = None,
     variable: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="What to differentiate by, for the study of gradients."),
+        typer.Option(
+            metavar="NAME", help="What to differentiate by, for the study of gradients, e.g. bore."
+        ),
     ] = None,
     error: Annotated[
         float, typer.Option(help="Relative error for which the cheapest setting is named.")
@@ -60,22 +73,51 @@ def accuracy(
     """
     if not 0 < error < 1:
         raise CommandError(f"--error {error:g}: must be > 0 and < 1")
-    from ._accuracy_result import accuracy_result, accuracy_tables
+    if variable is not None and study is not Of.gradient:
+        raise CommandError(f"--variable {variable}: has no meaning without --study gradient")
     from ._arguments import changed_scene
     from ._output import show_results, write_results
     from ._progress import pieces_bar, progress
 
     scene = changed_scene(machine, sets or (), ())
-    from ..work_precision import accuracy as measure
-
-    asked = quantity or _QUANTITY.get(study, "mechanical_efficiency")
     with pieces_bar("Measuring") as tell:
-        report = measure(scene, asked, study.value, variable=variable, thorough=thorough, tell=tell)
-    result = accuracy_result(report, error)
-    tables = list(accuracy_tables(report, error))
+        if study is Of.scenes:
+            result, tables, draw = _scenes(scene, quantity, tell)
+        else:
+            asked = quantity or _QUANTITY.get(study, "mechanical_efficiency")
+            by = variable or _VARIABLE.get(study)
+            result, tables, draw = _errors(scene, asked, study, by, thorough, error, tell)
     if out is not None:
+        with progress("Drawing ..."):
+            write_results(out, draw(), result, scene, tables)
+    show_results(result, tables, as_json, out)
+
+
+def _errors(scene, quantity, study, variable, thorough, error, tell):
+    from ..work_precision import accuracy as measure
+    from ._accuracy_result import accuracy_result, accuracy_tables
+
+    report = measure(scene, quantity, study.value, variable=variable, thorough=thorough, tell=tell)
+
+    def draw():
         from ..plot import accuracy_figures
 
-        with progress("Drawing ..."):
-            write_results(out, accuracy_figures(report, error), result, scene, tables)
-    show_results(result, tables, as_json, out)
+        return accuracy_figures(report, error)
+
+    return accuracy_result(report, error), list(accuracy_tables(report, error)), draw
+
+
+def _scenes(scene, quantity, tell):
+    if quantity is not None:
+        raise CommandError(f"--quantity {quantity}: has no meaning with --study scenes")
+    from ..work_precision import scene_costs
+    from ._accuracy_result import costs_result, costs_tables
+
+    costs = scene_costs(scene, tell)
+
+    def draw():
+        from ..plot import scene_cost_bars
+
+        return {"scenes": scene_cost_bars(costs, scene.name)}
+
+    return costs_result(costs, scene.name), list(costs_tables(costs, scene.name)), draw

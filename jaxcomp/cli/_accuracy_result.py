@@ -3,11 +3,11 @@
 import math
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from typing import Any
 
-from ..work_precision import Report, Row
+from ..work_precision import Report, Row, SceneCost
 from ._tables import _table
 
 # Errors for which methods are set side by side.
@@ -39,13 +39,37 @@ def accuracy_result(report: Report, error: float) -> dict[str, Any]:
             name: {"expected": order.expected, "observed": _finite(order.observed)}
             for name, order in report.orders.items()
         },
-        "measured_on": {
-            "cores": os.cpu_count(),
-            "load": os.getloadavg()[0],
-            "python": platform.python_version(),
-        }
-        | {name: version(name) for name in ("jax", "diffrax", "scipy", "jaxcomp")},
+        "measured_on": _measured_on(),
     }
+
+
+def costs_result(costs: Sequence[SceneCost], scene: str) -> dict[str, Any]:
+    """What each scene of the ladder costs."""
+    return {
+        "study": "scenes",
+        "scene": scene,
+        "rows": [{k: _finite(v) for k, v in cost._asdict().items()} for cost in costs],
+        "measured_on": _measured_on(),
+    }
+
+
+def costs_tables(costs: Sequence[SceneCost], scene: str) -> Iterator[Any]:
+    """A row a scene, and how operations and loops are counted."""
+    heads = ("Scene", "Operations", "Loops", "Compiling", "Time", "Memory", "Times the barest")
+    table = _table(f"{scene}: what each part costs", *heads, numbers=True)
+    for cost in costs:
+        memory = "" if cost.memory is None else f"{cost.memory / 1e3:,.1f} kB"
+        table.add_row(
+            cost.name,
+            f"{cost.flops:,.0f}",
+            str(cost.loops),
+            _duration(cost.compile_seconds),
+            _duration(cost.seconds),
+            memory,
+            f"{cost.flops / costs[0].flops:,.1f}",
+        )
+    yield table
+    yield "Operations are those of the compiled program, the body of a loop counted once.\n"
 
 
 def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
@@ -86,6 +110,16 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
             f"Cheapest for an error of {error:g}: {best.method}, {best.setting}, "
             f"{_duration(best.seconds)}.\n"
         )
+
+
+def _measured_on() -> dict[str, Any]:
+    versions = {name: version(name) for name in ("jax", "diffrax", "scipy", "jaxcomp")}
+    return {
+        "cores": os.cpu_count(),
+        "load": os.getloadavg()[0],
+        "python": platform.python_version(),
+        **versions,
+    }
 
 
 def _side_by_side(report: Report):

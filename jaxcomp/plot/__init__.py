@@ -2,6 +2,7 @@
 
 from ._accuracy import accuracy_figures as accuracy_figures
 from ._accuracy import order_diagram as order_diagram
+from ._accuracy import scene_cost_bars as scene_cost_bars
 from ._accuracy import work_precision_diagram as work_precision_diagram
 from ._animate import mechanism_motion as mechanism_motion
 from ._animate_rotor import balance_motion as balance_motion

@@ -1,10 +1,12 @@
 """Work-precision diagrams: error over run time, a curve for each method."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..work_precision import Report
+from ..work_precision import Report, SceneCost
 from ._style import INK, legend, new_figure, ylabel
 
 _TINTS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56437F", "#56B4E9", "#CC79A7", "#444444",
@@ -81,6 +83,24 @@ def order_diagram(report: Report) -> Figure:
     ax.set_xlabel("Steps", fontsize=9)
     ylabel(ax, "Relative error of the speed at the end")
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def scene_cost_bars(costs: Sequence[SceneCost], title: str) -> Figure:
+    """Operations and run time of each scene, from the barest to the fullest, in logarithms."""
+    size = (8.6, 1.2 + 0.36 * len(costs))
+    figure, axes = new_figure(1, 2, size, f"{title}: what each part costs", share=False)
+    place = np.arange(len(costs))[::-1]
+    columns = (
+        ("Operations of the program", [cost.flops for cost in costs], _TINTS[0]),
+        ("Run time, ms", [cost.seconds * 1e3 for cost in costs], _TINTS[1]),
+    )
+    for ax, (label, values, tint) in zip(axes[0], columns, strict=True):
+        ax.barh(place, values, color=tint, height=0.65)
+        ax.set_xscale("log")
+        ax.set_xlabel(label, fontsize=9)
+        names = [cost.name if ax is axes[0, 0] else "" for cost in costs]
+        ax.set_yticks(place, names)
     return figure
 
 

@@ -5,15 +5,25 @@ from typing import Any
 
 from .._fields import BadInput
 from ..design import Design, design_of, quantity
+from ._film import FILM_QUANTITIES, film_study
+from ._friction import friction_study
+from ._gradient import gradient_study
+from ._mesh import mesh_study
 from ._orbit import orbit_study
 from ._order import order_study
 from ._report import Report, Row
+from ._single import precision_study
 from ._study import Question
 
 # By the word a user types.
 STUDIES: dict[str, Callable[[Question, bool], Any]] = {
     "orbit": orbit_study,
     "order": order_study,
+    "gradient": gradient_study,
+    "friction": friction_study,
+    "film": film_study,
+    "mesh": mesh_study,
+    "precision": precision_study,
 }
 
 
@@ -30,7 +40,8 @@ def accuracy(
 
     Args:
         scene: of `jaxcomp.load`, or a `Design`.
-        quantity_name: what the errors are of: any name of `jaxcomp.design.quantity`.
+        quantity_name: what the errors are of: any name of `jaxcomp.design.quantity`; for the film one
+            of "friction_number", "stiffness" and "damping".
         study: a word of `STUDIES`.
         variable: what to differentiate by, for the study of gradients; any name of
             `jaxcomp.design.variable`.
@@ -45,7 +56,7 @@ def accuracy(
     """
     if study not in STUDIES:
         raise BadInput("study", study, f"one of {', '.join(STUDIES)}")
-    asked = quantity(quantity_name)
+    unit = "" if quantity_name in FILM_QUANTITIES else quantity(quantity_name).unit
     design = scene if isinstance(scene, Design) else design_of(scene)
     plan = STUDIES[study](Question(design, quantity_name, variable), thorough)
     tell = tell or (lambda words, number, total: None)
@@ -60,7 +71,7 @@ def accuracy(
         study,
         getattr(scene, "name", "design"),
         quantity_name,
-        asked.unit,
+        unit,
         reference,
         tuple(rows),
         plan.orders(rows, reference),

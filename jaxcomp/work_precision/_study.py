@@ -1,6 +1,7 @@
 r"""What the studies share: the question, and its answer by a chain of solvers."""
 
 from collections.abc import Callable, Iterable
+from copy import copy
 from typing import NamedTuple
 
 import equinox as eqx
@@ -74,6 +75,12 @@ class SolverProgram:
         self.program: Program = compile_program(
             answer, question.design, self._chain(1e-7), question.quantity
         )
+
+    def at(self, design: Design) -> "SolverProgram":
+        """The same program for a design with other numbers."""
+        other = copy(self)
+        other._question = self._question._replace(design=design)
+        return other
 
     def __call__(self, tolerance: float) -> tuple[float, int, bool]:
         """Value [SI], passes, and whether it can be relied on."""

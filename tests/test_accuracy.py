@@ -1,0 +1,205 @@
+"""Error against run time: what the reports say, observed orders, and the solvers side by side."""
+
+import numpy as np
+import pytest
+
+from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
+from jaxcomp.work_precision import Reference, Report, Row
+from jaxcomp.work_precision._mesh import refined
+from jaxcomp.work_precision._report import observed_order
+from jaxcomp.work_precision._scipy import scipy_row
+from jaxcomp.work_precision._study import Question
+
+
+def report(*rows, value=2.0, other=2.0 + 2e-9):
+    """A report of rows (method, error, seconds)."""
+    made = tuple(Row(m, f"setting {n}", e, s, 1.0) for n, (m, e, s) in enumerate(rows))
+    return Report("orbit", "a", "b", "", Reference(value, other, ("x", "y")), made, {}, "")
+
+
+ROWS = (("a", 1e-3, 1.0), ("a", 1e-5, 2.0), ("a", 1e-4, 3.0), ("b", 1e-12, 4.0), ("b", np.inf, 0.1))
+
+
+def test_nothing_is_claimed_below_the_disagreement_of_the_references():
+    made = report(*ROWS)
+    assert made.reference.floor == pytest.approx(1e-9, rel=1e-6)
+    assert made.claimed(made.rows[3]) == made.reference.floor
+    assert made.cheapest(1e-8).method == "b"
+    assert made.cheapest(1e-10) is None
+
+
+def test_the_cheapest_setting_for_an_error_is_the_fastest_of_those_that_reach_it():
+    made = report(*ROWS)
+    assert made.cheapest(1e-3).seconds == 1.0
+    assert made.cheapest(1e-4).seconds == 2.0
+    assert made.cheapest(1e-3, "b").seconds == 4.0
+    # the row that did not converge is the fastest of all, and reaches nothing
+    assert made.cheapest(1e300).seconds == 1.0
+
+
+def test_a_curve_has_the_settings_that_no_other_beats():
+    assert [row.seconds for row in report(*ROWS).curve("a")] == [1.0, 2.0]
+
+
+def test_reference_never_claims_more_than_rounding():
+    assert Reference(3.0, 3.0, ("x", "y")).floor == np.finfo(float).eps
+
+
+def test_order_is_read_where_errors_are_no_rounding():
+    steps = np.array([1, 2, 4, 8, 16, 32])
+    errors = np.maximum(steps**-4.0, 3e-5)
+    assert observed_order(steps, errors, 1e-4) == pytest.approx(4.0, rel=1e-12)
+    assert np.isnan(observed_order(steps, errors, 0.5))
+
+
+def test_impossible_questions_are_refused_by_name():
+    crank, rotor = load("mayekawa-wbhe"), load("hermetic-68cc")
+    for scene, asked, study, options, field in (
+        (crank, "mechanical_efficiency", "orbits", {}, "study"),
+        (crank, "efficiency", "orbit", {}, "quantity"),
+        (crank, "mechanical_efficiency", "gradient", {}, "variable"),
+        (crank, "mechanical_efficiency", "order", {}, "quantity"),
+        (crank, "vibration", "mesh", {}, "study"),
+        (crank, "mechanical_efficiency", "film", {}, "quantity"),
+        (rotor, "mount_force", "mesh", {}, "quantity"),
+    ):
+        with pytest.raises(BadInput) as caught:
+            accuracy(scene, asked, study, **options)
+        assert caught.value.field == field
+
+
+def test_scipy_on_the_same_law_comes_to_the_same_efficiency():
+    scene = load("mayekawa-wbhe")
+    machine = scene.compressor
+    exact = float(solve_orbit(machine, Collocation()).mechanical_efficiency)
+    from jaxcomp.design import design_of
+
+    reference = Reference(exact, exact, ("collocation", "the same"))
+    question = Question(design_of(scene), "mechanical_efficiency")
+    loose, tight = (scipy_row(question, "DOP853", tol, reference) for tol in (1e-5, 1e-9))
+    # changes of side are met unprepared: a hundred times the tolerance of a step, at worst
+    assert tight.error < 1e-7
+    assert tight.error < loose.error < 1e-3
+    assert tight.passes > loose.passes
+
+
+def test_cut_elements_make_the_same_shaft():
+    model = load("hermetic-68cc").parts["rotor"]
+    fine = refined(model, 3)
+    for whole, cut in zip(model.shafts, fine.shafts, strict=True):
+        assert len(cut.nodes) == 3 * len(whole.nodes)
+        # sums in another order
+        assert float(cut.length.sum()) == pytest.approx(float(whole.length.sum()), rel=1e-14)
+        assert cut.nodes[0][0] == whole.nodes[0][0]
+        assert cut.nodes[2][1] == whole.nodes[0][1]
+        assert all(a[1] == b[0] for a, b in zip(cut.nodes[:3], cut.nodes[1:3], strict=False))
+    # sleeves on the same nodes stay in parallel
+    assert fine.shafts[1].nodes == fine.shafts[2].nodes
+
+
+@pytest.fixture(scope="module")
+def orders():
+    return accuracy(load("mayekawa-wbhe"), "mean_speed", "order")
+
+
+def test_fixed_steps_show_the_orders_of_their_methods(orders):
+    found = {name: order.observed for name, order in orders.orders.items()}
+    # of the three finest settings above rounding; the eighth order has them at 3 to 5 steps a stretch
+    for name, expected, room in (
+        ("Heun", 2, 0.05),
+        ("Bosh3", 3, 0.1),
+        ("Tsit5", 5, 0.15),
+        ("Dopri8", 8, 1),
+    ):
+        assert found[name] == pytest.approx(expected, abs=room), found
+
+
+def test_collocation_and_an_eighth_order_method_end_at_the_same_speed(orders):
+    # rounding of a few hundred steps
+    assert orders.reference.floor < 1e-12
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return accuracy(load("mayekawa-wbhe"))
+
+
+@pytest.mark.slow
+def test_references_of_the_orbit_agree(orbit):
+    assert orbit.reference.floor < 1e-9
+
+
+@pytest.mark.slow
+def test_collocation_is_thirty_times_faster_than_shooting_at_equal_error(orbit):
+    error = 1e-6
+    collocation = min(
+        orbit.cheapest(error, m).seconds for m in ("collocation", "collocation, kinks=0")
+    )
+    shooting = orbit.cheapest(error, "shooting, Tsit5").seconds
+    scipy = orbit.cheapest(error, "SciPy").seconds
+    assert 30 * collocation < shooting
+    assert shooting < scipy
+
+
+@pytest.mark.slow
+def test_collocation_converges_exponentially(orbit):
+    nodes = {4: 1.0, 8: 1.0, 12: 1.0}
+    for row in orbit.rows:
+        for count in nodes:
+            if row.method == "collocation" and f"nodes={count} " in row.setting:
+                nodes[count] = min(nodes[count], orbit.claimed(row))
+    # measured 1.5e-6, 4.7e-9 and 3.4e-11: four nodes more gain two digits
+    assert nodes[8] < 0.05 * nodes[4]
+    assert nodes[12] < 0.05 * nodes[8]
+
+
+@pytest.mark.slow
+def test_both_modes_give_the_derivative_and_differences_lose_half_the_digits():
+    found = accuracy(
+        load("mayekawa-wbhe"),
+        "mechanical_efficiency",
+        "gradient",
+        variable="mechanism.crank_radius",
+    )
+    modes = [row for row in found.rows if row.method.endswith("mode, collocation")]
+    assert len(modes) == 2
+    differences = [row for row in found.rows if row.method == "central differences"]
+    # collocation of eight nodes: its values err by 5e-9
+    assert all(found.claimed(row) < 1e-5 for row in modes)
+    assert max(row.error for row in differences) > 1e-4
+    # the best of all steps is no closer to the truth than the derivative of the same solution
+    assert min(row.error for row in differences) > 0.2 * max(row.error for row in modes)
+
+
+@pytest.mark.slow
+def test_passes_of_the_friction_converge_faster_with_less_friction():
+    found = accuracy(load("mayekawa-wbhe"), "mechanical_efficiency", "friction")
+    once, twice = (found.curve(f"friction times {n}") for n in (1, 2))
+    by = {row.setting: (row.passes, row.error) for row in found.rows if row.method.endswith("1")}
+    # a pass gains two to three digits
+    assert by["tolerance=1e-10"][1] < 1e-10
+    assert by["tolerance=0.1"][0] < by["tolerance=1e-10"][0]
+    assert once
+    assert twice
+
+
+@pytest.mark.slow
+def test_elements_converge_with_the_square_of_their_length_by_either_solver():
+    found = accuracy(load("hermetic-68cc"), "vibration", "mesh")
+    errors = {(row.method, row.setting): row.error for row in found.rows}
+    structured = [e for (method, _), e in errors.items() if method == "structured"]
+    dense = [e for (method, _), e in errors.items() if method == "dense"]
+    # the same matrix: rounding of a system with a condition of 1e8
+    assert structured[0] == pytest.approx(dense[0], rel=1e-4)
+    assert structured[1] == pytest.approx(dense[1], rel=1e-4)
+    # second order, once the elements are small
+    assert structured[1] / structured[2] == pytest.approx(4.0, rel=0.2)
+
+
+@pytest.mark.slow
+def test_single_precision_keeps_six_digits():
+    found = accuracy(load("mayekawa-wbhe"), "mechanical_efficiency", "precision")
+    error = {p: min(r.error for r in found.rows if r.method == p) for p in ("float32", "float64")}
+    # rounding of 6e-8 in some hundred sums
+    assert 1e-9 < error["float32"] < 2e-5
+    assert error["float64"] < 1e-8

@@ -1,0 +1,113 @@
+"""`jaxcomp accuracy`: tables, JSON, pictures and refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from jaxcomp.cli import app
+
+RUNNER = CliRunner()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_cache():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+        patch.setenv("JAXCOMP_CACHE_DIR", "off")
+        yield
+
+
+def run(*arguments):
+    return RUNNER.invoke(app, ["accuracy", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("accuracy") / "out"
+
+
+@pytest.fixture(scope="module")
+def film(no_cache, folder):
+    """The quickest study: films have no orbit to compile."""
+    result = run("mayekawa-wbhe", "--study", "film", "--error", "1e-3", "--json", "--out", folder)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_json_has_every_row_with_the_reference_and_the_recommendation(film):
+    rows = {row["method"]: row for row in film["rows"]}
+    assert {"finite volumes", "Reynolds", "Ocvirk"} <= set(rows)
+    assert film["reference"]["floor"] < 1e-4
+    assert film["recommended"]["error"] <= 1e-3
+    good = [r["seconds"] for r in film["rows"] if r["error"] is not None and r["error"] <= 1e-3]
+    assert film["recommended"]["seconds"] == min(good)
+    # the error of the model: the short bearing of L/D = 0.5 misses Reynolds' equation
+    assert rows["Ocvirk"]["error"] > 1e-3 > rows["Reynolds"]["error"]
+    assert film["measured_on"]["cores"] >= 1
+
+
+def test_cheapest_settings_get_slower_with_the_error_asked_for(film):
+    for method in ("finite volumes", "Reynolds"):
+        times = [
+            at[method] for _, at in sorted(film["cheapest"].items(), key=lambda i: -float(i[0]))
+        ]
+        times = [t for t in times if t is not None]
+        assert times == sorted(times)
+
+
+def test_folder_has_picture_and_result(film, folder):
+    assert (folder / "accuracy-film.png").stat().st_size > 10_000
+    assert json.loads((folder / "result.json").read_text()) == film
+
+
+def test_table_names_the_cheapest_setting_and_the_floor(film):
+    from jaxcomp.cli._accuracy_result import accuracy_tables
+    from jaxcomp.work_precision import Reference, Report, Row
+
+    made = Row("a", "one", 1e-4, 2e-3, 1.0), Row("b", "two", np.inf, 1.0, 1.0)
+    report = Report("film", "m", "q", "W", Reference(1.0, 1.0 + 1e-6, ("x", "y")), made, {}, "note")
+    table, beside, reference, best = accuracy_tables(report, 1e-3)
+    assert list(table.columns[2].cells) == ["1.0e-04", "not converged"]
+    assert beside.row_count == 2  # errors of 1e-3 and 1e-4
+    assert "differs by 1.0e-06" in reference
+    assert best == "Cheapest for an error of 0.001: a, one, 2 ms.\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--error", "2"), "--error 2: must be > 0 and < 1"),
+        (("--variable", "bore"), "--variable bore: has no meaning without --study gradient"),
+        (("--study", "scenes", "--quantity", "x"), "--quantity x: has no meaning"),
+        (("--study", "mesh"), "it needs a rotor with its planes"),
+        (("--quantity", "eficiency"), "quantity"),
+    ],
+)
+def test_what_makes_no_sense_ends_in_one_line(arguments, words):
+    result = run("mayekawa-wbhe", *arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_help_shows_an_example():
+    result = RUNNER.invoke(app, ["accuracy", "--help"], env={"COLUMNS": "200"})
+    assert "jaxcomp accuracy mayekawa-wbhe" in result.stdout
+
+
+def test_costs_are_shown_from_the_barest_up():
+    from jaxcomp.cli._accuracy_result import costs_result, costs_tables
+    from jaxcomp.plot import scene_cost_bars
+    from jaxcomp.work_precision import SceneCost
+
+    costs = tuple(
+        SceneCost(n, "q", 1.0, f, 1, 2.0, 3e-3, 4000) for n, f in (("a", 10.0), ("b", 40.0))
+    )
+    table, _ = costs_tables(costs, "m")
+    assert list(table.columns[-1].cells) == ["1.0", "4.0"]
+    assert [row["flops"] for row in costs_result(costs, "m")["rows"]] == [10.0, 40.0]
+    figure = scene_cost_bars(costs, "m")
+    widths = [bar.get_width() for bar in figure.axes[0].patches]
+    assert widths == [10.0, 40.0]
