@@ -127,7 +127,7 @@ def test_pictures_and_result(tmp_path):
     assert result.exit_code == 0
     assert "Minimum film" in result.stdout
     names = {path.name for path in folder.iterdir()}
-    assert names == {"pressure.png", "coefficients.png", "result.json"}
+    assert names == {"pressure.png", "coefficients.png", "result.json", "report.html"}
     for name in ("pressure.png", "coefficients.png"):
         assert (folder / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
         assert (folder / name).stat().st_size > 10_000

@@ -8,6 +8,7 @@ import pytest
 # By the verb that a user looks up; `slow` where the example compiles a solver and its gradient.
 EXAMPLES = {
     "load": "jaxcomp.scene._scene",
+    "solve_orbit": "jaxcomp.crank._solve",
     "with_bore": "jaxcomp.design._rules",
     "problem": "jaxcomp.design._problem",
     "JournalBearing": "jaxcomp.film._bearing",
@@ -15,6 +16,7 @@ EXAMPLES = {
 }
 SLOW = {
     "respond": "jaxcomp.rotor._response",
+    "simulate": "jaxcomp.crank._transient",
     "optimise": "jaxcomp.design._optimise",
     "sweep": "jaxcomp.sweeping._run",
 }

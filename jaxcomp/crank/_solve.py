@@ -33,6 +33,13 @@ def solve_orbit(
 
     Raises:
         SolveFailed: if `throw` and the status is not `Status.converged`.
+
+    >>> from jaxcomp import load
+    >>> orbit = solve_orbit(load("mayekawa-wbhe").machine, Collocation())
+    >>> print(f"{100 * orbit.mechanical_efficiency:.2f} %, {orbit.motor_power / 1e3:.2f} kW")
+    91.15 %, 5.44 kW
+    >>> bool(orbit.converged), bool(abs(orbit.energy.residual) < 1e-9)
+    (True, True)
     """
     solver = Shooting() if solver is None else solver
     orbit = _solve(compressor, solver)

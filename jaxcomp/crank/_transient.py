@@ -107,6 +107,14 @@ def simulate(
     Raises:
         BadInput: if the motor holds a speed, since that is no torque law.
         SolveFailed: if `throw` and the integration did not reach its end.
+
+    >>> from jaxcomp import load
+    >>> from jaxcomp.scene import with_value
+    >>> motor = {"type": "slip_line", "slope": "20 N m s", "synchronous_speed": "1000 rpm"}
+    >>> run_up = simulate(with_value(load("mayekawa-wbhe"), "motor", motor).machine, 0.5)
+    >>> angle, speed = run_up.at(0.5)
+    >>> print(f"{speed * 30 / jnp.pi:.0f} rpm after {angle / (2 * jnp.pi):.1f} turns from rest")
+    924 rpm after 8.0 turns from rest
     """
     if isinstance(compressor.motor, MeanSpeed | ConstantSpeed):
         raise BadInput(
