@@ -71,8 +71,9 @@ def _program(
 
 def main() -> None:
     """Entry point of the program `jaxcomp`."""
-    from ._cache import leave_out_callbacks, quiet_loader
+    from ._cache import leave_out_callbacks, one_blas_thread, quiet_loader
 
     quiet_loader()
+    one_blas_thread()
     leave_out_callbacks()
     app()
