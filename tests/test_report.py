@@ -132,7 +132,7 @@ def test_markup_of_the_terminal_becomes_classes():
         "bad strong", "strong bad"
     )
     assert '<p><span class="good">fine</span></p>' in found
-    assert "<caption>" in found
+    assert '<h3>Loss of <span class="strong">all</span></h3><table>' in found
     assert "&lt;x&gt;" in numbers_html({"a": "<x>"})
 
 

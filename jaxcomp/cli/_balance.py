@@ -121,7 +121,7 @@ def balance(
 
         with progress("Drawing ..."):
             write_results(out, balance_figures(result), result, system.scene, tables)
-    show_results(result, tables, as_json, out, "Report, pictures and result")
+    show_results(result, tables, as_json, out)
 
 
 def _names(text: str | None) -> list[str] | None:

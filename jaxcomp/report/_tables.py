@@ -45,7 +45,7 @@ def rich_html(markup: Any) -> str:
 
 
 def _table(table: Table) -> str:
-    title = f"<caption>{rich_html(table.title)}</caption>" if table.title else ""
+    title = f"<h3>{rich_html(table.title)}</h3>" if table.title else ""
     aligned = [f' class="{column.justify}"' for column in table.columns]
     heads = [
         f"<th{side}>{rich_html(column.header)}</th>"
@@ -63,7 +63,7 @@ def _table(table: Table) -> str:
     head = (
         f"<thead><tr>{''.join(heads)}</tr></thead>" if any(c.header for c in table.columns) else ""
     )
-    return f"<table>{title}{head}<tbody>{''.join(body)}</tbody></table>"
+    return f"{title}<table>{head}<tbody>{''.join(body)}</tbody></table>"
 
 
 def _line(text: Any) -> str:
