@@ -125,7 +125,7 @@ def test_measured_runs_are_balanced(measured, tmp_path):
     assert result["excitation"] == "measured"
     assert result["vibration_unit"] == "mm/s"
     assert result["improvement"] < 1e-12
-    for name in ("vibration.png", "corrections.png", "result.json"):
+    for name in ("vibration.png", "corrections.png", "result.json", "report.html"):
         assert (out / name).stat().st_size > 500
 
 

@@ -61,7 +61,14 @@ def test_optimum_and_its_evidence(optimum):
 
 def test_files_and_the_scene_as_optimised(optimum):
     result, out = optimum
-    for name in ("path.png", "convergence.png", "result.json", "scene.toml", "search.npz"):
+    for name in (
+        "path.png",
+        "convergence.png",
+        "result.json",
+        "report.html",
+        "scene.toml",
+        "search.npz",
+    ):
         assert (out / name).stat().st_size > 500
     scene = load(out / "scene.toml")
     assert float(scene.machine.mechanism.bore) == result["variables"][0]["value"]

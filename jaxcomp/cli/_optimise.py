@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ._completion import complete_path
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Machine, Out, Sets
 
@@ -35,6 +36,7 @@ def optimise(
             metavar="NAME=LOW:HIGH",
             help="What may change and its range, e.g. bore=100mm:160mm (a rule: at fixed displacement) "
             "or mechanism.crank_inertia=0.1kg*m^2:0.3kg*m^2. Repeatable.",
+            autocompletion=complete_path,
         ),
     ] = None,
     objective: Annotated[

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from ._completion import complete_path
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Machine, Out, Sets
 
@@ -27,6 +28,7 @@ def sweep(
             metavar="NAME=VALUES",
             help="Variable and its values: FROM:TO:COUNT, log:FROM:TO:COUNT or A,B,C; with --samples "
             "FROM:TO, log:FROM:TO or normal:MEAN:DEVIATION. May be repeated; set in this order.",
+            autocompletion=complete_path,
         ),
     ],
     quantity: Annotated[
