@@ -113,6 +113,9 @@ def test_page_without_scene_or_tables_shows_the_numbers():
         ({"joint_margin": -0.01}, "bad"),
         ({"residual": float("nan")}, "bad"),
         ({"designs": 10, "failed": 1}, "bad"),
+        ({"samples": 9, "failed": 0}, "good"),
+        ({"recommended": None, "error": 1e-6}, "bad"),
+        ({"residual": [1.0]}, "good"),  # nothing is said of what is no single number
         ({"stable": [True, False]}, "bad"),
         ({"planes": [], "condition": 1e5}, "bad"),
     ],

@@ -35,7 +35,9 @@ def _solution(result) -> Check:
 
 
 def _size(name: str, key: str):
-    def make(result) -> Check:
+    def make(result) -> Check | None:
+        if not isinstance(result[key], int | float):
+            return None  # a list or nothing: the command says more about it itself
         limit = max(_SMALL, 10 * _number(result.get("tolerance")))
         value = abs(result[key])
         return Check(name, f"{value:.1e}", value <= limit, f"at most {limit:.0e}")
@@ -53,9 +55,18 @@ def _stable(result) -> Check:
     return Check("Stability", "stable" if good else "unstable", good, "no mode grows")
 
 
-def _failed(result) -> Check:
-    failed, designs = result["failed"], result["designs"]
-    return Check("Designs without a result", f"{failed:,} of {designs:,}", failed == 0, "none")
+def _failed(name: str, all_of_them: str):
+    def make(result) -> Check:
+        failed, number = result["failed"], result[all_of_them]
+        return Check(f"{name} without a result", f"{failed:,} of {number:,}", failed == 0, "none")
+
+    return make
+
+
+def _recommended(result) -> Check:
+    good = result["recommended"] is not None
+    found = "found" if good else "none of those tried"
+    return Check(f"Options with an error of at most {result['error']:g}", found, good, "found")
 
 
 def _optimum(result) -> Check:
@@ -92,7 +103,9 @@ _CHECKS = (
     (("correction",), _size("Last correction of the linear solution", "correction")),
     (("joint_margin",), _margin),
     (("stable",), _stable),
-    (("failed", "designs"), _failed),
+    (("failed", "designs"), _failed("Designs", "designs")),
+    (("failed", "samples"), _failed("Machines of the sample", "samples")),
+    (("recommended", "error"), _recommended),
     (("planes", "condition"), _condition),
     (("planes", "gap"), _gap),
 )
