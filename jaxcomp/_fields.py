@@ -49,22 +49,26 @@ class Bound(NamedTuple):
     low_open: bool = False
     high_open: bool = False
 
-    def holds(self, x):
-        """Whether every entry of `x` lies inside; false for NaN. Works on traced values."""
+    def inside(self, x):
+        """Whether each entry of `x` lies inside; false for NaN."""
         above = x > self.low if self.low_open else x >= self.low
         below = x < self.high if self.high_open else x <= self.high
-        return jnp.all(above & below & jnp.isfinite(x))
+        return above & below & jnp.isfinite(x)
+
+    def holds(self, x):
+        """Whether every entry of `x` lies inside. Works on traced values."""
+        return jnp.all(self.inside(x))
 
     def clip(self, x: Array) -> Array:
         """`x` moved to a nearby admissible value, so that a solver can go on with it.
 
-        An admissible `x` passes untouched, with a derivative of one on the bound as well.
+        An admissible `x` passes untouched, however small, with a derivative of one on the bound as
+        well.
         """
         low = self.low + (1e-6 * max(1.0, abs(self.low)) if self.low_open else 0.0)
         high = self.high - (1e-6 * max(1.0, abs(self.high)) if self.high_open else 0.0)
         moved = jnp.clip(jnp.nan_to_num(x, nan=1.0, posinf=1.0, neginf=1.0), low, high)
-        inside = (x >= low) & (x <= high) & jnp.isfinite(x)
-        return jnp.where(inside, x, jax.lax.stop_gradient(moved))
+        return jnp.where(self.inside(x), x, jax.lax.stop_gradient(moved))
 
     def __str__(self) -> str:
         parts = []
