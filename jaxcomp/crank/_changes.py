@@ -159,14 +159,15 @@ def _bisect(compressor, turn: Turn, motion: Motion, brackets: _Brackets) -> Chan
     used = brackets.row >= 0
     rise, width = at_high - at_low, high - low
     steep = used & (rise != 0) & (width > 0)
-    near = jnp.where(steep, rise / jnp.where(steep, width, 1.0), 1.0)
-    angle = jnp.where(steep, low - at_low / near, turn.grid.edges[0])
+    near = rise / jnp.where(steep, width, 1.0)
+    angle = low - jnp.where(steep, at_low / jnp.where(steep, near, 1.0), low - turn.grid.edges[0])
     # The halvings may end on an edge of the panels, where the motion jumps by its own error: the slope
     # there is that of the jump. A wider span tells the slope of the quantity.
     span = 0.1 * (brackets.high - brackets.low)
     rise = jnp.subtract(value(angle + span), value(angle - span))
     wide = rise / jnp.where(steep, 2 * span, 1.0)
-    slope = jnp.where(steep & (wide * near > 0), wide, near)
+    slope = jnp.where(jnp.sign(wide) == jnp.sign(near), wide, near)
+    slope = jnp.where(steep, slope, 1.0)
     return Changes(angle, slope, jnp.where(steep, brackets.row, -1))
 
 
