@@ -122,7 +122,7 @@ def _unbeaten(rows: Iterable[Row]):
 
 
 # Settings from which an order is read: the coarser ones may not be on the slope yet.
-_ON_SLOPE = 3
+_ON_SLOPE = 4
 
 
 def observed_order(steps, errors, floor: float) -> float:

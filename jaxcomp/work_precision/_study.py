@@ -94,11 +94,15 @@ class SolverProgram:
             method,
             setting,
             reference.error(value) if ok else float("inf"),
-            self.program.timed(*self._arguments(tolerance)),
+            self.seconds(tolerance),
             self.program.seconds,
             passes or None,
             self.program.flops,
         )
+
+    def seconds(self, tolerance: float) -> float:
+        """[s] median of several calls."""
+        return self.program.timed(*self._arguments(tolerance))
 
     def _arguments(self, tolerance):
         return self._question.design, self._chain(tolerance), self._question.quantity
