@@ -8,13 +8,13 @@ import pytest
 # By the verb that a user looks up; `slow` where the example compiles a solver and its gradient.
 EXAMPLES = {
     "load": "jaxcomp.scene._scene",
-    "solve_orbit": "jaxcomp.crank._solve",
     "with_bore": "jaxcomp.design._rules",
     "problem": "jaxcomp.design._problem",
     "JournalBearing": "jaxcomp.film._bearing",
     "trial_influence": "jaxcomp.balancing._influence",
 }
 SLOW = {
+    "solve_orbit": "jaxcomp.crank._solve",
     "respond": "jaxcomp.rotor._response",
     "simulate": "jaxcomp.crank._transient",
     "optimise": "jaxcomp.design._optimise",
