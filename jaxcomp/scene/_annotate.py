@@ -8,6 +8,7 @@ default: taking the `#` away changes nothing.
 import dataclasses
 import inspect
 import re
+import textwrap
 import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
@@ -147,8 +148,6 @@ def _beside(text: str, comment: str) -> list[str]:
 
 
 def _comment(*texts: str) -> list[str]:
-    import textwrap
-
     return [
         f"# {line}"
         for text in texts
