@@ -159,7 +159,7 @@ def test_both_modes_give_the_derivative_and_differences_lose_half_the_digits():
         load("mayekawa-wbhe"),
         "mechanical_efficiency",
         "gradient",
-        variable="mechanism.crank_radius",
+        variable="mechanism.conrod_length",
     )
     modes = [row for row in found.rows if row.method.endswith("mode, collocation")]
     assert len(modes) == 2
@@ -190,9 +190,10 @@ def test_elements_converge_with_the_square_of_their_length_by_either_solver():
     errors = {(row.method, row.setting): row.error for row in found.rows}
     structured = [e for (method, _), e in errors.items() if method == "structured"]
     dense = [e for (method, _), e in errors.items() if method == "dense"]
-    # the same matrix: rounding of a system with a condition of 1e8
-    assert structured[0] == pytest.approx(dense[0], rel=1e-4)
-    assert structured[1] == pytest.approx(dense[1], rel=1e-4)
+    # the same matrix; the references differ by 2e-10 of the value, a hundredth of these errors
+    assert found.reference.floor < 1e-9
+    assert structured[0] == pytest.approx(dense[0], rel=1e-2)
+    assert structured[1] == pytest.approx(dense[1], rel=1e-2)
     # second order, once the elements are small
     assert structured[1] / structured[2] == pytest.approx(4.0, rel=0.2)
 

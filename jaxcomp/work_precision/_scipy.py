@@ -31,6 +31,8 @@ from ._study import Question
 _NODES = 24
 # Angles of a turn at constant speed, from which the first level of torque is taken.
 _ANGLES = 256
+# Turns that the search for the periodic state may integrate; it takes 8 to 12 as a rule.
+_TURNS = 25
 
 
 class _Laws(NamedTuple):
@@ -147,9 +149,10 @@ def _solve(machine: Compressor, laws: _Laws, edges, method: str, tolerance: floa
 
     first_level = _first_level(laws, edges, scale)
     start = np.ones(2) if holds_speed else np.ones(1)
-    # The gap carries the error of the integration, so its differences need a step well above that.
-    options = {"eps": max(1e-8, tolerance**0.5)}
-    found = root(gap, start, first_level, tol=1e-2 * tolerance, options=options)
+    # The gap carries the error of the integration: its differences need a step well above that, and
+    # the search must not go on below it.
+    options = {"eps": max(1e-8, tolerance**0.5), "maxfev": _TURNS}
+    found = root(gap, start, first_level, tol=0.1 * tolerance, options=options)
     end, level, speeds = turn(found.x, first_level, accounts=True)
     return float(laws.quantity(np.stack(speeds), level, end[1:])), calls
 
