@@ -18,7 +18,6 @@ from ..design import (
     Search,
     optimise,
     pareto,
-    prepared,
     problem,
     quantity,
     variable,
@@ -146,8 +145,7 @@ def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
         quantities = [_robust(asked, design) if asked.scatter else asked.objective]
     else:
         quantities = list(assignments(asked.targets, "--target"))
-    made = problem(design, ranges, [*quantities, *others], Chain(SOLVERS[asked.accuracy]))
-    return scene, prepared(made)
+    return scene, problem(design, ranges, [*quantities, *others], Chain(SOLVERS[asked.accuracy]))
 
 
 def _maximise(asked: Asked) -> bool | None:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
 from ..crank import Shooting
-from ._problem import Asked, Problem, name_of
+from ._problem import Asked, Problem, name_of, prepared
 from ._quantities import quantity
 
 Interval = tuple[float | None, float | None]
@@ -114,7 +114,7 @@ def goal_of(
     # Without the ranges, which are the optimiser's business: another range compiles nothing anew.
     made = Problem(problem.design, kept, tuple(quantities), problem.chain)
     eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(kept),), float))
-    return Goal(made, main, sign, targets, tuple(limits))
+    return Goal(prepared(made), main, sign, targets, tuple(limits))
 
 
 @eqx.filter_jit

@@ -142,6 +142,8 @@ def prepared(problem: Problem) -> Problem:
     """
     shaking = ("vibration", "mount_force")
     asked = any(not isinstance(q, str) or q.startswith(shaking) for q in problem.quantities)
+    if problem.chain.known is not None:
+        return problem
     if not asked or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
         return problem
     shaken = shaken_by(problem.design, problem.chain)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._fields import BadInput
-from ..design import Chain, Problem, problem, quantity
+from ..design import Chain, Problem, prepared, problem, quantity
 from ..design._problem import Asked, name_of
 from ._axes import Distribution, as_values
 from ._bar import bar
@@ -112,7 +112,7 @@ def sweep(
     if mine.of > 1 and out is None:
         raise BadInput("out", "none", "a folder, where several processes share a sweep")
     store = InMemory(plan) if out is None else OnDisk(Path(out), plan)
-    _run(plan, store, mine, block_program(asked, width, local), progress)
+    _run(plan, store, mine, block_program(prepared(asked), width, local), progress)
     return store.dataset()
 
 
