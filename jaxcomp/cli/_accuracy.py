@@ -110,10 +110,10 @@ def _errors(scene, quantity, study, variable, thorough, error, tell):
 def _scenes(scene, quantity, tell):
     if quantity is not None:
         raise CommandError(f"--quantity {quantity}: has no meaning with --study scenes")
-    from ..work_precision import scene_costs
+    from ..work_precision import lean_scenes, scene_costs
     from ._accuracy_result import costs_result, costs_tables
 
-    costs = scene_costs(scene, tell)
+    costs = scene_costs(lean_scenes(scene), tell)
 
     def draw():
         from ..plot import scene_cost_bars

@@ -5,7 +5,7 @@ those of the compiled program, in which the body of a loop counts once.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -59,18 +59,14 @@ class LeanScene(NamedTuple):
 
 
 def scene_costs(
-    scene: Any, tell: Callable[[str, int, int], None] | None = None
+    ladder: Sequence[LeanScene], tell: Callable[[str, int, int], None] | None = None
 ) -> tuple[SceneCost, ...]:
-    """Compile and run every scene of the ladder.
+    """Compile and run scenes.
 
     Args:
-        scene: of `jaxcomp.load`, or a `Design`.
+        ladder: of `lean_scenes`, or some of them.
         tell: called before each scene with its name, its number and how many there are.
-
-    Raises:
-        BadInput: a scene with neither a crank nor a rotor with planes.
     """
-    ladder = lean_scenes(scene)
     tell = tell or (lambda words, number, total: None)
     costs = []
     for number, one in enumerate(ladder):
