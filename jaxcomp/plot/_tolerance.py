@@ -52,7 +52,7 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         ax.annotate(f"{share} %", (at, 0.07 * top), fontsize=8, ha="center", color=INK)
     for one in found.reliability:
         if one.limit.quantity == name:
-            _limit(ax, one, look, high, top)
+            _limit(ax, one, look, top)
     ax.set_yticks([])
     ax.set_xlabel(look.label, fontsize=9)
     ylabel(ax, "Share of the machines")
@@ -70,14 +70,16 @@ def _shown_range(found: Tolerances, name: str, low, high, factor) -> tuple[float
     return low - 0.04 * room, high + 0.04 * room
 
 
-def _limit(ax, one, look: Shown, high, top) -> None:
+def _limit(ax, one, look: Shown, top) -> None:
     at = one.limit.bound * look.factor
     text = f"limit {look.text(one.limit.bound)}: {100 * one.sampled:.3g} % break it"
     ax.axvline(at, color=_LIMIT, linewidth=1.3)
-    inside = ax.get_xlim()[0] <= at <= high
-    place = (at, 0.42 * top) if inside else (high if at > high else ax.get_xlim()[0], 0.42 * top)
-    ax.annotate(text, place, (-4, 0), textcoords="offset points", fontsize=8, color=_LIMIT,
-                rotation=90, ha="right", va="center")  # fmt: skip
+    low, far = ax.get_xlim()
+    # beside the line on the side of what breaks it, where the samples are few
+    side = 1 if one.limit.above and at < far else -1
+    ax.annotate(text, (min(max(at, low), far), 0.6 * top), (4 * side, 0), fontsize=8, color=_LIMIT,
+                textcoords="offset points", rotation=90, va="center",
+                ha="left" if side > 0 else "right")  # fmt: skip
 
 
 def tornado(found: Tolerances, name: str, title: str) -> Figure:
