@@ -107,6 +107,7 @@ def test_narrow_laws_end_in_time_with_an_answer_or_a_word(name):
         assert abs(float(result.residual[-1])) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_solver_that_runs_out_of_steps_says_so():
     """Bounded work: 32 steps of 68 end at once, with finite numbers up to where they got."""
     result = stopped(diffrax.Tsit5(), 1e-8, max_steps=32)
