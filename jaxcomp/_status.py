@@ -28,7 +28,12 @@ class Status(eqx.Enumeration):
 
 
 class SolveFailed(RuntimeError):
-    """A solver did not find what was asked for; `status` says why."""
+    """A solver did not find what was asked for; `status` says why.
+
+    Args:
+        status: the outcome, a `Status`.
+        details: what else is known, for the message.
+    """
 
     def __init__(self, status, details: str = ""):
         self.status = status

@@ -10,7 +10,12 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`; did you mean "..."?` if something similar is known, and what is known otherwise."""
+    """`; did you mean "..."?` if something similar is known, and what is known otherwise.
+
+    Args:
+        word: the unknown one.
+        known: those that would be understood.
+    """
     known = sorted(known)
     near = nearest(word, known)
     if near is not None:

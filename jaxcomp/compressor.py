@@ -24,6 +24,9 @@ class Compressor(Part):
         gas: loads the piston; `None` for a machine that turns in vacuum.
         friction: the laws of the mechanism's joints; `None` for ideal joints.
         gravity: [m/s^2] field in x and y of the mechanism's frame; `None` leaves weights out.
+
+    Raises:
+        ValueError: friction of another mechanism's kind.
     """
 
     kind: ClassVar[str] = "compressor"

@@ -14,8 +14,8 @@ class Descent(NamedTuple):
 
     Attributes:
         correction: [kg m] (planes,)
-        objective: of whatever unit the callable has.
-        slope: largest derivative left, times the scale over the objective.
+        objective: [SI] of whatever unit the callable has.
+        slope: [-] largest derivative left, times the scale over the objective.
         steps: that were made.
         converged: whether the slope fell below the tolerance.
     """

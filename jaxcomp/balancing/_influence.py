@@ -50,6 +50,9 @@ class Influence(eqx.Module):
         weight: [-] (rows,) of each row in every norm.
         rows: what each row is; static.
         planes: names of the correction planes; static.
+
+    Raises:
+        BadInput: arrays that do not fit the rows and planes, or a value that is not finite.
     """
 
     matrix: Complex[Array, "rows planes"]
@@ -73,7 +76,7 @@ class Influence(eqx.Module):
 
     @property
     def weighted(self) -> tuple[Complex[Array, "rows planes"], Complex[Array, " rows"]]:
-        """Matrix and initial vibration with every row times its weight."""
+        """Matrix [m/(kg m)] and initial vibration [m] with every row times its weight."""
         return self.weight[:, None] * self.matrix, self.weight * self.initial
 
 
@@ -180,6 +183,11 @@ def select(
     targets: Sequence[str] | None = None,
 ) -> Influence:
     """The part of a system that belongs to some planes and targets.
+
+    Args:
+        influence: the system.
+        planes: names of those to keep; absent: all.
+        targets: the same of the targets.
 
     Raises:
         BadInput: an unknown name.

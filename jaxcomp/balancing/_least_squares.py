@@ -56,7 +56,13 @@ def least_squares(
 def predicted(
     influence: Influence, correction: Complex[Array, " planes"], method: str = "given"
 ) -> Balance:
-    """What given corrections do; the bound is the least squares."""
+    """What given corrections do; the bound is the least squares.
+
+    Args:
+        influence: the system.
+        correction: [kg m] (planes,)
+        method: name of the result.
+    """
     best = least_squares(influence)
     left = jnp.linalg.norm(influence.weight * influence.vibration(jnp.asarray(correction, complex)))
     return Balance(influence, jnp.asarray(correction, complex), left, best.bound, method)

@@ -77,6 +77,7 @@ class Orbit(eqx.Module):
 
     @property
     def converged(self) -> Bool[Array, ""]:
+        """Whether the solution can be relied on."""
         return self.status == Status.converged
 
     @property

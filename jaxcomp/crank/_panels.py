@@ -94,7 +94,12 @@ class Panels(NamedTuple):
 
 
 def panels(edges: Float[Array, " k"], nodes: int) -> Panels:
-    """Panels from the sorted edges of a turn, of which the last is a turn after the first."""
+    """Panels from the sorted edges of a turn, of which the last is a turn after the first.
+
+    Args:
+        edges: [rad] (k,) sorted crank angles; equal ones make panels of no width.
+        nodes: of the Gauss rule in each panel.
+    """
     rule = gauss(nodes)
     width = jnp.diff(edges)[:, None]
     return Panels(edges, edges[:-1, None] + width * rule.nodes, width * rule.weights, rule)

@@ -72,6 +72,7 @@ class Shooting(eqx.Module):
 
     @property
     def step_tolerance(self) -> float | Float[Array, ""]:
+        """[-] Relative tolerance of the time steps, tighter than that of the orbit."""
         return 1e-3 * self.tolerance
 
     def solve(self, compressor: Compressor) -> Orbit:

@@ -21,7 +21,19 @@ def orbit_on_panels(
     report: FixedPointReport,
     solver: str,
 ) -> Orbit:
-    """Flatten panels to one row of nodes and add time, pressure and the extremes of speed."""
+    """Flatten panels to one row of nodes and add time, pressure and the extremes of speed.
+
+    Args:
+        compressor: the machine.
+        grid: panels of the turn with their nodes.
+        state: angle, speed and acceleration at the nodes, (panels, nodes) each.
+        motor_torque: [N m] (panels, nodes).
+        loads: joint loads at the nodes.
+        energy: balance of the turn.
+        status: how the solver ended.
+        report: residual and iterations of the solver.
+        solver: its name.
+    """
     elapsed, at_edges = grid.cumulative(1 / state.speed)
     pressure = None if compressor.gas is None else cylinder_pressure(compressor, grid.angle)
     gas = gas_force(compressor, grid.angle)

@@ -53,7 +53,7 @@ class Variable(NamedTuple):
             number as in a scene file ("mechanism.conrod_length", "rotor.links.3.law.stiffness.0",
             "corrections.rotor-top.x", or .y, .magnitude, .angle). A path to a list of numbers is a
             common factor on all of them, which is 1 as the design stands.
-        low, high: in the SI unit of the number.
+        low, high: [SI] in the unit of the number.
         unit: SI unit, `""` for pure numbers and factors.
         bound: what the number must keep in any case.
     """
@@ -65,7 +65,7 @@ class Variable(NamedTuple):
     bound: Bound
 
     def current(self, design: Design) -> Float[Array, ""]:
-        """The value in a design."""
+        """[SI] The value in a design."""
         if self.name in design_rules:
             return design_rules[self.name].current(_compressor(design, self.name))
         plane, polar = _polar(self.name)
@@ -75,7 +75,7 @@ class Variable(NamedTuple):
         return value if jnp.ndim(value) == 0 else jnp.ones(())
 
     def apply(self, design: Design, value: Float[Array, ""]) -> Design:
-        """The design with another value; unchecked, as everything that may run inside `jit`."""
+        """The design with another value [SI]; unchecked, as everything that may run inside `jit`."""
         if self.name in design_rules:
             machine = design_rules[self.name].apply(_compressor(design, self.name), value)
             return eqx.tree_at(lambda d: d.compressor, design, machine)

@@ -27,7 +27,18 @@ _COUNTERPART = {"piston_film": "wall_film", "link_slider": "piston_pin"}
 
 
 class RodDrive(Part):
-    """What replaces slider and link: a rod, its pin, and a piston without link."""
+    """What replaces slider and link: a rod, its pin, and a piston without link.
+
+    Args:
+        conrod_length: [m] between the centres of the eyes.
+        conrod_mass: [kg] of the rod.
+        conrod_centre: [m] its mass centre from the big end.
+        conrod_inertia: [kg m^2] about that centre.
+        piston_mass: [kg] with its pin.
+        piston_length: [m] wetted.
+        pin_diameter: [m] of the piston pin.
+        pin_coefficient: [-] Coulomb's, of that pin.
+    """
 
     conrod_length: Float[Array, ""] = quantity("m", POSITIVE, doc="between the eyes")
     conrod_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE)

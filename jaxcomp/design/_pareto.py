@@ -94,8 +94,9 @@ def pareto(
         constraints: [SI] as in `optimise`.
         points: of the front, with both ends; a front without conflict has one.
         starts: of the search for each end.
-        max_steps, tolerance, samples, seed, batch, callback: as in `optimise`, whose steps count anew
+        max_steps, samples, seed, batch, callback: as in `optimise`, whose steps count anew
             for each end and for the points between.
+        tolerance: [-] as in `optimise`.
 
     Raises:
         BadInput: as `optimise`, or fewer than three points.

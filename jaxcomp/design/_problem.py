@@ -25,7 +25,7 @@ class Answer(NamedTuple):
     """What one design is worth.
 
     Attributes:
-        values: (quantities,) in SI units, in the order of the problem.
+        values: [SI] (quantities,) in the order of the problem.
         ok: whether they can be relied on; if not they are finite where the solvers are, and mean
             nothing.
     """
@@ -64,11 +64,11 @@ class Problem(eqx.Module):
 
     @property
     def current(self) -> Float[Array, " variables"]:
-        """The variables as the design stands, in SI units."""
+        """[SI] The variables as the design stands."""
         return jnp.stack([jnp.asarray(v.current(self.design), float) for v in self.variables])
 
     def designed(self, values: Float[Array, " variables"]) -> Design:
-        """The design with these values of the variables, set in their order."""
+        """The design with these values [SI] of the variables, set in their order."""
         design = self.design
         for number, one in enumerate(self.variables):
             design = one.apply(design, values[number])
@@ -76,6 +76,9 @@ class Problem(eqx.Module):
 
     def __call__(self, values: Float[Array, " variables"]) -> Answer:
         """The quantities of one design.
+
+        Args:
+            values: [SI] (variables,)
 
         Raises:
             BadInput: a quantity that the scene does not have.

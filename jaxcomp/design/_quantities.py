@@ -28,6 +28,9 @@ class Chain(eqx.Module):
         orders: orders of the spin speed that count in vibrations and mount forces.
         left_out: what the crank's forces on the rotor do without, see `jaxcomp.balancing.without`.
         known: response of a rotor that does not change to unit loads; see `prepared`.
+
+    Raises:
+        BadInput: another excitation, or an order below one.
     """
 
     solver: Collocation | Shooting | None = None
@@ -58,7 +61,11 @@ class Found:
 
     @cached_property
     def orbit(self) -> Orbit:
-        """The periodic state of the crank at the motor of the design."""
+        """The periodic state of the crank at the motor of the design.
+
+        Raises:
+            BadInput: a scene without a compressor.
+        """
         compressor = self.design.compressor
         if compressor is None:
             raise BadInput("compressor", "without", "a scene with one, for a quantity of the crank")

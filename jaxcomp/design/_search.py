@@ -40,10 +40,10 @@ class Search:
         stage: "sample" or "descent".
         done, total: solved designs of the sample, or steps of the descent and their limit.
         evaluations: designs solved in the descent.
-        sample: (n, variables) designs of the sample, with `found` on them.
+        sample: [SI] (n, variables) designs of the sample, with `found` on them.
         found: values, ok and slopes of the sample, as far as it was solved.
         lanes: the starts; `None` before the descent.
-        begins: (starts, variables) where each of them began.
+        begins: [SI] (starts, variables) where each of them began.
         rounds: descents begun; above one if a sample was better than all starts.
         history: by name, one array (starts, ...) for each step.
     """
@@ -60,7 +60,11 @@ class Search:
     history: dict[str, list[np.ndarray]] = dataclasses.field(default_factory=dict)
 
     def kept(self) -> dict[str, np.ndarray]:
-        """Everything as arrays by name, for a file."""
+        """Everything as arrays by name, for a file.
+
+        Raises:
+            BadInput: a search that is not yet in its descent.
+        """
         if self.lanes is None or self.found is None or self.begins is None:
             raise BadInput("search", self.stage, "in its descent to be kept")
         out: dict[str, Any] = {"counts": np.array([self.done, self.evaluations, self.rounds])}

@@ -81,7 +81,7 @@ def design_study(
     Args:
         compressor: the machine to start from.
         variable: name of a rule in `design_rules`.
-        values: in the unit of the rule.
+        values: [SI] (n,) in the unit of the rule.
         solver: as in `figures_of`.
 
     Raises:

@@ -81,7 +81,12 @@ class JournalBearing(Part):
 
 
 class PreparedBearing(NamedTuple):
-    """A bearing with its film model worked out for its L/D, to be used many times."""
+    """A bearing with its film model worked out for its L/D, to be used many times.
+
+    Attributes:
+        bearing: the bearing.
+        film: its film model at its L/D.
+    """
 
     bearing: JournalBearing
     film: AbstractFilm
@@ -189,7 +194,14 @@ def bush_moment(
 def eccentricity_ratio(
     bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
 ) -> Scalar:
-    """[-] Eccentricity ratio eps = e/c under a load [N] at a speed [rad/s]."""
+    """[-] Eccentricity ratio eps = e/c under a load.
+
+    Args:
+        bearing: Bearing, prepared or not.
+        load: [N] W.
+        speed: [rad/s] Speed that builds the pressure, see `entrainment_speed`.
+        rest_speed: [rad/s] Speed below which the load number is held.
+    """
     x = _position(bearing, load, speed, rest_speed)
     return x / (1 + x)
 
@@ -197,9 +209,15 @@ def eccentricity_ratio(
 def minimum_film(
     bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
 ) -> Scalar:
-    """[m] Minimum film thickness h_min = c (1 - eps) under a load [N] at a speed [rad/s].
+    """[m] Minimum film thickness h_min = c (1 - eps) under a load.
 
     Once it is of the order of the roughness the film is mixed and none of this holds.
+
+    Args:
+        bearing: Bearing, prepared or not.
+        load: [N] W.
+        speed: [rad/s] Speed that builds the pressure, see `entrainment_speed`.
+        rest_speed: [rad/s] Speed below which the load number is held.
     """
     bearing = prepare(bearing)
     return bearing.bearing.radial_clearance / (1 + _position(bearing, load, speed, rest_speed))
@@ -208,7 +226,14 @@ def minimum_film(
 def running_state(
     bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
 ) -> FilmState:
-    """Position and friction number under a load [N] at a speed [rad/s]."""
+    """Position and friction number under a load.
+
+    Args:
+        bearing: Bearing, prepared or not.
+        load: [N] W.
+        speed: [rad/s] Speed that builds the pressure, see `entrainment_speed`.
+        rest_speed: [rad/s] Speed below which the load number is held.
+    """
     bearing, film = _solved(bearing)
     return film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
 

@@ -83,7 +83,12 @@ class FilmState(NamedTuple):
 
 
 class DynamicCoefficients(NamedTuple):
-    """Stiffness K_ij = -dF_i/dx_j and damping C_ij = -dF_i/dv_j; rows and columns (x, y)."""
+    """Stiffness K_ij = -dF_i/dx_j and damping C_ij = -dF_i/dv_j; rows and columns (x, y).
+
+    Attributes:
+        stiffness: [N/m] (2, 2) K of a bearing; [-] of a film, see `dynamic_coefficients`.
+        damping: [N s/m] (2, 2) C likewise.
+    """
 
     stiffness: Float[Array, "2 2"]
     damping: Float[Array, "2 2"]
@@ -133,7 +138,7 @@ def film_ratio_of(eccentricity_ratio: Scalar) -> Scalar:
 
 
 def film_state(film: AbstractSolvedFilm, load_number: Scalar) -> FilmState:
-    """Steady running position under a load number Phi_p >= 0."""
+    """Steady running position under a load number Phi_p [-], not negative."""
     x = film_ratio(film, load_number)
     return FilmState(x / (1 + x), 1 / (1 + x), film.attitude_angle(x), friction_at(film, x))
 

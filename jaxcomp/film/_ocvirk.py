@@ -50,7 +50,13 @@ class Ocvirk(AbstractSolvedFilm):
         return friction_at(self, film_ratio(self, load_number))
 
     def pressure(self, film_ratio, theta, zeta):
-        """[-] Pressure over eta omega/psi^2 at theta [rad] and zeta, from the mid-plane to 1."""
+        """[-] Pressure over eta omega/psi^2.
+
+        Args:
+            film_ratio: [-] eps/(1 - eps).
+            theta: [rad] from the widest gap, with the rotation.
+            zeta: [-] from 0 in the mid-plane to 1 at the edge.
+        """
         eps = film_ratio / (1 + film_ratio)
         lobe = jnp.maximum(jnp.sin(theta), 0.0) / (1 + eps * jnp.cos(theta)) ** 3
         return 3 * self.length_ratio**2 * eps * lobe * (1 - zeta**2)

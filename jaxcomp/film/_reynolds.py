@@ -40,7 +40,13 @@ CROWDING = 0.018  # how narrowly the nodes of a table crowd about its corner, in
 
 
 class AbstractTabulatedFilm(AbstractSolvedFilm):
-    """Film from a table of solutions, collapsed to one L/D."""
+    """Film from a table of solutions, collapsed to one L/D.
+
+    Args:
+        length_ratio: [-] q = L/D.
+        table: arrays by name, as `python -m jaxcomp.film._generate` writes them; absent: those of
+            the package.
+    """
 
     length_ratio: Scalar
     load: SeriesToLimit

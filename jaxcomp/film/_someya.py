@@ -67,7 +67,7 @@ def someya_two_axial_grooves(sommerfeld_number: Scalar, length_ratio: float) -> 
 
     Args:
         sommerfeld_number: [-] S = (eta n/p)(R/c)^2 > 0 with n in rev/s, see `convert_load_number`.
-        length_ratio: 0.5 or 1, the published ones; not traced.
+        length_ratio: [-] 0.5 or 1, the published ones; not traced.
 
     Returns:
         `TwoAxialGrooves`.

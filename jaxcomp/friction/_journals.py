@@ -45,7 +45,14 @@ class AbstractOilJournal(AbstractJournal):
 
 
 class PetroffJournal(AbstractOilJournal):
-    r"""Concentric film, $M = \pi\eta\omega l d r/\psi$ whatever the load (Eq. 19)."""
+    r"""Concentric film, $M = \pi\eta\omega l d r/\psi$ whatever the load (Eq. 19).
+
+    Args:
+        diameter: [m] d, of pin or journal.
+        length: [m] l, of the bearing.
+        radial_clearance: [m] radius of the bush minus that of the journal.
+        dynamic_viscosity: [Pa s] eta, of the oil in the film.
+    """
 
     kind: ClassVar[str] = "petroff"
 
@@ -65,6 +72,12 @@ class LoadedPetroffJournal(AbstractOilJournal):
       \xi = (d/l)^{1.5}\ (l < d),\quad 1\ (l \ge d)$$
 
     Printed with (l/d)^1.5 and l/d in place of xi, which would let short bearings rub less.
+
+    Args:
+        diameter: [m] d, of pin or journal.
+        length: [m] l, of the bearing.
+        radial_clearance: [m] radius of the bush minus that of the journal.
+        dynamic_viscosity: [Pa s] eta, of the oil in the film.
     """
 
     kind: ClassVar[str] = "loaded_petroff"
@@ -94,6 +107,9 @@ class FilmJournal(AbstractOilJournal):
         dynamic_viscosity: [Pa s] of the oil in the film.
         film: "reynolds" for the table of solutions of Reynolds' equation, "fit" for closed formulas
             within 1.7 % of it at l/d from 0.5 to 1.5.
+
+    Raises:
+        ValueError: another film.
     """
 
     kind: ClassVar[str] = "film"
@@ -145,6 +161,12 @@ class ThrustBearing(AbstractDrag):
     r"""Flat ring under the weight of the shaft, uniform pressure (Eq. 24).
 
     $$M = \tfrac23\mu\, m_r g\, \frac{R_t^3 - r_t^3}{R_t^2 - r_t^2}$$
+
+    Args:
+        coefficient: [-] mu, coefficient of friction.
+        outer_radius: [m] R_t.
+        inner_radius: [m] r_t.
+        transition_rate: [rad/s] smooths the law through rest, for start and stop; absent: none.
     """
 
     kind: ClassVar[str] = "thrust"
@@ -171,7 +193,12 @@ class ThrustBearing(AbstractDrag):
 
 
 class OilPump(AbstractDrag):
-    """A constant torque (M_p of Eq. 29), against the rotation."""
+    """A constant torque (M_p of Eq. 29), against the rotation.
+
+    Args:
+        torque: [N m] M_p.
+        transition_rate: [rad/s] smooths the law through rest, for start and stop; absent: none.
+    """
 
     kind: ClassVar[str] = "pump"
 

@@ -31,7 +31,11 @@ class AbstractJournal(Part):
 
 
 class CoulombSlide(AbstractSlide):
-    """mu |N|, against the motion. Nothing at rest: a stop ends the law's validity."""
+    """mu |N|, against the motion. Nothing at rest: a stop ends the law's validity.
+
+    Args:
+        coefficient: [-] mu, coefficient of friction.
+    """
 
     kind: ClassVar[str] = "coulomb"
 
@@ -46,6 +50,10 @@ class RegularisedSlide(AbstractSlide):
 
     Below the transition speed it is viscous, so a loaded slide creeps instead of sticking; the creep
     is of the order of v0 times the fraction of the friction that the load uses.
+
+    Args:
+        coefficient: [-] mu, coefficient of friction.
+        transition_speed: [m/s] v0.
     """
 
     kind: ClassVar[str] = "regularised"
@@ -58,7 +66,12 @@ class RegularisedSlide(AbstractSlide):
 
 
 class CoulombJournal(AbstractJournal):
-    """mu F d/2, against the rotation."""
+    """mu F d/2, against the rotation.
+
+    Args:
+        coefficient: [-] mu, coefficient of friction.
+        diameter: [m] d, of pin or journal.
+    """
 
     kind: ClassVar[str] = "coulomb"
 
@@ -70,7 +83,13 @@ class CoulombJournal(AbstractJournal):
 
 
 class RegularisedJournal(AbstractJournal):
-    """mu F d/2 tanh(w d/(2 v0)): smooth through rest, for start, stop and creep."""
+    """mu F d/2 tanh(w d/(2 v0)): smooth through rest, for start, stop and creep.
+
+    Args:
+        coefficient: [-] mu, coefficient of friction.
+        diameter: [m] d, of pin or journal.
+        transition_speed: [m/s] v0, at the surface.
+    """
 
     kind: ClassVar[str] = "regularised"
 
@@ -89,6 +108,11 @@ class PistonFilm(Part):
 
     Dagilis et al. Eq. (7), Petroff's law unrolled. `length` is the wetted length of the piston; a
     mechanism that knows the engaged length at every angle passes it instead.
+
+    Args:
+        viscosity: [Pa s] eta, dynamic.
+        clearance: [m] c, radial.
+        length: [m] L, wetted, where the mechanism does not give it.
     """
 
     kind: ClassVar[str] = "viscous"

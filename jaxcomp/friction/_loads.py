@@ -20,8 +20,8 @@ class JointLoads(eqx.Module):
         margin: [-] smallest slope of the joint loop, 1 without friction. Where it is not positive
             the joints lock or have several solutions, and the forces mean nothing. `None`, like
             the residual, where no evidence was asked for.
-        kinks: quantities whose sign changes put kinks into the losses, shape (k, n).
-        pinches: quantities whose sign changes bring a load close to zero, where its magnitude turns
+        kinks: [SI] quantities whose sign changes put kinks into the losses, shape (k, n).
+        pinches: [SI] quantities whose sign changes bring a load close to zero, where its magnitude turns
             within a very short angle, shape (m, n).
     """
 

@@ -33,7 +33,18 @@ _FIRST_STEPS, _POLISH_STEPS = 1, 2
 
 
 class SliderCrankFriction(Part):
-    """Friction laws of a slider-crank. A joint whose law is `None` is frictionless and costs nothing."""
+    """Friction laws of a slider-crank. A joint whose law is `None` is frictionless and costs nothing.
+
+    Args:
+        wall: piston and cylinder, under the side force.
+        wall_film: oil between piston and cylinder; it needs its wetted length.
+        piston_pin: piston pin in the small end.
+        crank_pin: crank pin in the big end.
+        main_journal: shaft in its main bearing, or in both of an `OverhungSupport`.
+
+    Raises:
+        ValueError: a wall film without its length.
+    """
 
     kind: ClassVar[str] = "slider_crank"
 

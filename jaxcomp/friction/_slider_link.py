@@ -50,6 +50,9 @@ class SliderLinkFriction(Part):
         upper_bearing, lower_bearing: of the shaft.
         thrust_bearing, pump: drag on the shaft.
         slider_moment: "paper" as printed, "balanced" with the couple between slider and link.
+
+    Raises:
+        ValueError: another word for `slider_moment`.
     """
 
     kind: ClassVar[str] = "slider_link"

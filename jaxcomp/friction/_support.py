@@ -22,6 +22,15 @@ class OverhungSupport(AbstractJournal):
     """Upper and lower bearing of an overhung shaft, with thrust bearing and oil pump.
 
     It serves where a mechanism has a single main journal in its plane, as the slider-crank.
+
+    Args:
+        upper: law of the upper bearing.
+        lower: law of the lower bearing.
+        overhang: [m] z_p, from the piston plane to the upper bearing.
+        bearing_span: [m] z_b, between the bearings.
+        shaft_mass: [kg] shaft with rotor, on the thrust bearing.
+        thrust_bearing: its law; `None` for none.
+        pump: drag of the oil pump; `None` for none.
     """
 
     kind: ClassVar[str] = "overhung"
@@ -41,7 +50,7 @@ class OverhungSupport(AbstractJournal):
     def moments(
         self, load: Float[Array, "*n"], rate: Float[Array, "*n"]
     ) -> dict[str, Float[Array, "*n"]]:
-        """[N m] of every part, as `moment`."""
+        """[N m] of every part by name, for a load [N] and a relative rate of rotation [rad/s]."""
         share = self.overhang / self.bearing_span
         found = {
             "upper_bearing": self.upper.moment(load * (1 + share), rate),

@@ -26,6 +26,11 @@ class CrankAngleTable(AbstractDiagram):
 
     The slopes are those of the parabola through three neighbouring points, so the curve is exact at
     its points and linear in them.
+
+    Args:
+        back_pressure: [Pa] absolute, behind the piston.
+        angle: [rad] (k,) rising, within one turn.
+        cylinder_pressure: [Pa] (k,) absolute, at those angles.
     """
 
     kind: ClassVar[str] = "crank_angle_table"
@@ -56,7 +61,14 @@ class CrankAngleTable(AbstractDiagram):
 
 
 class FourierDiagram(AbstractDiagram):
-    r"""Pressure $p = a_0 + \sum_k a_k\cos k\theta + b_k\sin k\theta$."""
+    r"""Pressure $p = a_0 + \sum_k a_k\cos k\theta + b_k\sin k\theta$.
+
+    Args:
+        back_pressure: [Pa] absolute, behind the piston.
+        mean: [Pa] a_0, absolute.
+        cosine: [Pa] (k,) a_1, a_2, ...
+        sine: [Pa] (k,) b_1, b_2, ...
+    """
 
     kind: ClassVar[str] = "fourier"
 
@@ -79,6 +91,12 @@ class VolumeTable(AbstractDiagram):
 
     `volume` counts the displaced volume as a fraction of the swept volume, from 0 at the top to 1 at
     the bottom dead centre.
+
+    Args:
+        back_pressure: [Pa] absolute, behind the piston.
+        volume: [-] (k,) displaced over swept volume, rising from 0 to 1.
+        inward_pressure: [Pa] (k,) absolute, while the piston moves towards the head.
+        outward_pressure: [Pa] (k,) the same while it moves away.
     """
 
     kind: ClassVar[str] = "volume_table"

@@ -16,7 +16,15 @@ from ._base import AbstractGas
 
 
 class PolytropicCycle(AbstractGas):
-    """Suction, polytropic compression, discharge, re-expansion with valves that open at once."""
+    """Suction, polytropic compression, discharge, re-expansion with valves that open at once.
+
+    Args:
+        suction_pressure: [Pa] absolute.
+        discharge_pressure: [Pa] absolute.
+        exponent: [-] of compression and re-expansion; 1 is isothermal.
+        clearance_ratio: [-] clearance volume over swept volume.
+        back_pressure: [Pa] absolute, behind the piston; the suction pressure if absent.
+    """
 
     kind: ClassVar[str] = "polytropic"
 

@@ -57,7 +57,7 @@ class AbstractMechanism(Part):
 
     @abstractmethod
     def angle_at(self, position: Float[Array, "*n"], inward: bool) -> Float[Array, "*n"]:
-        """Crank angle [rad] at a piston position, on the stroke towards the head or away."""
+        """Crank angle [rad] at a piston position [m], towards the head if `inward`, or away."""
 
     @abstractmethod
     def reversals(self) -> tuple[Float[Array, ""], ...]:
@@ -67,7 +67,7 @@ class AbstractMechanism(Part):
     def gravity_torque(
         self, angle: Float[Array, "*n"], gravity: Float[Array, "2"]
     ) -> Float[Array, "*n"]:
-        """Torque [N m] on the crank of all weights in a field of gravity [m/s^2] in x and y."""
+        """Torque [N m] of all weights on the crank at an angle [rad], in a gravity [m/s^2] in x, y."""
 
     @property
     @abstractmethod

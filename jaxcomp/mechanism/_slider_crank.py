@@ -25,6 +25,19 @@ class SliderCrank(AbstractMechanism):
 
     The rod's mass centre lies on the line of its eyes, `conrod_centre` from the big end (the
     length b of Tsuji; a = l - b from the small end).
+
+    Args:
+        piston_mass: [kg] piston with rings and pin.
+        crank_inertia: [kg m^2] crankshaft with rotor about the shaft axis.
+        bore: [m] piston diameter.
+        crank_radius: [m] half the stroke if the offset is 0.
+        conrod_length: [m] l, between the centres of the eyes.
+        conrod_mass: [kg] of the rod.
+        conrod_centre: [m] b, mass centre of the rod from the big end.
+        conrod_inertia: [kg m^2] rod about its own mass centre.
+        crank_unbalance: [kg m] of the crank alone, positive at the pin's side.
+        crank_mass: [kg] crankshaft with rotor; only its weight is used.
+        offset: [m] cylinder axis at y = offset.
     """
 
     kind: ClassVar[str] = "slider_crank"
@@ -106,7 +119,12 @@ class SliderCrank(AbstractMechanism):
         return jnp.sqrt((l + r) ** 2 - e**2), jnp.sqrt((l - r) ** 2 - e**2)
 
     def angle_at(self, position, inward):
-        """From x cos(theta) + e sin(theta) = (x^2 + e^2 + r^2 - l^2)/(2 r)."""
+        """[rad] From x cos(theta) + e sin(theta) = (x^2 + e^2 + r^2 - l^2)/(2 r).
+
+        Args:
+            position: [m] x of the piston.
+            inward: whether it moves towards the head.
+        """
         r, l, e = self.crank_radius, self.conrod_length, self.offset
         distance = jnp.hypot(position, e)
         cosine = (position**2 + e**2 + r**2 - l**2) / (2 * r * distance)
@@ -137,7 +155,17 @@ class SliderCrank(AbstractMechanism):
 
 
 class RodMotion(NamedTuple):
-    """Position x_p of the piston and tilt phi of the rod with derivatives to crank angle."""
+    """Position x_p of the piston and tilt phi of the rod with derivatives to crank angle.
+
+    Attributes:
+        sin_tilt: [-] sin(phi).
+        cos_tilt: [-] cos(phi).
+        tilt_1: [-] phi'.
+        tilt_2: [1/rad] phi''.
+        position: [m] x_p, from the crank centre towards the head.
+        position_1: [m/rad] x_p'.
+        position_2: [m/rad^2] x_p''.
+    """
 
     sin_tilt: Float[Array, "*n"]
     cos_tilt: Float[Array, "*n"]
@@ -153,6 +181,10 @@ def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
 
     $\phi' = r\cos\theta/(l\cos\phi)$ and $x_p' = -r\sin\theta - r\cos\theta\tan\phi$, each
     differentiated once more.
+
+    Args:
+        mechanism: the slider-crank.
+        angle: [rad] theta of the crank.
     """
     r, l, e = mechanism.crank_radius, mechanism.conrod_length, mechanism.offset
     c, s = r * jnp.cos(angle), r * jnp.sin(angle)
@@ -177,14 +209,22 @@ class RodBalance(NamedTuple):
     """The Newton-Euler balances of one instant, waiting for the unknown side force.
 
     With the side force N of the wall and the friction values given, `pin_forces` finishes them.
+
+    Attributes:
+        rod: position and tilt.
+        pin_x: [N] T_x without wall friction.
+        piston_weight: [N] m_p g_y.
+        rod_inertia: [N] m_c (a_G - g).
+        crank_inertia: [N] m_u (a_u - g).
+        moment: [N m] I_c phi_dd + m_c r_M x (a_G - g).
     """
 
     rod: RodMotion
-    pin_x: Float[Array, "*n"]  # [N] T_x without wall friction
-    piston_weight: Float[Array, "*n"]  # [N] m_p g_y
-    rod_inertia: Float[Array, "2 *n"]  # [N] m_c (a_G - g)
-    crank_inertia: Float[Array, "2 *n"]  # [N] m_u (a_u - g)
-    moment: Float[Array, "*n"]  # [N m] I_c phi_dd + m_c r_M x (a_G - g)
+    pin_x: Float[Array, "*n"]
+    piston_weight: Float[Array, "*n"]
+    rod_inertia: Float[Array, "2 *n"]
+    crank_inertia: Float[Array, "2 *n"]
+    moment: Float[Array, "*n"]
 
 
 def rod_balance(
@@ -231,8 +271,13 @@ def rod_balance(
 
 
 class PinForces(NamedTuple):
-    """Forces [N] in x and y: of the piston on the rod, the crank on the rod, the main bearing on
-    the crank."""
+    """Forces in x and y that the three joints transmit.
+
+    Attributes:
+        piston_pin: [N] T, of the piston on the rod.
+        crank_pin: [N] S, of the crank on the rod.
+        main_journal: [N] Q, of the main bearing on the crank.
+    """
 
     piston_pin: Float[Array, "2 *n"]
     crank_pin: Float[Array, "2 *n"]
@@ -242,7 +287,13 @@ class PinForces(NamedTuple):
 def pin_forces(
     balance: RodBalance, side_force: Float[Array, "*n"], wall_friction: Float[Array, "*n"]
 ) -> PinForces:
-    """The pin forces T, S, Q that go with a side force N and a wall friction f on the piston."""
+    """The pin forces T, S, Q that go with a side force N and a wall friction f on the piston.
+
+    Args:
+        balance: what is known without them.
+        side_force: [N] N, of the wall on the piston along y.
+        wall_friction: [N] f, on the piston along x.
+    """
     piston_pin = jnp.stack([balance.pin_x + wall_friction, side_force + balance.piston_weight])
     crank_pin = balance.rod_inertia - piston_pin
     return PinForces(piston_pin, crank_pin, crank_pin + balance.crank_inertia)
@@ -254,6 +305,11 @@ def rod_moment(
     """Moment on the rod about its mass centre, with inertia, over l cos(phi) [N].
 
     Zero in the frictionless machine; with friction it equals -(M_T + M_S)/(l cos phi).
+
+    Args:
+        mechanism: the slider-crank.
+        balance: of the same instant.
+        piston_pin: [N] force of the piston on the rod in x and y.
     """
     rod = balance.rod
     arm = mechanism.conrod_length * rod.cos_tilt

@@ -42,6 +42,26 @@ class SliderLink(AbstractMechanism):
     crown is flush with the end of the cylinder at the top dead centre. The crank's product of
     inertia is that of its own mass distribution, about the piston plane, so that a design may move
     the mass centre of the machine without changing the crank.
+
+    Args:
+        piston_mass: [kg] m_p, piston with link.
+        crank_inertia: [kg m^2] J_z, crankshaft with rotor about the shaft axis.
+        bore: [m] D, piston diameter.
+        crank_radius: [m] R, half the stroke.
+        cylinder_length: [m] L_c.
+        crown_to_link: [m] L_p, from the crown to the centre line of the link.
+        slider_diameter: [m] D_s.
+        slider_mass: [kg] m_s.
+        overhang: [m] z_p, from the piston plane to the upper bearing.
+        bearing_span: [m] z_b, from the upper to the lower bearing.
+        plane_height: [m] z_s, piston plane above the mass centre of the machine.
+        crank_mass: [kg] m_r, crankshaft with rotor.
+        crank_eccentricity: [m] e_cr, mass centre of the crank, positive opposite the pin.
+        crank_product: [kg m^2] sum of m x (z + z_s) over the crank, x towards the pin.
+        eccentricity: [m] e, cylinder axis at y = -e.
+        piston_centre_offset: [m] e_cl, mass centre of the piston from the cylinder axis, to +y.
+        piston_centre_lead: [m] the same from the link's centre line, to the crown; for weight.
+        crank_centre_depth: [m] mass centre of the crank below the piston plane; for weight.
     """
 
     kind: ClassVar[str] = "slider_link"
@@ -158,10 +178,10 @@ class ContactArms(NamedTuple):
     That point moves with the piston (the print after Eq. (9) reads as if it were fixed).
 
     Attributes:
-        engaged: L_e, length of the piston inside the cylinder.
-        crown: L_1, arm of the contact at the crown.
-        edge: L_2, arm of the contact at the edge of the cylinder.
-        slider: h, arm of the slider's force.
+        engaged: [m] L_e, length of the piston inside the cylinder.
+        crown: [m] L_1, arm of the contact at the crown.
+        edge: [m] L_2, arm of the contact at the edge of the cylinder.
+        slider: [m] h, arm of the slider's force.
     """
 
     engaged: Float[Array, "*n"]
@@ -205,10 +225,14 @@ class PistonLoads(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """Forces [N] on piston and link, along y at crown and edge, along x from the slider.
+    """Forces on piston and link.
 
-    `margin` [-] is the smallest slope of the equation for N: where it is not positive the piston
-    wedges in the bore and the forces mean nothing.
+    Attributes:
+        crown: [N] F_1, along y at the crown.
+        edge: [N] F_2, along y at the edge of the cylinder.
+        slider: [N] N, along x from the slider.
+        margin: [-] smallest slope of the equation for N: where it is not positive the piston wedges
+            in the bore and the forces mean nothing.
     """
 
     crown: Float[Array, "*n"]

@@ -31,8 +31,14 @@ class AbstractMotor(Part):
 class MeanSpeed(AbstractMotor):
     """A motor that holds a given mean speed; the level of its torque is an unknown of the orbit.
 
-    `torque` is the shape of the torque over speed at unit level: constant, or proportional to speed
+    `shape` is that of the torque over speed at unit level: constant, or proportional to speed
     (the wording of Tsuji et al.).
+
+    Args:
+        mean_speed: [rad/s] one turn over its duration.
+
+    Raises:
+        ValueError: another shape.
     """
 
     kind: ClassVar[str] = "mean_speed"
@@ -61,6 +67,9 @@ class ConstantSpeed(AbstractMotor):
 
     The crank does not fluctuate, as with an endless flywheel, and there is no equation of motion to
     solve: the leanest machine for joint forces and losses at a given speed.
+
+    Args:
+        mean_speed: [rad/s] at every crank angle.
     """
 
     kind: ClassVar[str] = "constant_speed"
@@ -78,7 +87,12 @@ class ConstantSpeed(AbstractMotor):
 
 
 class ConstantTorque(AbstractMotor):
-    """The same torque at every speed. The running speed is found where losses balance it."""
+    """The same torque at every speed. The running speed is found where losses balance it.
+
+    Args:
+        level: [N m] positive if it drives.
+        expected_speed: [rad/s] where to start looking for the running speed.
+    """
 
     kind: ClassVar[str] = "constant_torque"
 
@@ -96,7 +110,12 @@ class ConstantTorque(AbstractMotor):
 
 
 class SlipLine(AbstractMotor):
-    """An induction motor near its synchronous speed, M = slope (synchronous - speed)."""
+    """An induction motor near its synchronous speed, M = slope (synchronous - speed).
+
+    Args:
+        slope: [N m s] torque per rad/s of slip.
+        synchronous_speed: [rad/s] at which the torque is zero.
+    """
 
     kind: ClassVar[str] = "slip_line"
 
@@ -112,7 +131,13 @@ class SlipLine(AbstractMotor):
 
 
 class Kloss(AbstractMotor):
-    """Induction motor over the whole range of speed, from standstill to overrun."""
+    """Induction motor over the whole range of speed, from standstill to overrun.
+
+    Args:
+        pull_out_torque: [N m] M_m, the largest.
+        pull_out_slip: [-] s_b, where it is reached.
+        synchronous_speed: [rad/s] omega_s.
+    """
 
     kind: ClassVar[str] = "kloss"
 

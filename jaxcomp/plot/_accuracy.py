@@ -32,6 +32,10 @@ def work_precision_diagram(report: Report, error: float | None = None) -> Figure
 
     Lines join the settings of a method that no other of its settings beats. Nothing is claimed
     within the shaded floor, the disagreement of the two reference methods.
+
+    Args:
+        report: of `accuracy`.
+        error: [-] that is wanted, drawn as a line; absent: none.
     """
     title = f"{report.scene}: error in {report.quantity.replace('_', ' ')} against run time"
     figure, axes = new_figure(1, 1, (7.4, 4.8), title)
@@ -87,7 +91,12 @@ def order_diagram(report: Report) -> Figure:
 
 
 def scene_cost_bars(costs: Sequence[SceneCost], title: str) -> Figure:
-    """Operations and run time of each scene, from the barest to the fullest, in logarithms."""
+    """Operations and run time of each scene, from the barest to the fullest, in logarithms.
+
+    Args:
+        costs: of `scene_costs`.
+        title: of the picture.
+    """
     size = (8.6, 1.2 + 0.36 * len(costs))
     figure, axes = new_figure(1, 2, size, f"{title}: what each part costs", share=False)
     place = np.arange(len(costs))[::-1]

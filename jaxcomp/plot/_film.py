@@ -25,7 +25,13 @@ _ENTRIES = {"xx": "#0072B2", "xy": "#D55E00", "yx": "#009E73", "yy": "#56437F"}
 def film_figures(
     film: type[AbstractFilm], result: dict[str, Any], field: dict[str, Any] | None
 ) -> dict[str, Figure]:
-    """All pictures by name; those that the film model does not give are left out."""
+    """All pictures by name; those that the film model does not give are left out.
+
+    Args:
+        film: type of the film model.
+        result: what `jaxcomp bearing --json` prints.
+        field: of the pressure over angle and length; `None` leaves its picture out.
+    """
     figures = {}
     if field is not None:
         figures["pressure"] = film_pressure(result, field)

@@ -51,6 +51,11 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """A quantity as a filled map over the first two variables, with its ridge.
 
     The second variable is the abscissa; further ones are at the best design, or at their middle.
+
+    Args:
+        found: data set of `sweep`.
+        name: of the quantity.
+        title: of the picture.
     """
     found, at = _sliced(found, name, 2)
     along, across = found[name].dims
@@ -99,6 +104,11 @@ def sweep_curves(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """A quantity over the first variable, with a curve for each value of the second.
 
     Best designs are marked. Further variables are as in `sweep_map`.
+
+    Args:
+        found: data set of `sweep`.
+        name: of the quantity.
+        title: of the picture.
     """
     found, at = _sliced(found, name, 2)
     dims = found[name].dims
@@ -134,7 +144,13 @@ def sweep_curves(found: "xarray.Dataset", name: str, title: str) -> Figure:
 
 
 def optimum_curve(found: "xarray.Dataset", name: str, title: str) -> Figure:
-    """The best value of the first variable over the second, and what it reaches."""
+    """The best value of the first variable over the second, and what it reaches.
+
+    Args:
+        found: data set of `sweep`.
+        name: of the quantity.
+        title: of the picture.
+    """
     along, across = found[name].dims
     top = ridge(found, name)
     x, y, z = (shown_column(found, n) for n in (across, along, name))
@@ -160,7 +176,13 @@ def optimum_curve(found: "xarray.Dataset", name: str, title: str) -> Figure:
 
 
 def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
-    """The distribution of a quantity, and the quantity over each variable."""
+    """The distribution of a quantity, and the quantity over each variable.
+
+    Args:
+        found: data set of `sweep`.
+        name: of the quantity.
+        title: of the picture.
+    """
     variables = [str(n) for n in found.coords if n != "sample"]
     y = shown_column(found, name)
     every = -(-found.sizes["sample"] // _CLOUD)

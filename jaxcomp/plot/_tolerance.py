@@ -14,7 +14,12 @@ _ROWS = 14
 
 
 def tolerance_figures(found: Tolerances, title: str) -> dict[str, Figure]:
-    """All pictures of a scatter, by name."""
+    """All pictures of a scatter, by name.
+
+    Args:
+        found: of `tolerance`.
+        title: of the pictures.
+    """
     figures = {}
     for name in found.names:
         figures[f"histogram-{name}"] = tolerance_histogram(found, name, title)
@@ -23,7 +28,13 @@ def tolerance_figures(found: Tolerances, title: str) -> dict[str, Figure]:
 
 
 def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
-    """How a quantity is distributed, with the bells of first and second order and its limits."""
+    """How a quantity is distributed, with the bells of first and second order and its limits.
+
+    Args:
+        found: of `tolerance`.
+        name: of the quantity.
+        title: of the picture.
+    """
     place, look = found.names.index(name), _look(found, name)
     values = found.sampled.values[found.sampled.ok, place] * look.factor
     title = f"{title}: {_small(look.words)} of {len(values):,} machines"
@@ -83,7 +94,13 @@ def _limit(ax, one, look: Shown, top) -> None:
 
 
 def tornado(found: Tolerances, name: str, title: str) -> Figure:
-    """A quantity with one variable after the other at its limits, beside shares of the variance."""
+    """A quantity with one variable after the other at its limits, beside shares of the variance.
+
+    Args:
+        found: of `tolerance`.
+        name: of the quantity.
+        title: of the picture.
+    """
     place, look = found.names.index(name), _look(found, name)
     ranked = found.ranking(name)[:_ROWS]
     rows = [found.variables.index(variable) for variable, _ in ranked]

@@ -61,11 +61,11 @@ class Matrices(NamedTuple):
     """Full matrices over the active degrees of freedom, and their motion from those.
 
     Attributes:
-        mass: (a, a)
-        damping: (a, a), without the gyroscopic part.
-        gyroscopic: (a, a), to be multiplied by the spin speed.
-        stiffness: (a, a), links included.
-        expand: (n * dof, a) motion of all nodes from the active degrees of freedom.
+        mass: [kg, kg m, kg m2] (a, a)
+        damping: [N s/m] (a, a), [N s] and [N m s] where rotations enter; without the gyroscopic part.
+        gyroscopic: [kg m2] (a, a), to be multiplied by the spin speed.
+        stiffness: [N/m] (a, a), [N] and [N m] where rotations enter; links included.
+        expand: [-, m] (n * dof, a) motion of all nodes from the active degrees of freedom.
     """
 
     mass: Array

@@ -30,6 +30,9 @@ def campbell(
         spin_speeds: [rad/s] (speeds,)
         count: number of modes.
         damping: false leaves out all damping.
+
+    Raises:
+        BadInput: a number of modes that the model does not have.
     """
     size = int(layout_of(model).active.sum())
     if not 0 < count <= size:

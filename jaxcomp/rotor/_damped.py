@@ -33,7 +33,7 @@ class DampedModes(NamedTuple):
     Attributes:
         eigenvalue: [rad/s] (m,) lambda with a positive imaginary part; not a number where the model
             has fewer such modes.
-        shape: (m, nodes, dof) X, its largest entry one.
+        shape: [-] (m, nodes, dof) X, its largest entry one.
         whirl: [-] (m,) from 1 (forward) to -1 (backward), 0 for a motion in a plane; the share of
             the spinning sense in the squared lateral displacements.
         growth: [rad/s] largest real part of all eigenvalues but rigid motions: negative if stable.

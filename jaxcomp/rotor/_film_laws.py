@@ -31,6 +31,9 @@ class JournalFilm(Part):
         dynamic_viscosity: [Pa s]
         load: [N] (2,) static load on the journal along x and y.
         ring: "plain" for `Reynolds`, "grooved" for `GroovedReynolds`.
+
+    Raises:
+        BadInput: another ring.
     """
 
     kind: ClassVar[str] = "film"

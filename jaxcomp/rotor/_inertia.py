@@ -52,7 +52,16 @@ class PointMasses(Part):
 def solid_disk(
     node: Node, outer_diameter, inner_diameter, width, density, *, spins: bool = True
 ) -> Disks:
-    """One disk of rectangular section, from its dimensions [m] and density [kg/m3]."""
+    """One disk of rectangular section, from its dimensions and density.
+
+    Args:
+        node: where it sits.
+        outer_diameter: [m]
+        inner_diameter: [m] 0 without a hole.
+        width: [m]
+        density: [kg/m3]
+        spins: whether it turns with the shaft (gyroscopic terms).
+    """
     do, di = jnp.asarray(outer_diameter, float), jnp.asarray(inner_diameter, float)
     mass = density * jnp.pi / 4 * (do**2 - di**2) * width
     polar = mass * (do**2 + di**2) / 8

@@ -65,6 +65,9 @@ class Mount(Part):
         damping: [N s/m] (t,)
         angular_stiffness: [N m/rad] (r,) about the rotations that follow; absent for none.
         angular_damping: [N m s/rad] (r,)
+
+    Raises:
+        BadInput: dampings that do not go with the stiffnesses one by one.
     """
 
     kind: ClassVar[str] = "mount"
@@ -185,6 +188,9 @@ class SidePull(Part):
             stator.
         stiffness: [N/m] magnitude over the whole length of the core, positive.
         share: [-] (n,) part of it on each pair; absent: equal parts.
+
+    Raises:
+        BadInput: shares that are not one a pair, or do not add up to one.
     """
 
     nodes: tuple[tuple[Node, Node | None], ...] = eqx.field(static=True)
@@ -216,7 +222,12 @@ def isotropic(stiffness, damping=0.0, *, size: int = 2) -> ConstantLaw:
 
 
 def diagonal(stiffness, damping) -> ConstantLaw:
-    """Uncoupled axes, stiffness and damping (a,) each."""
+    """Uncoupled axes.
+
+    Args:
+        stiffness: [N/m] (a,) along the axes of the link, [N m/rad] about them.
+        damping: [N s/m] (a,) or [N m s/rad].
+    """
     return ConstantLaw(jnp.diag(jnp.asarray(stiffness)), jnp.diag(jnp.asarray(damping)))
 
 

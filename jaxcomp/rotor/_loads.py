@@ -46,6 +46,9 @@ class PeriodicForce(Part):
         moment_sine: [N m] (orders, 3)
         arm: [m] (3,) from the reaction node to the point of action; the reaction includes the
             moment of the force about its node. Absent: the two nodes coincide in space.
+
+    Raises:
+        BadInput: coefficients that are not three for each order, or a reaction on the same node.
     """
 
     node: Node = eqx.field(static=True)
@@ -82,6 +85,9 @@ class CrankNodes(Part):
             rod; see `loaded_films`.
         bearing_share: [-] (n,) share of that force by bearing; one half each if absent (paper 000,
             Eq. 6, where both sides of the crank count).
+
+    Raises:
+        BadInput: shares that are not one a bearing, or one of `rotor` and `stator` alone.
     """
 
     pin: Node = eqx.field(static=True)
@@ -177,7 +183,14 @@ def load_vector(
 def nodal_load(
     model: RotorModel, node: Node, axis: str, value: complex = 1.0
 ) -> Complex[Array, "n dof"]:
-    """[N], [N m] A load on one axis of one node."""
+    """[N], [N m] A load on one axis of one node.
+
+    Args:
+        model: the model.
+        node: where it acts.
+        axis: "ux", "thx" and so on, one of `AXES[model.dof]`.
+        value: [N] complex amplitude; [N m] on a rotation.
+    """
     at = (node_index(model, node), AXES[model.dof].index(axis))
     return jnp.zeros((layout_of(model).n, model.dof), complex).at[at].set(value)
 

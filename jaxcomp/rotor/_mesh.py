@@ -30,6 +30,9 @@ def stepped_shaft(
         elements: number of elements of each step.
         first: number of the first node.
         **columns: the other fields, one value or (steps,); end diameters make cones.
+
+    Raises:
+        BadInput: numbers of elements that are not one a step, or below one.
     """
     length = jnp.asarray(length, float)
     steps = length.shape[0]

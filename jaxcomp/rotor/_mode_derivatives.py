@@ -19,8 +19,8 @@ class ModeDerivatives(NamedTuple):
 
     Attributes:
         modes: the modes, in the basis of each cluster that the direction selects.
-        square: (m,) derivative of w^2.
-        shape: (m, nodes, dof) derivative of the shapes.
+        square: [rad2/s2] (m,) derivative of w^2, for one unit of the parameters.
+        shape: [-] (m, nodes, dof) the same of the shapes.
     """
 
     modes: Modes

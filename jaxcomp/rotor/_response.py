@@ -29,7 +29,7 @@ class Response(eqx.Module):
         spin_speed: [rad/s] W, (*batch).
         correction: [-] relative error left before the last sweep of refinement, (*batch).
         amplification: [-] dimensionless response per load, (*batch).
-        status: number of a word, see `words`, (*batch).
+        status: [-] number of a word, see `words`, (*batch).
     """
 
     displacement: Array
@@ -170,8 +170,8 @@ def receptance(
 
     Args:
         model: the model.
-        inputs: loads, for example from `nodal_load`.
-        outputs: directions in which the motion is read, for example from `nodal_load`.
+        inputs: [N] loads, [N m] on rotations, for example from `nodal_load`.
+        outputs: [-] directions in which the motion is read, for example from `nodal_load`.
         spin_speed: [rad/s]
         frequency: [rad/s]
         solver: "structured" or "dense".
@@ -194,7 +194,14 @@ def transmitted_forces(model: RotorModel, response: Response) -> Complex[Array, 
 def relative_displacement(
     model: RotorModel, response: Response, first: Node, second: Node
 ) -> Complex[Array, "*batch dof"]:
-    """[m], [rad] Motion of the first node as seen from the second, for example in a bearing."""
+    """[m], [rad] Motion of the first node as seen from the second, for example in a bearing.
+
+    Args:
+        model: the model.
+        response: of `respond` or `harmonic_response`.
+        first: the node that is looked at.
+        second: the node it is seen from.
+    """
     x, (a, b) = response.displacement, (node_index(model, node) for node in (first, second))
     return x[..., a, :] - x[..., b, :]
 

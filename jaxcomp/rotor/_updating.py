@@ -25,10 +25,10 @@ class Update(NamedTuple):
 
     Attributes:
         model: the model with the fitted parameters.
-        parameters: (p,) their values.
+        parameters: [SI] (p,) their values.
         frequency: [rad/s] (m,) natural frequencies of the fitted model.
         error: [-] (m,) relative errors against the measured ones.
-        steps: number of steps taken.
+        steps: [-] number of steps taken.
         converged: whether the solver met its tolerance.
         at_bound: (p,) where a parameter ended within a thousandth of its range from a bound, so that
             the data ask for a value outside of it.
@@ -62,9 +62,9 @@ def fit_frequencies(
     Args:
         model: the model to start from.
         insert: puts the parameters into the model, for example with `equinox.tree_at`.
-        start: (p,) first values, strictly between the bounds.
-        low: (p,) lower bounds.
-        high: (p,) upper bounds.
+        start: [SI] (p,) first values, strictly between the bounds.
+        low: [SI] (p,) lower bounds.
+        high: [SI] (p,) upper bounds.
         measured: [rad/s] (m,)
         modes: numbers of the measured modes, from zero, rigid motions and both of a pair counted.
         free: without bearings, as measured on a hanging rotor.

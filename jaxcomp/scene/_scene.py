@@ -68,7 +68,12 @@ class Scene:
 
 
 class Machine(NamedTuple):
-    """A bundled machine."""
+    """A bundled machine.
+
+    Attributes:
+        name: as `load` takes it.
+        description: one line.
+    """
 
     name: str
     description: str
@@ -113,7 +118,11 @@ def load(name_or_path: str | os.PathLike) -> Scene:
 
 
 def loads(text: str, file: str = "") -> Scene:
-    """Read a scene from TOML text; `file` is its name in messages.
+    """Read a scene from TOML text.
+
+    Args:
+        text: the scene.
+        file: its name in messages.
 
     Raises:
         SceneError: as `load`.
@@ -165,7 +174,14 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
 
 
 def with_value(scene: Scene, path: str, value: Any, source: str = "set by the user") -> Scene:
-    """`with_values` for a single value."""
+    """`with_values` for a single value.
+
+    Args:
+        scene: the scene, which stays as it is.
+        path: dotted path of the entry.
+        value: number in SI units, text with a unit, or list; `None` takes an optional one away.
+        source: where it comes from, for the tables.
+    """
     return with_values(scene, {path: value}, source)
 
 

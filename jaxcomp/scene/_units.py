@@ -42,7 +42,7 @@ def to_si(given: Any, unit: str, key: str, default_unit: str | None = None) -> n
         default_unit: unit of bare numbers, where one was given for all of them.
 
     Returns:
-        Array in `unit`; of shape () for a single value.
+        [SI] Array in `unit`; of shape () for a single value.
 
     Raises:
         SceneError: no number, another dimension, a missing unit, or a value that is not finite.

@@ -19,6 +19,14 @@ class Spring(Part):
     """A spring, with its damper, between a point of the block and the ground.
 
     Positions count in the mechanism's axes from the mechanism's origin.
+
+    Args:
+        position: [m] where it holds the block.
+        axial_stiffness: [N/m] along its axis.
+        lateral_stiffness: [N/m] across its axis.
+        axial_damping: [N s/m] along its axis.
+        lateral_damping: [N s/m] across its axis.
+        axis: [-] direction, of any length.
     """
 
     kind: ClassVar[str] = "spring"
@@ -102,7 +110,12 @@ def viscous_damping(
 
 
 def retuned(suspension: Suspension, factor: Float[Array, ""]) -> Suspension:
-    """The suspension with all natural frequencies times a factor, at the same damping ratios."""
+    """The suspension with all natural frequencies times a factor, at the same damping ratios.
+
+    Args:
+        suspension: the suspension.
+        factor: [-] on all natural frequencies.
+    """
 
     def scaled(spring):
         return replaced(

@@ -26,7 +26,7 @@ class Harmonics(eqx.Module):
     """Complex amplitudes of m quantities in the harmonics 1 to n of a rotation.
 
     Attributes:
-        amplitude: shape (m, n), in the unit of the quantity.
+        amplitude: [SI] shape (m, n), in the unit of the quantity.
         speed: [rad/s] of the first harmonic.
     """
 
@@ -40,7 +40,7 @@ class Harmonics(eqx.Module):
 
     @property
     def rms(self) -> Float[Array, " m"]:
-        """Root of the mean square of every quantity."""
+        """[SI] Root of the mean square of every quantity, in its unit."""
         power = jnp.sum(jnp.abs(self.amplitude) ** 2, axis=1) / 2
         # double where: a quantity that stands still has no slope of its root
         return jnp.where(power > 0, jnp.sqrt(jnp.where(power > 0, power, 1.0)), 0.0)
@@ -126,7 +126,13 @@ def free_body_response(suspension: Suspension, load: Harmonics) -> Harmonics:
 def point_motion(
     suspension: Suspension, response: Harmonics, point: Float[Array, "3"]
 ) -> Harmonics:
-    """Displacement [m] of a point [m] of the block, counted from the mechanism's origin."""
+    """Displacement [m] of a point of the block, counted from the mechanism's origin.
+
+    Args:
+        suspension: the suspension.
+        response: of its block, displacement and rotation [m, rad].
+        point: [m] of the block.
+    """
     matrix = motion_at(suspension, jnp.asarray(point))
     return Harmonics(matrix.astype(response.amplitude.dtype) @ response.amplitude, response.speed)
 
@@ -137,6 +143,11 @@ def free_body_error(
     """[-] Error of the free-body displacement of a point, over the true amplitude, by harmonic.
 
     One mass on one spring: the square of suspension frequency over running frequency.
+
+    Args:
+        suspension: the suspension.
+        load: [N, N m] force and moment on the block.
+        point: [m] of the block.
     """
     true, free = (
         point_motion(suspension, response(suspension, load), point).amplitude
@@ -146,14 +157,24 @@ def free_body_error(
 
 
 class BlockMotion(eqx.Module):
-    """Displacement [m, rad] and velocity [m/s, rad/s] of the block, shape (6,) or (t, 6)."""
+    """Displacement, rotation and their velocities of the block.
+
+    Attributes:
+        displacement: [m, rad] (6,) or (t, 6).
+        velocity: [m/s, rad/s] of the same shape.
+    """
 
     displacement: Float[Array, "*t 6"]
     velocity: Float[Array, "*t 6"]
 
 
 def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
-    """The settled vibration at instants [s]."""
+    """The settled vibration at instants [s].
+
+    Args:
+        response: [m, rad] of the block.
+        time: [s] (t,)
+    """
     rate = Harmonics(1j * response.frequency * response.amplitude, response.speed)
     return BlockMotion(response.at(time).T, rate.at(time).T)
 

@@ -20,7 +20,12 @@ from ..mechanism._base import cross, rotating
 
 
 class Wrench(NamedTuple):
-    """Force [N] and moment [N m] on the block in x, y, z, shape (3, n)."""
+    """Force and moment on the block in x, y, z.
+
+    Attributes:
+        force: [N] (3, n)
+        moment: [N m] (3, n)
+    """
 
     force: Float[Array, "3 *n"]
     moment: Float[Array, "3 *n"]

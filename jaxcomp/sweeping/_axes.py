@@ -35,7 +35,7 @@ class Distribution(NamedTuple):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """What the variable must allow: the ends, of a normal distribution its mean."""
+        """[SI] What the variable must allow: the ends, of a normal distribution its mean."""
         return (self.first, self.first if self.kind == "normal" else self.second)
 
 
@@ -66,7 +66,11 @@ def log_grid(low: float, high: float, count: int) -> Values:
 
 
 def uniform(low: float, high: float) -> Distribution:
-    """Every value between two ends [SI] is as likely.
+    """Every value between two ends is as likely.
+
+    Args:
+        low: [SI] the lower end.
+        high: [SI] the upper end.
 
     Raises:
         BadInput: a range that does not rise.
@@ -75,7 +79,11 @@ def uniform(low: float, high: float) -> Distribution:
 
 
 def log_uniform(low: float, high: float) -> Distribution:
-    """Every ratio between two ends [SI] is as likely.
+    """Every ratio between two ends is as likely.
+
+    Args:
+        low: [SI] the lower end.
+        high: [SI] the upper end.
 
     Raises:
         BadInput: a range that does not rise or is not above zero.

@@ -30,7 +30,7 @@ class Shown(NamedTuple):
     Attributes:
         words: its name.
         unit: in which it is shown, "" for a pure number.
-        factor: from SI to that unit.
+        factor: [-] from SI to that unit.
     """
 
     words: str
@@ -43,7 +43,7 @@ class Shown(NamedTuple):
         return f"{self.words}, {self.unit}" if self.unit else self.words
 
     def text(self, value: float, digits: int = 5) -> str:
-        """A value [SI] with its unit."""
+        """A value [SI] with its unit, to so many `digits`."""
         return f"{value * self.factor:.{digits}g} {self.unit}".strip()
 
 
@@ -70,5 +70,10 @@ def shown(name: str, unit: str, values) -> Shown:
 
 
 def shown_column(found, name: str) -> Shown:
-    """How a variable or quantity of a sweep is shown."""
+    """How a variable or quantity of a sweep is shown.
+
+    Args:
+        found: data set of `sweep`.
+        name: of the variable or quantity.
+    """
     return shown(name, found[name].attrs.get("units", ""), found[name].values)
