@@ -3,6 +3,9 @@
 Nothing heavy is imported before a command needs it, so that help and completion answer at once.
 """
 
+import inspect
+import textwrap
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -33,20 +36,35 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _flowing(text: str | None) -> str:
+    """Help with one line a paragraph, which the width of the terminal breaks; indented lines stay."""
+    paragraphs = inspect.cleandoc(text or "").split("\n\n")
+    return "\n\n".join(
+        textwrap.dedent(one) if one.startswith(" ") else one.replace("\n", " ")
+        for one in paragraphs
+    )
+
+
+def _add(name: str, command: Callable[..., None], panel: str) -> None:
+    app.command(name, help=_flowing(command.__doc__), rich_help_panel=panel)(command)
+
+
 _MACHINES, _ANALYSE, _DESIGN = "Machines", "Analyse one machine", "Design and balance"
-app.command("new", rich_help_panel=_MACHINES)(new)
-app.command("check", rich_help_panel=_MACHINES)(check)
-app.command("list", rich_help_panel=_MACHINES)(list_machines)
-app.command("run", rich_help_panel=_ANALYSE)(run)
-app.command("animate", rich_help_panel=_ANALYSE)(animate)
-app.command("respond", rich_help_panel=_ANALYSE)(respond)
-app.command("modes", rich_help_panel=_ANALYSE)(modes)
-app.command("bearing", rich_help_panel=_ANALYSE)(bearing)
-app.command("accuracy", rich_help_panel=_ANALYSE)(accuracy)
-app.command("balance", rich_help_panel=_DESIGN)(balance)
-app.command("optimise", rich_help_panel=_DESIGN)(optimise)
-app.command("sweep", rich_help_panel=_DESIGN)(sweep)
-app.command("tolerance", rich_help_panel=_DESIGN)(tolerance)
+_add("new", new, _MACHINES)
+_add("check", check, _MACHINES)
+_add("list", list_machines, _MACHINES)
+_add("run", run, _ANALYSE)
+_add("animate", animate, _ANALYSE)
+_add("respond", respond, _ANALYSE)
+_add("modes", modes, _ANALYSE)
+_add("bearing", bearing, _ANALYSE)
+_add("accuracy", accuracy, _ANALYSE)
+_add("balance", balance, _DESIGN)
+_add("optimise", optimise, _DESIGN)
+_add("sweep", sweep, _DESIGN)
+_add("tolerance", tolerance, _DESIGN)
 
 
 def _show_version(wanted: bool) -> None:

@@ -74,9 +74,17 @@ def balance(
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
-    """Find the masses that balance a machine at its target planes.
+    r"""Find the masses that balance a machine at its target planes.
 
     Example: [bold]jaxcomp balance hermetic-68cc --speeds 3000rpm,3600rpm --out result[/bold]
+
+    A file for --measured has a line for each reading: of the initial run, and of a run with a trial
+    weight in each plane, which gives the run its name and is taken off again. Phase and angle count in
+    the same sense.
+
+        run,target,speed \[rpm],amplitude \[mm/s],phase \[deg],trial \[g mm],angle \[deg]
+        initial,bearing-1,3000,7.2,238,,
+        plane-1,bearing-1,3000,4.9,114,120,0
     """
     if (machine is None) == (measured is None):
         raise CommandError("balance: needs either a machine or --measured FILE")
@@ -121,7 +129,8 @@ def balance(
 
         with progress("Drawing ..."):
             write_results(out, balance_figures(result), result, system.scene, tables)
-    show_results(result, tables, as_json, out)
+    written = "Report, pictures, result and scene" if machine else "Report, pictures and result"
+    show_results(result, tables, as_json, out, written)
 
 
 def _names(text: str | None) -> list[str] | None:

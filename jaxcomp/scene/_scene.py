@@ -4,7 +4,7 @@ import copy
 import dataclasses
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module, resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -107,7 +107,10 @@ def load(name_or_path: str | os.PathLike) -> Scene:
         files = (str(other) for other in path.parent.glob("*.toml"))
         raise SceneError("", f"cannot be read: No such file{hint(given, files)}", file=given)
     else:
-        near = did_you_mean(given, _bundled())
+        file = f"{given}.toml"
+        near = (
+            f'; did you mean "{file}"?' if Path(file).exists() else did_you_mean(given, _bundled())
+        )
         raise SceneError("", f'no machine and no file has the name "{given}"{near}')
     try:
         return loads(read().decode("utf-8"), file)
@@ -222,6 +225,15 @@ def _check_beside(name: str, part: Part, parts: Mapping[str, Part]) -> None:
         raise SceneError(key, f"must be {error.bound}", error.value) from None
 
 
+def _places(table: Mapping[str, Any], key: str, path: str = "") -> Iterator[str]:
+    """Paths in the sections below a table that end in a key."""
+    for name, section in table.items():
+        if is_section(section):
+            if key in section:
+                yield join(join(path, name), key)
+            yield from _places(section, key, join(path, name))
+
+
 def _bundled() -> dict[str, Any]:
     folder = resources.files("jaxcomp.machines")
     return {f.name[:-5]: f for f in folder.iterdir() if f.name.endswith(".toml")}
@@ -242,7 +254,10 @@ def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str]) ->
     unknown = [key for key in document if key not in {*own, *_HEADER, *SECTIONS}]
     for key in unknown:
         what = "section" if is_section(document[key]) else "key"
+        places = list(_places(document, key))
         near = did_you_mean(key, {*own, *_HEADER, *SECTIONS})
+        if places:
+            near = "; did you mean {}?".format(" or ".join(f'"{place}"' for place in places))
         reader.problems.append(SceneError(key, f"is an unknown {what}{near}"))
     source = document.get("source")
     compressor, parts = None, {}

@@ -6,13 +6,17 @@ The table is CSV with a header. One line is one reading:
     initial,bearing-1,3000,7.2,238,,
     plane-1,bearing-1,3000,4.9,114,120,0
 
-`run` is `initial`, or the name of the plane that holds the trial weight. The vibration may have any
-unit as long as it is one; its name is kept for the tables.
+`run` is `initial`, or the name of the plane that holds the trial weight, which is taken off again
+before the next run. The vibration may have any unit as long as it is one; its name is kept for the
+tables. `phase` and `angle` count in the same sense, both with the rotation or both against it; so do
+the angles of the corrections. Semicolons may stand between the cells, with decimal commas in them.
 """
 
 import csv
+import io
 import os
 import re
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +27,9 @@ from ._units import to_si
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
 _UNITS = {"speed": "rad/s", "phase": "rad", "trial": "kg m", "angle": "rad"}
+_EXAMPLE = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 _INITIAL = "initial"
+_DECIMAL_COMMA = re.compile(r"\s*([-+]?\d*),(\d+)\s*")
 
 
 class Measured(NamedTuple):
@@ -48,7 +54,7 @@ def read_measurements(path: str | os.PathLike) -> Measured:
     name = os.fspath(path)
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
-            lines = [line for line in csv.reader(file) if any(cell.strip() for cell in line)]
+            lines = [cells for cells in _cells(file.read()) if any(cell.strip() for cell in cells)]
     except OSError as error:
         raise SceneError("", f"cannot be read: {error.strerror}", file=name) from None
     except UnicodeDecodeError:
@@ -57,6 +63,18 @@ def read_measurements(path: str | os.PathLike) -> Measured:
         return _measured(lines)
     except SceneError as error:
         raise error.in_file(name) from None
+
+
+def _cells(text: str) -> Iterator[list[str]]:
+    if ";" not in text.partition("\n")[0]:
+        return csv.reader(io.StringIO(text))
+    table = csv.reader(io.StringIO(text), delimiter=";")
+    return ([_decimal_point(cell) for cell in cells] for cells in table)
+
+
+def _decimal_point(cell: str) -> str:
+    number = _DECIMAL_COMMA.fullmatch(cell)
+    return f"{number[1]}.{number[2]}" if number else cell
 
 
 def _measured(lines) -> Measured:
@@ -114,15 +132,15 @@ def _header(cells) -> dict[str, str]:
         match = re.fullmatch(r"\s*(\w+)\s*(?:\[(.*)\])?\s*", cell)
         name = match[1].lower() if match else cell
         if match is None or name not in _COLUMNS:
-            raise SceneError(cell.strip(), f"is an unknown column; known are {', '.join(_COLUMNS)}")
+            raise SceneError(cell.strip(), f'is an unknown column; known are those of "{_EXAMPLE}"')
         if name in units:
             raise SceneError(name, "is there twice")
         units[name] = (match[2] or "").strip()
     for name in _COLUMNS:
         if name not in units:
-            raise SceneError(name, "is a missing column")
+            raise SceneError(name, f'is a missing column; a header is "{_EXAMPLE}"')
         if name in _UNITS and not units[name]:
-            raise SceneError(name, f'needs its unit in the header, such as "{name} [..]"')
+            raise SceneError(name, f'needs its unit in the header, as in "{_EXAMPLE}"')
     return units
 
 
