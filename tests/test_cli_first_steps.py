@@ -87,3 +87,19 @@ def test_a_file_without_its_ending_is_recognised(tmp_path):
     (tmp_path / "pump.toml").write_text(start("slider-crank", "pump"))
     with pytest.raises(SceneError, match=r'did you mean "\S*pump\.toml"\?'):
         load(tmp_path / "pump")
+
+
+def test_design_variables_of_other_mechanisms_are_not_offered():
+    shown = CliRunner().invoke(app, ["run", "mayekawa-wbhe", "--design", "stroke=60mm"])
+    assert shown.exit_code == 2
+    assert "known here: bore, stroke_bore_ratio" in shown.stderr
+    assert "piston_clearance" not in shown.stderr
+
+
+def test_names_of_contributors_are_not_broken():
+    name = "friction.main_journal.coefficient"
+    words = ["mayekawa-wbhe", "--quantity", "swept_volume", "--samples", "64", "--vary"]
+    words += [f"{name}=+-10 %", "--vary", "mechanism.bore=+-0.1 mm", "--curvature", "none"]
+    shown = CliRunner().invoke(app, ["tolerance", *words], env={"COLUMNS": "80"})
+    assert name in shown.stdout
+    assert max(map(len, shown.stdout.splitlines())) <= 80

@@ -45,7 +45,7 @@ def changed_scene(name_or_path: str, sets: Sequence[str], designs: Sequence[str]
         CommandError, SceneError, BadInput: what cannot be read, set or designed.
     """
     from .. import scene as scenes
-    from ..design import design_rules
+    from ..design import design_of, design_rules, variable_names
 
     scene = scenes.load(name_or_path)
     changes = {path: entry(text) for path, text in assignments(sets, "--set").items()}
@@ -53,7 +53,8 @@ def changed_scene(name_or_path: str, sets: Sequence[str], designs: Sequence[str]
         scene = scenes.with_values(scene, changes, source="set on the command line")
     for name, text in assignments(designs, "--design").items():
         if name not in design_rules:
-            hint = scenes.did_you_mean(name, design_rules)
+            known = [rule for rule in variable_names(design_of(scene)) if rule in design_rules]
+            hint = scenes.did_you_mean(name, known)
             raise CommandError(f"--design {name}={text}: is no design variable{hint}")
         rule = design_rules[name]
         given = entry(text)

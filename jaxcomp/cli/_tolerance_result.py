@@ -213,11 +213,13 @@ def _entries(found: Tolerances, result):
 def _contributors(found: Tolerances, name: str):
     place = found.names.index(name)
     look = shown(name, found.problem.units[place], found.value[place])
-    heads = ("Contributors to " + look.words[:1].lower() + look.words[1:], "Share of variance")
+    title = "Contributors to " + look.words[:1].lower() + look.words[1:]
     ends = (f"Low limit, {look.unit}", f"High limit, {look.unit}") if look.unit else ("Low", "High")
-    table = _table(None, *heads, *ends, numbers=True)
-    table.columns[0].overflow = "fold"
+    table = _table(title, "Variable", "Share of variance", *ends, numbers=True)
     ranked = found.ranking(name)
+    # a name is broken where it would leave the numbers no room in 80 columns
+    table.columns[0].no_wrap = max(len(variable) for variable, _ in ranked[:_ROWS]) <= 45
+    table.columns[0].overflow = "fold"
     for variable, share in ranked[:_ROWS]:
         swing = found.swings[:, found.variables.index(variable), place]
         cells = (_cell(x, look.factor) for x in swing)

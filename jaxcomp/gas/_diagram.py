@@ -29,8 +29,8 @@ class CrankAngleTable(AbstractDiagram):
 
     Args:
         back_pressure: [Pa] absolute, behind the piston.
-        angle: [rad] (k,) rising, within one turn.
-        cylinder_pressure: [Pa] (k,) absolute, at those angles.
+        angle: [rad] (n,) rising, within one turn.
+        cylinder_pressure: [Pa] (n,) absolute, at those angles.
     """
 
     kind: ClassVar[str] = "crank_angle_table"
@@ -61,7 +61,9 @@ class CrankAngleTable(AbstractDiagram):
 
 
 class FourierDiagram(AbstractDiagram):
-    r"""Pressure $p = a_0 + \sum_k a_k\cos k\theta + b_k\sin k\theta$.
+    r"""Pressure over crank angle by its harmonics.
+
+    $$p = a_0 + \sum_k a_k\cos k\theta + b_k\sin k\theta$$
 
     Args:
         back_pressure: [Pa] absolute, behind the piston.
@@ -94,9 +96,9 @@ class VolumeTable(AbstractDiagram):
 
     Args:
         back_pressure: [Pa] absolute, behind the piston.
-        volume: [-] (k,) displaced over swept volume, rising from 0 to 1.
-        inward_pressure: [Pa] (k,) absolute, while the piston moves towards the head.
-        outward_pressure: [Pa] (k,) the same while it moves away.
+        volume: [-] (n,) displaced over swept volume, rising from 0 to 1.
+        inward_pressure: [Pa] (n,) absolute, while the piston moves towards the head.
+        outward_pressure: [Pa] (n,) the same while it moves away.
     """
 
     kind: ClassVar[str] = "volume_table"
