@@ -23,7 +23,7 @@ class Compressor(Part):
         motor: drives the crank.
         gas: loads the piston; `None` for a machine that turns in vacuum.
         friction: the laws of the mechanism's joints; `None` for ideal joints.
-        gravity: [m/s^2] field in x and y of the mechanism's frame; `None` leaves weights out.
+        gravity: [m/s^2] field in x and y of the mechanism's frame; without it weights are left out.
 
     Raises:
         ValueError: friction of another mechanism's kind.

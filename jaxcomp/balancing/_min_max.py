@@ -1,8 +1,9 @@
 r"""The balance whose largest weighted vibration is smallest.
 
-Lawson's method: least squares with row weights $\lambda_k$, $\sum\lambda_k = 1$, which grow where the
-vibration is large. The weights are the multipliers of the dual problem, so that every step carries
-its own proof: for any of them
+Lawson's method (C. L. Lawson 1961, Contributions to the theory of linear least maximum approximation,
+thesis, University of California): least squares with row weights $\lambda_k$, $\sum\lambda_k = 1$,
+which grow where the vibration is large. The weights are the multipliers of the dual problem, so that
+every step carries its own proof: for any of them
 
 $$\Big(\min_B \sum_k \lambda_k |r_k|^2\Big)^{1/2} \le \min_B \max_k |r_k| \le \max_k |r_k| .$$
 """

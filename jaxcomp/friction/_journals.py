@@ -45,7 +45,7 @@ class AbstractOilJournal(AbstractJournal):
 
 
 class PetroffJournal(AbstractOilJournal):
-    r"""Concentric film, $M = \pi\eta\omega l d r/\psi$ whatever the load (Eq. 19).
+    r"""Concentric film, $M = \pi\eta\omega l d r/\psi$ whatever the load (Dagilis et al., Eq. 19).
 
     Args:
         diameter: [m] d, of pin or journal.
@@ -66,7 +66,7 @@ class PetroffJournal(AbstractOilJournal):
 
 
 class LoadedPetroffJournal(AbstractOilJournal):
-    r"""Petroff's moment with Falz' share of the load (Eq. 20, corrected).
+    r"""Petroff's moment with Falz' share of the load (Dagilis et al., Eq. 20, corrected).
 
     $$M = \pi\eta\omega l d r/\psi + 0.55\,\psi\,\xi F r\,\mathrm{sgn}\,\omega, \qquad
       \xi = (d/l)^{1.5}\ (l < d),\quad 1\ (l \ge d)$$
@@ -158,7 +158,7 @@ class AbstractDrag(Part):
 
 
 class ThrustBearing(AbstractDrag):
-    r"""Flat ring under the weight of the shaft, uniform pressure (Eq. 24).
+    r"""Flat ring under the weight of the shaft, uniform pressure (Dagilis et al., Eq. 24).
 
     $$M = \tfrac23\mu\, m_r g\, \frac{R_t^3 - r_t^3}{R_t^2 - r_t^2}$$
 
@@ -193,7 +193,7 @@ class ThrustBearing(AbstractDrag):
 
 
 class OilPump(AbstractDrag):
-    """A constant torque (M_p of Eq. 29), against the rotation.
+    """A constant torque (M_p of Dagilis et al., Eq. 29), against the rotation.
 
     Args:
         torque: [N m] M_p.

@@ -33,7 +33,7 @@ _FIRST_STEPS, _POLISH_STEPS = 1, 2
 
 
 class SliderCrankFriction(Part):
-    """Friction laws of a slider-crank. A joint whose law is `None` is frictionless and costs nothing.
+    """Friction laws of a slider-crank. A joint without a law (`None`) has no friction and no cost.
 
     Args:
         wall: piston and cylinder, under the side force.

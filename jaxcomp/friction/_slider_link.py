@@ -38,7 +38,7 @@ _NEWTON_STEPS, _POLISH_STEPS = 3, 2
 
 
 class SliderLinkFriction(Part):
-    """Friction laws of a slider-link machine. A place whose law is `None` is frictionless.
+    """Friction laws of a slider-link machine. A place without a law (`None`) is frictionless.
 
     The laws of `wall` and `link_slider` must be proportional to the load, as Coulomb's is.
 

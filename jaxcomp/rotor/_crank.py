@@ -7,6 +7,10 @@ rod and piston, and nothing else. The crank's own unbalance belongs to `Unbalanc
 
 The frames are the same: x along the cylinder, the crank turns from x to y. The harmonics are those
 of time, with the crank at angle zero at W t = 0 on the mean; W is the mean speed.
+
+Source: *Balancing a hermetic single-cylinder refrigeration compressor* (paper 000), Eq. (5), where
+polynomials are fitted first; here the forces themselves are integrated. The mean force in the bearings
+is its Eq. (6).
 """
 
 from typing import TYPE_CHECKING, NamedTuple

@@ -1,4 +1,8 @@
-r"""Journal bearings between two nodes: stiffness and damping of the film at its static load."""
+r"""Journal bearings between two nodes: stiffness and damping of the film at its static load.
+
+Source: *Balancing a hermetic single-cylinder refrigeration compressor* (paper 000), Eqs. (6) and (7),
+whose number is Someya's with the speed in rev/s.
+"""
 
 from typing import ClassVar, Literal
 

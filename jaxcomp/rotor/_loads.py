@@ -108,7 +108,7 @@ class CrankNodes(Part):
 
 
 class LoadCase(Part):
-    """The loads of a scene file.
+    """Unbalances, periodic forces, and where the forces of the crank act.
 
     Args:
         unbalances: tables of unbalances.

@@ -1,4 +1,9 @@
-r"""Harmonic response at any order and speed, and what is read off it."""
+r"""Harmonic response at any order and speed, and what is read off it.
+
+[K(W) - w^2 M + i w (C(W) + W G)] X = F with w = n W at order n; the gyroscopic matrix G counts with
+the spin speed W whatever n is. Source: Eq. (1) of *Balancing a hermetic single-cylinder refrigeration
+compressor* (paper 000).
+"""
 
 import equinox as eqx
 import jax

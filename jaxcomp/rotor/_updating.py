@@ -4,6 +4,9 @@ Bounded parameters p = low + (high - low) (1 + sin t)/2 are moved by Levenberg-M
 relative errors of the frequencies, with the exact derivatives of the eigenvalues. (A sigmoid would
 put the bounds at infinity, where the solver creeps.) The frequencies of a pair
 count once: `modes` says which numbers in the list of all modes were measured.
+
+Source of the task: *Balancing a hermetic single-cylinder refrigeration compressor* (paper 000),
+section 3.2, where diameters of crank pin and crank arm are fitted.
 """
 
 from collections.abc import Callable
