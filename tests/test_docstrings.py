@@ -355,17 +355,7 @@ def test_a_unit_that_is_not_the_declared_one_is_seen():
     assert complaints(Pipe) == ["`bore` is declared in [m]"]
 
 
-# Both rooms still lack units of probabilities and counts, and what is built inside them its entries.
-_LACKING = ("tolerancing", "work_precision")
-
-
-@pytest.mark.parametrize(
-    "room",
-    [
-        pytest.param(room, marks=pytest.mark.xfail(strict=True) if room in _LACKING else ())
-        for room in _rooms()
-    ],
-)
+@pytest.mark.parametrize("room", _rooms())
 def test_public_docstrings_are_complete(room):
     found = {path: pair for path, pair in _described().items() if _room(pair[0]) == room}
     lacking = [

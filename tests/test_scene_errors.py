@@ -83,11 +83,11 @@ BAD = {
     ),
     "missing part": (
         GOOD.split("[motor]")[0],
-        "motor: is missing; it must be a section of type constant_torque or kloss or mean_speed",
+        "motor: is missing; it must be a section of type constant_speed or constant_torque or kloss",
     ),
     "missing type": (
         replaced('type = "mean_speed"', ""),
-        "motor.type: is missing; it must be one of: constant_torque, kloss, mean_speed, slip_line",
+        "motor.type: is missing; it must be one of: constant_speed, constant_torque, kloss, mean_speed, slip_line",
     ),
     "unknown type": (
         replaced('"polytropic"', '"polytrope"'),

@@ -58,12 +58,13 @@ class Reliability(NamedTuple):
 
     Attributes:
         limit: the limit.
-        sampled: share of the samples that break it, with its 95 % interval in `sampled_interval`.
+        sampled: [-] share of the samples that break it.
+        sampled_interval: [-] its 95 % interval.
         beta: [-] distance of the nearest point; negative if the mean machine breaks the limit; NaN
             if none was found.
-        first_order, second_order: probabilities; NaN if no point was found, or if the limit bends
+        first_order, second_order: [-] probabilities; NaN if no point was found, or if the limit bends
             too much for the second order.
-        near_points, near_points_error: probability by samples about the nearest points, and its
+        near_points, near_points_error: [-] probability by samples about the nearest points, and its
             standard error; NaN as above.
         points: [-] (points, variables) u of the nearest points, the nearest first.
         design: [SI] (variables,) the most likely machine that breaks the limit.

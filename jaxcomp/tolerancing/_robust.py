@@ -25,6 +25,15 @@ from ._within import Within
 class Robust:
     """A quantity of a design that counts its scatter; see `robust`.
 
+    Args:
+        asked: the quantity.
+        variables: that scatter.
+        scatter: of these.
+        normals: (samples, variables) standard normal values, one machine a row.
+        weights: of the sorted values, for a quantile; `None` for the mean and its deviation.
+        sigmas: standard deviations to be added; only without weights.
+        name: of the objective.
+
     Attributes:
         changes: names of the variables that it scatters.
     """

@@ -85,7 +85,11 @@ class Tolerances(NamedTuple):
         for place, name in enumerate(self.names):
             out += _disagreements(self, place, name)
         for one in self.reliability:
-            if not one.agrees:
+            if not len(one.points):
+                side = "above" if one.limit.above else "below"
+                out.append(f"{one.limit.quantity}: no machine within 12 deviations is {side} "
+                           f"{one.limit.bound:g}")  # fmt: skip
+            elif not one.agrees:
                 low, high = one.sampled_interval
                 out.append(
                     f"{one.limit.quantity}: first-order probability {one.first_order:.3g} of breaking "

@@ -31,17 +31,17 @@ class Within(NamedTuple):
 
     @property
     def middle(self) -> float:
-        """Mean deviation."""
+        """[SI] Mean deviation; [-] if relative."""
         return (self.low + self.high) / 2
 
     @property
     def half(self) -> float:
-        """From the middle to a limit."""
+        """[SI] From the middle to a limit; [-] if relative."""
         return (self.high - self.low) / 2
 
     @property
     def deviation(self) -> float:
-        """Standard deviation."""
+        """[SI] Standard deviation; [-] if relative."""
         return self.half * math.sqrt(self._moments[0])
 
     @property
@@ -51,7 +51,7 @@ class Within(NamedTuple):
         return fourth / second**2 - 3
 
     def at(self, normal: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """The deviation that stands where a standard normal variable has this value."""
+        """[SI] The deviation that stands where a standard normal variable has this value [-]."""
         return self.middle + self.half * self._share(jnp.asarray(normal, float))
 
     @property
@@ -91,7 +91,8 @@ def within(
 
     Args:
         tolerance: [SI] limits of the deviation; shares of the nominal value if relative.
-        distribution, sigmas, relative: see `Within`.
+        distribution, relative: see `Within`.
+        sigmas: [-] see `Within`.
 
     Raises:
         BadInput: limits that do not rise, an unknown distribution, or sigmas out of bounds.

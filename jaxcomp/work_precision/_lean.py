@@ -32,7 +32,7 @@ class SceneCost(NamedTuple):
         name: what it has.
         quantity: what is asked of it.
         value: [SI]
-        flops: operations of the compiled program, loop bodies counted once.
+        flops: [-] operations of the compiled program, loop bodies counted once.
         loops: loops in the compiled program.
         compile_seconds: [s]
         seconds: [s] median of several warm calls.
@@ -50,7 +50,14 @@ class SceneCost(NamedTuple):
 
 
 class LeanScene(NamedTuple):
-    """A scene to be priced: a design, how it is worked out, and what is asked of it."""
+    """A scene to be priced: a design, how it is worked out, and what is asked of it.
+
+    Attributes:
+        name: what it has.
+        design: the machine.
+        chain: how it is worked out.
+        quantity: what is asked.
+    """
 
     name: str
     design: Design

@@ -16,6 +16,10 @@ _LEAST = 3
 class Program:
     """A compiled function, with what it took to compile it.
 
+    Args:
+        function: to be compiled.
+        arguments: of one call; arrays among them may change from call to call, in their values.
+
     Attributes:
         seconds: [s] to trace and to compile.
         flops: operations of the compiled program by XLA's count: the body of a loop counts once,

@@ -43,7 +43,7 @@ class Row(NamedTuple):
         seconds: [s] median of several warm calls.
         compile_seconds: [s] of the program it runs, which other settings of the method may share.
         passes: iterations, Newton steps or steps, as the method counts them; `None` for none.
-        flops: operations of the program, loop bodies counted once; `None` where nothing is compiled.
+        flops: [-] operations of the program, loop bodies counted once; `None` where nothing is compiled.
     """
 
     method: str
@@ -60,7 +60,7 @@ class Order(NamedTuple):
 
     Attributes:
         expected: order of the method.
-        observed: slope of error over step in logarithms.
+        observed: [-] slope of error over step in logarithms.
     """
 
     expected: int
@@ -100,7 +100,12 @@ class Report(NamedTuple):
         return max(row.error, self.reference.floor)
 
     def cheapest(self, error: float, method: str | None = None) -> Row | None:
-        """The fastest setting with at most this error, of one method or of all; `None` for none."""
+        """The fastest setting with at most this error, of one method or of all; `None` for none.
+
+        Args:
+            error: [-] relative, that is allowed.
+            method: name of one; absent: all.
+        """
         good = [
             row
             for row in self.rows
