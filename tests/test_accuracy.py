@@ -68,6 +68,7 @@ def test_impossible_questions_are_refused_by_name():
         assert caught.value.field == field
 
 
+@pytest.mark.slow
 def test_scipy_on_the_same_law_comes_to_the_same_efficiency():
     scene = load("mayekawa-wbhe")
     machine = scene.compressor
@@ -102,6 +103,7 @@ def orders():
     return accuracy(load("mayekawa-wbhe"), "mean_speed", "order")
 
 
+@pytest.mark.slow
 def test_fixed_steps_show_the_orders_of_their_methods(orders):
     found = {name: order.observed for name, order in orders.orders.items()}
     # of the four finest settings above rounding; the eighth order has them at 2 to 5 steps a stretch
@@ -114,6 +116,7 @@ def test_fixed_steps_show_the_orders_of_their_methods(orders):
         assert found[name] == pytest.approx(expected, abs=room), found
 
 
+@pytest.mark.slow
 def test_collocation_and_an_eighth_order_method_end_at_the_same_speed(orders):
     # rounding of a few hundred steps
     assert orders.reference.floor < 1e-12

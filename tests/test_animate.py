@@ -22,7 +22,9 @@ from jaxcomp.scene import loads, start, with_values
 SOLVER = Collocation(nodes=10, kinks=0, tolerance=1e-8)  # compiles fast; pictures need no more
 
 
-@pytest.fixture(scope="module", params=["slider-crank", "slider-link"])
+@pytest.fixture(
+    scope="module", params=["slider-crank", pytest.param("slider-link", marks=pytest.mark.slow)]
+)
 def turning(request):
     """A machine of either drive with its turn; the journals of the slider-link by closed formulas."""
     scene = loads(start(request.param, "m"))
@@ -148,6 +150,7 @@ def spinning():
     return model, before, after
 
 
+@pytest.mark.slow
 def test_balance_picture_exaggerates_by_the_factor_it_names(spinning):
     model, before, after = spinning
     motion = balance_motion(model, before, after, frames=4)

@@ -110,6 +110,7 @@ def test_multi_stage_beats_the_rotor_alone_at_the_housing(no_cache):
     assert ends[0] == pytest.approx(120e-6, rel=0.01)
 
 
+@pytest.mark.slow
 def test_forces_of_the_crank_model_shake_it_more():
     crank = found("hermetic-68cc", "--excitation", "crank", "--speeds", "3000rpm")
     assert crank["excitation"] == "crank"

@@ -135,6 +135,7 @@ def test_tables_show_optimum_starts_and_evidence():
         assert word in text, word
 
 
+@pytest.mark.slow
 def test_front_of_two_objectives(tmp_path):
     out = tmp_path / "front"
     front = found(*BORE, *SMALL, "--pareto", "speed_fluctuation", "--points", "4", "--out", out)

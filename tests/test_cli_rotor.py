@@ -376,6 +376,7 @@ def test_respond_prints_what_the_library_finds(file, tmp_path):
         assert text in table.stdout, text
 
 
+@pytest.mark.slow
 def test_modes_prints_what_the_library_finds(file, tmp_path):
     folder = tmp_path / "out"
     arguments = ("modes", file, "--count", "6", "--speeds", "300rpm:9000rpm:12")

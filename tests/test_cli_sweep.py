@@ -104,6 +104,7 @@ def test_tables_speak_in_millimetres_and_per_cent(best_bores, folder):
     assert str(folder) in text.replace("\n", "")
 
 
+@pytest.mark.slow
 def test_a_line_of_designs_is_listed_and_failures_are_named():
     text = run("--over", "friction.wall.coefficient=0.083,40", *FAST).stdout
     assert "1 failed" in text

@@ -169,6 +169,7 @@ def test_only_what_is_asked_for_is_computed(scene):
 
 
 # ---------------------------------------------------------------- the whole chain
+@pytest.mark.slow
 def test_vibration_is_that_of_the_influence_coefficients(scene):
     places = scene.parts["balancing"]
     corrections = np.array([[3e-4, -2e-4], [-5e-4, 1e-4]])

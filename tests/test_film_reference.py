@@ -61,6 +61,7 @@ def test_errors_fall_with_the_square_of_the_cells(options):
         assert np.all(changes[:-1] / changes[1:] > 3)
 
 
+@pytest.mark.slow
 def test_half_sommerfeld_meets_the_series():
     """Finite volumes on the closed ring against the series: two codes with nothing in common."""
     eps, q = 0.5, 1.0
@@ -93,6 +94,7 @@ def test_short_bearing_is_ocvirks():
     assert np.all(errors[-1] < [5e-3, 5e-3, 3e-2])
 
 
+@pytest.mark.slow
 def test_pressure_field_carries_the_load():
     """The field as it is handed out, integrated by the trapezoidal rule."""
     for options in ({}, {"grooved": True}, {"cavitation": "guembel"}):

@@ -69,6 +69,7 @@ def test_both_solvers_hand_it_out(held, orbit):
     assert float(found.mechanical_efficiency) == float(orbit.mechanical_efficiency)
 
 
+@pytest.mark.slow
 def test_derivatives_equal_differences(held):
     def loss(speed, bore):
         changed = eqx.tree_at(lambda c: (c.motor.mean_speed, c.mechanism.bore), held, (speed, bore))

@@ -182,6 +182,7 @@ def kloss():
     return {name: (machines[name], o) for name, o in zip(machines, orbits, strict=True)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["strong", "offset"])
 def test_kloss_motor_closes_the_turn_of_the_reference(kloss, case):
     compressor, orbit = kloss[case]

@@ -126,6 +126,7 @@ def test_constant_torque_without_friction_has_no_periodic_state():
 
 
 # ---------------------------------------------------------------- alone
+@pytest.mark.slow
 def test_a_failure_is_raised_with_its_name():
     with pytest.raises(SolveFailed, match="locks the joints"):
         solve_orbit(machine(friction=coulomb(80.0)), FINE)

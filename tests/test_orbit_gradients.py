@@ -74,6 +74,7 @@ def estimates(point):
     return differences(point, FINE)
 
 
+@pytest.mark.slow
 def test_reverse_mode_through_collocation(point, estimates):
     gradient, _ = solve_many([point], FINE, derivatives=True)[0]
     # measured: 2e-8

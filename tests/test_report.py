@@ -149,6 +149,7 @@ def test_large_drawings_become_pixels():
     assert "data:image/gif" in picture_html("moves", b"GIF89a")
 
 
+@pytest.mark.slow
 def test_run_writes_a_report_of_what_it_prints(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
     arguments = ["run", "mayekawa-wbhe", "--solver", "collocation", "--out", str(tmp_path)]

@@ -74,6 +74,7 @@ def test_forces_add_up_to_the_inertia_force_alone(scene, orbit):
     assert float(jnp.abs(rod.cosine[0, 0])) > 100
 
 
+@pytest.mark.slow
 def test_coefficients_converge_with_the_orbit_and_truncation_is_reported(scene, orbit):
     fine = solve_orbit(scene.machine, Collocation(nodes=36))
     for a, b in zip(forces_of(scene, orbit).forces, forces_of(scene, fine).forces, strict=True):
@@ -184,6 +185,7 @@ def test_derivative_through_the_crank(scene, orbit):
     assert slope == pytest.approx(difference, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_gas_and_inertia_add_up_at_constant_speed(scene):
     """Without friction and fluctuation the forces are linear in their two causes."""
     parts = scene.parts

@@ -93,6 +93,7 @@ def test_target_amplitudes(group, sensitivities):
     assert slope == pytest.approx(difference, rel=1e-6, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_forward_and_reverse_mode_agree(sensitivities):
     design = machine(), loads()
     numbers, rest = eqx.partition(design, eqx.is_inexact_array)
@@ -110,6 +111,7 @@ def test_forward_and_reverse_mode_agree(sensitivities):
     assert float(forward) == pytest.approx(float(reverse), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_gradient_near_a_resonance():
     model = machine(symmetric=True)
     w = float(damped_modes(model, SPEED, 8).frequency[7])
@@ -165,6 +167,7 @@ def test_repeated_eigenvalues_have_their_derivative():
     np.testing.assert_allclose(forward[:, 1], difference, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_pair_that_splits():
     # Anisotropy added to isotropic bearings: the pair parts with two different slopes, the shapes
     # fall into the x and y planes, and change with the second derivative of the matrices.
@@ -222,6 +225,7 @@ def test_eigenvector_derivatives():
     assert float(g[2]) == pytest.approx(float(difference), rel=3e-6)
 
 
+@pytest.mark.slow
 def test_damped_eigenvalues_and_vectors():
     model = machine()
     value = diameter(model)
@@ -254,6 +258,7 @@ def test_side_pull_limit_is_where_the_stiffness_becomes_singular():
     assert float(slope) == pytest.approx(-float(limit / pull(model)), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_critical_speeds():
     model = pair_rotor(1e6, 1.5e6)
     stiffness = lambda m: m.links[0].law.stiffness  # noqa: E731

@@ -278,6 +278,7 @@ def test_tables_hold_at_their_own_points(kind):
     assert np.all((fine >= low - 1e-15) & (fine <= high + 1e-15))
 
 
+@pytest.mark.slow
 def test_batches_equal_single_speeds():
     model, speeds = machine(), jnp.linspace(50.0, 700.0, 7)
     many = respond(model, loads(), speeds, (1, 2), batch_size=3).checked()
@@ -305,6 +306,7 @@ def jeffcott(frequency=50.0, damping=0.0):
     )
 
 
+@pytest.mark.slow
 def test_modal_damping_is_that_of_its_modes():
     # Three lowest modes with their own ratios, the others without; at rest, on springs.
     shaft = shaft_line(
@@ -406,6 +408,7 @@ def test_orbits(x, y, major, minor, angle):
         assert float(o.inclination) == pytest.approx(angle, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_rings_branches_and_loops_are_solved():
     # A ring of elements, a branch, two parallel elements, and a run that returns to its own node.
     from jaxcomp.rotor import ShaftElements

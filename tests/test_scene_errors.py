@@ -87,7 +87,8 @@ BAD = {
     ),
     "missing type": (
         replaced('type = "mean_speed"', ""),
-        "motor.type: is missing; it must be one of: constant_speed, constant_torque, kloss, mean_speed, slip_line",
+        "motor.type: is missing; it must be one of: constant_speed, constant_torque, kloss, "
+        "mean_speed, slip_line",
     ),
     "unknown type": (
         replaced('"polytropic"', '"polytrope"'),

@@ -302,6 +302,7 @@ def test_frictionless_machine_gives_all_its_work_to_the_gas():
     assert not orbit.energy.losses
 
 
+@pytest.mark.slow
 def test_transient_stays_on_the_periodic_state(isobutane):
     """Three turns in time from a point of the orbit come back to it; energy closes on the way."""
     orbit, _, _ = isobutane

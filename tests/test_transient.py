@@ -61,6 +61,7 @@ def test_energy_is_accounted_for_all_along_the_way(run_up, shut_down):
             assert np.all(np.diff(loss) > -1e-4 * float(loss[-1])), name
 
 
+@pytest.mark.slow
 def test_settled_running_equals_the_orbit(run_up, driven):
     orbit = solve_many([driven], Collocation(nodes=16))[0]
     angle, speed = np.asarray(run_up.state.angle), np.asarray(run_up.state.speed)

@@ -25,9 +25,14 @@ def report(name, scene, tolerances, quantity, limit, chain, samples):
 
     study, first = timed(
         lambda: tolerance(
-            scene, tolerances, [quantity], limits={quantity: limit}, chain=chain,
-            samples=4096, progress=False,
-        )  # fmt: skip
+            scene,
+            tolerances,
+            [quantity],
+            limits={quantity: limit},
+            chain=chain,
+            samples=4096,
+            progress=False,
+        )
     )
     given = (study.problem, study.scatter, study.nominal)
     many, seconds = timed(lambda: sampled(*given, samples, progress=False))
@@ -40,7 +45,9 @@ def report(name, scene, tolerances, quantity, limit, chain, samples):
     rows.append(("second order", study.second_order.mean[0], study.second_order.deviation[0]))
     for word, mean, deviation in rows:
         print(f"  {word:14s} mean {mean:.6g}, deviation {deviation:.4g}")
-    print(f"  standard errors of the samples {many.mean_error[0]:.1e}, {many.deviation_error[0]:.1e}")
+    print(
+        f"  standard errors of the samples {many.mean_error[0]:.1e}, {many.deviation_error[0]:.1e}"
+    )
     risk = study.reliability[0]
     bad = many.values[:, 0] > risk.limit.bound
     share = np.mean(bad if risk.limit.above else ~bad)
