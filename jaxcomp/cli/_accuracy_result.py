@@ -55,8 +55,10 @@ def costs_result(costs: Sequence[SceneCost], scene: str) -> dict[str, Any]:
 
 def costs_tables(costs: Sequence[SceneCost], scene: str) -> Iterator[Any]:
     """A row a scene, and how operations and loops are counted."""
-    heads = ("Scene", "Operations", "Loops", "Compiling", "Time", "Memory", "Times the barest")
+    heads = ("Scene", "Operations", "Loops", "Compiling", "Time", "Memory")
     table = _table(f"{scene}: what each part costs", *heads, numbers=True)
+    for column in table.columns[1:]:
+        column.no_wrap = True  # the names give way on a narrow terminal
     for cost in costs:
         memory = "" if cost.memory is None else f"{cost.memory / 1e3:,.1f} kB"
         table.add_row(
@@ -66,7 +68,6 @@ def costs_tables(costs: Sequence[SceneCost], scene: str) -> Iterator[Any]:
             _duration(cost.compile_seconds),
             _duration(cost.seconds),
             memory,
-            f"{cost.flops / costs[0].flops:,.1f}",
         )
     yield table
     yield "Operations are those of the compiled program, the body of a loop counted once.\n"
