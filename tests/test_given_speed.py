@@ -11,7 +11,7 @@ from jaxcomp.balancing import at_speed
 from jaxcomp.scene import with_values
 
 SPEED = 104.72
-SOLVER = Collocation(nodes=8)
+SOLVER = Collocation(nodes=12)
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def orbit(held):
 
 
 def test_accounts_close_and_the_speed_stands_still(orbit):
-    # what eight nodes a panel leave of the integral of the inertia torque over the turn, which is zero
+    # what twelve nodes a panel leave of the integral of the inertia torque over the turn, which is zero
     assert abs(float(orbit.energy.residual)) < 1e-11
     assert float(orbit.speed_fluctuation) == pytest.approx(0.0, abs=1e-13)
     assert float(orbit.mean_speed) == pytest.approx(SPEED, rel=1e-14)
@@ -53,7 +53,7 @@ def test_it_is_the_limit_of_a_heavy_flywheel(held, orbit):
 
 @pytest.mark.slow
 def test_panels_end_where_loads_change_their_side(held, orbit):
-    plain = solve_orbit(held, Collocation(nodes=8, kinks=0)).mechanical_efficiency
+    plain = solve_orbit(held, Collocation(nodes=12, kinks=0)).mechanical_efficiency
     fine = solve_orbit(held, Collocation(nodes=24)).mechanical_efficiency
     # of the edges at the changes of side: 100 times closer at the same nodes
     assert abs(orbit.mechanical_efficiency - fine) < 0.01 * abs(plain - fine)
@@ -63,7 +63,7 @@ def test_panels_end_where_loads_change_their_side(held, orbit):
 
 @pytest.mark.slow
 def test_both_solvers_hand_it_out(held, orbit):
-    found = solve_orbit(held, Shooting(output_nodes=8))
+    found = solve_orbit(held, Shooting(output_nodes=12))
     assert found.solver == orbit.solver == "given speed"
     # the same nodes, so the same numbers
     assert float(found.mechanical_efficiency) == float(orbit.mechanical_efficiency)
