@@ -23,6 +23,12 @@ Sets = Annotated[
         autocompletion=complete_path,
     ),
 ]
+Designs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--design", metavar="NAME=VALUE", help="Set a design variable by its rule. Repeatable."
+    ),
+]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
 ]

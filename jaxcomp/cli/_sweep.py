@@ -7,7 +7,7 @@ import typer
 
 from ._completion import complete_path
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, Machine, Out, Sets
+from ._options import AsJson, Designs, Machine, Out, Sets
 
 
 class Sampling(enum.StrEnum):
@@ -41,12 +41,7 @@ def sweep(
         ),
     ] = None,
     sets: Sets = None,
-    designs: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--design", metavar="NAME=VALUE", help="Set a design variable by its rule. Repeatable."
-        ),
-    ] = None,
+    designs: Designs = None,
     samples: Annotated[
         int | None, typer.Option(metavar="N", help="Draw N designs instead of a grid.")
     ] = None,

@@ -9,7 +9,7 @@ import typer
 from ._balance import Excitation
 from ._errors import CommandError, reports_errors
 from ._optimise import Accuracy
-from ._options import AsJson, Machine, Out, Sets
+from ._options import AsJson, Designs, Machine, Out, Sets
 from ._sweep import Sampling
 
 
@@ -57,12 +57,7 @@ def tolerance(
         ),
     ] = None,
     sets: Sets = None,
-    designs: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--design", metavar="NAME=VALUE", help="Set a design variable by its rule. Repeatable."
-        ),
-    ] = None,
+    designs: Designs = None,
     balanced: Annotated[
         bool, typer.Option("--balanced", help="Of the machine with its least-squares balance.")
     ] = False,

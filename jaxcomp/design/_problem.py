@@ -21,6 +21,11 @@ def name_of(asked: Asked) -> str:
     return asked if isinstance(asked, str) else asked.__name__
 
 
+def value_of(asked: Asked, found: Found) -> Float[Array, ""]:
+    """[SI] A quantity of what is found."""
+    return (quantity(asked).value if isinstance(asked, str) else asked)(found)
+
+
 class Answer(NamedTuple):
     """What one design is worth.
 
@@ -84,7 +89,7 @@ class Problem(eqx.Module):
             BadInput: a quantity that the scene does not have.
         """
         found = Found(self.designed(values), self.chain)
-        out = [(quantity(q).value if isinstance(q, str) else q)(found) for q in self.quantities]
+        out = [value_of(asked, found) for asked in self.quantities]
         inside = jnp.asarray(True)
         for number, one in enumerate(self.variables):
             inside &= one.bound.holds(values[number])

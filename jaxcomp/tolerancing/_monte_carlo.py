@@ -73,15 +73,23 @@ def sampled(
         raise BadInput("samples", samples, f">= {2 * SETS}")
     names = list(scatter.tolerances)
     sizes = [samples // SETS + (i < samples % SETS) for i in range(SETS)]
-    parts = []
-    for number, size in enumerate(sizes):
-        axes = {name: normal(0.0, 1.0) for name in names}
-        points = SamplePoints(axes, size, sampling, seed * SETS + number)
-        parts.append(points.rows((slice(0, size),)))
-    normals = np.concatenate(parts)
+    normals = np.concatenate(
+        [
+            drawn_normals(names, size, sampling, seed * SETS + number)
+            for number, size in enumerate(sizes)
+        ]
+    )
     values, ok = solved_normals(problem, scatter, nominal, normals, progress)
     groups = np.repeat(np.arange(SETS), sizes)
     return _summary(normals, values, ok, groups)
+
+
+def drawn_normals(
+    names: list[str], count: int, sampling: Sampling, seed: int
+) -> Float[np.ndarray, "count names"]:
+    """[-] Independent standard normal variables, a column each."""
+    points = SamplePoints({name: normal(0.0, 1.0) for name in names}, count, sampling, seed)
+    return points.rows((slice(0, count),))
 
 
 def solved_normals(problem: Problem, scatter: Scatter, nominal, normals, progress=True):

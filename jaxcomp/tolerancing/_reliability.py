@@ -52,6 +52,10 @@ class Limit(NamedTuple):
     bound: float
     above: bool = True
 
+    def broken(self, values):
+        """Where values [SI] break it."""
+        return values > self.bound if self.above else values < self.bound
+
 
 class Reliability(NamedTuple):
     """How probable it is that a limit is broken.
@@ -117,6 +121,14 @@ class _Slopes:
         pairs = [self.known[p.tobytes()] for p in points]
         return np.array([p[0] for p in pairs]), np.stack([p[1] for p in pairs])
 
+    def bent(self, point) -> tuple[float, np.ndarray, np.ndarray]:
+        """Value, slope (n,) and curvature (n, n), by differences of slopes, at a point (n,)."""
+        n = len(point)
+        steps = _STEP * np.eye(n)
+        value, slope = self(np.concatenate([point[None], point + steps, point - steps]))
+        bent = (slope[1 : n + 1] - slope[n + 1 :]) / (2 * _STEP)
+        return value[0], slope[0], (bent + bent.T) / 2
+
 
 def reliability(
     problem: Problem,
@@ -174,7 +186,7 @@ def _counted(samples: Sampled, place: int, limit: Limit) -> tuple[float, tuple[f
     values = samples.values[samples.ok, place]
     if not values.size:
         return np.nan, (np.nan, np.nan)
-    broken = int(np.sum(values > limit.bound if limit.above else values < limit.bound))
+    broken = int(np.sum(limit.broken(values)))
     interval = stats.binomtest(broken, values.size).proportion_ci(method="wilson")
     return broken / values.size, (float(interval.low), float(interval.high))
 
@@ -212,16 +224,13 @@ def _nearest_points(slopes: _Slopes, n: int) -> np.ndarray:
 
 def _starts(slopes: _Slopes, n: int) -> np.ndarray:
     """Along the slope at the mean, and to both sides along what bends the quantity most."""
-    centre = np.zeros(n)
-    steps = _STEP * np.eye(n)
-    value, slope = slopes(np.concatenate([centre[None], steps, -steps]))
+    value, slope, bent = slopes.bent(np.zeros(n))
     starts = []
-    steep = np.linalg.norm(slope[0])
+    steep = np.linalg.norm(slope)
     if np.isfinite(steep) and steep > 0:
-        starts.append(np.clip(-value[0] / steep, -_FAR, _FAR) * slope[0] / steep)
-    bent = (slope[1 : n + 1] - slope[n + 1 :]) / (2 * _STEP)
+        starts.append(np.clip(-value / steep, -_FAR, _FAR) * slope / steep)
     if np.all(np.isfinite(bent)):
-        vectors = np.linalg.eigh((bent + bent.T) / 2)[1][:, ::-1]
+        vectors = np.linalg.eigh(bent)[1][:, ::-1]
         starts += [side * _FAR * v for v in vectors.T[:2] for side in (1.0, -1.0)]
     return np.stack(starts) if starts else np.ones((1, n))
 
@@ -229,13 +238,11 @@ def _starts(slopes: _Slopes, n: int) -> np.ndarray:
 def _second_order(slopes: _Slopes, points, failed: bool) -> float:
     total = 0.0
     for point in points[:1] if failed else points:
-        beta, n = np.linalg.norm(point), len(point)
-        steps = _STEP * np.eye(n)
-        _, slope = slopes(np.concatenate([point[None], point + steps, point - steps]))
-        bent = (slope[1 : n + 1] - slope[n + 1 :]) / (2 * _STEP)
-        steep = np.linalg.norm(slope[0])
-        flat = np.linalg.svd(slope[:1] / steep)[2][1:]  # directions along the limit
-        curvature = -np.linalg.eigvalsh(flat @ (bent + bent.T) @ flat.T / 2) / steep
+        beta = np.linalg.norm(point)
+        _, slope, bent = slopes.bent(point)
+        steep = np.linalg.norm(slope)
+        flat = np.linalg.svd(slope[None] / steep)[2][1:]  # directions along the limit
+        curvature = -np.linalg.eigvalsh(flat @ bent @ flat.T) / steep
         if failed:  # what is safe lies beyond, and bends the other way
             curvature = -curvature
         growth = 1 + stats.norm.pdf(beta) / stats.norm.sf(beta) * curvature
@@ -254,6 +261,5 @@ def _about(problem, scatter, nominal, limit, place, points, around, seed) -> tup
     # phi(u) over the mixture of bells about the points
     away = [-0.5 * np.sum((u - p) ** 2, 1) for p in points]
     weight = np.exp(-0.5 * np.sum(u**2, 1) - np.logaddexp.reduce(away, axis=0)) * len(points)
-    broken = (values > limit.bound if limit.above else values < limit.bound) & ok
-    parts = weight * broken
+    parts = weight * (limit.broken(values) & ok)
     return float(parts.mean()), float(parts.std(ddof=1) / np.sqrt(around))

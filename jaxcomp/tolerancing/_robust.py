@@ -14,10 +14,9 @@ from jaxtyping import Array, Float
 from scipy.stats import beta
 
 from .._fields import BadInput
-from ..design import Design, Found, design_of, quantity, variable
-from ..design._problem import Asked, name_of
-from ..sweeping import normal
-from ..sweeping._points import SamplePoints
+from ..design import Design, Found, design_of, variable
+from ..design._problem import Asked, name_of, value_of
+from ._monte_carlo import drawn_normals
 from ._scatter import Correlations, scatter_of
 from ._within import Within
 
@@ -62,8 +61,7 @@ class Robust:
             for number, value in enumerate(self._scatter.at(nominal, normals)):
                 design = self._variables[number].apply(design, value)
             machine = Found(design, found.chain)
-            asked = self._asked
-            value = (quantity(asked).value if isinstance(asked, str) else asked)(machine)
+            value = value_of(self._asked, machine)
             return jnp.where(machine.ok, value, jnp.nan)
 
         return jax.vmap(one)(jnp.asarray(self._normals))
@@ -109,8 +107,7 @@ def robust(
     scatter = scatter_of(tolerances, correlations)
     design = scene if isinstance(scene, Design) else design_of(scene)
     variables = tuple(variable(design, name) for name in tolerances)
-    axes = {name: normal(0.0, 1.0) for name in tolerances}
-    normals = SamplePoints(axes, samples, "sobol", seed).rows((slice(0, samples),))
+    normals = drawn_normals(list(tolerances), samples, "sobol", seed)
     measure = f"mean {sigmas:+g} sigma" if quantile is None else f"{quantile:g} quantile"
     weights = None if quantile is None else _harrell_davis(quantile, samples)
     name = f"{name_of(asked)}, {measure}"
