@@ -26,8 +26,9 @@ class FixedPointReport(NamedTuple):
 
 # A change below this that no longer falls is taken for rounding, which a stiff torque curve amplifies.
 _ROUNDING = 1e-8
-# A change that falls by less than this in a pass does not come from a contraction.
-_JUMPING = 0.9
+# A change that falls by less than this in a pass does not come from a contraction. Two changes of side at
+# nearly one place contract by 0.90 only, and must not be slowed down further.
+_JUMPING = 0.99
 # Passes that jump to and fro, across a kink or by a strong coupling, are halved down to this; those that
 # come closer again grow back, slower than they were halved.
 _SMALLEST_SHARE, _REGROWTH = 0.125, 1.5
@@ -52,27 +53,7 @@ def fixed_point(
     """
 
     def solve(_, start):
-        def going_on(carry):
-            _, report, _ = carry
-            moving = report.change < 2 * _RUNAWAY
-            return moving & ~report.settled & (report.steps < max_steps)
-
-        def advance(carry):
-            value, last, share = carry
-            new = step(value)
-            change = _distance(new, value)
-            # A pass that runs away (NaN included) is not taken: what is reported stays finite.
-            lost = ~(change < _RUNAWAY)
-            share = _share(share, change > _JUMPING * last.change)
-            new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
-            change = jnp.where(lost, 2 * _RUNAWAY, change)
-            standing = (change < _ROUNDING) & (change > 0.5 * last.change)
-            settled = (change <= tolerance) | standing
-            return new, FixedPointReport(last.steps + 1, change, settled), share
-
-        first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
-        begin = (start, first, jnp.asarray(1.0))
-        value, report, _ = jax.lax.while_loop(going_on, advance, begin)
+        value, report = settle(step, start, tolerance, max_steps)
         # custom_root wants floats beside the root
         return value, jnp.stack([x.astype(report.change.dtype) for x in report])
 
@@ -86,6 +67,34 @@ def fixed_point(
     value, report = jax.lax.custom_root(residual, start, solve, tangent_solve, has_aux=True)
     report = jax.lax.stop_gradient(report)
     return value, FixedPointReport(report[0].astype(int), report[1], report[2] > 0)
+
+
+def settle(
+    step: Callable[[Y], Y], start: Y, tolerance: float, max_steps: int
+) -> tuple[Y, FixedPointReport]:
+    """`fixed_point` without derivatives, for what only prepares a solution."""
+
+    def going_on(carry):
+        _, report, _ = carry
+        moving = report.change < 2 * _RUNAWAY
+        return moving & ~report.settled & (report.steps < max_steps)
+
+    def advance(carry):
+        value, last, share = carry
+        new = step(value)
+        change = _distance(new, value)
+        # A pass that runs away (NaN included) is not taken: what is reported stays finite.
+        lost = ~(change < _RUNAWAY)
+        share = _share(share, change > _JUMPING * last.change)
+        new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
+        change = jnp.where(lost, 2 * _RUNAWAY, change)
+        standing = (change < _ROUNDING) & (change > 0.5 * last.change)
+        settled = (change <= tolerance) | standing
+        return new, FixedPointReport(last.steps + 1, change, settled), share
+
+    first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
+    value, report, _ = jax.lax.while_loop(going_on, advance, (start, first, jnp.asarray(1.0)))
+    return value, report
 
 
 def _neumann(tolerance, max_steps):

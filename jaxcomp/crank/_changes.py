@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
+from .._implicit import settle
 from ..compressor import Compressor, kink_angles, loads_at
 from ..friction import JointLoads
 from ..mechanism import CrankState
@@ -18,8 +19,8 @@ from ._passes import (
     ENERGY_FLOOR,
     Motion,
     Turn,
+    better_motion,
     initial_motion,
-    iterate,
     lay_turn,
     transfer,
     turn_edges,
@@ -79,7 +80,9 @@ def place_changes(compressor: Compressor, resolution: Resolution) -> tuple[Chang
         changes, turn, motion, brackets = carry
         new = lay(changes.angle)
         motion = transfer(turn, motion, new)
-        motion, _ = iterate(compressor, new, motion, 1e-7, resolution.max_passes)
+        motion, _ = settle(
+            lambda m: better_motion(compressor, new, m), motion, 1e-7, resolution.max_passes
+        )
         brackets = lax.cond(
             round_ == 0,
             lambda: _find_changes(compressor, new, motion, resolution.kinks),
@@ -101,11 +104,11 @@ def changes_of(compressor: Compressor, turn: Turn, motion: Motion, kinks: int) -
 
 
 def _loads_between(compressor: Compressor, turn: Turn, motion: Motion, angle) -> JointLoads:
-    energy = jnp.maximum(turn.grid.interpolate(motion.energy, angle), ENERGY_FLOOR)
+    energy, acceleration = turn.grid.interpolate((motion.energy, motion.acceleration), angle)
     inertia, _ = compressor.mechanism.inertia(angle)
-    speed = jnp.sqrt(2 * energy * turn.energy_scale / inertia)
-    acceleration = turn.grid.interpolate(motion.acceleration, angle) * turn.speed_scale**2
-    return loads_at(compressor, CrankState(angle, speed, acceleration), evidence=False)
+    speed = jnp.sqrt(2 * jnp.maximum(energy, ENERGY_FLOOR) * turn.energy_scale / inertia)
+    state = CrankState(angle, speed, acceleration * turn.speed_scale**2)
+    return loads_at(compressor, state, evidence=False)
 
 
 def _find_changes(compressor, turn: Turn, motion: Motion, count: int) -> _Brackets:
@@ -127,10 +130,11 @@ def _find_changes(compressor, turn: Turn, motion: Motion, count: int) -> _Bracke
 
 
 def change_values(compressor, turn: Turn, motion: Motion, row, angle):
-    """The quantity of each row at its angle."""
+    """The quantity of each row at its angle, of shape (..., k)."""
     loads = _loads_between(compressor, turn, motion, angle)
     every = jnp.concatenate([loads.kinks, loads.pinches])
-    return jnp.take_along_axis(every, jnp.maximum(row, 0)[None], axis=0)[0]
+    row = jnp.broadcast_to(jnp.maximum(row, 0), angle.shape)
+    return jnp.take_along_axis(every, row[None], axis=0)[0]
 
 
 def _bisect(compressor, turn: Turn, motion: Motion, brackets: _Brackets) -> Changes:
@@ -154,7 +158,7 @@ def _bisect(compressor, turn: Turn, motion: Motion, brackets: _Brackets) -> Chan
 
     low, high = brackets.low - room, brackets.high + room
     # 16 halvings of a bracket of 0.1 rad leave 1e-6 rad; the final passes polish with the slope
-    start = (low, high, value(low), value(high))
+    start = (low, high, *value(jnp.stack([low, high])))
     low, high, at_low, at_high = lax.fori_loop(0, 16, halve, start)
     used = brackets.row >= 0
     rise, width = at_high - at_low, high - low
@@ -164,8 +168,8 @@ def _bisect(compressor, turn: Turn, motion: Motion, brackets: _Brackets) -> Chan
     # The halvings may end on an edge of the panels, where the motion jumps by its own error: the slope
     # there is that of the jump. A wider span tells the slope of the quantity.
     span = 0.1 * (brackets.high - brackets.low)
-    rise = jnp.subtract(value(angle + span), value(angle - span))
-    wide = rise / jnp.where(steep, 2 * span, 1.0)
+    before, after = value(jnp.stack([angle - span, angle + span]))
+    wide = (after - before) / jnp.where(steep, 2 * span, 1.0)
     slope = jnp.where(jnp.sign(wide) == jnp.sign(near), wide, near)
     slope = jnp.where(steep, slope, 1.0)
     return Changes(angle, slope, jnp.where(steep, brackets.row, -1))

@@ -7,6 +7,7 @@ panel's left end gives the s-stage Gauss Runge-Kutta method, of order 2 s at the
 from functools import cache
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -27,6 +28,16 @@ class Rule(NamedTuple):
     weights: np.ndarray
     integral: np.ndarray
     to_legendre: np.ndarray
+
+    def through(self, x: np.ndarray) -> np.ndarray:
+        """Values at places x in [0, 1] of the polynomial through values at the nodes: a matrix."""
+        return legendre.legvander(2 * x - 1, self.nodes.size - 1) @ self.to_legendre
+
+    @property
+    def derivative(self) -> np.ndarray:
+        """From values at the nodes to the slopes there, per width of the panel."""
+        slopes = legendre.legder(self.to_legendre)
+        return 2 * legendre.legvander(2 * self.nodes - 1, self.nodes.size - 2) @ slopes
 
 
 @cache
@@ -73,24 +84,21 @@ class Panels(NamedTuple):
 
     def finer(self, values: Float[Array, "p s"], nodes: int) -> Float[Array, "p n"]:
         """The panel polynomials at the nodes of a rule with more of them."""
-        basis = legendre_basis(2 * jnp.asarray(gauss(nodes).nodes) - 1, self.rule.nodes.size)
-        return values @ self.rule.to_legendre.T @ basis.T
+        return values @ self.rule.through(gauss(nodes).nodes).T
 
-    def interpolate(
-        self, values: Float[Array, "p s"], angle: Float[Array, "*n"]
-    ) -> Float[Array, "*n"]:
-        """Value at angles [rad] within the turn of the panel polynomial there."""
+    def interpolate(self, values, angle: Float[Array, "*n"]):
+        """Value at angles [rad] within the turn of the panel polynomials there.
+
+        Args:
+            values: at the nodes, (p, s); or a tree of such arrays.
+            angle: [rad] (*n).
+        """
         panel = jnp.searchsorted(self.edges, angle, side="right") - 1
-        panel = jnp.clip(panel, 0, values.shape[0] - 1)
+        panel = jnp.clip(panel, 0, self.width.size - 1)
         width = self.width[panel]
         x = jnp.where(width > 0, (angle - self.edges[panel]) / jnp.where(width > 0, width, 1), 0.5)
-        return self.evaluate(values[panel], x)
-
-    def evaluate(self, values: Float[Array, "*n s"], x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """The polynomial through node values at a place x in [0, 1] of its panel."""
-        coefficients = values @ self.rule.to_legendre.T
-        basis = legendre_basis(2 * x - 1, self.rule.nodes.size)
-        return jnp.sum(coefficients * basis, axis=-1)
+        weight = legendre_basis(2 * x - 1, self.rule.nodes.size) @ self.rule.to_legendre
+        return jax.tree.map(lambda v: jnp.sum(v[panel] * weight, axis=-1), values)
 
 
 def panels(edges: Float[Array, " k"], nodes: int) -> Panels:

@@ -242,8 +242,5 @@ def transfer(turn: Turn, motion: Motion, to: Turn) -> Motion:
     """A motion, interpolated to other panels of the same turn."""
     angle = jnp.clip(to.grid.angle, turn.grid.edges[0], turn.grid.edges[-1])
     rescale = turn.energy_scale / to.energy_scale
-    return Motion(
-        turn.grid.interpolate(motion.energy, angle) * rescale,
-        turn.grid.interpolate(motion.acceleration, angle),
-        motion.first_energy * rescale,
-    )
+    energy, acceleration = turn.grid.interpolate((motion.energy, motion.acceleration), angle)
+    return Motion(energy * rescale, acceleration, motion.first_energy * rescale)

@@ -21,9 +21,10 @@ def solve_orbit(
 
     Args:
         compressor: the machine.
-        solver: options of the solver, `Shooting()` if absent. `Collocation()` solves the whole turn
-            at once and is much faster, above all in batches. With a motor of `ConstantSpeed` nothing
-            is solved; only the nodes and kinks of the options count there.
+        solver: options of the solver. If absent, `Collocation()` with as many kinks as the mechanism
+            has changes of side: the whole turn at once. `Shooting()` integrates it with diffrax and
+            shares no more than the laws, at many times the cost. With a motor of `ConstantSpeed`
+            nothing is solved; only the nodes and kinks of the options count there.
         throw: raise if no periodic state was found. Within `jit`, `vmap` or `grad` nothing is
             raised; look at `status` there.
 
@@ -35,13 +36,14 @@ def solve_orbit(
         SolveFailed: if `throw` and the status is not `Status.converged`.
 
     >>> from jaxcomp import load
-    >>> orbit = solve_orbit(load("mayekawa-wbhe").machine, Collocation())
+    >>> orbit = solve_orbit(load("mayekawa-wbhe").machine)
     >>> print(f"{100 * orbit.mechanical_efficiency:.2f} %, {orbit.motor_power / 1e3:.2f} kW")
     91.15 %, 5.44 kW
     >>> bool(orbit.converged), bool(abs(orbit.energy.residual) < 1e-9)
     (True, True)
     """
-    solver = Shooting() if solver is None else solver
+    if solver is None:
+        solver = Collocation(kinks=compressor.mechanism.side_changes)
     orbit = _solve(compressor, solver)
     if throw and not is_traced(orbit.status._value):
         failed = orbit.status != Status.converged

@@ -1,13 +1,17 @@
 """From a solved motion at panel nodes to the orbit that users see."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
+from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport
 from ..compressor import Compressor, conservative_torque, cylinder_pressure, gas_force
 from ._orbit import Energy, Orbit
-from ._panels import Panels
+from ._panels import Panels, Rule, legendre_basis
 
 
 def orbit_on_panels(
@@ -38,6 +42,8 @@ def orbit_on_panels(
     pressure = None if compressor.gas is None else cylinder_pressure(compressor, grid.angle)
     gas = gas_force(compressor, grid.angle)
 
+    highest = jax.vmap(partial(_highest, grid.rule))(jnp.stack([-state.speed, state.speed]))
+
     def flat(values):
         return values.reshape(*values.shape[:-2], -1)
 
@@ -51,8 +57,8 @@ def orbit_on_panels(
         loads=jax.tree.map(flat, loads),
         energy=energy,
         mean_speed=2 * jnp.pi / at_edges[-1],
-        lowest_speed=-_highest(grid, -state.speed),
-        highest_speed=_highest(grid, state.speed),
+        lowest_speed=-highest[0],
+        highest_speed=highest[1],
         status=status,
         residual=report.change,
         iterations=report.steps,
@@ -60,21 +66,25 @@ def orbit_on_panels(
     )
 
 
-def _highest(grid: Panels, values):
+def _highest(rule: Rule, values: Float[Array, "p s"]) -> Float[Array, ""]:
     """Largest value of the panel polynomials.
 
     Its place needs no derivative: the slope vanishes there.
     """
     fixed = lax.stop_gradient(values)
-    x = jnp.linspace(0.0, 1.0, 2 * values.shape[1] + 1)
-    samples = grid.evaluate(fixed[:, None, :], jnp.broadcast_to(x, (values.shape[0], x.size)))
+    x = np.linspace(0.0, 1.0, 2 * rule.nodes.size + 1)
+    samples = fixed @ rule.through(x).T
     panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
-    curve = jax.grad(lambda place: grid.evaluate(fixed[panel], place))
-    bend = jax.grad(curve)
+    start = jnp.asarray(x)[column]
+    slope = rule.derivative @ fixed[panel]
+    slope_and_bend = jnp.stack([slope, rule.derivative @ slope])
+
+    def weights(place):
+        return legendre_basis(2 * place - 1, rule.nodes.size) @ rule.to_legendre
 
     def newton(_, place):
-        step = curve(place) / jnp.minimum(bend(place), -1e-300)
-        return jnp.clip(place - step, x[column] - x[1], x[column] + x[1])
+        slope, bend = slope_and_bend @ weights(place)
+        return jnp.clip(place - slope / jnp.minimum(bend, -1e-300), start - x[1], start + x[1])
 
-    place = lax.fori_loop(0, 4, newton, x[column])
-    return grid.evaluate(values[panel], lax.stop_gradient(jnp.clip(place, 0.0, 1.0)))
+    place = lax.fori_loop(0, 4, newton, start)
+    return weights(jnp.clip(place, 0.0, 1.0)) @ values[panel]
