@@ -10,11 +10,14 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
+from jaxcomp.cli._cache import quick_compiles
+
 HERE = Path(__file__).parent
 LIMIT = 300_000  # bytes; pictures stay small so that the repository does
 
 
 def main(arguments: list[str]) -> int:
+    quick_compiles()  # the kernels inherit it
     check = "--check" in arguments
     names = [a for a in arguments if not a.startswith("--")]
     paths = [HERE / f"{n.removesuffix('.ipynb')}.ipynb" for n in names] or sorted(

@@ -41,7 +41,7 @@ def modes(
     Example: [bold]jaxcomp modes hermetic-68cc --speeds 300rpm:6000rpm:60 --out result[/bold]
     """
     from ._arguments import assignments, changed_scene
-    from ._cache import enable_compilation_cache
+    from ._cache import enable_compilation_cache, programs_run_once
     from ._output import show_results
     from ._progress import progress
     from ._rotor_result import campbell_result, modes_result
@@ -50,6 +50,7 @@ def modes(
 
     if speeds is not None and free:
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
+    programs_run_once()
     enable_compilation_cache()
     scene = changed_scene(machine, sets or (), ())
     model = rotor_of(scene)
