@@ -63,7 +63,6 @@ def command(kind, **options):
     import jax
 
     environment = dict(os.environ) | {"JAXCOMP_X64": "1"}
-    environment.pop("XLA_FLAGS", None)
     cache = jax.config.jax_compilation_cache_dir
     if cache:
         environment["JAX_COMPILATION_CACHE_DIR"] = cache

@@ -135,7 +135,7 @@ def test_blocks_change_nothing(small, batch, tmp_path):
 
 def test_devices_change_nothing(small, tmp_path):
     run, environment = sweep_runs.command("devices", out=tmp_path / "both.npy", devices=2)
-    environment["XLA_FLAGS"] = "--xla_force_host_platform_device_count=2"
+    environment["XLA_FLAGS"] += " --xla_force_host_platform_device_count=2"
     subprocess.run(run, env=environment, check=True, timeout=120)
     one, two = np.load(tmp_path / "both.npy")
     np.testing.assert_array_equal(one, two)
