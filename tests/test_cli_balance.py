@@ -130,6 +130,24 @@ def test_measured_runs_are_balanced(measured, tmp_path):
         assert (out / name).stat().st_size > 500
 
 
+def test_trial_weights_in_grams_give_corrections_in_grams(measured, tmp_path):
+    """Trial weights weighed, not multiplied by their radius: the same numbers are masses."""
+    weighed = tmp_path / "weighed.csv"
+    weighed.write_text(measured.read_text().replace("[g mm]", "[g]"))
+    masses, unbalances = found("--measured", weighed), found("--measured", measured)
+    assert masses["correction_unit"] == "kg"
+    for mass, unbalance in zip(masses["planes"], unbalances["planes"], strict=True):
+        assert mass["unbalance"] is None
+        # a gram is 1e-3 kg, a gram millimetre 1e-6 kg m
+        assert mass["mass"] == pytest.approx(1e3 * unbalance["unbalance"], rel=1e-12)
+        assert mass["phase"] == pytest.approx(unbalance["phase"], rel=1e-12)
+    head = run("--measured", weighed).stdout.splitlines()[:4]
+    assert any(" g " in line and "g mm" not in line for line in head), head
+    bounded = found("--measured", weighed, "--largest", "2 g")
+    assert all(plane["mass"] <= 2e-3 * (1 + 1e-12) for plane in bounded["planes"])
+    assert "--largest" in run("--measured", weighed, "--largest", "2 g mm").output
+
+
 def test_tables_name_planes_and_targets(measured):
     text = run("--measured", measured).stdout
     for word in ("plane-1", "bearing-2", "Weighted rms", "mm/s"):

@@ -7,6 +7,10 @@ from jaxtyping import Array, Complex, Float
 
 from ._influence import Influence
 
+# Unit and factor for tables and pictures, by the SI unit of a correction: an unbalance, or a mass where
+# trial weights were weighed and all sat at one radius.
+SHOWN_UNIT = {"kg m": ("g mm", 1e6), "kg": ("g", 1e3)}
+
 
 class Balance(eqx.Module):
     """Corrections and what they do.

@@ -80,7 +80,8 @@ def balance(
 
     A file for --measured has a line for each reading: of the initial run, and of a run with a trial
     weight in each plane, which gives the run its name and is taken off again. A trial is mass times
-    radius; phase and angle count in the same sense.
+    radius, or a mass (trial \[g]) if all weights go to one radius; phase and angle count in the
+    same sense.
 
         run,target,speed \[rpm],amplitude \[mm/s],phase \[deg],trial \[g mm],angle \[deg]
         initial,bearing-1,3000,7.2,238,,
@@ -110,10 +111,11 @@ def balance(
         model_system,
         solve,
     )
-    from ._cache import enable_compilation_cache
+    from ._cache import enable_compilation_cache, programs_run_once
     from ._output import show_results, write_results
     from ._progress import progress
 
+    programs_run_once()
     enable_compilation_cache()
     with progress("Solving (the first time it is compiled as well) ..."):
         if measured is not None:

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..balancing import (
+    SHOWN_UNIT,
     Balance,
     Influence,
     PlanePair,
@@ -31,7 +32,6 @@ from ._errors import CommandError
 from ._tables import _table
 
 _RPM = 30 / math.pi
-_GMM = 1e6  # g mm in a kg m
 
 
 class System(NamedTuple):
@@ -46,6 +46,7 @@ class System(NamedTuple):
         rotor_alone: corrections of the rotor alone with their permissible rest, of a scene with two
             planes.
         scene: that it was made from; `None` for measurements.
+        trial: unit of the corrections, `kg m` or `kg`.
     """
 
     name: str
@@ -55,12 +56,14 @@ class System(NamedTuple):
     excitation: str
     rotor_alone: PlanePair | None = None
     scene: Scene | None = None
+    trial: str = "kg m"
 
 
 def measured_system(path: Path) -> System:
     """From a CSV file."""
     data = read_measurements(path)
-    return System(path.name, data.influence, {}, data.unit or "as measured", "measured")
+    unit = data.unit or "as measured"
+    return System(path.name, data.influence, {}, unit, "measured", trial=data.trial)
 
 
 def model_system(
@@ -121,7 +124,7 @@ def solve(system: System, planes, targets, method: str, tikhonov, largest) -> Ba
     if method == "min-max":
         return min_max(part)
     if largest is not None:
-        return bounded(part, float(to_si(largest, "kg m", "--largest")))
+        return bounded(part, float(to_si(largest, system.trial, "--largest")))
     return least_squares(part, tikhonov=tikhonov)
 
 
@@ -133,11 +136,15 @@ def balance_result(system: System, found: Balance) -> dict[str, Any]:
     planes = []
     for name, value in zip(part.planes, np.asarray(found.correction), strict=True):
         radius = system.radius.get(name)
-        mass = None if radius is None else abs(value) / radius
+        if system.trial == "kg":
+            unbalance, mass = None, abs(value)
+        else:
+            unbalance, mass = abs(value), None if radius is None else abs(value) / radius
         planes.append(
             {
                 "name": name,
-                "unbalance": abs(value),
+                "correction": abs(value),
+                "unbalance": unbalance,
                 "phase": float(np.angle(value)),
                 "radius": radius,
                 "mass": mass,
@@ -165,6 +172,7 @@ def balance_result(system: System, found: Balance) -> dict[str, Any]:
         "method": found.method,
         "excitation": system.excitation,
         "vibration_unit": system.unit,
+        "correction_unit": system.trial,
         "planes": planes,
         "rows": rows,
         "improvement": float(found.improvement),
@@ -183,24 +191,22 @@ def shown(result: dict[str, Any]) -> tuple[str, float]:
 
 def balance_tables(result: dict[str, Any]) -> list[Table]:
     """Corrections, vibration before and after, evidence."""
+    unit, factor = SHOWN_UNIT[result["correction_unit"]]
+    with_radius = any(plane["radius"] is not None for plane in result["planes"])
     masses = _table(
         escape(f"{result['machine']}: corrections to add"),
-        "Plane",
-        "g mm",
-        "deg",
-        "mm",
-        "g",
+        *("Plane", unit, "deg"),
+        *(("mm", "g") if with_radius else ()),
         numbers=True,
     )
     for plane in result["planes"]:
-        radius, mass = plane["radius"], plane["mass"]
-        masses.add_row(
-            escape(plane["name"]),
-            f"{plane['unbalance'] * _GMM:.4g}",
-            f"{math.degrees(plane['phase']):.1f}",
-            "" if radius is None else f"{radius * 1e3:.4g}",
-            "" if mass is None else f"{mass * 1e3:.4g}",
-        )
+        size, place = plane["correction"] * factor, math.degrees(plane["phase"])
+        row = [escape(plane["name"]), f"{size:.4g}", f"{place:.1f}"]
+        if with_radius:
+            radius, mass = plane["radius"], plane["mass"]
+            row.append("" if radius is None else f"{radius * 1e3:.4g}")
+            row.append("" if mass is None else f"{mass * 1e3:.4g}")
+        masses.add_row(*row)
     unit, factor = shown(result)
     rows = _table(
         escape(f"Vibration at order 1, {unit}; +-: with 1 % and 1 deg of error in every plane"),

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..balancing import SHOWN_UNIT
 from ._style import INK, new_figure, new_polar_figure
 
 _BEFORE, _AFTER, _BAND = "#BBBBBB", "#0072B2", "#D55E00"
@@ -42,14 +43,15 @@ def balance_bars(result: dict[str, Any]) -> Figure:
 
 def balance_polar(result: dict[str, Any]) -> Figure:
     """Size and place of the corrections, seen along the shaft; 0 is the crank pin's direction."""
-    figure, axes = new_polar_figure(1, 1, "Corrections to add, g mm")
+    unit, factor = SHOWN_UNIT[result["correction_unit"]]
+    sizes = [plane["correction"] * factor for plane in result["planes"]]
+    figure, axes = new_polar_figure(1, 1, f"Corrections to add, {unit}")
     ax = axes[0, 0]
-    for number, plane in enumerate(result["planes"]):
-        size = plane["unbalance"] * 1e6
+    for number, (plane, size) in enumerate(zip(result["planes"], sizes, strict=True)):
         ax.annotate("", (plane["phase"], size), (0, 0),
                     arrowprops={"arrowstyle": "->", "color": f"C{number}", "linewidth": 2})  # fmt: skip
         ax.plot([plane["phase"]], [size], "o", color=f"C{number}", markersize=4,
                 label=f"{plane['name']}: {size:.4g} at {math.degrees(plane['phase']):.1f}°")  # fmt: skip
-    ax.set_ylim(0, 1.1 * max(max(p["unbalance"] for p in result["planes"]) * 1e6, 1e-12))
+    ax.set_ylim(0, 1.1 * max(*sizes, 1e-12))
     ax.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.08))
     return figure

@@ -6,6 +6,9 @@ The table is CSV with a header. One line is one reading:
     initial,bearing-1,3000,7.2,238,,
     plane-1,bearing-1,3000,4.9,114,120,0
 
+A trial is mass times radius; with a mass alone (`trial [g]`) the corrections are masses as well, at the
+radius where the trial weights were.
+
 `run` is `initial`, or the name of the plane that holds the trial weight, which is taken off again
 before the next run. The vibration may have any unit as long as it is one; its name is kept for the
 tables. `phase` and `angle` count in the same sense, both with the rotation or both against it; so do
@@ -26,7 +29,7 @@ from ._errors import SceneError
 from ._units import to_si
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
-_UNITS = {"speed": "rad/s", "phase": "rad", "trial": "kg m", "angle": "rad"}
+_UNITS = {"speed": ("rad/s",), "phase": ("rad",), "trial": ("kg m", "kg"), "angle": ("rad",)}
 _EXAMPLE = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 _INITIAL = "initial"
 _DECIMAL_COMMA = re.compile(r"\s*([-+]?\d*),(\d+)\s*")
@@ -38,10 +41,12 @@ class Measured(NamedTuple):
     Attributes:
         influence: the system.
         unit: of the vibration, as written in the header.
+        trial: unit of the corrections, `kg m` or `kg`.
     """
 
     influence: Influence
     unit: str
+    trial: str
 
 
 def read_measurements(path: str | os.PathLike) -> Measured:
@@ -81,6 +86,7 @@ def _measured(lines) -> Measured:
     if not lines:
         raise SceneError("", "is empty")
     units = _header(lines[0])
+    factor = {name: _factor(name, units[name]) for name in _UNITS}
     columns = list(units)
     readings: dict[str, dict[tuple[str, float], complex]] = {}
     trials: dict[str, complex] = {}
@@ -91,17 +97,17 @@ def _measured(lines) -> Measured:
         run, target = cell["run"], cell["target"]
         if not run or not target:
             raise SceneError(f"line {number}", "needs a run and a target")
-        key = (target, round(_number(cell, "speed", units, number), 6))
+        key = (target, round(_number(cell, "speed", factor, number), 6))
         own = readings.setdefault(run, {})
         if key in own:
             raise SceneError(f"line {number}", f"reads {target} a second time in run {run}")
-        own[key] = _number(cell, "amplitude", units, number) * np.exp(
-            1j * _number(cell, "phase", units, number)
+        own[key] = _number(cell, "amplitude", factor, number) * np.exp(
+            1j * _number(cell, "phase", factor, number)
         )
         if run == _INITIAL:
             continue
-        trial = _number(cell, "trial", units, number) * np.exp(
-            1j * _number(cell, "angle", units, number)
+        trial = _number(cell, "trial", factor, number) * np.exp(
+            1j * _number(cell, "angle", factor, number)
         )
         if trial == 0:
             raise SceneError(f"line {number}.trial", "must be different from zero", 0)
@@ -123,7 +129,8 @@ def _measured(lines) -> Measured:
         [Row(target, "measured", speed) for target, speed in keys],
         list(trials),
     )
-    return Measured(influence, units["amplitude"])
+    trial = next(unit for unit in _UNITS["trial"] if _is_of(units["trial"], unit))
+    return Measured(influence, units["amplitude"], trial)
 
 
 def _header(cells) -> dict[str, str]:
@@ -144,7 +151,22 @@ def _header(cells) -> dict[str, str]:
     return units
 
 
-def _number(cell, column, units, line) -> float:
+def _is_of(unit: str, dimension: str) -> bool:
+    try:
+        to_si(f"1 {unit}", dimension, "")
+    except SceneError:
+        return False
+    return True
+
+
+def _factor(column: str, unit: str) -> float:
+    """From the unit of a column to SI."""
+    allowed = _UNITS[column]
+    dimension = next((known for known in allowed if _is_of(unit, known)), allowed[0])
+    return float(to_si(f"1 {unit}", dimension, column))
+
+
+def _number(cell, column, factor, line) -> float:
     key = f"line {line}.{column}"
     try:
         value = float(cell[column])
@@ -152,6 +174,4 @@ def _number(cell, column, units, line) -> float:
         raise SceneError(key, "must be a number", cell[column]) from None
     if not np.isfinite(value):
         raise SceneError(key, "must be finite", value)
-    if column not in _UNITS:
-        return value
-    return float(to_si(f"{value!r} {units[column]}", _UNITS[column], key))
+    return value * factor.get(column, 1.0)
