@@ -3,6 +3,16 @@
 import difflib
 from collections.abc import Iterable
 
+# What designers also say, the key that holds it, and how the two are related.
+_ALSO_SAID = {
+    "stroke": ("crank_radius", "half the stroke"),
+    "rpm": ("mean_speed", 'e.g. "1450 rpm"'),
+    "speed": ("mean_speed", 'e.g. "1450 rpm"'),
+    "diameter": ("bore", "of the cylinder"),
+    "eccentricity": ("offset", "of the cylinder axis from the crank's"),
+    "dead_volume": ("clearance", "of the cylinder over its swept volume"),
+}
+
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The most similar of some words, `None` if none is similar."""
@@ -18,6 +28,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """
     known = sorted(known)
     near = nearest(word, known)
+    key, relation = _ALSO_SAID.get(word, (None, ""))
+    if key in known and near is None:
+        return f'; did you mean "{key}", {relation}?'
     if near is not None:
         return f'; did you mean "{near}"?'
     return f"; known here: {', '.join(known)}" if known else ""

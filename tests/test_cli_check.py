@@ -10,7 +10,8 @@ import typer
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
-from jaxcomp.cli._completion import complete_machine
+from jaxcomp.cli._completion import QUANTITIES, RULES, complete_machine
+from jaxcomp.design import design_of, design_rules, quantity_names
 from jaxcomp.scene import SceneError, doubts, load, loads, start, with_value
 
 # Five faults in four sections; everything else is as `jaxcomp new` writes it.
@@ -213,6 +214,19 @@ def complete(words: str, folder=None) -> list[str]:
     )  # fmt: skip
     assert "JAX" not in done.stderr
     return done.stdout.split("\n")[:-1]
+
+
+def test_completion_knows_what_can_be_asked_and_what_can_be_varied():
+    """The names stand in the program a second time, so that no key press waits for JAX."""
+    scenes = [design_of(load(name)) for name in ("mayekawa-wbhe", "hermetic-68cc")]
+    names = {name.split(".<")[0] for scene in scenes for name in quantity_names(scene)}
+    plain = {name.rstrip(".") for name in QUANTITIES}
+    assert {name.split(".")[0] for name in names} == plain
+    assert set(RULES) == set(design_rules)
+    assert complete("sweep mayekawa-wbhe --quantity joint") == ["joint_margin"]
+    assert complete("run mayekawa-wbhe --design bo") == ["bore="]
+    assert "bore=" in complete("optimise mayekawa-wbhe --variable b")
+    assert "motor.mean_speed=" in complete("optimise mayekawa-wbhe --variable mo")
 
 
 def test_completion_knows_commands_machines_files_and_paths(tmp_path):

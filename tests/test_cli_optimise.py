@@ -207,6 +207,10 @@ REFUSED = {
         "must have the form QUANTITY<=VALUE",
     ),
     "bound of a length": ([*BORE, "--constraint", "motor_power<=3mm"], "another dimension"),
+    "a share in per cent": (
+        [*BORE, "--constraint", "speed_fluctuation<=8"],
+        'speed_fluctuation: 8 would be 800 %; is "8 %" meant?',
+    ),
     "bound twice": (
         [*BORE, "--constraint", "motor_power<=3kW", "--constraint", "motor_power<=4kW"],
         "has such a bound already",

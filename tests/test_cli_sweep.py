@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from jaxcomp import load
 from jaxcomp.cli import app
+from jaxcomp.cli._sweep_options import axes_of
 
 RUNNER = CliRunner()
 FAST = ["--solver-nodes", "5", "--solver-kinks", "0", "--solver-tolerance", "1e-5"]
@@ -170,6 +172,21 @@ def test_bar_is_shown_on_a_terminal_alone(tmp_path):
     assert b"designs/s" in shown
     assert b"100%" in shown
     assert run(*arguments[2:]).stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("bore=60:80mm:3", [0.06, 0.07, 0.08]),  # the unit of the last serves all
+        ("bore=60,0.07m,80mm", [0.06, 0.07, 0.08]),
+        ("bore=6cm:80mm:3", [0.06, 0.07, 0.08]),
+        ("gas.exponent=1:1.2:3", [1.0, 1.1, 1.2]),
+        ("bore=log:10:1000mm:3", [0.01, 0.1, 1.0]),
+    ],
+)
+def test_units_of_a_range(text, values):
+    ((_, axis),) = axes_of(load("mayekawa-wbhe"), [text], sampled=False).items()
+    np.testing.assert_allclose(axis, values, rtol=1e-12)  # rounding of the units
 
 
 REFUSED = {

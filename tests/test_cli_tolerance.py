@@ -103,6 +103,7 @@ def test_tables_and_files(no_cache, tmp_path):
         (("--vary", "friction.*.speed=+-1 %"), "fits no number"),
         ((*VARY, "--limit", "swept_volume=1 m^3"), "QUANTITY<=VALUE"),
         ((*VARY, "--limit", "swept_vol<=1 m^3"), "swept_volume"),
+        ((*VARY, "--limit", "mechanical_efficiency>=94.5"), 'is "94.5 %" meant?'),
         ((*VARY, "--correlate", f"{BORE}=0.3"), "A,B=VALUE"),
         ((*VARY, "--correlate", f"{BORE},x=0.3"), "mechanism.bore and x"),
         ((*VARY, "--balanced"), "--balanced: needs a scene with balancing planes"),

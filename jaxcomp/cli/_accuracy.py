@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from ._completion import complete_quantity
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Machine, Out, Sets
 
@@ -44,6 +45,7 @@ def accuracy(
             metavar="NAME",
             help="What the errors are of, e.g. loss_power.wall; if absent, mechanical_efficiency or "
             "what suits the study.",
+            autocompletion=complete_quantity,
         ),
     ] = None,
     variable: Annotated[

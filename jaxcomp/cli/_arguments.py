@@ -1,5 +1,6 @@
 """Arguments that several commands share: `--set path=value` and `--design name=value`."""
 
+import re
 import tomllib
 from collections.abc import Sequence
 from typing import Any
@@ -22,6 +23,20 @@ def assignments(texts: Sequence[str], option: str) -> dict[str, str]:
             raise CommandError(f"{option} {text}: {name} is set twice")
         out[name] = value
     return out
+
+
+def with_one_unit(parts: Sequence[str]) -> list[str]:
+    """The values of a range or list; bare numbers before the last take the unit of the last.
+
+    >>> with_one_unit(["60", "80mm"])
+    ['60 mm', '80mm']
+    """
+    from ..scene import NUMBER
+
+    parts = [part.strip() for part in parts]
+    number = re.match(rf"{NUMBER}\s*", parts[-1])
+    unit = parts[-1][number.end() :] if number else ""
+    return [f"{part} {unit}" if unit and re.fullmatch(NUMBER, part) else part for part in parts]
 
 
 def entry(text: str) -> Any:

@@ -11,6 +11,14 @@ from typing import Any
 import typer
 
 _MACHINES = Path(__file__).parents[1] / "machines"
+# The names of `jaxcomp.design`, without its import.
+QUANTITIES = (
+    *("mechanical_efficiency", "motor_power", "gas_power", "friction_power", "speed_fluctuation"),
+    *("mean_speed", "joint_margin", "swept_volume", "peak_shaking_force", "peak_shaking_moment"),
+    *("vibration", "balanced_vibration", "mount_force"),
+    *("loss_power.", "peak_force.", "mean_force.", "vibration."),
+)
+RULES = ("bore", "stroke_bore_ratio", "cylinder_eccentricity", "piston_clearance")
 
 
 def complete_machine(incomplete: str) -> list[tuple[str, str]]:
@@ -37,6 +45,21 @@ def complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
     file = _MACHINES / f"{given}.toml"
     paths = _paths(_tables(file if file.exists() else Path(given)))
     return [f"{path}=" for path in paths if path.startswith(incomplete)]
+
+
+def complete_variable(ctx: typer.Context, incomplete: str) -> list[str]:
+    """`NAME=` of the design rules, and of the values as for `--set`."""
+    return [*complete_rule(incomplete), *complete_path(ctx, incomplete)]
+
+
+def complete_rule(incomplete: str) -> list[str]:
+    """`NAME=` of the design rules."""
+    return [f"{rule}=" for rule in RULES if rule.startswith(incomplete)]
+
+
+def complete_quantity(incomplete: str) -> list[str]:
+    """What can be asked of a design; those ending in a point want a joint or a target."""
+    return [name for name in QUANTITIES if name.startswith(incomplete)]
 
 
 def _tables(file: Path) -> dict[str, Any]:

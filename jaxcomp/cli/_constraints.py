@@ -8,6 +8,8 @@ from ..scene import SceneError, to_si
 from ._arguments import entry
 from ._errors import CommandError
 
+# No quantity without a unit gets there: efficiencies, margins and fluctuations are shares.
+_LARGEST_SHARE = 2.0
 _BOUND = re.compile(r"\s*([\w.-]+)\s*(<=|>=|=)\s*(.+?)\s*")
 
 
@@ -38,9 +40,14 @@ def value_of(name: str, text: str, option: str) -> float:
     """[SI] A value of a quantity.
 
     Raises:
-        SceneError, BadInput: what cannot be read, or no such quantity.
+        CommandError, SceneError, BadInput: what cannot be read, no such quantity, or a share that
+            was meant in per cent.
     """
-    return si(text, quantity(name).unit, option)
+    unit = quantity(name).unit
+    value = si(text, unit, option)
+    if not unit and abs(value) > _LARGEST_SHARE:
+        raise CommandError(f'{option}: {text} would be {100 * value:g} %; is "{text} %" meant?')
+    return value
 
 
 def si(text: str, unit: str, option: str) -> float:

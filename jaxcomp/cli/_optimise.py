@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ._completion import complete_path
+from ._completion import complete_quantity, complete_variable
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Machine, Out, Sets
 
@@ -36,12 +36,16 @@ def optimise(
             metavar="NAME=LOW:HIGH",
             help="What may change and its range, e.g. bore=100mm:160mm (a rule: at fixed displacement) "
             "or mechanism.crank_inertia=0.1kg*m^2:0.3kg*m^2. Repeatable.",
-            autocompletion=complete_path,
+            autocompletion=complete_variable,
         ),
     ] = None,
     objective: Annotated[
         str | None,
-        typer.Option(metavar="QUANTITY", help="What to improve; mechanical_efficiency if absent."),
+        typer.Option(
+            metavar="QUANTITY",
+            help="What to improve; mechanical_efficiency if absent.",
+            autocompletion=complete_quantity,
+        ),
     ] = None,
     targets: Annotated[
         list[str] | None,
@@ -67,7 +71,11 @@ def optimise(
     ] = None,
     pareto: Annotated[
         str | None,
-        typer.Option(metavar="QUANTITY", help="Trace the front with this second objective."),
+        typer.Option(
+            metavar="QUANTITY",
+            help="Trace the front with this second objective.",
+            autocompletion=complete_quantity,
+        ),
     ] = None,
     points: Annotated[int, typer.Option(help="Points of the front.")] = 12,
     scatter: Annotated[

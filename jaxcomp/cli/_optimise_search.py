@@ -25,7 +25,7 @@ from ..design import (
 from ..design import design_of as _design_of
 from ..scene.tolerances import tolerances_of
 from ..tolerancing import Robust, robust
-from ._arguments import assignments, changed_scene
+from ._arguments import assignments, changed_scene, with_one_unit
 from ._constraints import bounds_of, si, value_of
 from ._errors import CommandError
 from ._optimise_result import (
@@ -139,7 +139,7 @@ def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
         low, colon, high = text.partition(":")
         if not colon:
             raise CommandError(f"--variable {name}={text}: must have the form NAME=LOW:HIGH")
-        ends = (si(end.strip(), unit, f"--variable {name}") for end in (low, high))
+        ends = (si(end, unit, f"--variable {name}") for end in with_one_unit((low, high)))
         ranges[name] = tuple(ends)
     if asked.objective:
         quantities = [_robust(asked, design) if asked.scatter else asked.objective]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ._completion import complete_machine, complete_path
+from ._completion import complete_machine, complete_path, complete_rule
 
 Machine = Annotated[
     str,
@@ -26,7 +26,10 @@ Sets = Annotated[
 Designs = Annotated[
     list[str] | None,
     typer.Option(
-        "--design", metavar="NAME=VALUE", help="Set a design variable by its rule. Repeatable."
+        "--design",
+        metavar="NAME=VALUE",
+        help="Set a design variable by its rule, e.g. bore=120mm at fixed displacement. Repeatable.",
+        autocompletion=complete_rule,
     ),
 ]
 AsJson = Annotated[

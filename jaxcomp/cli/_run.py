@@ -7,35 +7,28 @@ from typing import Annotated
 import typer
 
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, Machine, Out, Sets
+from ._options import AsJson, Designs, Machine, Out, Sets
 
 
 class Solver(enum.StrEnum):
     """How the periodic state is found."""
 
-    shooting = "shooting"
     collocation = "collocation"
+    shooting = "shooting"
 
 
 @reports_errors
 def run(
     machine: Machine,
     sets: Sets = None,
-    designs: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--design",
-            metavar="NAME=VALUE",
-            help="Set a design variable by its rule, e.g. bore=120mm at fixed displacement.",
-        ),
-    ] = None,
+    designs: Designs = None,
     solver: Annotated[
-        Solver | None,
+        Solver,
         typer.Option(
-            help="Shooting with diffrax (default), or collocation, which compiles faster (default for "
-            "a slider-link, whose many changes of side cost shooting its accuracy)."
+            help="Collocation of the whole turn, or shooting with diffrax: an independent check that "
+            "compiles longer."
         ),
-    ] = None,
+    ] = Solver.collocation,
     tolerance: Annotated[
         float | None, typer.Option(help="Tolerance of the solver; its own default if absent.")
     ] = None,
@@ -51,13 +44,14 @@ def run(
         raise CommandError(f"--tolerance {tolerance:g}: must be > 0 and < 1")
     from ..crank import solve_orbit
     from ._arguments import assignments, changed_scene
-    from ._cache import enable_compilation_cache
+    from ._cache import enable_compilation_cache, programs_run_once
     from ._output import show_results
     from ._progress import progress
     from ._result import run_result
     from ._tables import result_tables
     from ._vibration import vibration_result, vibration_table
 
+    programs_run_once()
     enable_compilation_cache()
     scene = changed_scene(machine, sets or (), designs or ())
     method = _method(scene.machine.mechanism, solver, tolerance)
@@ -78,12 +72,9 @@ def run(
     show_results(result, tables, as_json, out)
 
 
-def _method(mechanism, solver: Solver | None, tolerance: float | None):
+def _method(mechanism, solver: Solver, tolerance: float | None):
     from ..crank import Collocation, Shooting
-    from ..mechanism import SliderLink
 
-    if solver is None:
-        solver = Solver.collocation if isinstance(mechanism, SliderLink) else Solver.shooting
     options = {"kinks": mechanism.side_changes}
     if tolerance is not None:
         options["tolerance"] = tolerance

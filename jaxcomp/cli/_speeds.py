@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..scene import Scene, SceneError, to_si
+from ._arguments import with_one_unit
 from ._errors import CommandError
 
 if TYPE_CHECKING:  # a speed can be read without the rotor
@@ -42,7 +43,7 @@ def speed_range(text: str) -> np.ndarray:
     option = f"--speeds {text}"
     if len(parts) not in (2, 3):
         raise CommandError(f"{option}: must have the form from:to or from:to:count")
-    low, high = (_speed(part, option) for part in parts[:2])
+    low, high = (_speed(part, option) for part in with_one_unit(parts[:2]))
     count = POINTS
     if len(parts) == 3:
         if not parts[2].strip().isdigit():

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ._completion import complete_path
+from ._completion import complete_quantity, complete_variable
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Designs, Machine, Out, Sets
 
@@ -28,7 +28,7 @@ def sweep(
             metavar="NAME=VALUES",
             help="Variable and its values: FROM:TO:COUNT, log:FROM:TO:COUNT or A,B,C; with --samples "
             "FROM:TO, log:FROM:TO or normal:MEAN:DEVIATION. May be repeated; set in this order.",
-            autocompletion=complete_path,
+            autocompletion=complete_variable,
         ),
     ],
     quantity: Annotated[
@@ -38,6 +38,7 @@ def sweep(
             metavar="NAME",
             help="What is asked of each design, e.g. motor_power or loss_power.wall; "
             "mechanical_efficiency if absent. May be repeated.",
+            autocompletion=complete_quantity,
         ),
     ] = None,
     sets: Sets = None,

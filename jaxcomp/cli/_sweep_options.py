@@ -10,7 +10,7 @@ from ..crank import Collocation
 from ..design import Chain, design_of, variable, variable_names
 from ..scene import Scene, did_you_mean, to_si
 from ..sweeping import grid, log_grid, log_uniform, normal, uniform
-from ._arguments import assignments
+from ._arguments import assignments, with_one_unit
 from ._errors import CommandError
 
 
@@ -88,11 +88,11 @@ def _axis(text: str, unit: str, option: str, sampled: bool):
                 "--samples"
             )
         made = {"": uniform, "log": log_uniform, "normal": normal}[kind]
-        return _made(made, option, *(_number(part, unit, option) for part in read))
+        return _made(made, option, *(_number(part, unit, option) for part in with_one_unit(read)))
     if kind == "normal":
         raise CommandError(f"{option}: needs --samples")
     if len(parts) == 1 and not kind:
-        values = [_number(part.strip(), unit, option) for part in text.split(",")]
+        values = [_number(part, unit, option) for part in with_one_unit(text.split(","))]
         if len(set(values)) < len(values):
             raise CommandError(f"{option}: must not repeat a value")
         return np.array(values)
@@ -100,7 +100,7 @@ def _axis(text: str, unit: str, option: str, sampled: bool):
         raise CommandError(
             f"{option}: must have the form from:to:count, log:from:to:count or a,b,c"
         )
-    ends = (_number(part, unit, option) for part in read[:2])
+    ends = (_number(part, unit, option) for part in with_one_unit(read[:2]))
     return _made(log_grid if kind else grid, option, *ends, int(read[2]))
 
 

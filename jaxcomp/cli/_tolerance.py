@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ._balance import Excitation
+from ._completion import complete_quantity, complete_variable
 from ._errors import CommandError, reports_errors
 from ._optimise import Accuracy
 from ._options import AsJson, Designs, Machine, Out, Sets
@@ -32,6 +33,7 @@ def tolerance(
             help="Number and its tolerance: '+-0.02 mm', '-0.01 +0.03 mm', '+-5 %', 'sigma 5 um'; normal "
             "with a limit at 3 sigma, or add 'uniform', 'truncated', '2 sigma'. * in a name stands for "
             "any part of it. Repeatable.",
+            autocompletion=complete_variable,
         ),
     ] = None,
     tolerances: Annotated[
@@ -47,6 +49,7 @@ def tolerance(
             metavar="NAME",
             help="What is asked, e.g. motor_power; efficiency, or "
             "vibration of a rotor, if absent. Repeatable.",
+            autocompletion=complete_quantity,
         ),
     ] = None,
     limit: Annotated[

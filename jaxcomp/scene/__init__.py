@@ -18,4 +18,5 @@ from ._scene import machines as machines
 from ._scene import with_compressor as with_compressor
 from ._scene import with_value as with_value
 from ._scene import with_values as with_values
+from ._units import NUMBER as NUMBER
 from ._units import to_si as to_si
