@@ -19,8 +19,8 @@ class Status(eqx.Enumeration):
         "the crank comes to a halt within the turn; the motor is too weak or the inertia too small"
     )
     unresolved = (
-        "the nodes do not resolve the turn: the crank all but halts in it, so that its duration is not "
-        "known; take more nodes, a higher speed or more inertia"
+        "the nodes do not resolve the turn: its duration is not known to 0.1 %, or its fluctuation of "
+        "speed not to 2 %; take more nodes, or more inertia or speed where the crank all but halts"
     )
     no_periodic_state = (
         "no stable periodic state was found: the net work of a turn does not fall with speed"

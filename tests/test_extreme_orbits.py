@@ -24,7 +24,7 @@ from helpers import (
     status_of,
 )
 
-from jaxcomp import Collocation, Shooting
+from jaxcomp import Collocation, Shooting, solve_orbit
 from jaxcomp.motor import ConstantTorque, Kloss, MeanSpeed, SlipLine
 
 # Without edges at the changes of side: errors of 1e-5, but one small program for every case.
@@ -243,6 +243,19 @@ def test_extreme_orbits_close_the_turn_of_the_reference(fine, case):
     assert float(orbit.energy.total_loss) == pytest.approx(
         sum(work[name] for name in orbit.energy.losses), rel=max(tolerance, 1e-5)
     )
+
+
+def test_a_coarse_turn_says_how_coarse_it_is():
+    """The resolution is above the error of the fluctuation; where it is poor the word says so."""
+    steep = machine(conrod_length=0.05 / 0.95)
+    exact = solve_orbit(steep, Collocation(nodes=24, kinks=0)).speed_fluctuation
+    words = []
+    for nodes in (3, 5, 8):
+        found = solve_orbit(steep, Collocation(nodes=nodes, kinks=0), throw=False)
+        error = abs(found.speed_fluctuation / exact - 1)
+        assert 1e-4 < error < found.resolution, nodes  # seen: 0.1 to 0.2 of it
+        words.append(status_of(found))
+    assert words == ["unresolved", "unresolved", "converged"]
 
 
 @pytest.mark.slow

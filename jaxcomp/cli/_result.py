@@ -34,6 +34,7 @@ _ORDER = (
     "swept_volume",
     "energy_residual",
     "residual",
+    "resolution",
     "joint_margin",
 )
 
@@ -91,5 +92,6 @@ def _numbers(compressor: Compressor, orbit: Orbit) -> dict[str, Any]:
         "swept_volume": compressor.mechanism.swept_volume,
         "energy_residual": energy.residual,
         "residual": orbit.residual,
+        "resolution": orbit.resolution,
         "joint_margin": orbit.margin,
     }

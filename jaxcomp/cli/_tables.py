@@ -121,6 +121,8 @@ def _evidence(result: dict[str, Any]) -> Table:
     table.add_row("Solver", result["solver"], f"tolerance {result['tolerance']:.2g}")
     table.add_row("Iterations", str(result["iterations"]), result["status"])
     table.add_row("Residual", f"{result['residual']:.1e}", "periodicity or collocation equations")
+    resolution = "of the speed; the error of the fluctuation is smaller"
+    table.add_row("Resolution", f"{result['resolution']:.1e}", resolution)
     closure = f"{result['energy_residual']:.1e}"
     table.add_row("Energy closure", closure, "motor work that is neither gas work nor loss")
     table.add_row("Joint margin", f"{result['joint_margin']:.4f}", "1 without friction, locks at 0")

@@ -55,6 +55,8 @@ class Orbit(eqx.Module):
         lowest_speed, highest_speed: [rad/s] extremes within the turn.
         status: how the solver ended, a member of `Status`.
         residual: [-] what is left of the periodicity or of the collocation equations.
+        resolution: [-] size of the highest two terms of the speed's polynomials over the swing of the
+            speed: an upper estimate of the relative error of the fluctuation.
         iterations: passes or Newton steps of the final solve.
         solver: name of the solver.
     """
@@ -72,6 +74,7 @@ class Orbit(eqx.Module):
     highest_speed: Float[Array, ""]
     status: Status
     residual: Float[Array, ""]
+    resolution: Float[Array, ""]
     iterations: Int[Array, ""]
     solver: str = eqx.field(static=True)
 

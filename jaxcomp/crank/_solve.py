@@ -13,6 +13,10 @@ from ._given import orbit_at_given_speed
 from ._orbit import Orbit
 from ._shooting import Shooting
 
+# [-] Resolution beyond which a turn does not count as resolved. Seen at a conrod ratio of 0.95 without edges
+# at the changes of side: 0.21 with 5 nodes on a panel, the fluctuation 3.9 % off; 0.06 with 8, 0.8 % off.
+_COARSE = 0.1
+
 
 def solve_orbit(
     compressor: Compressor, solver: Shooting | Collocation | None = None, *, throw: bool = True
@@ -67,7 +71,11 @@ def _solve(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
 
 def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
     if not isinstance(compressor.motor, ConstantSpeed):
-        return solver.solve(compressor)
+        orbit = solver.solve(compressor)
+        coarse = (orbit.status == Status.converged) & (orbit.resolution > _COARSE)
+        return eqx.tree_at(
+            lambda o: o.status, orbit, Status.where(coarse, Status.unresolved, orbit.status)
+        )
     nodes = solver.nodes if isinstance(solver, Collocation) else solver.output_nodes
     grading = solver.grading if isinstance(solver, Collocation) else Collocation().grading
     resolution = Resolution(nodes, solver.kinks, grading, max_passes=0)

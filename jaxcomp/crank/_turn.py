@@ -61,9 +61,17 @@ def orbit_on_panels(
         highest_speed=highest[1],
         status=status,
         residual=report.change,
+        resolution=_resolution(grid, lax.stop_gradient(state.speed)),
         iterations=report.steps,
         solver=solver,
     )
+
+
+def _resolution(grid: Panels, speed: Float[Array, "p s"]) -> Float[Array, ""]:
+    terms = jnp.abs(speed @ grid.rule.to_legendre.T)
+    swing = jnp.max(speed) - jnp.min(speed)
+    # a swing below a millionth of the speed is of no interest, and ends in rounding
+    return jnp.max(terms[:, -2] + terms[:, -1]) / (swing + 1e-6 * jnp.max(speed))
 
 
 def _highest(rule: Rule, values: Float[Array, "p s"]) -> Float[Array, ""]:

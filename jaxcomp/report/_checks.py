@@ -45,6 +45,11 @@ def _size(name: str, key: str):
     return make
 
 
+def _resolution(result) -> Check:
+    value = result["resolution"]
+    return Check("Resolution of the speed", f"{value:.1e}", value <= 0.01, "at most 1e-02")
+
+
 def _margin(result) -> Check:
     value = result["joint_margin"]
     return Check("Margin against self-locking", f"{value:.4f}", value > 0, "above 0")
@@ -100,6 +105,7 @@ _CHECKS = (
     (("feasible", "stationarity"), _feasible),
     (("energy_residual",), _size("Energy closure", "energy_residual")),
     (("residual",), _size("Residual", "residual")),
+    (("resolution",), _resolution),
     (("correction",), _size("Last correction of the linear solution", "correction")),
     (("joint_margin",), _margin),
     (("stable",), _stable),
