@@ -13,8 +13,9 @@ from ._given import orbit_at_given_speed
 from ._orbit import Orbit
 from ._shooting import Shooting
 
-# [-] Resolution beyond which a turn does not count as resolved. Seen at a conrod ratio of 0.95 without edges
-# at the changes of side: 0.21 with 5 nodes on a panel, the fluctuation 3.9 % off; 0.06 with 8, 0.8 % off.
+# [-] Resolution beyond which a turn does not count as resolved. Seen at a conrod ratio of 0.95 without
+# edges at the changes of side: 0.21 with 5 nodes on a panel, the fluctuation 3.9 % off; 0.06 with 8,
+# 0.8 % off.
 _COARSE = 0.1
 
 
