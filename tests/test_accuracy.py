@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
+from jaxcomp.design import design_of
+from jaxcomp.film import eccentricity_ratio
 from jaxcomp.work_precision import Reference, Report, Row
+from jaxcomp.work_precision._film import film_place
 from jaxcomp.work_precision._mesh import refined
 from jaxcomp.work_precision._report import observed_order
 from jaxcomp.work_precision._scipy import scipy_row
@@ -66,6 +69,24 @@ def test_impossible_questions_are_refused_by_name():
         with pytest.raises(BadInput) as caught:
             accuracy(scene, asked, study, **options)
         assert caught.value.field == field
+
+
+def test_film_is_studied_at_the_worst_bearing_of_the_machine():
+    scene = load("slider-link-8cc")
+    place = film_place(design_of(scene))
+    orbit = solve_orbit(scene.compressor)
+    eccentricities = {}
+    for name in ("crank_pin", "upper_bearing", "lower_bearing"):
+        bearing = getattr(scene.compressor.friction, name).bearing
+        own = eccentricity_ratio(bearing, orbit.mean_forces[name], orbit.mean_speed)
+        eccentricities[name] = float(own)
+    assert place.words == max(eccentricities, key=lambda name: eccentricities[name])
+    # the quick orbit of the study has no edges at the changes of side: 1.1e-3 seen
+    assert place.eccentricity == pytest.approx(eccentricities[place.words], rel=5e-3)
+    bearing = getattr(scene.compressor.friction, place.words).bearing
+    assert place.length_ratio == pytest.approx(bearing.length / bearing.radius / 2, rel=1e-12)
+    # without a film in the machine, a usual one
+    assert film_place(design_of(load("mayekawa-wbhe")))[1:] == (0.5, 0.65)
 
 
 @pytest.mark.slow

@@ -77,19 +77,20 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
     """Every setting, the methods at equal error, orders, and the recommendation."""
     reference = report.reference
     title = f"{report.scene}: {report.note}"
-    heads = ("Method", "Setting", "Error", "Time", "Compiling", "Passes", "Operations")
-    table = _table(title, *heads, numbers=True)
+    columns: list[tuple[str, list[str]]] = [
+        ("Method", [row.method for row in report.rows]),
+        ("Setting", [row.setting for row in report.rows]),
+        ("Error", [_error(report, row) for row in report.rows]),
+        ("Time", [_duration(row.seconds) for row in report.rows]),
+        ("Compiling", [_duration(row.compile_seconds) for row in report.rows]),
+        ("Passes", ["" if row.passes is None else str(row.passes) for row in report.rows]),
+        ("Flops", ["" if row.flops is None else f"{row.flops:,.0f}" for row in report.rows]),
+    ]
+    columns = [(head, cells) for head, cells in columns if any(cells)]
+    table = _table(title, *(head for head, _ in columns), numbers=True)
     table.columns[1].justify = "left"
-    for row in report.rows:
-        table.add_row(
-            row.method,
-            row.setting,
-            _error(report, row),
-            _duration(row.seconds),
-            _duration(row.compile_seconds),
-            "" if row.passes is None else str(row.passes),
-            "" if row.flops is None else f"{row.flops:,.0f}",
-        )
+    for cells in zip(*(cells for _, cells in columns), strict=True):
+        table.add_row(*cells)
     yield table
     if report.orders:
         orders = _table(None, "Method", "Order", "Observed", numbers=True)
@@ -124,18 +125,23 @@ def _measured_on() -> dict[str, Any]:
 
 
 def _side_by_side(report: Report):
-    """The time of each method's cheapest setting for an error, and how many times the fastest."""
-    table = _table("Time for an error of at most", "Error", *report.methods, numbers=True)
-    for at in _reachable(report):
-        times = [_time(report, at, method) for method in report.methods]
-        fastest = min(t for t in times if t is not None)
-        cells = [
-            "" if t is None else f"{_duration(t)} ({t / fastest:.3g}x)" if t > fastest else
-            f"[bold]{_duration(t)}"
-            for t in times
-        ]  # fmt: skip
-        table.add_row(f"{at:.0e}", *cells)
+    """The time of the fastest method for an error, and how many times as long the others take."""
+    errors = _reachable(report)
+    fastest = {at: min(t for m in report.methods if (t := _time(report, at, m))) for at in errors}
+    title = "Time for an error of at most ..., and how many times as long other methods take"
+    table = _table(title, "Method", *(f"{at:.0e}" for at in errors), numbers=True)
+    for method in report.methods:
+        cells = []
+        for at, best in fastest.items():
+            own = _time(report, at, method)
+            first = f"[bold]{_duration(best)}[/bold]"
+            cells.append("" if own is None else first if own == best else _times(own / best))
+        table.add_row(method, *cells)
     return table
+
+
+def _times(ratio: float) -> str:
+    return f"{float(f'{ratio:.3g}'):,.6g}x"
 
 
 def _reachable(report: Report) -> list[float]:
