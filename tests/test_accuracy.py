@@ -84,7 +84,9 @@ def test_film_is_studied_at_the_worst_bearing_of_the_machine():
     # the quick orbit of the study has no edges at the changes of side: 1.1e-3 seen
     assert place.eccentricity == pytest.approx(eccentricities[place.words], rel=5e-3)
     bearing = getattr(scene.compressor.friction, place.words).bearing
-    assert place.length_ratio == pytest.approx(bearing.length / bearing.radius / 2, rel=1e-12)
+    assert place.length_ratio == pytest.approx(
+        float(bearing.length / bearing.radius / 2), rel=1e-12
+    )
     # without a film in the machine, a usual one
     assert film_place(design_of(load("mayekawa-wbhe")))[1:] == (0.5, 0.65)
 
