@@ -69,7 +69,7 @@ def test_table_names_the_cheapest_setting_and_the_floor(film):
     made = Row("a", "one", 1e-4, 2e-3, 1.0), Row("b", "two", np.inf, 1.0, 1.0)
     report = Report("film", "m", "q", "W", Reference(1.0, 1.0 + 1e-6, ("x", "y")), made, {}, "note")
     table, beside, reference, best = accuracy_tables(report, 1e-3)
-    assert list(table.columns[2].cells) == ["1.0e-04", "not converged"]
+    assert list(table.columns[2].cells) == ["1.0e-04", "failed"]
     assert beside.row_count == 2  # errors of 1e-3 and 1e-4
     assert "differs by 1.0e-06" in reference
     assert best == "Cheapest for an error of 0.001: a, one, 2 ms.\n"

@@ -79,16 +79,18 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
     title = f"{report.scene}: {report.note}"
     columns: list[tuple[str, list[str]]] = [
         ("Method", [row.method for row in report.rows]),
-        ("Setting", [row.setting for row in report.rows]),
+        ("Setting", [row.setting.replace("tolerance=", "tol=") for row in report.rows]),
         ("Error", [_error(report, row) for row in report.rows]),
         ("Time", [_duration(row.seconds) for row in report.rows]),
-        ("Compiling", [_duration(row.compile_seconds) for row in report.rows]),
+        ("Compile", [_duration(row.compile_seconds) for row in report.rows]),
         ("Passes", ["" if row.passes is None else str(row.passes) for row in report.rows]),
-        ("Flops", ["" if row.flops is None else f"{row.flops:,.0f}" for row in report.rows]),
+        ("Flops", ["" if row.flops is None else _count(row.flops) for row in report.rows]),
     ]
     columns = [(head, cells) for head, cells in columns if any(cells)]
     table = _table(title, *(head for head, _ in columns), numbers=True)
     table.columns[1].justify = "left"
+    table.columns[1].no_wrap = True
+    _tight(table)
     for cells in zip(*(cells for _, cells in columns), strict=True):
         table.add_row(*cells)
     yield table
@@ -130,6 +132,7 @@ def _side_by_side(report: Report):
     fastest = {at: min(t for m in report.methods if (t := _time(report, at, m))) for at in errors}
     title = "Time for an error of at most ..., and how many times as long other methods take"
     table = _table(title, "Method", *(f"{at:.0e}" for at in errors), numbers=True)
+    _tight(table)
     for method in report.methods:
         cells = []
         for at, best in fastest.items():
@@ -138,6 +141,19 @@ def _side_by_side(report: Report):
             cells.append("" if own is None else first if own == best else _times(own / best))
         table.add_row(method, *cells)
     return table
+
+
+def _tight(table) -> None:
+    """Fit a table of many columns into a terminal of 80."""
+    table.columns[0].min_width = len("collocation,")
+    table.collapse_padding, table.pad_edge = True, False
+
+
+def _count(operations: float) -> str:
+    for scale, unit in ((1e9, " G"), (1e6, " M"), (1e3, " k")):
+        if operations >= scale:
+            return f"{operations / scale:.3g}{unit}"
+    return f"{operations:.0f}"
 
 
 def _times(ratio: float) -> str:
@@ -163,7 +179,7 @@ def _finite(value):
 
 def _error(report: Report, row: Row) -> str:
     if not math.isfinite(row.error):
-        return "not converged"
+        return "failed"
     floor = report.reference.floor
     return f"< {floor:.1e}" if row.error < floor else f"{row.error:.1e}"
 

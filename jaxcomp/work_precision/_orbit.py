@@ -84,7 +84,7 @@ def _collocation_rows(question: Question, nodes: int, kinks: int, reference: Ref
     program = SolverProgram(question, Collocation(nodes=nodes, kinks=kinks))
     method = "collocation" if kinks else "collocation, kinks=0"
     for tolerance in _TOLERANCES:
-        setting = f"nodes={nodes} kinks={kinks} tolerance={tolerance:g}"
+        setting = f"nodes={nodes} tolerance={tolerance:g}"
         yield program.row(reference, method, setting, tolerance)
 
 
@@ -97,7 +97,7 @@ def _shooting_rows(shooting, name: str, tolerances, reference: Reference):
     program = shooting(name)
     for tolerance in tolerances:
         method = f"shooting, {name}"
-        yield program.row(reference, method, f"{name} tolerance={tolerance:g}", tolerance)
+        yield program.row(reference, method, f"tolerance={tolerance:g}", tolerance)
 
 
 def _scipy_rows(question: Question, method: str, tolerances, reference: Reference):

@@ -20,6 +20,7 @@ import optimistix as optx
 import scipy.optimize
 
 from jaxcomp import Collocation, load, optimise, problem
+from jaxcomp.cli._cache import quick_compiles
 from jaxcomp.design import Chain
 from jaxcomp.scene import with_value
 
@@ -149,4 +150,5 @@ def bounds(starts=32, tolerance=1e-6, limit=500):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bounds", action="store_true")
+    quick_compiles()  # as the command line starts JAX
     bounds() if parser.parse_args().bounds else bores()

@@ -28,6 +28,9 @@ import reference  # noqa: E402
 import scipy  # noqa: E402
 
 from jaxcomp import Collocation, Shooting, scene, solve_orbit  # noqa: E402
+from jaxcomp.cli._cache import quick_compiles  # noqa: E402
+
+quick_compiles()  # as the command line starts JAX
 
 REPEAT = 5 if options.quick else 25
 SCATTER = 0.05  # of every parameter in a batch
