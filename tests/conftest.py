@@ -4,6 +4,9 @@ import os
 from pathlib import Path
 
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # XLA prints pages about each program it loads
+# Commands under test keep nothing in the folder of whoever runs them.
+os.environ["JAXCOMP_CACHE_DIR"] = "off"
+os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
 
 import jax
 import pytest
@@ -19,6 +22,7 @@ if "optimization_level" not in os.environ.get("XLA_FLAGS", ""):
         f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=0"
     )
 quick_compiles()
+jax.devices()  # commands find JAX running, and leave the other tests their devices
 
 # Linux allows a process 65,530 memory maps, and every compiled program takes some.
 _MAPS = Path("/proc/self/maps")

@@ -191,8 +191,7 @@ def test_a_mechanism_that_nobody_has_drawn_is_refused(turning):
     ("machine", "pictures"),
     [("hermetic-68cc", {"mechanism", "balance"}), ("slider-link-8cc", {"mechanism"})],
 )
-def test_command_writes_small_pictures_and_a_report(machine, pictures, tmp_path, monkeypatch):
-    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
+def test_command_writes_small_pictures_and_a_report(machine, pictures, tmp_path):
     done = CliRunner().invoke(app, ["animate", machine, "--out", str(tmp_path), "--frames", "24"])
     assert done.exit_code == 0, done.stderr
     written = {file.stem: file for file in tmp_path.glob("*.gif")}

@@ -29,12 +29,6 @@ REQUIRED = {
 }
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch):
-    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
-    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
-
-
 def invoke(*arguments):
     return CliRunner().invoke(app, list(arguments))
 

@@ -11,14 +11,6 @@ from jaxcomp.cli import app
 RUNNER = CliRunner()
 
 
-@pytest.fixture(autouse=True, scope="module")
-def no_cache():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
-        patch.setenv("JAXCOMP_CACHE_DIR", "off")
-        yield
-
-
 def run(*arguments):
     return RUNNER.invoke(app, ["accuracy", *map(str, arguments)])
 
@@ -29,7 +21,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def film(no_cache, folder):
+def film(folder):
     """The quickest study: films have no orbit to compile."""
     result = run("mayekawa-wbhe", "--study", "film", "--error", "1e-3", "--json", "--out", folder)
     assert result.exit_code == 0, result.output

@@ -22,14 +22,6 @@ def found(*arguments):
     return json.loads(result.stdout)
 
 
-@pytest.fixture(autouse=True, scope="module")
-def no_cache():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
-        patch.setenv("JAXCOMP_CACHE_DIR", "off")
-        yield
-
-
 @pytest.fixture
 def measured(tmp_path):
     path = tmp_path / "runs.csv"
@@ -38,7 +30,7 @@ def measured(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def hermetic(no_cache):
+def hermetic():
     return found("hermetic-68cc")
 
 
@@ -88,7 +80,7 @@ def test_printed_forces_leave_little_between_the_two_balances(hermetic):
 
 
 @pytest.mark.slow
-def test_multi_stage_beats_the_rotor_alone_at_the_housing(no_cache):
+def test_multi_stage_beats_the_rotor_alone_at_the_housing():
     """Paper 000, Section 5: prototype 1 against prototype 2, over the operating conditions."""
     housing = {}
     for pressure in ("2.453 bar", "6.809 bar"):  # evaporating at -20 and +10 deg C

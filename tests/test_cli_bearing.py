@@ -34,12 +34,6 @@ REQUIRED = {
 }
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch):
-    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
-    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
-
-
 def run(*arguments, **changes):
     options = [
         part

@@ -31,11 +31,6 @@ MESSAGES = {
 }
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch):
-    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
-
-
 @pytest.fixture
 def faulty(tmp_path):
     text = start("slider-crank", "faulty")

@@ -15,11 +15,6 @@ from jaxcomp.scene._schema import entries
 KINDS = list(starts())
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch):
-    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
-
-
 def invoke(*arguments):
     return CliRunner().invoke(app, list(arguments))
 

@@ -26,14 +26,6 @@ def found(*arguments):
     return json.loads(result.stdout)
 
 
-@pytest.fixture(autouse=True, scope="module")
-def no_cache():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
-        patch.setenv("JAXCOMP_CACHE_DIR", "off")
-        yield
-
-
 @pytest.fixture(scope="module")
 def optimum(tmp_path_factory):
     out = tmp_path_factory.mktemp("optimum")

@@ -136,12 +136,6 @@ def in_python():
     return RotorModel((shaft,), (disks,), links=links, bodies=(case,), damping=damping)
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch):
-    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
-    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
-
-
 @pytest.fixture
 def file(tmp_path):
     path = tmp_path / "rotor.toml"

@@ -6,7 +6,6 @@ import pty
 import subprocess
 import sys
 
-import jax
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -18,15 +17,6 @@ from jaxcomp.cli._sweep_options import axes_of
 RUNNER = CliRunner()
 FAST = ["--solver-nodes", "5", "--solver-kinks", "0", "--solver-tolerance", "1e-5"]
 RPM = np.pi / 30
-
-
-@pytest.fixture(autouse=True, scope="module")
-def no_cache():
-    jax.devices()  # so that the command finds JAX running and leaves the other tests their devices
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
-        patch.setenv("JAXCOMP_CACHE_DIR", "off")
-        yield
 
 
 def run(*arguments):
@@ -44,7 +34,7 @@ SPEEDS = ("--over", "motor.mean_speed=800rpm,1000rpm,1200rpm")
 
 
 @pytest.fixture(scope="module")
-def folder(no_cache, tmp_path_factory):
+def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("sweep") / "out"
 
 

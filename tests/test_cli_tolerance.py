@@ -2,7 +2,6 @@
 
 import json
 
-import jax
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -14,15 +13,6 @@ RUNNER = CliRunner()
 BORE = "mechanism.bore"
 
 
-@pytest.fixture(autouse=True, scope="module")
-def no_cache():
-    jax.devices()  # so that the command finds JAX running and leaves the other tests their devices
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
-        patch.setenv("JAXCOMP_CACHE_DIR", "off")
-        yield
-
-
 def run(*arguments, command="tolerance"):
     return RUNNER.invoke(app, [command, "mayekawa-wbhe", *map(str, arguments)])
 
@@ -32,7 +22,7 @@ VARY = ("--vary", f"{BORE}=+-0.3 mm", "--vary", "mechanism.crank_radius=+-0.1 mm
 
 
 @pytest.fixture(scope="module")
-def answer(no_cache, tmp_path_factory):
+def answer(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tolerance") / "out"
     result = run(
         *VOLUME, *VARY, "--limit", "swept_volume<=1330 cm^3", "--samples", 4096, "--json", "--out", folder
@@ -72,7 +62,7 @@ def test_folder_has_pictures_scene_and_result(answer):
     assert (folder / "scene.toml").exists()
 
 
-def test_tables_and_files(no_cache, tmp_path):
+def test_tables_and_files(tmp_path):
     file = tmp_path / "tolerances.toml"
     file.write_text(
         f'[tolerances]\n"{BORE}" = "+-0.3 mm"\n"mechanism.crank_radius" = "+-0.1 mm"\n'
@@ -117,7 +107,7 @@ def test_refusals_name_what_is_wrong(arguments, complaint):
     assert complaint in " ".join(result.output.split())
 
 
-def test_robust_objective_counts_the_scatter(no_cache):
+def test_robust_objective_counts_the_scatter():
     """The largest volume that nearly all machines keep: V (1 + s^2 - 2 sqrt(4 s^2 + 2 s^4))."""
     result = run(
         "--variable", f"{BORE}=100mm:160mm", "--objective", "swept_volume", "--maximise",

@@ -150,8 +150,7 @@ def test_large_drawings_become_pixels():
 
 
 @pytest.mark.slow
-def test_run_writes_a_report_of_what_it_prints(tmp_path, monkeypatch):
-    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
+def test_run_writes_a_report_of_what_it_prints(tmp_path):
     arguments = ["run", "mayekawa-wbhe", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.stderr

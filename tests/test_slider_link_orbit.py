@@ -162,9 +162,8 @@ def test_shaking_force_and_vibration(isobutane):
     assert np.abs(load.amplitude[0, 1]) < 0.05 * first[0]
 
 
-def test_command_line_reports_vibration_and_losses(monkeypatch):
+def test_command_line_reports_vibration_and_losses():
     """The bundled machine on its springs; the closed formulas of the film share compiled programs."""
-    monkeypatch.setenv("JAXCOMP_CACHE_DIR", "off")
     journals = ("crank_pin", "upper_bearing", "lower_bearing")
     sets = [x for name in journals for x in ("--set", f"friction.{name}.film=fit")]
     result = CliRunner().invoke(app, ["run", "slider-link-8cc", "--json", *sets])
