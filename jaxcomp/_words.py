@@ -7,10 +7,9 @@ from collections.abc import Iterable
 _ALSO_SAID = {
     "stroke": ("crank_radius", "half the stroke"),
     "rpm": ("mean_speed", 'e.g. "1450 rpm"'),
-    "speed": ("mean_speed", 'e.g. "1450 rpm"'),
     "diameter": ("bore", "of the cylinder"),
     "eccentricity": ("offset", "of the cylinder axis from the crank's"),
-    "dead_volume": ("clearance", "of the cylinder over its swept volume"),
+    "dead_volume": ("clearance_ratio", "clearance volume over swept volume"),
 }
 
 
@@ -28,11 +27,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """
     known = sorted(known)
     near = nearest(word, known)
-    key, relation = _ALSO_SAID.get(word, (None, ""))
-    if key in known and near is None:
-        return f'; did you mean "{key}", {relation}?'
     if near is not None:
         return f'; did you mean "{near}"?'
+    key, relation = _ALSO_SAID.get(word, ("", ""))
+    if key in known:
+        return f'; did you mean "{key}", {relation}?'
     return f"; known here: {', '.join(known)}" if known else ""
 
 

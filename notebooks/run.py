@@ -10,7 +10,7 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
-from jaxcomp.cli._cache import quick_compiles
+from jaxcomp.cli._start import quick_compiles
 
 HERE = Path(__file__).parent
 LIMIT = 300_000  # bytes; pictures stay small so that the repository does

@@ -12,15 +12,12 @@ import jax
 import pytest
 
 import jaxcomp  # noqa: F401  (turns on 64-bit mode)
-from jaxcomp.cli._cache import keeps_programs, quick_compiles
+from jaxcomp.cli._start import keeps_programs, quick_compiles, unoptimised_compiles
 
 # Most programs of the tests run once: XLA need not optimise them. Programs that the tests start inherit
 # this; notebooks, benchmarks and users run optimised programs, and so do the tests with
 # `XLA_FLAGS=--xla_backend_optimization_level=3`.
-if "optimization_level" not in os.environ.get("XLA_FLAGS", ""):
-    os.environ["XLA_FLAGS"] = (
-        f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=0"
-    )
+unoptimised_compiles()
 quick_compiles()
 jax.devices()  # commands find JAX running, and leave the other tests their devices
 

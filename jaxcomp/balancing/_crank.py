@@ -102,7 +102,7 @@ def crank_case(
 
 
 def _forces(machine, nodes, orders, solver):
-    orbit = solve_orbit(machine, solver or Collocation(), throw=False)
+    orbit = solve_orbit(machine, solver, throw=False)
     kept = tuple(dict.fromkeys((0, *orders)))
     return crank_forces(machine, orbit, nodes, orders=kept), orbit.converged
 

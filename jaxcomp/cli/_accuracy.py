@@ -80,7 +80,9 @@ def accuracy(
     from ._arguments import changed_scene
     from ._output import show_results, write_results
     from ._progress import pieces_bar, progress
+    from ._start import quick_compiles
 
+    quick_compiles()  # nothing is kept, so that compile times are those of a first call
     scene = changed_scene(machine, sets or (), ())
     with pieces_bar("Measuring") as tell:
         if study is Of.scenes:

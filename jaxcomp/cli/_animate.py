@@ -31,12 +31,11 @@ def animate(
     from ..plot import gif
     from ._animate_result import animate_tables, balancing_motion, turning_motion
     from ._arguments import changed_scene
-    from ._cache import enable_compilation_cache, programs_run_once
     from ._output import show_results, write_results
     from ._progress import progress
+    from ._start import start_jax
 
-    programs_run_once()
-    enable_compilation_cache()
+    start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
     moving, result = {}, {"machine": scene.name, "file": scene.file, "frames": frames}
     with progress("Solving and drawing ..."):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..balancing import direct_influence, least_squares
-from ..crank import Collocation, solve_orbit
+from ..crank import solve_orbit
 from ..plot import Motion, balance_motion, mechanism_motion
 from ..rotor import BalancingPlanes, LoadCase, Unbalances, respond
 from ..scene import Scene
@@ -19,7 +19,7 @@ from ._tables import _table
 def turning_motion(scene: Scene, frames: int) -> tuple[Motion, dict[str, Any]]:
     """The mechanism in its periodic state."""
     machine = scene.machine
-    orbit = solve_orbit(machine, Collocation(kinks=machine.mechanism.side_changes))
+    orbit = solve_orbit(machine)
     evidence = {
         "converged": bool(orbit.converged),
         "status": "converged" if bool(orbit.converged) else "not converged",

@@ -89,10 +89,9 @@ def _program(
 
 def main() -> None:
     """Entry point of the program `jaxcomp`."""
-    from ._cache import leave_out_callbacks, one_blas_thread, quick_compiles, quiet_loader
+    from ._start import leave_out_callbacks, one_blas_thread, quiet_loader
 
     quiet_loader()
     one_blas_thread()
-    quick_compiles()
     leave_out_callbacks()
     app()

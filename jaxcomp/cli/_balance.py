@@ -111,12 +111,11 @@ def balance(
         model_system,
         solve,
     )
-    from ._cache import enable_compilation_cache, programs_run_once
     from ._output import show_results, write_results
     from ._progress import progress
+    from ._start import start_jax
 
-    programs_run_once()
-    enable_compilation_cache()
+    start_jax(once=True)
     with progress("Solving (the first time it is compiled as well) ..."):
         if measured is not None:
             system = measured_system(measured)

@@ -59,9 +59,9 @@ def bearing(
 
     from ..scene import to_si
     from ._bearing_tables import bearing_tables
-    from ._cache import enable_compilation_cache
     from ._output import show_results, write_results
     from ._progress import progress
+    from ._start import start_jax
 
     def number(name: str, text: str, unit: str) -> float:
         return float(to_si(text, unit, f"--{name}"))
@@ -91,7 +91,7 @@ def bearing(
             f"--clearance {_short(given['clearance'])} m: must be < {_short(given['diameter'] / 2)} m, "
             "the radius of the journal"
         )
-    enable_compilation_cache()
+    start_jax()
     film = _models()[model]
     low, high = film.length_ratio_range
     ratio = given["length"] / given["diameter"]

@@ -18,12 +18,12 @@ def check(
     Example: [bold]jaxcomp check my-machine.toml[/bold]
     """
     from ..scene import SceneError, load
-    from ._cache import enable_compilation_cache
     from ._check_result import check_result, check_tables, error_result
     from ._output import show_results
+    from ._start import start_jax
     from ._tables import print_json
 
-    enable_compilation_cache()
+    start_jax()
     try:
         scene = load(machine)
     except SceneError as error:

@@ -28,7 +28,7 @@ def list_machines(
     from rich.console import Console
 
     from ..scene import describe, load, machines
-    from ._cache import enable_compilation_cache
+    from ._start import start_jax
     from ._tables import machine_table, print_json, value_table
 
     if machine is None:
@@ -38,7 +38,7 @@ def list_machines(
         else:
             Console().print(machine_table(known))
         return
-    enable_compilation_cache()
+    start_jax()
     scene = load(machine)
     rows = describe(scene)
     if as_json:

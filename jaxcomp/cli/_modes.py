@@ -41,17 +41,16 @@ def modes(
     Example: [bold]jaxcomp modes hermetic-68cc --speeds 300rpm:6000rpm:60 --out result[/bold]
     """
     from ._arguments import assignments, changed_scene
-    from ._cache import enable_compilation_cache, programs_run_once
     from ._output import show_results
     from ._progress import progress
     from ._rotor_result import campbell_result, modes_result
     from ._rotor_tables import modes_tables
     from ._speeds import rotor_of, single_speeds, speed_range
+    from ._start import start_jax
 
     if speeds is not None and free:
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
-    programs_run_once()
-    enable_compilation_cache()
+    start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
     model = rotor_of(scene)
     points = single_speeds(speed or (), scene)

@@ -145,10 +145,10 @@ def optimise(
         raise CommandError("--sigmas and --quantile: need --scatter")
     if sigmas is not None and quantile is not None:
         raise CommandError("--sigmas: takes no --quantile beside it")
-    from ._cache import enable_compilation_cache
     from ._optimise_search import Asked, searched_front, searched_optimum
+    from ._start import start_jax
 
-    enable_compilation_cache()
+    start_jax()
     asked = Asked(
         machine=machine,
         sets=tuple(sets or ()),

@@ -47,15 +47,14 @@ def respond(
     """
     from ..rotor import LoadCase
     from ._arguments import assignments, changed_scene
-    from ._cache import enable_compilation_cache, programs_run_once
     from ._output import show_results
     from ._progress import progress
     from ._rotor_result import Watched, curve_result, respond_result, watched_nodes, whole_orders
     from ._rotor_tables import response_tables
     from ._speeds import rotor_of, single_speeds, speed_range
+    from ._start import start_jax
 
-    programs_run_once()
-    enable_compilation_cache()
+    start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
     model = rotor_of(scene)
     case = scene.parts.get("loads")

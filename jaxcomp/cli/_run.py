@@ -44,15 +44,14 @@ def run(
         raise CommandError(f"--tolerance {tolerance:g}: must be > 0 and < 1")
     from ..crank import solve_orbit
     from ._arguments import assignments, changed_scene
-    from ._cache import enable_compilation_cache, programs_run_once
     from ._output import show_results
     from ._progress import progress
     from ._result import run_result
+    from ._start import start_jax
     from ._tables import result_tables
     from ._vibration import vibration_result, vibration_table
 
-    programs_run_once()
-    enable_compilation_cache()
+    start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
     method = _method(scene.machine.mechanism, solver, tolerance)
     with progress("Solving the periodic state (the first time it is compiled as well) ..."):

@@ -88,9 +88,9 @@ def sweep(
     """
     _check(sampling, samples, tolerance, nodes, kinks, coordinator, processes, process, out)
     from ._arguments import changed_scene
-    from ._cache import enable_compilation_cache
     from ._output import show_results, write_results
     from ._progress import progress
+    from ._start import start_jax
     from ._sweep_options import axes_of, chain_of, default_quantities, start_devices
     from ._sweep_result import sweep_result, sweep_tables
 
@@ -99,7 +99,7 @@ def sweep(
         import jax
 
         jax.distributed.initialize(coordinator, processes, process)
-    enable_compilation_cache()
+    start_jax()
     scene = changed_scene(machine, sets or (), designs or ())
     axes = axes_of(scene, over, samples is not None)
     asked = quantity or default_quantities(scene)

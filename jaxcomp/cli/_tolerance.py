@@ -101,15 +101,15 @@ def tolerance(
         raise CommandError(f"--samples {samples}: must be >= 16")
     from ..design import Chain
     from ._arguments import changed_scene
-    from ._cache import enable_compilation_cache
     from ._optimise_search import SOLVERS
     from ._output import show_results, write_results
     from ._progress import progress
+    from ._start import start_jax
     from ._sweep_options import start_devices
     from ._tolerance_result import asked_tolerances, tolerance_result, tolerance_tables
 
     start_devices(None)
-    enable_compilation_cache()
+    start_jax()
     scene = changed_scene(machine, sets or (), designs or ())
     chain = Chain(SOLVERS[accuracy.value], excitation and excitation.value)
     asked = asked_tolerances(scene, chain, balanced, vary, tolerances, correlate, quantity, limit)

@@ -84,8 +84,9 @@ def _highest(rule: Rule, values: Float[Array, "p s"]) -> Float[Array, ""]:
     samples = fixed @ rule.through(x).T
     panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
     start = jnp.asarray(x)[column]
-    slope = rule.derivative @ fixed[panel]
-    slope_and_bend = jnp.stack([slope, rule.derivative @ slope])
+    derivative = rule.derivative
+    slope = derivative @ fixed[panel]
+    slope_and_bend = jnp.stack([slope, derivative @ slope])
 
     def weights(place):
         return legendre_basis(2 * place - 1, rule.nodes.size) @ rule.to_legendre

@@ -69,7 +69,7 @@ class Found:
         compressor = self.design.compressor
         if compressor is None:
             raise BadInput("compressor", "without", "a scene with one, for a quantity of the crank")
-        return solve_orbit(compressor, crank_solver(self.design, self.chain), throw=False)
+        return solve_orbit(compressor, self.chain.solver, throw=False)
 
     @cached_property
     def wrench(self) -> Wrench:
@@ -125,12 +125,6 @@ class Found:
         return shaken_by(self.design, self.chain)
 
 
-def crank_solver(design: Design, chain: Chain) -> Collocation | Shooting:
-    """The solver of the periodic state: that of the chain, or one that suits the machine."""
-    assert design.compressor is not None
-    return chain.solver or Collocation(kinks=design.compressor.mechanism.side_changes)
-
-
 def balanced_design(design: Design, chain: Chain) -> Design:
     """The design with the corrections in all planes that least squares at order 1 ask for."""
     bare = eqx.tree_at(
@@ -155,8 +149,7 @@ def shaken_by(design: Design, chain: Chain) -> Shaken:
     if chosen == "crank" and (case.crank is None or design.compressor is None):
         raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
     by_crank = chosen == "crank"
-    solver = crank_solver(design, chain) if by_crank else None
-    return Shaken(by_crank, solver, chain.orders, chain.left_out)
+    return Shaken(by_crank, chain.solver if by_crank else None, chain.orders, chain.left_out)
 
 
 class Quantity(NamedTuple):

@@ -42,11 +42,8 @@ def figures_of(compressor: Compressor, solver: Collocation | None = None) -> Fig
 
     Args:
         compressor: the design.
-        solver: of the periodic state; if absent, collocation with as many panel edges as the
-            mechanism has changes of side.
+        solver: of the periodic state, as `solve_orbit` takes it.
     """
-    if solver is None:
-        solver = Collocation(kinks=compressor.mechanism.side_changes)
     orbit = solve_orbit(compressor, solver, throw=False)
     energy, period = orbit.energy, orbit.period
     loss = {name: work / period for name, work in energy.losses.items()}

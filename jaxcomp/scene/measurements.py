@@ -26,7 +26,7 @@ import numpy as np
 
 from ..balancing import Influence, Row, trial_influence
 from ._errors import SceneError
-from ._units import to_si
+from ._units import factor
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
 _UNITS = {"speed": ("rad/s",), "phase": ("rad",), "trial": ("kg m", "kg"), "angle": ("rad",)}
@@ -86,7 +86,8 @@ def _measured(lines) -> Measured:
     if not lines:
         raise SceneError("", "is empty")
     units = _header(lines[0])
-    factor = {name: _factor(name, units[name]) for name in _UNITS}
+    dimensions = {name: _dimension(name, units[name]) for name in _UNITS}
+    scale = {name: factor(units[name], si, name, units[name]) for name, si in dimensions.items()}
     columns = list(units)
     readings: dict[str, dict[tuple[str, float], complex]] = {}
     trials: dict[str, complex] = {}
@@ -97,17 +98,17 @@ def _measured(lines) -> Measured:
         run, target = cell["run"], cell["target"]
         if not run or not target:
             raise SceneError(f"line {number}", "needs a run and a target")
-        key = (target, round(_number(cell, "speed", factor, number), 6))
+        key = (target, round(_number(cell, "speed", scale, number), 6))
         own = readings.setdefault(run, {})
         if key in own:
             raise SceneError(f"line {number}", f"reads {target} a second time in run {run}")
-        own[key] = _number(cell, "amplitude", factor, number) * np.exp(
-            1j * _number(cell, "phase", factor, number)
+        own[key] = _number(cell, "amplitude", scale, number) * np.exp(
+            1j * _number(cell, "phase", scale, number)
         )
         if run == _INITIAL:
             continue
-        trial = _number(cell, "trial", factor, number) * np.exp(
-            1j * _number(cell, "angle", factor, number)
+        trial = _number(cell, "trial", scale, number) * np.exp(
+            1j * _number(cell, "angle", scale, number)
         )
         if trial == 0:
             raise SceneError(f"line {number}.trial", "must be different from zero", 0)
@@ -129,8 +130,7 @@ def _measured(lines) -> Measured:
         [Row(target, "measured", speed) for target, speed in keys],
         list(trials),
     )
-    trial = next(unit for unit in _UNITS["trial"] if _is_of(units["trial"], unit))
-    return Measured(influence, units["amplitude"], trial)
+    return Measured(influence, units["amplitude"], dimensions["trial"])
 
 
 def _header(cells) -> dict[str, str]:
@@ -151,22 +151,18 @@ def _header(cells) -> dict[str, str]:
     return units
 
 
-def _is_of(unit: str, dimension: str) -> bool:
-    try:
-        to_si(f"1 {unit}", dimension, "")
-    except SceneError:
-        return False
-    return True
+def _dimension(column: str, unit: str) -> str:
+    """The SI unit of a column, of those allowed the one that its own fits; the first if none does."""
+    for allowed in _UNITS[column]:
+        try:
+            factor(unit, allowed)
+        except SceneError:
+            continue
+        return allowed
+    return _UNITS[column][0]
 
 
-def _factor(column: str, unit: str) -> float:
-    """From the unit of a column to SI."""
-    allowed = _UNITS[column]
-    dimension = next((known for known in allowed if _is_of(unit, known)), allowed[0])
-    return float(to_si(f"1 {unit}", dimension, column))
-
-
-def _number(cell, column, factor, line) -> float:
+def _number(cell, column, scale, line) -> float:
     key = f"line {line}.{column}"
     try:
         value = float(cell[column])
@@ -174,4 +170,4 @@ def _number(cell, column, factor, line) -> float:
         raise SceneError(key, "must be a number", cell[column]) from None
     if not np.isfinite(value):
         raise SceneError(key, "must be finite", value)
-    return value * factor.get(column, 1.0)
+    return value * scale.get(column, 1.0)

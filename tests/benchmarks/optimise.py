@@ -20,7 +20,7 @@ import optimistix as optx
 import scipy.optimize
 
 from jaxcomp import Collocation, load, optimise, problem
-from jaxcomp.cli._cache import quick_compiles
+from jaxcomp.cli._start import quick_compiles
 from jaxcomp.design import Chain
 from jaxcomp.scene import with_value
 

@@ -28,7 +28,7 @@ import reference  # noqa: E402
 import scipy  # noqa: E402
 
 from jaxcomp import Collocation, Shooting, scene, solve_orbit  # noqa: E402
-from jaxcomp.cli._cache import quick_compiles  # noqa: E402
+from jaxcomp.cli._start import quick_compiles  # noqa: E402
 
 quick_compiles()  # as the command line starts JAX
 

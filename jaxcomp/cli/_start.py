@@ -7,6 +7,18 @@ from pathlib import Path
 ENVIRONMENT = "JAXCOMP_CACHE_DIR"
 
 
+def start_jax(*, once: bool = False) -> None:
+    """Make ready what every command wants of JAX; call before it runs anything.
+
+    Args:
+        once: whether the programs of the command run once.
+    """
+    quick_compiles()
+    if once:
+        unoptimised_compiles()
+    enable_compilation_cache()
+
+
 def keeps_programs() -> bool:
     """Whether this jaxlib can load what it kept: 0.9.2 ends in a segmentation fault on some."""
     from jaxlib.version import __version_info__
@@ -86,18 +98,19 @@ def quick_compiles() -> None:
 
     gc.set_threshold(100_000, 20, 50)
     if __version_info__ < (0, 10):
-        flag = "--xla_cpu_use_fusion_emitters"
-        given = os.environ.get("XLA_FLAGS", "")
-        if flag not in given:
-            os.environ["XLA_FLAGS"] = f"{given} {flag}=false".strip()
+        _tell_xla("--xla_cpu_use_fusion_emitters", "false")
 
 
-def programs_run_once() -> None:
-    """Compile without XLA's optimisations, for a command whose programs run once; before they run.
+def unoptimised_compiles() -> None:
+    """Compile without XLA's optimisations, for programs that run once; call before JAX runs anything.
 
     `run` of the orbit of Tsuji et al. then takes 7 s instead of 10, of which its solver runs for 3 ms.
     """
-    flag = "--xla_backend_optimization_level"
+    _tell_xla("--xla_backend_optimization_level", "0")
+
+
+def _tell_xla(flag: str, value: str) -> None:
+    """Set a flag that the user has not set."""
     given = os.environ.get("XLA_FLAGS", "")
     if flag not in given:
-        os.environ["XLA_FLAGS"] = f"{given} {flag}=0".strip()
+        os.environ["XLA_FLAGS"] = f"{given} {flag}={value}".strip()
