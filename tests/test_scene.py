@@ -1,6 +1,7 @@
 """Scene files: values, units, sources, changes and the way back to TOML."""
 
 import math
+from importlib import resources
 from typing import Literal, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -201,6 +202,31 @@ def test_dump_reads_back_to_the_same_scene(machine):
     assert (again.name, again.description) == (scene.name, scene.description)
     assert again.sources == scene.sources
     assert dump(again) == dump(scene)
+
+
+@pytest.mark.parametrize("machine", machines(), ids=lambda m: m.name)
+def test_dump_of_a_file_is_the_file(machine):
+    scene = load(machine.name)
+    assert dump(scene) == (resources.files("jaxcomp.machines") / scene.file).read_text("utf-8")
+
+
+def test_dump_keeps_comments_and_order():
+    text = MINIMAL.replace("[motor]", "# drawing 17\n[motor] # of the workshop", 1)
+    text = text.replace('bore = "50 mm"', 'bore   =  "50 mm"  # measured')
+    # a section in front of another keeps its place
+    head, _, tail = text.partition("[mechanism]")
+    mechanism, _, rest = tail.partition("# drawing 17")
+    text = f"{head}# drawing 17{rest}\n# last\n[mechanism]{mechanism}"
+    scene = loads(text)
+    assert dump(scene) == text
+    changes = {"mechanism.bore": "51 mm", "friction.type": "slider_crank"}
+    changes["friction.wall"] = {"type": "coulomb", "coefficient": 0.1}
+    new = changed(scene, changes, source="test")
+    out = dump(new)
+    assert 'bore   =  { value = "51 mm", source = "test" }  # measured\n' in out
+    assert "# drawing 17\n[motor] # of the workshop\n" in out
+    assert out.index("[motor]") < out.index("# last\n[mechanism]") < out.index("[friction.wall]")
+    assert loads(out).document == new.document
 
 
 def test_dump_escapes_texts():

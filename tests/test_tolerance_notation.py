@@ -98,7 +98,7 @@ def test_file_of_tolerances(tmp_path):
         ('[tolerances]\nmechanism.bore = "+-1 mm"\n', "needs quotes"),
         ('[tolerances]\nx = "+-1"\n[[correlations]]\nbetween = ["x"]\nvalue = 1\n', "two names"),
         ('[tolerances]\nx = "+-1"\n[[correlations]]\nbetween = ["x", "y"]\n', "`value`"),
-        ("[tolerances\n", "no TOML"),
+        ("[tolerances\n", "not valid TOML"),
     ],
 )
 def test_bad_files_are_refused_by_name_and_entry(tmp_path, text, complaint):

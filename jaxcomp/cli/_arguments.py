@@ -49,7 +49,7 @@ def entry(text: str) -> Any:
         return None
     try:
         return tomllib.loads(f"entry = {text}")["entry"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # no TOML, or a number or list that is none in earnest
         return text
 
 

@@ -3,7 +3,6 @@
 import enum
 import functools
 import math
-import re
 from typing import Annotated, Any
 
 import typer
@@ -12,11 +11,6 @@ from ._errors import CommandError, reports_errors
 from ._options import AsJson, OutWithoutScene
 
 FRAME = "x along the load on the journal, y = x turned by 90 degrees with rotation"
-_GRADE = re.compile(
-    r"\s*(?:ISO[\s-]*)?VG[\s-]*(\d+(?:\.\d+)?)\s*(?:@|at|,)?\s*"
-    r"([+-]?\d+(?:\.\d+)?)\s*(degC|°C|C|degF|°F|F|K)\s*",
-    re.IGNORECASE,
-)
 
 
 class Model(enum.StrEnum):
@@ -70,7 +64,7 @@ def bearing(
         "length": number("length", length, "m"),
         "diameter": number("diameter", diameter, "m"),
         "clearance": number("clearance", clearance, "m"),
-        "viscosity": _viscosity(viscosity),
+        "viscosity": float(to_si(viscosity, "Pa s", "--viscosity")),
         "speed": number("speed", speed, "rad/s"),
         "load": number("load", load, "N"),
     }
@@ -280,25 +274,6 @@ def _models() -> dict[Model, Any]:
         Model.petroff: film.Petroff,
         Model.loaded_petroff: film.LoadedPetroff,
     }
-
-
-def _viscosity(text: str) -> float:
-    from ..scene import to_si
-
-    match = _GRADE.fullmatch(text)
-    if match is None:
-        if re.search(r"VG", text, re.IGNORECASE):
-            raise CommandError(f'--viscosity {text}: must have the form "VG 46 at 60 degC"')
-        return float(to_si(text, "Pa s", "--viscosity"))
-    from .._fields import BadInput
-    from ..film import iso_vg_viscosity
-
-    grade, value, unit = float(match[1]), float(match[2]), match[3].lstrip("°deg").upper()
-    kelvin = {"C": value + 273.15, "F": (value - 32) / 1.8 + 273.15, "K": value}[unit]
-    try:
-        return float(iso_vg_viscosity(grade, kelvin))
-    except BadInput as error:
-        raise BadInput(f"--viscosity {error.field}", error.value, error.bound) from None
 
 
 def _signed(value: float | None, speed: float) -> float | None:

@@ -25,6 +25,7 @@ class SceneError(ValueError):
     ):
         self.key, self.problem, self.value, self.file = key, problem, value, file
         self.others = tuple(others)
+        key = _short_key(key)
         entry = key if value is None else f"{key} = {_short(value)}"
         super().__init__(": ".join(part for part in (file, entry, problem) if part))
 
@@ -34,7 +35,21 @@ class SceneError(ValueError):
         return SceneError(self.key, self.problem, self.value, file, others)
 
 
+def _short_key(key: str) -> str:
+    return visible(key if len(key) <= 200 else key[:197] + "...")
+
+
+def visible(text: str) -> str:
+    """A text with escape sequences spelt out, so that they do nothing to a terminal."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+
+
 def _short(value: Any) -> str:
-    text = f'"{value}"' if isinstance(value, str) else str(value)
-    text = " ".join(text.split())
+    if isinstance(value, str):
+        text = f'"{value[:100]}"'
+    elif isinstance(value, int) and abs(value) > 10**60:  # Python writes no more than some digits
+        text = f"a whole number of {value.bit_length()} bits"
+    else:
+        text = str(value)
+    text = visible(" ".join(text.split()))
     return text if len(text) <= 60 else text[:57] + "..."

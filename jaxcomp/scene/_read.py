@@ -1,6 +1,6 @@
 """From the tables of a scene file to parts."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,8 @@ from ._units import to_si
 
 # Keys of a section that are no fields of its part.
 _META = ("type", "source")
+# Problems up to which the nearest known key is looked up, which takes time.
+MOST_HINTS = 20
 
 
 class Reader:
@@ -48,7 +50,7 @@ class Reader:
         classes: tuple[type, ...],
         path: str,
         source: str | None = None,
-        ignored: tuple[str, ...] = (),
+        ignored: Container[str] = (),
     ) -> Part | None:
         """Build the part that a section describes.
 
@@ -85,10 +87,12 @@ class Reader:
         before, meant = len(self.problems), set()
         for key, value in table.items():
             if key not in known and key not in _META and key not in ignored:
-                hint = did_you_mean(key, known)
+                few = len(self.problems) < MOST_HINTS
+                hint = did_you_mean(key, known) if few else ""
                 shown = value.get("value") if isinstance(value, Mapping) else value
                 self.problems.append(SceneError(join(path, key), f"is an unknown key{hint}", shown))
-                meant.add(nearest(key, known))
+                if few:
+                    meant.add(nearest(key, known))
         given = {
             name: self._tried(self._entry, entry, table[name], join(path, name), source)
             for name, entry in known.items()

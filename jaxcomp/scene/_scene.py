@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 from .._fields import BadInput, Part
 from .._words import did_you_mean, hint
 from ..compressor import Compressor
-from ._dump import is_section, toml_text
+from ._dump import is_section, toml_text_like
 from ._errors import SceneError
-from ._read import Reader, join
+from ._read import MOST_HINTS, Reader, join
 from ._schema import entries
+from ._toml import check_tables, toml_tables
 from ._write import set_value, updated
 
 # Sections beside those of the compressor: name of the section, class of its part (which may be
@@ -43,6 +44,7 @@ class Scene:
         sources: source of each given value by dotted path; empty text where none is named.
         file: name of the file, for messages.
         document: the tables as they were read, for `dump` and `with_values`; not to be changed.
+        text: the file that they come from, whose comments `dump` keeps.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Scene:
     sources: Mapping[str, str]
     file: str
     document: Mapping[str, Any]
+    text: str = ""
 
     @property
     def machine(self) -> Compressor:
@@ -113,33 +116,29 @@ def load(name_or_path: str | os.PathLike) -> Scene:
         )
         raise SceneError("", f'no machine and no file has the name "{given}"{near}')
     try:
-        return loads(read().decode("utf-8"), file)
+        return loads(read(), file)
     except OSError as error:
         raise SceneError("", f"cannot be read: {error.strerror}", file=file) from None
-    except UnicodeDecodeError:
-        raise SceneError("", "is no text in UTF-8", file=file) from None
 
 
-def loads(text: str, file: str = "") -> Scene:
+def loads(text: str | bytes, file: str = "") -> Scene:
     """Read a scene from TOML text.
 
     Args:
-        text: the scene.
+        text: the scene; bytes are UTF-8.
         file: its name in messages.
 
     Raises:
         SceneError: as `load`.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SceneError("", f"is not valid TOML: {error}", file=file) from None
-    return _scene(document, file)
+    document = toml_tables(text, file)
+    text = text if isinstance(text, str) else text.decode("utf-8")
+    return _scene(document, file, text=text.removeprefix("\ufeff"))
 
 
 def dump(scene: Scene) -> str:
-    """TOML text that `loads` reads back to the same scene."""
-    return toml_text(scene.document)
+    """TOML text that `loads` reads back to the same scene, with the comments of its file."""
+    return toml_text_like(scene.text, scene.document)
 
 
 def machines() -> tuple[Machine, ...]:
@@ -173,7 +172,7 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
             stale |= set_value(document, path, changes[path], source)
     except SceneError as error:
         raise error.in_file(scene.file) from None
-    return _scene(document, scene.file, stale - set(changes))
+    return _scene(document, scene.file, stale - set(changes), scene.text)
 
 
 def with_value(scene: Scene, path: str, value: Any, source: str = "set by the user") -> Scene:
@@ -200,7 +199,7 @@ def with_compressor(scene: Scene, compressor: Compressor, source: str) -> Scene:
         SceneError: a value outside its bound, or a part that a file cannot describe.
     """
     document = dict(updated(scene.document, scene.compressor, compressor, source))
-    return _scene(document, scene.file)
+    return _scene(document, scene.file, text=scene.text)
 
 
 def imported(part: type[Part] | str) -> type[Part]:
@@ -239,9 +238,10 @@ def _bundled() -> dict[str, Any]:
     return {f.name[:-5]: f for f in folder.iterdir() if f.name.endswith(".toml")}
 
 
-def _scene(document: dict[str, Any], file: str, stale: Iterable[str] = ()) -> Scene:
+def _scene(document: dict[str, Any], file: str, stale: Iterable[str] = (), text: str = "") -> Scene:
     try:
-        return _checked_scene(document, file, stale)
+        check_tables(document)
+        return dataclasses.replace(_checked_scene(document, file, stale), text=text)
     except SceneError as error:
         raise error.in_file(file) from None
 
@@ -254,15 +254,16 @@ def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str]) ->
     unknown = [key for key in document if key not in {*own, *_HEADER, *SECTIONS}]
     for key in unknown:
         what = "section" if is_section(document[key]) else "key"
-        places = list(_places(document, key))
-        near = did_you_mean(key, {*own, *_HEADER, *SECTIONS})
+        few = len(reader.problems) < MOST_HINTS
+        places = list(_places(document, key)) if few else []
+        near = did_you_mean(key, {*own, *_HEADER, *SECTIONS}) if few else ""
         if places:
             near = "; did you mean {}?".format(" or ".join(f'"{place}"' for place in places))
         reader.problems.append(SceneError(key, f"is an unknown {what}{near}"))
     source = document.get("source")
     compressor, parts = None, {}
     if any(key in own for key in document) or not any(key in SECTIONS for key in document):
-        ignored = (*_HEADER, *SECTIONS, *unknown)
+        ignored = frozenset((*_HEADER, *SECTIONS, *unknown))
         compressor = reader.part(document, (Compressor,), "", source, ignored=ignored)
     for name, part in SECTIONS.items():
         if name in document:

@@ -13,14 +13,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._fields import BadInput
 from ._errors import SceneError
 
 if TYPE_CHECKING:
     import pint
 
 # How a number is written in a text.
-NUMBER = r"[+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+NUMBER = r"[+-]?(?:\d+(?:_\d+)*(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d*),(\d+\b.*)")
+# Names with small powers, products and quotients. Signs that the parser of units would ignore (quotes,
+# currency signs) and powers of powers, which it would compute for years, do not reach it.
+_POWER = r"\^\s*(?:[+-]?\d{1,2}(?:\.\d{1,3})?|\([+-]?\d{1,2}(?:[./]\d{1,3})?\))(?!\s*[\^\d])"
+_UNIT = re.compile(rf"(?:[^\W\d]\w*+|%|{_POWER}|1(?=\s*/)|[*/·.()\s])*+")
+_POWER_OF_POWER = re.compile(r"\^.*\)\s*\^")
+_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_LONGEST_UNIT = 60
+_LONGEST_TEXT = 200
+_GRADE = re.compile(
+    r"\s*(?:ISO[\s-]*)?VG[\s-]*(\d+(?:\.\d+)?)\s*(?:@|at|,)?\s*"
+    r"([+-]?\d+(?:\.\d+)?)\s*(degC|°C|C|degF|°F|F|K)\s*",
+    re.IGNORECASE,
+)
+_DEGREES = ("degC", "°C", "celsius", "degF", "°F", "fahrenheit", "K", "kelvin")
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE)
 _EXAMPLES = {
     "m": "130 mm",
@@ -60,14 +76,20 @@ def _single(given: Any, unit: str, key: str, default_unit: str | None) -> float:
     if isinstance(given, bool) or not isinstance(given, int | float | str):
         raise SceneError(key, f"must be {_wanted(unit)}", given)
     if isinstance(given, str):
-        if _NOT_FINITE.fullmatch(given):
+        if _NOT_FINITE.fullmatch(given[:_LONGEST_TEXT]):
             raise SceneError(key, "must be finite", given)
-        match = _QUANTITY.fullmatch(given)
+        if unit == "Pa s" and (grade := _GRADE.fullmatch(given[:_LONGEST_TEXT])):
+            return _oil(grade, key, given)
+        match = _QUANTITY.fullmatch(given) if len(given) <= _LONGEST_TEXT else None
         if not match:
             raise SceneError(key, f"is no number; it must be {_wanted(unit)}", given)
+        if comma := _DECIMAL_COMMA.fullmatch(given):
+            point = f"{comma[1]}.{comma[2]}"
+            raise SceneError(key, f'has a decimal comma; write "{point}"', given)
         number, given_unit = float(match[1]), match[2]
     else:
-        number, given_unit = float(given), ""
+        # a whole number has as many digits as the file gives it
+        number, given_unit = float(given) if abs(given) < 1e308 else math.inf, ""
     if not math.isfinite(number):
         raise SceneError(key, "must be finite", given)
     given_unit = given_unit or default_unit or ""
@@ -86,6 +108,9 @@ def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> floa
         SceneError: an unknown unit, or one of another dimension.
     """
     source, target = _parsed(given_unit), _parsed(unit)
+    advice = _advice(given_unit, unit, given)
+    if advice:
+        raise SceneError(key, advice, given)
     if source is None:
         raise SceneError(
             key, f'has the unknown unit "{given_unit}"; it must be {_wanted(unit)}', given
@@ -100,6 +125,41 @@ def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> floa
             given,
         )
     return float(_registry().Quantity(1.0, source).to(target).magnitude)
+
+
+def _advice(given_unit: str, unit: str, given: Any) -> str:
+    """What to write instead, for units that are often meant and have another dimension."""
+    match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
+    if match is None:
+        return ""
+    number = float(match[1])
+    if unit == "rad/s" and given_unit in ("Hz", "hertz"):
+        return f'is a frequency, where a speed of rotation is needed; write "{60 * number:g} rpm"'
+    if given_unit.lower() not in map(str.lower, _DEGREES):
+        return ""
+    if unit == "Pa":
+        return (
+            "is a temperature, where a pressure is needed; write the saturation pressure of the "
+            f'refrigerant at that temperature, such as "{_EXAMPLES["Pa"]}"'
+        )
+    if unit == "Pa s":
+        return (
+            "is a temperature, where a viscosity is needed; write a grade with it, "
+            f'such as "VG 46 at {given.strip()}"'
+        )
+    return ""
+
+
+def _oil(grade: re.Match, key: str, given: str) -> float:
+    """[Pa s] Viscosity of an oil by its grade and temperature."""
+    from ..film import iso_vg_viscosity
+
+    value, unit = float(grade[2]), grade[3].lstrip("°deg").upper()
+    kelvin = {"C": value + 273.15, "F": (value - 32) / 1.8 + 273.15, "K": value}[unit]
+    try:
+        return float(iso_vg_viscosity(float(grade[1]), kelvin))
+    except BadInput as error:
+        raise SceneError(key, f"needs a {error.field} {error.bound}", given) from None
 
 
 def as_text(value: float, unit: str, given: Any = None) -> str | float:
@@ -132,8 +192,13 @@ def _registry() -> pint.UnitRegistry:
 @cache
 def _parsed(unit: str) -> pint.Unit | None:
     """The unit, or `None` if it is unknown; accepts `cm3` for `cm^3` and `r/min` for `rpm`."""
-    text = re.sub(r"([A-Za-z])(\d)", r"\1^\2", unit)
+    if len(unit) > _LONGEST_UNIT:
+        return None
+    text = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda power: f"^{power[0].translate(_LOWERED)}", unit)
+    text = re.sub(r"([A-Za-z])(\d)", r"\1^\2", text.replace("**", "^"))
     text = re.sub(r"\b(r|rev)/min\b", "rpm", text)
+    if not _UNIT.fullmatch(text) or _POWER_OF_POWER.search(text):
+        return None
     if text and (_NOT_FINITE.fullmatch(text) or not re.search(r"[^\W\d]|%", text)):
         return None
     try:
@@ -152,5 +217,10 @@ def _angle(unit: pint.Unit) -> bool:
 def _wanted(unit: str) -> str:
     if not unit:
         return "a pure number without a unit (% is accepted)"
+    if unit == "Pa s":
+        return (
+            f'a text with a unit of the kind [{unit}], such as "{_EXAMPLES[unit]}", or the grade and '
+            'temperature of an oil, as "VG 46 at 60 degC"'
+        )
     example = _EXAMPLES.get(unit, f"1.5 {unit}")
     return f'a text with a unit of the kind [{unit}], such as "{example}"'

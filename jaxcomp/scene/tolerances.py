@@ -22,13 +22,13 @@ A file of them is TOML, with names as in `jaxcomp.design.Variable`; `*` stands f
 import fnmatch
 import os
 import re
-import tomllib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..design import Design, variable, variable_names
 from ..tolerancing import Within, within
 from ._errors import SceneError
+from ._toml import toml_tables
 from ._units import to_si
 
 _NUMBER = r"\d*\.?\d+(?:[eE][+-]?\d+)?"
@@ -119,11 +119,9 @@ def read_tolerance_file(path: str | os.PathLike) -> ToleranceFile:
     name = os.fspath(path)
     try:
         with open(path, "rb") as file:
-            tables = tomllib.load(file)
+            tables = toml_tables(file.read(), name)
     except OSError as error:
         raise SceneError("", f"cannot be read: {error.strerror}", file=name) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SceneError("", f"is no TOML: {error}", file=name) from None
     try:
         return _file(tables)
     except SceneError as error:
