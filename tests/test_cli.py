@@ -46,6 +46,12 @@ def test_list_shows_the_machines():
     assert all(m["description"] for m in known)
 
 
+def test_list_shows_the_fluids():
+    assert "Tillner-Roth, Baehr (1994)" in invoke("list", "fluids").stdout
+    known = json.loads(invoke("list", "fluids", "--json").stdout)["fluids"]
+    assert {"R134a", "R600a", "R717", "air"} <= {fluid["name"] for fluid in known}
+
+
 def test_list_of_one_machine_shows_values_and_sources():
     result = invoke("list", "mayekawa-wbhe")
     assert result.exit_code == 0

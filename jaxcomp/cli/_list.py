@@ -1,4 +1,4 @@
-"""`jaxcomp list`: the bundled machines, or the values of one of them with their sources."""
+"""`jaxcomp list`: the bundled machines or fluids, or the values of a machine with their sources."""
 
 from typing import Annotated
 
@@ -13,7 +13,7 @@ def list_machines(
     machine: Annotated[
         str | None,
         typer.Argument(
-            help="Machine or scene file whose values and sources to show.",
+            help="Machine or scene file whose values and sources to show, or `fluids`.",
             autocompletion=complete_machine,
         ),
     ] = None,
@@ -21,16 +21,26 @@ def list_machines(
         bool, typer.Option("--json", help="Print one JSON object instead of a table.")
     ] = False,
 ) -> None:
-    """List the bundled machines, or every value of one of them with its source.
+    """List the bundled machines, the fluids, or every value of one machine with its source.
 
-    Example: [bold]jaxcomp list mayekawa-wbhe[/bold]
+    Examples: [bold]jaxcomp list mayekawa-wbhe[/bold], [bold]jaxcomp list fluids[/bold]
     """
     from rich.console import Console
 
     from ..scene import describe, load, machines
     from ._start import start_jax
-    from ._tables import machine_table, print_json, value_table
+    from ._tables import fluid_table, machine_table, print_json, value_table
 
+    if machine == "fluids":
+        from ..fluid import fluid_data, fluids
+
+        data = [fluid_data(name) for name in fluids()]
+        if as_json:
+            keys = ("name", "description", "source", "licence")
+            print_json({"fluids": [{key: fluid[key] for key in keys} for fluid in data]})
+        else:
+            Console().print(fluid_table(data))
+        return
     if machine is None:
         known = machines()
         if as_json:

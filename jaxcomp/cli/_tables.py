@@ -32,6 +32,16 @@ def machine_table(machines: Iterable[Machine]) -> Table:
     return table
 
 
+def fluid_table(fluids: Iterable[dict[str, Any]]) -> Table:
+    """The real gases of the library with the publications of their equations of state."""
+    table = _table("Fluids", "Name", "What it is", "Equation of state")
+    table.columns[0].no_wrap = True
+    for fluid in fluids:
+        texts = (fluid["description"], fluid["source"])
+        table.add_row(f"[bold]{fluid['name']}[/bold]", *map(escape, texts))
+    return table
+
+
 def value_table(scene: Scene, rows: Sequence[Row]) -> Table:
     """Every value of a scene with its source."""
     table = _table(f"{scene.name}: {scene.description}", "Value", "Given", "Source", "Meaning")

@@ -1,0 +1,167 @@
+"""What every fluid offers: its state from temperature and density, and what inverts it.
+
+Temperature and density are the independent variables, so a state is explicit; pressure, enthalpy or
+entropy as inputs are inverted by Newton's method where a calculation is set up, never within a cycle.
+Derivatives of any order follow from the implicit function theorem.
+"""
+
+from abc import abstractmethod
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from .._fields import Part
+
+
+class GasState(NamedTuple):
+    """A state of equilibrium.
+
+    Attributes:
+        T: [K] temperature.
+        rho: [kg/m^3] density.
+        p: [Pa] pressure.
+        u: [J/kg] internal energy.
+        s: [J/(kg K)] entropy.
+        c_v: [J/(kg K)] heat capacity at constant volume.
+        dp_dT: [Pa/K] at constant density.
+        dp_drho: [Pa m^3/kg] at constant temperature.
+    """
+
+    T: Float[Array, "*n"]
+    rho: Float[Array, "*n"]
+    p: Float[Array, "*n"]
+    u: Float[Array, "*n"]
+    s: Float[Array, "*n"]
+    c_v: Float[Array, "*n"]
+    dp_dT: Float[Array, "*n"]
+    dp_drho: Float[Array, "*n"]
+
+    @property
+    def h(self) -> Float[Array, "*n"]:
+        """[J/kg] enthalpy."""
+        return self.u + self.p / self.rho
+
+    @property
+    def c_p(self) -> Float[Array, "*n"]:
+        """[J/(kg K)] heat capacity at constant pressure."""
+        return self.c_v + self.T * self.dp_dT**2 / (self.rho**2 * self.dp_drho)
+
+    @property
+    def kappa(self) -> Float[Array, "*n"]:
+        """[-] isentropic exponent rho w^2/p, of p v^kappa = const for small changes."""
+        return self.rho * self.dp_drho * self.c_p / (self.p * self.c_v)
+
+    @property
+    def speed_of_sound(self) -> Float[Array, "*n"]:
+        """[m/s]"""
+        return jnp.sqrt(self.dp_drho * self.c_p / self.c_v)
+
+
+class AbstractFluid(Part):
+    """A fluid by its equation of state."""
+
+    @abstractmethod
+    def state(self, T: Float[Array, "*n"], rho: Float[Array, "*n"]) -> GasState:
+        """The state at a temperature [K] and a density [kg/m^3]."""
+
+    @abstractmethod
+    def transport(
+        self, T: Float[Array, "*n"], rho: Float[Array, "*n"]
+    ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+        """Viscosity [Pa s] and thermal conductivity [W/(m K)] of the gas."""
+
+    @property
+    @abstractmethod
+    def specific_gas_constant(self) -> Float[Array, ""]:
+        """[J/(kg K)]"""
+
+    @property
+    @abstractmethod
+    def temperature_range(self) -> tuple[float, float]:
+        """[K] Where the equation of state holds."""
+
+    @eqx.filter_jit
+    def density(self, T: Float[Array, ""], p: Float[Array, ""]) -> Float[Array, ""]:
+        """Density [kg/m^3] of the gas at a temperature [K] and a pressure [Pa].
+
+        Below saturation there is no gas: the result is then near the limit of the metastable gas,
+        and its pressure below the one that was given.
+        """
+
+        def misfit(rho, inputs):
+            T, p = inputs
+            return self.state(T, rho).p / p - 1
+
+        def solve(inputs):
+            T, p = inputs
+
+            def newton(_, rho):
+                state = self.state(T, rho)
+                slope = jnp.maximum(state.dp_drho, 1e-3 * self.specific_gas_constant * T)
+                return jnp.clip(rho + (p - state.p) / slope, 0.5 * rho, 1.3 * rho)
+
+            # From the perfect gas, which is thinner: p(rho) of a gas bends down, so the steps come
+            # from below and do not overshoot.
+            return lax.fori_loop(0, 40, newton, p / (self.specific_gas_constant * T))
+
+        return _root(misfit, solve, (T, p))
+
+    @eqx.filter_jit
+    def at_entropy(self, p: Float[Array, ""], s: Float[Array, ""], start: GasState) -> GasState:
+        """The gas at a pressure [Pa] and an entropy [J/(kg K)], sought from another state."""
+        return self._at(lambda state: state.s, p, s, start)
+
+    @eqx.filter_jit
+    def at_enthalpy(self, p: Float[Array, ""], h: Float[Array, ""], start: GasState) -> GasState:
+        """The gas at a pressure [Pa] and an enthalpy [J/kg], sought from another state."""
+        return self._at(lambda state: state.h, p, h, start)
+
+    def _at(self, caloric, p, value, start: GasState) -> GasState:
+        low, high = self.temperature_range
+
+        def misfit(unknowns, inputs):
+            p, value, scale, _ = inputs
+            state = self.state(*jnp.exp(unknowns))
+            return jnp.stack([jnp.log(state.p / p), (caloric(state) - value) / scale])
+
+        def solve(inputs):
+            def newton(_, unknowns):
+                value = misfit(unknowns, inputs)
+                jacobian = jax.jacfwd(misfit)(unknowns, inputs)
+                step = jnp.clip(jnp.linalg.solve(jacobian, value), -0.2, 0.2)
+                T, rho = unknowns - jnp.where(jnp.isfinite(step), step, 0.0)
+                return jnp.stack([jnp.clip(T, jnp.log(low), jnp.log(2 * high)), rho])
+
+            return lax.fori_loop(0, 40, newton, inputs[3])
+
+        # the perfect gas's isentrope is near enough to start from
+        ratio = p / start.p
+        exponent = jnp.clip((start.kappa - 1) / start.kappa, 0.0, 0.4)
+        T = jnp.clip(start.T * ratio**exponent, low, high)
+        guess = jnp.log(jnp.stack([T, start.rho * ratio * start.T / T]))
+        inputs = (p, value, lax.stop_gradient(start.c_v), lax.stop_gradient(guess))
+        return self.state(*jnp.exp(_root(misfit, solve, inputs)))
+
+
+def _root(misfit, solve, inputs):
+    """The root of a small system with derivatives of any order.
+
+    Args:
+        misfit: of (unknowns, inputs), zero at the root.
+        solve: of the inputs, finds the root by whatever means.
+        inputs: arrays that the root depends on.
+    """
+
+    def tangent_solve(linear, right_side):
+        if right_side.ndim == 0:
+            return right_side / linear(jnp.ones_like(right_side))
+        return jnp.linalg.solve(jax.jacfwd(linear)(jnp.zeros_like(right_side)), right_side)
+
+    found = lax.stop_gradient(solve(lax.stop_gradient(inputs)))
+    return lax.custom_root(
+        lambda unknowns: misfit(unknowns, inputs), found, lambda _, start: start, tangent_solve
+    )
