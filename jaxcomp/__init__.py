@@ -1,14 +1,23 @@
 """Reciprocating compressors in JAX: from geometry to efficiency and to vibration.
 
-Importing the package turns on JAX's 64-bit mode, because the balances it solves lose too many
+Importing the package turns on JAX's 64-bit mode at once, because the balances it solves lose too many
 digits in single precision. Set the environment variable `JAXCOMP_X64=0` before the import to leave
-JAX's setting alone.
+JAX's setting alone. Where JAX is not imported yet, the import sets `JAX_ENABLE_X64=1` in the
+environment, which programs started from here inherit.
 
 The public names are listed below by the room they live in. A room is imported when a name of it is
 first used, so that the command line can answer a question without starting JAX.
 """
 
+import os
+import sys
 from importlib import import_module
+
+if os.environ.get("JAXCOMP_X64", "1") != "0":
+    if "jax" in sys.modules:
+        sys.modules["jax"].config.update("jax_enable_x64", True)
+    else:  # without the second that importing JAX takes
+        os.environ["JAX_ENABLE_X64"] = "1"
 
 _ROOMS = {
     "_fields": ("BadInput",),

@@ -17,8 +17,6 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool
 
-from . import _precision as _precision
-
 _MISSING = dataclasses.MISSING
 _Tree = TypeVar("_Tree")
 

@@ -1,6 +1,7 @@
 """How a solution ended, in words; carried through `jit` and `vmap` as one integer per sample."""
 
 import equinox as eqx
+import jax
 
 
 class Status(eqx.Enumeration):
@@ -37,4 +38,6 @@ class SolveFailed(RuntimeError):
 
     def __init__(self, status, details: str = ""):
         self.status = status
+        if not jax.config.jax_enable_x64:
+            details = "; ".join(filter(None, [details, "in single precision: see JAXCOMP_X64"]))
         super().__init__(Status[status] + (f" ({details})" if details else "") + ".")

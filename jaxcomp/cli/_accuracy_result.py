@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from typing import Any
 
+from rich.markup import escape
+
 from ..work_precision import Report, Row, SceneCost
 from ._tables import _table
 
@@ -56,7 +58,7 @@ def costs_result(costs: Sequence[SceneCost], scene: str) -> dict[str, Any]:
 def costs_tables(costs: Sequence[SceneCost], scene: str) -> Iterator[Any]:
     """A row a scene, and how operations and loops are counted."""
     heads = ("Scene", "Operations", "Loops", "Compiling", "Time", "Memory")
-    table = _table(f"{scene}: what each part costs", *heads, numbers=True)
+    table = _table(escape(f"{scene}: what each part costs"), *heads, numbers=True)
     for column in table.columns[1:]:
         column.no_wrap = True  # the names give way on a narrow terminal
     for cost in costs:
@@ -76,7 +78,7 @@ def costs_tables(costs: Sequence[SceneCost], scene: str) -> Iterator[Any]:
 def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
     """Every setting, the methods at equal error, orders, and the recommendation."""
     reference = report.reference
-    title = f"{report.scene}: {report.note}"
+    title = escape(f"{report.scene}: {report.note}")
     columns: list[tuple[str, list[str]]] = [
         ("Method", [row.method for row in report.rows]),
         ("Setting", [row.setting.replace("tolerance=", "tol=") for row in report.rows]),

@@ -5,6 +5,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from rich.markup import escape
 
 from ..balancing import direct_influence, least_squares
 from ..crank import solve_orbit
@@ -61,7 +62,7 @@ def balancing_motion(scene: Scene, speed: str | None, frames: int) -> tuple[Moti
 
 def animate_tables(result: dict[str, Any]):
     """What was solved for the pictures, in the units of their captions."""
-    table = _table(f"{result['machine']}: moving pictures", "What", "")
+    table = _table(escape(f"{result['machine']}: moving pictures"), "What", "")
     rpm = 30 / math.pi
     rows = (
         ("Mechanical efficiency", "mechanical_efficiency", 100, "%"),

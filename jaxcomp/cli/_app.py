@@ -4,6 +4,8 @@ Nothing heavy is imported before a command needs it, so that help and completion
 """
 
 import inspect
+import io
+import sys
 import textwrap
 from collections.abc import Callable
 from typing import Annotated
@@ -94,4 +96,8 @@ def main() -> None:
     quiet_loader()
     one_blas_thread()
     leave_out_callbacks()
+    # a terminal in ASCII or Latin-1 shows what it can of results with Greek letters
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     app()

@@ -2,7 +2,7 @@
 
 import typer
 
-from ._errors import reports_errors
+from ._errors import reports_errors, show_error
 from ._options import AsJson, Machine
 
 
@@ -31,7 +31,7 @@ def check(
         if as_json:
             print_json(error_result(machine, found))
         for one in found:
-            typer.echo(f"error: {' '.join(str(one).split())}", err=True)
+            show_error(one)
         if len(found) > 1:
             typer.echo(f"{len(found)} errors", err=True)
         raise typer.Exit(2) from None

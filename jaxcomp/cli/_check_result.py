@@ -57,7 +57,7 @@ def check_tables(result: dict[str, Any]):
     follows = _table(None, "What follows", "", "")
     for row in result["follows"]:
         value = row["value"] if isinstance(row["value"], str) else f"{row['value']:.5g}"
-        follows.add_row(row["what"], value, row["unit"])
+        follows.add_row(*map(escape, (row["what"], value, row["unit"])))
     yield follows
     for doubt in result["unusual"]:
         text = escape(f"{doubt['path']}: {doubt['what']}, usual is {doubt['usual']}")

@@ -6,6 +6,9 @@ from typing import Any
 
 import typer
 
+# What a shell expects of a program that an interrupt ends.
+STOPPED = 130
+
 
 class CommandError(ValueError):
     """An argument of the command line that makes no sense."""
@@ -24,13 +27,23 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
         except Exception as error:
             if not isinstance(error, _caused_by_user()):
                 raise
-            typer.echo(f"error: {' '.join(str(error).split())}", err=True)
+            show_error(error)
             others = len(getattr(error, "others", ()))
             if others:
                 typer.echo(f"and {others} more; `jaxcomp check FILE` lists them", err=True)
             raise typer.Exit(2) from None
+        except KeyboardInterrupt:
+            typer.echo("stopped", err=True)
+            raise typer.Exit(STOPPED) from None
 
     return wrapped
+
+
+def show_error(error: Exception) -> None:
+    """One line on standard error, without the escape sequences that a file or argument may hold."""
+    from ..scene import visible
+
+    typer.echo(f"error: {visible(' '.join(str(error).split()))}", err=True)
 
 
 def _caused_by_user() -> tuple[type[Exception], ...]:

@@ -27,7 +27,7 @@ from ..scene.tolerances import tolerances_of
 from ..tolerancing import Robust, robust
 from ._arguments import assignments, changed_scene, with_one_unit
 from ._constraints import bounds_of, si, value_of
-from ._errors import CommandError
+from ._errors import STOPPED, CommandError
 from ._optimise_result import (
     front_result,
     front_tables,
@@ -205,7 +205,7 @@ def _watch(out: Path | None, asked: Asked) -> Iterator[Any]:
             else:
                 _write(out, asked, last["search"])
                 typer.echo(f"stopped; go on with --resume {out / SEARCH_FILE}", err=True)
-            raise typer.Exit(130) from None
+            raise typer.Exit(STOPPED) from None
 
 
 def _write(folder: Path, asked: Asked, search: Search) -> None:

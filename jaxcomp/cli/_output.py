@@ -1,5 +1,6 @@
 """How every command hands out what it found: a folder, JSON or tables."""
 
+import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -30,14 +31,29 @@ def write_results(
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():
         if isinstance(figure, bytes):
-            (folder / f"{name}.gif").write_bytes(figure)
+            _write(folder / f"{name}.gif", figure)
         else:
-            figure.savefig(folder / f"{name}.png", dpi=150)
-    (folder / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
+            image = io.BytesIO()
+            figure.savefig(image, dpi=150)
+            _write(folder / f"{name}.png", image.getvalue())
+    _write(folder / "result.json", f"{json_text(result)}\n".encode())
     if scene is not None:
-        (folder / "scene.toml").write_text(dump(scene), encoding="utf-8")
+        _write(folder / "scene.toml", dump(scene).encode())
     page = report(result, tables, figures, scene, Made.now(command_line()))
-    (folder / "report.html").write_text(page, encoding="utf-8")
+    _write(folder / "report.html", page.encode())
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Write a file as a whole or not at all, also where the disk is full."""
+    part = file.with_name(f".{file.name}.part")
+    try:
+        part.write_bytes(content)
+        part.replace(file)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise OSError(
+            error.errno, f"{error.strerror}; the file is not written", str(file)
+        ) from None
 
 
 def show_results(

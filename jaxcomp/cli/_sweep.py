@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ._completion import complete_quantity, complete_variable
-from ._errors import CommandError, reports_errors
+from ._errors import STOPPED, CommandError, reports_errors
 from ._options import AsJson, Designs, Machine, Out, Sets
 
 
@@ -105,18 +105,27 @@ def sweep(
     asked = quantity or default_quantities(scene)
     from ..sweeping import sweep as run
 
-    found = run(
-        scene,
-        axes,
-        asked,
-        samples=samples,
-        sampling=sampling.value.replace("-", "_"),
-        seed=seed,
-        chain=chain_of(scene, nodes, kinks, tolerance),
-        out=None if out is None else out / "sweep.zarr",
-        batch=batch,
-        devices=devices,
-    )
+    try:
+        found = run(
+            scene,
+            axes,
+            asked,
+            samples=samples,
+            sampling=sampling.value.replace("-", "_"),
+            seed=seed,
+            chain=chain_of(scene, nodes, kinks, tolerance),
+            out=None if out is None else out / "sweep.zarr",
+            batch=batch,
+            devices=devices,
+        )
+    except KeyboardInterrupt:
+        kept = (
+            f"{out / 'sweep.zarr'} is kept; go on with the same command"
+            if out
+            else ("nothing was kept; with --out FOLDER a stopped sweep goes on")
+        )
+        typer.echo(f"stopped; {kept}", err=True)
+        raise typer.Exit(STOPPED) from None
     if process > 0:  # the first one shows what all have found
         return
     result = sweep_result(found, scene.name, out)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -19,8 +20,10 @@ def json_text(result: dict[str, Any]) -> str:
 
 
 def print_json(result: dict[str, Any]) -> None:
-    """Print one JSON object on standard output."""
-    typer.echo(json_text(result))
+    """Print one JSON object on standard output, in ASCII where that takes no other signs."""
+    text = json_text(result)
+    utf = (sys.stdout.encoding or "").lower().startswith("utf")
+    typer.echo(text if utf else json.dumps(result, indent=2))
 
 
 def machine_table(machines: Iterable[Machine]) -> Table:
@@ -28,7 +31,7 @@ def machine_table(machines: Iterable[Machine]) -> Table:
     table = _table("Bundled machines", "Name", "Description")
     table.columns[0].no_wrap = True
     for machine in machines:
-        table.add_row(f"[bold]{machine.name}[/bold]", escape(machine.description))
+        table.add_row(f"[bold]{escape(machine.name)}[/bold]", escape(machine.description))
     return table
 
 
@@ -44,7 +47,8 @@ def fluid_table(fluids: Iterable[dict[str, Any]]) -> Table:
 
 def value_table(scene: Scene, rows: Sequence[Row]) -> Table:
     """Every value of a scene with its source."""
-    table = _table(f"{scene.name}: {scene.description}", "Value", "Given", "Source", "Meaning")
+    title = escape(f"{scene.name}: {scene.description}")
+    table = _table(title, "Value", "Given", "Source", "Meaning")
     table.columns[0].no_wrap = True
     for row in rows:
         given = row.given if row.given is not None else f"{row.value} {row.unit}".strip()

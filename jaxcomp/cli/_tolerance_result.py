@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from rich.markup import escape
 
 from ..design import Chain, Design, balanced_design, design_of, quantity
 from ..scene import Scene
@@ -186,7 +187,7 @@ def _distributions(found: Tolerances, result):
     lost = f", {result['failed']:,} not solved" if result["failed"] else ""
     title = f"{result['scene']}: {result['samples']:,} machines{lost}"
     heads = ("Quantity", "As drawn", "Mean", "Deviation", "5 %", "95 %")
-    table = _table(title, *heads, numbers=True)
+    table = _table(escape(title), *heads, numbers=True)
     for look, entry in _entries(found, result):
         numbers = [entry["nominal"], entry["mean"], entry["deviation"]]
         numbers += [entry["percentiles"]["5"], entry["percentiles"]["95"]]

@@ -6,6 +6,7 @@ from ._annotate import starts as starts
 from ._describe import Row as Row
 from ._describe import describe as describe
 from ._errors import SceneError as SceneError
+from ._errors import visible as visible
 from ._plausible import Doubt as Doubt
 from ._plausible import doubts as doubts
 from ._scene import SECTIONS as SECTIONS

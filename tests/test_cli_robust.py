@@ -1,0 +1,175 @@
+"""What the command line does with names made of markup, narrow encodings, interrupts and full disks."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+from typer.testing import CliRunner
+
+import jaxcomp.__main__ as program
+from jaxcomp.cli import app
+from jaxcomp.cli._output import write_results
+from jaxcomp.scene import load
+from jaxcomp.scene.measurements import read_measurements
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def started(*command, **environment):
+    """The result of a command in a process of its own."""
+    return subprocess.run(
+        [sys.executable, *map(str, command)],
+        capture_output=True,
+        env=os.environ | environment,
+        timeout=120,
+    )
+
+
+def renamed(path: Path, name: str) -> Path:
+    """The bundled rotor with another name and description."""
+    text = load("hermetic-68cc").text
+    text = f"name = {json.dumps(name)}\n{text[text.index('description') :]}"
+    path.write_text(text.replace('description = "', f"description = {json.dumps(name)[:-1]} ", 1))
+    return path
+
+
+@pytest.mark.parametrize("name", ["[/x]", "[bold]x", "[red", "\\[/x]"])
+def test_names_are_no_markup(tmp_path, name):
+    scene = renamed(tmp_path / "m.toml", name)
+    for command in ("list", "check"):
+        shown = run(command, scene)
+        assert shown.exit_code == 0
+        assert f"{name}: {name}" in shown.stdout
+
+
+def test_escape_sequences_do_not_reach_the_terminal(tmp_path):
+    scene = renamed(tmp_path / "m.toml", "\x1b[2J")
+    csv = tmp_path / "m.csv"
+    csv.write_text("run,target,speed [rpm],amplitude [um],phase [deg],trial [g mm],\x1b[2J\n")
+    for words in (
+        ("list", scene),
+        ("check", scene),
+        ("run", "no\x1b[2Jmachine"),
+        ("run", "mayekawa-wbhe", "--set", "motor.\x1b[2J=\x1b[2J"),
+        ("balance", "--measured", csv),
+    ):
+        shown = run(*words)
+        assert shown.exit_code == 2
+        assert "\x1b" not in shown.output
+        assert "\\x1b[2J" in shown.output
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_terminal_need_not_be_utf_8(tmp_path, encoding):
+    scene = renamed(tmp_path / "m.toml", "Verdichter Ω µ")
+    for words in (("list", scene), ("check", scene, "--json"), ("list", "Ωmega")):
+        shown = started("-m", "jaxcomp", *words, PYTHONIOENCODING=encoding)
+        assert b"Traceback" not in shown.stderr
+        assert shown.returncode == (2 if "Ωmega" in words else 0)
+        if "--json" in words:  # every letter survives in JSON
+            assert json.loads(shown.stdout.decode(encoding))["machine"] == "Verdichter Ω µ"
+
+
+def test_importing_the_package_switches_to_64_bits_at_once():
+    code = "import jaxcomp, jax.numpy as jnp; print(jnp.ones(1).dtype)"
+    assert started("-c", code, JAX_ENABLE_X64="0").stdout == b"float64\n"
+    assert started("-c", f"import jax; {code}", JAX_ENABLE_X64="0").stdout == b"float64\n"
+    kept = started("-c", code, JAX_ENABLE_X64="0", JAXCOMP_X64="0")
+    assert kept.stdout == b"float32\n"
+
+
+def test_a_failure_in_single_precision_says_so():
+    code = "from jaxcomp import SolveFailed, Status; print(SolveFailed(Status.not_converged, 'r'))"
+    told = started("-c", code, JAXCOMP_X64="0", JAX_ENABLE_X64="0").stdout
+    assert b"(r; in single precision: see JAXCOMP_X64)" in told
+    assert b"single" not in started("-c", code).stdout
+
+
+def test_an_interrupt_ends_without_a_traceback(monkeypatch, capsys):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxcomp.cli.main", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        program.main()
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "stopped\n"
+    monkeypatch.setattr("jaxcomp.scene.load", interrupted)
+    shown = run("run", "mayekawa-wbhe")
+    assert (shown.exit_code, shown.stderr) == (130, "stopped\n")
+
+
+def test_an_interrupted_sweep_says_how_to_go_on(monkeypatch, tmp_path):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxcomp.sweeping.sweep", interrupted)
+    words = ("sweep", "mayekawa-wbhe", "--over", "bore=100mm:150mm:3")
+    shown = run(*words)
+    assert (shown.exit_code, shown.stderr) == (
+        130,
+        "stopped; nothing was kept; with --out FOLDER a stopped sweep goes on\n",
+    )
+    shown = run(*words, "--out", tmp_path)
+    assert shown.exit_code == 130
+    assert shown.stderr == (
+        f"stopped; {tmp_path / 'sweep.zarr'} is kept; go on with the same command\n"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [0.3, 0.6, 1.0, 2.0, 4.0, 15.0])
+def test_a_real_interrupt_at_any_time(tmp_path, after):
+    words = ("sweep", "mayekawa-wbhe", "--over", "bore=100mm:150mm:100000", "--out", tmp_path)
+    command = [sys.executable, "-m", "jaxcomp", *map(str, words)]
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    time.sleep(after)
+    running.send_signal(signal.SIGINT)
+    _, told = running.communicate(timeout=120)
+    # Python itself starts for some 50 ms, in which an interrupt is its own affair
+    assert running.returncode == 130, told
+    assert b"Traceback" not in told
+    assert b"stopped" in told
+
+
+def test_a_full_disk_leaves_no_cut_report(tmp_path):
+    figure = plt.figure(figsize=(1, 1))
+    result = {"machine": "m", "number": 1.0}
+    write_results(tmp_path, {"one": figure}, result)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    assert set(before) == {"one.png", "result.json", "report.html"}
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # no file of more than 2 kB can be written, as little as on a disk with as much left
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, hard))
+    try:
+        with pytest.raises(OSError, match=r"report\.html|one\.png") as told:
+            write_results(tmp_path, {}, result | {"long": "x" * 100})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        plt.close(figure)
+    assert "the file is not written" in str(told.value)
+    after = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    assert after["report.html"] == before["report.html"]
+    assert set(after) == set(before)
+
+
+def test_measured_names_are_no_markup(tmp_path):
+    path = tmp_path / "runs.csv"
+    path.write_text(
+        "run,target,speed [rpm],amplitude [um],phase [deg],trial [g mm],angle [deg]\n"
+        "initial,[/x],1500,25,8,,\n[/y],[/x],1500,35,-4,100,0\n"
+    )
+    assert read_measurements(path).influence.planes == ("[/y]",)
+    shown = run("balance", "--measured", path)
+    assert shown.exit_code == 0
+    assert "[/x]" in shown.stdout
+    assert "[/y]" in shown.stdout
