@@ -3,8 +3,6 @@
 Conventions (frame, degrees of freedom, time factor): `jaxcomp.rotor._conventions`.
 """
 
-from ._assembly import Matrices as Matrices
-from ._assembly import matrices as matrices
 from ._bodies import RigidBody as RigidBody
 from ._campbell import CriticalSpeeds as CriticalSpeeds
 from ._campbell import campbell as campbell
@@ -38,6 +36,8 @@ from ._loads import Unbalances as Unbalances
 from ._loads import load_vector as load_vector
 from ._loads import nodal_load as nodal_load
 from ._loads import total_load as total_load
+from ._matrices import Matrices as Matrices
+from ._matrices import matrices as matrices
 from ._mesh import shaft_line as shaft_line
 from ._mesh import stepped_shaft as stepped_shaft
 from ._mode_derivatives import ModeDerivatives as ModeDerivatives
@@ -65,5 +65,7 @@ from ._response import transmitted_forces as transmitted_forces
 from ._shaft import ShaftElements as ShaftElements
 from ._shaft import shaft_mass as shaft_mass
 from ._stability import side_pull_limit as side_pull_limit
+from ._system import System as System
+from ._system import prepare as prepare
 from ._updating import Update as Update
 from ._updating import fit_frequencies as fit_frequencies

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ._assembly import link_places
 from ._conventions import plane_numbers
+from ._system import link_places
 from ._two_by_two import product_t
 
 
@@ -26,9 +26,9 @@ def close_segments(layout, border, to_left, right, last, end_fill):
     return blocks.transpose(0, 2, 1, 3, 4).reshape(border.shape)
 
 
-def add_side_pulls(model, layout, z, border):
+def add_side_pulls(layout, z, border):
     """Add the side pulls, which are isotropic and so stay within the whirl lanes."""
-    count = len(model.links)
+    count = len(z.system.model.links)
     if not layout.links[count:].size:
         return border
     place = np.full(layout.n + 1, len(layout.border))
@@ -89,21 +89,22 @@ def border_motion(layout, z):
     )
     fixed = np.eye(len(numbers))
     fixed[rows.reshape(-1)] = 0.0
-    arms = sign[rows][:, :, None] * z.structure.arms * sign[columns][:, None, :]
+    arms = sign[rows][:, :, None] * z.system.structure.arms * sign[columns][:, None, :]
     motion = jnp.asarray(fixed).at[rows[:, :, None], columns[:, None, :]].set(arms)
     return motion[:, free]
 
 
-def links_and_bodies(model, layout, z):
+def links_and_bodies(layout, z):
     """Stiffness of links and bodies on the touched border coordinates."""
     numbers, sign = _touched_numbers(layout)
     place = np.full((layout.n + 1) * layout.dof, len(numbers))
     place[numbers] = np.arange(len(numbers))
     factor = np.append(sign, 1.0)
-    w, count = z.frequency, len(model.links)
+    w, count = z.frequency, len(z.system.model.links)
     links = z.links.stiffness[:count] + 1j * w * z.links.damping[:count]
-    inert = -(w**2) if z.structure.damping is None else -(w**2) + 1j * w * z.structure.damping[0]
-    bodies = inert * z.structure.bodies[:, 0] + 1j * w * z.spin_speed * z.structure.bodies[:, 1]
+    structure = z.system.structure
+    inert = -(w**2) if structure.damping is None else -(w**2) + 1j * w * structure.damping[0]
+    bodies = inert * structure.bodies[:, 0] + 1j * w * z.spin_speed * structure.bodies[:, 1]
     rows, columns, signs = link_places(layout, count)
     rows, columns = (np.concatenate([at, layout.centres]) for at in (rows, columns))
     blocks = jnp.concatenate([signs[:, None, None] * jnp.tile(links, (4, 1, 1)), bodies])

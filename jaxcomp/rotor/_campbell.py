@@ -12,10 +12,11 @@ from .._fields import BadInput
 from ._damped import DampedModes, _damped, damped_modes, system_matrices
 from ._layout import layout_of
 from ._model import RotorModel
+from ._system import System, prepare
 
 
 def campbell(
-    model: RotorModel,
+    model: RotorModel | System,
     spin_speeds: Float[Array, " speeds"],
     count: int = 12,
     *,
@@ -26,7 +27,7 @@ def campbell(
     Modes are in the order of their frequency at each speed.
 
     Args:
-        model: the model.
+        model: the model, or the `System` prepared from it.
         spin_speeds: [rad/s] (speeds,)
         count: number of modes.
         damping: false leaves out all damping.
@@ -34,7 +35,7 @@ def campbell(
     Raises:
         BadInput: a number of modes that the model does not have.
     """
-    size = int(layout_of(model).active.sum())
+    size = layout_of(model).size
     if not 0 < count <= size:
         raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
     return _campbell(model, jnp.asarray(spin_speeds, float), count, damping)
@@ -42,7 +43,8 @@ def campbell(
 
 @eqx.filter_jit
 def _campbell(model, spin_speeds, count, damping):
-    return jax.lax.map(lambda spin: _damped(model, spin, count, False, damping), spin_speeds)
+    system = prepare(model)
+    return jax.lax.map(lambda spin: _damped(system, spin, count, False, damping), spin_speeds)
 
 
 class CriticalSpeeds(NamedTuple):
@@ -61,7 +63,7 @@ class CriticalSpeeds(NamedTuple):
 
 
 def critical_speeds(
-    model: RotorModel,
+    model: RotorModel | System,
     count: int = 4,
     *,
     order: int = 1,
@@ -76,7 +78,7 @@ def critical_speeds(
     speed are followed. Differentiable: the last step carries the implicit derivative.
 
     Args:
-        model: the model.
+        model: the model, or the `System` prepared from it.
         count: how many starts, lowest first.
         order: n, at least 1.
         damping: false leaves out all damping.
@@ -91,7 +93,7 @@ def critical_speeds(
 
 
 def critical_speeds_between(
-    model: RotorModel,
+    model: RotorModel | System,
     spin_speeds: Float[Array, " speeds"],
     count: int = 12,
     *,
@@ -105,7 +107,7 @@ def critical_speeds_between(
     number of crossings depends on the numbers.
 
     Args:
-        model: the model.
+        model: the model, or the `System` prepared from it.
         spin_speeds: [rad/s] (speeds,) rising; two crossings of one mode between two of them are
             missed.
         count: number of modes of the diagram.
@@ -120,6 +122,7 @@ def critical_speeds_between(
         raise BadInput("order", order, "at least 1")
     if spin_speeds.size < 2 or not bool(jnp.all(jnp.diff(spin_speeds) > 0)):
         raise BadInput("spin_speeds", spin_speeds, "at least two rising speeds")
+    model = prepare(model)
     modes = campbell(model, spin_speeds, count, damping=damping)
     speed, gap = np.asarray(spin_speeds), np.asarray(modes.frequency)
     gap = gap - order * speed[:, None]
@@ -158,17 +161,18 @@ def critical_speeds_between(
 
 @eqx.filter_jit
 def _critical(model, count, order, damping, near):
-    start = jax.lax.stop_gradient(_synchronous(model, count, order, near))
+    system = prepare(model)
+    start = jax.lax.stop_gradient(_synchronous(system, count, order, near))
     still = jnp.zeros_like(start[0])
-    found = _from_starts(model, start[0], still, start[1].T, order, damping)
+    found = _from_starts(system, start[0], still, start[1].T, order, damping)
     first = jnp.argsort(found.speed)
     return CriticalSpeeds(*(a[first] for a in found))
 
 
 @eqx.filter_jit
-def _from_starts(model, begin, begin_growth, shapes, order, damping):
+def _from_starts(system, begin, begin_growth, shapes, order, damping):
     """Newton steps from speeds, growths and vectors (m, active)."""
-    numbers, rest = eqx.partition(model, eqx.is_inexact_array)
+    numbers, rest = eqx.partition(system, eqx.is_inexact_array)
     frozen = jax.lax.stop_gradient(numbers)
 
     def parts(numbers, spin):
@@ -217,9 +221,9 @@ def _from_starts(model, begin, begin_growth, shapes, order, damping):
     return CriticalSpeeds(*jax.lax.map(lambda a: one(*a), starts))
 
 
-def _synchronous(model, count, order, near):
+def _synchronous(system, count, order, near):
     """Starting values: speeds (count,) and vectors (a, count) of the undamped problem."""
-    full, _ = system_matrices(model, near, damping=False)
+    full, _ = system_matrices(system, near, damping=False)
     k, inertia = (full.stiffness + full.stiffness.T) / 2, full.mass
     h = order**2 * inertia - 1j * order * full.gyroscopic
     size = jnp.diagonal(k) + 1e-300

@@ -29,6 +29,7 @@ A real periodic force f(t) = sum a_n cos(n W t) + b_n sin(n W t) has F_n = a_n -
 """
 
 import numpy as np
+from jaxtyping import Array
 
 from .._fields import BadInput
 
@@ -70,3 +71,16 @@ def plane_numbers(dof: int) -> tuple[np.ndarray, np.ndarray]:
     signs = np.ones(numbers.shape)
     signs[1, 1] = -1.0
     return numbers, signs
+
+
+def to_planes(x: Array, dof: int) -> Array:
+    """(n, dof) -> (n, planes, 2)."""
+    numbers, signs = plane_numbers(dof)
+    return x[:, numbers] * signs
+
+
+def from_planes(x: Array, dof: int) -> Array:
+    """(n, planes, 2) -> (n, dof)."""
+    numbers, signs = plane_numbers(dof)
+    order = np.argsort(numbers.reshape(-1))
+    return (x * signs).reshape(x.shape[0], -1)[:, order]

@@ -20,11 +20,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
-from ._assembly import Matrices, matrices
-from ._damping import ModalDamping
 from ._layout import layout_of
+from ._matrices import Matrices, matrices
 from ._model import RotorModel
-from ._modes import modal_damping_vectors
+from ._system import System, prepare
 
 
 class DampedModes(NamedTuple):
@@ -66,7 +65,7 @@ class DampedModes(NamedTuple):
 
 
 def damped_modes(
-    model: RotorModel,
+    model: RotorModel | System,
     spin_speed: Float[Array, ""],
     count: int = 12,
     *,
@@ -79,7 +78,7 @@ def damped_modes(
     that coincide share their derivative as in `undamped_modes`.
 
     Args:
-        model: the model.
+        model: the model, or the `System` prepared from it.
         spin_speed: [rad/s] W.
         count: number of modes.
         free: leave out all links and side pulls.
@@ -88,30 +87,31 @@ def damped_modes(
     Raises:
         BadInput: more modes than degrees of freedom.
     """
-    size = int(layout_of(model).active.sum())
+    size = layout_of(model).size
     if not 0 < count <= size:
         raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
     return _damped(model, jnp.asarray(spin_speed, float), count, free, damping)
 
 
 def system_matrices(
-    model: RotorModel, spin_speed: Float[Array, ""], *, free: bool = False, damping: bool = True
+    system: System, spin_speed: Float[Array, ""], *, free: bool = False, damping: bool = True
 ) -> tuple[Matrices, Array]:
     """Matrices at a spin speed, and the whole velocity matrix C + W G with modal damping."""
-    full = matrices(model, spin_speed, with_links=not free)
+    full = matrices(system, spin_speed, with_links=not free)
     velocity = spin_speed * full.gyroscopic
     if damping:
         velocity = velocity + full.damping
-        if isinstance(model.damping, ModalDamping):
-            modal = modal_damping_vectors(model).reshape(model.damping.ratio.shape[0], -1)
-            modal = modal[:, layout_of(model).active.reshape(-1)]
+        if system.modal is not None:
+            modal = system.modal.reshape(len(system.modal), -1)
+            modal = modal[:, system.layout.active.reshape(-1)]
             velocity = velocity + modal.T @ modal
     return full, velocity
 
 
 @eqx.filter_jit
 def _damped(model, spin_speed, count, free, damping) -> DampedModes:
-    full, d = system_matrices(model, spin_speed, free=free, damping=damping)
+    system = prepare(model)
+    full, d = system_matrices(system, spin_speed, free=free, damping=damping)
     m, k = full.mass, full.stiffness
     values, vectors, growth = jax.lax.stop_gradient(_spectrum(*jax.lax.stop_gradient((m, d, k))))
     lam, x = values[:count], vectors[:, :count]
@@ -120,8 +120,8 @@ def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     lam_new = lam - jnp.einsum("im,im->m", y, residual)  # y^T P' x = 1
     x_new = _vectors(m, d, k, lam_new, lam, x)
     growth = _largest_real_part(m, d, k, growth)
-    layout = layout_of(model)
-    shape = (full.expand @ x_new).T.reshape(count, layout.n, model.dof)
+    layout = system.layout
+    shape = (full.expand @ x_new).T.reshape(count, layout.n, layout.dof)
     ux, uy = shape[..., 0], shape[..., 1]
     p, q = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
     return DampedModes(lam_new, shape, (p - q) / (p + q), growth)

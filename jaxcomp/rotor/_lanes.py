@@ -1,15 +1,16 @@
 r"""The dynamic stiffness of shafts, disks and masses in whirl lanes, sorted for elimination."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._assembly import Structure, from_planes
+from ._conventions import from_planes
 from ._layout import BORDER, LEFT, NEXT, RIGHT, Layout
-from ._shaft import deformation
+
+if TYPE_CHECKING:
+    from ._system import Structure
 
 
 class Lanes(NamedTuple):
@@ -31,11 +32,10 @@ class Sorted(NamedTuple):
     axial: tuple[Lanes, Lanes] | None
 
 
-def sort_structure(layout: Layout, structure: Structure) -> Sorted:
+def sort_structure(layout: Layout, structure: "Structure") -> Sorted:
     """Bring the elements to their places, once for all speeds."""
     el, none = structure.elements, jnp.zeros_like(structure.mass)
-    shape = jax.vmap(deformation)(el.length)
-    bend = jnp.einsum("eki,ekl,elj->eij", shape, el.lateral, shape)
+    bend = jnp.einsum("eki,ekl,elj->eij", el.shape, el.lateral, el.shape)
     axial = None
     if layout.dof == 6:
         bar = jnp.array([[1.0, -1.0], [-1.0, 1.0]])

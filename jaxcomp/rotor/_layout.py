@@ -6,20 +6,30 @@ after the other in the columns of an array as high as the longest of them; empty
 number of a dummy node.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .._fields import BadInput
 from ._conventions import AXES, plane_numbers
 from ._model import RotorModel, node_names
+from ._shaft import Node
+
+if TYPE_CHECKING:
+    from ._system import System
 
 
-class Layout(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Layout:
     """Static index arrays of a model; n nodes, b border nodes, e elements, s segments in (m, c).
 
+    Two layouts are equal, and hash alike, if they belong to models of the same construction.
+
     Attributes:
+        key: what the layout follows from.
+        names: names of the nodes.
         n: number of nodes.
         dof: degrees of freedom of a node.
         pairs: (e, 2) nodes of all shaft elements in the order of the tables.
@@ -41,6 +51,8 @@ class Layout(NamedTuple):
         slots: for each element (kind, position, column, transposed); see `_slots`.
     """
 
+    key: tuple
+    names: tuple[Node, ...]
     n: int
     dof: int
     pairs: np.ndarray
@@ -59,12 +71,25 @@ class Layout(NamedTuple):
     ends: np.ndarray
     slots: np.ndarray
 
+    def __hash__(self):
+        return hash(self.key)
+
+    def __eq__(self, other):
+        return isinstance(other, Layout) and self.key == other.key
+
+    @property
+    def size(self) -> int:
+        """Number of active degrees of freedom."""
+        return int(self.active.sum())
+
 
 NEXT, LEFT, RIGHT, BORDER = range(4)
 
 
-def layout_of(model: RotorModel) -> Layout:
+def layout_of(model: "RotorModel | System") -> Layout:
     """The layout of a model; the same arrays for every model of the same construction."""
+    if not isinstance(model, RotorModel):
+        return model.layout
     names = node_names(model)
     number = {name: i for i, name in enumerate(names)}
     pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.pairs)
@@ -77,11 +102,13 @@ def layout_of(model: RotorModel) -> Layout:
     bodies = tuple((number[b.centre], tuple(number[k] for k in b.nodes)) for b in model.bodies)
     disks = tuple(number[k] for d in model.disks for k in d.nodes)
     masses = tuple(number[k] for p in model.masses for k in p.nodes)
-    return _layout(len(names), model.dof, pairs, link_axes, bodies, disks, masses)
+    return _layout((names, model.dof, pairs, link_axes, bodies, disks, masses))
 
 
 @lru_cache(maxsize=64)
-def _layout(n, dof, pairs, link_axes, bodies, disks, masses) -> Layout:
+def _layout(key) -> Layout:
+    names, dof, pairs, link_axes, bodies, disks, masses = key
+    n = len(names)
     numbers, _ = plane_numbers(dof)
     touched = np.zeros((n, dof), bool)
     for nodes, axes in link_axes:
@@ -123,6 +150,8 @@ def _layout(n, dof, pairs, link_axes, bodies, disks, masses) -> Layout:
     loose = ~(active | np.isin(np.arange(n), slaved)[:, None])
     in_planes = touched[np.array(order, int)][:, numbers]
     return Layout(
+        key,
+        names,
         n,
         dof,
         np.array(pairs, int).reshape(-1, 2),

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._fields import NONNEGATIVE, BadInput, Part, quantity, spread_columns
-from ._assembly import collect, structure_of
 from ._conventions import AXES, SPACE_AXES
 from ._layout import layout_of
 from ._model import RotorModel, check_node, node_index, rotor_among
 from ._shaft import Node
+from ._system import System, bare, collect
 
 
 class Unbalances(Part):
@@ -155,7 +155,7 @@ Loads = tuple[Unbalances | PeriodicForce, ...]
 
 
 def load_vector(
-    model: RotorModel, loads: Loads, order: int, spin_speed: Float[Array, ""]
+    model: RotorModel | System, loads: Loads, order: int, spin_speed: Float[Array, ""]
 ) -> Complex[Array, "n dof"]:
     r"""[N], [N m] Complex load of one order at the nodes, f(t) = Re[F e^{i n W t}].
 
@@ -181,7 +181,7 @@ def load_vector(
 
 
 def nodal_load(
-    model: RotorModel, node: Node, axis: str, value: complex = 1.0
+    model: RotorModel | System, node: Node, axis: str, value: complex = 1.0
 ) -> Complex[Array, "n dof"]:
     """[N], [N m] A load on one axis of one node.
 
@@ -225,13 +225,15 @@ def _amplitude(cosine, sine, row):
     return a - 1j * b
 
 
-def total_load(model: RotorModel, force: Complex[Array, "n dof"]) -> Complex[Array, " dof"]:
+def total_load(
+    model: RotorModel | System, force: Complex[Array, "n dof"]
+) -> Complex[Array, " dof"]:
     """[N] Sum over all nodes of the force components (moments refer to each node's own place)."""
     return _total(model, force)
 
 
 @eqx.filter_jit
 def _total(model, force):
-    layout = layout_of(model)
-    moved = collect(structure_of(model), layout, force)
-    return jnp.sum(jnp.where(jnp.asarray(layout.active), moved, 0.0), 0)
+    system = bare(model)
+    moved = collect(system, force)
+    return jnp.sum(jnp.where(jnp.asarray(system.layout.active), moved, 0.0), 0)

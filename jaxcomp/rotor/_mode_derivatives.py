@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._assembly import matrices
 from ._eigen import CLUSTER, pencil
 from ._layout import layout_of
+from ._matrices import matrices
 from ._model import RotorModel
 from ._modes import Modes
 

@@ -1,5 +1,7 @@
 r"""The model: tables of elements over named nodes."""
 
+from typing import TYPE_CHECKING
+
 import equinox as eqx
 
 from .._fields import BadInput, Part
@@ -10,6 +12,9 @@ from ._damping import ModalDamping, ProportionalDamping
 from ._inertia import Disks, PointMasses
 from ._links import Link, SidePull
 from ._shaft import Node, ShaftElements
+
+if TYPE_CHECKING:
+    from ._system import System
 
 
 class RotorModel(Part):
@@ -91,12 +96,12 @@ class RotorModel(Part):
                     raise BadInput(f"side_pulls.{number}.nodes", node, bound)
 
 
-def node_names(model: RotorModel) -> tuple[Node, ...]:
+def node_names(model: "RotorModel | System") -> tuple[Node, ...]:
     """The nodes in the order of every array over nodes."""
-    return model.nodes or _mentioned(model)
+    return model.nodes or _mentioned(model)  # pyright: ignore[reportArgumentType]
 
 
-def node_index(model: RotorModel, node: Node) -> int:
+def node_index(model: "RotorModel | System", node: Node) -> int:
     """Place of a node in arrays over nodes.
 
     Raises:

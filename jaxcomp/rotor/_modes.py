@@ -8,10 +8,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from ._assembly import link_matrices, matrices, structure_force, structure_of
 from ._eigen import pencil
 from ._layout import layout_of
+from ._matrices import matrices
 from ._model import RotorModel
+from ._system import System, bare, link_matrices, structure_force
 
 
 class Modes(NamedTuple):
@@ -42,7 +43,7 @@ _RIGID = 1e-11
 
 
 def undamped_modes(
-    model: RotorModel,
+    model: RotorModel | System,
     count: int = 12,
     *,
     spin_speed: Float[Array, ""] = 0.0,
@@ -53,7 +54,7 @@ def undamped_modes(
     Differentiable in both modes, with repeated eigenvalues treated as `_eigen.eigh` says.
 
     Args:
-        model: the model.
+        model: the model, or the `System` prepared from it.
         count: number of modes.
         spin_speed: [rad/s] at which the links are evaluated.
         free: leave out all links and side pulls (free-free).
@@ -61,7 +62,7 @@ def undamped_modes(
     Raises:
         BadInput: more modes than the model has degrees of freedom.
     """
-    size = int(layout_of(model).active.sum())
+    size = layout_of(model).size
     if not 0 < count <= size:
         raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
     return _undamped(model, count, jnp.asarray(spin_speed, float), free)
@@ -69,34 +70,34 @@ def undamped_modes(
 
 @eqx.filter_jit
 def _undamped(model, count, spin_speed, free) -> Modes:
-    full = matrices(model, spin_speed, with_links=not free)
+    system = bare(model)
+    full = matrices(system, spin_speed, with_links=not free)
     mu, x = pencil((full.stiffness + full.stiffness.T) / 2, full.mass)
-    return _modes(model, full, mu[:count], x[:, :count], spin_speed, free)
+    return _modes(system, full, mu[:count], x[:, :count], spin_speed, free)
 
 
-def _modes(model, full, mu, x, spin_speed, free) -> Modes:
-    layout = layout_of(model)
+def _modes(system, full, mu, x, spin_speed, free) -> Modes:
     x = x / jnp.sqrt(mu)
-    shape = (full.expand @ x).T.reshape(-1, layout.n, model.dof)
+    shape = (full.expand @ x).T.reshape(-1, system.layout.n, system.dof)
     # The strain energy summed over elements has the digits that w^2 = 1/mu - s lost near zero.
-    energy = jax.vmap(lambda u: _energy(model, u, spin_speed, free))(shape)
+    energy = jax.vmap(lambda u: _energy(system, u, spin_speed, free))(shape)
     return Modes(energy / jnp.einsum("im,ij,jm->m", x, full.mass, x), shape)
 
 
-def _energy(model, u, spin_speed, free):
-    links = None if free else link_matrices(model, spin_speed)
-    force = structure_force(model, structure_of(model), links, u + 0j, jnp.asarray(0.0), 0.0)
+def _energy(system, u, spin_speed, free):
+    links = None if free else link_matrices(system, spin_speed)
+    force = structure_force(system, links, u + 0j, jnp.asarray(0.0), 0.0)
     return jnp.sum(u * force.real)
 
 
-def modal_damping_vectors(model: RotorModel) -> Float[Array, "m nodes dof"]:
+def modal_damping_vectors(system: System) -> Float[Array, "m nodes dof"]:
     """M phi sqrt(2 zeta w) of the damped modes on the active degrees of freedom, else zero."""
-    layout = layout_of(model)
-    ratio = model.damping.ratio  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
-    modes = undamped_modes(model, ratio.shape[0])
-    full = matrices(model)
+    layout = system.layout
+    ratio = system.model.damping.ratio  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
+    modes = undamped_modes(system, ratio.shape[0])
+    full = matrices(system)
     active = modes.shape.reshape(ratio.shape[0], -1)[:, layout.active.reshape(-1)]
     vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (active @ full.mass)
-    out = jnp.zeros((ratio.shape[0], layout.n * model.dof))
+    out = jnp.zeros((ratio.shape[0], layout.n * layout.dof))
     out = out.at[:, layout.active.reshape(-1).nonzero()[0]].set(vectors)
-    return out.reshape(-1, layout.n, model.dof)
+    return out.reshape(-1, layout.n, layout.dof)

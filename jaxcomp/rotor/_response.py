@@ -12,13 +12,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import BadInput, is_traced
-from ._assembly import collect, follow, link_force, link_matrices
 from ._layout import layout_of
 from ._loads import Loads, load_vector
 from ._model import RotorModel, node_index
-from ._operator import operator_at, prepare
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
+from ._system import System, bare, collect, follow, link_force, link_matrices, operator_at, prepare
 
 
 class SingularResponse(ArithmeticError):
@@ -84,7 +83,7 @@ class Response(eqx.Module):
 
 
 def harmonic_response(
-    model: RotorModel,
+    model: RotorModel | System,
     force: Complex[Array, "nodes dof"],
     spin_speed: Float[Array, ""],
     frequency: Float[Array, ""],
@@ -97,7 +96,7 @@ def harmonic_response(
     other batches than those of `respond`.
 
     Args:
-        model: the model.
+        model: the model, or the `System` prepared from it.
         force: [N], [N m] F, with the time factor e^{i w t}.
         spin_speed: [rad/s] W.
         frequency: [rad/s] w.
@@ -113,7 +112,7 @@ def harmonic_response(
 
 
 def respond(
-    model: RotorModel,
+    model: RotorModel | System,
     loads: Loads,
     spin_speeds: Float[Array, " speeds"],
     orders: tuple[int, ...] = (1,),
@@ -128,7 +127,7 @@ def respond(
     its gradient computes each batch again for the same reason.
 
     Args:
-        model: the model.
+        model: the model, or the `System` prepared from it.
         loads: unbalances and periodic forces.
         spin_speeds: [rad/s] (speeds,)
         orders: orders n of the spin speed; the frequency is n W.
@@ -163,7 +162,7 @@ def respond(
 
 
 def receptance(
-    model: RotorModel,
+    model: RotorModel | System,
     inputs: Complex[Array, "inputs nodes dof"],
     outputs: Float[Array, "outputs nodes dof"],
     spin_speed: Float[Array, ""],
@@ -197,7 +196,7 @@ def transmitted_forces(model: RotorModel, response: Response) -> Complex[Array, 
 
 
 def relative_displacement(
-    model: RotorModel, response: Response, first: Node, second: Node
+    model: RotorModel | System, response: Response, first: Node, second: Node
 ) -> Complex[Array, "*batch dof"]:
     """[m], [rad] Motion of the first node as seen from the second, for example in a bearing.
 
@@ -213,14 +212,16 @@ def relative_displacement(
 
 @eqx.filter_jit
 def _harmonic(model, force, spin_speed, frequency, solver):
-    z = operator_at(model, prepare(model), spin_speed, frequency)
-    return _answer(model, z, make_solver(model, z, solver), force)
+    z = operator_at(prepare(model), spin_speed, frequency)
+    return _answer(z, make_solver(z, solver), force)
 
 
 @eqx.filter_jit
 def _transmitted(model, response):
+    system = bare(model)
+
     def one(x, w, spin):
-        return link_force(model, link_matrices(model, spin), x, w)
+        return link_force(system, link_matrices(system, spin), x, w)
 
     for _ in range(response.frequency.ndim):
         one = jax.vmap(one)
@@ -229,18 +230,18 @@ def _transmitted(model, response):
 
 @eqx.filter_jit
 def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
-    prepared = prepare(model)
+    system = prepare(model)
 
     def at_order(spin, frequency, force):
-        z = operator_at(model, prepared, spin, frequency)
-        out = _answer(model, z, make_solver(model, z, solver), force)
+        z = operator_at(system, spin, frequency)
+        out = _answer(z, make_solver(z, solver), force)
         if keep is None:
             return out
         return eqx.tree_at(lambda r: r.displacement, out, out.displacement[np.array(keep, int)])
 
     @jax.checkpoint
     def at_speed(spin):
-        forces = jnp.stack([load_vector(model, loads, n, spin) for n in orders])
+        forces = jnp.stack([load_vector(system, loads, n, spin) for n in orders])
         return jax.vmap(at_order, (None, 0, 0))(spin, np.array(orders) * spin, forces)
 
     count = spin_speeds.shape[0]
@@ -254,20 +255,19 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
     return jax.tree.map(lambda a: jnp.swapaxes(a[:count], 0, 1), out)
 
 
-def _answer(model, z, solve, force) -> Response:
-    layout = layout_of(model)
-    s = solve(collect(z.structure, layout, force))
-    x = follow(z.structure, layout, s.x)
+def _answer(z, solve, force) -> Response:
+    s = solve(collect(z.system, force))
+    x = follow(z.system, s.x)
     return Response(x, z.frequency, z.spin_speed, s.correction, s.amplification, s.status)
 
 
 @eqx.filter_jit
 def _receptance(model, inputs, outputs, spin_speed, frequency, solver):
-    z = operator_at(model, prepare(model), spin_speed, frequency)
-    solve, layout = make_solver(model, z, solver), layout_of(model)
+    z = operator_at(prepare(model), spin_speed, frequency)
+    solve = make_solver(z, solver)
 
     def column(force):
-        return follow(z.structure, layout, solve(collect(z.structure, layout, force)).x)
+        return follow(z.system, solve(collect(z.system, force)).x)
 
     return jnp.einsum("ond,ind->oi", outputs, jax.vmap(column)(inputs))
 

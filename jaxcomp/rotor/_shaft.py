@@ -120,6 +120,7 @@ class ElementMatrices(NamedTuple):
 
     Attributes:
         length: [m] (n,)
+        shape: [-], [m] (n, 2, 4) J, see `deformation`.
         lateral: [N m, N, N/m] S = F^{-1}, (n, 2, 2).
         mass: lateral inertia (n, 4, 4).
         polar: gyroscopic inertia (n, 4, 4), zero where nothing spins.
@@ -128,6 +129,7 @@ class ElementMatrices(NamedTuple):
     """
 
     length: Array
+    shape: Array
     lateral: Array
     mass: Array
     polar: Array
@@ -177,8 +179,11 @@ def element_matrices(shafts: tuple[ShaftElements, ...]) -> ElementMatrices:
 
 def deformation(length: Float[Array, ""]) -> Float[Array, "2 4"]:
     """J: relative rotation and transverse deformation from (u_1, phi_1, u_2, phi_2)."""
-    o, one, h = jnp.zeros_like(length), jnp.ones_like(length), length / 2
-    return jnp.stack([jnp.stack([o, -one, o, one]), jnp.stack([-one, -h, one, -h])])
+    return jnp.asarray(_RIGID_SHAPE) + length * _LENGTH_SHAPE
+
+
+_RIGID_SHAPE = np.array([[0.0, -1.0, 0.0, 1.0], [-1.0, 0.0, 1.0, 0.0]])
+_LENGTH_SHAPE = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, -0.5, 0.0, -0.5]])
 
 
 def _columns(shaft):
@@ -206,7 +211,8 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     lateral = jnp.array([[f22, -f12], [-f12, f11]]) / (f11 * f22 - f12**2)
 
     # Shape functions at the Gauss points, from the integrals of the curvature up to each of them.
-    moment, force = lateral @ deformation(length)  # rows: M_c and Q per unit of each coordinate
+    shape = deformation(length)
+    moment, force = lateral @ shape  # rows: M_c and Q per unit of each coordinate
     start = moment + force * length / 2  # bending moment at the left node
     r, v = s[:, None] * s[None, :], s[:, None] * w[None, :]  # points and weights of (0, s)
     _, _, bend_r, slack_r = section(r)
@@ -232,4 +238,4 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     end = jnp.stack([1 - right, right])  # (end, axis, q)
     bars = jnp.einsum("aq,eaq,faq->eaf", inertia, end, end)  # (end, axis, end)
     axial_mass = jnp.einsum("eaf,ab->eafb", bars, jnp.eye(2)).reshape(4, 4)
-    return ElementMatrices(length, lateral, mass, polar, 1 / total, axial_mass)
+    return ElementMatrices(length, shape, lateral, mass, polar, 1 / total, axial_mass)

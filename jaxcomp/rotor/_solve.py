@@ -1,22 +1,21 @@
 r"""Solution of Z x = f with evidence, and its derivatives by the adjoint.
 
 The factorisation only has to be good, not perfect: two sweeps of iterative refinement with the
-element-by-element product of `_operator` remove what an elimination without global pivoting loses.
+element-by-element product of `_system` remove what an elimination without global pivoting loses.
 The last correction is the evidence. Derivatives come from the solve itself: dx = Z^{-1}(df - dZ x)
 forwards, and one solve with the transposed Z backwards; the factorisation is not differentiated.
 """
 
 from typing import Literal, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
 from .._fields import BadInput
-from ._layout import layout_of
-from ._model import RotorModel
-from ._operator import Operator, apply, dense, scale
 from ._structured import factorise, solve_factored
+from ._system import Operator, apply, dense, scale
 
 Solver = Literal["structured", "dense"]
 STATUS_WORDS = ("ok", "singular", "inaccurate", "not finite")
@@ -45,11 +44,10 @@ class Solution(NamedTuple):
     status: Array
 
 
-def make_solver(model: RotorModel, z: Operator, solver: Solver = "structured"):
+def make_solver(z: Operator, solver: Solver = "structured"):
     """Factorise Z once and return the function that solves for one load (n, dof).
 
     Args:
-        model: the model.
         z: its dynamic stiffness.
         solver: "structured" or "dense"; modal damping makes the matrix full, so that "structured"
             stands for "dense" there.
@@ -59,14 +57,14 @@ def make_solver(model: RotorModel, z: Operator, solver: Solver = "structured"):
     """
     if solver not in ("structured", "dense"):
         raise BadInput("solver", solver, "one of ('structured', 'dense')")
-    frozen = jax.lax.stop_gradient(z)
-    weight = jnp.sqrt(scale(model, frozen))
-    if solver == "dense" or z.modal is not None:
-        plain, transposed = _dense_solvers(model, frozen, weight)
+    frozen = jax.tree.map(_frozen, z)
+    weight = jnp.sqrt(scale(frozen))
+    if solver == "dense" or z.system.modal is not None:
+        plain, transposed = _dense_solvers(frozen, weight)
     else:
-        factor = factorise(model, frozen)
-        plain = lambda b: solve_factored(model, factor, b, transpose=False)  # noqa: E731
-        transposed = lambda b: solve_factored(model, factor, b, transpose=True)  # noqa: E731
+        factor = factorise(frozen)
+        plain = lambda b: solve_factored(z.system.layout, factor, b, transpose=False)  # noqa: E731
+        transposed = lambda b: solve_factored(z.system.layout, factor, b, transpose=True)  # noqa: E731
 
     def refined(base):
         def run(product, b):
@@ -81,7 +79,7 @@ def make_solver(model: RotorModel, z: Operator, solver: Solver = "structured"):
 
     def solve(load: Complex[Array, "n dof"]) -> Solution:
         x, correction = jax.lax.custom_linear_solve(
-            lambda x: apply(model, z, x),
+            lambda x: apply(z, x),
             load.astype(complex),
             refined(plain),
             refined(transposed),
@@ -114,10 +112,15 @@ def _ratio(a: Float[Array, ""], b: Float[Array, ""]) -> Float[Array, ""]:
     return jnp.where(a == 0, 0.0, a / jnp.where(b == 0, 1.0, b))
 
 
-def _dense_solvers(model, z, weight):
-    layout = layout_of(model)
+def _frozen(leaf):
+    # The law of a link may hold anything, which `stop_gradient` would not take.
+    return jax.lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf
+
+
+def _dense_solvers(z, weight):
+    layout = z.system.layout
     d = 1 / weight.reshape(-1)
-    lu = jax.scipy.linalg.lu_factor(d[:, None] * dense(model, z) * d)
+    lu = jax.scipy.linalg.lu_factor(d[:, None] * dense(z) * d)
 
     def by(trans):
         def solve(b):

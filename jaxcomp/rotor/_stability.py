@@ -6,8 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from ._assembly import matrices
 from ._eigen import eigh
+from ._matrices import matrices
 from ._model import RotorModel
 
 

@@ -23,7 +23,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
-from ._assembly import to_planes
 from ._border import (
     add_side_pulls,
     border_choices,
@@ -36,10 +35,10 @@ from ._border import (
     unlane,
     unlane_vector,
 )
+from ._conventions import to_planes
 from ._lanes import Lanes, from_lanes, lanes_of, to_lanes
-from ._layout import layout_of
-from ._model import RotorModel
-from ._operator import Operator
+from ._layout import Layout
+from ._system import Operator
 from ._two_by_two import inverse, of_block, product, product_t, times, times_t
 
 
@@ -71,10 +70,10 @@ class Factor(NamedTuple):
     weight: Array
 
 
-def factorise(model: RotorModel, z: Operator) -> Factor:
+def factorise(z: Operator) -> Factor:
     """Eliminate the segments and factorise the border; modal damping is not handled here."""
-    layout = layout_of(model)
-    lanes = lanes_of(layout, z.sorted, z.structure.damping, z.frequency, z.spin_speed)
+    layout, structure = z.system.layout, z.system.structure
+    lanes = lanes_of(layout, z.system.places, structure.damping, z.frequency, z.spin_speed)
     pivot, ahead, fill, left = _eliminate(layout, lanes)
     back = product(pivot, fill)
     right = of_block(lanes.right)
@@ -84,7 +83,7 @@ def factorise(model: RotorModel, z: Operator) -> Factor:
         border = close_segments(layout, lanes.border, at_end(left), right, last, at_end(fill))
     else:
         last, border = right, lanes.border
-    border = hold_loose(layout, add_side_pulls(model, layout, z, border))
+    border = hold_loose(layout, add_side_pulls(layout, z, border))
 
     inner, cross, reach, kept = [], [], [], []
     for lane, (free, keep) in zip(lane_kinds(layout), border_choices(layout), strict=True):
@@ -96,7 +95,7 @@ def factorise(model: RotorModel, z: Operator) -> Factor:
         cross.append(coupling)
         reach.append(response)
         kept.append(a[:, keep[:, None], keep] - jnp.swapaxes(coupling, -1, -2) @ response)
-    full = unlane(kept) + links_and_bodies(model, layout, z)
+    full = unlane(kept) + links_and_bodies(layout, z)
     motion = border_motion(layout, z)
     small = motion.T @ full @ motion
     size = jnp.abs(jnp.diagonal(small))
@@ -108,10 +107,9 @@ def factorise(model: RotorModel, z: Operator) -> Factor:
 
 
 def solve_factored(
-    model: RotorModel, factor: Factor, load: Complex[Array, "n dof"], *, transpose: bool
+    layout: Layout, factor: Factor, load: Complex[Array, "n dof"], *, transpose: bool
 ) -> Complex[Array, "n dof"]:
     """Z^{-1} f or Z^{-T} f from the factors, without refinement."""
-    layout = layout_of(model)
     if transpose:
         factor = _swapped(factor)
     active = jnp.asarray(layout.active)

@@ -1,0 +1,81 @@
+"""The prepared rotor: every verb takes it in place of the model, with the same numbers."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp.rotor import (
+    Disks,
+    Link,
+    ModalDamping,
+    Mount,
+    RotorModel,
+    ShaftElements,
+    Unbalances,
+    critical_speeds,
+    damped_modes,
+    prepare,
+    respond,
+    transmitted_forces,
+    undamped_modes,
+)
+
+LOADS = (Unbalances((1,), 1e-4, 0.3),)
+SPEEDS = jnp.array([120.0, 340.0])
+
+
+def machine(damping=None):
+    shaft = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)
+    bearing = Mount([1e7, 2e7], [100.0, 100.0])
+    links = (Link((1, None), bearing), Link((3, None), bearing))
+    return RotorModel((shaft,), (Disks((2,), 5.0, 6e-3, 12e-3),), links=links, damping=damping)
+
+
+VERBS = {
+    "response": lambda m: transmitted_forces(m, respond(m, LOADS, SPEEDS)),
+    "undamped_modes": lambda m: undamped_modes(m, 4),
+    "damped_modes": lambda m: damped_modes(m, 200.0, 4).eigenvalue,
+    "critical_speeds": lambda m: critical_speeds(m, 2).speed,
+}
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_prepared_rotor_stands_for_its_model(verb):
+    model = machine()
+    system = prepare(model)
+    assert prepare(system) is system
+    for a, b in zip(*map(jax.tree.leaves, map(VERBS[verb], (model, system))), strict=True):
+        # two programs round differently
+        np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-8 * np.abs(a).max())
+
+
+def test_modal_damping_is_prepared_once():
+    model = machine(ModalDamping([0.01, 0.02]))
+    a, b = (respond(m, LOADS, SPEEDS).displacement for m in (model, prepare(model)))
+    np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-10 * np.abs(a).max())
+
+
+def test_derivatives_go_through_the_preparation():
+    model = machine()
+
+    def amplitude(diameter, through):
+        changed = eqx.tree_at(lambda m: m.shafts[0].outer_diameter, model, diameter)
+        return jnp.sum(jnp.abs(respond(through(changed), LOADS, SPEEDS).displacement))
+
+    at = model.shafts[0].outer_diameter
+    direct, prepared = (jax.grad(amplitude)(at, t) for t in (lambda m: m, prepare))
+    np.testing.assert_allclose(direct, prepared, rtol=1e-8, atol=1e-10 * np.abs(direct).max())
+
+
+def test_a_prepared_rotor_leaves_less_to_trace():
+    """The beam elements, a fifth of the program, are not in that of a prepared rotor."""
+    model = machine()
+
+    def size(m):
+        array, rest = eqx.partition(m, eqx.is_array)
+        run = lambda a: respond(eqx.combine(a, rest), LOADS, SPEEDS).displacement  # noqa: E731
+        return len(jax.jit(run).lower(array).as_text().splitlines())
+
+    assert size(prepare(model)) < 0.9 * size(model)
