@@ -32,7 +32,9 @@ class BadInput(ValueError):
 
     def __init__(self, field: str, value: Any, bound: str):
         self.field, self.value, self.bound = field, value, bound
-        super().__init__(f"`{field}` must be {bound}, but is {_shown(value)}.")
+        shown = _shown(value)
+        but = f", but is {shown}" if shown else ""
+        super().__init__(f"`{field}` must be {bound}{but}.")
 
     def inside(self, where: str) -> "BadInput":
         """The same complaint with the name of the part that holds the field in front."""

@@ -16,6 +16,10 @@ class Status(eqx.Enumeration):
         "the friction locks the joints: at some crank angle the balance of forces has no unique "
         "solution; lower the coefficients of friction or the slant of the rod"
     )
+    singular = (
+        "the system is singular: its planes do not act independently of each other; leave one out, or "
+        "take least squares"
+    )
     stalled = (
         "the crank comes to a halt within the turn; the motor is too weak or the inertia too small"
     )

@@ -6,8 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
-from jaxcomp import BadInput, SceneError
+from jaxcomp import BadInput, SceneError, Status
 from jaxcomp.balancing import (
     Influence,
     Row,
@@ -152,6 +153,122 @@ def test_bounded_masses_are_optimal_by_their_own_proof():
         other = largest * np.sqrt(rng.uniform(size=3)) * np.exp(2j * np.pi * rng.uniform(size=3))
         rest = tall.weight * tall.vibration(jnp.asarray(other))
         assert float(jnp.linalg.norm(rest)) >= float(balance.bound)
+
+
+def slsqp(influence, largest):
+    """The least norm within bounds by SciPy, with bounds and vibration of order one."""
+    matrix, initial = (np.asarray(x) for x in influence.weighted)
+    matrix, size = matrix * largest, np.linalg.norm(initial)
+    real = np.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]]) / size
+    right = np.append(initial.real, initial.imag) / size
+    count = matrix.shape[1]
+    answer = minimize(
+        lambda x: 0.5 * np.sum((real @ x + right) ** 2),
+        np.zeros(2 * count),
+        jac=lambda x: real.T @ (real @ x + right),
+        method="SLSQP",
+        constraints={
+            "type": "ineq",
+            "fun": lambda x: 1 - np.sum(x.reshape(2, count) ** 2, 0),
+            "jac": lambda x: -2 * np.tile(np.eye(count), 2) * x,
+        },
+        options={"ftol": 1e-15, "maxiter": 1000},
+    )
+    return size * np.sqrt(2 * answer.fun)
+
+
+@pytest.mark.parametrize("case", range(20))
+def test_bounded_masses_equal_those_of_another_solver(case):
+    rng = np.random.default_rng(case)
+    rows, planes = int(rng.integers(2, 9)), int(rng.integers(1, 5))
+    influence, planted = system(rows, planes, seed=case, noise=10 ** rng.uniform(-3, 0.5))
+    largest = np.abs(planted) * 10 ** rng.uniform(-1, 1, planes)
+    found = bounded(influence, largest)
+    assert found.converged
+    assert np.all(np.abs(found.correction) <= largest)
+    assert float(found.bound) <= float(found.objective)
+    # SLSQP ends some 1e-8 of the vibration before above the optimum
+    before = float(jnp.linalg.norm(influence.weighted[1]))
+    assert float(found.objective) == pytest.approx(slsqp(influence, largest), abs=1e-7 * before)
+
+
+def test_bounded_masses_of_nearly_equal_planes_and_planes_of_very_different_effect():
+    rng = np.random.default_rng(7)
+    solve = jax.jit(bounded)
+    for case in range(300):
+        base, planted = system(8, 3, seed=case, noise=10 ** rng.uniform(-11, 0.5))
+        matrix, scale = np.array(base.matrix), np.ones(3)
+        if case % 2:
+            scale = 10 ** rng.uniform(-6, 6, 3)
+        else:
+            matrix[:, 1] = matrix[:, 0] * (1 + 10 ** rng.uniform(-12, -2) * rng.normal(size=8))
+        matrix = jnp.asarray(matrix * scale)
+        influence = Influence(matrix, base.initial, base.weight, base.rows, base.planes)
+        largest = jnp.asarray(np.abs(planted) / scale * 10 ** rng.uniform(-3, 3, 3))
+        found = solve(influence, largest)
+        assert found.converged, case
+        # closed to the tolerance of 1e-10 of the squares, or to rounding
+        high, low = float(found.objective), float(found.bound)
+        before = float(jnp.linalg.norm(influence.weighted[1]))
+        assert high - low <= 0.51e-10 * high + 1.1e-12 * before
+
+
+def test_a_descent_that_is_stopped_says_so():
+    influence, _ = system(9, 3)
+    assert bounded(influence, 0.1, max_steps=2).status == Status.not_converged
+    assert min_max(influence, max_steps=2).status == Status.not_converged
+    assert bounded(influence, 0.1).status == min_max(influence).status == Status.converged
+
+
+def test_bounded_masses_of_many_bounds_at_once():
+    influence, _ = system(9, 3)
+    bounds = jnp.asarray([0.1, 1.0, 10.0])
+    found = jax.vmap(lambda largest: bounded(influence, largest).objective)(bounds)
+    alone = [float(bounded(influence, one).objective) for one in bounds]
+    np.testing.assert_allclose(found, alone, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "method", [invert, least_squares, min_max, lambda system: bounded(system, 1.0)]
+)
+def test_numbers_that_are_none_are_marked_under_jit(method):
+    base, _ = system(3, 3)
+
+    def solved(bad):
+        matrix = base.matrix.at[0, 0].set(bad)
+        found = method(Influence(matrix, base.initial, base.weight, base.rows, base.planes))
+        return found.correction, found.status
+
+    correction, status = jax.jit(solved)(jnp.nan)
+    assert status == Status.bad_input
+    assert not np.any(np.isfinite(correction))
+    assert jax.jit(solved)(1.0)[1] == Status.converged
+
+
+def test_a_singular_system_is_marked():
+    base, _ = system(2, 2)
+    for twin in (base.matrix[:, 0], base.matrix[:, 0] * (1 + 1e-15), 0 * base.matrix[:, 0]):
+        matrix = jnp.stack([base.matrix[:, 0], twin], 1)
+        one = Influence(matrix, base.initial, base.weight, base.rows, base.planes)
+        assert invert(one).status == Status.singular
+        assert least_squares(one).status == Status.converged
+
+
+def test_a_stock_of_numbers_that_are_none_is_refused():
+    influence, _ = system(4, 2)
+    for bad in (np.nan, np.inf, 1 + 1j * np.nan):
+        with pytest.raises(BadInput, match="finite"):
+            discrete(influence, [np.array([0, 1, bad]), np.array([0, 1])])
+    with pytest.raises(BadInput, match="finite"):
+        split(np.nan, [0.0, 1.0], 0.1)
+
+
+def test_a_system_needs_planes_and_rows():
+    influence, _ = system(4, 2)
+    with pytest.raises(BadInput, match="`planes` must be at least one"):
+        select(influence, planes=[])
+    with pytest.raises(BadInput, match="`rows` must be at least one"):
+        select(influence, targets=[])
 
 
 def test_bound_of_zero_is_refused():

@@ -3,13 +3,42 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
+from .._status import Status
 from ._influence import Influence
 
 # Unit and factor for tables and pictures, by the SI unit of a correction: an unbalance, or a mass where
 # trial weights were weighed and all sat at one radius.
 SHOWN_UNIT = {"kg m": ("g mm", 1e6), "kg": ("g", 1e3)}
+
+
+def balance(
+    influence: Influence,
+    correction: Complex[Array, " planes"],
+    objective: Float[Array, ""],
+    bound: Float[Array, ""],
+    method: str,
+    failure: Status | None = None,
+) -> "Balance":
+    """A balance with its status; corrections are NaN where the numbers of the system are not finite.
+
+    Args:
+        influence, correction, objective, bound, method: as in `Balance`.
+        failure: what the method says of its end; converged if absent.
+    """
+    finite = jnp.all(jnp.isfinite(correction)) & jnp.isfinite(objective)
+    status = Status.where(
+        finite, Status.converged if failure is None else failure, Status.bad_input
+    )
+    correction = jnp.where(finite, correction, jnp.nan)
+    return Balance(influence, correction, objective, bound, method, status)
+
+
+def condition(matrix: Complex[Array, "rows planes"]) -> Float[Array, ""]:
+    """[-] Ratio of the largest to the smallest singular value; infinite for a singular matrix."""
+    values = jnp.linalg.svd(matrix, compute_uv=False)
+    return values[0] / values[-1]
 
 
 class Balance(eqx.Module):
@@ -22,6 +51,7 @@ class Balance(eqx.Module):
             (`objective`); equal to the objective where the method is exact.
         objective: [m] what the method makes small, at the correction.
         method: name of the method.
+        status: converged; or why the correction is none, or not the best one.
     """
 
     influence: Influence
@@ -29,6 +59,12 @@ class Balance(eqx.Module):
     objective: Float[Array, ""]
     bound: Float[Array, ""]
     method: str = eqx.field(static=True)
+    status: Status
+
+    @property
+    def converged(self) -> Bool[Array, ""]:
+        """Whether the correction is what the method promises."""
+        return self.status == Status.converged
 
     @property
     def residual(self) -> Complex[Array, " rows"]:
@@ -51,9 +87,7 @@ class Balance(eqx.Module):
     @property
     def condition(self) -> Float[Array, ""]:
         """[-] Ratio of the largest to the smallest singular value of the weighted system."""
-        values = jnp.linalg.svd(self.influence.weighted[0], compute_uv=False)
-        smallest = values[min(self.influence.matrix.shape) - 1]
-        return values[0] / jnp.maximum(smallest, 1e-300)
+        return condition(self.influence.weighted[0])
 
     def sensitivity(
         self, mass_error: float = 0.01, angle_error: float = np.pi / 180

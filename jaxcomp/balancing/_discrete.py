@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._fields import BadInput
-from ._balance import Balance
+from .._status import Status
+from ._balance import Balance, balance
 from ._influence import Influence
 
 
@@ -31,7 +32,8 @@ def discrete(
         most: combinations to look at.
 
     Raises:
-        BadInput: a plane without a stock, or another number of stocks than of planes.
+        BadInput: a plane without a stock, a number that is not finite, or another number of stocks
+            than of planes.
     """
     matrix, initial = (np.asarray(x) for x in influence.weighted)
     stocks = [np.unique(np.asarray(stock, complex)) for stock in options]
@@ -39,6 +41,8 @@ def discrete(
         raise BadInput(
             "options", len(stocks), f"a stock for each of {len(influence.planes)} planes"
         )
+    if not all(np.all(np.isfinite(numbers)) for numbers in (matrix, initial, *stocks)):
+        raise BadInput("options", "with a number that is none", "of finite numbers")
     # The plane of the largest influence first: its choices differ most, so that bounds bite early.
     order = np.argsort(
         [
@@ -81,9 +85,9 @@ def discrete(
             if bounds[i] < lowest:
                 waiting.append((float(bounds[i]), rests[:, i], (*chosen, int(i))))
     bound = min(lowest, unseen_bound)
-    return Balance(
-        influence, jnp.asarray(best), jnp.asarray(lowest), jnp.asarray(bound), "discrete"
-    )
+    lowest, bound = jnp.asarray(lowest), jnp.asarray(bound)
+    failure = Status.where(bound < lowest, Status.not_converged, Status.converged)
+    return balance(influence, jnp.asarray(best), lowest, bound, "discrete", failure)
 
 
 def _greedy(matrix, initial, stocks):
@@ -144,6 +148,8 @@ def split(
         BadInput: no hole, a radius or a limit that is not positive.
     """
     at = np.asarray(angles, float)
+    if not (np.isfinite(correction) and np.all(np.isfinite(at))):
+        raise BadInput("correction", correction, "finite, as must be the angles")
     for field, value in (("radius", radius), ("largest", largest), ("angles", at.size)):
         if not value > 0:
             raise BadInput(field, value, "> 0")

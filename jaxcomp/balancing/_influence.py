@@ -52,7 +52,7 @@ class Influence(eqx.Module):
         planes: names of the correction planes; static.
 
     Raises:
-        BadInput: arrays that do not fit the rows and planes, or a value that is not finite.
+        BadInput: no rows or planes, arrays that do not fit them, or a value that is not finite.
     """
 
     matrix: Complex[Array, "rows planes"]
@@ -62,6 +62,9 @@ class Influence(eqx.Module):
     planes: tuple[str, ...] = eqx.field(static=True)
 
     def __check_init__(self):
+        for name, entries in (("rows", self.rows), ("planes", self.planes)):
+            if not entries:
+                raise BadInput(name, "none", "at least one")
         count = (len(self.rows), len(self.planes))
         for name, shape in (("matrix", count), ("initial", count[:1]), ("weight", count[:1])):
             value = getattr(self, name)

@@ -11,7 +11,8 @@ $$\Big(\min_B \sum_k \lambda_k |r_k|^2\Big)^{1/2} \le \min_B \max_k |r_k| \le \m
 import jax.numpy as jnp
 from jax import lax
 
-from ._balance import Balance
+from .._status import Status
+from ._balance import Balance, balance
 from ._influence import Influence
 
 
@@ -51,5 +52,11 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
     even = jnp.full(rows, 1.0 / rows)
     nothing = jnp.zeros(matrix.shape[1], complex)
     start = (even, nothing, jnp.asarray(1.0), jnp.asarray(0.0), jnp.asarray(0))
-    _, best, highest, lowest, _ = lax.while_loop(going_on, advance, start)
-    return Balance(influence, best * scale, highest * scale, lowest * scale, "min-max")
+    _, best, highest, lowest, steps = lax.while_loop(going_on, advance, start)
+    failure = Status.where(
+        going_on((even, best, highest, lowest, jnp.minimum(steps, max_steps - 1))),
+        Status.not_converged,
+        Status.converged,
+    )
+    found = (best * scale, highest * scale, lowest * scale)
+    return balance(influence, *found, "min-max", failure)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._fields import BadInput
-from ._balance import Balance
+from ._balance import Balance, balance
 from ._influence import Influence
 
 
@@ -59,7 +59,7 @@ def outside_sectors(influence: Influence, sectors: Sequence[Sector]) -> Balance:
         if size < lowest:
             best, lowest = correction, size
     lowest = jnp.asarray(lowest)
-    return Balance(influence, jnp.asarray(best), lowest, lowest, "least squares outside sectors")
+    return balance(influence, jnp.asarray(best), lowest, lowest, "least squares outside sectors")
 
 
 def _on_faces(matrix, initial, choice):

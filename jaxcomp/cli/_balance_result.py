@@ -11,6 +11,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from .._status import SolveFailed, Status
 from ..balancing import (
     SHOWN_UNIT,
     Balance,
@@ -115,7 +116,15 @@ def solve(system: System, planes, targets, method: str, tikhonov, largest) -> Ba
 
     Raises:
         CommandError: no two planes for the rotor alone.
+        SolveFailed: the method did not converge.
     """
+    found = _solve(system, planes, targets, method, tikhonov, largest)
+    if not bool(found.converged):
+        raise SolveFailed(found.status, f"gap to the proven optimum {float(found.gap):.1e}")
+    return found
+
+
+def _solve(system: System, planes, targets, method: str, tikhonov, largest) -> Balance:
     part = select(system.influence, planes=planes, targets=targets)
     if method == "classical":
         if system.rotor_alone is None:
@@ -133,6 +142,7 @@ def balance_result(system: System, found: Balance) -> dict[str, Any]:
     part = found.influence
     before, after = np.asarray(part.initial), np.asarray(found.residual)
     spread = np.asarray(found.sensitivity())
+    condition = float(found.condition)
     planes = []
     for name, value in zip(part.planes, np.asarray(found.correction), strict=True):
         radius = system.radius.get(name)
@@ -176,10 +186,11 @@ def balance_result(system: System, found: Balance) -> dict[str, Any]:
         "planes": planes,
         "rows": rows,
         "improvement": float(found.improvement),
-        "condition": float(found.condition),
+        "condition": condition if math.isfinite(condition) else None,
         "objective": float(found.objective),
         "bound": float(found.bound),
         "gap": float(found.gap),
+        "status": Status[found.status],
     }
 
 
@@ -237,6 +248,8 @@ def balance_tables(result: dict[str, Any]) -> list[Table]:
     evidence.add_row("Method", result["method"], f"excitation: {result['excitation']}")
     share = f"{100 * result['improvement']:.3g} %"
     evidence.add_row("Weighted rms", share, "after over before, all rows")
-    evidence.add_row("Condition", f"{result['condition']:.4g}", "of the weighted system")
+    condition = result["condition"]
+    text = "infinite" if condition is None else f"{condition:.4g}"
+    evidence.add_row("Condition", text, "of the weighted system")
     evidence.add_row("Gap", f"{result['gap']:.1e}", "to the proven optimum, over the rms before")
     return [masses, rows, evidence]
