@@ -42,6 +42,6 @@ class SolveFailed(RuntimeError):
 
     def __init__(self, status, details: str = ""):
         self.status = status
-        if not jax.config.jax_enable_x64:
+        if not jax.config.read("jax_enable_x64"):
             details = "; ".join(filter(None, [details, "in single precision: see JAXCOMP_X64"]))
         super().__init__(Status[status] + (f" ({details})" if details else "") + ".")

@@ -464,6 +464,26 @@ BAD = {
     "double reading": (lambda t: t + t.splitlines(keepends=True)[-1], "second time"),
     "other trial": (lambda t: t[: t.rindex("2.5")] + "3.5,0\n", "another trial"),
     "empty": (lambda t: "", "empty"),
+    "negative amplitude": (lambda t: t.replace("7.2", "-7.2"), "line 2.amplitude.*differs by 180"),
+    "huge amplitude": (lambda t: t.replace("7.2", "1e300"), "line 2.amplitude.*1e-30 to 1e\\+30"),
+    "tiny amplitude": (lambda t: t.replace("7.2", "1e-200"), "line 2.amplitude.*1e-30 to 1e\\+30"),
+    "overlong cell": (lambda t: t.replace("bearing-1", "b" * 200_000, 1), "is no table: field"),
+    "zero byte": (lambda t: t.replace("bearing-1", "b\0", 1), "is no table|printable"),
+    "word of a kept weight": (
+        lambda t: (
+            t.replace("\n", ",kept\n", 1).replace("2.5,0", "2.5,0,maybe").replace(",,", ",,,")
+        ),
+        'line 4.kept = "maybe": must be "yes" or "no"',
+    ),
+    "kept and not": (
+        lambda t: (
+            t.replace("\n", ",kept\n", 1)
+            .replace("2.5,0", "2.5,0,yes", 1)
+            .replace("2.5,0\n", "2.5,0,no\n")
+            .replace(",,", ",,,")
+        ),
+        "line 5.kept: differs",
+    ),
 }
 
 
@@ -475,6 +495,40 @@ def test_bad_tables_are_refused_with_file_and_line(tmp_path, case):
     with pytest.raises(SceneError, match=words) as error:
         read_measurements(path)
     assert "runs.csv" in str(error.value)
+
+
+def test_kept_trial_weights_count_for_the_runs_below(tmp_path):
+    """Weights that pile up give the coefficients of weights that were taken off again."""
+    coefficients = np.array([[1.0 + 2j, 0.5], [-1j, 2.0 - 1j], [0.3, 1j]])  # rows, planes
+    initial, trial = np.array([3.0, 2j, 1.0 + 1j]), 2.5e-6
+    moves = 1e6 * trial * coefficients.T
+    piled = {
+        "initial": initial,
+        "plane-1": initial + moves[0],
+        "plane-2": initial + moves[0] + moves[1],
+    }
+    path = tmp_path / "runs.csv"
+    path.write_text(
+        table(piled)
+        .replace("\n", ",kept\n", 1)
+        .replace(",,\n", ",,,\n")
+        .replace("2.5,0\n", "2.5,0,yes\n")
+    )
+    found = read_measurements(path).influence
+    np.testing.assert_allclose(found.matrix, 1e6 * coefficients, rtol=1e-12)
+    np.testing.assert_allclose(found.initial, initial, rtol=1e-12)
+    path.write_text(path.read_text().replace("yes", "no"))
+    taken_off = read_measurements(path).influence.matrix[:, 1]
+    np.testing.assert_allclose(taken_off, (moves[0] + moves[1]) / trial, rtol=1e-12)
+    with pytest.raises(BadInput, match="`kept`"):
+        trial_influence([1.0], [[2.0]], [1.0], [Row("t", "ux", 1.0)], ["p"], kept=[])
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+def test_tables_of_any_line_end_and_with_a_byte_order_mark(tmp_path, line_end):
+    path = tmp_path / "runs.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + table(three_runs()).replace("\n", line_end).encode())
+    assert read_measurements(path).influence.planes == ("plane-1", "plane-2")
 
 
 def test_trial_of_zero_is_refused():

@@ -148,18 +148,24 @@ def trial_influence(
     rows: Sequence[Row],
     planes: Sequence[str],
     weight: Float[Array, " rows"] | None = None,
+    kept: Sequence[bool] | None = None,
 ) -> Influence:
-    """Influence coefficients from runs with one trial weight each, Eqs (10)-(11).
+    """Influence coefficients from an initial run and one more trial weight in each run, Eqs (10)-(11).
+
+    The corrections of the system count from the initial run: whoever adds them takes all trial weights
+    off, kept ones as well.
 
     Args:
         initial: [m] vibration without a trial weight.
-        trials: [m] vibration with the trial weight in each plane, which is taken off again after.
+        trials: [m] vibration with the trial weight in each plane, in the order of the runs.
         masses: [kg m] trial unbalance of each plane, mass times radius, with its angle.
         rows, planes: what the rows and columns are.
         weight: [-] of each row; 1 if absent.
+        kept: (planes,) whether each trial weight stays on for all later runs; absent: it is taken off
+            again before the next one.
 
     Raises:
-        BadInput: a trial unbalance of zero.
+        BadInput: a trial unbalance of zero, or another number of `kept` than of planes.
 
     >>> rows = [Row("front", "ux", 314.0), Row("rear", "ux", 314.0)]
     >>> trials = [[30e-6 + 10e-6j, 20e-6], [10e-6j, 60e-6]]  # [m] with 100 g mm in either plane
@@ -175,7 +181,14 @@ def trial_influence(
         raise BadInput("masses", masses, "different from zero")
     initial, trials = jnp.asarray(initial, complex), jnp.asarray(trials, complex)
     weight = jnp.ones(len(rows)) if weight is None else jnp.asarray(weight, float)
-    matrix = ((trials - initial) / masses[:, None]).T
+    kept = [False] * len(planes) if kept is None else list(kept)
+    if len(kept) != len(planes):
+        raise BadInput("kept", len(kept), f"a truth value for each of {len(planes)} planes")
+    before, state = [], initial
+    for trial, stays in zip(trials, kept, strict=True):
+        before.append(state)
+        state = trial if stays else state
+    matrix = ((trials - jnp.stack(before)) / masses[:, None]).T
     return Influence(matrix, initial, weight, tuple(rows), tuple(planes))
 
 

@@ -105,7 +105,7 @@ def bounded(
     if not is_traced(largest) and not bool(jnp.all(largest > 0)):
         raise BadInput("largest", largest, "> 0")
     matrix, initial = influence.weighted
-    size = jnp.linalg.norm(initial)
+    size = jnp.sqrt(jnp.sum(jnp.abs(initial) ** 2))
     size = jnp.where(size > 0, size, 1.0)
     # Real and imaginary parts of x = B/largest one below the other, vibration in units of what was there.
     a = matrix * largest / size

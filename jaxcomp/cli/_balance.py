@@ -79,9 +79,9 @@ def balance(
     Example: [bold]jaxcomp balance hermetic-68cc --speeds 3000rpm,3600rpm --out result[/bold]
 
     A file for --measured has a line for each reading: of the initial run, and of a run with a trial
-    weight in each plane, which gives the run its name and is taken off again. A trial is mass times
-    radius, or a mass (trial \[g]) if all weights go to one radius; phase and angle count in the
-    same sense.
+    weight in each plane, which gives the run its name and is taken off again, unless a further column
+    "kept" says yes. Corrections count from the initial run. A trial is mass times radius, or a mass
+    (trial \[g]) if all weights go to one radius; phase and angle count in the same sense.
 
         run,target,speed \[rpm],amplitude \[mm/s],phase \[deg],trial \[g mm],angle \[deg]
         initial,bearing-1,3000,7.2,238,,

@@ -9,10 +9,12 @@ The table is CSV with a header. One line is one reading:
 A trial is mass times radius; with a mass alone (`trial [g]`) the corrections are masses as well, at the
 radius where the trial weights were.
 
-`run` is `initial`, or the name of the plane that holds the trial weight, which is taken off again
-before the next run. The vibration may have any unit as long as it is one; its name is kept for the
-tables. `phase` and `angle` count in the same sense, both with the rotation or both against it; so do
-the angles of the corrections. Semicolons may stand between the cells, with decimal commas in them.
+`run` is `initial`, or the name of the plane that gets a trial weight. The weight is taken off again
+before the next run, unless a column `kept` says `yes` in the lines of its run: then it stays on in all
+runs below. The corrections count from the initial run, without any trial weight. The vibration may
+have any unit as long as it is one; its name is kept for the tables. `phase` and `angle` count in the
+same sense, both with the rotation or both against it; so do the angles of the corrections. Semicolons
+may stand between the cells, with decimal commas in them.
 """
 
 import csv
@@ -29,9 +31,14 @@ from ._errors import SceneError
 from ._units import factor
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
+_OPTIONAL = ("kept",)
 _UNITS = {"speed": ("rad/s",), "phase": ("rad",), "trial": ("kg m", "kg"), "angle": ("rad",)}
 _EXAMPLE = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 _INITIAL = "initial"
+_KEPT = {"yes": True, "no": False, "": False}
+# Bounds of what can be measured in any unit; beyond them squares and quotients leave the numbers.
+_SMALLEST, _LARGEST = 1e-30, 1e30
+_LARGEST_FILE = 4_000_000  # [bytes]
 _DECIMAL_COMMA = re.compile(r"\s*([-+]?\d*),(\d+)\s*")
 
 
@@ -58,8 +65,13 @@ def read_measurements(path: str | os.PathLike) -> Measured:
     """
     name = os.fspath(path)
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            lines = [cells for cells in _cells(file.read()) if any(cell.strip() for cell in cells)]
+        with open(path, encoding="utf-8-sig") as file:  # line ends of any kind
+            text = file.read(_LARGEST_FILE + 1)
+        if len(text) > _LARGEST_FILE:
+            raise SceneError("", f"is larger than {_LARGEST_FILE / 1e6:.0f} MB", file=name)
+        lines = [cells for cells in _cells(text) if any(cell.strip() for cell in cells)]
+    except csv.Error as error:
+        raise SceneError("", f"is no table: {error}", file=name) from None
     except OSError as error:
         raise SceneError("", f"cannot be read: {error.strerror}", file=name) from None
     except UnicodeDecodeError:
@@ -91,10 +103,14 @@ def _measured(lines) -> Measured:
     columns = list(units)
     readings: dict[str, dict[tuple[str, float], complex]] = {}
     trials: dict[str, complex] = {}
+    kept: dict[str, bool] = {}
     for number, line in enumerate(lines[1:], 2):
         if len(line) != len(columns):
             raise SceneError(f"line {number}", f"must have {len(columns)} cells", len(line))
         cell = {c: text.strip() for c, text in zip(columns, line, strict=True)}
+        for column, text in cell.items():
+            if not text.isprintable():
+                raise SceneError(f"line {number}.{column}", "must be printable", text)
         run, target = cell["run"], cell["target"]
         if not run or not target:
             raise SceneError(f"line {number}", "needs a run and a target")
@@ -102,9 +118,11 @@ def _measured(lines) -> Measured:
         own = readings.setdefault(run, {})
         if key in own:
             raise SceneError(f"line {number}", f"reads {target} a second time in run {run}")
-        own[key] = _number(cell, "amplitude", scale, number) * np.exp(
-            1j * _number(cell, "phase", scale, number)
-        )
+        amplitude = _number(cell, "amplitude", scale, number)
+        if amplitude < 0:
+            problem = "must be >= 0; what is opposite has a phase that differs by 180 deg"
+            raise SceneError(f"line {number}.amplitude", problem, amplitude)
+        own[key] = amplitude * np.exp(1j * _number(cell, "phase", scale, number))
         if run == _INITIAL:
             continue
         trial = _number(cell, "trial", scale, number) * np.exp(
@@ -114,6 +132,11 @@ def _measured(lines) -> Measured:
             raise SceneError(f"line {number}.trial", "must be different from zero", 0)
         if trials.setdefault(run, trial) != trial:
             raise SceneError(f"line {number}", f"has another trial weight than run {run} before")
+        word = cell.get("kept", "").lower()
+        if word not in _KEPT:
+            raise SceneError(f"line {number}.kept", 'must be "yes" or "no"', cell["kept"])
+        if kept.setdefault(run, _KEPT[word]) != _KEPT[word]:
+            raise SceneError(f"line {number}.kept", f"differs from the lines of run {run} before")
     if _INITIAL not in readings:
         raise SceneError("run", f'has no line "{_INITIAL}"')
     if not trials:
@@ -129,6 +152,7 @@ def _measured(lines) -> Measured:
         np.array(list(trials.values())),
         [Row(target, "measured", speed) for target, speed in keys],
         list(trials),
+        kept=list(kept.values()),
     )
     return Measured(influence, units["amplitude"], dimensions["trial"])
 
@@ -138,7 +162,7 @@ def _header(cells) -> dict[str, str]:
     for cell in cells:
         match = re.fullmatch(r"\s*(\w+)\s*(?:\[(.*)\])?\s*", cell)
         name = match[1].lower() if match else cell
-        if match is None or name not in _COLUMNS:
+        if match is None or name not in (*_COLUMNS, *_OPTIONAL):
             raise SceneError(cell.strip(), f'is an unknown column; known are those of "{_EXAMPLE}"')
         if name in units:
             raise SceneError(name, "is there twice")
@@ -170,4 +194,7 @@ def _number(cell, column, scale, line) -> float:
         raise SceneError(key, "must be a number", cell[column]) from None
     if not np.isfinite(value):
         raise SceneError(key, "must be finite", value)
+    if value and not _SMALLEST <= abs(value) <= _LARGEST:
+        bounds = f"{_SMALLEST:g} to {_LARGEST:g}"
+        raise SceneError(key, f"must be 0, or in size {bounds}", value)
     return value * scale.get(column, 1.0)
