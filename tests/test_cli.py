@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -14,7 +15,7 @@ from jaxcomp.cli._arguments import assignments, entry
 from jaxcomp.cli._errors import CommandError
 from jaxcomp.cli._start import keeps_programs
 from jaxcomp.design import with_bore
-from jaxcomp.scene import load, with_value
+from jaxcomp.scene import doubts, load, with_value
 
 REQUIRED = {
     "mechanical_efficiency": float,
@@ -85,6 +86,22 @@ def test_json_is_one_object_with_the_numbers_of_the_library():
     assert (found["converged"], found["solver"]) == (True, "collocation")
     assert found["set"] == {"motor.mean_speed": "800rpm"}
     assert found["design"] == {"bore": "120mm"}
+
+
+@pytest.mark.parametrize(
+    ("change", "remark"),
+    [("gas.clearance_ratio=2", "No gas flows"), ("gas=none", "There is no gas")],
+)
+def test_a_machine_that_delivers_nothing_has_no_efficiency(change, remark):
+    shown = run("--set", change)
+    assert shown.exit_code == 0
+    assert remark in shown.stdout
+    assert re.search(r"Mechanical efficiency +none", shown.stdout)
+    if change != "gas=none":
+        checked = json.loads(invoke("check", "mayekawa-wbhe", "--json").stdout)
+        assert not [d for d in checked["unusual"] if "discharge valve" in d["what"]]
+        scene = with_value(load("mayekawa-wbhe"), "gas.clearance_ratio", 2)
+        assert [d for d in doubts(scene) if "without a discharge valve" in d.what]
 
 
 def test_table_shows_efficiency_losses_forces_and_evidence():

@@ -321,6 +321,21 @@ def test_rigid_rotor_whirls_beyond_the_threshold(model):
 # ---- load numbers
 
 
+def test_arrays_of_numpy_may_be_mapped_within_a_compiled_function():
+    loads, film = np.linspace(0.1, 3.0, 4), Reynolds(0.5)
+
+    def position(load):
+        return film_state(film, load).eccentricity_ratio
+
+    found = jax.jit(lambda: jax.vmap(position)(loads))()
+    np.testing.assert_allclose(found, [float(position(load)) for load in loads], rtol=1e-14)
+    ratios = np.array([0.25, 0.5, 1.0])
+    found = jax.jit(
+        lambda: jax.vmap(lambda r: film_state(Reynolds(r), 1.0).attitude_angle)(ratios)
+    )()
+    assert np.all(np.diff(found) != 0)
+
+
 def test_load_numbers():
     q, value = 0.5, 1.7
     s = convert_load_number(value, "load_number", "sommerfeld_number", q)

@@ -7,6 +7,7 @@ from helpers import GAS, machine
 from scipy.integrate import quad
 
 from jaxcomp import BadInput
+from jaxcomp._fields import admissible, clipped
 from jaxcomp.compressor import cylinder_pressure, kink_angles, stroke_at
 from jaxcomp.gas import (
     CallableDiagram,
@@ -261,6 +262,49 @@ def test_bad_cycle_is_refused_by_name(changes, words):
 
 def test_back_pressure_defaults_to_suction():
     assert cycle(back_pressure=None).behind_piston == GAS["suction_pressure"]
+
+
+@pytest.mark.parametrize("place", ["repeated", "swapped", "beyond", "none"])
+def test_a_traced_table_outside_its_rules_is_marked_and_finite(place):
+    bad = {
+        "repeated": lambda x: x.at[2].set(x[1]),
+        "swapped": lambda x: x.at[2].set(x[1] - 0.1),
+        "beyond": lambda x: x.at[-1].set(9.0),
+        "none": lambda x: x.at[2].set(jnp.nan),
+    }[place]
+    volume = VolumeTable(
+        jnp.linspace(0, 1, 9), jnp.linspace(9e5, 1e5, 9), jnp.linspace(9e5, 1e5, 9), 1e5
+    )
+    angle = jnp.linspace(0.0, 6.0, 9)
+    crank = CrankAngleTable(angle, 1e5 * (2 + jnp.sin(angle)), 1e5)
+    strokes = [stroke_at(machine(), jnp.asarray(a)) for a in np.linspace(0.0, 2 * np.pi, 7)]
+
+    def seen(table, knots):
+        traced = eqx.tree_at(lambda t: getattr(t, knots), table, bad(getattr(table, knots)))
+        solved = clipped(traced)
+        return admissible(traced), jnp.stack([solved.pressure(s) for s in strokes])
+
+    for table, knots in ((volume, "volume"), (crank, "angle")):
+        good, pressure = jax.jit(seen, static_argnums=1)(table, knots)
+        assert not good
+        assert np.all(np.isfinite(pressure))
+        slope = jax.jit(jax.jacrev(lambda t, knots=knots: seen(t, knots)[1]))(table)
+        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
+
+
+def test_a_good_table_passes_the_repair_untouched():
+    angle = jnp.linspace(0.0, 6.0, 9)
+    crank = CrankAngleTable(angle, 1e5 * (2 + jnp.sin(angle)), 1e5)
+    assert eqx.tree_equal(clipped(crank), crank)
+
+
+@pytest.mark.parametrize("clearance", [0.0, 0.02, 0.1, 0.2, 1.0])
+def test_a_cycle_delivers_where_it_has_work(clearance):
+    gas = cycle(clearance_ratio=clearance)
+    work = indicated_work(gas)
+    scale = float(gas.suction_pressure) * SWEPT
+    # the work of a closed cycle is rounding and the quadrature's 1e-9
+    assert bool(gas.delivers) == (abs(work) > 1e-6 * scale)
 
 
 def test_bad_tables_are_refused():

@@ -23,7 +23,7 @@ def list_machines(
 ) -> None:
     """List the bundled machines, the fluids, or every value of one machine with its source.
 
-    Examples: [bold]jaxcomp list mayekawa-wbhe[/bold], [bold]jaxcomp list fluids[/bold]
+    Example: [bold]jaxcomp list mayekawa-wbhe[/bold], [bold]jaxcomp list fluids[/bold]
     """
     from rich.console import Console
 

@@ -1,5 +1,6 @@
 """What `jaxcomp run` found, as one object of plain numbers in SI units."""
 
+from collections.abc import Iterator
 from importlib.metadata import version
 from typing import Any
 
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 from .._status import Status
 from ..compressor import Compressor
 from ..crank import Orbit
+from ..gas import PolytropicCycle
 from ..scene import Scene
 from ..shaking import shaking_wrench
 
@@ -57,7 +59,19 @@ def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
         "converged": bool(orbit.converged),
         "status": Status[orbit.status],
         "solver": orbit.solver,
+        "remarks": list(_remarks(scene.machine)),
     }
+
+
+def _remarks(machine: Compressor) -> Iterator[str]:
+    """What keeps numbers of a result from meaning what their names say."""
+    if machine.gas is None:
+        yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."
+    elif isinstance(machine.gas, PolytropicCycle) and not bool(machine.gas.delivers):
+        yield (
+            "No gas flows: with this clearance the compression never reaches the discharge pressure, and "
+            "no efficiency has a meaning."
+        )
 
 
 @eqx.filter_jit

@@ -56,10 +56,11 @@ def value_table(scene: Scene, rows: Sequence[Row]) -> Table:
     return table
 
 
-def result_tables(scene: Scene, result: dict[str, Any]) -> list[Table]:
+def result_tables(scene: Scene, result: dict[str, Any]) -> list[Table | str]:
     """Efficiency and power, losses, joint forces, evidence."""
     return [
         _summary(scene, result),
+        *(f"[yellow]Note:[/yellow] {escape(remark)}" for remark in result["remarks"]),
         _losses(result),
         _forces(result),
         _evidence(result),
@@ -75,11 +76,8 @@ def _summary(scene: Scene, result: dict[str, Any]) -> Table:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         table.add_row("Bore x stroke", size, f"{result['swept_volume'] * 1e6:.5g} cm3 swept")
     rpm = 30 / math.pi
-    table.add_row(
-        "[bold]Mechanical efficiency",
-        f"[bold]{100 * result['mechanical_efficiency']:.2f} %",
-        "gas work over motor work",
-    )
+    efficiency = "none" if result["remarks"] else f"{100 * result['mechanical_efficiency']:.2f} %"
+    table.add_row("[bold]Mechanical efficiency", f"[bold]{efficiency}", "gas work over motor work")
     large = abs(result["motor_power"]) >= 1e3
     for name in ("motor", "gas", "friction"):
         watts = result[f"{name}_power"]

@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, is_traced
 
 Scalar = Float[Array, ""]
 
@@ -128,7 +128,10 @@ def film_ratio(film: AbstractCarryingFilm, load_number: Scalar) -> Scalar:
     Returns:
         [-] e/h_min; eps = x/(1 + x), h_min = c/(1 + x).
     """
-    return load_number * jnp.exp(_log_compliance(film, load_number))
+    # Rules of derivatives of one's own fail in JAX 0.9 on arrays of NumPy that `vmap` maps within `jit`;
+    # the sum makes them arrays of JAX.
+    held = jax.tree.map(lambda leaf: leaf + 0 if is_traced(leaf) else leaf, (film, load_number))
+    return load_number * jnp.exp(_log_compliance(*held))
 
 
 def film_ratio_of(eccentricity_ratio: Scalar) -> Scalar:

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, Bound, quantity
+from .._fields import ANY, NONNEGATIVE, Bound, quantity, replaced
 from ._base import AbstractGas, Stroke
 
 
@@ -46,6 +46,9 @@ class CrankAngleTable(AbstractDiagram):
             "a table with rising angles within one turn": rising & within,
             "a table of at least three points": jnp.asarray(self.angle.size > 2),
         }
+
+    def repaired(self):
+        return _with_knots(self, "angle", jnp.linspace(0, 2 * jnp.pi, self.angle.size, False))
 
     def __check_init__(self):
         _check_same_length(self, "angle", "cylinder_pressure")
@@ -120,6 +123,9 @@ class VolumeTable(AbstractDiagram):
             "a table of at least three points": jnp.asarray(self.volume.size > 2),
         }
 
+    def repaired(self):
+        return _with_knots(self, "volume", jnp.linspace(0, 1, self.volume.size))
+
     def __check_init__(self):
         _check_same_length(self, "volume", "inward_pressure")
         _check_same_length(self, "volume", "outward_pressure")
@@ -165,6 +171,12 @@ def _hermite(x, knots, values):
         + values[left + 1] * t * t * (1 + 2 * s)
         + width * t * s * (slope[left] * s - slope[left + 1] * t)
     )
+
+
+def _with_knots(part, name: str, even):
+    """A table with even knots where its own break its rules, so that its curve is finite."""
+    good = jnp.all(jnp.asarray(list(part.conditions().values())))
+    return replaced(part, **{name: jnp.where(good, getattr(part, name), even)})
 
 
 def _check_same_length(part, first: str, second: str) -> None:

@@ -52,6 +52,12 @@ class PolytropicCycle(AbstractGas):
     def behind_piston(self):
         return self.suction_pressure if self.back_pressure is None else self.back_pressure
 
+    @property
+    def delivers(self) -> Bool[Array, ""]:
+        """Whether the compression reaches the discharge pressure, so that gas flows."""
+        opening = (self.discharge_pressure / self.suction_pressure) ** (1 / self.exponent)
+        return 1 + self.clearance_ratio > self.clearance_ratio * opening
+
     def pressure(self, stroke):
         clearance = self.clearance_ratio * stroke.swept
         largest = clearance + stroke.swept

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._fields import Part, subparts
+from ..gas import PolytropicCycle
 from ..mechanism import SliderCrank
 from ._describe import Row, describe
 from ._read import join
@@ -69,6 +70,21 @@ _CYCLE: tuple[_Ratio, ...] = (
 )
 
 
+_FLOW: tuple[_Ratio, ...] = (
+    # below 1 the compression never reaches the discharge pressure, and no gas flows
+    (
+        "highest pressure without a discharge valve over discharge pressure",
+        lambda g: (
+            (1 + 1 / max(float(g.clearance_ratio), 1e-300)) ** g.exponent
+            * g.suction_pressure
+            / g.discharge_pressure
+        ),
+        1.0,
+        np.inf,
+    ),
+)
+
+
 def doubts(scene: Scene) -> tuple[Doubt, ...]:
     """What is unusual in a scene, in the order of its parts."""
     rows = [doubt for row in describe(scene) for doubt in _of_value(row)]
@@ -100,7 +116,7 @@ def _of_part(path: str, part: Part) -> Iterator[Doubt]:
     elif all(hasattr(part, name) for name in ("radial_clearance", "diameter", "length")):
         ratios = _JOURNAL
     elif all(hasattr(part, name) for name in ("suction_pressure", "discharge_pressure")):
-        ratios = _CYCLE
+        ratios = _CYCLE + (_FLOW if isinstance(part, PolytropicCycle) else ())
     for what, ratio, low, high in ratios:
         value = float(ratio(part))
         if value != 0 and not low <= abs(value) <= high:
