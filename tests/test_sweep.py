@@ -1,5 +1,6 @@
 """`sweep`: the same numbers whatever the blocks, devices and processes, and after a kill."""
 
+import json
 import os
 import random
 import shutil
@@ -33,6 +34,7 @@ from jaxcomp.sweeping._points import (
     SamplePoints,
     neighbours_together,
 )
+from jaxcomp.sweeping._store import stored_header
 
 RPM = np.pi / 30
 
@@ -257,6 +259,56 @@ def test_store_of_another_sweep_is_refused(machine, tmp_path, case):
     with pytest.raises(BadInput, match=words):
         sweep(**first | changed, out=out)
     sweep(**first, out=out)
+
+
+def cut(file):
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+
+
+def header_of(value):
+    def change(out):
+        file = out / "zarr.json"
+        whole = json.loads(file.read_text())
+        whole["attributes"]["jaxcomp_sweep"] = json.dumps(value)
+        file.write_text(json.dumps(whole))
+
+    return change
+
+
+def without(key):
+    return lambda out: header_of(
+        {k: v for k, v in stored_header(out).items() if k != key} if key else []
+    )(out)
+
+
+DAMAGES = {
+    "header of []": (without(""), "no sweep"),
+    "header without columns": (without("columns"), "no sweep"),
+    "header without blocks": (without("block"), "no sweep"),
+    "an array gone": (lambda out: shutil.rmtree(out / "swept_volume"), "damaged"),
+    "header of an array cut": (lambda out: cut(out / "swept_volume" / "zarr.json"), "damaged"),
+    "value gone": (lambda out: (out / "swept_volume" / "c" / "0").unlink(), None),
+    "value cut": (lambda out: cut(out / "swept_volume" / "c" / "0"), None),
+    "ok cut": (lambda out: cut(out / "ok" / "c" / "0"), None),
+    "ok gone": (lambda out: (out / "ok" / "c" / "0").unlink(), None),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGES)
+def test_a_damaged_store_is_refused_or_mended(machine, tmp_path, case):
+    damage, words = DAMAGES[case]
+    out = tmp_path / "out"
+    asked = {"over": {"bore": [0.12, 0.13]}, "quantities": ["swept_volume"], "scene": machine}
+    asked["chain"] = sweep_runs.chain()
+    whole = sweep(**asked, out=out).load()
+    damage(out)
+    if words is None:
+        assert sweep(**asked, out=out).load().identical(whole)
+    else:
+        with pytest.raises(BadInput, match=words):
+            sweep(**asked, out=out)
+        with pytest.raises(BadInput, match=r"the store of a sweep|damaged"):
+            open_sweep(out)
 
 
 def test_folder_of_something_else_is_refused_and_kept(machine, tmp_path):

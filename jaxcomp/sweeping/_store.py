@@ -9,7 +9,8 @@ import json
 import os
 import shutil
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:  # neither is imported by who does not sweep
 
 OK = "ok"
 _HEADER = "jaxcomp_sweep"
+_HEADER_KINDS = {"same": dict, "block": list, "width": int, "columns": list, "about": dict}
 
 
 class Store(Protocol):
@@ -104,7 +106,7 @@ class OnDisk:
             raise BadInput("out", f"{path}, which holds {differs}", wanted)
         names = (*self._sampled, *self._asked, OK)
         # A block of failures alone is a result like any other; a store forgets this setting.
-        with zarr.config.set({"array.write_empty_chunks": True}):
+        with zarr.config.set({"array.write_empty_chunks": True}), _undamaged(path):
             group = zarr.open_group(path, mode="r+")
             self._arrays: Any = {name: group[name] for name in names}
 
@@ -117,9 +119,21 @@ class OnDisk:
         return [c.name for c in self._plan.quantities]
 
     def has(self, number: int) -> bool:
-        """Whether the file that is written last is there."""
-        index = map(str, self._plan.layout.index(number))
-        return self._path.joinpath(OK, "c", *index).exists()
+        """Whether the file that is written last is there, and all others are there and whole."""
+        index = [str(at) for at in self._plan.layout.index(number)]
+        if not self._path.joinpath(OK, "c", *index).exists():
+            return False
+        place = self._plan.layout.place(number)
+        for name, array in self._arrays.items():
+            try:
+                if not self._path.joinpath(name, "c", *index).exists():
+                    return False
+                array[place]
+            except (
+                Exception
+            ):  # a cut file fails in the decoder of its compression, each in its own way
+                return False
+        return True
 
     def write(self, number: int, rows, values, ok) -> None:
         """Write the files of a block, `ok` last."""
@@ -150,13 +164,15 @@ def open_sweep(path: str | Path) -> "xarray.Dataset":
     """
     import xarray
 
-    if stored_header(Path(path)) is None:
+    header = stored_header(Path(path))
+    if header is None:
         raise BadInput("path", str(path), "the store of a sweep")
-    found = xarray.open_zarr(path, consolidated=False, chunks=None)
-    header = json.loads(found.attrs.pop(_HEADER))
-    # A store knows no order, and takes what has no dimension of its name for data.
-    variables = {name: found[name].variable for name in header["same"]["variables"]}
-    values = found.drop_vars(variables)[header["columns"]]
+    with _undamaged(Path(path)):
+        found = xarray.open_zarr(path, consolidated=False, chunks=None)
+        found.attrs.pop(_HEADER)
+        # A store knows no order, and takes what has no dimension of its name for data.
+        variables = {name: found[name].variable for name in header["same"]["variables"]}
+        values = found.drop_vars(variables)[header["columns"]]
     return values.assign_coords(variables).assign_attrs(header["about"])
 
 
@@ -164,9 +180,29 @@ def stored_header(path: Path) -> dict[str, Any] | None:
     """What a store says of itself; `None` if there is none at this path."""
     try:
         attributes = json.loads((path / "zarr.json").read_text())["attributes"]
-        return json.loads(attributes[_HEADER])
-    except (FileNotFoundError, NotADirectoryError, KeyError, ValueError):
+        header = json.loads(attributes[_HEADER])
+    except (FileNotFoundError, NotADirectoryError, KeyError, TypeError, ValueError):
         return None
+    whole = isinstance(header, dict) and all(
+        isinstance(header.get(key), kind) for key, kind in _HEADER_KINDS.items()
+    )
+    if not whole or not isinstance(header["same"].get("variables"), list | dict):
+        return None
+    return header
+
+
+@contextmanager
+def _undamaged(path: Path) -> Iterator[None]:
+    """Say of a store that cannot be opened that it is damaged, and how to go on.
+
+    Raises:
+        BadInput: zarr or xarray cannot read it.
+    """
+    try:
+        yield
+    except Exception as error:  # damaged files fail in zarr and in its codecs, each in its own way
+        told = f"{path}, which is damaged ({type(error).__name__}: {error})"
+        raise BadInput("out", told, "a store that is whole, or a new folder") from None
 
 
 _OK_ATTRIBUTES = {"long_name": "whether the quantities can be relied on"}
