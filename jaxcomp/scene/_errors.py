@@ -25,18 +25,14 @@ class SceneError(ValueError):
     ):
         self.key, self.problem, self.value, self.file = key, problem, value, file
         self.others = tuple(others)
-        key = _short_key(key)
+        key = key if len(key) <= 200 else key[:197] + "..."
         entry = key if value is None else f"{key} = {_short(value)}"
-        super().__init__(": ".join(part for part in (file, entry, problem) if part))
+        super().__init__(visible(": ".join(part for part in (file, entry, problem) if part)))
 
     def in_file(self, file: str) -> "SceneError":
         """The same complaints with the name of the file in front."""
         others = [other.in_file(file) for other in self.others]
         return SceneError(self.key, self.problem, self.value, file, others)
-
-
-def _short_key(key: str) -> str:
-    return visible(key if len(key) <= 200 else key[:197] + "...")
 
 
 def visible(text: str) -> str:
@@ -51,5 +47,5 @@ def _short(value: Any) -> str:
         text = f"a whole number of {value.bit_length()} bits"
     else:
         text = str(value)
-    text = visible(" ".join(text.split()))
+    text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."
