@@ -121,3 +121,15 @@ def test_a_fresh_file_runs(command, tmp_path):
         # masses in the planes of the two unbalances undo them: 120 g mm at 0, 60 g mm at 140 degrees
         assert [plane["unbalance"] for plane in found["planes"]] == pytest.approx([12e-5, 6e-5])
         assert found["planes"][1]["phase"] == pytest.approx(math.radians(140 - 180))
+
+
+def test_lists_of_nodes_are_explained_by_examples():
+    text = start("rotor", "m")
+    assert "[[1, 2], [2, 3]] or [1, 2]: pairs of node names" in text
+    assert "# [1, 2]: node name of each disk" in text
+    assert '1 or "name": name of the node at the centre of inertia' in text
+    # examples are such values as the reader takes
+    read = text.replace(
+        "nodes = [1, 2, 3, 4, 5, 6, 7]", "nodes = " + str([[n, n + 1] for n in range(1, 7)])
+    )
+    assert loads(read).parts["rotor"] is not None

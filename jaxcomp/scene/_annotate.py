@@ -10,6 +10,7 @@ import inspect
 import re
 import textwrap
 import tomllib
+import typing
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import Any
@@ -120,10 +121,35 @@ def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[st
 
 
 def _meaning(entry: Entry, told: str) -> str:
+    example = _example(entry.hint) if isinstance(entry, Option) else ""
+    if example and told:
+        return f"{example}: {told}"
     text = expected(entry)
     if getattr(entry, "doc", "") or not told:
         return text
     return told if told.startswith('"') else f"{text}, {told}"  # a list of words says it all
+
+
+def _example(hint: Any) -> str:
+    """Names or numbers of nodes as they may stand in a file, such as `[1, 2]`; empty for all else."""
+    alternatives = [_nodes(member) for member in (hint, *typing.get_args(hint))]
+    if int in typing.get_args(hint) and str in typing.get_args(hint):
+        return '1 or "name"'
+    if typing.get_origin(hint) is tuple:
+        return alternatives[0]
+    return " or ".join(filter(None, alternatives))
+
+
+def _nodes(hint: Any, first: int = 1) -> str:
+    """A list of nodes, or one; empty for what holds none."""
+    if int in typing.get_args(hint) and str in typing.get_args(hint):
+        return str(first)
+    if typing.get_origin(hint) is not tuple:
+        return ""
+    inner = typing.get_args(hint)
+    inner = inner[:1] * 2 if inner[-1] is Ellipsis else inner
+    shown = [_nodes(one, at) for at, one in enumerate(inner, first)]
+    return f"[{', '.join(shown)}]" if all(shown) else ""
 
 
 def _default(part: type[Part], name: str, entry: Entry) -> str:

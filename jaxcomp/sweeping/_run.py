@@ -64,6 +64,11 @@ def sweep(
     the same to the last bit whatever the number of devices and processes, and however often the
     sweep was stopped: run it again with the same `out` and it goes on.
 
+    Options of a solver that are no numbers of a design (nodes, kinks, the kind of a law) are compiled
+    into the program: every combination keeps some 13 MB in the process, which `jax.clear_caches()`
+    does not give back. Sweep over such options in processes that end, for instance those of
+    `multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1)`.
+
     A process of `jax.distributed` works on its share of the blocks and then on what others have not
     done yet; all of them must see the folder `out`.
 
