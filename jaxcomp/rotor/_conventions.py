@@ -84,3 +84,36 @@ def from_planes(x: Array, dof: int) -> Array:
     numbers, signs = plane_numbers(dof)
     order = np.argsort(numbers.reshape(-1))
     return (x * signs).reshape(x.shape[0], -1)[:, order]
+
+
+def coordinates(dof: int) -> tuple[np.ndarray, np.ndarray]:
+    """The degrees of freedom of a node in the order of the planes, (dof,), and their signs."""
+    numbers, signs = plane_numbers(dof)
+    return numbers.reshape(-1), signs.reshape(-1)
+
+
+def whirl(dof: int, transpose: bool) -> np.ndarray:
+    """(lanes, planes) Unitary matrix from planes to lanes; its conjugate exchanges p and q.
+
+    Z^T has them exchanged, because its gyroscopic part changes sign.
+    """
+    turn = -1j if transpose else 1j
+    lateral = np.sqrt(0.5) * np.array([[1.0, turn], [1.0, -turn]])
+    if dof == 4:
+        return lateral
+    out = np.eye(3, dtype=complex)
+    out[:2, :2] = lateral
+    return out
+
+
+def add(x: Array, rows: np.ndarray, values: Array) -> Array:
+    """`x` with values added to rows of known numbers; rows beyond the last one are left out.
+
+    Without the checks of a negative number that an ordinary index brings into the program.
+    """
+    return x.at[rows].add(values, mode="drop", wrap_negative_indices=False)
+
+
+def take(x: Array, rows: np.ndarray) -> Array:
+    """Rows of `x` of known numbers, all of which exist; see `add`."""
+    return x.at[rows].get(mode="promise_in_bounds", wrap_negative_indices=False)

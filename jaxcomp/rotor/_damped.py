@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
+from ._conventions import from_planes
 from ._layout import layout_of
 from ._matrices import Matrices, matrices
 from ._model import RotorModel
@@ -102,8 +103,8 @@ def system_matrices(
     if damping:
         velocity = velocity + full.damping
         if system.modal is not None:
-            modal = system.modal.reshape(len(system.modal), -1)
-            modal = modal[:, system.layout.active.reshape(-1)]
+            modal = jax.vmap(lambda v: from_planes(v, system.dof))(system.modal)
+            modal = modal[:, system.layout.active]
             velocity = velocity + modal.T @ modal
     return full, velocity
 

@@ -39,6 +39,7 @@ class Layout:
         centre_of: centre node of each slaved node.
         active: (n, dof) whether a degree of freedom exists: not slaved, and not without any
             stiffness and inertia by construction.
+        moving: (n, planes, 2) the same in the order of the planes.
         border: the border nodes.
         touched: (b, planes, 2) whether links or bodies act on that coordinate; a side pull does not
             count, because it is isotropic and stays within the whirl lanes.
@@ -61,6 +62,7 @@ class Layout:
     slaved: np.ndarray
     centre_of: np.ndarray
     active: np.ndarray
+    moving: np.ndarray
     border: np.ndarray
     touched: np.ndarray
     loose: np.ndarray
@@ -160,6 +162,7 @@ def _layout(key) -> Layout:
         slaved,
         centre_of,
         active,
+        active[:, numbers],
         np.array(order, int),
         in_planes,
         loose[np.array(order, int)][:, numbers],

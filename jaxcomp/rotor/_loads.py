@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._fields import NONNEGATIVE, BadInput, Part, quantity, spread_columns
-from ._conventions import AXES, SPACE_AXES
+from ._conventions import AXES, SPACE_AXES, from_planes, to_planes
 from ._layout import layout_of
 from ._model import RotorModel, check_node, node_index, rotor_among
 from ._shaft import Node
@@ -235,5 +235,6 @@ def total_load(
 @eqx.filter_jit
 def _total(model, force):
     system = bare(model)
-    moved = collect(system, force)
-    return jnp.sum(jnp.where(jnp.asarray(system.layout.active), moved, 0.0), 0)
+    moved = collect(system, to_planes(force, system.dof))
+    moved = jnp.where(jnp.asarray(system.layout.moving), moved, 0.0)
+    return jnp.sum(from_planes(moved, system.dof), 0)

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._conventions import plane_numbers
+from ._conventions import add, from_planes, to_planes
 from ._model import RotorModel
-from ._system import System, bare, follow, link_matrices, link_places
+from ._system import System, bare, follow, link_matrices
 
 
 class Matrices(NamedTuple):
@@ -47,61 +47,48 @@ def matrices(
 @eqx.filter_jit
 def _matrices(model, spin_speed, with_links) -> Matrices:
     system = bare(model)
-    layout, structure = system.layout, system.structure
-    n, dof, el = layout.n, layout.dof, structure.elements
-    bend = jnp.einsum("eki,ekl,elj->eij", el.shape, el.lateral, el.shape)
-    lateral = [
-        _plane_matrix(layout, e, p)
-        for e, p in ((bend, None), (el.mass, structure.mass), (el.polar, structure.polar))
-    ]
-    numbers, signs = plane_numbers(dof)
-    x, y = (numbers[p] + dof * np.arange(n)[:, None] for p in (0, 1))
-    x, y, s = x.reshape(-1), y.reshape(-1), np.tile(signs[1], n)
-    zero = jnp.zeros((n * dof, n * dof))
-    both = lambda k: zero.at[np.ix_(x, x)].set(k).at[np.ix_(y, y)].set(s[:, None] * k * s)  # noqa: E731
-    k, m = both(lateral[0]), both(lateral[1])
-    g = zero.at[np.ix_(x, y)].set(lateral[2] * s).at[np.ix_(y, x)].set(-s[:, None] * lateral[2])
-    if dof == 6:
-        a = (numbers[2] + dof * np.arange(n)[:, None]).reshape(-1)
-        bars = jnp.einsum("ea,fg,ab->efagb", el.axial, _BAR, jnp.eye(2)).reshape(-1, 4, 4)
-        k = k.at[np.ix_(a, a)].set(_plane_matrix(layout, bars, None))
-        m = m.at[np.ix_(a, a)].set(_plane_matrix(layout, el.axial_mass, structure.axial_mass))
-    for number, (inertia, spin) in zip(layout.centres, structure.bodies, strict=True):
-        at = np.ix_(*(number * dof + np.arange(dof),) * 2)
-        m, g = m.at[at].add(inertia), g.at[at].add(spin)
-    alpha, beta = (0.0, 0.0) if structure.damping is None else structure.damping
+    layout = system.layout
+    n, dof, (i, j), terms = layout.n, layout.dof, layout.pairs.T, system.inertia.shape[-1]
+    ends = system.elements.reshape(-1, 2, 2, 2, 2, terms)
+    blocks = jnp.moveaxis(ends, 3, 2).reshape(-1, 2, 2, terms)  # four an element
+    own = np.arange(n) * (n + 1)
+    at = np.stack([i * n + i, i * n + j, j * n + i, j * n + j], -1).reshape(-1)
+    blocks = add(jnp.zeros((n * n, 2, 2, terms)), at, blocks)
+    blocks = add(blocks, own, system.inertia).reshape(n, n, 2, 2, terms)
+    planes = _PLANES[:terms, : dof // 2, : dof // 2]
+    k, m, g = (
+        jnp.einsum("nmijq,qab->nmaibj", blocks[..., q], planes[q]).reshape(n, n, dof, dof)
+        for q in (_STIFFNESS[: terms // 2], _INERTIA[: terms // 2], _POLAR)
+    )
+    bodies = layout.centres
+    m, g = (x.at[bodies, bodies].add(system.bodies[:, q]) for q, x in enumerate((m, g)))
+    alpha, beta = (0.0, 0.0) if system.damping is None else system.damping
     c = alpha * m + beta * k
     if with_links:
-        rows, columns, signs = link_places(layout)
-        own = np.concatenate([np.arange(len(layout.links))] * 4)
-        rows, columns = (at[:, None] * dof + np.arange(dof) for at in (rows, columns))
-        at = (rows[:, :, None], columns[:, None, :])
-        kl, cl = (signs[:, None, None] * m[own] for m in link_matrices(system, spin_speed))
-        k, c = k.at[at].add(kl, mode="drop"), c.at[at].add(cl, mode="drop")
+        a, b = layout.links.T
+        links = jnp.stack(link_matrices(system, spin_speed))
+        rows, columns = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
+        links = jnp.concatenate([links, links, -links, -links], 1)
+        k, c = (x.at[rows, columns].add(y, mode="drop") for x, y in zip((k, c), links, strict=True))
     expand = expansion(system)
-    reduced = (expand.T @ matrix @ expand for matrix in (m, c, g, k))
-    return Matrices(*reduced, expand)
+    square = lambda x: x.swapaxes(1, 2).reshape(n * dof, n * dof)  # noqa: E731
+    reduced = (expand.T @ square(matrix) @ expand for matrix in (m, c, g, k))
+    full = expand.T.reshape(-1, n, dof // 2, 2)
+    full = jax.vmap(lambda x: from_planes(x, dof))(full).reshape(len(full), -1).T
+    return Matrices(*reduced, full)
 
 
 def expansion(system: System) -> Float[Array, "all active"]:
-    """Motion of all nodes from the active degrees of freedom."""
-    layout, n, dof = system.layout, system.layout.n, system.dof
-    columns = np.eye(n * dof)[:, layout.active.reshape(-1)].reshape(n, dof, -1)
-    full = jax.vmap(lambda x: follow(system, x), -1, -1)(jnp.asarray(columns))
-    return full.reshape(n * dof, -1)
+    """Coordinates of all nodes, in the order of the planes, from the active degrees of freedom."""
+    layout, dof = system.layout, system.dof
+    units = np.eye(layout.n * dof)[layout.active.reshape(-1)].reshape(-1, layout.n, dof)
+    full = jax.vmap(lambda x: follow(system, to_planes(x, dof)))(jnp.asarray(units))
+    return full.reshape(len(units), -1).T
 
 
-_BAR = np.array([[1.0, -1.0], [-1.0, 1.0]])
-
-
-def _plane_matrix(layout, elements, nodes):
-    """(2 n, 2 n) matrix of one plane from element (e, 4, 4) and node (n, 2, 2) blocks."""
-    n = layout.n
-    full = jnp.zeros((n, n, 2, 2))
-    i, j = layout.pairs.T
-    for a, p in ((i, 0), (j, 2)):
-        for b, q in ((i, 0), (j, 2)):
-            full = full.at[a, b].add(elements[:, p : p + 2, q : q + 2])
-    if nodes is not None:
-        full = full.at[np.arange(n), np.arange(n)].add(nodes)
-    return full.transpose(0, 2, 1, 3).reshape(2 * n, 2 * n)
+# Which planes the terms of a `System` belong to; the polar inertia couples x and y.
+_PLANES = np.zeros((5, 3, 3))
+_PLANES[:2, :2, :2] = np.eye(2)
+_PLANES[2, 0, 1], _PLANES[2, 1, 0] = 1.0, -1.0
+_PLANES[3:, 2, 2] = 1.0
+_STIFFNESS, _INERTIA, _POLAR = np.array([0, 3]), np.array([1, 4]), np.array([2])

@@ -8,11 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
+from ._conventions import to_planes
 from ._eigen import pencil
 from ._layout import layout_of
 from ._matrices import matrices
 from ._model import RotorModel
-from ._system import System, bare, link_matrices, structure_force
+from ._system import System, add_links, bare, elastic_force, operator_at
 
 
 class Modes(NamedTuple):
@@ -79,18 +80,21 @@ def _undamped(model, count, spin_speed, free) -> Modes:
 def _modes(system, full, mu, x, spin_speed, free) -> Modes:
     x = x / jnp.sqrt(mu)
     shape = (full.expand @ x).T.reshape(-1, system.layout.n, system.dof)
+    z = operator_at(system, spin_speed, jnp.zeros(()))
+    z = z._replace(stiffness=z.stiffness[:0], damping=z.damping[:0]) if free else z
     # The strain energy summed over elements has the digits that w^2 = 1/mu - s lost near zero.
-    energy = jax.vmap(lambda u: _energy(system, u, spin_speed, free))(shape)
+    energy = jax.vmap(lambda u: _energy(z, to_planes(u, system.dof)))(shape)
     return Modes(energy / jnp.einsum("im,ij,jm->m", x, full.mass, x), shape)
 
 
-def _energy(system, u, spin_speed, free):
-    links = None if free else link_matrices(system, spin_speed)
-    force = structure_force(system, links, u + 0j, jnp.asarray(0.0), 0.0)
+def _energy(z, u):
+    force = elastic_force(z, u, False)
+    if len(z.stiffness):
+        force = add_links(z.system.layout, force, z.links, u)
     return jnp.sum(u * force.real)
 
 
-def modal_damping_vectors(system: System) -> Float[Array, "m nodes dof"]:
+def modal_damping_vectors(system: System) -> Float[Array, "m nodes planes 2"]:
     """M phi sqrt(2 zeta w) of the damped modes on the active degrees of freedom, else zero."""
     layout = system.layout
     ratio = system.model.damping.ratio  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
@@ -100,4 +104,4 @@ def modal_damping_vectors(system: System) -> Float[Array, "m nodes dof"]:
     vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (active @ full.mass)
     out = jnp.zeros((ratio.shape[0], layout.n * layout.dof))
     out = out.at[:, layout.active.reshape(-1).nonzero()[0]].set(vectors)
-    return out.reshape(-1, layout.n, layout.dof)
+    return jax.vmap(lambda v: to_planes(v, layout.dof))(out.reshape(-1, layout.n, layout.dof))

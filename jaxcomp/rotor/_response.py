@@ -12,12 +12,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import BadInput, is_traced
+from ._conventions import from_planes, to_planes
 from ._layout import layout_of
 from ._loads import Loads, load_vector
 from ._model import RotorModel, node_index
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
-from ._system import System, bare, collect, follow, link_force, link_matrices, operator_at, prepare
+from ._system import System, bare, collect, follow, link_force, operator_at, prepare
 
 
 class SingularResponse(ArithmeticError):
@@ -221,7 +222,9 @@ def _transmitted(model, response):
     system = bare(model)
 
     def one(x, w, spin):
-        return link_force(system, link_matrices(system, spin), x, w)
+        z = operator_at(system, spin, w)
+        push = link_force(system.layout, z.links, to_planes(x, system.dof))
+        return from_planes(push.reshape(-1, system.dof // 2, 2), system.dof)
 
     for _ in range(response.frequency.ndim):
         one = jax.vmap(one)
@@ -239,7 +242,6 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
             return out
         return eqx.tree_at(lambda r: r.displacement, out, out.displacement[np.array(keep, int)])
 
-    @jax.checkpoint
     def at_speed(spin):
         forces = jnp.stack([load_vector(system, loads, n, spin) for n in orders])
         return jax.vmap(at_order, (None, 0, 0))(spin, np.array(orders) * spin, forces)
@@ -251,13 +253,20 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
         # Filled up to whole batches, because a remainder would be a second program to compile.
         fill = -count % batch_size
         full = jnp.concatenate([spin_speeds, jnp.full(fill, spin_speeds[-1])])
-        out = jax.lax.map(at_speed, full, batch_size=batch_size)
+        again = jax.checkpoint(at_speed, policy=_keep_motion)
+        out = jax.lax.map(again, full, batch_size=batch_size)
     return jax.tree.map(lambda a: jnp.swapaxes(a[:count], 0, 1), out)
 
 
+def _keep_motion(primitive, *_, **__):
+    # The gradient factorises each batch again, and does not solve it again.
+    return primitive.name == "custom_linear_solve"
+
+
 def _answer(z, solve, force) -> Response:
-    s = solve(collect(z.system, force))
-    x = follow(z.system, s.x)
+    dof = z.system.dof
+    s = solve(collect(z.system, to_planes(force, dof)))
+    x = from_planes(follow(z.system, s.x), dof)
     return Response(x, z.frequency, z.spin_speed, s.correction, s.amplification, s.status)
 
 
@@ -267,7 +276,7 @@ def _receptance(model, inputs, outputs, spin_speed, frequency, solver):
     solve = make_solver(z, solver)
 
     def column(force):
-        return follow(z.system, solve(collect(z.system, force)).x)
+        return _answer(z, solve, force).displacement
 
     return jnp.einsum("ond,ind->oi", outputs, jax.vmap(column)(inputs))
 

@@ -1,8 +1,13 @@
 r"""A rotor model prepared for its solvers, and the products of its matrices with a motion.
 
 Everything of a model that does not depend on the speed is collected once in a `System`, which all
-verbs take in place of the model. Products go element by element (`structure_force`), which keeps
-more digits than an assembled matrix; the full matrices of `matrices` serve the modes.
+verbs take in place of the model. Products go element by element (`apply`), which keeps more digits
+than an assembled matrix; the full matrices of `matrices` serve the modes.
+
+In here motions and forces are in the order of the planes of `_conventions`, (n, planes, 2), and the
+numbers of a node in that order are its *coordinates*. Shafts, disks and masses act in whirl *lanes*,
+forward (p), backward (q) and, with 6 degrees of freedom, axial-torsional. There the dynamic
+stiffness is a combination of `TERMS` with coefficients that depend on speed and frequency.
 """
 
 from typing import NamedTuple
@@ -14,69 +19,51 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ._bodies import arm_matrix, body_matrices
-from ._conventions import axis_numbers, from_planes, plane_numbers, to_planes
+from ._conventions import add, axis_numbers, coordinates, take, whirl
 from ._damping import ModalDamping, ProportionalDamping
+from ._elimination import Places, sort_places
 from ._inertia import disk_matrices, point_matrices
-from ._lanes import Sorted, sort_structure
 from ._layout import Layout, layout_of
 from ._links import side_pull_stiffness
 from ._model import RotorModel
-from ._shaft import ElementMatrices, Node, element_matrices
+from ._shaft import Node, element_matrices
 
-
-class Structure(NamedTuple):
-    """Everything of a model that does not depend on the speed.
-
-    Attributes:
-        elements: beam elements in plane coordinates, all tables in one.
-        mass: (n, 2, 2) concentrated inertia on (u, phi) of the nodes.
-        polar: (n, 2, 2) concentrated polar inertia.
-        axial_mass: (n, 2, 2) concentrated inertia on (u_z, th_z).
-        arms: (slaved, dof, dof) motion of slaved nodes from their centre.
-        bodies: (bodies, 2, dof, dof) inertia and gyroscopic matrix of the rigid bodies.
-        damping: (alpha, beta) of the proportional damping, or None.
-    """
-
-    elements: ElementMatrices
-    mass: Array
-    polar: Array
-    axial_mass: Array
-    arms: Array
-    bodies: Array
-    damping: tuple[Array, Array] | None
-
-
-class LinkMatrices(NamedTuple):
-    """Links at one spin speed, and the side pulls behind them.
-
-    Attributes:
-        stiffness: (l, dof, dof)
-        damping: (l, dof, dof)
-    """
-
-    stiffness: Array
-    damping: Array
+# Lateral stiffness, inertia and polar inertia, axial and torsional stiffness and inertia.
+TERMS = ("stiffness", "mass", "polar", "axial_stiffness", "axial_mass")
 
 
 class System(eqx.Module):
     """A rotor model with everything computed that does not depend on the speed.
 
     It stands for its model in every verb of `jaxcomp.rotor`, so that several of them share the
-    preparation. Derivatives go through it to the numbers of the model.
+    preparation. Derivatives go through it to the numbers of the model. The arrays have q terms, 3 or
+    with 6 degrees of freedom 5, see `TERMS`, and l lanes, 2 or 3.
 
     Attributes:
         model: the rotor model.
         layout: which node is connected to which; static.
-        structure: matrices of shafts, disks, masses and bodies.
-        places: those of shafts, disks and masses in the places of the structured solver.
-        modal: (m, n, dof) M phi sqrt(2 zeta w) of modal damping, or None.
+        strain: (e, l, 4, 2) forces on an element by its deformation, J^T S.
+        half: [m] (e, l) half the length of an element, zero in the axial lane.
+        elements: (e, 4, 4, q) matrices of the elements.
+        inertia: (n, 2, 2, q) those of disks and masses.
+        arms: (slaved, dof, dof) motion of slaved nodes from their centre, in coordinates.
+        bodies: (bodies, 2, dof, dof) inertia and gyroscopic matrix of the rigid bodies.
+        damping: (alpha, beta) of the proportional damping, or None.
+        places: elements and inertia in the places of the structured solver.
+        modal: (m, n, planes, 2) M phi sqrt(2 zeta w) of modal damping, or None.
     """
 
     model: RotorModel
     layout: Layout = eqx.field(static=True)
-    structure: Structure
-    places: Sorted | None
-    modal: Array | None
+    strain: Array
+    half: Array
+    elements: Array
+    inertia: Array
+    arms: Array
+    bodies: Array
+    damping: tuple[Array, Array] | None
+    places: Places | None = None
+    modal: Array | None = None
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -101,58 +88,72 @@ def _prepare(model) -> System:
         from ._modes import modal_damping_vectors  # the modes are built on this module
 
         modal = modal_damping_vectors(system)
-    places = sort_structure(system.layout, system.structure)
-    return System(model, system.layout, system.structure, places, modal)
+    places = sort_places(system.layout, system.elements, system.inertia)
+    return _with(system, places, modal)
 
 
 def bare(model: RotorModel | System) -> System:
     """The prepared model without modal damping, which the undamped modes define."""
     if isinstance(model, System):
-        return System(model.model, model.layout, model.structure, model.places, None)
-    layout = layout_of(model)
-    return System(model, layout, _structure(model, layout), None, None)
-
-
-def _structure(model: RotorModel, layout: Layout) -> Structure:
-    if model.shafts:
-        elements = element_matrices(model.shafts)
-    else:
-        elements = ElementMatrices(*(jnp.zeros((0, *s)) for s in _ELEMENT_SHAPES))
+        return _with(model, model.places, None)
+    layout, dof = layout_of(model), model.dof
+    strain, half, elements = _elements(model, layout)
     number = {name: i for i, name in enumerate(layout.names)}
-    mass = polar = axial = jnp.zeros((layout.n, 2, 2))
-    for disks in model.disks:
-        at = np.array([number[node] for node in disks.nodes], int)
-        m, g, a = disk_matrices(disks)
-        mass, polar, axial = mass.at[at].add(m), polar.at[at].add(g), axial.at[at].add(a)
+    inertia = jnp.zeros((layout.n, 2, 2, elements.shape[-1]))
+    tables = [(disks.nodes, *disk_matrices(disks)) for disks in model.disks]
     for masses in model.masses:
-        at = np.array([number[node] for node in masses.nodes], int)
-        m = point_matrices(masses)
-        mass, axial = mass.at[at].add(m), axial.at[at].add(m)
-    dof = layout.dof
+        mass = point_matrices(masses)
+        tables.append((masses.nodes, mass, jnp.zeros_like(mass), mass))
+    for nodes, mass, polar, axial in tables:
+        none = jnp.zeros_like(mass)
+        terms = jnp.stack([none, mass, polar, none, axial][: elements.shape[-1]], -1)
+        inertia = add(inertia, np.array([number[node] for node in nodes], int), terms)
+    order, signs = coordinates(dof)
+    both = signs[:, None] * signs
     arms = [arm_matrix(body.arm, dof) for body in model.bodies]
+    arms = jnp.concatenate([jnp.zeros((0, dof, dof)), *arms])
     bodies = [jnp.stack(body_matrices(body, dof)) for body in model.bodies]
+    bodies = jnp.stack(bodies) if bodies else jnp.zeros((0, 2, dof, dof))
     damping = None
     if isinstance(model.damping, ProportionalDamping):
         damping = (model.damping.mass_factor, model.damping.stiffness_factor)
-    return Structure(
-        elements,
-        mass,
-        polar,
-        axial,
-        jnp.concatenate([jnp.zeros((0, dof, dof)), *arms]),
-        jnp.stack(bodies) if bodies else jnp.zeros((0, 2, dof, dof)),
-        damping,
-    )
+    arms, bodies = (both * a[..., order[:, None], order] for a in (arms, bodies))
+    return System(model, layout, strain, half, elements, inertia, arms, bodies, damping)
 
 
-_ELEMENT_SHAPES = ((), (2, 4), (2, 2), (4, 4), (4, 4), (2,), (4, 4))
+def _with(s: System, places, modal) -> System:
+    fixed = (s.model, s.layout, s.strain, s.half, s.elements, s.inertia, s.arms, s.bodies)
+    return System(*fixed, s.damping, places, modal)
 
 
-def link_matrices(system: System, spin_speed: Float[Array, ""]) -> LinkMatrices:
-    """Stiffness and damping of all links and side pulls at a spin speed [rad/s]."""
+def _elements(model, layout):
+    """`strain`, `half` and `elements` of a `System`."""
+    lanes, terms = (2, 3) if layout.dof == 4 else (3, 5)
+    if not model.shafts:
+        return jnp.zeros((0, lanes, 4, 2)), jnp.zeros((0, lanes)), jnp.zeros((0, 4, 4, terms))
+    el = element_matrices(model.shafts)
+    strain, half = jnp.einsum("eki,ekl->eil", el.shape, el.lateral), el.length / 2
+    bend = jnp.einsum("eik,ekj->eij", strain, el.shape)
+    if lanes == 2:
+        full = jnp.stack([bend, el.mass, el.polar], -1)
+        return jnp.stack([strain] * 2, 1), jnp.stack([half] * 2, 1), full
+    bars = el.axial[:, ::-1, None] * _BAR  # torsion first, as the rotation among the deformations
+    stretch = jnp.einsum("eki,kj->eij", bars, _BAR)
+    full = jnp.stack([bend, el.mass, el.polar, stretch, el.axial_mass], -1)
+    strain = jnp.stack([strain, strain, jnp.swapaxes(bars, 1, 2)], 1)
+    return strain, jnp.stack([half, half, jnp.zeros_like(half)], 1), full
+
+
+_BAR = np.array([[0.0, -1.0, 0.0, 1.0], [-1.0, 0.0, 1.0, 0.0]])
+
+
+def link_matrices(
+    system: System, spin_speed: Float[Array, ""]
+) -> tuple[Float[Array, "l dof dof"], Float[Array, "l dof dof"]]:
+    """Stiffness and damping of all links, then of the side pulls, at a spin speed [rad/s]."""
     dof, values, places, used = system.dof, [], [], 0
-    for link in system.model.links:
-        k, c = link.law.coefficients(spin_speed)
+    order, signs = coordinates(dof)
+    for link, (k, c) in zip(system.model.links, _laws(system.model.links, spin_speed), strict=True):
         own, there = axis_numbers(dof, link.axes)
         place = np.full((dof, dof), -1)
         size = len(link.axes)
@@ -160,131 +161,120 @@ def link_matrices(system: System, spin_speed: Float[Array, ""]) -> LinkMatrices:
             used + np.arange(size**2).reshape(size, size)[np.ix_(own, own)]
         )
         values.append(jnp.stack([k, c]).reshape(2, -1))
-        places.append(place)
+        places.append(place[order[:, None], order])
         used += size**2
     # One gather for all links, whose last value is the zero of the places that no law fills.
     table = jnp.concatenate([*values, jnp.zeros((2, 1))], 1)
-    stiffness, damping = table[:, np.array(places, int).reshape(-1, dof, dof)]
-    lateral = np.zeros((dof, dof))
-    lateral[0, 0] = lateral[1, 1] = 1.0
-    pulls = [side_pull_stiffness(p)[:, None, None] * lateral for p in system.model.side_pulls]
-    stiffness = jnp.concatenate([stiffness, *pulls])
-    return LinkMatrices(stiffness, jnp.zeros_like(stiffness).at[: len(damping)].set(damping))
+    at = np.array(places, int).reshape(-1, dof, dof)
+    both = take(table.T, np.where(at < 0, used, at)) * (signs[:, None] * signs)[..., None]
+    lateral = np.zeros((dof, dof, 2))
+    lateral[[0, 2], [0, 2], 0] = 1.0
+    pulls = [side_pull_stiffness(p)[:, None, None, None] * lateral for p in system.model.side_pulls]
+    both = jnp.concatenate([both, *pulls])
+    return both[..., 0], both[..., 1]
 
 
-def link_places(layout: Layout, count: int | None = None):
-    """Nodes of the rows and columns of four blocks a link, and their signs: aa, bb, ab, ba.
-
-    The ground has the number beyond the last node. With `count` only the first links.
-    """
-    a, b = layout.links[:count].T
-    one = np.ones(len(a))
-    rows, columns = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
-    return rows, columns, np.concatenate([one, one, -one, -one])
+def _laws(links, spin_speed):
+    """Coefficients of every link; laws of one construction go through together."""
+    kinds: dict = {}
+    for number, link in enumerate(links):
+        arrays, rest = eqx.partition(link.law, eqx.is_array)
+        shapes = tuple(a.shape for a in jax.tree.leaves(arrays))
+        kinds.setdefault((jax.tree.structure(arrays), shapes), []).append((number, arrays, rest))
+    found: list = [None] * len(links)
+    for alike in kinds.values():
+        numbers, arrays, rests = zip(*alike, strict=True)
+        if (
+            len(alike) == 1
+            or not jax.tree.leaves(arrays[0])
+            or any(jax.tree.leaves(r) for r in rests)
+        ):
+            for number in numbers:
+                found[number] = links[number].law.coefficients(spin_speed)
+            continue
+        stacked = jax.tree.map(lambda *a: jnp.stack(a), *arrays)
+        law = lambda a, rest=rests[0]: eqx.combine(a, rest).coefficients(spin_speed)  # noqa: E731
+        for number, k, c in zip(numbers, *jax.vmap(law)(stacked), strict=True):
+            found[number] = k, c
+    return found
 
 
 def follow(system: System, x: Array) -> Array:
-    """Motion (n, dof) with the slaved nodes put where their bodies take them."""
-    layout = system.layout
+    """Motion with the slaved nodes put where their bodies take them."""
+    layout, shape = system.layout, x.shape[1:]
     if not layout.slaved.size:
         return x
-    moved = jnp.einsum("sij,sj->si", system.structure.arms, x[layout.centre_of])
-    return (x * _free(layout)).at[layout.slaved].add(moved)
+    centre = take(x, layout.centre_of).reshape(-1, layout.dof)
+    moved = jnp.einsum("sij,sj->si", system.arms, centre).reshape(-1, *shape)
+    return add(x * _free(layout), layout.slaved, moved)
 
 
 def collect(system: System, f: Array) -> Array:
-    """Forces (n, dof) with those on slaved nodes moved to their centres (transpose of `follow`)."""
-    layout = system.layout
+    """Forces with those on slaved nodes moved to their centres (transpose of `follow`)."""
+    layout, shape = system.layout, f.shape[1:]
     if not layout.slaved.size:
         return f
-    moved = jnp.einsum("sij,si->sj", system.structure.arms, f[layout.slaved])
-    return (f * _free(layout)).at[layout.centre_of].add(moved)
-
-
-def structure_force(
-    system: System,
-    links: LinkMatrices | None,
-    x: Complex[Array, "n dof"],
-    frequency: Float[Array, ""],
-    spin_speed: Float[Array, ""],
-) -> Complex[Array, "n dof"]:
-    r"""[N], [N m] (K - w^2 M + i w (C + W G)) x, element by element.
-
-    The nodes' motion must be complete (see `follow`), and forces on slaved nodes stay there.
-    Without `links` the model is free.
-    """
-    layout, structure, dof = system.layout, system.structure, system.dof
-    w, spin = frequency, spin_speed
-    alpha, beta = (0.0, 0.0) if structure.damping is None else structure.damping
-    stiff, inert, gyro = 1 + 1j * w * beta, -(w**2) + 1j * w * alpha, 1j * w * spin
-    el, (i, j) = structure.elements, layout.pairs.T
-    plane = to_planes(x, dof)
-    f = jnp.zeros_like(plane)
-
-    at = jnp.concatenate([plane[i], plane[j]], -1)  # (e, planes, 4)
-    (u1, p1, u2, p2), half = jnp.moveaxis(at[:, :2], -1, 0), el.length[:, None] / 2
-    bent = jnp.stack([p2 - p1, (u2 - u1) - half * (p1 + p2)], -1)
-    load = stiff * jnp.einsum("eki,ekl,epl->epi", el.shape, el.lateral, bent)
-    load += inert * jnp.einsum("eij,epj->epi", el.mass, at[:, :2])
-    turned = gyro * jnp.einsum("eij,epj->epi", el.polar, at[:, :2])
-    load += jnp.stack([turned[:, 1], -turned[:, 0]], 1)
-    node = inert * jnp.einsum("nij,npj->npi", structure.mass, plane[:, :2])
-    turned = gyro * jnp.einsum("nij,npj->npi", structure.polar, plane[:, :2])
-    node += jnp.stack([turned[:, 1], -turned[:, 0]], 1)
-    if dof == 6:
-        pull = stiff * el.axial * (at[:, 2, 2:] - at[:, 2, :2])
-        bar = jnp.concatenate([-pull, pull], -1)
-        bar += inert * jnp.einsum("eij,ej->ei", el.axial_mass, at[:, 2])
-        load = jnp.concatenate([load, bar[:, None]], 1)
-        end = inert * jnp.einsum("nij,nj->ni", structure.axial_mass, plane[:, 2])
-        node = jnp.concatenate([node, end[:, None]], 1)
-    f = f.at[i].add(load[..., :2]).at[j].add(load[..., 2:]) + node
-    f = from_planes(f, dof)
-
-    if links is not None and layout.links.size:
-        push, (a, b) = link_force(system, links, x, frequency), layout.links.T
-        f = f.at[a].add(push).at[b].add(-push, mode="drop")
-    if structure.bodies.shape[0]:
-        z = inert * structure.bodies[:, 0] + gyro * structure.bodies[:, 1]
-        f = f.at[layout.centres].add(jnp.einsum("bij,bj->bi", z, x[layout.centres]))
-    return f
-
-
-def link_force(
-    system: System,
-    links: LinkMatrices,
-    x: Complex[Array, "n dof"],
-    frequency: Float[Array, ""],
-) -> Complex[Array, "l dof"]:
-    """[N], [N m] Force of each link on its second node or the ground, (K + i w C)(x_a - x_b)."""
-    ground = jnp.concatenate([x, jnp.zeros_like(x[:1])])
-    a, b = system.layout.links.T
-    relative = ground[a] - ground[b]
-    return jnp.einsum("lij,lj->li", links.stiffness + 1j * frequency * links.damping, relative)
+    own = take(f, layout.slaved).reshape(-1, layout.dof)
+    moved = jnp.einsum("sij,si->sj", system.arms, own).reshape(-1, *shape)
+    return add(f * _free(layout), layout.centre_of, moved)
 
 
 def _free(layout):
-    free = np.ones((layout.n, 1))
+    free = np.ones((layout.n, 1, 1))
     free[layout.slaved] = 0.0
     return free
 
 
 class Operator(NamedTuple):
-    """Z = K(W) - w^2 M + i w (C(W) + W G) on vectors (n, dof).
+    """Z = K(W) - w^2 M + i w (C(W) + W G) on vectors (n, planes, 2).
 
     Slaved nodes and idle coordinates carry the identity, so that Z is square over all nodes.
 
     Attributes:
         system: the speed-independent part.
-        links: links at the spin speed.
+        stiffness: (l, dof, dof) of links and side pulls at the spin speed.
+        damping: (l, dof, dof)
         frequency: [rad/s] w.
         spin_speed: [rad/s] W.
     """
 
     system: System
-    links: LinkMatrices
+    stiffness: Array
+    damping: Array
     frequency: Array
     spin_speed: Array
+
+    @property
+    def links(self) -> Complex[Array, "l dof dof"]:
+        """K + i w C of links and side pulls."""
+        return self.stiffness + 1j * self.frequency * self.damping
+
+    @property
+    def bodies(self) -> Complex[Array, "b dof dof"]:
+        """-w^2 M + i w (alpha M + W G) of the bodies."""
+        w, (mass, gyro) = self.frequency, jnp.moveaxis(self.system.bodies, 1, 0)
+        damping = self.system.damping
+        inert = -(w**2) + (0.0 if damping is None else 1j * w * damping[0])
+        return inert * mass + 1j * w * self.spin_speed * gyro
+
+    @property
+    def coefficients(self) -> Array:
+        """(q, l) Factors of the terms in the lanes: stiffness, -w^2 of inertia, +-w W of polar.
+
+        Real unless the structure itself is damped.
+        """
+        w, stiff = self.frequency, jnp.ones_like(self.frequency)
+        inert, turn = -(w**2), w * self.spin_speed
+        if self.system.damping is not None:
+            alpha, beta = self.system.damping
+            stiff, inert = stiff + 1j * w * beta, inert + 1j * w * alpha
+        terms = jnp.stack([stiff, inert, turn + 0 * inert])
+        lateral = np.array([[1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
+        if self.system.dof == 4:
+            return terms[:, None] * lateral
+        share = np.zeros((5, 3))
+        share[:3, :2], share[3:, 2] = lateral, 1.0
+        return take(terms, np.array([0, 1, 2, 0, 1]))[:, None] * share
 
 
 def operator_at(
@@ -292,54 +282,98 @@ def operator_at(
 ) -> Operator:
     """The dynamic stiffness at a spin speed [rad/s] and an excitation frequency [rad/s]."""
     links = link_matrices(system, spin_speed)
-    return Operator(system, links, jnp.asarray(frequency), jnp.asarray(spin_speed))
+    return Operator(system, *links, jnp.asarray(frequency), jnp.asarray(spin_speed))
 
 
-def apply(z: Operator, x: Complex[Array, "n dof"]) -> Complex[Array, "n dof"]:
-    """Z x."""
+def apply(z: Operator, x: Complex[Array, "n p 2"], *, transpose=False) -> Complex[Array, "n p 2"]:
+    """Z x, or Z^T x."""
     system = z.system
-    active = jnp.asarray(system.layout.active)
+    layout, active = system.layout, jnp.asarray(system.layout.moving)
     inside = follow(system, jnp.where(active, x, 0.0))
-    f = structure_force(system, z.links, inside, z.frequency, z.spin_speed)
+    f = elastic_force(z, inside, transpose)
+    links, bodies = z.links, z.bodies
+    if transpose:
+        links, bodies = jnp.swapaxes(links, 1, 2), jnp.swapaxes(bodies, 1, 2)
+    f = add_links(layout, f, links, inside)
+    if len(bodies):
+        own = take(inside, layout.centres).reshape(-1, layout.dof)
+        own = jnp.einsum("bij,bj->bi", bodies, own).reshape(-1, *x.shape[1:])
+        f = add(f, layout.centres, own)
     f = collect(system, f)
     if system.modal is not None:
-        modal = jnp.einsum("mnd,nd->m", system.modal, inside)
-        f = f + 1j * z.frequency * jnp.einsum("mnd,m->nd", system.modal, modal)
+        modal = jnp.einsum("mnpk,npk->m", system.modal, inside)
+        f = f + 1j * z.frequency * jnp.einsum("mnpk,m->npk", system.modal, modal)
     return jnp.where(active, f, x)
 
 
-def scale(z: Operator) -> Float[Array, "n dof"]:
+def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
+    """Forces of shafts, disks and masses, in lanes and back."""
+    system = z.system
+    pairs, to_lanes = system.layout.pairs, whirl(system.dof, transpose)
+    lanes = jnp.einsum("lp,npk->nlk", to_lanes, x)
+    terms = z.coefficients
+    node = jnp.einsum("nijq,ql->nijl", system.inertia[..., 1:], terms[1:])
+    f = jnp.einsum("nijl,nlj->nli", node, lanes)
+    if len(pairs):
+        ends = take(lanes, pairs)  # (e, 2, l, 2)
+        bent = deformation_of(ends, system.half)
+        stiff = 1.0 if system.damping is None else terms[0, 0]
+        load = stiff * jnp.einsum("elik,elk->eli", system.strain, bent)
+        inertia = system.elements[..., 1:] if system.dof == 4 else system.elements[..., [1, 2, 4]]
+        terms = terms[1:] if system.dof == 4 else terms[np.array([1, 2, 4])]
+        dynamic = jnp.einsum("eijq,ql->eijl", inertia, terms)
+        at = jnp.moveaxis(ends, 1, 2).reshape(len(pairs), -1, 4)
+        load = load + jnp.einsum("eijl,elj->eli", dynamic, at)
+        f = add(f, pairs, jnp.moveaxis(load.reshape(*at.shape[:2], 2, 2), 2, 1))
+    return jnp.einsum("lp,nlk->npk", to_lanes.conj(), f)
+
+
+def deformation_of(ends: Array, half: Array) -> Array:
+    """(e, l, 2) Relative rotation and transverse deformation, subtracted before anything else."""
+    difference, turn = ends[:, 1] - ends[:, 0], ends[:, 0, :, 1] + ends[:, 1, :, 1]
+    return jnp.stack([difference[..., 1], difference[..., 0] - half * turn], -1)
+
+
+def add_links(layout: Layout, f: Array, links: Array, x: Array) -> Array:
+    """Forces with those of the links added, whose motion is relative."""
+    if not len(links):
+        return f
+    push = link_force(layout, links, x)
+    return add(f, layout.links, jnp.stack([push, -push], 1).reshape(-1, 2, *x.shape[1:]))
+
+
+def link_force(layout: Layout, links: Array, x: Array) -> Array:
+    """[N], [N m] (l, dof) Force of each link on its second node or the ground, from K (x_a - x_b)."""
+    ground = jnp.concatenate([x, jnp.zeros_like(x[:1])])
+    ends = take(ground, layout.links).reshape(-1, 2, layout.dof)
+    return jnp.einsum("lij,lj->li", links, ends[:, 0] - ends[:, 1])
+
+
+def scale(z: Operator) -> Float[Array, "n p 2"]:
     """Positive diagonal by which Z is made dimensionless: |K_ii| + w |C_ii| + w^2 M_ii."""
-    layout, structure, dof = z.system.layout, z.system.structure, z.system.dof
-    w, el, (i, j) = z.frequency, structure.elements, layout.pairs.T
-    bend = jnp.einsum("eki,ekl,eli->ei", el.shape, el.lateral, el.shape)
-    lateral = bend + w**2 * jnp.einsum("eii->ei", el.mass)
-    node = w**2 * jnp.einsum("nii->ni", structure.mass)
-    node = node.at[i].add(lateral[:, :2]).at[j].add(lateral[:, 2:])
-    out = jnp.zeros((layout.n, dof))
-    numbers, _ = plane_numbers(dof)
-    out = out.at[:, numbers[0]].set(node).at[:, numbers[1]].set(node)
-    if dof == 6:
-        bars = w**2 * jnp.einsum("eii->ei", el.axial_mass)
-        end = w**2 * jnp.einsum("nii->ni", structure.axial_mass)
-        end = end.at[i].add(el.axial + bars[:, :2]).at[j].add(el.axial + bars[:, 2:])
-        out = out.at[:, numbers[2]].set(end)
-    a, b = layout.links.T
-    own = jnp.abs(jnp.einsum("lii->li", z.links.stiffness))
-    own += w * jnp.abs(jnp.einsum("lii->li", z.links.damping))
-    out = out.at[a].add(own).at[b].add(own, mode="drop")
+    system, w = z.system, z.frequency
+    layout, dof = system.layout, system.dof
+    square = w**2
+    node = jnp.einsum("niiq->niq", system.inertia)
+    own = jnp.einsum("eiiq->eiq", system.elements).reshape(-1, 2, 2, node.shape[-1])
+    node = add(node, layout.pairs, own)
+    lateral = node[..., 0] + square * node[..., 1]
+    planes = [lateral, lateral] + ([node[..., 3] + square * node[..., 4]] if dof == 6 else [])
+    out = jnp.stack(planes, 1)
+    own = jnp.einsum("lii->li", jnp.abs(z.stiffness) + w * jnp.abs(z.damping))
+    out = add(out, layout.links, jnp.stack([own, own], 1).reshape(-1, 2, *out.shape[1:]))
     if layout.slaved.size:
-        moved = jnp.einsum("sij,si->sj", structure.arms**2, out[layout.slaved])
-        out = out.at[layout.centre_of].add(moved)
-        own = w**2 * jnp.einsum("bii->bi", structure.bodies[:, 0])
-        out = out.at[layout.centres].add(own)
-    return jnp.where(jnp.asarray(layout.active) & (out > 0), out, 1.0)
+        slaved = take(out, layout.slaved).reshape(-1, dof)
+        moved = jnp.einsum("sij,si->sj", system.arms**2, slaved).reshape(-1, *out.shape[1:])
+        out = add(out, layout.centre_of, moved)
+    own = square * jnp.einsum("bii->bi", system.bodies[:, 0])
+    out = add(out, layout.centres, own.reshape(-1, *out.shape[1:]))
+    return jnp.where(jnp.asarray(layout.moving) & (out > 0), out, 1.0)
 
 
 def dense(z: Operator) -> Complex[Array, "all all"]:
-    """Z as a full matrix over all nodes, column by column; the reference for the solvers."""
-    layout = z.system.layout
-    size = layout.n * layout.dof
-    unit = np.eye(size).reshape(size, layout.n, layout.dof) + 0j
-    columns = jax.vmap(lambda x: apply(z, x))(jnp.asarray(unit))
-    return columns.reshape(size, size).T
+    """Z as a full matrix over all coordinates, column by column; the reference for the solvers."""
+    shape = z.system.layout.moving.shape
+    size = int(np.prod(shape))
+    unit = jnp.asarray(np.eye(size).reshape(size, *shape) + 0j)
+    return jax.vmap(lambda x: apply(z, x))(unit).reshape(size, size).T

@@ -1,0 +1,451 @@
+r"""Exact elimination along the lines of nodes, and a small border solved in full.
+
+In the whirl coordinates of `_conventions` a circular shaft uncouples into "lanes": forward (p),
+backward (q) and, with 6 degrees of freedom, axial-torsional. In each of them a node has two
+coordinates, and a segment between two border nodes is a block tridiagonal matrix of symmetric
+2 x 2 blocks, real unless the shaft itself is damped. Columns of segments, lanes and speeds are
+eliminated side by side; only the place along the column is sequential:
+
+    D_j' = D_j - N_j^T W_j,      W_j = D_{j-1}'^{-1} N_j,
+    X_j  = E_j - W_j^T X_{j-1},                                 (coupling to the left border node)
+
+with D the diagonal blocks and N_j = Z_{j-1,j}. The border keeps what the segments leave on it. Its
+coordinates without links (slopes, mostly) are eliminated in the lanes too, and what remains, joined
+by links and bodies, is solved by a dense factorisation with pivoting.
+
+Z^T has the lanes p and q exchanged, because its gyroscopic part changes sign.
+
+Blocks are kept by components, (a, b, c, d) for [[a, b], [c, d]], (a, b, d) for a symmetric one and
+(u, v) for a vector, so that every line of algebra is elementwise over segments, lanes and speeds:
+this is what XLA turns into vector instructions, where small matrix products become one library call
+each.
+"""
+
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex
+
+from ._conventions import add, take, whirl
+from ._layout import BORDER, LEFT, NEXT, RIGHT, Layout
+
+if TYPE_CHECKING:
+    from ._system import Operator
+
+_DIAGONAL, _NEXT, _LEFT = slice(0, 3), slice(3, 7), slice(7, 11)  # of a segment's blocks
+_PIVOT, _AHEAD, _BACK, _ON_LEFT = slice(0, 3), slice(3, 7), slice(7, 11), slice(11, 14)
+
+
+class Places(NamedTuple):
+    """Blocks of one plane in their places; the last axis is over terms or over lanes.
+
+    Attributes:
+        segment: (m, 11, c, .) diagonal, Z_{j-1,j}, and coupling to the left border node.
+        right: (s, 4, .) from the last node of each segment towards the right border node.
+        border: (b * b, 4, .) between border nodes.
+    """
+
+    segment: Array
+    right: Array
+    border: Array
+
+
+class Factor(NamedTuple):
+    """What the elimination of a model at one speed leaves.
+
+    Attributes:
+        segment: (m, 14, c, lanes) D^{-1}, W, Y = D^{-1} X, and X^T Y summed up on the left border.
+        last: (s, 4, lanes) W of the right border node.
+        inner: LU of the untouched border coordinates, per kind of lane.
+        cross: their coupling to the touched ones, per kind of lane.
+        reach: their response to the touched ones, per kind of lane.
+        border: LU of the touched border coordinates.
+        motion: (touched, free) touched border coordinates from the independent ones, or None for all.
+        weight: (free,) scaling of the border matrix.
+    """
+
+    segment: Array
+    last: Array
+    inner: tuple
+    cross: tuple
+    reach: tuple
+    border: tuple
+    motion: Array | None
+    weight: Array
+
+
+def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
+    """Bring the matrices of elements (e, 4, 4, .) and nodes (n, 2, 2, .) to their places."""
+    b, s, terms = len(layout.border), layout.last.shape[1], inertia.shape[-1]
+    m, c = layout.segment.shape
+    blocks = elements.reshape(-1, 2, 2, 2, 2, terms)  # (e, end, component, end, component, .)
+    ends = jnp.stack([blocks[:, 0, :, 0], blocks[:, 1, :, 1]], 1)
+    diagonal = add(jnp.concatenate([inertia, jnp.zeros((1, 2, 2, terms))]), layout.pairs, ends)
+    diagonal = diagonal.reshape(-1, 4, terms)
+    kind, first, second, turned = layout.slots.T
+    off = jnp.where(turned[:, None, None, None] == 1, blocks[:, 1, :, 0], blocks[:, 0, :, 1])
+    off = off.reshape(-1, 4, terms)
+    zero = lambda rows: jnp.zeros((rows, 4, terms))  # noqa: E731
+    at = kind == BORDER
+    own = np.arange(b) * (b + 1)
+    one, two = first[at] * b + second[at], second[at] * b + first[at]
+    joined = take(off, np.flatnonzero(at))
+    values = jnp.concatenate([take(diagonal, layout.border), joined, joined[:, _TURNED]])
+    border = add(zero(b * b), np.concatenate([own, one, two]), values)
+
+    def place(which):
+        rows = np.flatnonzero(kind == which)
+        return add(zero(m * c), first[rows] * c + second[rows], take(off, rows))
+
+    symmetric = take(diagonal, layout.segment.reshape(-1))[:, _SYMMETRIC]
+    segment = jnp.concatenate([symmetric, place(NEXT), place(LEFT)], 1)
+    rows = np.flatnonzero(kind == RIGHT)
+    right = add(zero(s), second[rows], take(off, rows))
+    return Places(jnp.moveaxis(segment.reshape(m, c, 11, terms), 2, 1), right, border)
+
+
+_TURNED, _SYMMETRIC = np.array([0, 2, 1, 3]), np.array([0, 1, 3])
+
+
+def at_speed(layout: Layout, places: Places, coefficients: Array) -> Places:
+    """The dynamic stiffness in its places, for the factors (terms, lanes) of the terms."""
+    sizes = [int(np.prod(p.shape[:-1])) for p in places]
+    flat = jnp.concatenate([p.reshape(-1, p.shape[-1]) for p in places]) @ coefficients
+    parts = jnp.split(flat, np.cumsum(sizes)[:-1])
+    parts = (f.reshape(*p.shape[:-1], f.shape[-1]) for f, p in zip(parts, places, strict=True))
+    segment, right, border = parts
+    empty = np.zeros((*layout.segment.shape, 11))
+    empty[layout.segment == layout.n] = np.eye(11)[0] + np.eye(11)[2]
+    return Places(segment + np.moveaxis(empty, 2, 1)[..., None], right, border)
+
+
+def factorise(z: "Operator") -> Factor:
+    """Eliminate the segments and factorise the border; modal damping is not handled here."""
+    layout, b = z.system.layout, len(z.system.layout.border)
+    assert z.system.places is not None
+    places = at_speed(layout, z.system.places, z.coefficients)
+    segment, last, border = _eliminate(layout, places, _side_pulls(layout, z))
+    inner, cross, reach, kept = [], [], [], []
+    for lane, (free, keep) in _kinds(layout):
+        order, f = np.concatenate([free, keep]), len(free)
+        row, column = order[:, None], order
+        entry = 4 * (row // 2 * b + column // 2) + row % 2 * 2 + column % 2
+        a = jnp.moveaxis(take(border.reshape(4 * b * b, -1), entry)[..., lane], -1, 0)
+        lu, coupling = lu_factor(a[:, :f, :f]), a[:, :f, f:]
+        response = lu_solve(lu, coupling)
+        inner.append(lu)
+        cross.append(coupling)
+        reach.append(response)
+        kept.append(a[:, f:, f:] - jnp.swapaxes(coupling, -1, -2) @ response)
+    full = _unlane(kept) + _links_and_bodies(layout, z)
+    motion = _border_motion(layout, z.system.arms) if layout.slaved.size else None
+    small = full if motion is None else motion.T @ full @ motion
+    size = jnp.abs(jnp.diagonal(small))
+    weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
+    lu = lu_factor(weight[:, None] * small * weight)
+    return Factor(segment, last, tuple(inner), tuple(cross), tuple(reach), lu, motion, weight)
+
+
+def solve_factored(
+    layout: Layout, factor: Factor, load: Complex[Array, "n p 2"], *, transpose: bool
+) -> Complex[Array, "n p 2"]:
+    """Z^{-1} f or Z^{-T} f from the factors, without refinement."""
+    moving, to_lanes = jnp.asarray(layout.moving), whirl(layout.dof, transpose)
+    lanes = jnp.einsum("lp,npk->nkl", to_lanes, jnp.where(moving, load, 0.0))
+    g, (m, c), b = take(lanes, layout.border), layout.segment.shape, len(layout.border)
+    if not m:
+        return _planes(layout, to_lanes, _solve_border(layout, factor, g, transpose), load)
+    lanes = jnp.concatenate([lanes, jnp.zeros_like(lanes[:1])])  # the dummy node
+    r = jnp.moveaxis(take(lanes, layout.segment), 2, 1)  # (m, 2, c, lanes)
+    r, on_left = _forward(layout, factor, r)
+    (left, far), last = layout.ends, tuple(jnp.moveaxis(factor.last, 1, 0))
+    to_far = times_t(last, tuple(_at_ends(layout, r).swapaxes(0, 1)))
+    both = jnp.concatenate([_at_ends(layout, on_left), jnp.stack(to_far, 1)])
+    y = _solve_border(layout, factor, add(g, np.concatenate([left, far]), -both), transpose)
+    x = _backward(layout, factor, r, y)
+    # All nodes by one gather from border and segments.
+    where = np.zeros(layout.n, int)
+    where[layout.border] = np.arange(b)
+    inside = layout.segment < layout.n
+    where[layout.segment[inside]] = b + np.flatnonzero(inside)
+    x = jnp.concatenate([y, jnp.moveaxis(x, 1, 2).reshape(m * c, 2, -1)])
+    return _planes(layout, to_lanes, take(x, where), load)
+
+
+def _planes(layout, to_lanes, lanes, load):
+    """From lanes to planes; coordinates that do not move take the load as it is."""
+    x = jnp.einsum("lp,nkl->npk", to_lanes.conj(), lanes)
+    return jnp.where(jnp.asarray(layout.moving), x, load)
+
+
+def _at_ends(layout, x):
+    """Values (m, k, c, lanes) at the last nodes of the segments, (s, k, lanes)."""
+    m, k, c, lanes = x.shape
+    rows = layout.last[0] * c + layout.last[1]
+    return take(jnp.moveaxis(x, 1, 2).reshape(m * c, k, lanes), rows)
+
+
+def _eliminate(layout, places, more):
+    """Segments and their W of the right border node, and what is left on the border.
+
+    Between two segments of a column N is zero, which starts the recursion afresh. `more` are rows
+    and blocks that belong on the border as well.
+    """
+    b = len(layout.border)
+    if not layout.segment.size:
+        border = add(places.border, *more)
+        return places.segment, places.right, border + _held(layout)
+
+    def step(carry, here):
+        pivot, fill, left = carry
+        blocks, inside = here
+        a, bb, d = blocks[_DIAGONAL]
+        n, e = blocks[_NEXT], blocks[_LEFT]
+        w = product(pivot, n)
+        q = product_t(n, w)
+        pivot = inverse((a - q[0], bb - q[1], d - q[3]))
+        fill = _minus(e, product_t(w, fill))
+        back = product(pivot, fill)
+        own = product_t(fill, back)
+        left = tuple(inside * past + own[k] for past, k in zip(left, (0, 1, 3), strict=True))
+        return (pivot, fill, left), jnp.stack([*pivot, *w, *back, *left])
+
+    inside = jnp.asarray(~layout.opening, float)[..., None]
+    zero = jnp.zeros_like(places.segment[0, 0])
+    start = ((zero + 1, zero, zero + 1), (zero,) * 4, (zero,) * 3)
+    segment = jax.lax.scan(step, start, (places.segment, inside))[1]
+    ends = _at_ends(layout, segment).swapaxes(0, 1)
+    right, (left, far) = places.right.swapaxes(0, 1), layout.ends
+    last = product(ends[_PIVOT], right)
+    to_left = ends[_ON_LEFT][np.array([0, 1, 1, 2])]
+    to_far = jnp.stack(product_t(right, last))
+    across = jnp.stack(product_t(right, ends[_BACK]))  # rows far, columns left
+    both = (left < b) & (far < b)
+    rows = [np.where(k < b, k * (b + 1), b * b) for k in (left, far)]
+    rows += [np.where(both, i * b + k, b * b) for i, k in ((far, left), (left, far))]
+    values = jnp.concatenate([to_left, to_far, across, across[_TURNED]], 1).swapaxes(0, 1)
+    rows, values = np.concatenate([*rows, more[0]]), jnp.concatenate([-values, more[1]])
+    border = add(places.border, rows, values) + _held(layout)
+    return segment, jnp.stack(last, 1), border
+
+
+def _held(layout):
+    """(b * b, 4, lanes) A stiffness of one for the coordinates that nothing acts on."""
+    b = len(layout.border)
+    out = np.zeros((b, b, 4, 2 if layout.dof == 4 else 3))
+    at = np.arange(b)
+    for k in (0, 1):
+        out[at, at, 3 * k, :2] = (layout.loose[:, 0, k] & layout.loose[:, 1, k])[:, None]
+        if layout.dof == 6:
+            out[at, at, 3 * k, 2] = layout.loose[:, 2, k]
+    return out.reshape(b * b, 4, -1)
+
+
+def _side_pulls(layout, z):
+    """Border rows and blocks of the side pulls, which are isotropic and so stay within the lanes."""
+    b, count = len(layout.border), len(z.system.model.links)
+    place = np.full(layout.n + 1, -1)
+    place[layout.border] = np.arange(b)
+    i, j = place[layout.links[count:]].T
+    rows = [np.where((i < 0) | (j < 0), b * b, p * b + q) for p, q in ((i, j), (j, i))]
+    rows = [np.where(p < 0, b * b, p * (b + 1)) for p in (i, j)] + rows
+    k = z.stiffness[count:, 0, 0]
+    lanes = np.zeros((4, 2 if layout.dof == 4 else 3))
+    lanes[0, :2] = 1.0
+    return np.concatenate(rows), jnp.concatenate([k, k, -k, -k])[:, None, None] * lanes
+
+
+def _forward(layout, factor, r):
+    """Loads after the elimination, and their sum on the left border node of the segment."""
+
+    def step(carry, here):
+        before, left = carry
+        now, blocks, inside = here
+        now = jnp.stack(_minus(now, times_t(blocks[_AHEAD], before)))
+        left = inside * left + jnp.stack(times_t(blocks[_BACK], now))
+        return (now, left), (now, left)
+
+    inside = jnp.asarray(~layout.opening, float)[..., None]
+    zero = jnp.zeros_like(r[0])
+    return jax.lax.scan(step, (zero, zero), (r, factor.segment, inside))[1]
+
+
+def _backward(layout, factor, r, y):
+    m, c = layout.segment.shape
+    ground = jnp.concatenate([y, jnp.zeros_like(y[:1])])
+    left = jnp.moveaxis(take(ground, layout.left_of), 2, 0)  # (2, m, c, lanes)
+    far = take(ground, layout.ends[1]).swapaxes(0, 1)
+    blocks = jnp.moveaxis(factor.segment, 1, 0)
+    a, b, d = blocks[_PIVOT]
+    own = _minus(times((a, b, b, d), jnp.moveaxis(r, 1, 0)), times(blocks[_BACK], left))
+    end = jnp.stack(times(factor.last.swapaxes(0, 1), far), 1)  # (s, 2, lanes)
+    rows = layout.last[0] * c + layout.last[1]
+    own = add(jnp.stack(own, 2).reshape(m * c, 2, -1), rows, -end).reshape(m, c, 2, -1)
+
+    def step(carry, here):
+        following, w_following = carry
+        now, w = here
+        now = jnp.stack(_minus(now, times(w_following, following)))
+        return (now, w), now
+
+    start = jnp.zeros_like(r[0]), jnp.zeros_like(factor.segment[0, _AHEAD])
+    own = jnp.moveaxis(own, 2, 1)
+    return jax.lax.scan(step, start, (own, factor.segment[:, _AHEAD]), reverse=True)[1]
+
+
+def _solve_border(layout, factor, g, transpose):
+    """Motion (b, 2, lanes) of the border nodes."""
+    b, to_lanes = len(layout.border), whirl(layout.dof, transpose)
+    flat = jnp.moveaxis(g.reshape(2 * b, -1), -1, 0)  # (lanes, 2 b)
+    kept, inside, kinds = [], [], _kinds(layout)
+    for k, (lane, (free, keep)) in enumerate(kinds):
+        own = take(flat[lane].T, np.concatenate([free, keep])).T
+        x = lu_solve(factor.inner[k], own[:, : len(free), None])[..., 0]
+        kept.append(own[:, len(free) :] - jnp.einsum("afk,af->ak", factor.cross[k], x))
+        inside.append(x)
+    planes = [to_lanes[:2, :2].conj().T @ kept[0], *kept[1:]]
+    rhs = jnp.concatenate([p.reshape(-1) for p in planes])
+    rhs = rhs if factor.motion is None else factor.motion.T @ rhs
+    y = lu_solve(factor.border, (factor.weight * rhs)[:, None], transpose)[:, 0]
+    y = factor.weight * y
+    y = y if factor.motion is None else factor.motion @ y
+    out, used = [], 0
+    for k, (lane, (free, keep)) in enumerate(kinds):
+        own = y[used : used + len(lane) * len(keep)].reshape(len(lane), -1)
+        used += own.size
+        own = to_lanes[:2, :2] @ own if k == 0 else own
+        rest = inside[k] - jnp.einsum("afk,ak->af", factor.reach[k], own)
+        order = np.argsort(np.concatenate([free, keep]))
+        out.append(take(jnp.concatenate([rest, own], 1).T, order))
+    return jnp.concatenate(out, 1).reshape(b, 2, -1)
+
+
+def lu_factor(a: Array) -> tuple[Array, Array]:
+    """LU factors of matrices (..., n, n) and the permutation of their rows.
+
+    That of `jax.scipy` keeps the exchanges, which every solution would turn into the permutation
+    again.
+    """
+    lu, _, rows = jax.lax.linalg.lu(a)
+    return lu, rows
+
+
+def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
+    """Solve for right-hand sides (..., n, k), complex ones of a real matrix as well."""
+    lu, rows = factor
+    if not b.size:
+        return b
+    if jnp.iscomplexobj(b) and not jnp.iscomplexobj(lu):
+        k = b.shape[-1]
+        parts = lu_solve(factor, jnp.concatenate([b.real, b.imag], -1), transpose)
+        return parts[..., :k] + 1j * parts[..., k:]
+    by = partial(jax.lax.linalg.triangular_solve, lu, left_side=True, transpose_a=transpose)
+    if not transpose:
+        b = jnp.take_along_axis(b, rows[..., None], -2, mode="promise_in_bounds")
+        return by(by(b, lower=True, unit_diagonal=True), lower=False)
+    b = by(by(b, lower=False), lower=True, unit_diagonal=True)
+    return jnp.take_along_axis(b, jnp.argsort(rows)[..., None], -2, mode="promise_in_bounds")
+
+
+def _kinds(layout):
+    """Lanes of one kind (whirl, axial), with their untouched and touched border coordinates."""
+    lateral = layout.touched[:, 0] | layout.touched[:, 1]
+    kinds = [(np.array([0, 1]), lateral)]
+    kinds += [(np.array([2]), layout.touched[:, 2])] if layout.dof == 6 else []
+    return [
+        (lane, (np.flatnonzero(~t.reshape(-1)), np.flatnonzero(t.reshape(-1)))) for lane, t in kinds
+    ]
+
+
+def _touched_numbers(layout):
+    """Numbers (in n * dof, in the order of the planes) of the touched border coordinates.
+
+    Their order: x plane, y plane, then axial and torsion.
+    """
+    choices, out = [keep for _, (_, keep) in _kinds(layout)], []
+    for plane in range(layout.dof // 2):
+        keep = choices[0 if plane < 2 else 1]
+        out.append(layout.border[keep // 2] * layout.dof + 2 * plane + keep % 2)
+    return np.concatenate(out).astype(int)
+
+
+def _border_motion(layout, arms):
+    """Touched border coordinates from the independent ones among them."""
+    numbers = _touched_numbers(layout)
+    free = layout.moving.reshape(-1)[numbers]
+    fixed = np.eye(len(numbers))
+    place = np.full(layout.n * layout.dof, -1)
+    place[numbers] = np.arange(len(numbers))
+    rows, columns = (
+        place[at[:, None] * layout.dof + np.arange(layout.dof)]
+        for at in (layout.slaved, layout.centre_of)
+    )
+    fixed[rows.reshape(-1)] = 0.0
+    motion = jnp.asarray(fixed).at[rows[:, :, None], columns[:, None, :]].set(arms)
+    return motion[:, free]
+
+
+def _links_and_bodies(layout, z):
+    """Stiffness of links and bodies on the touched border coordinates."""
+    numbers, dof = _touched_numbers(layout), layout.dof
+    place = np.full((layout.n + 1) * dof, -1)
+    place[numbers] = np.arange(len(numbers))
+    count = len(z.system.model.links)
+    a, b = layout.links[:count].T
+    rows, columns = (
+        np.concatenate([a, b, a, b, layout.centres]),
+        np.concatenate([a, b, b, a, layout.centres]),
+    )
+    links = z.links[:count]
+    blocks = jnp.concatenate([links, links, -links, -links, z.bodies])
+    rows, columns = (place[at[:, None] * dof + np.arange(dof)] for at in (rows, columns))
+    rows, columns = rows[:, :, None], columns[:, None, :]
+    at = np.where((rows < 0) | (columns < 0), len(numbers) ** 2, rows * len(numbers) + columns)
+    full = add(jnp.zeros(len(numbers) ** 2, complex), at, blocks)
+    return full.reshape(len(numbers), len(numbers))
+
+
+def _unlane(kept):
+    """From lanes to planes: S_xx = S_yy = (S_p + S_q)/2, S_xy = -S_yx = i (S_p - S_q)/2."""
+    p, q = kept[0]
+    mean, half = (p + q) / 2, 0.5j * (p - q)
+    out = jnp.block([[mean, half], [-half, mean]])
+    return out if len(kept) == 1 else jax.scipy.linalg.block_diag(out, kept[1][0])
+
+
+def inverse(s):
+    """Inverse of a symmetric block, symmetric."""
+    a, b, d = s
+    r = 1 / (a * d - b * b)
+    return d * r, -b * r, a * r
+
+
+def product(s, n):
+    """S N with S symmetric."""
+    (a, b, d), (p, q, r, t) = s, n
+    return a * p + b * r, a * q + b * t, b * p + d * r, b * q + d * t
+
+
+def product_t(m, n):
+    """M^T N."""
+    (a, b, c, d), (p, q, r, t) = m, n
+    return a * p + c * r, a * q + c * t, b * p + d * r, b * q + d * t
+
+
+def times(m, x):
+    """M x."""
+    (a, b, c, d), (u, v) = m, x
+    return a * u + b * v, c * u + d * v
+
+
+def times_t(m, x):
+    """M^T x."""
+    (a, b, c, d), (u, v) = m, x
+    return a * u + c * v, b * u + d * v
+
+
+def _minus(a, b):
+    return tuple(x - y for x, y in zip(a, b, strict=True))
