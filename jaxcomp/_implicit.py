@@ -1,8 +1,10 @@
 """Fixed points with derivatives of any order and either mode, by the implicit function theorem."""
 
+from abc import abstractmethod
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
@@ -14,8 +16,8 @@ class FixedPointReport(NamedTuple):
     """How a fixed-point iteration ended.
 
     Attributes:
-        steps: passes that were made.
-        change: [-] largest change of any unknown in the last pass.
+        steps: iterations that were made.
+        change: [-] largest change of any unknown in the last iteration.
         settled: whether the change reached the tolerance, or stopped falling at rounding.
     """
 
@@ -26,90 +28,134 @@ class FixedPointReport(NamedTuple):
 
 # A change below this that no longer falls is taken for rounding, which a stiff torque curve amplifies.
 _ROUNDING = 1e-8
-# A change that falls by less than this in a pass does not come from a contraction. Two changes of side at
-# nearly one place contract by 0.90 only, and must not be slowed down further.
+# A change that falls by less than this in an iteration does not come from a contraction. Two load
+# reversals at nearly one place contract by 0.90 only, and must not be slowed down further.
 _JUMPING = 0.99
-# Passes that jump to and fro, across a kink or by a strong coupling, are halved down to this; those that
-# come closer again grow back, slower than they were halved.
+# Iterations that jump to and fro, across a kink or by a strong coupling, are halved down to this; those
+# that come closer again grow back, slower than they were halved.
 _SMALLEST_SHARE, _REGROWTH = 0.125, 1.5
 # The unknowns are of order one; a change beyond this comes from a balance that has no solution.
 _RUNAWAY = 1e6
 
 
-def fixed_point(
-    step: Callable[[Y], Y], start: Y, tolerance: float, max_steps: int
-) -> tuple[Y, FixedPointReport]:
-    """Iterate a contraction until it stands still.
+class AbstractFixedPoint(eqx.Module):
+    """A fixed-point problem: how it is solved, and the step whose fixed point the solution is.
 
-    Derivatives do not run through the iteration. They solve the linearised equation at the fixed
-    point, by the same iteration, so they converge at the rate of the values.
-
-    Args:
-        step: maps the unknowns to better ones; the unknowns are arrays of order one. It may use
-            traced values from outside, and is differentiable in them.
-        start: first guess.
-        tolerance: largest change of any entry at which to stop.
-        max_steps: passes after which to give up (the report then shows a large change).
+    Attributes:
+        tolerance: largest change of any unknown at which to stop.
+        max_iterations: iterations after which to give up (the report then shows a large change).
     """
 
-    def solve(_, start):
-        value, report = settle(step, start, tolerance, max_steps)
-        # custom_root wants floats beside the root
-        return value, jnp.stack([x.astype(report.change.dtype) for x in report])
+    tolerance: eqx.AbstractVar[float | Float[Array, ""]]
+    max_iterations: eqx.AbstractVar[int]
 
-    def tangent_solve(linear, right_side):
-        solve = _neumann(tolerance, max_steps)
-        return jax.lax.custom_linear_solve(linear, right_side, solve, transpose_solve=solve)
+    @abstractmethod
+    def solve(self, parameters: Any) -> tuple[Any, Any]:
+        """The unknowns, arrays of order one, and data that comes along without derivatives."""
 
-    def residual(value):
-        return jax.tree.map(jnp.subtract, value, step(value))
+    @abstractmethod
+    def step(self, parameters: Any, data: Any, unknowns: Any) -> Any:
+        """Better unknowns. At the fixed point only this step is differentiated."""
 
-    value, report = jax.lax.custom_root(residual, start, solve, tangent_solve, has_aux=True)
-    report = jax.lax.stop_gradient(report)
-    return value, FixedPointReport(report[0].astype(int), report[1], report[2] > 0)
+
+@eqx.filter_custom_jvp
+def fixed_point(problem: AbstractFixedPoint, parameters):
+    """Solve a fixed-point problem, with derivatives to its parameters.
+
+    Derivatives do not run through the iteration. They solve the linearised equation at the fixed
+    point, by the same iteration, so they converge at the rate of the values. What they need is
+    traced only where something is differentiated.
+
+    Returns:
+        What `problem.solve` returns.
+    """
+    return problem.solve(parameters)
+
+
+@fixed_point.def_jvp
+def _fixed_point_jvp(primals, tangents):
+    problem, parameters = primals
+    value, data = fixed_point(problem, parameters)
+    fixed = jax.lax.stop_gradient(data)
+
+    def along(parameters):
+        return problem.step(parameters, fixed, value)
+
+    def across(value):
+        return problem.step(parameters, fixed, value)
+
+    _, moved = eqx.filter_jvp(along, (parameters,), (tangents[1],))
+    # An unknown that no parameter moves directly may still follow the others. Reverse mode wants each
+    # right side to depend on the tangents, so its zero does.
+    nothing = 0 * next(leaf for leaf in jax.tree.leaves(moved) if leaf.size).ravel()[0]
+    moved = jax.tree.map(
+        lambda m, v: jnp.full_like(v, nothing) if m is None or not m.size else m,
+        moved,
+        value,
+        is_leaf=lambda m: m is None,
+    )
+    _, linear = jax.linearize(across, value)
+    solve = _neumann(problem.tolerance, problem.max_iterations)
+    value_moved = jax.lax.custom_linear_solve(
+        lambda v: jax.tree.map(jnp.subtract, v, linear(v)), moved, solve, transpose_solve=solve
+    )
+    return (value, data), (value_moved, jax.tree.map(lambda _: None, data))
 
 
 def settle(
-    step: Callable[[Y], Y], start: Y, tolerance: float, max_steps: int
-) -> tuple[Y, FixedPointReport]:
-    """`fixed_point` without derivatives, for what only prepares a solution."""
+    step: Callable[[Y], tuple[Y, Any]],
+    start: Y,
+    beside: Any,
+    tolerance: float | Float[Array, ""],
+    max_iterations: int,
+) -> tuple[Y, Any, FixedPointReport]:
+    """Iterate a contraction until it converges, without derivatives.
+
+    Args:
+        step: maps the unknowns, arrays of order one, to better ones and to data that comes along.
+        start: first guess.
+        beside: data of the first guess, for its shape.
+        tolerance: largest change of any entry at which to stop.
+        max_iterations: iterations after which to give up.
+    """
 
     def going_on(carry):
-        _, report, _ = carry
+        _, _, report, _ = carry
         moving = report.change < 2 * _RUNAWAY
-        return moving & ~report.settled & (report.steps < max_steps)
+        return moving & ~report.settled & (report.steps < max_iterations)
 
     def advance(carry):
-        value, last, share = carry
-        new = step(value)
+        value, _, last, share = carry
+        new, data = step(value)
         change = _distance(new, value)
-        # A pass that runs away (NaN included) is not taken: what is reported stays finite.
+        # An iteration that runs away (NaN included) is not taken: what is reported stays finite.
         lost = ~(change < _RUNAWAY)
         share = _share(share, change > _JUMPING * last.change)
         new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
         change = jnp.where(lost, 2 * _RUNAWAY, change)
         standing = (change < _ROUNDING) & (change > 0.5 * last.change)
         settled = (change <= tolerance) | standing
-        return new, FixedPointReport(last.steps + 1, change, settled), share
+        return new, data, FixedPointReport(last.steps + 1, change, settled), share
 
     first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
-    value, report, _ = jax.lax.while_loop(going_on, advance, (start, first, jnp.asarray(1.0)))
-    return value, report
+    begin = (start, beside, first, jnp.asarray(1.0))
+    value, data, report, _ = jax.lax.while_loop(going_on, advance, begin)
+    return value, data, report
 
 
-def _neumann(tolerance, max_steps):
+def _neumann(tolerance, max_iterations):
     def solve(matvec, right_side):
         size = _distance(right_side, jax.tree.map(jnp.zeros_like, right_side))
 
         def going_on(carry):
             _, change, _, steps = carry
-            return (change > tolerance * size) & (steps < max_steps)
+            return (change > tolerance * size) & (steps < max_iterations)
 
         def advance(carry):
             value, last, share, steps = carry
             rest = jax.tree.map(jnp.subtract, right_side, matvec(value))
-            change = jnp.max(jnp.stack([jnp.max(jnp.abs(r)) for r in jax.tree.leaves(rest)]))
-            # as above: where the passes do not contract, the derivative means nothing but is finite
+            change = _largest(rest)
+            # as above: where the iterations do not contract, the derivative is finite but means nothing
             lost = ~(change < _RUNAWAY * size)
             share = _share(share, change > _JUMPING * last)
             new = jax.tree.map(lambda v, r: jnp.where(lost, v, v + share * r), value, rest)
@@ -128,5 +174,9 @@ def _share(last: Float[Array, ""], jumps: Bool[Array, ""]) -> Float[Array, ""]:
 
 
 def _distance(a, b) -> Float[Array, ""]:
-    pairs = zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True)
-    return jnp.max(jnp.stack([jnp.max(jnp.abs(x - y)) for x, y in pairs]))
+    return _largest(jax.tree.map(jnp.subtract, a, b))
+
+
+def _largest(tree) -> Float[Array, ""]:
+    leaves = [leaf for leaf in jax.tree.leaves(tree) if leaf.size]
+    return jnp.max(jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in leaves]))

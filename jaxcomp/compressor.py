@@ -5,13 +5,15 @@ A part that is absent is `None`, and nothing of it is traced.
 
 from typing import ClassVar
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._fields import ANY, Part, quantity
 from .friction import JointLoads, SliderCrankFriction, SliderLinkFriction, joint_loads
 from .gas import AbstractGas, Stroke
-from .mechanism import AbstractMechanism, CrankState
+from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
 from .motor import AbstractMotor
 
 
@@ -46,18 +48,65 @@ class Compressor(Part):
             )
 
 
+class Instants(eqx.Module):
+    """What crank angles alone decide, whatever the speed: prepared once and passed on.
+
+    Attributes:
+        angle: [rad] crank angle.
+        kinematics: of the mechanism.
+        inertia, inertia_1: [kg m^2] J, reduced to the crank, and J' there.
+        pressure: [Pa] in the cylinder; `None` without gas.
+        gas_force: [N] (p - p_back) A, positive towards the crank.
+        conservative: [N m] torque of gas and weights on the crank.
+    """
+
+    angle: Float[Array, "*n"]
+    kinematics: AbstractKinematics
+    inertia: Float[Array, "*n"]
+    inertia_1: Float[Array, "*n"]
+    pressure: Float[Array, "*n"] | None
+    gas_force: Float[Array, "*n"]
+    conservative: Float[Array, "*n"]
+
+    def entries(self, *index) -> "Instants":
+        """Some of the instants."""
+        return jax.tree.map(lambda x: x[index], self)
+
+
+def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Instants:
+    """Everything at crank angles [rad] that does not depend on the motion.
+
+    `sense` is +1 while the crank turns forward, -1 while it turns backward.
+    """
+    mechanism = compressor.mechanism
+    kinematics = mechanism.kinematics(angle)
+    pressure, force = None, jnp.zeros_like(angle)
+    if compressor.gas is not None:
+        pressure = compressor.gas.pressure(_stroke(mechanism, angle, kinematics, sense))
+        force = (pressure - compressor.gas.behind_piston) * mechanism.piston_area
+    torque = -force * kinematics.position_1
+    if compressor.gravity is not None:
+        torque = torque + mechanism.weight_torque(kinematics, compressor.gravity)
+    return Instants(
+        angle, kinematics, *mechanism.reduced_inertia(kinematics), pressure, force, torque
+    )
+
+
+def _stroke(mechanism: AbstractMechanism, angle, kinematics: AbstractKinematics, sense) -> Stroke:
+    top, bottom = mechanism.piston_extremes()
+    area = mechanism.piston_area
+    # rounding must not push the volume below that of the dead centre
+    displaced = area * jnp.maximum(top - kinematics.position, 0.0)
+    return Stroke(angle, displaced, area * (top - bottom), jnp.sign(kinematics.position_1) * sense)
+
+
 def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Stroke:
     """Displaced volume and direction of the stroke at crank angles [rad].
 
     `sense` is +1 while the crank turns forward, -1 while it turns backward.
     """
     mechanism = compressor.mechanism
-    position, position_1, _ = mechanism.piston(angle)
-    top, _ = mechanism.piston_extremes()
-    area = mechanism.piston_area
-    # rounding must not push the volume below that of the dead centre
-    displaced = area * jnp.maximum(top - position, 0.0)
-    return Stroke(angle, displaced, mechanism.swept_volume, jnp.sign(position_1) * sense)
+    return _stroke(mechanism, angle, mechanism.kinematics(angle), sense)
 
 
 def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
@@ -68,10 +117,7 @@ def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1
 
 def gas_force(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Float[Array, "*n"]:
     """(p - p_back) A [N] at crank angles [rad], positive towards the crank."""
-    if compressor.gas is None:
-        return jnp.zeros_like(angle)
-    excess = cylinder_pressure(compressor, angle, sense) - compressor.gas.behind_piston
-    return excess * compressor.mechanism.piston_area
+    return instants(compressor, angle, sense).gas_force
 
 
 def loads_at(
@@ -104,7 +150,7 @@ def conservative_torque(
 
 
 def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
-    """Crank angles [rad] in one turn from the top dead centre where torques have kinks, sorted.
+    """Crank angles [rad] in one revolution from the top dead centre where torques have kinks, sorted.
 
     Dead centres, reversals of a sliding direction and valve events. The first entry is the top dead
     centre; events that do not occur coincide with a dead centre.
@@ -115,10 +161,10 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
     if compressor.friction is not None:
         angles += list(mechanism.reversals())
     if compressor.gas is not None:
-        highest, _ = mechanism.piston_extremes()
-        events = compressor.gas.valve_events(mechanism.swept_volume)
-        for displaced, inward in events:
-            angles.append(mechanism.angle_at(highest - displaced / mechanism.piston_area, inward))
-    turn = 2 * jnp.pi
-    rest = top + jnp.mod(jnp.stack(angles) - top, turn)
+        highest, lowest = mechanism.piston_extremes()
+        area = mechanism.piston_area
+        for displaced, inward in compressor.gas.valve_events(area * (highest - lowest)):
+            angles.append(mechanism.angle_at(highest - displaced / area, inward))
+    revolution = 2 * jnp.pi
+    rest = top + jnp.mod(jnp.stack(angles) - top, revolution)
     return jnp.concatenate([top[None], jnp.sort(rest)])

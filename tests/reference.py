@@ -320,7 +320,7 @@ def orbit(machine: Machine, motor, mean_speed=None, guess=None, rtol=1e-11) -> T
         level = 0.9 * (end[3] + end[4:].sum()) / (2 * np.pi) / motor(mean_speed, 1.0)
         level = max(level, 1.0)
     unknown = close(edges, [1.0, level] if mean_speed else [1.0])
-    # once more with the changes of side as edges
+    # once more with the load reversals as edges
     _, _, changes = integrate(
         unknown[0] * scale, unknown[1] if mean_speed else 1.0, edges, dense=True
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-FAST = {"nodes": 5, "kinks": 0, "tolerance": 1e-5}
+FAST = {"nodes": 5, "reversals": 0, "tolerance": 1e-5}
 
 
 def machine():

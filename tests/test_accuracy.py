@@ -81,7 +81,7 @@ def test_film_is_studied_at_the_worst_bearing_of_the_machine():
         own = eccentricity_ratio(bearing, orbit.mean_forces[name], orbit.mean_speed)
         eccentricities[name] = float(own)
     assert place.words == max(eccentricities, key=lambda name: eccentricities[name])
-    # the quick orbit of the study has no edges at the changes of side: 1.1e-3 seen
+    # the quick orbit of the study has no edges at the load reversals: 1.1e-3 seen
     assert place.eccentricity == pytest.approx(eccentricities[place.words], rel=5e-3)
     bearing = getattr(scene.compressor.friction, place.words).bearing
     assert place.length_ratio == pytest.approx(
@@ -101,7 +101,7 @@ def test_scipy_on_the_same_law_comes_to_the_same_efficiency():
     reference = Reference(exact, exact, ("collocation", "the same"))
     question = Question(design_of(scene), "mechanical_efficiency")
     loose, tight = (scipy_row(question, "DOP853", tol, reference) for tol in (1e-5, 1e-9))
-    # changes of side are met unprepared: a hundred times the tolerance of a step, at worst
+    # load reversals are met unprepared: a hundred times the tolerance of a step, at worst
     assert tight.error < 1e-7
     assert tight.error < loose.error < 1e-3
     assert tight.passes > loose.passes
@@ -159,7 +159,7 @@ def test_references_of_the_orbit_agree(orbit):
 def test_collocation_is_thirty_times_faster_than_shooting_at_equal_error(orbit):
     error = 1e-6
     collocation = min(
-        orbit.cheapest(error, m).seconds for m in ("collocation", "collocation, kinks=0")
+        orbit.cheapest(error, m).seconds for m in ("collocation", "collocation, reversals=0")
     )
     shooting = orbit.cheapest(error, "shooting, Tsit5").seconds
     scipy = orbit.cheapest(error, "SciPy").seconds

@@ -19,7 +19,7 @@ from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, Unbalan
 from jaxcomp.rotor._bodies import RigidBody
 from jaxcomp.scene import loads, start, with_values
 
-SOLVER = Collocation(nodes=10, kinks=0, tolerance=1e-8)  # compiles fast; pictures need no more
+SOLVER = Collocation(nodes=10, reversals=0, tolerance=1e-8)  # compiles fast; pictures need no more
 
 
 @pytest.fixture(

@@ -15,7 +15,7 @@ from jaxcomp.cli import app
 from jaxcomp.cli._sweep_options import axes_of
 
 RUNNER = CliRunner()
-FAST = ["--solver-nodes", "5", "--solver-kinks", "0", "--solver-tolerance", "1e-5"]
+FAST = ["--solver-nodes", "5", "--solver-reversals", "0", "--solver-tolerance", "1e-5"]
 RPM = np.pi / 30
 
 
@@ -199,7 +199,7 @@ REFUSED = {
     "quantity": ([*BORES, "--quantity", "speed"], "mechanical_efficiency"),
     "joint": ([*BORES, "--quantity", "loss_power.knee", *FAST], "crank_pin"),
     "nodes": ([*BORES, "--solver-nodes", "1"], "--solver-nodes 1: must be >= 2"),
-    "kinks": ([*BORES, "--solver-kinks", "-1"], "--solver-kinks -1: must be >= 0"),
+    "reversals": ([*BORES, "--solver-reversals", "-1"], "--solver-reversals -1: must be >= 0"),
     "tolerance": ([*BORES, "--solver-tolerance", "2"], "--solver-tolerance 2: must be > 0"),
     "devices": ([*BORES, "--devices", "0"], "--devices 0: must be >= 1"),
     "batch": ([*BORES, "--batch", "0"], "`batch` must be >= 1"),

@@ -18,7 +18,7 @@ from jaxcomp.design import (
     with_bore,
 )
 
-FAST = Collocation(nodes=8, kinks=0, tolerance=1e-11)
+FAST = Collocation(nodes=8, reversals=0, tolerance=1e-11)
 
 
 @pytest.fixture(scope="module")

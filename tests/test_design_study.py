@@ -37,7 +37,7 @@ ROD = RodDrive(
 )
 # Places where a load changes its side in mid-stroke stay unresolved, which changes the efficiency by
 # 5e-5, and so does the film by closed formulas; both halve the time to compile.
-SOLVER = Collocation(kinks=0)
+SOLVER = Collocation(reversals=0)
 JOURNALS = ("crank_pin", "upper_bearing", "lower_bearing")
 
 

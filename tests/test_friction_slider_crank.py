@@ -293,8 +293,8 @@ def test_absent_laws_cost_nothing():
     assert operations(SliderCrankFriction()) == nothing
     full = operations(coulomb())
     lean = operations(SliderCrankFriction(main_journal=CoulombJournal(0.013, 0.092)))
-    # the main journal is outside the loop: a dozen operations at each of 64 states
-    assert lean - nothing < 64 * 20
+    # the main journal is outside the loop: 50 operations at each of 64 states, some of them twice
+    assert lean - nothing < 64 * 60
     wall = operations(SliderCrankFriction(wall=CoulombSlide(0.083)))
     assert nothing < lean < wall < full
 

@@ -53,9 +53,9 @@ def test_it_is_the_limit_of_a_heavy_flywheel(held, orbit):
 
 @pytest.mark.slow
 def test_panels_end_where_loads_change_their_side(held, orbit):
-    plain = solve_orbit(held, Collocation(nodes=12, kinks=0)).mechanical_efficiency
+    plain = solve_orbit(held, Collocation(nodes=12, reversals=0)).mechanical_efficiency
     fine = solve_orbit(held, Collocation(nodes=24)).mechanical_efficiency
-    # of the edges at the changes of side: 100 times closer at the same nodes
+    # of the edges at the load reversals: 100 times closer at the same nodes
     assert abs(orbit.mechanical_efficiency - fine) < 0.01 * abs(plain - fine)
     # as the solved orbit with these nodes, whose error `jaxcomp accuracy` gives as 5e-9
     assert abs(orbit.mechanical_efficiency - fine) < 2e-8

@@ -1,18 +1,33 @@
 """The fixed point with implicit derivatives, on problems with known answers."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp._implicit import fixed_point
+from jaxcomp._implicit import AbstractFixedPoint, fixed_point, settle
+
+
+class Kepler(AbstractFixedPoint):
+    """E = M + e sin E, a contraction for e < 1."""
+
+    tolerance: float
+    max_iterations: int = eqx.field(static=True)
+
+    def step(self, parameters, data, unknowns):
+        eccentricity, anomaly = parameters
+        return {"angle": anomaly + eccentricity * jnp.sin(unknowns["angle"])}
+
+    def solve(self, parameters):
+        start = {"angle": parameters[1]}
+        step = lambda y: (self.step(parameters, None, y), None)  # noqa: E731
+        value, _, report = settle(step, start, None, self.tolerance, self.max_iterations)
+        return value, report
 
 
 def kepler(eccentricity, anomaly, tolerance=1e-14, steps=200):
-    """E = M + e sin E, a contraction for e < 1."""
-    start = {"angle": anomaly}
-    step = lambda y: {"angle": anomaly + eccentricity * jnp.sin(y["angle"])}  # noqa: E731
-    value, report = fixed_point(step, start, tolerance, steps)
+    value, report = fixed_point(Kepler(tolerance, steps), (eccentricity, anomaly))
     return value["angle"], report
 
 
@@ -60,8 +75,23 @@ def test_running_out_of_steps_is_reported():
     "step", [lambda y: 3 * y + 1, lambda y: jnp.full_like(y, jnp.nan), lambda y: 1e300 * (y + 1)]
 )
 def test_a_step_that_runs_away_ends_soon_and_finite(step):
-    value, report = fixed_point(step, jnp.ones(3), 1e-12, 50)
+    value, _, report = settle(lambda y: (step(y), None), jnp.ones(3), None, 1e-12, 50)
     assert np.all(np.isfinite(value))
     assert np.isfinite(report.change)
     assert not bool(report.settled)
     assert int(report.steps) <= 50
+
+
+def test_derivatives_are_traced_only_where_they_are_wanted():
+    traced = []
+
+    class Counted(Kepler):
+        def step(self, parameters, data, unknowns):
+            traced.append(unknowns)
+            return super().step(parameters, data, unknowns)
+
+    root = lambda e: fixed_point(Counted(1e-14, 200), (e, jnp.ones(())))[0]["angle"]  # noqa: E731
+    jax.jit(root).lower(jnp.asarray(0.4))
+    assert len(traced) == 1
+    jax.jit(jax.grad(root)).lower(jnp.asarray(0.4))
+    assert len(traced) == 1 + 3  # the value, its slope over the parameters, and over the unknowns

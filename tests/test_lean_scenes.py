@@ -106,10 +106,11 @@ def test_barest_scene_costs_at_most_twice_what_is_written_by_hand(bare, hand, cr
 
 def test_friction_and_fluctuation_cost_only_where_they_are(bare, crank):
     loose, held = lean_program(crank[LOOSE]), lean_program(crank[HELD])
-    # measured 1.8 and 40 times: the passes of the orbit; the joint loop and the places of its changes
-    assert 1.3 * bare.flops < loose.flops < 4 * bare.flops
+    # measured 4 and 100 times: the iterations of the orbit and twice the nodes, which tell its error; the
+    # joint loop and the places of its reversals
+    assert 1.3 * bare.flops < loose.flops < 6 * bare.flops
     assert 10 * bare.flops < held.flops
-    assert loose.text.count(" while(") == 1  # the passes and nothing else
+    assert loose.text.count(" while(") == 1  # the iterations and nothing else
     assert bare.memory < loose.memory < held.memory
 
 
@@ -122,8 +123,8 @@ def test_a_law_that_is_left_out_is_not_traced(crank):
         friction = dataclasses.replace(machine.friction, **dict.fromkeys(left_out))
         changed = dataclasses.replace(machine, friction=friction)
         design = dataclasses.replace(crank[HELD].design, compressor=changed)
-        # without panel edges at changes of side: the joint loop alone, in seconds
-        chain = Chain(Collocation(nodes=8, kinks=0))
+        # without panel edges at load reversals: the joint loop alone, in seconds
+        chain = Chain(Collocation(nodes=8, reversals=0))
         costs.append(lean_program(crank[HELD]._replace(design=design, chain=chain)).flops)
     assert costs[0] < costs[1] < costs[2]
 

@@ -27,7 +27,7 @@ FLUCTUATION, FLUCTUATION_WITHIN = [0.104, 0.082], 0.004
 def _table(compressor):
     def one(speed, bore):
         design = eqx.tree_at(lambda c: c.motor.mean_speed, with_bore(compressor, bore), speed)
-        orbit = solve_orbit(design, Collocation(nodes=12, kinks=0, tolerance=1e-10))
+        orbit = solve_orbit(design, Collocation(nodes=12, reversals=0, tolerance=1e-10))
         return orbit.mechanical_efficiency, orbit.speed_fluctuation, orbit.converged
 
     grid = jax.vmap(jax.vmap(one, (None, 0)), (0, None))

@@ -263,7 +263,7 @@ def test_collocation_error_falls_with_the_nodes(base_reference):
 def test_collocation_without_kinks_converges_algebraically(base_reference):
     error = {}
     for nodes in (8, 32):
-        orbit = solve_orbit(machine(), Collocation(nodes=nodes, kinks=0))
+        orbit = solve_orbit(machine(), Collocation(nodes=nodes, reversals=0))
         error[nodes] = abs(float(orbit.mechanical_efficiency) - base_reference.efficiency)
     # |N| has kinks inside panels: second order, with luck
     assert 1e-7 < error[8] < 2e-5
@@ -276,7 +276,7 @@ def test_forces_at_the_nodes_satisfy_the_motion(fine):
     compressor, orbit = fine["gravity"]
     twin = reference.from_compressor(compressor)
     level = float(orbit.motor_torque[0])
-    # unused places for a change of side are panels without width, right on the dead centre
+    # unused places for a load reversal are panels without width, right on the dead centre
     for i in np.flatnonzero(orbit.weight > 1e-9)[::17]:
         angle, speed, acceleration = (float(x[i]) for x in orbit.state)
         answer, losses, _ = twin.solve(angle, speed, level)

@@ -17,9 +17,9 @@ from jaxcomp import BadInput, Collocation, Shooting, SolveFailed, solve_orbit
 from jaxcomp.motor import ConstantTorque, Kloss, MeanSpeed, SlipLine
 
 FINE = Collocation(nodes=16)
-# Without edges at the changes of side: the same words and branches, from a program that compiles in a
+# Without edges at the load reversals: the same words and branches, from a program that compiles in a
 # third of the time.
-QUICK = Collocation(nodes=12, kinks=0, tolerance=1e-10)
+QUICK = Collocation(nodes=12, reversals=0, tolerance=1e-10)
 
 
 def members():
@@ -135,7 +135,7 @@ def test_a_failure_is_raised_with_its_name():
 
 
 def test_too_few_passes_are_reported():
-    orbit = solve_orbit(machine(), Collocation(nodes=4, kinks=0, max_passes=1), throw=False)
+    orbit = solve_orbit(machine(), Collocation(nodes=4, reversals=0, max_iterations=1), throw=False)
     assert status_of(orbit) == "not_converged"
     assert every_leaf_finite(orbit)
 

@@ -341,7 +341,7 @@ def test_a_registered_section_is_set_described_and_dumped(housing):
 
 @pytest.mark.slow
 def test_slider_link_machine_runs_from_its_scene():
-    orbit = solve_orbit(load("slider-link-8cc").compressor, Collocation(kinks=12))
+    orbit = solve_orbit(load("slider-link-8cc").compressor, Collocation(reversals=12))
     # the household machine as computed by an independent RK4 integration in time (tests of the
     # mechanism have the parts): rounding of the figures as they are kept there
     np.testing.assert_allclose(float(orbit.motor_power), 75.9, atol=0.05)

@@ -44,7 +44,7 @@ from jaxcomp.shaking import (
 )
 
 # The loads of crown, edge and slider change sides up to ten times in a turn.
-SOLVER = Collocation(kinks=12)
+SOLVER = Collocation(reversals=12)
 ISOBUTANE = PolytropicCycle(0.6294e5, 7.620e5, 1.049, 0.02, 0.6294e5)
 R134A = PolytropicCycle(1.1484e5, 14.698e5, 1.062, 0.02, 1.1484e5)
 
@@ -296,7 +296,7 @@ def test_gradients_of_efficiency_and_vibration_over_a_turn():
 
 def test_frictionless_machine_gives_all_its_work_to_the_gas():
     bare = Compressor(machine(), Kloss(0.75, 0.18, 100 * np.pi), ISOBUTANE, SliderLinkFriction())
-    orbit = solve_orbit(bare, Collocation(kinks=0))
+    orbit = solve_orbit(bare, Collocation(reversals=0))
     np.testing.assert_allclose(orbit.energy.motor_work, orbit.energy.gas_work, rtol=1e-12)
     assert not orbit.energy.losses
 

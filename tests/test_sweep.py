@@ -82,7 +82,7 @@ def test_every_design_is_the_problem_at_its_coordinates(machine, small):
 def test_published_optimum_bores_are_found(machine):
     """Tsuji et al. (2012), Figs 5c and 6: 120, 130, 140 mm at 800, 1000, 1200 rpm."""
     over = {"bore": grid(0.1, 0.18, 9), "motor.mean_speed": np.array([800, 1000, 1200]) * RPM}
-    found = sweep(machine, over, chain=Chain(Collocation(nodes=10, kinks=0, tolerance=1e-5)))
+    found = sweep(machine, over, chain=Chain(Collocation(nodes=10, reversals=0, tolerance=1e-5)))
     top = ridge(found, "mechanical_efficiency")
     np.testing.assert_allclose(top.along, [0.12, 0.13, 0.14], rtol=1e-12)
     # printed to three digits; the machine was fitted to them to 0.05 per cent points

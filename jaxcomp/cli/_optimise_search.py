@@ -39,7 +39,7 @@ from ._output import show_results, write_results
 from ._progress import progress
 
 # Of the periodic state by `--accuracy`; the fine one is chosen by the design.
-SOLVERS = {"fast": Collocation(nodes=12, kinks=0, tolerance=1e-10), "fine": None}
+SOLVERS = {"fast": Collocation(nodes=12, reversals=0, tolerance=1e-10), "fine": None}
 SEARCH_FILE = "search.npz"
 # [s] between two writings of the search
 _EVERY = 5.0

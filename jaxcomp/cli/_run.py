@@ -74,7 +74,7 @@ def run(
 def _method(mechanism, solver: Solver, tolerance: float | None):
     from ..crank import Collocation, Shooting
 
-    options = {"kinks": mechanism.side_changes}
+    options = {"reversals": mechanism.load_reversals}
     if tolerance is not None:
         options["tolerance"] = tolerance
     return {"shooting": Shooting, "collocation": Collocation}[solver](**options)

@@ -52,13 +52,15 @@ def sweep(
         int | None,
         typer.Option(
             "--solver-nodes",
-            help="Collocation nodes a panel, e.g. 10 with --solver-kinks 0 --solver-tolerance 1e-5 "
+            help="Collocation nodes a panel, e.g. 10 with --solver-reversals 0 --solver-tolerance 1e-5 "
             "for many designs; its own default if absent.",
         ),
     ] = None,
-    kinks: Annotated[
+    reversals: Annotated[
         int | None,
-        typer.Option("--solver-kinks", help="Changes of side that become panel edges; 0 for none."),
+        typer.Option(
+            "--solver-reversals", help="Load reversals that become panel edges; 0 for none."
+        ),
     ] = None,
     tolerance: Annotated[
         float | None, typer.Option("--solver-tolerance", help="Change at which the passes stop.")
@@ -86,7 +88,7 @@ def sweep(
     Example: [bold]jaxcomp sweep mayekawa-wbhe --over bore=100mm:150mm:51 --over
     motor.mean_speed=600rpm:1400rpm:33 --out result[/bold]
     """
-    _check(sampling, samples, tolerance, nodes, kinks, coordinator, processes, process, out)
+    _check(sampling, samples, tolerance, nodes, reversals, coordinator, processes, process, out)
     from ._arguments import changed_scene
     from ._output import show_results, write_results
     from ._progress import progress
@@ -113,7 +115,7 @@ def sweep(
             samples=samples,
             sampling=sampling.value.replace("-", "_"),
             seed=seed,
-            chain=chain_of(scene, nodes, kinks, tolerance),
+            chain=chain_of(scene, nodes, reversals, tolerance),
             out=None if out is None else out / "sweep.zarr",
             batch=batch,
             devices=devices,
@@ -138,7 +140,7 @@ def sweep(
     show_results(result, tables, as_json, out)
 
 
-def _check(sampling, samples, tolerance, nodes, kinks, coordinator, processes, process, out):
+def _check(sampling, samples, tolerance, nodes, reversals, coordinator, processes, process, out):
     if samples is None and sampling is not Sampling.sobol:
         raise CommandError(f"--sampling {sampling}: has no meaning without --samples")
     if samples is not None and samples < 1:
@@ -147,8 +149,8 @@ def _check(sampling, samples, tolerance, nodes, kinks, coordinator, processes, p
         raise CommandError(f"--solver-tolerance {tolerance:g}: must be > 0 and < 1")
     if nodes is not None and not 2 <= nodes <= 200:
         raise CommandError(f"--solver-nodes {nodes}: must be >= 2 and <= 200")
-    if kinks is not None and not 0 <= kinks <= 16:
-        raise CommandError(f"--solver-kinks {kinks}: must be >= 0 and <= 16")
+    if reversals is not None and not 0 <= reversals <= 16:
+        raise CommandError(f"--solver-reversals {reversals}: must be >= 0 and <= 16")
     if (coordinator is None) != (processes == 1):
         raise CommandError("--coordinator: goes with --processes of 2 or more, and only with them")
     if not 0 <= process < processes:

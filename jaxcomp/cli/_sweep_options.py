@@ -37,13 +37,13 @@ def default_quantities(scene: Scene) -> list[str]:
     return ["mechanical_efficiency"] if scene.compressor is not None else ["vibration"]
 
 
-def chain_of(scene: Scene, nodes, kinks, tolerance) -> Chain:
+def chain_of(scene: Scene, nodes, reversals, tolerance) -> Chain:
     """How designs are worked out, with the options of the solver that were given."""
-    given = {"nodes": nodes, "kinks": kinks, "tolerance": tolerance}
+    given = {"nodes": nodes, "reversals": reversals, "tolerance": tolerance}
     given = {name: value for name, value in given.items() if value is not None}
     if not given or scene.compressor is None:
         return Chain()
-    return Chain(Collocation(**{"kinks": scene.compressor.mechanism.side_changes} | given))
+    return Chain(Collocation(**{"reversals": scene.compressor.mechanism.load_reversals} | given))
 
 
 def axes_of(scene: Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:

@@ -5,9 +5,9 @@ from ._motion import acceleration as acceleration
 from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit
 from ._panels import panels as panels
+from ._result import orbit_on_panels as orbit_on_panels
 from ._shooting import Shooting as Shooting
 from ._solve import solve_orbit as solve_orbit
 from ._transient import TimeIntegration as TimeIntegration
 from ._transient import Transient as Transient
 from ._transient import simulate as simulate
-from ._turn import orbit_on_panels as orbit_on_panels

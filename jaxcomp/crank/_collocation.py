@@ -1,42 +1,43 @@
-"""Periodic orbit by collocation on Gauss panels: the whole turn at once.
+"""Periodic orbit by collocation on Gauss panels: the whole revolution at once.
 
 The panels end at the kinks of the torques, so the error falls exponentially with the number of
-nodes, apart from the places in mid-stroke where a load changes its side: those are located on a
-first solution and become panel edges as well, which move with the solution.
+nodes, apart from the places in mid-stroke where a load reverses: those are located on a first solution
+and become panel edges as well, which move with the solution.
 """
 
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport, fixed_point
 from .._status import Status
-from ..compressor import Compressor, kink_angles, loads_at
-from ..motor import MeanSpeed
-from ._changes import Resolution, change_values, lay_with_changes, place_changes
-from ._orbit import Energy, Orbit
-from ._passes import (
+from ..compressor import Compressor, instants, kink_angles
+from ..friction import joint_loop
+from ..mechanism import CrankState
+from ._closure import Instant, closure_of
+from ._iteration import (
     ENERGY_FLOOR,
+    Known,
     Motion,
-    Turn,
-    better_motion,
-    initial_motion,
-    iterate,
-    lay_turn,
-    motor_level,
-    resolved_turn,
+    Resolution,
+    joints_of,
+    loop_of,
+    prepare,
+    revolution_edges,
+    state_of,
     steepness,
-    torques,
-    transfer,
-    turn_edges,
 )
-from ._turn import orbit_on_panels
+from ._orbit import Energy, Orbit
+from ._panels import panels
+from ._result import orbit_on_panels
+from ._reversals import OrbitProblem
 
-# [-] Change of the duration of a turn with twice the nodes beyond which the turn counts as not resolved.
-# Ordinary turns stay below 1e-5 with 8 nodes on a panel, and below 1e-4 with 5.
+# [-] Change of the duration of a revolution with twice the nodes beyond which it counts as not
+# resolved. Ordinary ones stay below 1e-5 with 8 nodes on a panel, and below 1e-4 with 5.
 _PERIOD_ERROR = 1e-3
 
 
@@ -45,81 +46,153 @@ class Collocation(eqx.Module):
 
     Attributes:
         nodes: Gauss nodes on every panel.
-        kinks: how many changes of side in mid-stroke may become panel edges; 0 looks for none.
+        reversals: how many load reversals in mid-stroke may become panel edges; 0 looks for none.
         grading: how often the panels beside a vanishing pin load are cut again, towards it.
-        tolerance: [-] change of the relative kinetic energy at which the passes stop. Given as an
+        tolerance: [-] change of the relative kinetic energy at which the iteration stops. Given as an
             array, all tolerances share one compiled program.
-        max_passes: passes after which the result is marked as not converged.
+        max_iterations: iterations after which the result is marked as not converged.
     """
 
     nodes: int = eqx.field(static=True, default=8)
-    kinks: int = eqx.field(static=True, default=4)
+    reversals: int = eqx.field(static=True, default=4)
     grading: int = eqx.field(static=True, default=3)
     tolerance: float | Float[Array, ""] = 1e-13
-    max_passes: int = eqx.field(static=True, default=80)
+    max_iterations: int = eqx.field(static=True, default=80)
 
     name: ClassVar[str] = "collocation"
 
+    def problem(self, compressor: Compressor) -> OrbitProblem:
+        """The fixed-point problem of a compressor."""
+        reversals = 0 if compressor.friction is None else self.reversals
+        resolution = Resolution(self.nodes, reversals, self.grading)
+        return OrbitProblem(
+            resolution,
+            loop_kinks(compressor),
+            self.tolerance,
+            self.max_iterations,
+        )
+
     def solve(self, compressor: Compressor) -> Orbit:
         """The orbit of an admissible compressor."""
-        turn, motion, report = solve_motion(compressor, self)
-        now = torques(compressor, turn, motion)
-        loads = loads_at(compressor, now.state, turn.gas_force)
-        settled = report.settled & loads.agrees(now.loss)
-        # The accounts are of these loads, which are a little finer than those of the passes.
-        now = eqx.tree_at(lambda t: t.loss, now, loads.total_loss_torque)
-        motor = now.motor
-        status = Status.where(settled, Status.converged, Status.not_converged)
-        period = turn.grid.total(1 / now.state.speed)
-        finer_period, lowest = resolved_turn(*lax.stop_gradient((compressor, turn, motion)))
-        resolved = jnp.abs(finer_period - period) < _PERIOD_ERROR * period
-        status = Status.where(settled & ~resolved, Status.unresolved, status)
-        stalled = lowest <= ENERGY_FLOOR
-        if isinstance(compressor.motor, MeanSpeed):
-            motor = motor_level(turn, now) * motor
-            # No level of torque turns a crank slower than it needs to get over the compression.
-            stalled |= ~(period * compressor.motor.mean_speed > 0.999 * 2 * jnp.pi)
-        else:
-            growth = turn.grid.total(steepness(compressor, turn, motion))
-            status = Status.where(growth < 0, status, Status.no_periodic_state)
-        status = Status.where(stalled, Status.stalled, status)
-        grid = turn.grid
-        energy = Energy(
-            grid.total(motor),
-            -grid.total(turn.conservative),
-            {name: grid.total(torque) for name, torque in loads.loss_torque.items()},
+        problem = self.problem(compressor)
+        known = prepare(compressor, revolution_edges(kink_angles(compressor)))
+        if compressor.friction is None and not closure_of(compressor.motor).integrates:
+            return _explicit_orbit(known, problem.resolution, self.name)
+        motion, (_, report) = fixed_point(problem, known)
+        return orbit_of_motion(known, problem.resolution, motion, report, self.name)
+
+
+def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
+    """At a given speed without friction nothing is left to solve."""
+    compressor = known.compressor
+    grid = panels(known.edges, resolution.nodes)
+    at = instants(compressor, grid.angle)
+    speed = jnp.full_like(grid.angle, compressor.motor.speed_guess)
+    state = CrankState(grid.angle, speed, jnp.zeros_like(speed))
+    loop = loop_of(compressor, at, state)
+    torque = 0.5 * at.inertia_1 * speed**2 - at.conservative
+    energy = Energy(grid.total(torque), -grid.total(at.conservative), {})
+    report = FixedPointReport(jnp.asarray(0), jnp.zeros(()), jnp.asarray(True))
+    return orbit_on_panels(
+        grid,
+        at,
+        state,
+        torque,
+        loop.loads(loop.start(), True),
+        energy,
+        {},
+        Status.converged,
+        report,
+        solver,
+    )
+
+
+def loop_kinks(compressor: Compressor) -> int:
+    """How many of the quantities that mark load reversals are kinks."""
+    zero = jnp.zeros(())
+    loop = jax.eval_shape(
+        lambda c: joint_loop(
+            c.mechanism, c.friction, CrankState(zero, zero, zero), zero, c.gravity
+        ),
+        compressor,
+    )
+    return loop.kinks
+
+
+def orbit_of_motion(
+    known: Known, resolution: Resolution, motion: Motion, report: FixedPointReport, solver: str
+) -> Orbit:
+    """Forces, accounts and evidence of a motion.
+
+    Everything is evaluated at the nodes and, without derivatives, at twice as many on every panel,
+    which tell the error.
+    """
+    compressor, scales = known.compressor, known.scales
+    grid = resolution.panels_between(known.edges, motion.places)
+    shape, count = grid.angle.shape, grid.angle.size
+    closure = closure_of(compressor.motor)
+    fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes)
+    through = grid.rule.through(fine.rule.nodes).T
+
+    def both(values):
+        return jnp.concatenate([values.ravel(), lax.stop_gradient(values @ through).ravel()])
+
+    def nodes(values):
+        return values[..., :count].reshape(*values.shape[:-1], *shape)
+
+    def finer(values):
+        return lax.stop_gradient(values[..., count:].reshape(*values.shape[:-1], *fine.angle.shape))
+
+    at = instants(compressor, jnp.concatenate([grid.angle.ravel(), fine.angle.ravel()]))
+    energy = both(motion.energy)
+    state = state_of(at, scales, energy, both(motion.acceleration))
+    loop = loop_of(compressor, at, state)
+    unknown = loop.start()
+    if compressor.friction is not None:
+        unknown = joints_of(loop, scales, both(nodes(motion.joints)))
+    loads = loop.loads(unknown, True)
+    now = Instant(
+        grid,
+        scales.speed,
+        scales.energy,
+        nodes(at.inertia),
+        nodes(at.inertia_1),
+        nodes(at.conservative),
+        nodes(closure.law(compressor.motor, state.speed)),
+        nodes(loads.total_loss_torque),
+        nodes(state.speed),
+        motion.energy,
+        motion.first_energy,
+    )
+    motor = closure.torque(now)
+    period = grid.total(1 / now.speed)
+    status = Status.where(report.settled, Status.converged, Status.not_converged)
+    resolved = jnp.abs(fine.total(1 / finer(state.speed)) - period) < _PERIOD_ERROR * period
+    status = Status.where(report.settled & ~resolved, Status.unresolved, status)
+    growth = None
+    if closure.needs_steepness:
+        frozen = lax.stop_gradient((compressor, at, scales, energy, both(motion.acceleration)))
+        growth = grid.total(
+            nodes(steepness(*frozen, lax.stop_gradient(both(nodes(motion.joints)))))
         )
-        return orbit_on_panels(
-            compressor, grid, now.state, motor, loads, energy, status, report, self.name
-        )
-
-
-def solve_motion(
-    compressor: Compressor, options: Collocation
-) -> tuple[Turn, Motion, FixedPointReport]:
-    """Find the periodic motion; the report tells whether the passes came to rest."""
-    edges = turn_edges(kink_angles(compressor))
-    if not (options.kinks and compressor.friction is not None):
-        turn = lay_turn(compressor, edges, options.nodes)
-        start = lax.stop_gradient(initial_motion(turn))
-        return turn, *iterate(compressor, turn, start, options.tolerance, options.max_passes)
-
-    resolution = Resolution(options.nodes, options.kinks, options.grading, options.max_passes)
-    changes, base, motion = place_changes(lax.stop_gradient(compressor), resolution)
-
-    def lay(inner):
-        return lay_with_changes(compressor, edges, inner, resolution)
-
-    def one_pass(unknowns):
-        # The edges at the changes of side are unknowns too: the panels follow a change when a
-        # parameter moves it, so that derivatives are as accurate as values.
-        motion, inner = unknowns
-        turn = lay(inner)
-        new = better_motion(compressor, turn, motion)
-        value = change_values(compressor, turn, new, changes.row, inner)
-        moved = jnp.where(changes.row >= 0, inner - value / changes.slope, edges[0])
-        return new, moved
-
-    start = lax.stop_gradient((transfer(base, motion, lay(changes.angle)), changes.angle))
-    (motion, inner), report = fixed_point(one_pass, start, options.tolerance, options.max_passes)
-    return lay(inner), motion, report
+    status = closure.verdict(compressor.motor, period, growth, status)
+    lowest = jnp.min(energy)
+    status = Status.where(lowest <= ENERGY_FLOOR, Status.stalled, status)
+    totals = {name: grid.total(nodes(loss)) for name, loss in loads.loss_torque.items()}
+    account = Energy(grid.total(motor), -grid.total(now.conservative), totals)
+    error = {
+        name: jnp.abs(fine.total(finer(loss)) - lax.stop_gradient(totals[name]))
+        for name, loss in loads.loss_torque.items()
+    }
+    return orbit_on_panels(
+        grid,
+        jax.tree.map(nodes, at),
+        jax.tree.map(nodes, state),
+        motor,
+        jax.tree.map(nodes, loads),
+        account,
+        error,
+        status,
+        report,
+        solver,
+    )

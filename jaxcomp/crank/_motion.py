@@ -3,23 +3,38 @@ r"""The equation of motion of the crank, closed for the acceleration.
 $$J(\theta)\,\alpha + \tfrac12 J'(\theta)\,\omega^2 = M_D + M_{gas} - M_{loss}(\theta,\omega,\alpha)$$
 
 (Tsuji et al. 2012, Eq. 1.) The losses depend on the joint forces and these on the acceleration, so
-the equation is implicit; the friction's share of the inertia is small, and a few secant steps
-solve it.
+the equation is implicit. It is solved together with the joint loop, by Newton's method in the two.
 """
 
+from typing import NamedTuple
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from ..compressor import Compressor, conservative_torque, gas_force, loads_at
-from ..friction import JointLoads
+from ..compressor import Compressor, Instants, instants
+from ..friction import JointLoads, joint_loop, newton_step
 from ..mechanism import CrankState
 
-# Secant steps from the frictionless acceleration. The first has the slope J, which leaves the
-# friction's share of the inertia (3e-3 on the machine of Tsuji et al.); from then on the error of a
-# step is about the product of the last two.
-_SECANT_STEPS = 5
+# Newton steps from the frictionless acceleration. They end at rounding on the machine of Tsuji et al.
+# after three, near self-locking after one or two more.
+_NEWTON_STEPS = 5
+
+
+class Instantaneous(NamedTuple):
+    """The equation of motion at an instant, solved.
+
+    Attributes:
+        acceleration: [rad/s^2] of the crank.
+        at: what the crank angle decides.
+        loads: forces and losses of the joints.
+    """
+
+    acceleration: Float[Array, ""]
+    at: Instants
+    loads: JointLoads
 
 
 def acceleration(
@@ -40,50 +55,91 @@ def acceleration(
             integrator that steps onto a kink passes an angle just inside the panel it is in.
     """
     at = angle if branch_angle is None else branch_angle
-    value, conservative, gas = solve_acceleration(compressor, at, speed, motor_torque)
-    loads = loads_at(compressor, CrankState(at, speed, value), gas, evidence=False)
-    return value, conservative, loads
+    solved = solve_motion(compressor, at, speed, motor_torque)
+    return solved.acceleration, solved.at.conservative, solved.loads
 
 
-def solve_acceleration(
+def solve_motion(
     compressor: Compressor,
-    at: Float[Array, ""],
-    speed: Float[Array, ""],
-    motor_torque: Float[Array, ""],
-) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
-    """Crank acceleration [rad/s^2], conservative torque [N m] and gas force [N]."""
-    inertia, inertia_1 = compressor.mechanism.inertia(at)
+    angle: Float[Array, "*n"],
+    speed: Float[Array, "*n"],
+    motor_torque: Float[Array, "*n"],
+    evidence: bool = False,
+) -> Instantaneous:
+    """Solve the equation of motion at crank angles [rad], speeds [rad/s] and motor torques [N m].
+
+    With `evidence` the loads have residual and margin of the joint loop.
+    """
     # at rest the next motion is taken to be forward
-    gas = gas_force(compressor, at, jnp.where(speed < 0, -1.0, 1.0))
-    conservative = conservative_torque(compressor, at, gas)
-    drive = motor_torque + conservative - 0.5 * inertia_1 * speed**2
-    start = drive / inertia
+    at = instants(compressor, angle, jnp.where(speed < 0, -1.0, 1.0))
+    drive = motor_torque + at.conservative - 0.5 * at.inertia_1 * speed**2
+    equation = _Equation(compressor, at, speed, drive)
+    value = drive / at.inertia
     if compressor.friction is None:
-        return start, conservative, gas
+        loop = equation.loop(value)
+        return Instantaneous(value, at, loop.loads(loop.start(), evidence))
+    value, joint = _solved(equation)
+    return Instantaneous(value, at, equation.loop(value).loads(joint, evidence))
 
-    def excess(machine, value, inertia, drive, gas, at, speed):
-        loads = loads_at(machine, CrankState(at, speed, value), gas, evidence=False)
-        return inertia * value - drive + loads.total_loss_torque
 
-    known = (inertia, drive, gas, at, speed)
-    frozen, fixed = lax.stop_gradient((compressor, known))
-    guess = lax.stop_gradient(start)
+class _Equation(eqx.Module):
+    """Balance of torques and of joint forces at instants, for acceleration and unknown of the joints."""
 
-    def secant(_, carry):
-        value, last, last_excess, slope = carry
-        now = excess(frozen, value, *fixed)
-        # a step down at rounding has no slope to tell
-        far = jnp.abs(value - last) > 1e-6 * (jnp.abs(value) + 1.0)
-        slope = jnp.where(far, (now - last_excess) / jnp.where(far, value - last, 1.0), slope)
-        # far from the root, or with locked joints, the slope of the bare machine is the safe one
-        slope = jnp.maximum(slope, 0.1 * fixed[0])
-        return value - now / slope, value, now, slope
+    compressor: Compressor
+    at: Instants
+    speed: Float[Array, "*n"]
+    drive: Float[Array, "*n"]
 
-    begin = (guess, guess, jnp.zeros_like(guess), fixed[0])
-    value, *_ = lax.fori_loop(0, _SECANT_STEPS, secant, begin)
-    # one differentiable Newton step from the root: the implicit function theorem
-    rest, slope = jax.jvp(
-        lambda x: excess(compressor, x, *known), (value,), (jnp.ones_like(value),)
-    )
-    value = value - rest / lax.stop_gradient(slope)
-    return value, conservative, gas
+    def loop(self, value):
+        machine, at = self.compressor, self.at
+        state = CrankState(at.angle, self.speed, value)
+        return joint_loop(
+            machine.mechanism, machine.friction, state, at.gas_force, machine.gravity, at.kinematics
+        )
+
+    def rest(self, value, joint):
+        """Torque [N m] and force [N] that are left over."""
+        excess, loss, _ = self.loop(value).balance(joint)
+        return self.at.inertia * value - self.drive + loss, excess
+
+    def slopes(self, value, joint):
+        """Slopes of both remainders along the acceleration and along the joints, with the remainders."""
+        one, none = jnp.ones_like(value), jnp.zeros_like(value)
+        ways = jnp.stack([one, none]), jnp.stack([none, one])
+        rest, linear = jax.linearize(self.rest, value, joint)
+        return rest, jax.vmap(linear)(*ways)
+
+    def newton(self, rest, slopes):
+        """Changes of acceleration and joints that remove the remainders."""
+        (torque, force), (by_torque, by_force) = rest, slopes
+        # joints that lock have slopes that are not positive; those of the bare machine are safe
+        stiff = jnp.maximum(by_force[1], 1e-3)
+        inertia = by_torque[0] - by_torque[1] * by_force[0] / stiff
+        inertia = jnp.maximum(inertia, 0.1 * self.at.inertia)
+        change = -(torque - by_torque[1] * force / stiff) / inertia
+        return change, -(force + by_force[0] * change) / stiff
+
+
+@eqx.filter_custom_jvp
+def _solved(equation: _Equation) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+    """Acceleration [rad/s^2] and unknown of the joint loop; derivatives by the implicit function."""
+    start = equation.drive / equation.at.inertia
+    first = equation.loop(start)
+    limit = first.limit()
+
+    def improve(_, unknowns):
+        value, joint = unknowns
+        change, moved = equation.newton(*equation.slopes(value, joint))
+        return value + change, newton_step(joint, -moved, jnp.ones_like(moved), limit)
+
+    return lax.fori_loop(0, _NEWTON_STEPS, improve, (start, first.start()))
+
+
+@_solved.def_jvp
+def _solved_jvp(primals, tangents):
+    (equation,) = primals
+    value, joint = _solved(equation)
+    _, moved = eqx.filter_jvp(lambda e: e.rest(value, joint), primals, tangents)
+    moved = tuple(jnp.zeros_like(value) if m is None else m for m in moved)
+    _, slopes = equation.slopes(value, joint)
+    return (value, joint), equation.newton(moved, slopes)

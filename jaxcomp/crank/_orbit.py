@@ -50,7 +50,8 @@ class Orbit(eqx.Module):
         gas_torque: [N m] on the crank, of gas and weights, shape (n,).
         motor_torque: [N m] shape (n,).
         loads: forces and friction of the joints at the nodes.
-        energy: work over the turn.
+        energy: work over the revolution.
+        loss_error: [J] estimated error of `energy.losses`, by joint: what twice the nodes change.
         mean_speed: [rad/s] one turn over its duration.
         lowest_speed, highest_speed: [rad/s] extremes within the turn.
         status: how the solver ended, a member of `Status`.
@@ -69,6 +70,7 @@ class Orbit(eqx.Module):
     motor_torque: Float[Array, " n"]
     loads: JointLoads
     energy: Energy
+    loss_error: dict[str, Float[Array, ""]]
     mean_speed: Float[Array, ""]
     lowest_speed: Float[Array, ""]
     highest_speed: Float[Array, ""]

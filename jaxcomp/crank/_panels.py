@@ -1,4 +1,4 @@
-"""Gauss panels: a turn cut at its kinks, with polynomials in between.
+"""Gauss panels: a revolution cut at its kinks, with polynomials in between.
 
 Each panel carries s Gauss-Legendre nodes. Integrating the polynomial through the nodes from the
 panel's left end gives the s-stage Gauss Runge-Kutta method, of order 2 s at the panel ends.
@@ -10,8 +10,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
-from numpy.polynomial import legendre
+from jax import lax
+from jaxtyping import Array, Float, Int
+from numpy.polynomial import chebyshev, legendre
 
 
 class Rule(NamedTuple):
@@ -22,16 +23,27 @@ class Rule(NamedTuple):
         weights: quadrature weights.
         integral: row i integrates the polynomial through the nodes from 0 to node i.
         to_legendre: coefficients in Legendre polynomials of 2 x - 1 from values at the nodes.
+        to_chebyshev: the same in Chebyshev polynomials.
     """
 
     nodes: np.ndarray
     weights: np.ndarray
     integral: np.ndarray
     to_legendre: np.ndarray
+    to_chebyshev: np.ndarray
 
     def through(self, x: np.ndarray) -> np.ndarray:
         """Values at places x in [0, 1] of the polynomial through values at the nodes: a matrix."""
         return legendre.legvander(2 * x - 1, self.nodes.size - 1) @ self.to_legendre
+
+    def weights_at(self, x: Float[Array, "*n"]) -> Float[Array, "*n s"]:
+        """Weights of the values at the nodes in the polynomial's value at places x in [0, 1].
+
+        Without derivatives to the places.
+        """
+        turned = jnp.arccos(jnp.clip(2 * lax.stop_gradient(x) - 1, -1.0, 1.0))
+        # Chebyshev polynomials are cos(k arccos(x))
+        return jnp.cos(turned[..., None] * np.arange(self.nodes.size)) @ self.to_chebyshev
 
     @property
     def derivative(self) -> np.ndarray:
@@ -46,14 +58,15 @@ def gauss(count: int) -> Rule:
     coefficients = np.linalg.inv(legendre.legvander(x, count - 1))
     primitive = np.stack([legendre.legint(c, lbnd=-1) for c in coefficients.T], axis=1)
     integral = legendre.legvander(x, count) @ primitive
-    return Rule((x + 1) / 2, w / 2, integral / 2, coefficients)
+    to_chebyshev = np.linalg.inv(chebyshev.chebvander(x, count - 1))
+    return Rule((x + 1) / 2, w / 2, integral / 2, coefficients, to_chebyshev)
 
 
 class Panels(NamedTuple):
-    """A turn cut into p panels with s nodes each.
+    """A revolution cut into p panels with s nodes each.
 
     Attributes:
-        edges: [rad] shape (p + 1,), the last a whole turn after the first.
+        edges: [rad] shape (p + 1,), the last a revolution after the first.
         angle: [rad] nodes, shape (p, s).
         weight: [rad] quadrature weights, shape (p, s).
         rule: the Gauss rule on every panel.
@@ -79,30 +92,32 @@ class Panels(NamedTuple):
         return at_edges[:-1, None] + within, at_edges
 
     def total(self, values: Float[Array, "p s"]) -> Float[Array, ""]:
-        """Integral over the turn."""
+        """Integral over the revolution."""
         return jnp.sum(self.weight * values)
 
-    def finer(self, values: Float[Array, "p s"], nodes: int) -> Float[Array, "p n"]:
-        """The panel polynomials at the nodes of a rule with more of them."""
-        return values @ self.rule.through(gauss(nodes).nodes).T
+    def panel_of(self, angle: Float[Array, "*n"]) -> Int[Array, "*n"]:
+        """Index of the panel that holds an angle [rad]; at an edge, the one that begins there."""
+        panel = jnp.searchsorted(self.edges, angle, side="right", method="compare_all") - 1
+        return jnp.clip(panel, 0, self.width.size - 1)
 
     def interpolate(self, values, angle: Float[Array, "*n"]):
-        """Value at angles [rad] within the turn of the panel polynomials there.
+        """Value at angles [rad] within the revolution of the panel polynomials there.
+
+        Without derivatives to the angles.
 
         Args:
-            values: at the nodes, (p, s); or a tree of such arrays.
+            values: at the nodes, (..., p, s); or a tree of such arrays.
             angle: [rad] (*n).
         """
-        panel = jnp.searchsorted(self.edges, angle, side="right") - 1
-        panel = jnp.clip(panel, 0, self.width.size - 1)
+        panel = self.panel_of(angle)
         width = self.width[panel]
         x = jnp.where(width > 0, (angle - self.edges[panel]) / jnp.where(width > 0, width, 1), 0.5)
-        weight = legendre_basis(2 * x - 1, self.rule.nodes.size) @ self.rule.to_legendre
-        return jax.tree.map(lambda v: jnp.sum(v[panel] * weight, axis=-1), values)
+        weight = self.rule.weights_at(x)
+        return jax.tree.map(lambda v: jnp.sum(v[..., panel, :] * weight, axis=-1), values)
 
 
 def panels(edges: Float[Array, " k"], nodes: int) -> Panels:
-    """Panels from the sorted edges of a turn, of which the last is a turn after the first.
+    """Panels from the sorted edges of a revolution, of which the last is a revolution after the first.
 
     Args:
         edges: [rad] (k,) sorted crank angles; equal ones make panels of no width.
@@ -111,11 +126,3 @@ def panels(edges: Float[Array, " k"], nodes: int) -> Panels:
     rule = gauss(nodes)
     width = jnp.diff(edges)[:, None]
     return Panels(edges, edges[:-1, None] + width * rule.nodes, width * rule.weights, rule)
-
-
-def legendre_basis(x: Float[Array, "*n"], count: int) -> Float[Array, "*n count"]:
-    """Legendre polynomials of degree 0 to count - 1."""
-    columns = [jnp.ones_like(x), x]
-    for k in range(1, count - 1):
-        columns.append(((2 * k + 1) * x * columns[k] - k * columns[k - 1]) / (k + 1))
-    return jnp.stack(columns[:count], axis=-1)

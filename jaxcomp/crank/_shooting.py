@@ -8,7 +8,7 @@ Derivatives follow from the implicit function theorem: one more integration, dif
 parameter dependence of the periodicity condition, and its known Jacobian gives that of the unknowns.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -19,15 +19,16 @@ from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport
 from .._status import Status
-from ..compressor import Compressor, kink_angles, loads_at
+from ..compressor import Compressor, instants, kink_angles
+from ..friction import joint_loads
 from ..mechanism import CrankState
-from ..motor import MeanSpeed
-from ._changes import Resolution, place_changes
-from ._motion import solve_acceleration
+from ._closure import closure_of
+from ._collocation import Collocation
+from ._iteration import Known, prepare, revolution_edges
+from ._motion import solve_motion
 from ._orbit import Energy, Orbit
 from ._panels import panels
-from ._passes import initial_motion, lay_turn, motor_level, torques, turn_edges
-from ._turn import orbit_on_panels
+from ._result import orbit_on_panels
 
 # [rad] Distance of a step's end from a change of side, more than the error of its place. Derivatives
 # err by about as much: the one step across the change takes its sides at random.
@@ -54,7 +55,7 @@ class Shooting(eqx.Module):
             share one compiled program.
         adjoint: how diffrax differentiates a turn; the default serves reverse mode,
             `diffrax.ForwardMode()` serves forward mode.
-        kinks: how many changes of side in mid-stroke the steps avoid to cross; 0 looks for none.
+        reversals: how many load reversals in mid-stroke the steps avoid to cross; 0 looks for none.
         max_newton: Newton steps on the periodicity condition.
         max_steps: steps of one turn.
         output_nodes: nodes on every panel at which forces and speed are reported.
@@ -63,7 +64,7 @@ class Shooting(eqx.Module):
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
     tolerance: float | Float[Array, ""] = 1e-7
     adjoint: diffrax.AbstractAdjoint = eqx.field(default_factory=diffrax.RecursiveCheckpointAdjoint)
-    kinks: int = eqx.field(static=True, default=4)
+    reversals: int = eqx.field(static=True, default=4)
     max_newton: int = eqx.field(static=True, default=12)
     max_steps: int = eqx.field(static=True, default=4096)
     output_nodes: int = eqx.field(static=True, default=12)
@@ -77,71 +78,84 @@ class Shooting(eqx.Module):
 
     def solve(self, compressor: Compressor) -> Orbit:
         """The orbit of an admissible compressor."""
+        closure = closure_of(compressor.motor)
+        if not closure.integrates:
+            return Collocation(self.output_nodes, self.reversals).solve(compressor)
         frozen = lax.stop_gradient(compressor)
-        edges = lax.stop_gradient(turn_edges(kink_angles(compressor)))
-        turn = lay_turn(frozen, edges, 8)
-        # Constant speed gives the level of torque from which Newton's method starts.
-        level = motor_level(turn, torques(frozen, turn, initial_motion(turn)))
-        scales = (turn.speed_scale, turn.energy_scale, level)
-        stops, places = self._stops(frozen, edges)
-        start = jnp.ones(2 if isinstance(compressor.motor, MeanSpeed) else 1)
-
-        fixed = (scales, edges, stops)
-
-        root, jacobian, steps = self._newton(
-            lambda unknowns: self._gap(unknowns, frozen, fixed, diffrax.ForwardMode()), start
-        )
-        unknowns = _follow_parameters(compressor, (root, jacobian, fixed), self)
-        end, states = self._turn(compressor, unknowns, *fixed, places=places, adjoint=self.adjoint)
-        gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, scales))))
+        fixed = self._prepared(frozen)
+        shot, steps = self._newton(frozen, fixed, jnp.ones(2 if closure.level_is_unknown else 1))
+        result = _following(compressor, shot, fixed, self)
+        unknowns, end, _ = result
+        gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, fixed))))
         gap_size = jnp.where(jnp.isfinite(gap_size), gap_size, _LOST)
-        end, states = jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 1.0), (end, states))
+        _, end, speed = jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 1.0), result)
         settled = gap_size <= 3 * self.tolerance
         report = FixedPointReport(steps, gap_size, settled)
         status = Status.where(settled, Status.converged, Status.not_converged)
-        unstable = (jacobian[0, 0] >= 0) & (not isinstance(compressor.motor, MeanSpeed))
-        status = Status.where(settled & unstable, Status.no_periodic_state, status)
-        return self._orbit(compressor, unknowns, scales, edges, places, end, states, status, report)
+        if not closure.level_is_unknown:
+            unstable = shot.jacobian[0, 0] >= 0
+            status = Status.where(settled & unstable, Status.no_periodic_state, status)
+        return self._orbit(compressor, unknowns, fixed, end, speed, status, report)
 
-    def _stops(self, machine: Compressor, edges):
+    def _prepared(self, machine: Compressor) -> "_Fixed":
+        """Scales, stops and panels of a machine without derivatives."""
+        edges = revolution_edges(kink_angles(machine))
+        known = prepare(machine, edges)
+        # Constant speed gives the level of torque from which Newton's method starts.
+        grid = panels(edges, 8)
+        at = instants(machine, grid.angle)
+        speed = jnp.full_like(at.angle, known.scales.speed)
+        state = CrankState(at.angle, speed, jnp.zeros_like(speed))
+        loads = joint_loads(
+            machine.mechanism, machine.friction, state, at.gas_force, machine.gravity, False
+        )
+        net = grid.total(loads.total_loss_torque - at.conservative)
+        level = net / grid.total(machine.motor.torque(speed))
+        return _Fixed(
+            known.scales.speed, known.scales.energy, level, edges, *self._stops(machine, known)
+        )
+
+    def _stops(self, machine: Compressor, known: Known):
         """Where steps end, and the edges of the panels on which the result is reported.
 
-        Steps end at the known kinks, beside each change of side, and closing in on pinches.
+        Steps end at the known kinks, beside each load reversal, and closing in on near-zero loads.
 
-        A step that ended on a change itself would pick a side at random, and its derivative with it.
-        Near a pinch the derivatives of a load turn round within an angle so short that the step
-        control, which watches values only, would step over it. Only the places come from the
-        collocation solver; the solution does not.
+        A step that ended on a reversal itself would pick a side at random, and its derivative with it.
+        Near a load of almost zero the derivatives of its magnitude turn round within an angle so short
+        that the step control, which watches values only, would step over it. Only the places come from
+        the collocation solver; the solution does not.
         """
-        if machine.friction is None or not self.kinks:
+        edges = known.edges
+        if machine.friction is None or not self.reversals:
             return edges[1:-1], edges
-        changes, _, _ = place_changes(machine, Resolution(8, self.kinks, 3, 80))
-        kinks, pinches = jnp.split(changes.angle, 2)
+        problem = Collocation(8, self.reversals).problem(machine)
+        motion, (reversals, _) = problem.solve(known)
+        kinks, pinches = jnp.split(motion.places, 2)
         beside = jnp.array([-_BESIDE, _BESIDE])
         closing = 0.1 * 0.15 ** jnp.arange(_CLOSING)
         around = jnp.concatenate([-closing, closing])
-        used = changes.row[:, None] >= 0
-        near_kinks = jnp.where(used[: self.kinks], kinks[:, None] + beside, edges[1])
-        near_pinches = jnp.where(used[self.kinks :], pinches[:, None] + around, edges[1])
+        used = reversals.row[:, None] >= 0
+        near_kinks = jnp.where(used[: self.reversals], kinks[:, None] + beside, edges[1])
+        near_pinches = jnp.where(used[self.reversals :], pinches[:, None] + around, edges[1])
         stops = jnp.concatenate([edges[1:-1], *map(jnp.ravel, (near_kinks, near_pinches))])
         inside = (stops > edges[0]) & (stops < edges[-1])
-        places = jnp.clip(changes.angle, edges[0], edges[-1])
+        places = jnp.clip(motion.places, edges[0], edges[-1])
         return (
             jnp.sort(jnp.where(inside, stops, edges[1])),
             jnp.sort(jnp.concatenate([edges, places])),
         )
 
-    def _gap(self, unknowns, machine, fixed, adjoint):
-        """By how much a turn misses its own beginning."""
-        end, _ = self._turn(machine, unknowns, *fixed, adjoint=adjoint)
-        return _gap_at(end, unknowns, machine, fixed[0])
+    def _newton(self, machine: Compressor, fixed: "_Fixed", start) -> tuple["_Shot", Any]:
+        """Newton's method on the periodicity condition, over one integration that does all.
 
-    def _newton(self, gap, start):
-        """Newton's method that hands out its Jacobian as well: the derivatives need it."""
+        The integration gives the accounts and the speed as well, and the dependence of everything on
+        the unknowns.
+        """
 
-        def value_twice(unknowns):
-            value = gap(unknowns)
-            return value, value
+        def shoot(unknowns):
+            end, speed = self._march(machine, unknowns, fixed, diffrax.ForwardMode())
+            result = unknowns, end, speed
+            return (result, _gap_at(end, unknowns, machine, fixed)), result
 
         def going_on(carry):
             _, _, size, steps = carry
@@ -149,62 +163,60 @@ class Shooting(eqx.Module):
 
         def advance(carry):
             unknowns, _, _, steps = carry
-            jacobian, value = jax.jacfwd(value_twice, has_aux=True)(unknowns)
-            step = jnp.linalg.solve(jacobian, value)
-            # A turn that could not be integrated has no step to offer; the gap reports it.
+            (by_unknowns, jacobian), result = jax.jacfwd(shoot, has_aux=True)(unknowns)
+            gap = _gap_at(result[1], unknowns, machine, fixed)
+            step = jnp.linalg.solve(jacobian, gap)
+            # A revolution that could not be integrated has no step to offer; the gap reports it.
             lost = ~jnp.all(jnp.isfinite(step))
             jacobian = jnp.where(lost, jnp.eye(start.size), jacobian)
             # a long step may reach a halt; half the speed at a time is far enough
             step = jnp.where(lost, 0.0, jnp.clip(step, -0.5, 0.5))
-            return unknowns - step, jacobian, jnp.max(jnp.abs(step)), steps + 1
+            # the last step is so short that everything follows it linearly
+            result = jax.tree.map(lambda x, slope: x - slope @ step, result, by_unknowns)
+            shot = _Shot(result, by_unknowns, jacobian)
+            return unknowns - step, shot, jnp.max(jnp.abs(step)), steps + 1
 
-        begin = (start, jnp.eye(start.size), jnp.asarray(jnp.inf), jnp.asarray(0))
-        root, jacobian, _, steps = lax.while_loop(going_on, advance, begin)
-        return lax.stop_gradient(root), lax.stop_gradient(jacobian), steps
+        shapes = jax.eval_shape(advance, (start, None, None, jnp.asarray(0)))[1]
+        begin = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+        carry = (start, begin, jnp.asarray(jnp.inf), jnp.asarray(0))
+        _, shot, _, steps = lax.while_loop(going_on, advance, carry)
+        return lax.stop_gradient(shot), steps
 
-    def _turn(self, machine, unknowns, scales, edges, stops, *, places=None, adjoint):
-        """Integrate one turn to its end.
-
-        With `places`, edges of panels, keep the accounts and return the speed at their nodes too.
-        """
-        speed_scale, energy_scale, level_scale = scales
-        holds_speed = isinstance(machine.motor, MeanSpeed)
-        moving = turn_edges(kink_angles(machine))
+    def _march(self, machine: Compressor, unknowns, fixed: "_Fixed", adjoint):
+        """Integrate one revolution: speed, time and accounts at its end, speed at the panels' nodes."""
+        edges = fixed.edges
+        closure = closure_of(machine.motor)
+        moving = revolution_edges(kink_angles(machine))
 
         def rate(place, y, args):
             del args
             branch, stretch = _follow(edges, moving, place)
             # A halt is reported by the end values; the floor keeps them finite.
-            speed = jnp.maximum(y["speed"], 1e-3) * speed_scale
+            speed = jnp.maximum(y["speed"], 1e-3) * fixed.speed
             motor = machine.motor.torque(speed)
-            if holds_speed:
-                motor = motor * unknowns[1] * level_scale
-            rise, conservative, gas = solve_acceleration(machine, branch, speed, motor)
-            out = {"speed": rise / speed / speed_scale, "time": speed_scale / speed / (2 * jnp.pi)}
-            if places is not None:
-                state = CrankState(branch, speed, rise)
-                loads = loads_at(machine, state, gas, evidence=False)
-                work = {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
-                out["work"] = jax.tree.map(lambda torque: torque / energy_scale, work)
+            if closure.level_is_unknown:
+                motor = motor * unknowns[1] * fixed.level
+            now = solve_motion(machine, branch, speed, motor)
+            torques = {
+                "motor": motor,
+                "gas": -now.at.conservative,
+                "losses": now.loads.loss_torque,
+            }
+            out = {
+                "speed": now.acceleration / speed / fixed.speed,
+                "time": fixed.speed / speed / (2 * jnp.pi),
+                "work": jax.tree.map(lambda torque: torque / fixed.energy, torques),
+            }
             return jax.tree.map(lambda x: x * stretch, out)
 
-        y0 = {"speed": unknowns[0], "time": jnp.zeros(())}
-        saveat = diffrax.SaveAt(t1=True)
-        if places is not None:
-            nothing = {"motor": jnp.zeros(()), "gas": jnp.zeros(())}
-            names = jax.eval_shape(lambda: rate(edges[0], y0 | {"work": None}, None))["work"]
-            nothing["losses"] = {name: jnp.zeros(()) for name in names["losses"]}
-            y0["work"] = nothing
-            nodes = panels(places, self.output_nodes).angle.ravel()
-            saveat = diffrax.SaveAt(
-                subs=[
-                    diffrax.SubSaveAt(t1=True),
-                    diffrax.SubSaveAt(ts=nodes, fn=lambda t, y, args: y["speed"]),
-                ]
-            )
-        steps = diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=self.step_tolerance, atol=self.step_tolerance), jump_ts=stops
-        )
+        y0: dict[str, Any] = {"speed": unknowns[0], "time": jnp.zeros(())}
+        losses = jax.eval_shape(rate, edges[0], y0, None)["work"]["losses"]
+        y0["work"] = {
+            "motor": jnp.zeros(()),
+            "gas": jnp.zeros(()),
+            "losses": {name: jnp.zeros(()) for name in losses},
+        }
+        nodes = panels(fixed.places, self.output_nodes).angle.ravel()
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(rate),
             self.solver,
@@ -212,78 +224,111 @@ class Shooting(eqx.Module):
             t1=edges[-1],
             dt0=0.01,
             y0=y0,
-            saveat=saveat,
-            stepsize_controller=steps,
+            saveat=diffrax.SaveAt(
+                subs=[
+                    diffrax.SubSaveAt(t1=True),
+                    diffrax.SubSaveAt(ts=nodes, fn=lambda t, y, args: y["speed"]),
+                ]
+            ),
+            stepsize_controller=diffrax.ClipStepSizeController(
+                diffrax.PIDController(rtol=self.step_tolerance, atol=self.step_tolerance),
+                jump_ts=fixed.stops,
+            ),
             max_steps=self.max_steps,
             adjoint=adjoint,
             throw=False,
         )
-        if places is None:
-            return jax.tree.map(lambda x: x[-1], solution.ys), None
         assert solution.ys is not None
         end, speed = solution.ys
         return jax.tree.map(lambda x: x[-1], end), speed
 
-    def _orbit(
-        self, compressor, unknowns, scales, edges, places, end, speed, status, report
-    ) -> Orbit:
-        speed_scale, energy_scale, level_scale = scales
-        moved = jnp.interp(places, edges, turn_edges(kink_angles(compressor)))
-        grid = panels(moved, self.output_nodes)
-        speed = jnp.maximum(speed.reshape(grid.angle.shape), 1e-3) * speed_scale
+    def _orbit(self, compressor, unknowns, fixed: "_Fixed", end, speed, status, report) -> Orbit:
+        edges = revolution_edges(kink_angles(compressor))
+        grid = panels(jnp.interp(fixed.places, fixed.edges, edges), self.output_nodes)
+        speed = jnp.maximum(speed.reshape(grid.angle.shape), 1e-3) * fixed.speed
         motor = compressor.motor.torque(speed)
-        if isinstance(compressor.motor, MeanSpeed):
-            motor = motor * unknowns[1] * level_scale
-        rise, _, _ = _over_panels(solve_acceleration)(compressor, grid.angle, speed, motor)
-        state = CrankState(grid.angle, speed, rise)
-        work = jax.tree.map(lambda w: w * energy_scale, end["work"])
+        if closure_of(compressor.motor).level_is_unknown:
+            motor = motor * unknowns[1] * fixed.level
+        now = solve_motion(compressor, grid.angle, speed, motor, evidence=True)
+        state = CrankState(grid.angle, speed, now.acceleration)
+        work = jax.tree.map(lambda w: w * fixed.energy, end["work"])
         energy = Energy(work["motor"], work["gas"], work["losses"])
-        loads = loads_at(compressor, state)
-        # Close to self-locking the steps of the joint loop, or those to the acceleration, are too few.
-        quick = loads_at(compressor, state, evidence=False)
-        sound = loads.agrees(quick.total_loss_torque)
-        sound &= jnp.abs(energy.residual) <= 10 * self.tolerance
-        lost = ~sound & (status == Status.converged)
-        status = Status.where(lost, Status.not_converged, status)
-        stalled = jnp.min(speed) <= 2e-3 * speed_scale
+        # Close to self-locking the steps to acceleration and joint forces may be too few.
+        lost = ~(jnp.abs(energy.residual) <= 10 * self.tolerance)
+        status = Status.where(lost & (status == Status.converged), Status.not_converged, status)
+        stalled = jnp.min(speed) <= 2e-3 * fixed.speed
         status = Status.where(stalled, Status.stalled, status)
+        open_ = jnp.abs(energy.motor_work - energy.gas_work - energy.total_loss)
+        error = {name: lax.stop_gradient(open_) for name in energy.losses}
         orbit = orbit_on_panels(
-            compressor, grid, state, motor, loads, energy, status, report, self.name
+            grid, now.at, state, motor, now.loads, energy, error, status, report, self.name
         )
-        mean_speed = speed_scale / end["time"]
-        return eqx.tree_at(lambda o: o.mean_speed, orbit, mean_speed)
+        return eqx.tree_at(lambda o: o.mean_speed, orbit, fixed.speed / end["time"])
 
 
-def _gap_at(end, unknowns, machine, scales):
+class _Fixed(NamedTuple):
+    """What does not follow the parameters in derivatives.
+
+    Attributes:
+        speed, energy, level: scales [rad/s], [J], [-] of the motor torque.
+        edges: [rad] of the revolution, at known kinks.
+        stops: [rad] where steps end.
+        places: [rad] edges of the panels of the result.
+    """
+
+    speed: Float[Array, ""]
+    energy: Float[Array, ""]
+    level: Float[Array, ""]
+    edges: Float[Array, " k"]
+    stops: Float[Array, " s"]
+    places: Float[Array, " p"]
+
+
+class _Shot(NamedTuple):
+    """A revolution that ends as it began.
+
+    Attributes:
+        result: unknowns, values at the end, speed at the nodes.
+        by_unknowns: derivatives of the result over the unknowns.
+        jacobian: of the periodicity condition over the unknowns.
+    """
+
+    result: Any
+    by_unknowns: Any
+    jacobian: Float[Array, "u u"]
+
+
+def _gap_at(end, unknowns, machine, fixed: _Fixed):
+    """By how much a revolution misses its own beginning, and the mean speed if that is given."""
     gaps = [end["speed"] - unknowns[0]]
-    if isinstance(machine.motor, MeanSpeed):
-        gaps.append(end["time"] * machine.motor.mean_speed / scales[0] - 1)
+    if closure_of(machine.motor).level_is_unknown:
+        gaps.append(end["time"] * machine.motor.mean_speed / fixed.speed - 1)
     return jnp.stack(gaps)
 
 
 @eqx.filter_custom_jvp
-def _follow_parameters(machine, solved, options):
-    """The solved unknowns, with their dependence on the machine by the implicit function theorem.
+def _following(machine, shot: _Shot, fixed: _Fixed, options: Shooting):
+    """The result of a shot, with its dependence on the machine by the implicit function theorem.
 
-    Only a derivative asks for the extra turn.
+    Only a derivative asks for one more integration.
     """
-    del machine, options
-    return solved[0]
+    del machine, fixed, options
+    return shot.result
 
 
-@_follow_parameters.def_jvp
-def _follow_parameters_jvp(primals, tangents):
-    machine, (root, jacobian, fixed), options = primals
+@_following.def_jvp
+def _following_jvp(primals, tangents):
+    machine, shot, fixed, options = primals
+    unknowns = shot.result[0]
 
-    def gap(machine):
-        return options._gap(root, machine, fixed, options.adjoint)
+    def march(machine):
+        end, speed = options._march(machine, unknowns, fixed, options.adjoint)
+        return (end, speed), _gap_at(end, unknowns, machine, fixed)
 
-    _, moved = eqx.filter_jvp(gap, (machine,), (tangents[0],))
-    return root, -jnp.linalg.solve(jacobian, moved)
-
-
-def _over_panels(function):
-    return jax.vmap(jax.vmap(function, (None, 0, 0, 0)), (None, 0, 0, 0))
+    _, (moved, gap) = eqx.filter_jvp(march, (machine,), (tangents[0],))
+    moved = (jnp.zeros_like(unknowns), *moved)
+    follow = -jnp.linalg.solve(shot.jacobian, gap)
+    return shot.result, jax.tree.map(lambda m, slope: m + slope @ follow, moved, shot.by_unknowns)
 
 
 def _follow(

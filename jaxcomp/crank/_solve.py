@@ -6,10 +6,7 @@ import jax.numpy as jnp
 from .._fields import admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
-from ..motor import ConstantSpeed
-from ._changes import Resolution
 from ._collocation import Collocation
-from ._given import orbit_at_given_speed
 from ._orbit import Orbit
 from ._shooting import Shooting
 
@@ -48,7 +45,7 @@ def solve_orbit(
     (True, True)
     """
     if solver is None:
-        solver = Collocation(kinks=compressor.mechanism.side_changes)
+        solver = Collocation(reversals=compressor.mechanism.load_reversals)
     orbit = _solve(compressor, solver)
     if throw and not is_traced(orbit.status._value):
         failed = orbit.status != Status.converged
@@ -71,13 +68,8 @@ def _solve(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
 
 
 def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
-    if not isinstance(compressor.motor, ConstantSpeed):
-        orbit = solver.solve(compressor)
-        coarse = (orbit.status == Status.converged) & (orbit.resolution > _COARSE)
-        return eqx.tree_at(
-            lambda o: o.status, orbit, Status.where(coarse, Status.unresolved, orbit.status)
-        )
-    nodes = solver.nodes if isinstance(solver, Collocation) else solver.output_nodes
-    grading = solver.grading if isinstance(solver, Collocation) else Collocation().grading
-    resolution = Resolution(nodes, solver.kinks, grading, max_passes=0)
-    return orbit_at_given_speed(compressor, compressor.motor, resolution)
+    orbit = solver.solve(compressor)
+    coarse = (orbit.status == Status.converged) & (orbit.resolution > _COARSE)
+    return eqx.tree_at(
+        lambda o: o.status, orbit, Status.where(coarse, Status.unresolved, orbit.status)
+    )

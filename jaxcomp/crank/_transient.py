@@ -10,7 +10,6 @@ from .._fields import BadInput, admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
 from ..mechanism import CrankState
-from ..motor import ConstantSpeed, MeanSpeed
 from ._motion import acceleration
 from ._orbit import Energy
 
@@ -116,7 +115,7 @@ def simulate(
     >>> print(f"{speed * 30 / jnp.pi:.0f} rpm after {angle / (2 * jnp.pi):.1f} turns from rest")
     924 rpm after 8.0 turns from rest
     """
-    if isinstance(compressor.motor, MeanSpeed | ConstantSpeed):
+    if compressor.motor.closes != "torque":
         raise BadInput(
             "motor",
             type(compressor.motor).__name__,

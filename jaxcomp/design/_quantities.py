@@ -21,7 +21,7 @@ class Chain(eqx.Module):
     """How a design is worked out; everything here is fixed while numbers change.
 
     Attributes:
-        solver: of the periodic state. Absent: collocation with a panel edge for each change of side.
+        solver: of the periodic state. Absent: collocation with a panel edge for each load reversal.
         excitation: what shakes the rotor: "crank" (the periodic state at each speed, whose mean
             force loads the films as well) or "file" (the forces of the scene). Absent: the forces of
             the scene if it has any, otherwise the crank.

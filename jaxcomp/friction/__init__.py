@@ -15,8 +15,12 @@ from ._laws import CoulombSlide as CoulombSlide
 from ._laws import PistonFilm as PistonFilm
 from ._laws import RegularisedJournal as RegularisedJournal
 from ._laws import RegularisedSlide as RegularisedSlide
+from ._loads import AbstractJointLoop as AbstractJointLoop
 from ._loads import JointLoads as JointLoads
+from ._loads import closed as closed
 from ._loads import joint_loads as joint_loads
+from ._loads import joint_loop as joint_loop
+from ._loads import newton_step as newton_step
 from ._slider_crank import SliderCrankFriction as SliderCrankFriction
 from ._slider_link import SliderLinkFriction as SliderLinkFriction
 from ._slider_link import substitution as substitution

@@ -18,18 +18,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import Part
-from ..mechanism import CrankState, SliderCrank, pin_forces, rod_balance, rod_moment
+from ..mechanism import (
+    CrankState,
+    RodBalance,
+    SliderCrank,
+    pin_forces,
+    rod_balance,
+    rod_moment,
+    rod_motion,
+)
 from ._laws import AbstractJournal, AbstractSlide, PistonFilm
-from ._loads import JointLoads, joint_loads
-
-# Newton steps on the joint loop, the last two differentiable (which makes derivatives exact up to
-# third order). They start from the loop of the wall alone, which is solved at once, so only the
-# journals' share of about mu d/l is left, and each step squares it. Residual after three steps: 4e-17
-# on the machine of Tsuji et al., 6e-13 with friction raised until the margin is 0.33. Inside a solver,
-# where no evidence is asked for, the first step is left out; the losses then change by 2e-16 of the
-# largest on that machine, and by 9e-12, 4e-8, 1e-5 at margins of 0.6, 0.33, 0.15, which the solvers
-# watch (`JointLoads.agrees`).
-_FIRST_STEPS, _POLISH_STEPS = 1, 2
+from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude
 
 
 class SliderCrankFriction(Part):
@@ -59,96 +58,128 @@ class SliderCrankFriction(Part):
             raise ValueError("`wall_film.length` is needed: a slider-crank has no engaged length.")
 
 
-def _length(vector: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-    # double where: the slope of the root at a load of exactly zero is infinite
-    square = vector[0] ** 2 + vector[1] ** 2
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+class SliderCrankLoop(AbstractJointLoop):
+    """The joints of a slider-crank up to the side force N [N] of the cylinder wall.
 
+    Attributes:
+        friction: the laws of the joints.
+        bodies: inertia, weight and gas forces.
+        speed: [rad/s] of the crank.
+        slide_speed: [m/s] of the piston.
+        film: [N] drag of the oil on the piston, along x.
+    """
 
-@joint_loads.register
-def _slider_crank_loads(
-    mechanism: SliderCrank, friction, state: CrankState, gas_force, gravity=None, evidence=True
-) -> JointLoads:
-    friction = SliderCrankFriction() if friction is None else friction
-    balance = rod_balance(mechanism, state, gas_force, gravity)
-    rod, speed = balance.rod, state.speed
-    arm = mechanism.conrod_length * rod.cos_tilt
-    slide_speed = rod.position_1 * speed
-    film = (
-        jnp.zeros_like(speed)
-        if friction.wall_film is None
-        else friction.wall_film.force(mechanism.bore, friction.wall_film.length, slide_speed)
-    )
+    friction: SliderCrankFriction
+    bodies: RodBalance
+    speed: Float[Array, "*n"]
+    slide_speed: Float[Array, "*n"]
+    film: Float[Array, "*n"] | None
 
-    def wall_force(side):
-        if friction.wall is None:
-            return jnp.zeros_like(side)
-        return friction.wall.force(jnp.abs(side), slide_speed)
+    def _wall(self, side):
+        """Friction of the wall along x, against the motion [N]; and its sum with the film's drag."""
+        wall = self.film
+        if self.friction.wall is not None:
+            dry = self.friction.wall.force(jnp.abs(side), self.slide_speed)
+            wall = dry if self.film is None else dry + self.film
+        return jnp.zeros_like(side) if wall is None else wall
 
-    def pins(side):
-        return pin_forces(balance, side, -wall_force(side) - film)
-
-    def journal(law, vector, rate):
-        return jnp.zeros_like(rate) if law is None else law.moment(_length(vector), rate)
-
-    def pin_moment(forces):
-        return journal(friction.piston_pin, forces.piston_pin, rod.tilt_1 * speed) + journal(
-            friction.crank_pin, forces.crank_pin, (1 + rod.tilt_1) * speed
+    def _pins(self, side, wall):
+        """Forces of the pins, with their moments [N m] on the rod (`None` without a law)."""
+        forces, rod = pin_forces(self.bodies, side, -wall), self.bodies.rod
+        return (
+            forces,
+            _moment(self.friction.piston_pin, forces.piston_pin, rod.tilt_1 * self.speed),
+            _moment(self.friction.crank_pin, forces.crank_pin, (1 + rod.tilt_1) * self.speed),
         )
 
-    def loop(side):
-        forces = pins(side)
-        return rod_moment(mechanism, balance, forces.piston_pin) + pin_moment(forces) / arm
+    def _left(self, forces, *moments):
+        known = [moment for moment in moments if moment is not None]
+        rest = rod_moment(self.bodies, forces.piston_pin)
+        return rest + sum(known[1:], known[0]) / self.bodies.arm if known else rest
 
-    def value_and_slope(side):
-        return jax.jvp(loop, (side,), (jnp.ones_like(side),))
+    @property
+    def coupled(self):
+        laws = self.friction
+        return any(law is not None for law in (laws.wall, laws.piston_pin, laws.crank_pin))
 
-    # Without pin moments the loop is linear in N on either side, with the slope of the wall alone.
-    side = -loop(jnp.zeros_like(speed))
-    grip = jnp.sign(side) * wall_force(jnp.ones_like(side)) * rod.sin_tilt / rod.cos_tilt
-    side = side / jnp.maximum(1 - grip, 1e-3)
-    coupled = friction.wall is not None or (friction.piston_pin, friction.crank_pin) != (None, None)
-    # beyond this there is no solution: the joints are locked, and the numbers only stay finite
-    far = jax.lax.stop_gradient(1e3 * (jnp.abs(side) + jnp.abs(balance.pin_x) + 1.0))
-    if coupled:
-        for _ in range(_FIRST_STEPS if evidence else 0):
-            side = _newton(value_and_slope, jax.lax.stop_gradient(side), far)
-        side = jax.lax.stop_gradient(side)
-        for _ in range(_POLISH_STEPS):
-            side = _newton(value_and_slope, side, far)
-    forces = pins(side)
-    wall = wall_force(side)
-    residual = margin = None
-    if evidence:
-        residual = loop(side) / (jnp.abs(side) + jnp.abs(balance.pin_x) + 1e-300)
-        margin = jnp.ones_like(speed)
-        if coupled:
-            margin = jnp.minimum(value_and_slope(far)[1], value_and_slope(-far)[1])
-    loss = {
-        "wall": wall * rod.position_1,
-        "wall_film": film * rod.position_1,
-        "piston_pin": journal(friction.piston_pin, forces.piston_pin, rod.tilt_1 * speed)
-        * rod.tilt_1,
-        "crank_pin": journal(friction.crank_pin, forces.crank_pin, (1 + rod.tilt_1) * speed)
-        * (1 + rod.tilt_1),
-        "main_journal": journal(friction.main_journal, forces.main_journal, speed),
-    }
-    return JointLoads(
-        forces={
-            "wall": jnp.stack([-wall - film, side]),
-            "piston_pin": forces.piston_pin,
-            "crank_pin": forces.crank_pin,
-            "main_journal": forces.main_journal,
-        },
-        loss_torque={name: loss[name] for name in loss if getattr(friction, name) is not None},
-        residual=residual,
-        margin=margin,
-        kinks=side[None],
-        pinches=forces.piston_pin[:1],
-    )
+    def start(self):
+        # Without pin moments the loop is linear in N on either side, with the slope of the wall alone.
+        zero = jnp.zeros_like(self.speed)
+        side = -rod_moment(
+            self.bodies, pin_forces(self.bodies, zero, zero if self.film is None else -self.film)[0]
+        )
+        if self.friction.wall is None:
+            return side
+        rod = self.bodies.rod
+        grip = self.friction.wall.force(jnp.sign(side), self.slide_speed)
+        return side / jnp.maximum(1 - grip * rod.sin_tilt / rod.cos_tilt, 1e-3)
+
+    def size(self):
+        return jnp.abs(self.start()) + jnp.abs(self.bodies.pin_x)
+
+    def excess(self, unknown):
+        return self._left(*self._pins(unknown, self._wall(unknown)))
+
+    def balance(self, unknown):
+        wall = self._wall(unknown)
+        forces, *moments = self._pins(unknown, wall)
+        loss = sum(self._losses(forces, wall, *moments).values(), jnp.zeros_like(wall))
+        return self._left(forces, *moments), loss, (unknown, forces.piston_pin.x)
+
+    def _losses(self, forces, wall, piston_pin, crank_pin) -> dict[str, Float[Array, "*n"]]:
+        rod, friction, loss = self.bodies.rod, self.friction, {}
+        if friction.wall is not None:
+            dry = wall if self.film is None else wall - self.film
+            loss["wall"] = dry * rod.position_1
+        if self.film is not None:
+            loss["wall_film"] = self.film * rod.position_1
+        if piston_pin is not None:
+            loss["piston_pin"] = piston_pin * rod.tilt_1
+        if crank_pin is not None:
+            loss["crank_pin"] = crank_pin * (1 + rod.tilt_1)
+        journal = _moment(friction.main_journal, forces.main_journal, self.speed)
+        if journal is not None:
+            loss["main_journal"] = journal
+        return loss
+
+    def loads(self, unknown, evidence):
+        side, wall = unknown, self._wall(unknown)
+        forces, *moments = self._pins(side, wall)
+        residual = margin = None
+        if evidence:
+            size = jnp.abs(side) + jnp.abs(self.bodies.pin_x) + 1e-300
+            residual = self._left(forces, *moments) / size
+            far = self.limit()
+            margin = jnp.ones_like(side)
+            if self.coupled:
+                margin = jnp.min(jax.vmap(self.slope)(jnp.stack([far, -far])), axis=0)
+        return JointLoads(
+            forces={
+                "wall": jnp.stack([-wall, side]),
+                "piston_pin": forces.piston_pin.stacked(),
+                "crank_pin": forces.crank_pin.stacked(),
+                "main_journal": forces.main_journal.stacked(),
+            },
+            loss_torque=self._losses(forces, wall, *moments),
+            residual=residual,
+            margin=margin,
+            kinks=side[None],
+            pinches=forces.piston_pin.x[None],
+        )
 
 
-def _newton(value_and_slope, side, far):
-    value, slope = value_and_slope(side)
-    # a slope that is not positive belongs to a locked joint, which the margin reports
-    return jnp.clip(side - value / jnp.maximum(slope, 1e-3), -far, far)
+@joint_loop.register
+def _slider_crank_loop(
+    mechanism: SliderCrank, friction, state: CrankState, gas_force, gravity=None, kinematics=None
+) -> SliderCrankLoop:
+    friction = SliderCrankFriction() if friction is None else friction
+    rod = rod_motion(mechanism, state.angle) if kinematics is None else kinematics
+    slide_speed = rod.position_1 * state.speed
+    law = friction.wall_film
+    film = None if law is None else law.force(mechanism.bore, law.length, slide_speed)
+    bodies = rod_balance(mechanism, rod, state, gas_force, gravity)
+    return SliderCrankLoop(friction, bodies, state.speed, slide_speed, film)
+
+
+def _moment(law, force, rate):
+    return None if law is None else law.moment(magnitude(*force), rate)

@@ -15,26 +15,25 @@ from typing import ClassVar, Literal, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax import lax
 from jaxtyping import Array, Float
 
 from .._fields import Part
 from ..mechanism import (
+    Contact,
+    ContactArms,
     CrankState,
+    LinkMotion,
     PistonLoads,
     SliderLink,
+    Vector,
     bearing_reactions,
     contact,
     contact_arms,
 )
-from ..mechanism._base import rotating
 from ._journals import STANDARD_GRAVITY, AbstractDrag
 from ._laws import AbstractJournal, AbstractSlide, PistonFilm
-from ._loads import JointLoads, joint_loads
-
-# Newton steps on the moment of the crank pin where it loads the piston. The loop gain is of the
-# order of mu_c mu_k r_k/L_e, some 1e-3, and piecewise constant for Coulomb's law: three steps reach
-# rounding. The two differentiable steps after them give exact first and second derivatives.
-_NEWTON_STEPS, _POLISH_STEPS = 3, 2
+from ._loads import AbstractJointLoop, JointLoads, joint_loads, joint_loop, magnitude
 
 
 class SliderLinkFriction(Part):
@@ -74,95 +73,204 @@ class SliderLinkFriction(Part):
             )
 
 
-@joint_loads.register
-def _slider_link_loads(
-    mechanism: SliderLink, friction, state: CrankState, gas_force, gravity=None, evidence=True
-) -> JointLoads:
-    del evidence  # it comes along with the solution
+class SliderLinkLoop(AbstractJointLoop):
+    """The joints of a slider-link machine up to the couple between slider and link.
+
+    The unknown is the couple over the crank radius [N]. With `slider_moment="paper"` there is none,
+    and everything is explicit.
+
+    Attributes:
+        mechanism, friction: the machine.
+        state, motion: of the crank, and of piston and link.
+        arms: [m] of the contacts.
+        wall, link: [-] coefficients of friction with the sign of the force on the piston.
+        film: [N] drag of the oil on the piston.
+        pin_acceleration: [m/s^2] of the crank pin, without gravity, in x and y.
+        gas_force: [N] (p - p_back) A.
+        gravity: [m/s^2] field in x and y.
+    """
+
+    kinks: ClassVar[int] = 3
+
+    mechanism: SliderLink
+    friction: SliderLinkFriction
+    state: CrankState
+    motion: LinkMotion
+    arms: ContactArms
+    wall: Float[Array, "*n"]
+    link: Float[Array, "*n"]
+    film: Float[Array, "*n"]
+    pin_acceleration: tuple[Float[Array, "*n"], Float[Array, "*n"]]
+    gas_force: Float[Array, "*n"]
+    gravity: Float[Array, "2"] | None
+
+    @property
+    def _balanced(self) -> bool:
+        return self.friction.slider_moment == "balanced"
+
+    @property
+    def _slider_diameter(self):
+        return jnp.zeros(()) if self._balanced else self.mechanism.slider_diameter
+
+    def _piston_loads(self) -> PistonLoads:
+        mechanism = self.mechanism
+        inertia = mechanism.piston_mass * self.pin_acceleration[0]
+        moment = inertia * mechanism.piston_centre_offset
+        weight = jnp.zeros_like(inertia)
+        if self.gravity is not None:
+            weight = weight + mechanism.piston_mass * self.gravity[1]
+            moment = moment + weight * mechanism.piston_centre_lead
+        return PistonLoads(self.gas_force + self.film + inertia, moment, weight)
+
+    def _contacts(self, couple) -> tuple[Contact, Vector, Vector]:
+        """Contacts, force on the link and force of the crank pin."""
+        loads = self._piston_loads()
+        if self._balanced:
+            moment = loads.moment + self.mechanism.crank_radius * couple
+            loads = loads._replace(moment=moment)
+        touch = contact(
+            self.mechanism.bore, self._slider_diameter, self.arms, self.wall, self.link, loads
+        )
+        on_link = Vector(touch.slider, self.link * jnp.abs(touch.slider))
+        mass = self.mechanism.slider_mass
+        along, across = self.pin_acceleration
+        return touch, on_link, Vector(on_link.x + mass * along, on_link.y + mass * across)
+
+    def _pin_moment(self, pin: Vector):
+        law = self.friction.crank_pin
+        if law is None:
+            return jnp.zeros_like(pin.x)
+        return law.moment(magnitude(*pin), self.state.speed)
+
+    def _left(self, couple, pin_moment):
+        return couple - pin_moment / self.mechanism.crank_radius if self._balanced else couple
+
+    @property
+    def coupled(self):
+        return self._balanced and self.friction.crank_pin is not None
+
+    def start(self):
+        return jnp.zeros_like(self.state.speed)
+
+    def size(self):
+        thrust = self.gas_force + self.film
+        return jnp.abs(thrust) + jnp.abs(self.mechanism.piston_mass * self.pin_acceleration[0])
+
+    def excess(self, unknown):
+        return self._left(unknown, self._pin_moment(self._contacts(unknown)[2]))
+
+    def balance(self, unknown):
+        touch, on_link, pin = self._contacts(unknown)
+        loss, moment, _ = self._losses(touch, on_link, pin)
+        total = sum(loss.values(), jnp.zeros_like(unknown))
+        marks = (touch.crown, touch.edge, touch.slider, pin.x)
+        return self._left(unknown, moment), total, marks
+
+    def _losses(self, touch, on_link, pin):
+        """Loss torques [N m] by joint, the moment of the crank pin, forces of the two bearings."""
+        friction, motion, speed = self.friction, self.motion, self.state.speed
+        moment = self._pin_moment(pin)
+        bearings = bearing_reactions(
+            self.mechanism, self.motion.crank_acceleration(self.state), pin, self.gravity
+        )
+        loss = {}
+        if friction.wall is not None:
+            pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)
+            loss["wall"] = -self.wall * pressed * motion.position_1
+        if friction.piston_film is not None:
+            loss["piston_film"] = self.film * motion.position_1
+        if friction.link_slider is not None:
+            loss["link_slider"] = on_link.y * self.mechanism.crank_radius * motion.cosine
+        if friction.crank_pin is not None:
+            loss["crank_pin"] = moment
+        names = ("upper_bearing", "lower_bearing")
+        for name, force in zip(names, bearings, strict=True):
+            law = getattr(friction, name)
+            if law is not None:
+                loss[name] = law.moment(magnitude(*force), speed)
+        weight = self.mechanism.crank_mass * STANDARD_GRAVITY
+        for name in ("thrust_bearing", "pump"):
+            law = getattr(friction, name)
+            if law is not None:
+                loss[name] = law.moment(speed, weight)
+        return loss, moment, bearings
+
+    def loads(self, unknown, evidence):
+        touch, on_link, pin = self._contacts(unknown)
+        loss, pin_moment, bearings = self._losses(touch, on_link, pin)
+        residual = margin = None
+        if evidence:
+            residual = self._residual(touch, on_link, pin_moment)
+            margin = touch.margin
+            if self.coupled:
+                margin = jnp.minimum(margin, lax.stop_gradient(self.slope(unknown)))
+        wall_1, wall_2 = (self.wall * jnp.abs(side) for side in (touch.crown, touch.edge))
+        return JointLoads(
+            forces={
+                "wall_crown": jnp.stack([wall_1, touch.crown]),
+                "wall_edge": jnp.stack([wall_2, touch.edge]),
+                "piston_film": jnp.stack([-self.film, jnp.zeros_like(self.film)]),
+                "link_slider": on_link.stacked(),
+                "crank_pin": pin.stacked(),
+                "upper_bearing": bearings[0].stacked(),
+                "lower_bearing": bearings[1].stacked(),
+            },
+            loss_torque=loss,
+            residual=residual,
+            margin=margin,
+            kinks=jnp.stack([touch.crown, touch.edge, touch.slider]),
+            pinches=pin.x[None],
+        )
+
+    def _residual(self, touch, on_link, pin_moment):
+        """What Eqs. (8), (9) leave over when the magnitudes are taken from the forces themselves."""
+        arms, bore = self.arms, self.mechanism.bore
+        thrust, moment, weight = self._piston_loads()
+        pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)
+        left = jnp.stack([
+            touch.slider + self.wall * pressed - thrust,
+            touch.crown + touch.edge + on_link.y + weight,
+            (touch.slider * arms.slider - arms.crown * touch.crown - arms.edge * touch.edge
+             - self.wall * bore / 2 * (touch.crown + touch.edge)
+             - self.link * self._slider_diameter / 2 * touch.slider - moment
+             - (pin_moment if self._balanced else 0.0)) / arms.engaged,
+        ])  # fmt: skip
+        inertia = self.mechanism.piston_mass * self.pin_acceleration[0]
+        size = pressed + jnp.abs(touch.slider) + jnp.abs(inertia) + jnp.abs(self.gas_force)
+        return jnp.max(jnp.abs(left), axis=0) / (size + 1e-300)
+
+
+@joint_loop.register
+def _slider_link_loop(
+    mechanism: SliderLink, friction, state: CrankState, gas_force, gravity=None, kinematics=None
+) -> SliderLinkLoop:
     friction = SliderLinkFriction() if friction is None else friction
     if not isinstance(friction, SliderLinkFriction):
         raise TypeError(
             f"A slider-link mechanism needs `SliderLinkFriction`, not {type(friction).__name__}."
         )
-    speed = state.speed
-    _, piston_1, _ = mechanism.piston(state.angle)
-    slider_1 = mechanism.crank_radius * jnp.cos(state.angle)
+    motion = mechanism.kinematics(state.angle) if kinematics is None else kinematics
     arms = contact_arms(mechanism, state.angle)
-    _, pin_acceleration = rotating(*state)
-    pin_acceleration = mechanism.crank_radius * pin_acceleration
+    along, across = motion.crank_acceleration(state)
+    along, across = mechanism.crank_radius * along, mechanism.crank_radius * across
     if gravity is not None:
-        pin_acceleration = pin_acceleration - gravity.reshape(2, *[1] * speed.ndim)
-    # Both laws are proportional to the load: the force at 1 N is the coefficient with its sign.
-    wall = -_law(friction.wall, "force", piston_1 * speed)
-    link = _law(friction.link_slider, "force", slider_1 * speed)
-    film = jnp.zeros_like(speed)
+        along, across = along - gravity[0], across - gravity[1]
+    slide_speed = motion.position_1 * state.speed
+    film = jnp.zeros_like(state.speed)
     if friction.piston_film is not None:
-        film = friction.piston_film.force(mechanism.bore, arms.engaged, piston_1 * speed)
-
-    balanced = friction.slider_moment == "balanced"
-    slider_diameter = jnp.zeros(()) if balanced else mechanism.slider_diameter
-    inertia = mechanism.piston_mass * pin_acceleration[0]
-    weight = jnp.zeros_like(speed)
-    if gravity is not None:
-        weight = weight + mechanism.piston_mass * gravity[1]
-    moment = inertia * mechanism.piston_centre_offset + weight * mechanism.piston_centre_lead
-
-    def solve(couple):
-        """Contacts and force of the crank pin for a couple between slider and link."""
-        loads = PistonLoads(gas_force + film + inertia, moment + couple, weight)
-        touch = contact(mechanism.bore, slider_diameter, arms, wall, link, loads)
-        on_link = jnp.stack([touch.slider, link * jnp.abs(touch.slider)])
-        return touch, on_link, on_link + mechanism.slider_mass * pin_acceleration
-
-    def pin_moment(pin):
-        return _law(friction.crank_pin, "moment", speed, pin)
-
-    couple = jnp.zeros_like(speed)
-    coupling = jnp.ones_like(speed)
-    if balanced and friction.crank_pin is not None:
-        couple, coupling = _close(lambda value: value - pin_moment(solve(value)[2]), couple)
-    touch, on_link, pin = solve(couple)
-    upper, lower = bearing_reactions(mechanism, state, pin, gravity)
-
-    wall_sum = jnp.abs(touch.crown) + jnp.abs(touch.edge)
-    shaft_weight = mechanism.crank_mass * STANDARD_GRAVITY
-    loss = {
-        "wall": -wall * wall_sum * piston_1,
-        "piston_film": film * piston_1,
-        "link_slider": on_link[1] * slider_1,
-        "crank_pin": pin_moment(pin),
-        "upper_bearing": _law(friction.upper_bearing, "moment", speed, upper),
-        "lower_bearing": _law(friction.lower_bearing, "moment", speed, lower),
-    }
-    for name in ("thrust_bearing", "pump"):
-        law = getattr(friction, name)
-        if law is not None:
-            loss[name] = law.moment(speed, shaft_weight)
-    # what Eqs. (8), (9) leave over when the magnitudes are taken from the forces themselves
-    left = jnp.stack([
-        touch.slider + wall * wall_sum - (gas_force + film + inertia),
-        touch.crown + touch.edge + on_link[1] + weight,
-        (touch.slider * arms.slider - arms.crown * touch.crown - arms.edge * touch.edge
-         - wall * mechanism.bore / 2 * (touch.crown + touch.edge)
-         - link * slider_diameter / 2 * touch.slider - moment
-         - (pin_moment(pin) if balanced else 0.0)) / arms.engaged,
-    ])  # fmt: skip
-    size = wall_sum + jnp.abs(touch.slider) + jnp.abs(inertia) + jnp.abs(gas_force)
-    return JointLoads(
-        forces={
-            "wall_crown": jnp.stack([wall * jnp.abs(touch.crown), touch.crown]),
-            "wall_edge": jnp.stack([wall * jnp.abs(touch.edge), touch.edge]),
-            "piston_film": jnp.stack([-film, jnp.zeros_like(film)]),
-            "link_slider": on_link,
-            "crank_pin": pin,
-            "upper_bearing": upper,
-            "lower_bearing": lower,
-        },
-        loss_torque={name: loss[name] for name in loss if getattr(friction, name) is not None},
-        residual=jnp.max(jnp.abs(left), axis=0) / (size + 1e-300),
-        margin=jnp.minimum(touch.margin, coupling),
-        kinks=jnp.stack([touch.crown, touch.edge, touch.slider]),
-        pinches=pin[:1],
+        film = friction.piston_film.force(mechanism.bore, arms.engaged, slide_speed)
+    return SliderLinkLoop(
+        mechanism,
+        friction,
+        state,
+        motion,
+        arms,
+        -_coefficient(friction.wall, slide_speed),
+        _coefficient(friction.link_slider, mechanism.crank_radius * motion.cosine * state.speed),
+        film,
+        (along, across),
+        gas_force,
+        gravity,
     )
 
 
@@ -219,33 +327,6 @@ def substitution(
     )
 
 
-def _law(law, name, rate, vector=None):
-    """A law's answer at a load vector, or at 1 N; zero without a law."""
-    if law is None:
-        return jnp.zeros_like(rate)
-    return getattr(law, name)(jnp.ones_like(rate) if vector is None else _length(vector), rate)
-
-
-def _length(vector):
-    # double where: the slope of the root at a load of exactly zero is infinite
-    square = vector[0] ** 2 + vector[1] ** 2
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-
-
-def _close(excess, start):
-    """Root of a nearly linear equation, entry by entry, and the slope there (no derivatives)."""
-
-    def slope_at(value):
-        return jax.jvp(excess, (value,), (jnp.ones_like(value),))
-
-    def newton(_, value):
-        now, slope = slope_at(value)
-        return jax.lax.stop_gradient(value - now / jnp.maximum(slope, 1e-3))
-
-    # the loop keeps one copy of the step, which the compiler would otherwise see three times
-    value = jax.lax.stop_gradient(jax.lax.fori_loop(0, _NEWTON_STEPS, newton, start))
-    slope = jax.lax.stop_gradient(slope_at(value)[1])
-    # Steps along the slope of the root: the second derivative of a film at no load is never asked.
-    for _ in range(_POLISH_STEPS):
-        value = value - excess(value) / jnp.maximum(slope, 1e-3)
-    return value, slope
+def _coefficient(law, speed):
+    """[-] with the sign of the sliding speed: the law is proportional to the load."""
+    return jnp.zeros_like(speed) if law is None else law.force(jnp.ones_like(speed), speed)

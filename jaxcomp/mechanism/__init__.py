@@ -1,7 +1,9 @@
 """Crank mechanisms: kinematics, reduced inertia and the balances that give joint forces."""
 
+from ._base import AbstractKinematics as AbstractKinematics
 from ._base import AbstractMechanism as AbstractMechanism
 from ._base import CrankState as CrankState
+from ._base import Vector as Vector
 from ._slider_crank import PinForces as PinForces
 from ._slider_crank import RodBalance as RodBalance
 from ._slider_crank import RodMotion as RodMotion
@@ -12,6 +14,7 @@ from ._slider_crank import rod_moment as rod_moment
 from ._slider_crank import rod_motion as rod_motion
 from ._slider_link import Contact as Contact
 from ._slider_link import ContactArms as ContactArms
+from ._slider_link import LinkMotion as LinkMotion
 from ._slider_link import PistonLoads as PistonLoads
 from ._slider_link import SliderLink as SliderLink
 from ._slider_link import bearing_reactions as bearing_reactions

@@ -24,6 +24,44 @@ class CrankState(NamedTuple):
     acceleration: Float[Array, "*n"]
 
 
+class Vector(NamedTuple):
+    """Components along x and y of a plane vector at n instants."""
+
+    x: Float[Array, "*n"]
+    y: Float[Array, "*n"]
+
+    def stacked(self) -> Float[Array, "2 *n"]:
+        """As one array."""
+        return jnp.stack(self)
+
+
+class AbstractKinematics(eqx.Module):
+    """Position of the links at crank angles, with derivatives to crank angle.
+
+    Attributes:
+        cosine, sine: [-] of the crank angle.
+        position: [m] x_p of the piston, from the crank centre towards the head.
+        position_1: [m/rad] x_p'.
+        position_2: [m/rad^2] x_p''.
+    """
+
+    cosine: eqx.AbstractVar[Float[Array, "*n"]]
+    sine: eqx.AbstractVar[Float[Array, "*n"]]
+    position: eqx.AbstractVar[Float[Array, "*n"]]
+    position_1: eqx.AbstractVar[Float[Array, "*n"]]
+    position_2: eqx.AbstractVar[Float[Array, "*n"]]
+
+    def crank_acceleration(
+        self, state: CrankState
+    ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+        """Second time derivative [1/s^2] of the unit vector along the crank, in x and y."""
+        square, rise = state.speed * state.speed, state.acceleration
+        return (
+            -self.cosine * square - self.sine * rise,
+            self.cosine * rise - self.sine * square,
+        )
+
+
 class AbstractMechanism(Part):
     """A mechanism of one degree of freedom that drives one piston from one crank.
 
@@ -31,21 +69,44 @@ class AbstractMechanism(Part):
     and the crank turns from +x towards +y. A prime is a derivative with respect to crank angle.
     """
 
-    # How often a contact or pin load may change its side in the mid-stroke of an ordinary turn.
-    side_changes: ClassVar[int] = 4
+    # How often a contact or pin load may reverse in the mid-stroke of an ordinary revolution.
+    load_reversals: ClassVar[int] = 4
 
     piston_mass: eqx.AbstractVar[Float[Array, ""]]
     crank_inertia: eqx.AbstractVar[Float[Array, ""]]
 
     @abstractmethod
+    def kinematics(self, angle: Float[Array, "*n"]) -> AbstractKinematics:
+        """Position of all links at crank angles [rad], with derivatives to crank angle."""
+
+    @abstractmethod
+    def reduced_inertia(
+        self, kinematics: AbstractKinematics
+    ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+        """Inertia reduced to the crank J [kg m^2] and J' [kg m^2/rad]."""
+
+    @abstractmethod
+    def weight_torque(
+        self, kinematics: AbstractKinematics, gravity: Float[Array, "2"]
+    ) -> Float[Array, "*n"]:
+        """Torque [N m] of all weights on the crank, in a gravity [m/s^2] in x, y."""
+
     def piston(
         self, angle: Float[Array, "*n"]
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"], Float[Array, "*n"]]:
-        """Piston position x [m], x' [m/rad] and x'' [m/rad^2]."""
+        """Piston position x [m], x' [m/rad] and x'' [m/rad^2] at crank angles [rad]."""
+        kinematics = self.kinematics(angle)
+        return kinematics.position, kinematics.position_1, kinematics.position_2
 
-    @abstractmethod
     def inertia(self, angle: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-        """Inertia reduced to the crank J [kg m^2] and J' [kg m^2/rad]."""
+        """Inertia reduced to the crank J [kg m^2] and J' [kg m^2/rad] at crank angles [rad]."""
+        return self.reduced_inertia(self.kinematics(angle))
+
+    def gravity_torque(
+        self, angle: Float[Array, "*n"], gravity: Float[Array, "2"]
+    ) -> Float[Array, "*n"]:
+        """Torque [N m] of all weights on the crank at an angle [rad], in a gravity [m/s^2] in x, y."""
+        return self.weight_torque(self.kinematics(angle), gravity)
 
     @abstractmethod
     def dead_centres(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -62,12 +123,6 @@ class AbstractMechanism(Part):
     @abstractmethod
     def reversals(self) -> tuple[Float[Array, ""], ...]:
         """Crank angles [rad], besides the dead centres, where a sliding direction reverses."""
-
-    @abstractmethod
-    def gravity_torque(
-        self, angle: Float[Array, "*n"], gravity: Float[Array, "2"]
-    ) -> Float[Array, "*n"]:
-        """Torque [N m] of all weights on the crank at an angle [rad], in a gravity [m/s^2] in x, y."""
 
     @property
     @abstractmethod

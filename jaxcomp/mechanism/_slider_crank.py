@@ -13,11 +13,12 @@ the piston loads the crank with $(p - p_{back}) A x_p'$.
 
 from typing import ClassVar, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity, replaced
-from ._base import AbstractMechanism, CrankState, cross, rotating
+from ._base import AbstractKinematics, AbstractMechanism, CrankState, Vector
 
 
 class SliderCrank(AbstractMechanism):
@@ -82,17 +83,16 @@ class SliderCrank(AbstractMechanism):
     def piston_area(self) -> Float[Array, ""]:
         return jnp.pi / 4 * self.bore**2
 
-    def piston(self, angle):
-        rod = rod_motion(self, angle)
-        return rod.position, rod.position_1, rod.position_2
+    def kinematics(self, angle):
+        return rod_motion(self, angle)
 
-    def inertia(self, angle):
+    def reduced_inertia(self, kinematics):
         r"""Tsuji's reduced inertia with its rate.
 
         $$J = I_0 + m_c \tfrac{a}{l} r^2 + (m_p + m_c \tfrac{b}{l}) x_p'^2
             + (I_c - m_c a b) \phi'^2$$
         """
-        rod = rod_motion(self, angle)
+        rod = kinematics
         b = self.conrod_centre
         a = self.conrod_length - b
         rotating_mass = self.conrod_mass * a / self.conrod_length
@@ -101,8 +101,8 @@ class SliderCrank(AbstractMechanism):
         value = (
             self.crank_inertia
             + rotating_mass * self.crank_radius**2
-            + reciprocating_mass * rod.position_1**2
-            + residue * rod.tilt_1**2
+            + reciprocating_mass * (rod.position_1 * rod.position_1)
+            + residue * (rod.tilt_1 * rod.tilt_1)
         )
         rate = 2 * (
             reciprocating_mass * rod.position_1 * rod.position_2 + residue * rod.tilt_1 * rod.tilt_2
@@ -141,23 +141,24 @@ class SliderCrank(AbstractMechanism):
         """The rod swings to the other side where cos(theta) = 0."""
         return jnp.asarray(0.5 * jnp.pi), jnp.asarray(1.5 * jnp.pi)
 
-    def gravity_torque(self, angle, gravity):
-        rod = rod_motion(self, angle)
+    def weight_torque(self, kinematics, gravity):
+        rod = kinematics
         b = self.conrod_centre
         a = self.conrod_length - b
-        lever = jnp.stack([-jnp.sin(angle), jnp.cos(angle)])  # d/d theta of the crank's unit vector
         swinging = self.crank_unbalance + self.conrod_mass * a / self.conrod_length * (
             self.crank_radius
         )
         sliding = self.piston_mass + self.conrod_mass * b / self.conrod_length
-        along_crank = gravity[0] * lever[0] + gravity[1] * lever[1]
+        # the derivative of the crank's unit vector is (-sin, cos)
+        along_crank = gravity[1] * rod.cosine - gravity[0] * rod.sine
         return swinging * along_crank + sliding * gravity[0] * rod.position_1
 
 
-class RodMotion(NamedTuple):
+class RodMotion(AbstractKinematics):
     """Position x_p of the piston and tilt phi of the rod with derivatives to crank angle.
 
     Attributes:
+        cosine, sine: [-] of the crank angle.
         sin_tilt: [-] sin(phi).
         cos_tilt: [-] cos(phi).
         tilt_1: [-] phi'.
@@ -167,6 +168,8 @@ class RodMotion(NamedTuple):
         position_2: [m/rad^2] x_p''.
     """
 
+    cosine: Float[Array, "*n"]
+    sine: Float[Array, "*n"]
     sin_tilt: Float[Array, "*n"]
     cos_tilt: Float[Array, "*n"]
     tilt_1: Float[Array, "*n"]
@@ -187,31 +190,36 @@ def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
         angle: [rad] theta of the crank.
     """
     r, l, e = mechanism.crank_radius, mechanism.conrod_length, mechanism.offset
-    c, s = r * jnp.cos(angle), r * jnp.sin(angle)
+    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    c, s = r * cosine, r * sine
     sin_tilt = (s - e) / l
     # the floor is reached only by a mechanism that cannot turn, which is reported elsewhere
-    cos_tilt = jnp.sqrt(jnp.maximum(1 - sin_tilt**2, 1e-8))
+    cos_tilt = jnp.sqrt(jnp.maximum(1 - sin_tilt * sin_tilt, 1e-8))
     tan_tilt = sin_tilt / cos_tilt
-    tilt_1 = c / (l * cos_tilt)
-    tilt_2 = -s / (l * cos_tilt) + tan_tilt * tilt_1**2
+    reach = l * cos_tilt
+    tilt_1 = c / reach
+    tilt_2 = tan_tilt * (tilt_1 * tilt_1) - s / reach
     return RodMotion(
+        cosine,
+        sine,
         sin_tilt,
         cos_tilt,
         tilt_1,
         tilt_2,
-        position=c + l * cos_tilt,
+        position=c + reach,
         position_1=-s - c * tan_tilt,
-        position_2=-c + s * tan_tilt - c * tilt_1 / cos_tilt**2,
+        position_2=s * tan_tilt - c - c * tilt_1 / (cos_tilt * cos_tilt),
     )
 
 
-class RodBalance(NamedTuple):
-    """The Newton-Euler balances of one instant, waiting for the unknown side force.
+class RodBalance(eqx.Module):
+    """The Newton-Euler balances of the instants, waiting for the unknown side force.
 
     With the side force N of the wall and the friction values given, `pin_forces` finishes them.
 
     Attributes:
         rod: position and tilt.
+        arm: [m] l cos(phi).
         pin_x: [N] T_x without wall friction.
         piston_weight: [N] m_p g_y.
         rod_inertia: [N] m_c (a_G - g).
@@ -220,58 +228,67 @@ class RodBalance(NamedTuple):
     """
 
     rod: RodMotion
+    arm: Float[Array, "*n"]
     pin_x: Float[Array, "*n"]
-    piston_weight: Float[Array, "*n"]
-    rod_inertia: Float[Array, "2 *n"]
-    crank_inertia: Float[Array, "2 *n"]
+    piston_weight: Float[Array, ""]
+    rod_inertia: Vector
+    crank_inertia: Vector
     moment: Float[Array, "*n"]
 
 
 def rod_balance(
     mechanism: SliderCrank,
+    rod: RodMotion,
     state: CrankState,
     gas_force: Float[Array, "*n"],
     gravity: Float[Array, "2"] | None = None,
 ) -> RodBalance:
-    """Collect inertia, weight and gas forces of one instant.
+    """Collect inertia, weight and gas forces.
 
     Args:
         mechanism: the slider-crank.
+        rod: its position at the angles of the state.
         state: angle, speed and acceleration of the crank.
         gas_force: [N] (p - p_back) A, positive towards the crank.
         gravity: [m/s^2] field in x and y; `None` leaves weights out.
     """
-    rod = rod_motion(mechanism, state.angle)
     b = mechanism.conrod_centre
     a = mechanism.conrod_length - b
-    small = b / mechanism.conrod_length  # weight of the small end in the rod's mass centre
-    piston_acc = rod.position_1 * state.acceleration + rod.position_2 * state.speed**2
-    tilt_acc = rod.tilt_1 * state.acceleration + rod.tilt_2 * state.speed**2
-    _, direction_acc = rotating(*state)
-    centre_acc = a / mechanism.conrod_length * mechanism.crank_radius * direction_acc
-    centre_acc = centre_acc.at[0].add(small * piston_acc)
-    crank_inertia = mechanism.crank_unbalance * direction_acc
-    piston_weight = jnp.zeros_like(piston_acc)
+    square = state.speed * state.speed
+    piston = rod.position_1 * state.acceleration + rod.position_2 * square
+    tilt = rod.tilt_1 * state.acceleration + rod.tilt_2 * square
+    along, across = rod.crank_acceleration(state)
+    big_end = mechanism.conrod_mass * mechanism.crank_radius * a / mechanism.conrod_length
+    small_end = mechanism.conrod_mass * b / mechanism.conrod_length
+    rod_inertia = Vector(big_end * along + small_end * piston, big_end * across)
+    crank_inertia = Vector(mechanism.crank_unbalance * along, mechanism.crank_unbalance * across)
+    pin_x = -gas_force - mechanism.piston_mass * piston
+    piston_weight = jnp.zeros(())
     if gravity is not None:
-        field = gravity.reshape(2, *[1] * piston_acc.ndim)
-        piston_acc = piston_acc - gravity[0]
-        centre_acc = centre_acc - field
-        crank_inertia = crank_inertia - mechanism.crank_mass * field
-        piston_weight = piston_weight + mechanism.piston_mass * gravity[1]
-    rod_inertia = mechanism.conrod_mass * centre_acc
-    to_big_end = jnp.stack([-b * rod.cos_tilt, b * rod.sin_tilt])
+        pin_x = pin_x + mechanism.piston_mass * gravity[0]
+        piston_weight = mechanism.piston_mass * gravity[1]
+        weights = mechanism.conrod_mass * gravity, mechanism.crank_mass * gravity
+        rod_inertia, crank_inertia = (
+            Vector(force.x - weight[0], force.y - weight[1])
+            for force, weight in zip((rod_inertia, crank_inertia), weights, strict=True)
+        )
+    # the big end lies at b (-cos(phi), sin(phi)) from the mass centre of the rod
+    moment = mechanism.conrod_inertia * tilt - b * (
+        rod.cos_tilt * rod_inertia.y + rod.sin_tilt * rod_inertia.x
+    )
     return RodBalance(
         rod,
-        pin_x=-gas_force - mechanism.piston_mass * piston_acc,
-        piston_weight=piston_weight,
-        rod_inertia=rod_inertia,
-        crank_inertia=crank_inertia,
-        moment=mechanism.conrod_inertia * tilt_acc + cross(to_big_end, rod_inertia),
+        mechanism.conrod_length * rod.cos_tilt,
+        pin_x,
+        piston_weight,
+        rod_inertia,
+        crank_inertia,
+        moment,
     )
 
 
 class PinForces(NamedTuple):
-    """Forces in x and y that the three joints transmit.
+    """Forces that the three joints transmit.
 
     Attributes:
         piston_pin: [N] T, of the piston on the rod.
@@ -279,9 +296,9 @@ class PinForces(NamedTuple):
         main_journal: [N] Q, of the main bearing on the crank.
     """
 
-    piston_pin: Float[Array, "2 *n"]
-    crank_pin: Float[Array, "2 *n"]
-    main_journal: Float[Array, "2 *n"]
+    piston_pin: Vector
+    crank_pin: Vector
+    main_journal: Vector
 
 
 def pin_forces(
@@ -294,23 +311,20 @@ def pin_forces(
         side_force: [N] N, of the wall on the piston along y.
         wall_friction: [N] f, on the piston along x.
     """
-    piston_pin = jnp.stack([balance.pin_x + wall_friction, side_force + balance.piston_weight])
-    crank_pin = balance.rod_inertia - piston_pin
-    return PinForces(piston_pin, crank_pin, crank_pin + balance.crank_inertia)
+    piston_pin = Vector(balance.pin_x + wall_friction, side_force + balance.piston_weight)
+    crank_pin = Vector(balance.rod_inertia.x - piston_pin.x, balance.rod_inertia.y - piston_pin.y)
+    journal = Vector(crank_pin.x + balance.crank_inertia.x, crank_pin.y + balance.crank_inertia.y)
+    return PinForces(piston_pin, crank_pin, journal)
 
 
-def rod_moment(
-    mechanism: SliderCrank, balance: RodBalance, piston_pin: Float[Array, "2 *n"]
-) -> Float[Array, "*n"]:
+def rod_moment(balance: RodBalance, piston_pin: Vector) -> Float[Array, "*n"]:
     """Moment on the rod about its mass centre, with inertia, over l cos(phi) [N].
 
     Zero in the frictionless machine; with friction it equals -(M_T + M_S)/(l cos phi).
 
     Args:
-        mechanism: the slider-crank.
-        balance: of the same instant.
-        piston_pin: [N] force of the piston on the rod in x and y.
+        balance: of the same instants.
+        piston_pin: [N] force of the piston on the rod.
     """
     rod = balance.rod
-    arm = mechanism.conrod_length * rod.cos_tilt
-    return piston_pin[1] + rod.sin_tilt / rod.cos_tilt * piston_pin[0] + balance.moment / arm
+    return piston_pin.y + rod.sin_tilt / rod.cos_tilt * piston_pin.x + balance.moment / balance.arm

@@ -31,7 +31,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity
-from ._base import AbstractMechanism, CrankState, rotating
+from ._base import AbstractKinematics, AbstractMechanism, Vector
 
 
 class SliderLink(AbstractMechanism):
@@ -65,7 +65,7 @@ class SliderLink(AbstractMechanism):
     """
 
     kind: ClassVar[str] = "slider_link"
-    side_changes: ClassVar[int] = 12  # up to ten are seen: of crown, edge, slider and crank pin
+    load_reversals: ClassVar[int] = 12  # up to ten are seen: of crown, edge, slider and crank pin
 
     bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter D")
     crank_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="R, half the stroke")
@@ -128,19 +128,20 @@ class SliderLink(AbstractMechanism):
         """[kg m^2] J_xz, the sum of m x z over the crank with z from the machine's mass centre."""
         return self.crank_product - self.plane_height * self.crank_unbalance
 
-    def piston(self, angle):
-        along, across = self.crank_radius * jnp.cos(angle), self.crank_radius * jnp.sin(angle)
-        return self.crown_to_link + along, -across, -along
+    def kinematics(self, angle):
+        cosine, sine = jnp.cos(angle), jnp.sin(angle)
+        along, across = self.crank_radius * cosine, self.crank_radius * sine
+        return LinkMotion(cosine, sine, self.crown_to_link + along, -across, -along)
 
-    def inertia(self, angle):
+    def reduced_inertia(self, kinematics):
         r"""$J = J_z + m_s R^2 + m_p R^2\sin^2\varphi$ with its rate."""
-        square = self.crank_radius**2
+        across, along = kinematics.position_1, kinematics.position_2
         value = (
             self.crank_inertia
-            + self.slider_mass * square
-            + self.piston_mass * square * jnp.sin(angle) ** 2
+            + self.slider_mass * self.crank_radius**2
+            + self.piston_mass * (across * across)
         )
-        return value, self.piston_mass * square * jnp.sin(2 * angle)
+        return value, 2 * self.piston_mass * (across * along)
 
     def dead_centres(self):
         """Zero and pi, for any eccentricity."""
@@ -164,12 +165,29 @@ class SliderLink(AbstractMechanism):
         """The slider turns back in its link where cos(phi) = 0."""
         return jnp.asarray(0.5 * jnp.pi), jnp.asarray(1.5 * jnp.pi)
 
-    def gravity_torque(self, angle, gravity):
-        across = -jnp.sin(angle) * gravity[0]
+    def weight_torque(self, kinematics, gravity):
+        across = -kinematics.sine * gravity[0]
         with_pin = self.slider_mass * self.crank_radius + self.crank_unbalance
-        return with_pin * (across + jnp.cos(angle) * gravity[1]) + (
+        return with_pin * (across + kinematics.cosine * gravity[1]) + (
             self.piston_mass * self.crank_radius * across
         )
+
+
+class LinkMotion(AbstractKinematics):
+    """Position x_p of piston and link, with derivatives to crank angle.
+
+    Attributes:
+        cosine, sine: [-] of the crank angle.
+        position: [m] x_p, from the crank centre towards the head.
+        position_1: [m/rad] x_p'.
+        position_2: [m/rad^2] x_p''.
+    """
+
+    cosine: Float[Array, "*n"]
+    sine: Float[Array, "*n"]
+    position: Float[Array, "*n"]
+    position_1: Float[Array, "*n"]
+    position_2: Float[Array, "*n"]
 
 
 class ContactArms(NamedTuple):
@@ -292,10 +310,10 @@ def contact(
 
 def bearing_reactions(
     mechanism: SliderLink,
-    state: CrankState,
-    crank_pin: Float[Array, "2 *n"],
+    crank_acceleration: tuple[Float[Array, "*n"], Float[Array, "*n"]],
+    crank_pin: Vector,
     gravity: Float[Array, "2"] | None = None,
-) -> tuple[Float[Array, "2 *n"], Float[Array, "2 *n"]]:
+) -> tuple[Vector, Vector]:
     """Forces [N] of the upper and the lower bearing on the shaft (Eqs. 25-30 and Table 2).
 
     Moments are taken about the lower bearing with the crank's inertia referred to the piston plane,
@@ -304,20 +322,23 @@ def bearing_reactions(
 
     Args:
         mechanism: masses and planes.
-        state: angle, speed and acceleration of the crank.
+        crank_acceleration: [1/s^2] second time derivative of the crank's unit vector in x and y.
         crank_pin: [N] force of the crank pin on the slider.
         gravity: [m/s^2] field in x and y.
     """
-    _, second = rotating(*state)
-    # forces on the shaft besides those of the bearings, negative
-    pull = crank_pin + mechanism.crank_unbalance * second
-    tilt = mechanism.crank_product * second
-    if gravity is not None:
-        weight = mechanism.crank_mass * gravity.reshape(2, *[1] * state.angle.ndim)
-        pull = pull - weight
-        tilt = tilt - mechanism.crank_centre_depth * weight
-    upper = ((mechanism.overhang + mechanism.bearing_span) * pull - tilt) / mechanism.bearing_span
-    return upper, pull - upper
+    weights = (None, None) if gravity is None else mechanism.crank_mass * gravity
+    reach = mechanism.overhang + mechanism.bearing_span
+    upper, lower = [], []
+    for second, pin, weight in zip(crank_acceleration, crank_pin, weights, strict=True):
+        # forces on the shaft besides those of the bearings, negative
+        pull = pin + mechanism.crank_unbalance * second
+        tilt = mechanism.crank_product * second
+        if weight is not None:
+            pull = pull - weight
+            tilt = tilt - mechanism.crank_centre_depth * weight
+        upper.append((reach * pull - tilt) / mechanism.bearing_span)
+        lower.append(pull - upper[-1])
+    return Vector(*upper), Vector(*lower)
 
 
 def _side(value):

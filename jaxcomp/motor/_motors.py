@@ -16,7 +16,13 @@ from .._fields import ANY, POSITIVE, BadInput, Part, quantity
 
 
 class AbstractMotor(Part):
-    """A torque law. `speed_guess` is where a solver may start looking for the running speed."""
+    """A torque law. `speed_guess` is where a solver may start looking for the running speed.
+
+    `closes` says what closes a revolution of the periodic state: the torque that the law gives at
+    every speed, a level of torque that holds the mean speed, or a speed that is given throughout.
+    """
+
+    closes: ClassVar[Literal["torque", "mean_speed", "speed"]] = "torque"
 
     @abstractmethod
     def torque(self, speed: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -35,15 +41,18 @@ class MeanSpeed(AbstractMotor):
     (the wording of Tsuji et al.).
 
     Args:
-        mean_speed: [rad/s] one turn over its duration.
+        mean_speed: [rad/s] one revolution over its duration.
 
     Raises:
         ValueError: another shape.
     """
 
     kind: ClassVar[str] = "mean_speed"
+    closes = "mean_speed"
 
-    mean_speed: Float[Array, ""] = quantity("rad/s", POSITIVE, doc="one turn over its duration")
+    mean_speed: Float[Array, ""] = quantity(
+        "rad/s", POSITIVE, doc="one revolution over its duration"
+    )
     shape: Literal["constant", "proportional"] = eqx.field(static=True, default="constant")
 
     def __check_init__(self):
@@ -73,6 +82,7 @@ class ConstantSpeed(AbstractMotor):
     """
 
     kind: ClassVar[str] = "constant_speed"
+    closes = "speed"
 
     mean_speed: Float[Array, ""] = quantity("rad/s", POSITIVE, doc="at every crank angle")
 

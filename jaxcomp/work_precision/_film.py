@@ -83,7 +83,7 @@ def film_place(design: Design) -> Place:
     journals = {name: law for name, law in laws.items() if isinstance(law, FilmJournal)}
     if not journals:
         return Place("a bearing", 0.5, 0.65)
-    orbit = solve_orbit(design.compressor, Collocation(kinks=0, tolerance=1e-6), throw=False)
+    orbit = solve_orbit(design.compressor, Collocation(reversals=0, tolerance=1e-6), throw=False)
     force, speed = orbit.mean_forces, orbit.mean_speed
     eccentricity = {
         name: float(films.eccentricity_ratio(law.bearing, force[name], speed))

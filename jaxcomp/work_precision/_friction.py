@@ -18,9 +18,9 @@ from ._orbit import orbit_study
 from ._report import Reference
 from ._study import Piece, Question, SolverProgram, Study, needs_crank
 
-# From constant speed, without panel edges at changes of side: these would be placed on a solution that
+# From constant speed, without panel edges at load reversals: these would be placed on a solution that
 # has settled already.
-_SOLVER = Collocation(nodes=32, kinks=0)
+_SOLVER = Collocation(nodes=32, reversals=0)
 _TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
 _MULTIPLES = (1.0, 2.0, 4.0)
 

@@ -53,7 +53,7 @@ def gradient_study(question: Question, thorough: bool) -> Study:
         methods = "collocation, 24 nodes, forward", "differences of shooting, Dopri8 at 1e-09"
         return Reference(float(value), other, methods)
 
-    collocations = [Collocation(nodes=8), Collocation(nodes=32, kinks=0)]
+    collocations = [Collocation(nodes=8), Collocation(nodes=32, reversals=0)]
     solvers = [(solver, 1e-13) for solver in (collocations if thorough else collocations[:1])]
     pieces = [
         Piece(f"{mode} mode, {_words(solver)}", partial(_rows, question, solver, mode, tolerance))
@@ -76,7 +76,7 @@ def gradient_study(question: Question, thorough: bool) -> Study:
 
 def _words(solver) -> str:
     if isinstance(solver, Collocation):
-        return f"collocation nodes={solver.nodes} kinks={solver.kinks}"
+        return f"collocation nodes={solver.nodes} reversals={solver.reversals}"
     return f"shooting {type(solver.solver).__name__}"
 
 

@@ -1,7 +1,7 @@
 r"""The periodic state: collocation, shooting with several methods of diffrax, and plain SciPy.
 
 The reference is collocation on 24 nodes a panel, beside shooting with an eighth-order method: the
-two share the laws and nothing else. Both place panel edges or stops at the changes of side.
+two share the laws and nothing else. Both place panel edges or stops at the load reversals.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ _DIFFRAX = _EXPLICIT | _IMPLICIT
 _ORDINARY = ("Tsit5", "Dopri8")
 _MAX_STEPS = 65536
 
-# Nodes a panel without panel edges at the changes of side, and with them.
+# Nodes a panel without panel edges at the load reversals, and with them.
 _NODES = {0: (4, 8, 16, 32), 4: (3, 5, 8, 12, 16)}
 _ORDINARY_NODES = {0: (8, 32), 4: (4, 8, 12)}
 _TOLERANCES = (1e-5, 1e-7, 1e-10)
@@ -59,8 +59,8 @@ def orbit_study(question: Question, thorough: bool) -> Study:
         return Reference(value, other, methods)
 
     pieces = [
-        Piece(f"collocation, {nodes} nodes", partial(_collocation_rows, question, nodes, kinks))
-        for kinks, counts in (_NODES if thorough else _ORDINARY_NODES).items()
+        Piece(f"collocation, {nodes} nodes", partial(_collocation_rows, question, nodes, reversals))
+        for reversals, counts in (_NODES if thorough else _ORDINARY_NODES).items()
         for nodes in counts
     ]
     pieces += [
@@ -80,9 +80,9 @@ def orbit_study(question: Question, thorough: bool) -> Study:
     return Study(reference, tuple(pieces), "solvers of the periodic state, single designs")
 
 
-def _collocation_rows(question: Question, nodes: int, kinks: int, reference: Reference):
-    program = SolverProgram(question, Collocation(nodes=nodes, kinks=kinks))
-    method = "collocation" if kinks else "collocation, kinks=0"
+def _collocation_rows(question: Question, nodes: int, reversals: int, reference: Reference):
+    program = SolverProgram(question, Collocation(nodes=nodes, reversals=reversals))
+    method = "collocation" if reversals else "collocation, reversals=0"
     for tolerance in _TOLERANCES:
         setting = f"nodes={nodes} tolerance={tolerance:g}"
         yield program.row(reference, method, setting, tolerance)

@@ -1,7 +1,7 @@
 r"""Orders of convergence: fixed steps of diffrax on a stretch of the turn without kinks.
 
 Across a kink no method keeps its order, so the equation of motion is integrated from the periodic
-state over the longest stretch between kinks and changes of side. The reference is the orbit by
+state over the longest stretch between kinks and load reversals. The reference is the orbit by
 collocation, beside an eighth-order method with many steps.
 """
 
@@ -27,7 +27,7 @@ _STEPS = (1, 2, 3, 4, 5, 6, 8, 16, 32, 64, 128)
 _MANY = 512
 # [-] Errors that may be rounding: a hundred steps leave 1e-14.
 _ROUNDING = 5e-14
-# [-] Share of the stretch left out at either end: a change of side is only bracketed by two nodes.
+# [-] Share of the stretch left out at either end: a load reversal is only bracketed by two nodes.
 _MARGIN = 0.05
 # Integrations that are tried, beginning in the first third of the stretch.
 _STARTS = 6
@@ -154,7 +154,7 @@ def _integrate(
 
 
 def _longest_stretch(machine: Compressor) -> _Stretch:
-    """The longest stretch of the periodic state without kinks and changes of side."""
+    """The longest stretch of the periodic state without kinks and load reversals."""
     orbit = solve_orbit(machine, _FINE)
     angle = np.asarray(orbit.state.angle)
     sides = np.sign(np.concatenate([orbit.loads.kinks, orbit.loads.pinches]))

@@ -1,6 +1,6 @@
 r"""The periodic state the plain way: `scipy.integrate.solve_ivp` over the compiled law.
 
-One turn is integrated over crank angle between the kinks that geometry and gas give; changes of side
+One turn is integrated over crank angle between the kinks that geometry and gas give; load reversals
 in mid-stroke are met unprepared. `scipy.optimize.root` finds the speed at the top dead centre (and
 the level of the motor torque) for which the turn ends as it began.
 """
@@ -18,7 +18,7 @@ from scipy.optimize import root
 
 from .._implicit import FixedPointReport
 from .._status import Status
-from ..compressor import Compressor, kink_angles, loads_at
+from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..crank import Energy, Orbit, acceleration, orbit_on_panels, panels
 from ..design import Chain, Found, quantity
 from ..mechanism import CrankState
@@ -176,7 +176,17 @@ def _orbit(machine: Compressor, speed, level, accounts) -> Orbit:
     losses = dict(zip(loads.loss_torque, accounts[3:], strict=True))
     energy = Energy(accounts[1], accounts[2], losses)
     report = FixedPointReport(jnp.asarray(0), jnp.asarray(0.0), jnp.asarray(True))
+    error = {name: jnp.zeros(()) for name in losses}  # of the tolerance, which SciPy does not tell
     orbit = orbit_on_panels(
-        machine, grid, state, motor, loads, energy, Status.converged, report, "SciPy"
+        grid,
+        instants(machine, grid.angle),
+        state,
+        motor,
+        loads,
+        energy,
+        error,
+        Status.converged,
+        report,
+        "SciPy",
     )
     return eqx.tree_at(lambda o: o.mean_speed, orbit, 2 * jnp.pi / accounts[0])

@@ -24,11 +24,11 @@ from ._study import Piece, Question, SolverProgram, Study, needs_crank
 Setting = tuple[Collocation | Shooting, tuple[float, ...]]
 
 _SETTINGS: tuple[Setting, ...] = (
-    (Collocation(nodes=8, kinks=0), (1e-4, 1e-6)),
-    (Collocation(nodes=32, kinks=0), (1e-4, 1e-6)),
+    (Collocation(nodes=8, reversals=0), (1e-4, 1e-6)),
+    (Collocation(nodes=32, reversals=0), (1e-4, 1e-6)),
     (Collocation(nodes=8), (1e-4, 1e-6)),
 )
-_SHOT: Setting = (Shooting(kinks=0, max_steps=16384), (1e-1, 1e-2, 1e-3))
+_SHOT: Setting = (Shooting(reversals=0, max_steps=16384), (1e-1, 1e-2, 1e-3))
 
 
 def precision_study(question: Question, thorough: bool) -> Study:
@@ -89,5 +89,5 @@ def _rows(precision: str, found: list[dict[str, Any]], reference: Reference):
 
 def _words(solver) -> str:
     if isinstance(solver, Collocation):
-        return f"collocation nodes={solver.nodes} kinks={solver.kinks}"
+        return f"collocation nodes={solver.nodes} reversals={solver.reversals}"
     return f"shooting {type(solver.solver).__name__}"

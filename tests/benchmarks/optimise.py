@@ -26,7 +26,7 @@ from jaxcomp.scene import with_value
 
 RANGE = (0.100, 0.160)
 SWEEP = np.linspace(*RANGE, 601)  # 0.1 mm
-SOLVERS = {"fast": Collocation(nodes=12, kinks=0, tolerance=1e-10), "default": None}
+SOLVERS = {"fast": Collocation(nodes=12, reversals=0, tolerance=1e-10), "default": None}
 
 
 def timed(function, *arguments, repeat=3):

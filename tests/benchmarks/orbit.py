@@ -77,9 +77,9 @@ def single_design(machine, exact):
     heading("One design", "median", "error in eta", "compile")
     best, shot = None, None
     settings = [
-        Collocation(nodes=8, kinks=0, tolerance=1e-7),
-        Collocation(nodes=24, kinks=0, tolerance=1e-7),
-        Collocation(nodes=32, kinks=0, tolerance=1e-7),
+        Collocation(nodes=8, reversals=0, tolerance=1e-7),
+        Collocation(nodes=24, reversals=0, tolerance=1e-7),
+        Collocation(nodes=32, reversals=0, tolerance=1e-7),
         Collocation(nodes=6, tolerance=1e-8),
         Collocation(nodes=8, tolerance=1e-8),
         Collocation(nodes=16),
@@ -102,9 +102,8 @@ def single_design(machine, exact):
 
 def label(solver):
     if isinstance(solver, Collocation):
-        return (
-            f"collocation nodes={solver.nodes} kinks={solver.kinks} tolerance={solver.tolerance:g}"
-        )
+        places = f"nodes={solver.nodes} reversals={solver.reversals}"
+        return f"collocation {places} tolerance={solver.tolerance:g}"
     return f"shooting {type(solver.solver).__name__} tolerance={solver.tolerance:g}"
 
 
@@ -124,7 +123,7 @@ def batches(machine):
     best = 0.0
     settings = [(5, 1e-5), (8, 1e-5), (10, 1e-5), (12, 1e-5), (16, 1e-6)]
     for nodes, tolerance in settings[:: 2 if options.quick else 1]:
-        solver = Collocation(nodes=nodes, kinks=0, tolerance=tolerance)
+        solver = Collocation(nodes=nodes, reversals=0, tolerance=tolerance)
         for chunk in (64, 512) if options.quick else (64, 512, 2048):
             one = lambda c, solver=solver: efficiency(c, solver)  # noqa: E731
 

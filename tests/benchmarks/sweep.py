@@ -59,11 +59,11 @@ def fast(nodes=10):
     from jaxcomp import Collocation
     from jaxcomp.design import Chain
 
-    return Chain(Collocation(nodes=nodes, kinks=0, tolerance=1e-5))
+    return Chain(Collocation(nodes=nodes, reversals=0, tolerance=1e-5))
 
 
 def errors(machine, found):
-    """Against collocation with panel edges at the changes of side, which is good to 1e-9."""
+    """Against collocation with panel edges at the load reversals, which is good to 1e-9."""
     import jax
 
     from jaxcomp import Collocation

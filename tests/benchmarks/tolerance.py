@@ -73,7 +73,7 @@ def main():
         f"friction.{joint}.coefficient": within(0.2, relative=True)
         for joint in ("wall", "piston_pin", "crank_pin", "main_journal")
     }
-    chain = Chain(Collocation(nodes=10, kinks=0, tolerance=1e-5))
+    chain = Chain(Collocation(nodes=10, reversals=0, tolerance=1e-5))
     report(
         "efficiency of the machine of Tsuji et al.", load("mayekawa-wbhe"), friction,
         "mechanical_efficiency", (0.9, None), chain, given.samples,

@@ -9,39 +9,38 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport
-from ..compressor import Compressor, conservative_torque, cylinder_pressure, gas_force
+from ..compressor import Instants
 from ._orbit import Energy, Orbit
-from ._panels import Panels, Rule, legendre_basis
+from ._panels import Panels, Rule
 
 
 def orbit_on_panels(
-    compressor: Compressor,
     grid: Panels,
+    at: Instants,
     state,
     motor_torque,
     loads,
     energy: Energy,
+    loss_error: dict[str, Float[Array, ""]],
     status,
     report: FixedPointReport,
     solver: str,
 ) -> Orbit:
-    """Flatten panels to one row of nodes and add time, pressure and the extremes of speed.
+    """Flatten panels to one row of nodes and add time and the extremes of speed.
 
     Args:
-        compressor: the machine.
-        grid: panels of the turn with their nodes.
-        state: angle, speed and acceleration at the nodes, (panels, nodes) each.
-        motor_torque: [N m] (panels, nodes).
+        grid: panels of the revolution with their nodes.
+        at: what the crank angle decides at the nodes, (panels, nodes) each.
+        state: angle, speed and acceleration at the nodes.
+        motor_torque: [N m] at the nodes.
         loads: joint loads at the nodes.
-        energy: balance of the turn.
+        energy: balance of the revolution.
+        loss_error: [J] estimated error of the losses, by joint.
         status: how the solver ended.
         report: residual and iterations of the solver.
         solver: its name.
     """
     elapsed, at_edges = grid.cumulative(1 / state.speed)
-    pressure = None if compressor.gas is None else cylinder_pressure(compressor, grid.angle)
-    gas = gas_force(compressor, grid.angle)
-
     highest = jax.vmap(partial(_highest, grid.rule))(jnp.stack([-state.speed, state.speed]))
 
     def flat(values):
@@ -51,11 +50,12 @@ def orbit_on_panels(
         state=jax.tree.map(flat, state),
         weight=flat(grid.weight),
         time=flat(elapsed),
-        pressure=None if pressure is None else flat(pressure),
-        gas_torque=flat(conservative_torque(compressor, grid.angle, gas)),
+        pressure=None if at.pressure is None else flat(at.pressure),
+        gas_torque=flat(at.conservative),
         motor_torque=flat(motor_torque),
         loads=jax.tree.map(flat, loads),
         energy=energy,
+        loss_error=loss_error,
         mean_speed=2 * jnp.pi / at_edges[-1],
         lowest_speed=-highest[0],
         highest_speed=highest[1],
@@ -88,12 +88,9 @@ def _highest(rule: Rule, values: Float[Array, "p s"]) -> Float[Array, ""]:
     slope = derivative @ fixed[panel]
     slope_and_bend = jnp.stack([slope, derivative @ slope])
 
-    def weights(place):
-        return legendre_basis(2 * place - 1, rule.nodes.size) @ rule.to_legendre
-
     def newton(_, place):
-        slope, bend = slope_and_bend @ weights(place)
+        slope, bend = slope_and_bend @ rule.weights_at(place)
         return jnp.clip(place - slope / jnp.minimum(bend, -1e-300), start - x[1], start + x[1])
 
     place = lax.fori_loop(0, 4, newton, start)
-    return weights(jnp.clip(place, 0.0, 1.0)) @ values[panel]
+    return rule.weights_at(jnp.clip(place, 0.0, 1.0)) @ values[panel]

@@ -1,0 +1,306 @@
+r"""An iteration of the collocation solver: from a motion on Gauss panels to a better one.
+
+The unknown is the kinetic energy $E = \tfrac12 J\omega^2$ at the nodes. It obeys
+
+$$dE/d\theta = M_D + M_{gas} - M_{loss}(\theta, \omega, \alpha), \qquad
+  \alpha = (dE/d\theta - \tfrac12 J'\omega^2)/J .$$
+
+One iteration evaluates the torques at all nodes from the last $E$ and $\alpha$, makes one step of
+Newton's method on the joint loop of every node, integrates the torques along the panels and closes
+the revolution as the motor says (`_closure`). The places of the load reversals, at which panels end,
+are unknowns as well: the loads are evaluated there together with those at the nodes, and a step along
+the slope of the quantity that changes its sign moves the place. Friction depends weakly on the motion,
+so an iteration gains two to three digits.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from ..compressor import Compressor, Instants, instants
+from ..friction import AbstractJointLoop, joint_loop, newton_step
+from ..mechanism import CrankState
+from ._closure import Instant, closure_of
+from ._panels import Panels, panels
+
+# Kinetic energy over its mean below which the crank counts as stalled.
+ENERGY_FLOOR = 1e-6
+
+
+class Resolution(eqx.Module):
+    """How finely a revolution is cut.
+
+    Attributes:
+        nodes: Gauss nodes on every panel.
+        reversals: how many kinks, and how many near-zero loads, may become panel edges.
+        grading: how often the panels beside a near-zero load are cut again, towards it.
+    """
+
+    nodes: int = eqx.field(static=True)
+    reversals: int = eqx.field(static=True)
+    grading: int = eqx.field(static=True)
+
+    def panels_between(self, edges: Float[Array, " e"], places: Float[Array, " k"]) -> Panels:
+        """Panels between the edges of the revolution and the places of the load reversals."""
+        if places.size:
+            kinks, pinches = jnp.split(places, 2)
+            # the panels beside the pinches are cut in geometric progression
+            distance = 0.1 * 0.15 ** jnp.arange(self.grading)
+            around = jnp.concatenate([-distance, distance, jnp.zeros(1)])
+            inner = jnp.concatenate([kinks, (pinches[:, None] + around).ravel()])
+            edges = jnp.sort(jnp.concatenate([edges, jnp.clip(inner, edges[0], edges[-1])]))
+        return panels(edges, self.nodes)
+
+
+class Scales(NamedTuple):
+    """Units of the unknowns, without derivatives: [rad/s], [J], [N]."""
+
+    speed: Float[Array, ""]
+    energy: Float[Array, ""]
+    force: Float[Array, ""]
+
+
+class Known(eqx.Module):
+    """What a solution depends on.
+
+    Attributes:
+        compressor: the machine.
+        edges: [rad] its kinks that are known beforehand, and the first once more a revolution later.
+        scales: of the unknowns.
+    """
+
+    compressor: Compressor
+    edges: Float[Array, " e"]
+    scales: Scales
+
+
+class Motion(eqx.Module):
+    """The unknowns, of order one.
+
+    Attributes:
+        energy: [-] kinetic energy at the nodes over its scale.
+        acceleration: [-] crank acceleration at the nodes over the square of the speed scale.
+        first_energy: [-] kinetic energy at the first edge.
+        joints: [-] unknown of the joint loop at all nodes and then at the places, from its start, over
+            the scale of forces; of no entries without friction.
+        places: [rad] load reversals.
+    """
+
+    energy: Float[Array, "p s"]
+    acceleration: Float[Array, "p s"]
+    first_energy: Float[Array, ""]
+    joints: Float[Array, " m"]
+    places: Float[Array, " k"]
+
+
+class Reversals(eqx.Module):
+    """Load reversals: kinks, then as many near-zero loads.
+
+    Attributes:
+        row: which quantity changes its sign; -1 for a place that is not used.
+        slope: of that quantity over crank angle.
+        moving: whether the places follow the motion, or wait for a first solution.
+    """
+
+    row: Int[Array, " k"]
+    slope: Float[Array, " k"]
+    moving: Bool[Array, ""]
+
+
+def no_reversals(places: Float[Array, " k"]) -> Reversals:
+    """Places of which none is in use; the motion is the final one if there are none."""
+    return Reversals(
+        jnp.full(places.shape, -1), jnp.ones_like(places), jnp.asarray(not places.size)
+    )
+
+
+def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> Known:
+    """What the solution of a compressor depends on."""
+    at = lax.stop_gradient(instants(compressor, edges))
+    speed = lax.stop_gradient(compressor.motor.speed_guess)
+    energy = 0.5 * jnp.mean(at.inertia) * speed**2
+    force = jnp.max(jnp.abs(at.gas_force))
+    force += energy / lax.stop_gradient(compressor.mechanism.crank_radius)
+    return Known(compressor, edges, Scales(speed, energy, force))
+
+
+def revolution_edges(kinks: Float[Array, " k"]) -> Float[Array, " k_plus_1"]:
+    """Close the revolution: the first edge once more, a revolution later."""
+    return jnp.append(kinks, kinks[0] + 2 * jnp.pi)
+
+
+def initial_motion(known: Known, resolution: Resolution) -> Motion:
+    """Constant energy, and no place in use."""
+    places = jnp.full(2 * resolution.reversals, known.edges[0])
+    grid = resolution.panels_between(known.edges, places)
+    friction = known.compressor.friction is not None
+    energy = jnp.ones_like(grid.angle)
+    joints = jnp.zeros(energy.size + places.size if friction else 0)
+    return Motion(energy, jnp.zeros_like(energy), jnp.ones(()), joints, places)
+
+
+class Joints(NamedTuple):
+    """Outcome of one step of Newton's method on the joint loops.
+
+    Attributes:
+        unknown: [-] from the start of the loops, over the scale of forces.
+        loss: [N m] loss torque.
+        marks: [SI] quantities whose sign changes are load reversals.
+    """
+
+    unknown: Float[Array, " m"]
+    loss: Float[Array, " m"]
+    marks: tuple[Float[Array, " m"], ...]
+
+
+def state_of(at: Instants, scales: Scales, energy, acceleration) -> CrankState:
+    """Crank angle, speed and acceleration of the unknowns."""
+    # A motion that comes to a halt is reported; the floor keeps its numbers finite.
+    floored = jnp.maximum(energy, ENERGY_FLOOR) * scales.energy
+    return CrankState(at.angle, jnp.sqrt(2 * floored / at.inertia), acceleration * scales.speed**2)
+
+
+def loop_of(compressor: Compressor, at: Instants, state: CrankState) -> AbstractJointLoop:
+    """The joint loops of a motion."""
+    return joint_loop(
+        compressor.mechanism,
+        compressor.friction,
+        state,
+        at.gas_force,
+        compressor.gravity,
+        at.kinematics,
+    )
+
+
+def joints_of(loop: AbstractJointLoop, scales: Scales, unknown) -> Float[Array, " m"]:
+    """[N] The unknown of the joint loops, from its value in units of the solver."""
+    return lax.stop_gradient(loop.start()) + scales.force * unknown
+
+
+def _improved_joints(loop: AbstractJointLoop, scales: Scales, unknown) -> Joints:
+    """One step of Newton's method, with losses and marks along the step.
+
+    Its slopes are constants to derivatives: at the solution, where the step vanishes, derivatives of
+    all orders are exact whatever the slopes.
+    """
+    force = joints_of(loop, scales, unknown)
+    (excess, *now), slopes = jax.jvp(loop.balance, (force,), (jnp.ones_like(force),))
+    slope, *rising = lax.stop_gradient(slopes)
+    step = newton_step(force, excess, slope, loop.limit()) - force
+    loss, marks = jax.tree.map(lambda value, rise: value + rise * step, now, rising)
+    return Joints(unknown + step / scales.force, loss, marks)
+
+
+def steepness(
+    compressor: Compressor, at: Instants, scales: Scales, energy, acceleration, unknown
+) -> Float[Array, " m"]:
+    """[1/rad] Slope of the net torque over the kinetic energy; derivatives are not wanted of it.
+
+    Its integral over the revolution is the logarithm of the factor by which a disturbance of the
+    orbit grows in a revolution.
+    """
+
+    def torques(energy, acceleration, force):
+        state = state_of(at, scales, energy, acceleration)
+        motor = compressor.motor.torque(state.speed)
+        if compressor.friction is None:
+            return motor, jnp.zeros_like(motor)
+        excess, loss, _ = loop_of(compressor, at, state).balance(force)
+        return motor - loss, excess
+
+    force = jnp.zeros_like(energy)
+    if compressor.friction is not None:
+        state = state_of(at, scales, energy, acceleration)
+        force = joints_of(loop_of(compressor, at, state), scales, unknown)
+    falling = -at.inertia_1 / at.inertia**2 * scales.energy / scales.speed**2
+    none, ones = jnp.zeros_like(energy), jnp.ones_like(energy)
+    # along the kinetic energy, and along the unknown of the joints, which follows it
+    ways = tuple(jnp.stack(pair) for pair in ((ones, none), (falling, none), (none, ones)))
+    net, excess = jax.vmap(lambda *way: jax.jvp(torques, (energy, acceleration, force), way)[1])(
+        *ways
+    )
+    follows = -excess[0] / jnp.maximum(excess[1], 1e-3)
+    return (net[0] + follows * net[1]) / scales.energy
+
+
+class Revolution(NamedTuple):
+    """Panels, and what the crank angle decides at their nodes and then at the places."""
+
+    grid: Panels
+    at: Instants
+
+
+def revolution(known: Known, resolution: Resolution, places: Float[Array, " k"]) -> Revolution:
+    """A revolution cut at the places of load reversals [rad]."""
+    grid = resolution.panels_between(known.edges, places)
+    angle = grid.angle.ravel()
+    if places.size:
+        angle = jnp.concatenate([angle, places])
+    return Revolution(grid, instants(known.compressor, angle))
+
+
+def improve(
+    known: Known,
+    resolution: Resolution,
+    reversals: Reversals,
+    motion: Motion,
+    cut: Revolution | None = None,
+) -> tuple[Motion, Float[Array, "q p s"]]:
+    """One iteration: better unknowns, with the quantities that mark reversals at the nodes.
+
+    `cut` is the revolution at the places of the motion, where the caller has it already.
+    """
+    compressor, scales, places = known.compressor, known.scales, motion.places
+    grid, at = revolution(known, resolution, places) if cut is None else cut
+    shape, count = grid.angle.shape, grid.angle.size
+
+    def everywhere(values):
+        """At the nodes, then at the places; each is the left edge of a panel."""
+        if not places.size:
+            return values.ravel()
+        left = values @ grid.rule.through(np.zeros(1))[0]
+        return jnp.concatenate([values.ravel(), left[grid.panel_of(lax.stop_gradient(places))]])
+
+    def nodes(values):
+        return values[:count].reshape(shape)
+
+    energy, acceleration = everywhere(motion.energy), everywhere(motion.acceleration)
+    state = state_of(at, scales, energy, acceleration)
+    joints = Joints(motion.joints, jnp.zeros_like(energy), ())
+    if compressor.friction is not None:
+        joints = _improved_joints(loop_of(compressor, at, state), scales, motion.joints)
+    closure = closure_of(compressor.motor)
+    steep = None
+    if closure.needs_steepness:
+        frozen = lax.stop_gradient((compressor, at, scales, energy, acceleration, motion.joints))
+        steep = lax.stop_gradient(nodes(steepness(*frozen)))
+    now = Instant(
+        grid,
+        scales.speed,
+        scales.energy,
+        nodes(at.inertia),
+        nodes(at.inertia_1),
+        nodes(at.conservative),
+        nodes(closure.law(compressor.motor, state.speed)),
+        nodes(joints.loss),
+        nodes(state.speed),
+        motion.energy,
+        motion.first_energy,
+    )
+    energy, slope, first = closure.improve(compressor.motor, now, steep)
+    floored = jnp.maximum(energy, ENERGY_FLOOR) * scales.energy
+    acceleration = (slope - now.inertia_1 * floored / now.inertia) / now.inertia
+    marks = [nodes(mark) for mark in joints.marks]
+    if places.size:
+        at_places = jnp.stack([mark[count:] for mark in joints.marks])
+        value = jnp.take_along_axis(at_places, jnp.maximum(reversals.row, 0)[None], axis=0)[0]
+        unused = jnp.where(reversals.moving, known.edges[0], places)
+        used = reversals.moving & (reversals.row >= 0)
+        places = jnp.where(used, places - value / reversals.slope, unused)
+    better = Motion(energy, acceleration / scales.speed**2, first, joints.unknown, places)
+    return better, jnp.stack(marks) if marks else jnp.zeros((0, *shape))

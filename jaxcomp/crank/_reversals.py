@@ -1,0 +1,197 @@
+"""Locate load reversals within a stroke and place panel edges there.
+
+Where a load reverses the losses have a kink, and where a load comes close to zero its magnitude turns
+within a very short angle. Either place depends on the motion, so it is found on a first solution and
+moves with the last one.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from .._implicit import AbstractFixedPoint, FixedPointReport, settle
+from ._iteration import (
+    Known,
+    Motion,
+    Resolution,
+    Reversals,
+    improve,
+    initial_motion,
+    no_reversals,
+    revolution,
+)
+from ._panels import Panels
+
+# Change at which the first solutions, which only place the reversals, are good enough.
+_PLACING = 1e-7
+# Halvings of a bracket: of 0.1 rad they leave 1e-6 rad, which the iterations polish with the slope.
+_HALVINGS = 16
+
+
+class _Brackets(NamedTuple):
+    """Where sign changes were seen: kinks, then near-zero loads."""
+
+    low: Float[Array, " k"]
+    high: Float[Array, " k"]
+    row: Int[Array, " k"]  # which quantity changes; -1 for a place not used
+
+
+class OrbitProblem(AbstractFixedPoint):
+    """The periodic motion as a fixed point, on panels that end at the load reversals.
+
+    Attributes:
+        resolution: of the panels.
+        kinks: how many of the quantities that mark reversals are kinks; the others are loads that
+            come close to zero.
+        tolerance, max_iterations: of the iteration.
+    """
+
+    resolution: Resolution
+    kinks: int = eqx.field(static=True)
+    tolerance: float | Float[Array, ""]
+    max_iterations: int = eqx.field(static=True)
+
+    def step(self, parameters: Known, data, unknowns: Motion) -> Motion:
+        reversals, _ = data
+        return improve(parameters, self.resolution, reversals, unknowns)[0]
+
+    def solve(self, parameters: Known) -> tuple[Motion, tuple[Reversals, FixedPointReport]]:
+        """Solve on panels between the known kinks, place the reversals, solve and place again.
+
+        Then solve with places that follow the motion. All rounds share one iteration.
+        """
+        known, resolution = lax.stop_gradient(parameters), self.resolution
+        motion = initial_motion(known, resolution)
+        places = motion.places
+        reversals = no_reversals(places)
+
+        if not places.size:
+            # panels that stay where they are need not be cut in every iteration
+            cut = revolution(known, resolution, places)
+            motion, _, report = settle(
+                lambda m: (improve(known, resolution, reversals, m, cut)[0], None),
+                motion,
+                None,
+                self.tolerance,
+                self.max_iterations,
+            )
+            return motion, (reversals, report)
+
+        marks = jax.eval_shape(improve, known, resolution, reversals, motion)[1]
+        nothing = jnp.zeros(marks.shape, marks.dtype)
+
+        def round_(index, carry):
+            motion, reversals, brackets, _ = carry
+            last = index == 2
+            reversals = eqx.tree_at(lambda r: r.moving, reversals, last)
+            tolerance = jnp.where(last, self.tolerance, _PLACING)
+            motion, marks, report = settle(
+                lambda m: improve(known, resolution, reversals, m),
+                motion,
+                nothing,
+                tolerance,
+                self.max_iterations,
+            )
+            motion, reversals, brackets = lax.cond(
+                last,
+                lambda: (motion, reversals, brackets),
+                lambda: self._place(known, motion, marks, brackets, index == 0),
+            )
+            return motion, reversals, brackets, report
+
+        nowhere = _Brackets(places, places, reversals.row)
+        report = FixedPointReport(jnp.asarray(0), jnp.ones(()), jnp.asarray(False))
+        motion, reversals, _, report = lax.fori_loop(
+            0, 3, round_, (motion, reversals, nowhere, report)
+        )
+        return motion, (reversals, report)
+
+    def _place(self, known, motion: Motion, marks, brackets: _Brackets, first):
+        """Place the reversals of a motion, with the motion on the new panels."""
+        grid = self.resolution.panels_between(known.edges, motion.places)
+        found = self._find(grid, marks)
+        brackets = jax.tree.map(lambda a, b: jnp.where(first, a, b), found, brackets)
+        places, slope, row = _bisect(grid, marks, brackets)
+        new = self.resolution.panels_between(known.edges, places)
+        angle = jnp.clip(new.angle, grid.edges[0], grid.edges[-1])
+        count = new.angle.size
+        joints = motion.joints[:count].reshape(new.angle.shape)
+        angle = jnp.concatenate([angle.ravel(), jnp.clip(places, grid.edges[0], grid.edges[-1])])
+        values = jnp.stack([motion.energy, motion.acceleration, joints])
+        energy, acceleration, joints = grid.interpolate(values, angle)
+        moved = Motion(
+            energy[:count].reshape(new.angle.shape),
+            acceleration[:count].reshape(new.angle.shape),
+            motion.first_energy,
+            joints,
+            places,
+        )
+        return moved, Reversals(row, slope, jnp.asarray(False)), brackets
+
+    def _find(self, grid: Panels, marks: Float[Array, "q p s"]) -> _Brackets:
+        """The first sign changes of kinks, and as many of near-zero loads, inside the panels."""
+        ends = np.array([1e-3, 1 - 1e-3])
+        x = np.concatenate([ends[:1], grid.rule.nodes, ends[1:]])
+        angle = grid.edges[:-1, None] + grid.width[:, None] * x
+        at_ends = marks @ grid.rule.through(ends).T
+        sides = jnp.sign(jnp.concatenate([at_ends[..., :1], marks, at_ends[..., 1:]], axis=-1))
+        changes = (sides[..., 1:] * sides[..., :-1] < 0) & (grid.width[:, None] > 1e-9)
+        found = []
+        for begin, end in ((0, self.kinks), (self.kinks, marks.shape[0])):
+            row, panel, left = jnp.nonzero(
+                changes[begin:end], size=self.resolution.reversals, fill_value=-1
+            )
+            # an unused place goes to the first edge, where it makes a panel of no width
+            low = jnp.where(row >= 0, angle[panel, left], grid.edges[0])
+            high = jnp.where(row >= 0, angle[panel, left + 1], grid.edges[0])
+            found.append(_Brackets(low, high, jnp.where(row >= 0, row + begin, -1)))
+        return jax.tree.map(lambda *parts: jnp.concatenate(parts), *found)
+
+
+def _bisect(grid: Panels, marks: Float[Array, "q p s"], brackets: _Brackets):
+    """Places, slopes and rows of the reversals, of the panel polynomials of what marks them.
+
+    The brackets are widened, since a better motion moves them a little.
+    """
+    room = 0.3 * (brackets.high - brackets.low)
+    own = jnp.take(marks, jnp.maximum(brackets.row, 0), axis=0)
+
+    def value(angle):
+        panel = grid.panel_of(angle)
+        width = grid.width[panel]
+        x = (angle - grid.edges[panel]) / jnp.where(width > 0, width, 1.0)
+        values = own[jnp.arange(own.shape[0]), panel]
+        return jnp.sum(values * grid.rule.weights_at(x), axis=-1)
+
+    def halve(_, ends):
+        low, high, at_low, at_high = ends
+        middle = 0.5 * (low + high)
+        here = value(middle)
+        left_side = here * at_low > 0
+        return (
+            jnp.where(left_side, middle, low),
+            jnp.where(left_side, high, middle),
+            jnp.where(left_side, here, at_low),
+            jnp.where(left_side, at_high, here),
+        )
+
+    low, high = brackets.low - room, brackets.high + room
+    start = (low, high, *jax.vmap(value)(jnp.stack([low, high])))
+    low, high, at_low, at_high = lax.fori_loop(0, _HALVINGS, halve, start)
+    rise, width = at_high - at_low, high - low
+    steep = (brackets.row >= 0) & (rise != 0) & (width > 0)
+    near = rise / jnp.where(steep, width, 1.0)
+    places = low - jnp.where(steep, at_low / jnp.where(steep, near, 1.0), low - grid.edges[0])
+    # The halvings may end on an edge of the panels, where the polynomials jump by their own error: the
+    # slope there is that of the jump. A wider span tells the slope of the quantity.
+    span = 0.1 * (brackets.high - brackets.low)
+    before, after = jax.vmap(value)(jnp.stack([places - span, places + span]))
+    wide = (after - before) / jnp.where(steep, 2 * span, 1.0)
+    slope = jnp.where(jnp.sign(wide) == jnp.sign(near), wide, near)
+    slope = jnp.where(steep, slope, 1.0)
+    return places, slope, jnp.where(steep, brackets.row, -1)
