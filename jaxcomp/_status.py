@@ -27,6 +27,14 @@ class Status(eqx.Enumeration):
         "the nodes do not resolve the turn: its duration is not known to 0.1 %, or its fluctuation of "
         "speed not to 2 %; take more nodes, or more inertia or speed where the crank all but halts"
     )
+    too_many_events = (
+        "the valves make more events in a revolution than there are panels; take more panels, or a "
+        "restitution of zero"
+    )
+    no_delivery = (
+        "the pressure in the cylinder does not open the discharge valve: nothing is delivered"
+    )
+    wet = "the gas is below its dew point: wet compression is not modelled"
     no_periodic_state = (
         "no stable periodic state was found: the net work of a turn does not fall with speed"
     )

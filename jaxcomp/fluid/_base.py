@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._fields import Part
 
@@ -83,6 +83,11 @@ class AbstractFluid(Part):
     @abstractmethod
     def temperature_range(self) -> tuple[float, float]:
         """[K] Where the equation of state holds."""
+
+    def is_wet(self, T: Float[Array, "*n"], rho: Float[Array, "*n"]) -> Bool[Array, "*n"]:
+        """Whether the gas is denser than on the dew line, beyond the error of that curve."""
+        del T
+        return rho < 0
 
     @eqx.filter_jit
     def density(self, T: Float[Array, ""], p: Float[Array, ""]) -> Float[Array, ""]:

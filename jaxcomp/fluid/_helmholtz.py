@@ -118,6 +118,12 @@ class RealGas(AbstractFluid):
         y = jnp.clip(rho, 0.0, fit["rho_most"]) / data["rho_r"]
         return _poly(fit["viscosity"], x, y), _poly(fit["conductivity"], x, y)
 
+    def is_wet(self, T, rho):
+        data = self.data
+        theta = jnp.minimum(T, 0.98 * data["T_critical"])
+        dew = jnp.vectorize(lambda T: _ancillary(data["vapour_density"], T))(theta)
+        return (theta == T) & (rho > 1.02 * dew)
+
     @eqx.filter_jit
     def saturation(
         self, T: Float[Array, ""] | None = None, p: Float[Array, ""] | None = None

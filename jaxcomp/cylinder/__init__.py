@@ -1,0 +1,16 @@
+"""The cylinder's own thermodynamics: valves, real gas, heat and leakage over a periodic cycle."""
+
+from ._cycle import Cycle as Cycle
+from ._cylinder import Cylinder as Cylinder
+from ._cylinder import DischargeLine as DischargeLine
+from ._cylinder import SuctionLine as SuctionLine
+from ._heat import AbstractHeat as AbstractHeat
+from ._heat import Adair as Adair
+from ._heat import Annand as Annand
+from ._heat import Disconzi as Disconzi
+from ._heat import LiuZhou as LiuZhou
+from ._heat import Todescat as Todescat
+from ._heat import Woschni as Woschni
+from ._leakage import LaminarGap as LaminarGap
+from ._solve import CycleOptions as CycleOptions
+from ._solve import solve_cycle as solve_cycle

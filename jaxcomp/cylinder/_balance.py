@@ -1,0 +1,359 @@
+r"""Balances of mass and energy of the gas, and the motion of valves and ports, over the crank angle.
+
+$$m' = (\dot m_s - \dot m_d - \dot m_l)/\omega$$
+$$m c_v T' = -T\left(\frac{\partial p}{\partial T}\right)_\rho\left(V' - \frac{m'}{\rho}\right) - h m'
+  + (\dot m_s h_s^* - \dot m_d h_d^* - \dot m_l h_l^* + \dot Q)/\omega$$
+
+h* is the enthalpy of where the flow comes from. The state is m, T and for either valve lift x,
+velocity v and port velocity U, each over its scale. Between events the law is smooth: where it has
+branches, integers say which one holds. For either valve these are its mode (0 on the seat, 1 free, 2 on
+the stop), the sign of U and the sign of the forward pressure difference.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..fluid import GasState
+from ..valve import Side, port_acceleration, quasi_steady_flow, throat_density
+from ._cylinder import Case, side_of
+from ._heat import HeatInput
+
+STATES = 8  # m, T, then x, v, U of the suction and of the discharge valve
+SEAT, FREE, STOP = 0, 1, 2
+# For either valve: leaves its seat, meets it or leaves its stop; meets its stop; U = 0; dp = 0.
+EVENTS = 8
+# [1/rad] How fast what does not move returns to its place, where it is already.
+_IDLE = 1.0
+
+
+class Accounts(NamedTuple):
+    """Rates over the crank angle, in units of mass and energy scale; integrals after a revolution.
+
+    Attributes:
+        work: p dV.
+        suction, discharge, leakage: mass through the valves (forward) and past the piston (out).
+        suction_back, discharge_back: the part of it that flows backward, positive.
+        heat: from the wall to the gas.
+        suction_heat, discharge_heat, leakage_heat: enthalpy that goes with the masses.
+        suction_loss, discharge_loss: work against the pressure difference of an open valve.
+    """
+
+    work: Float[Array, "*n"]
+    suction: Float[Array, "*n"]
+    discharge: Float[Array, "*n"]
+    leakage: Float[Array, "*n"]
+    suction_back: Float[Array, "*n"]
+    discharge_back: Float[Array, "*n"]
+    heat: Float[Array, "*n"]
+    suction_heat: Float[Array, "*n"]
+    discharge_heat: Float[Array, "*n"]
+    leakage_heat: Float[Array, "*n"]
+    suction_loss: Float[Array, "*n"]
+    discharge_loss: Float[Array, "*n"]
+
+
+class Rates(NamedTuple):
+    """What happens at a crank angle.
+
+    Attributes:
+        state: (8,) d state/d angle.
+        accounts: (12,) what runs through and out.
+        events: (8,) functions that an event makes negative; 1 where the event is not possible.
+        force: (2,) on the valves, over p_s and force area.
+        pressure: [Pa] in the cylinder.
+    """
+
+    state: Float[Array, " 8"]
+    accounts: Float[Array, " 12"]
+    events: Float[Array, " 8"]
+    force: Float[Array, " 2"]
+    pressure: Float[Array, ""]
+
+
+class _Valve(NamedTuple):
+    """What one valve does."""
+
+    flow: Float[Array, ""]
+    enthalpy: Float[Array, ""]
+    rates: list
+    events: list
+    force: Float[Array, ""]
+    is_open: Float[Array, ""]
+
+
+def gas_in(case: Case, angle, state: Float[Array, " 8"]) -> GasState:
+    """The gas in the cylinder."""
+    return case.cylinder.fluid.state(*temperature_and_density(case, angle, state))
+
+
+def temperature_and_density(case: Case, angle, state: Float[Array, " 8"]):
+    """[K] and [kg/m^3]; a state that is out of all bounds is brought back to finite values."""
+    low, high = case.cylinder.fluid.temperature_range
+    T = jnp.clip(state[1] * case.suction.T, low, 2 * high)
+    volume, _ = case.volume(angle)
+    rho = jnp.maximum(state[0], 1e-6) * case.mass_scale / volume
+    return T, rho
+
+
+def valve_scales(case: Case, which: int):
+    """Scales of lift [m], velocity [m/s] and port velocity [m/s] of a valve."""
+    moving = case.cylinder.valves[which].oscillator
+    lift = jnp.ones(()) if moving is None else moving.stop
+    return lift, lift * case.speed, jnp.sqrt(case.suction.p / case.suction.rho)
+
+
+def rates(
+    case: Case,
+    angle,
+    state: Float[Array, " 8"],
+    flags: Int[Array, " 6"],
+    gas: GasState | None = None,
+) -> Rates:
+    """Right-hand side, accounts and event functions.
+
+    Args:
+        case: cylinder and lines.
+        angle: [rad] crank angle.
+        state: (8,) over its scales.
+        flags: (6,) mode, sign of U and sign of the pressure difference of either valve.
+        gas: the gas at that state; computed if absent.
+    """
+    gas = gas_in(case, angle, state) if gas is None else gas
+    cylinder, inside = case.cylinder, side_of(gas)
+    suction, discharge = side_of(case.suction), side_of(case.discharge)
+    speed = case.speed_at(angle)
+    volume, volume_1 = case.volume(angle)
+    mass = state[0] * case.mass_scale
+
+    s = _valve(case, 0, suction, inside, state[2:5], flags[:3], speed)
+    d = _valve(case, 1, inside, discharge, state[5:8], flags[3:], speed)
+
+    viscosity, conductivity = _transport(cylinder, gas)
+    leak, leak_enthalpy = jnp.zeros(()), inside.h
+    if cylinder.leakage is not None:
+        gap = cylinder.leakage
+        mu = viscosity if gap.viscosity is None else gap.viscosity
+        leak = gap.flow(inside, suction, case.bore, mu)
+        inward = flags[2] > 0 if cylinder.inert else suction.p > inside.p
+        leak_enthalpy = jnp.where(inward, suction.h, inside.h)
+    heat = _heat(case, angle, gas, volume, volume_1, speed, (s, d), (viscosity, conductivity))
+
+    mass_1 = (s.flow - d.flow - leak) / speed
+    carried = s.flow * s.enthalpy - d.flow * d.enthalpy - leak * leak_enthalpy + heat
+    energy_1 = (
+        -gas.T * gas.dp_dT * (volume_1 - mass_1 / gas.rho) - inside.h * mass_1 + carried / speed
+    )
+    first = [mass_1 / case.mass_scale, energy_1 / (mass * gas.c_v * case.suction.T)]
+
+    tiny = 1 / (speed * case.mass_scale)
+    small = 1 / (speed * case.energy_scale)
+    lost = volume_1 / case.energy_scale
+    accounts = Accounts(
+        work=inside.p * volume_1 / case.energy_scale,
+        suction=s.flow * tiny,
+        discharge=d.flow * tiny,
+        leakage=leak * tiny,
+        suction_back=-jnp.minimum(s.flow, 0.0) * tiny,
+        discharge_back=-jnp.minimum(d.flow, 0.0) * tiny,
+        heat=heat * small,
+        suction_heat=s.flow * s.enthalpy * small,
+        discharge_heat=d.flow * d.enthalpy * small,
+        leakage_heat=leak * leak_enthalpy * small,
+        suction_loss=s.is_open * jnp.maximum(suction.p - inside.p, 0.0) * lost,
+        discharge_loss=-d.is_open * jnp.maximum(inside.p - discharge.p, 0.0) * lost,
+    )
+    return Rates(
+        jnp.stack([*first, *s.rates, *d.rates]),
+        jnp.stack(accounts),
+        jnp.stack([*s.events, *d.events]),
+        jnp.stack([s.force, d.force]),
+        inside.p,
+    )
+
+
+def _valve(case: Case, which: int, a: Side, b: Side, state, flags, speed) -> _Valve:
+    valve, leak = case.cylinder.valves[which], case.cylinder.leakage is not None
+    x, v, u = state
+    mode, u_sign, p_sign = flags[0], flags[1], flags[2]
+    lift, velocity, port_velocity = valve_scales(case, which)
+    difference = (a.p - b.p) / case.suction.p
+    one, zero = jnp.ones(()), jnp.zeros(())
+
+    moving = valve.oscillator
+    is_open, force, v_1 = one, zero, zero
+    events = [one] * 4
+    x_1 = -_IDLE * x
+    v_1 = -_IDLE * v
+    if moving is not None:
+        seated, free = mode == SEAT, mode == FREE
+        is_open = 1.0 * (mode > SEAT)
+        place = jnp.where(free, x, 1.0 * (mode == STOP))
+        area = valve.force_area(place * lift)
+        spring = moving.stiffness * (place * lift + moving.preload)
+        pull = area * (a.p - b.p) - spring - moving.damping * v * velocity
+        force = pull / (area * case.suction.p)
+        scale = moving.mass * velocity * speed
+        x_1 = jnp.where(free, v * case.speed / speed, -_IDLE * (x - 1.0 * (mode == STOP)))
+        v_1 = jnp.where(free, pull / scale, v_1)
+        first = jnp.where(free, x, jnp.where(seated, -force, force))
+        events[:2] = [first, jnp.where(free, 1 - x, one)]
+        x = place
+
+    area = valve.flow_area(jnp.maximum(x, 0.0) * lift) * is_open
+    if valve.port_length is None:
+        flow = area * quasi_steady_flow(a, b)
+        if moving is None:
+            flow = jnp.maximum(flow, 0.0)
+        forward, u_1 = a.p > b.p, -_IDLE * u
+    else:
+        speed_in_port = u * port_velocity
+        push = port_acceleration(a, b, speed_in_port, p_sign, u_sign)
+        u_1 = push / (valve.port_length * port_velocity * speed)
+        u_1 = jnp.where(is_open > 0, u_1, -_IDLE * u)
+        flow = area * throat_density(a, b, p_sign, u_sign) * speed_in_port
+        forward = u_sign > 0
+        watched = is_open > 0
+        events[2] = jnp.where(watched, u_sign * u, one)
+        # the sign of the suction's difference is that of the leakage as well, with the valve shut too
+        watched |= leak and which == 0
+        events[3] = jnp.where(watched, p_sign * difference, one)
+    enthalpy = jnp.where(forward, a.h, b.h)
+    return _Valve(flow, enthalpy, [x_1, v_1, u_1], events, force, is_open)
+
+
+def _transport(cylinder, gas: GasState):
+    heat, gap = cylinder.heat, cylinder.leakage
+    given = heat is None or (heat.viscosity is not None and heat.conductivity is not None)
+    given_gap = gap is None or gap.viscosity is not None
+    mu, conductivity = (
+        (None, None) if given and given_gap else cylinder.fluid.transport(gas.T, gas.rho)
+    )
+    return mu, conductivity
+
+
+def _heat(case: Case, angle, gas: GasState, volume, volume_1, speed, valves, transport):
+    """Heat from the wall [W]."""
+    law = case.cylinder.heat
+    if law is None:
+        return jnp.zeros(())
+    mu = transport[0] if law.viscosity is None else law.viscosity
+    conductivity = transport[1] if law.conductivity is None else law.conductivity
+    area = case.mechanism.piston_area
+    wall_area = 2 * area + 4 * volume / case.bore
+    at = HeatInput(
+        rho=gas.rho,
+        prandtl=gas.c_p * mu / conductivity,
+        viscosity=mu,
+        conductivity=conductivity,
+        bore=case.bore,
+        wall_area=wall_area,
+        volume=volume,
+        angle=angle,
+        speed=speed,
+        piston_speed=case.mechanism.stroke * case.speed / jnp.pi,
+        outward=jnp.sign(volume_1),
+        suction_open=valves[0].is_open,
+        discharge_open=valves[1].is_open,
+        port_speed=jnp.maximum(jnp.abs(valves[0].flow), jnp.abs(valves[1].flow)) / (gas.rho * area),
+    )
+    return law.coefficient(at) * wall_area * (case.cylinder.wall_temperature - gas.T)
+
+
+def jacobian(case: Case, angle, state, flags):
+    """Rates and event functions, with their derivatives in the state and in the angle.
+
+    The equation of state is differentiated in temperature and density alone, everything else in the
+    state and in the few properties it uses.
+
+    Returns:
+        (state', events), then (8, 8) and (8,) of state', then (8, 8) and (8,) of the events.
+    """
+    columns = ("p", "u", "c_v", "dp_dT", "dp_drho")
+    fluid = case.cylinder.fluid
+
+    def inputs(packed):
+        return jnp.stack(temperature_and_density(case, packed[0], packed[1:]))
+
+    def properties(inputs):
+        found = fluid.state(*inputs)
+        values = jnp.stack([getattr(found, name) for name in columns])
+        return values, values
+
+    def law(packed, values):
+        T, rho = inputs(packed)
+        at = GasState(T=T, rho=rho, s=0 * T, **dict(zip(columns, values, strict=True)))
+        found = rates(case, packed[0], packed[1:], flags, at)
+        both = jnp.concatenate([found.state, found.events])
+        return both, both
+
+    packed = jnp.concatenate([angle[None], state])
+    in_gas, values = jax.jacfwd(properties, has_aux=True)(inputs(packed))
+    (direct, through), both = jax.jacfwd(law, argnums=(0, 1), has_aux=True)(packed, values)
+    total = direct + through @ in_gas @ jax.jacfwd(inputs)(packed)
+    first, second = total[:STATES], total[STATES:]
+    return (
+        (both[:STATES], both[STATES:]),
+        (first[:, 1:], first[:, 0]),
+        (second[:, 1:], second[:, 0]),
+    )
+
+
+def jump(case: Case, event: Int[Array, ""], code: Int[Array, ""], state: Float[Array, " 8"]):
+    """The state after an event.
+
+    Args:
+        case: cylinder and lines.
+        event: which; -1 for none.
+        code: 0 nothing jumps, 1 onto or off the seat, 2 comes to rest, 3 bounces.
+    """
+    parts = [state[:2]]
+    for which, valve in enumerate(case.cylinder.valves):
+        x, v, u = state[2 + 3 * which : 5 + 3 * which]
+        here = (event >= 4 * which) & (event < 4 * which + 4)
+        at = jnp.where(here, code, 0)
+        bounce = -getattr(valve, "restitution", jnp.zeros(())) * v
+        x = jnp.where(at > 0, 1.0 * (event % 4 == 1), x)
+        v = jnp.where(at == 3, bounce, jnp.where(at > 0, 0.0, v))
+        parts.append(jnp.stack([x, v, jnp.where(at == 1, 0.0, u)]))
+    return jnp.concatenate(parts)
+
+
+def after_event(case: Case, event, state, flags, force):
+    """Code of the jump and flags after an event, from the state before it."""
+    code, new = jnp.zeros((), int), flags
+    for which, valve in enumerate(case.cylinder.valves):
+        if valve.oscillator is None:
+            continue
+        first = 4 * which
+        mode, u_sign, p_sign = flags[3 * which : 3 * which + 3]
+        speed = state[3 + 3 * which] * valve_scales(case, which)[1]
+        rests = jnp.abs(valve.restitution * speed) < valve.sticking_speed
+        pressed = force[which] <= 0
+        at_seat = (event == first) & (mode == FREE)
+        at_stop = event == first + 1
+        lifts = (event == first) & (mode == SEAT)
+        shuts = at_seat & rests & pressed
+        stays = at_stop & rests & ~pressed
+        code = jnp.where(lifts | shuts, 1, code)
+        code = jnp.where((at_seat | at_stop) & ~shuts, jnp.where(rests, 2, 3), code)
+        leaves = (event == first) & (mode != FREE)
+        mode = jnp.where(leaves, FREE, jnp.where(shuts, SEAT, jnp.where(stays, STOP, mode)))
+        u_sign = jnp.where(lifts, 1, jnp.where(event == first + 2, -u_sign, u_sign))
+        p_sign = jnp.where(lifts, 1, jnp.where(event == first + 3, -p_sign, p_sign))
+        new = new.at[3 * which : 3 * which + 3].set(jnp.stack([mode, u_sign, p_sign]))
+    return code, new
+
+
+def initial(case: Case, angle) -> tuple[Float[Array, " 8"], Int[Array, " 6"]]:
+    """A guess within the compression: all valves shut, gas of the suction line compressed."""
+    volume, _ = case.volume(angle)
+    full = (1 + case.cylinder.clearance_ratio) * case.swept
+    squeeze = (full / volume) ** (jnp.clip(case.suction.kappa, 1.01, 1.7) - 1)
+    state = jnp.zeros(STATES).at[0].set(full / case.swept).at[1].set(squeeze)
+    p = gas_in(case, angle, state).p
+    signs = [jnp.where(case.suction.p > p, 1, -1), jnp.where(p > case.discharge.p, 1, -1)]
+    flags = [0, 1, signs[0], 0, 1, signs[1]]
+    return state, jnp.stack([jnp.asarray(f) for f in flags])

@@ -1,0 +1,347 @@
+r"""The periodic cycle by collocation on panels between events, with the event angles as unknowns.
+
+Panel p begins with the state $y_p$ after whatever jumped there; at its Gauss nodes
+$Y_i = y_p + w\sum_j A_{ij} f(\theta_j, Y_j)$, at its end $y_p + w\sum_j b_j f_j$, which the next panel
+begins with after the jump of the event there, if any; an event fixes the angle of the edge by
+$G(\theta, y) = 0$. What branches hold on a panel and which event ends it are integers, so that one
+program serves all designs. Newton's method condenses every panel to its ends and runs once round the
+revolution. Derivatives of any order follow from the implicit function theorem with the same blocks.
+"""
+
+from functools import cache, partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+from numpy.polynomial import legendre
+
+from ._balance import jacobian, jump, rates
+from ._cylinder import Case
+from ._march import START, TURN, Record
+
+# [-] How far an event function may be negative at a node before its branch counts as left.
+_LEFT = 1e-6
+# [-] A step of Newton's method beyond this has lost the solution.
+_LOST = 10.0
+
+
+class Rule(NamedTuple):
+    """Gauss-Legendre on [0, 1]: nodes, weights, and integrals from 0 to the nodes."""
+
+    nodes: np.ndarray
+    weights: np.ndarray
+    integral: np.ndarray
+
+
+@cache
+def gauss(count: int) -> Rule:
+    """The rule with so many nodes."""
+    x, w = legendre.leggauss(count)
+    coefficients = np.linalg.inv(legendre.legvander(x, count - 1))
+    primitive = np.stack([legendre.legint(c, lbnd=-1) for c in coefficients.T], axis=1)
+    return Rule((x + 1) / 2, w / 2, legendre.legvander(x, count) @ primitive / 2)
+
+
+class Mesh(NamedTuple):
+    """What happens on p panels.
+
+    Attributes:
+        flags: (p, 6) branches.
+        event: (p,) at the end, -1 for none.
+        code: (p,) of the jump there.
+        fits: whether there are enough panels for the events.
+    """
+
+    flags: Int[Array, "p 6"]
+    event: Int[Array, " p"]
+    code: Int[Array, " p"]
+    fits: Bool[Array, ""]
+
+
+class Unknowns(NamedTuple):
+    """A revolution on panels.
+
+    Attributes:
+        points: (p, s + 1, 8) states at the s Gauss nodes and at the end, before anything jumps there.
+        left: (p, 8) at the beginnings.
+        edges: [rad] (p + 1,); those without an event do not move.
+    """
+
+    points: Float[Array, "p s+1 8"]
+    left: Float[Array, "p 8"]
+    edges: Float[Array, " p+1"]
+
+
+class Residual(NamedTuple):
+    """What is left of the equations, shaped as the unknowns they determine."""
+
+    points: Float[Array, "p s+1 8"]
+    ends: Float[Array, "p 8"]
+    events: Float[Array, " p"]
+
+
+def lay_mesh(record: Record, panels: int, nodes: int) -> tuple[Mesh, Unknowns]:
+    """Panels after the steps of a march: at least one between events, more where steps are many."""
+    used = jnp.isfinite(record.angle)
+    happens = used & (record.event >= 0)
+    interval = jnp.cumsum(happens) - happens  # of every step
+    count = jnp.sum(happens) + 1
+    steps = jnp.zeros(panels).at[jnp.where(used, interval, panels)].add(1.0, mode="drop")
+    exists = jnp.arange(panels) < count
+
+    def add(_, share):
+        # an interval of no width wants none
+        return share.at[jnp.argmax(jnp.where(exists, steps / share, -1.0))].add(1)
+
+    spare = panels - jnp.minimum(count, panels)
+    share = lax.fori_loop(0, spare, add, jnp.ones(panels, int))
+    share = jnp.where(exists, share, 0)
+
+    panel = jnp.arange(panels)
+    ends = jnp.cumsum(share)
+    of = jnp.clip(jnp.searchsorted(ends, panel, side="right"), 0, panels - 1)
+    within = panel - (ends - share)[of]
+    first_row = (jnp.cumsum(steps) - steps)[of]
+    place = first_row + steps[of] * within / share[of]
+    row = jnp.clip(place.astype(int), 0, record.angle.size - 1)
+    edges = record.angle[row] + (place - row) * record.width[row]
+    edges = jnp.concatenate([edges, jnp.asarray([START + TURN])])
+    last_row = jnp.clip((first_row + steps[of] - 1).astype(int), 0, record.angle.size - 1)
+    ends_interval = within == share[of] - 1
+    event = jnp.where(ends_interval, record.event[last_row], -1)
+    code = jnp.where(event >= 0, record.code[last_row], 0)
+    mesh = Mesh(record.flags[first_row.astype(int)], event, code, count <= panels)
+
+    # the last point's row is the panel's own: rows of no width share an angle
+    at = partial(_within_steps, record)
+    angle, _ = point_angles(edges, nodes)
+    points = jax.vmap(jax.vmap(at))(angle)
+    ended = jnp.where(ends_interval[:, None], record.end[last_row], points[:, -1])
+    return mesh, Unknowns(points.at[:, -1].set(ended), jax.vmap(at)(edges[:-1], row), edges)
+
+
+def _within_steps(record: Record, angle, row=None):
+    """The state at an angle, by the cubics between the steps."""
+    if row is None:
+        row = jnp.clip(
+            jnp.searchsorted(record.angle, angle, side="right") - 1, 0, record.angle.size - 1
+        )
+    width = record.width[row]
+    t = jnp.where(width > 0, (angle - record.angle[row]) / jnp.where(width > 0, width, 1.0), 0.0)
+    s = 1 - t
+    begin, end = record.begin[row], record.end[row]
+    slope = width * (record.begin_rate[row] * s - record.end_rate[row] * t)
+    return begin * s * s * (1 + 2 * t) + end * t * t * (1 + 2 * s) + t * s * slope
+
+
+def point_angles(edges, nodes: int):
+    """Angles [rad] of the Gauss nodes and the end (p, s + 1), and widths [rad] of the panels (p,)."""
+    width = jnp.diff(edges)
+    places = np.append(gauss(nodes).nodes, 1.0)
+    return edges[:-1, None] + width[:, None] * places, width
+
+
+def at_points(function, mesh: Mesh, z: Unknowns):
+    """A function of angle, state and branches at all points of all panels."""
+    angle, _ = point_angles(z.edges, z.points.shape[1] - 1)
+    along = jax.vmap(function, in_axes=(0, 0, None))
+    return jax.vmap(along)(angle, z.points, mesh.flags)
+
+
+def residual(case: Case, mesh: Mesh, z: Unknowns) -> Residual:
+    """The equations of the periodic cycle."""
+
+    def law(angle, state, flags):
+        found = rates(case, angle, state, flags)
+        return found.state, found.events
+
+    return _residual(case, mesh, z, *at_points(law, mesh, z))
+
+
+def _residual(case: Case, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
+    rule = gauss(z.points.shape[1] - 1)
+    integral = jnp.asarray(np.vstack([rule.integral, rule.weights]))
+    width = jnp.diff(z.edges)[:, None, None]
+    moved = width * jnp.einsum("ij,pja->pia", integral, slopes[:, :-1])
+    jumped = jax.vmap(partial(jump, case))(mesh.event, mesh.code, z.points[:, -1])
+    value = jnp.take_along_axis(events[:, -1], jnp.maximum(mesh.event, 0)[:, None], axis=1)[:, 0]
+    return Residual(
+        z.points - z.left[:, None] - moved,
+        jnp.roll(z.left, -1, axis=0) - jumped,
+        jnp.where(mesh.event >= 0, value, 0.0),
+    )
+
+
+class Blocks(NamedTuple):
+    """The Jacobian, panel by panel; ten inputs of a panel are its beginning and its two edges.
+
+    Attributes:
+        stages: (p, 8 s, 8 s) of the nodes.
+        inputs: (p, 8 s, 10) what the inputs put on their right-hand sides.
+        out: (p, 8, 8 s) from the nodes to the end of the panel.
+        direct: (p, 8, 10) from the inputs to it.
+        jump: (p, 8, 8)
+        event: (p, 9) gradient of the event function in the state and in the angle.
+        has_event: (p,)
+    """
+
+    stages: Float[Array, "p m m"]
+    inputs: Float[Array, "p m 10"]
+    out: Float[Array, "p 8 m"]
+    direct: Float[Array, "p 8 10"]
+    jump: Float[Array, "p 8 8"]
+    event: Float[Array, "p 9"]
+    has_event: Bool[Array, " p"]
+
+
+def linearise(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Array]:
+    """`residual`, its Jacobian and the event functions, from one evaluation of the law."""
+    panels, s, n = z.points.shape[0], z.points.shape[1] - 1, z.points.shape[2]
+    rule = gauss(s)
+    a, b, c = map(jnp.asarray, (rule.integral, rule.weights, rule.nodes))
+    (slope, events), (by_state, by_angle), (events_by_state, events_by_angle) = at_points(
+        partial(jacobian, case), mesh, z
+    )
+    left = _residual(case, mesh, z, slope, events)
+    slope, by_state, by_angle = slope[:, :s], by_state[:, :s], by_angle[:, :s]
+    w = jnp.diff(z.edges)[:, None, None]
+    stages = jnp.eye(s * n) - (
+        w[..., None, None] * a[:, None, :, None] * by_state.transpose(0, 2, 1, 3)[:, None]
+    ).reshape(panels, s * n, s * n)
+    # an edge moves the nodes and changes the width
+    moved = [w * by_angle * x[:, None] + sign * slope for x, sign in ((1 - c, -1.0), (c, 1.0))]
+    moved = jnp.stack(moved, axis=-1)
+    ones = jnp.broadcast_to(jnp.tile(jnp.eye(n), (s, 1)), (panels, s * n, n))
+    by_edges = jnp.einsum("ij,pjak->piak", a, moved).reshape(panels, s * n, 2)
+    out = jnp.einsum("p,j,pjab->pajb", w[:, 0, 0], b, by_state).reshape(panels, n, s * n)
+    direct = jnp.concatenate(
+        [jnp.broadcast_to(jnp.eye(n), (panels, n, n)), jnp.einsum("j,pjak->pak", b, moved)], axis=2
+    )
+    jumps = jax.vmap(jax.jacfwd(partial(jump, case), argnums=2))
+    which = jnp.maximum(mesh.event, 0)[:, None, None]
+    gradient = jnp.concatenate([events_by_state[:, -1], events_by_angle[:, -1, :, None]], axis=2)
+    blocks = Blocks(
+        stages,
+        jnp.concatenate([ones, by_edges], axis=2),
+        out,
+        direct,
+        jumps(mesh.event, mesh.code, z.points[:, -1]),
+        jnp.take_along_axis(gradient, which, axis=1)[:, 0],
+        mesh.event >= 0,
+    )
+    return left, blocks, events
+
+
+def solve_blocks(blocks: Blocks, given: Residual) -> Unknowns:
+    """Solve the linearised equations; linear in `given`, whose part is kept apart for that reason."""
+    panels, s, n = given.points.shape[0], given.points.shape[1] - 1, given.points.shape[2]
+    factors, _, order = lax.linalg.lu(blocks.stages)
+
+    def inner_solve(right_side):
+        shuffled = jnp.take_along_axis(right_side, order[:, :, None], axis=1)
+        options = {"left_side": True, "lower": True, "unit_diagonal": True}
+        half = lax.linalg.triangular_solve(factors, shuffled, **options)
+        return lax.linalg.triangular_solve(factors, half, left_side=True, lower=False)
+
+    # what the nodes and the end of a panel owe to its inputs, and to what is given
+    nodes = inner_solve(blocks.inputs)
+    ends = blocks.out @ nodes + blocks.direct
+    own_nodes = inner_solve(given.points[:, :s].reshape(panels, s * n, 1))
+    own_ends = (blocks.out @ own_nodes)[:, :, 0] + given.points[:, -1]
+
+    # the edge at the end follows its event, and is no input any more
+    gradient, by_edge = blocks.event[:, :n], ends[:, :, n + 1]
+    slope = jnp.sum(gradient * by_edge, axis=1) + blocks.event[:, n]
+    share = jnp.where(blocks.has_event, 1 / jnp.where(blocks.has_event, slope, 1.0), 0.0)
+    edge = -share[:, None] * jnp.einsum("pa,pak->pk", gradient, ends[:, :, : n + 1])
+    own_edge = share * (given.events - jnp.sum(gradient * own_ends, axis=1))
+    end = ends[:, :, : n + 1] + by_edge[:, :, None] * edge[:, None]
+    own_end = own_ends + by_edge * own_edge[:, None]
+    maps = jnp.concatenate([blocks.jump @ end, edge[:, None]], axis=1)  # (p, 9, 9)
+    own_new = jnp.einsum("pab,pb->pa", blocks.jump, own_end) + given.ends
+    own = jnp.concatenate([own_new, own_edge[:, None]], axis=1)
+
+    # all products of the maps from the beginning of the revolution; its angle does not move
+    matrices, vectors = lax.associative_scan(_compose, (maps, own))
+    matrix, vector = matrices[-1, :n, :n], vectors[-1, :n]
+    first = jnp.linalg.solve(jnp.eye(n) - matrix, vector)
+    first = jnp.append(first, 0.0)
+    states = jnp.concatenate([first[None], (matrices @ first + vectors)[:-1]])  # (p, 9)
+    edges = jnp.concatenate([states[:, n], jnp.zeros(1)])
+    inputs = jnp.concatenate([states, edges[1:, None]], axis=1)
+    points = jnp.concatenate([nodes, ends], axis=1) @ inputs[:, :, None]
+    points = points[:, :, 0] + jnp.concatenate([own_nodes[:, :, 0], own_ends], axis=1)
+    return Unknowns(points.reshape(panels, s + 1, n), states[:, :n], edges)
+
+
+def _compose(first, second):
+    """One affine map after another."""
+    (a, x), (b, y) = first, second
+    return b @ a, (b @ x[..., None])[..., 0] + y
+
+
+class NewtonReport(NamedTuple):
+    """How Newton's method ended: size of the last step, steps, and whether all branches hold."""
+
+    size: Float[Array, ""]
+    steps: Int[Array, ""]
+    holds: Bool[Array, ""]
+
+
+def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
+    """The periodic cycle near a start, with its report."""
+
+    def going_on(carry):
+        _, size, last, steps, _ = carry
+        falling = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * last))
+        return falling & (size < _LOST) & (steps < max_steps) & mesh.fits
+
+    def advance(carry):
+        z, size, _, steps, _ = carry
+        left, blocks, events = linearise(case, mesh, z)
+        step = solve_blocks(blocks, jax.tree.map(jnp.negative, left))
+        # the velocity in the port of a shut valve may be anything at the start; it decides nothing
+        counts = jnp.asarray([1, 1, 1, 1, 0, 1, 1, 0.0])
+        new = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
+        new = jnp.where(jnp.isfinite(new), new, 2 * _LOST)
+        taken = new < _LOST
+        z = jax.tree.map(lambda x, d: jnp.where(taken, x + d, x), z, step)
+        return z, new, size, steps + 1, _holds(z, events)
+
+    begin = (start, jnp.asarray(1.0), jnp.asarray(_LOST), jnp.zeros((), int), jnp.asarray(False))
+    z, size, _, steps, good = lax.while_loop(going_on, advance, begin)
+    return z, NewtonReport(size, steps, good)
+
+
+def _holds(z: Unknowns, events) -> Bool[Array, ""]:
+    """Whether every branch holds at every node of a panel with some width."""
+    wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
+    return jnp.all((events[:, :-1] > -_LEFT) | ~wide) & jnp.all(jnp.diff(z.edges) > -1e-7)
+
+
+@eqx.filter_custom_jvp
+def attached(case: Case, mesh: Mesh, z: Unknowns) -> Unknowns:
+    """A converged cycle with its dependence on the parameters, to any order."""
+    del case, mesh
+    return z
+
+
+@attached.def_jvp
+def _attached_jvp(primals, tangents):
+    case, mesh, z = primals
+    z = attached(case, mesh, z)
+    # what does not vary has no tangent here
+    tangent = jax.tree.map(
+        lambda t, x: jnp.zeros_like(x) if t is None and eqx.is_inexact_array(x) else t,
+        tangents[0],
+        case,
+        is_leaf=lambda t: t is None,
+    )
+    _, pushed = eqx.filter_jvp(lambda case: residual(case, mesh, z), (case,), (tangent,))
+    left = jax.tree.map(jnp.negative, pushed)
+    _, blocks, _ = linearise(case, mesh, z)
+    return z, solve_blocks(blocks, left)

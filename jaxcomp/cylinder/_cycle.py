@@ -1,0 +1,258 @@
+"""The periodic cycle of a cylinder: what it pumps, what that costs, and what its valves do."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from .._status import Status
+from ..fluid import RealGas
+from ._balance import Accounts
+from ._cylinder import Case
+
+
+class Events(eqx.Module):
+    """What the valves do, p places of which some hold no event.
+
+    Attributes:
+        which: (p,) 0 to 3 suction, 4 to 7 discharge valve: leaves or meets its seat or leaves its
+            stop, meets its stop, reversal of the flow, reversal of the pressure; -1 for none.
+        angle: [rad] (p,)
+        speed: [m/s] (p,) of the valve before it, positive away from the seat.
+        meets: (p,) whether the valve meets seat or stop there.
+        shuts: (p,) whether it stays on its seat.
+    """
+
+    which: Int[Array, " p"]
+    angle: Float[Array, " p"]
+    speed: Float[Array, " p"]
+    meets: Bool[Array, " p"]
+    shuts: Bool[Array, " p"]
+
+    def impact_speed(self, valve: int, stop: bool) -> Float[Array, ""]:
+        """Highest speed [m/s] at which a valve (0 suction, 1 discharge) meets its stop or its seat."""
+        here = self.meets & (self.which == 4 * valve + stop)
+        return jnp.max(jnp.where(here, jnp.abs(self.speed), 0.0))
+
+    def closing_angle(self, valve: int) -> Float[Array, ""]:
+        """Crank angle [rad] at which a valve shuts for the last time; 0 if it never does."""
+        here = self.shuts & (self.which == 4 * valve)
+        last = jnp.argmax(jnp.where(here, self.angle, -jnp.inf))
+        return jnp.where(jnp.any(here), self.angle[last], 0.0)
+
+
+class Cycle(eqx.Module):
+    """One revolution of the periodic state, at n quadrature nodes from 90 degrees before the top.
+
+    Attributes:
+        angle: [rad] (n,) crank angle.
+        weight: [rad] (n,) of the quadrature.
+        volume: [m^3] (n,)
+        pressure: [Pa] (n,)
+        temperature: [K] (n,)
+        mass: [kg] (n,)
+        lift: [m] (2, n) of suction and discharge valve.
+        flow: [kg/s] (2, n) through them, forward.
+        port_velocity: [m/s] (2, n); 0 with quasi-steady flow.
+        totals: [kg] and [J] over the revolution.
+        events: what the valves do.
+        peak_pressure: [Pa]
+        status: how the solver ended, a member of `Status`.
+        residual: [-] last change of the unknowns.
+        iterations: Newton steps.
+        revolutions: marched before that.
+        passes: tries of steps in them.
+        case: cylinder, lines and speed.
+        solver: its name.
+        raw: panels of the collocation, from which a similar machine may start.
+    """
+
+    angle: Float[Array, " n"]
+    weight: Float[Array, " n"]
+    volume: Float[Array, " n"]
+    pressure: Float[Array, " n"]
+    temperature: Float[Array, " n"]
+    mass: Float[Array, " n"]
+    lift: Float[Array, "2 n"]
+    flow: Float[Array, "2 n"]
+    port_velocity: Float[Array, "2 n"]
+    totals: Accounts
+    events: Events
+    peak_pressure: Float[Array, ""]
+    status: Status
+    residual: Float[Array, ""]
+    iterations: Int[Array, ""]
+    revolutions: Int[Array, ""]
+    passes: Int[Array, ""]
+    case: Case
+    solver: str = eqx.field(static=True)
+    raw: Any = None
+
+    @property
+    def converged(self) -> Bool[Array, ""]:
+        """Whether the solution can be relied on."""
+        return self.status == Status.converged
+
+    @property
+    def frequency(self) -> Float[Array, ""]:
+        """[1/s] revolutions."""
+        return self.case.speed / (2 * jnp.pi)
+
+    @property
+    def delivered(self) -> Float[Array, ""]:
+        """[kg] a revolution."""
+        return self.totals.discharge
+
+    @property
+    def mass_flow(self) -> Float[Array, ""]:
+        """[kg/s] delivered."""
+        return self.delivered * self.frequency
+
+    @property
+    def indicated_work(self) -> Float[Array, ""]:
+        """[J] put into the gas in a revolution."""
+        return -self.totals.work
+
+    @property
+    def indicated_power(self) -> Float[Array, ""]:
+        """[W]"""
+        return self.indicated_work * self.frequency
+
+    @property
+    def volumetric_efficiency(self) -> Float[Array, ""]:
+        """[-] mass delivered over density in the suction line times swept volume."""
+        return self.delivered / self.case.mass_scale
+
+    @property
+    def isentropic_rise(self) -> Float[Array, ""]:
+        """[J/kg] of the enthalpy between the lines."""
+        return self.case.isentropic.h - self.case.suction.h
+
+    @property
+    def isentropic_efficiency(self) -> Float[Array, ""]:
+        """[-] isentropic work of the mass delivered over the indicated work."""
+        return self.delivered * self.isentropic_rise / _nonzero(self.indicated_work)
+
+    @property
+    def discharge_enthalpy(self) -> Float[Array, ""]:
+        """[J/kg] mean of the gas that is delivered."""
+        return self.totals.discharge_heat / _nonzero(self.delivered)
+
+    @property
+    def discharge_temperature(self) -> Float[Array, ""]:
+        """[K] of that gas at the pressure of the line."""
+        line = self.case.discharge
+        enthalpy = jnp.where(self.delivered > 0, self.discharge_enthalpy, line.h)
+        return self.case.cylinder.fluid.at_enthalpy(line.p, enthalpy, line).T
+
+    @property
+    def mass_closure(self) -> Float[Array, ""]:
+        """[-] mass that came and did not leave, over that which came."""
+        t = self.totals
+        return (t.suction - t.discharge - t.leakage) / _nonzero(t.suction)
+
+    @property
+    def energy_closure(self) -> Float[Array, ""]:
+        """[-] energy that came and did not leave, over the indicated work."""
+        t = self.totals
+        rest = t.suction_heat - t.discharge_heat - t.leakage_heat + t.heat - t.work
+        return rest / _nonzero(self.indicated_work)
+
+    @property
+    def work_losses(self) -> dict[str, Float[Array, ""]]:
+        """[J] Where the indicated work goes, by name; the values add up to it.
+
+        Heating, leakage and throttling at part lift act upon each other; what they cost together is
+        the last entry.
+        """
+        named = {
+            "isentropic": self.delivered * self.isentropic_rise,
+            "suction valve": self.totals.suction_loss,
+            "discharge valve": self.totals.discharge_loss,
+        }
+        rest = self.indicated_work - sum(named.values(), start=jnp.zeros(()))
+        return {**named, "heat and leakage": rest}
+
+    @property
+    def volume_losses(self) -> dict[str, Float[Array, ""]]:
+        """[-] Where the swept volume goes, by name; the values add up to 1."""
+        case, t = self.case, self.totals
+        c = case.cylinder.clearance_ratio
+        expanded = case.cylinder.fluid.at_entropy(case.suction.p, case.discharge.s, case.discharge)
+        clearance = c * (case.discharge.rho / expanded.rho - 1)
+        named = {
+            "delivered": self.volumetric_efficiency,
+            "clearance": clearance,
+            "leakage": t.leakage / case.mass_scale,
+            "back flow": (t.suction_back + t.discharge_back) / case.mass_scale,
+        }
+        rest = 1 - sum(named.values(), start=jnp.zeros(()))
+        return {**named, "heating and valves": rest}
+
+    def capacity(self, liquid_temperature: Float[Array, ""]) -> Float[Array, ""]:
+        """Cooling capacity [W]: mass flow times the enthalpy from the liquid to the suction line.
+
+        Args:
+            liquid_temperature: [K] of the saturated liquid before the expansion: the condensing
+                temperature less the subcooling.
+
+        Raises:
+            TypeError: a perfect gas, which has no liquid.
+        """
+        fluid = self.case.cylinder.fluid
+        if not isinstance(fluid, RealGas):
+            raise TypeError("a cooling capacity needs a real gas.")
+        liquid = fluid.saturation(T=jnp.asarray(liquid_temperature))
+        return self.mass_flow * (self.case.suction.h - fluid.state(liquid.T, liquid.liquid).h)
+
+
+def highest(values: Float[Array, "p m"], places: np.ndarray) -> Float[Array, ""]:
+    """Largest value of the polynomials through values at places in [0, 1] of every panel.
+
+    Its place needs no derivative: the slope vanishes there.
+    """
+    fixed = lax.stop_gradient(values)
+    x = np.linspace(0, 1, 8 * places.size + 1)
+    legendre = np.polynomial.legendre
+    to_series = np.linalg.inv(legendre.legvander(2 * places - 1, places.size - 1))
+    samples = fixed @ (legendre.legvander(2 * x - 1, places.size - 1) @ to_series).T
+    panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
+    column = jnp.clip(column, 1, x.size - 2)
+    before, here, after = (samples[panel, column + i] for i in (-1, 0, 1))
+    bend = before - 2 * here + after
+    shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
+    place = jnp.asarray(x)[column] + jnp.clip(shift, -1, 1) * x[1]
+    return _legendre(2 * place - 1, places.size) @ (to_series @ values[panel])
+
+
+def _legendre(x, count: int):
+    columns = [jnp.ones_like(x), x]
+    for k in range(1, count - 1):
+        columns.append(((2 * k + 1) * x * columns[k] - k * columns[k - 1]) / (k + 1))
+    return jnp.stack(columns[:count])
+
+
+def _nonzero(value):
+    return value + (value == 0)
+
+
+def values_only(tree):
+    """A copy that refuses to be differentiated: derivatives of the quasi-steady law err by per cent."""
+    return jax.tree.map(_refuse, tree)
+
+
+@jax.custom_jvp
+def _refuse(x):
+    return x
+
+
+@_refuse.defjvp
+def _refuse_jvp(primals, tangents):
+    raise NotImplementedError(
+        "Cycles that are marched have no derivatives. Give both ports a length, so that the gas in "
+        "them has inertia, and solve by collocation."
+    )

@@ -1,0 +1,361 @@
+"""One revolution by Dormand and Prince's method with located events, and revolutions until they repeat.
+
+A step at whose end an event function is negative is not taken: it is repeated, shorter or longer,
+until the function vanishes there; then the state jumps. One attempt a pass of the loop, so samples of
+a batch whose events differ share it. The steps are kept: `_mesh` lays the panels of the collocation
+after them. Values only; derivatives come from the collocation.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from ._balance import EVENTS, FREE, STATES, Accounts, after_event, jump, rates
+from ._cylinder import Case
+
+# Dormand, Prince (1980): nodes, stages, and the difference to the embedded method of order 4
+_C = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
+_A = np.zeros((7, 7))
+_A[1, :1] = [1 / 5]
+_A[2, :2] = [3 / 40, 9 / 40]
+_A[3, :3] = [44 / 45, -56 / 15, 32 / 9]
+_A[4, :4] = [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729]
+_A[5, :5] = [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656]
+_A[6, :6] = [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]
+_E = _A[6] - np.array(
+    [5179 / 57600, 0, 7571 / 16695, 393 / 640, -92097 / 339200, 187 / 2100, 1 / 40]
+)
+
+START = -np.pi / 2  # crank angle at which a revolution begins, within the compression
+TURN = 2 * np.pi
+_CROSSED = -1e-12  # [-] event function below which an event has happened
+_LOCATED = 1e-6  # [-] of the tolerance of a step: event function within which it is located
+_LONGEST = 0.3  # [rad] step
+_NARROW = 1e-14  # [rad] bracket beyond which rounding rules
+_ACCOUNTS = len(Accounts._fields)
+
+
+class Record(NamedTuple):
+    """The steps of a revolution, n of them at most; unused ones have the angle `inf`.
+
+    Attributes:
+        angle: [rad] (n,) where a step begins.
+        width: [rad] (n,)
+        begin, end: (n, 8) states; between them the events have not jumped.
+        begin_rate, end_rate: (n, 8) their rates.
+        flags: (n, 6) branches that hold within the step.
+        event: (n,) at its end, -1 for none.
+        code: (n,) of the jump there.
+    """
+
+    angle: Float[Array, " n"]
+    width: Float[Array, " n"]
+    begin: Float[Array, "n 8"]
+    end: Float[Array, "n 8"]
+    begin_rate: Float[Array, "n 8"]
+    end_rate: Float[Array, "n 8"]
+    flags: Int[Array, "n 6"]
+    event: Int[Array, " n"]
+    code: Int[Array, " n"]
+
+
+class Revolution(NamedTuple):
+    """One revolution.
+
+    Attributes:
+        begin, end: (8,) states.
+        flags: (6,) at the end.
+        totals: (12,) integrals of the accounts.
+        steps: taken.
+        passes: tried, those that were rejected or located an event included.
+        whole: whether the end was reached.
+        record: the steps.
+    """
+
+    begin: Float[Array, " 8"]
+    end: Float[Array, " 8"]
+    flags: Int[Array, " 6"]
+    totals: Float[Array, " 12"]
+    steps: Int[Array, ""]
+    passes: Int[Array, ""]
+    whole: Bool[Array, ""]
+    record: Record
+
+
+class _Search(NamedTuple):
+    """Where an event is sought: a bracket of step widths with the event functions at its ends."""
+
+    active: Bool[Array, ""]
+    low: Float[Array, ""]
+    high: Float[Array, ""]
+    at_low: Float[Array, " 8"]
+    at_high: Float[Array, " 8"]
+    tries: Int[Array, ""]
+
+
+class _Carry(NamedTuple):
+    angle: Float[Array, ""]
+    state: Float[Array, " 20"]
+    flags: Int[Array, " 6"]
+    events: Float[Array, " 8"]
+    width: Float[Array, ""]
+    next_width: Float[Array, ""]
+    search: _Search
+    steps: Int[Array, ""]
+    passes: Int[Array, ""]
+    record: Record
+
+
+def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int) -> Revolution:
+    """March through one revolution from `START`.
+
+    Args:
+        case: cylinder and lines.
+        state: (8,) at the beginning.
+        flags: (6,) there.
+        tolerance: [-] error of a step, in units of the scales.
+        max_passes: tries after which to give up.
+        capacity: steps that are kept.
+    """
+    at_event = jnp.maximum(_LOCATED * tolerance, 1e-11)
+    a, c, e = jnp.asarray(_A), jnp.asarray(_C), jnp.asarray(_E)
+
+    def derivative(angle, state, flags):
+        found = rates(case, angle, state[:STATES], flags)
+        return jnp.concatenate([found.state, found.accounts]), found.events, found.force
+
+    def attempt(carry: _Carry):
+        """All stages in a loop, so that the law is traced once."""
+
+        def stage(i, work):
+            slopes, _, _, _ = work
+            state = carry.state + carry.width * (a[i] @ slopes)
+            slope, events, force = derivative(carry.angle + c[i] * carry.width, state, carry.flags)
+            return slopes.at[i].set(slope), state, events, force
+
+        empty = jnp.zeros((7, STATES + _ACCOUNTS))
+        work = (empty, carry.state, jnp.ones(EVENTS), jnp.zeros(2))
+        slopes, state, events, force = lax.fori_loop(0, 7, stage, work)
+        error = jnp.max(jnp.abs(carry.width * (e @ slopes)) / (1 + jnp.abs(carry.state)))
+        error = jnp.where(jnp.all(jnp.isfinite(state)), error / tolerance, jnp.inf)
+        return slopes, state, events, force, error
+
+    def going_on(carry: _Carry):
+        return (carry.angle < START + TURN - 1e-13) & (carry.passes < max_passes)
+
+    def advance(carry: _Carry):
+        slopes, state, events, force, error = attempt(carry)
+        search, width = carry.search, carry.width
+        crossed = (events < jnp.minimum(_CROSSED, -0.1 * at_event)) & _towards(state, events)
+        any_crossed = jnp.any(crossed)
+        good = (error <= 1) | search.active
+
+        narrow = search.active & (search.high - search.low < _NARROW)
+        near = search.active & jnp.all(events > -at_event) & jnp.any(jnp.abs(events) < at_event)
+        located = near | (narrow & any_crossed)
+        accept = good & (~any_crossed | located) & (~search.active | located)
+
+        # the bracket, its new width, and which event comes first in it
+        high = jnp.where(any_crossed, width, search.high)
+        at_high = jnp.where(any_crossed, events, search.at_high)
+        low = jnp.where(
+            search.active & ~any_crossed, width, jnp.where(search.active, search.low, 0.0)
+        )
+        at_low = jnp.where(
+            search.active, jnp.where(any_crossed, search.at_low, events), carry.events
+        )
+        first, fraction = _first(at_low, at_high)
+        halve = (search.tries % 3 == 2) | (at_low[first] <= at_event)
+        fraction = jnp.where(halve, 0.5, jnp.clip(fraction, 0.001, 0.999))
+        trial = low + fraction * (high - low)
+        seeking = good & ~accept & (any_crossed | search.active)
+        nothing = _Search(
+            jnp.asarray(False), jnp.zeros(()), jnp.zeros(()), events, events, jnp.zeros((), int)
+        )
+        going = _Search(jnp.asarray(True), low, high, at_low, at_high, search.tries + 1)
+        new_search = jax.tree.map(lambda x, y: jnp.where(seeking, x, y), going, nothing)
+
+        # what has happened, if anything
+        _, which = lax.top_k(-jnp.abs(jnp.where(search.at_high < _CROSSED, events, jnp.inf)), 1)
+        event = jnp.where(accept & located, which[0], -1)
+        code, new_flags = after_event(case, event, state[:STATES], carry.flags, force)
+        jumped = state.at[:STATES].set(jump(case, event, code, state[:STATES]))
+
+        longest = _longest_step(case, jnp.where(accept, new_flags, carry.flags))
+        factor = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.2, 5.0)
+        factor = jnp.where(jnp.isfinite(error), factor, 0.2)
+        proposed = jnp.minimum(jnp.where(search.active, carry.next_width, width) * factor, longest)
+        proposed = jnp.where(search.active, jnp.minimum(carry.next_width, longest), proposed)
+        angle = jnp.where(accept, carry.angle + width, carry.angle)
+        left = START + TURN - angle
+        ahead = jnp.minimum(proposed, left)
+        # a step that leaves a sliver would end in one of no width
+        ahead = jnp.where((left - ahead < 1e-9) & (left - ahead > 0), left, ahead)
+        entry = Record(
+            carry.angle,
+            width,
+            carry.state[:STATES],
+            state[:STATES],
+            slopes[0, :STATES],
+            slopes[6, :STATES],
+            carry.flags,
+            event,
+            code,
+        )
+        row = jnp.where(accept, jnp.minimum(carry.steps, capacity), capacity)
+        record = jax.tree.map(lambda rows, new: rows.at[row].set(new), carry.record, entry)
+        # the events are as they are after the step, but for the one that has just happened
+        return _Carry(
+            angle,
+            jnp.where(accept, jumped, carry.state),
+            jnp.where(accept, new_flags, carry.flags),
+            jnp.where(
+                accept, jnp.where(event >= 0, jnp.maximum(events, 0.0), events), carry.events
+            ),
+            jnp.where(seeking, trial, ahead),
+            proposed,
+            new_search,
+            carry.steps + accept,
+            carry.passes + 1,
+            record,
+        )
+
+    # one row more than are kept takes what is thrown away
+    rows = capacity + 1
+    table = jnp.zeros((rows, STATES))
+    flat = jnp.full(rows, -1)
+    record = Record(
+        jnp.full(rows, jnp.inf), jnp.zeros(rows), table, table, table, table,
+        jnp.zeros((rows, 6), flags.dtype), flat, flat,
+    )  # fmt: skip
+    events = jnp.ones(EVENTS)  # not known yet; only a guess within the bracket of an event
+    first = jnp.minimum(0.02, _longest_step(case, flags))
+    search = _Search(
+        jnp.asarray(False), jnp.zeros(()), jnp.zeros(()), events, events, jnp.zeros((), int)
+    )
+    begin = _Carry(
+        jnp.asarray(START),
+        jnp.concatenate([state, jnp.zeros(_ACCOUNTS)]),
+        flags,
+        events,
+        first,
+        first,
+        search,
+        jnp.zeros((), int),
+        jnp.zeros((), int),
+        record,
+    )
+    end = lax.while_loop(going_on, advance, begin)
+    whole = ~going_on(end._replace(passes=jnp.zeros((), int))) & (end.steps <= capacity)
+    record = jax.tree.map(lambda rows: rows[:capacity], end.record)
+    return Revolution(
+        state,
+        end.state[:STATES],
+        end.flags,
+        end.state[STATES:],
+        end.steps,
+        end.passes,
+        whole,
+        record,
+    )
+
+
+class March(NamedTuple):
+    """Revolutions until they repeat.
+
+    Attributes:
+        last: the last of them.
+        change: [-] largest difference between its end and its beginning.
+        revolutions: how many.
+        passes: tries of steps in all.
+    """
+
+    last: Revolution
+    change: Float[Array, ""]
+    revolutions: Int[Array, ""]
+    passes: Int[Array, ""]
+
+
+def march(
+    case: Case, tolerance, repeat, state, flags, wanted, *, max_revolutions, max_passes, capacity
+) -> March:
+    """Revolutions until the end is the beginning within `repeat`; none if they are not `wanted`.
+
+    The error is soon one vector that shrinks by a steady factor (about 0.1), so after the second
+    revolution the rest of the series is added at once. Samples of a batch are marched one after
+    another: each has its own number of steps, and together they would all wait for the slowest.
+    """
+    arrays, rest = eqx.partition((case, tolerance, repeat, state, flags, wanted), eqx.is_array)
+
+    @jax.custom_batching.sequential_vmap
+    def one(arrays):
+        *start, wanted = eqx.combine(arrays, rest)
+        return _march(*start, jnp.where(wanted, max_revolutions, 0), max_passes, capacity)
+
+    return one(arrays)
+
+
+def _march(case, tolerance, repeat, state, flags, max_revolutions, max_passes, capacity) -> March:
+    def turn(state, flags):
+        return revolve(case, state, flags, tolerance, max_passes, capacity)
+
+    def going_on(carry):
+        _, _, _, found = carry
+        moving = found.change > repeat
+        return moving & (found.revolutions < max_revolutions) & found.last.whole
+
+    def advance(carry):
+        state, flags, last_change, found = carry
+        new = turn(state, flags)
+        change = new.end - state
+        share = jnp.sum(change * last_change) / jnp.maximum(jnp.sum(last_change**2), 1e-300)
+        usable = (found.revolutions > 0) & (jnp.abs(share) < 0.7)
+        more = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
+        count, passes = found.revolutions + 1, found.passes + new.passes
+        next_state = new.end + more * change
+        # the accelerated state is a guess of two numbers; what the valves do is kept
+        next_state = new.end.at[:2].set(jnp.maximum(next_state[:2], 0.5 * new.end[:2]))
+        return next_state, new.flags, change, March(new, jnp.max(jnp.abs(change)), count, passes)
+
+    empty = jax.tree.map(
+        lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), eqx.filter_eval_shape(turn, state, flags)
+    )
+    empty = empty._replace(whole=jnp.asarray(True))
+    none = jnp.zeros((), int)
+    begin = (state, flags, jnp.zeros(STATES), March(empty, jnp.asarray(jnp.inf), none, none))
+    return lax.while_loop(going_on, advance, begin)[3]
+
+
+def _longest_step(case: Case, flags):
+    """[rad] A tenth of the period of a valve that is free: no step dips into the seat and out again."""
+    longest = jnp.asarray(_LONGEST)
+    for which, valve in enumerate(case.cylinder.valves):
+        if valve.oscillator is not None:
+            own = jnp.sqrt(valve.oscillator.stiffness / valve.oscillator.mass)
+            limit = 0.1 * TURN * case.speed / jnp.maximum(own, 1e-9)
+            longest = jnp.where(flags[3 * which] == FREE, jnp.minimum(longest, limit), longest)
+    return longest
+
+
+def _towards(state, events):
+    """Whether a valve that is beyond seat or stop moves towards it; others may always cross."""
+    free = jnp.ones(EVENTS, bool)
+    for which in range(2):
+        x, v = state[2 + 3 * which], state[3 + 3 * which]
+        # with x at rest on seat or stop these functions are forces, which have no direction
+        free = free.at[4 * which].set((v <= 0) | (x > 0)).at[4 * which + 1].set(v >= 0)
+    return free
+
+
+def _first(at_low, at_high):
+    """The event that comes first between two ends, and where, by straight lines."""
+    crossing = at_high < _CROSSED
+    drop = jnp.where(crossing, at_low - at_high, 1.0)
+    fraction = jnp.where(crossing, jnp.maximum(at_low, 0.0) / jnp.maximum(drop, 1e-300), jnp.inf)
+    which = jnp.argmin(fraction)
+    return which, fraction[which]

@@ -1,0 +1,286 @@
+"""`solve_cycle`: the periodic cycle at a given motion of the crank."""
+
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from .._fields import admissible, clipped, is_traced
+from .._status import SolveFailed, Status
+from ..mechanism import AbstractMechanism
+from ._balance import FREE, Accounts, initial, rates, temperature_and_density, valve_scales
+from ._collocation import (
+    Mesh,
+    Unknowns,
+    at_points,
+    attached,
+    gauss,
+    lay_mesh,
+    newton,
+    point_angles,
+)
+from ._cycle import Cycle, Events, highest, values_only
+from ._cylinder import Case, Cylinder, prepare
+from ._march import START, march
+
+
+class CycleOptions(eqx.Module):
+    """Options of the solver of the cycle.
+
+    Attributes:
+        method: "collocation" marches until the sequence of events stands and then solves for the
+            whole revolution by Newton's method; "march" goes on marching. With quasi-steady ports
+            the march is all there is, and derivatives are refused.
+        nodes: Gauss nodes on every panel.
+        panels: into which the revolution is cut; one more than events are needed at least.
+        tolerance: [-] last step of Newton's method.
+        march_tolerance: [-] error of a step of the march before the collocation.
+        value_tolerance: [-] the same where the march gives the values.
+        max_newton: steps.
+        max_revolutions: marched at a stretch.
+        max_rounds: of march and Newton's method.
+        max_passes: tries of steps in a revolution.
+        capacity: steps of a revolution that are kept.
+    """
+
+    method: Literal["collocation", "march"] = eqx.field(static=True, default="collocation")
+    nodes: int = eqx.field(static=True, default=8)
+    panels: int = eqx.field(static=True, default=32)
+    tolerance: float | Float[Array, ""] = 1e-11
+    march_tolerance: float | Float[Array, ""] = 1e-4
+    value_tolerance: float | Float[Array, ""] = 1e-8
+    max_newton: int = eqx.field(static=True, default=8)
+    max_revolutions: int = eqx.field(static=True, default=30)
+    max_rounds: int = eqx.field(static=True, default=4)
+    max_passes: int = eqx.field(static=True, default=4000)
+    capacity: int = eqx.field(static=True, default=768)
+
+
+def solve_cycle(
+    cylinder: Cylinder,
+    mechanism: AbstractMechanism,
+    speed: float | Float[Array, ""],
+    options: CycleOptions | None = None,
+    *,
+    fluctuation: tuple[Float[Array, " k"], Float[Array, " k"]] | None = None,
+    start: Cycle | None = None,
+    throw: bool = True,
+) -> Cycle:
+    """Find the periodic cycle.
+
+    Args:
+        cylinder: gas, valves and lines.
+        mechanism: the piston's motion.
+        speed: [rad/s] mean speed of the crank.
+        options: of the solver.
+        fluctuation: cosine and sine harmonics of the relative fluctuation of the speed over the
+            crank angle, from the first on.
+        start: a cycle of a similar machine by collocation, whose events this one has as well:
+            nothing is marched then.
+        throw: raise if the cycle was not found. Within `jit`, `vmap` or `grad` nothing is raised;
+            look at `status` there.
+
+    Returns:
+        The cycle. A machine that delivers nothing or whose gas condenses has finite numbers and a
+        status that says so.
+
+    Raises:
+        SolveFailed: if `throw` and the status is not `Status.converged`.
+    """
+    cycle = _solve(cylinder, mechanism, speed, options or CycleOptions(), fluctuation, start)
+    shown = throw and not is_traced(cycle.status._value)
+    if shown and bool(jnp.any(cycle.status != Status.converged)):
+        raise SolveFailed(cycle.status, f"residual {float(jnp.max(cycle.residual)):.2g}")
+    return cycle
+
+
+@eqx.filter_jit
+def _solve(cylinder, mechanism, speed, options: CycleOptions, fluctuation, start) -> Cycle:
+    good = admissible(cylinder) & admissible(mechanism) & (jnp.asarray(speed) > 0)
+    speed = jnp.where(jnp.asarray(speed) > 0, speed, 1.0)
+    case = prepare(clipped(cylinder), clipped(mechanism), speed, fluctuation)
+    marching = options.method == "march" or not cylinder.inert
+    if marching:
+        arrays, rest = eqx.partition(case, eqx.is_inexact_array)
+        case = eqx.combine(values_only(arrays), rest)
+    frozen = lax.stop_gradient(case)
+    if start is None:
+        found = _march_only(frozen, options) if marching else _rounds(frozen, options)
+    else:
+        mesh, z = lax.stop_gradient(start.raw)
+        found = _after_newton(frozen, options, mesh, z, start.totals, _NOTHING)
+    z = found.z if marching else attached(case, found.mesh, found.z)
+    # where Newton's method found nothing, the last march stands
+    z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
+    points = at_points(_law(case), found.mesh, z)
+    status = Status.where(found.solved, Status.converged, Status.not_converged)
+    status = Status.where(found.mesh.fits | found.solved, status, Status.too_many_events)
+    cycle = _cycle(case, found, z, points, options, marching)
+    no_flow = (status == Status.converged) & (cycle.delivered <= 1e-9 * case.mass_scale)
+    status = Status.where(no_flow, Status.no_delivery, status)
+    fluid = case.cylinder.fluid
+    wet = jnp.any(fluid.is_wet(cycle.temperature, cycle.mass / cycle.volume))
+    wet |= fluid.is_wet(case.suction.T, case.suction.rho)
+    status = Status.where((status == Status.converged) & wet, Status.wet, status)
+    status = Status.where(good, status, Status.bad_input)
+    return eqx.tree_at(lambda c: c.status, cycle, status)
+
+
+class _Found(NamedTuple):
+    """What march and Newton's method found: panels, their start, totals of the march, and counts."""
+
+    mesh: Mesh
+    z: Unknowns
+    marched: Unknowns
+    totals: Float[Array, " 12"]
+    solved: Bool[Array, ""]
+    residual: Float[Array, ""]
+    steps: Int[Array, ""]
+    revolutions: Int[Array, ""]
+    passes: Int[Array, ""]
+
+
+_NOTHING = (0, 0)
+
+
+def _march(case: Case, options: CycleOptions, tolerance, repeat, state, flags, wanted, count):
+    return march(
+        case,
+        tolerance,
+        repeat,
+        state,
+        flags,
+        wanted,
+        max_revolutions=count,
+        max_passes=options.max_passes,
+        capacity=options.capacity,
+    )
+
+
+def _march_only(case: Case, options: CycleOptions) -> _Found:
+    tolerance = jnp.asarray(options.value_tolerance)
+    begin = initial(case, START)
+    wanted, count = jnp.asarray(True), options.max_revolutions
+    end = _march(case, options, tolerance, 10 * tolerance, *begin, wanted, count)
+    solved = (end.change <= 10 * tolerance) & end.last.whole
+    mesh, z = lay_mesh(end.last.record, options.panels, options.nodes)
+    counts = jnp.zeros((), int), end.revolutions, end.passes
+    return _Found(mesh, z, z, end.last.totals, solved, end.change, *counts)
+
+
+def _after_newton(case, options: CycleOptions, mesh, z, totals, counts) -> _Found:
+    new, report = newton(case, mesh, z, options.tolerance, options.max_newton)
+    solved = mesh.fits & (report.size < 1e-7) & report.holds
+    counts = tuple(jnp.asarray(count) for count in counts)
+    return _Found(mesh, new, z, totals, solved, report.size, report.steps, *counts)
+
+
+def _rounds(case: Case, options: CycleOptions) -> _Found:
+    """March and Newton's method in turns: where Newton leaves the sequence, march from there."""
+
+    def advance(carry):
+        state, flags, last, rounds = carry
+        tolerance = jnp.asarray(options.march_tolerance)
+        # further revolutions cost more than another round
+        few = min(8, options.max_revolutions)
+        end = _march(case, options, tolerance, 10 * tolerance, state, flags, ~last.solved, few)
+        mesh, z = lay_mesh(end.last.record, options.panels, options.nodes)
+        counts = last.revolutions + end.revolutions, last.passes + end.passes
+        found = _after_newton(case, options, mesh, z, end.last.totals, counts)
+        sound = mesh.fits & (found.residual < 1e-7) & (jnp.min(found.z.left[:, :2]) > 0.01)
+        state = jnp.where(sound, found.z.left[0], end.last.end)
+        flags = jnp.where(sound, mesh.flags[0], end.last.flags)
+        usable = end.last.whole & mesh.fits
+        return state, flags, found, jnp.where(usable, rounds + 1, options.max_rounds)
+
+    def going_on(carry):
+        _, _, found, rounds = carry
+        return ~found.solved & (rounds < options.max_rounds)
+
+    state, flags = initial(case, START)
+    none = jnp.zeros((), int)
+    # the shapes of a round, without a round
+    empty = eqx.filter_eval_shape(
+        lambda state, flags: advance((state, flags, _Start(jnp.asarray(False), none, none), none)),
+        state,
+        flags,
+    )[2]
+    empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), empty)
+    return lax.while_loop(going_on, advance, (state, flags, empty, none))[2]
+
+
+class _Start(NamedTuple):
+    solved: Bool[Array, ""]
+    revolutions: Int[Array, ""]
+    passes: Int[Array, ""]
+
+
+def _law(case: Case):
+    def law(angle, state, flags):
+        found = rates(case, angle, state, flags)
+        return found.accounts, found.pressure
+
+    return law
+
+
+def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bool) -> Cycle:
+    """The result in SI units; where only the march stands, its totals replace the quadrature."""
+    mesh, (accounts, pressure) = found.mesh, points
+    rule = gauss(options.nodes)
+    angle, width = point_angles(z.edges, options.nodes)
+    weight = width[:, None] * rule.weights
+    totals = jnp.einsum("ps,psa->a", weight, accounts[:, :-1])
+    totals = found.totals if marching else jnp.where(found.solved, totals, found.totals)
+    mass, energy = case.mass_scale, case.energy_scale
+    masses = ("suction", "discharge", "leakage", "suction_back", "discharge_back")
+    scales = jnp.stack([mass if name in masses else energy for name in Accounts._fields])
+
+    def flat(values):
+        return values[:, :-1].reshape(-1)
+
+    flows = accounts * scales * case.speed  # over the angle, times the speed: a second
+    scale = [valve_scales(case, which) for which in range(2)]
+    T, rho = jax.vmap(jax.vmap(lambda a, y: temperature_and_density(case, a, y)))(angle, z.points)
+    volume = jax.vmap(jax.vmap(lambda a: case.volume(a)[0]))(angle)
+    free = mesh.flags[:, jnp.asarray([0, 3])] == FREE
+    which = mesh.event
+    valve = jnp.clip(which, 0, 7) // 4
+    slot = jnp.where(which >= 0, which % 4, 4)
+    column = jnp.where(valve == 0, 3, 6)
+    speed = jnp.take_along_axis(z.points[:, -1], column[:, None], axis=1)[:, 0]
+    moving = jnp.take_along_axis(free, valve[:, None], axis=1)[:, 0]
+    meets = moving & (slot < 2)
+    events = Events(
+        which,
+        z.edges[1:],
+        speed * jnp.stack([scale[0][1], scale[1][1]])[valve],
+        meets,
+        meets & (mesh.code == 1),
+    )
+    places = np.append(rule.nodes, 1.0)
+    return Cycle(
+        angle=flat(angle),
+        weight=weight.reshape(-1),
+        volume=flat(volume),
+        pressure=flat(pressure),
+        temperature=flat(T),
+        mass=flat(rho * volume),
+        lift=jnp.stack([flat(z.points[..., 2 + 3 * i]) * scale[i][0] for i in range(2)]),
+        flow=jnp.stack([flat(flows[..., 1 + i]) for i in range(2)]),
+        port_velocity=jnp.stack([flat(z.points[..., 4 + 3 * i]) * scale[i][2] for i in range(2)]),
+        totals=Accounts(*(totals * scales)),
+        events=events,
+        peak_pressure=highest(pressure, places),
+        status=Status.converged,
+        residual=found.residual,
+        iterations=found.steps,
+        revolutions=found.revolutions,
+        passes=found.passes,
+        case=case,
+        solver="march" if marching else "collocation",
+        raw=(mesh, z),
+    )

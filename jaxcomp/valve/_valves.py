@@ -1,0 +1,227 @@
+r"""Valves as oscillators between a seat and a stop.
+
+$$m\ddot x = C_f A_{port}(p_{up} - p_{down}) - k(x + x_0) - b\dot x,\quad 0 \le x \le x_{stop}$$
+
+Effective flow area: curtain and port in series,
+$A_e = C_d A_l/\sqrt{1 + (A_l/A_{port})^2}$ with $A_l = \pi d x$ (Soedel, Sound and Vibrations of
+Positive Displacement Compressors, 2007), or a table over the lift.
+"""
+
+from abc import abstractmethod
+from dataclasses import KW_ONLY
+from typing import ClassVar, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
+
+
+class Oscillator(NamedTuple):
+    """What moves in a valve: mass [kg], stiffness [N/m], damping [N s/m], preload and stop [m]."""
+
+    mass: Float[Array, ""]
+    stiffness: Float[Array, ""]
+    damping: Float[Array, ""]
+    preload: Float[Array, ""]
+    stop: Float[Array, ""]
+
+
+class AbstractValve(Part):
+    """A valve with its port."""
+
+    _: KW_ONLY
+    port_diameter: Float[Array, ""] = quantity("m", POSITIVE)
+    flow_coefficient: Float[Array, ""] = quantity("", POSITIVE, default=0.65, doc="C_d")
+    port_length: Float[Array, ""] | None = quantity(
+        "m",
+        POSITIVE,
+        default=None,
+        doc="of the gas column that has inertia: plate thickness and about 0.8 port diameters; "
+        "quasi-steady flow if absent",
+    )
+
+    @property
+    def port_area(self) -> Float[Array, ""]:
+        """[m^2]"""
+        return jnp.pi / 4 * self.port_diameter**2
+
+    @property
+    @abstractmethod
+    def oscillator(self) -> Oscillator | None:
+        """What moves; `None` for an ideal check valve."""
+
+    @abstractmethod
+    def flow_area(self, lift: Float[Array, ""]) -> Float[Array, ""]:
+        """Effective flow area [m^2] at a lift [m]."""
+
+    @abstractmethod
+    def force_area(self, lift: Float[Array, ""]) -> Float[Array, ""]:
+        """Area [m^2] on which the pressure difference acts at a lift [m]."""
+
+
+class CheckValve(AbstractValve):
+    """An ideal valve: fully open while the pressure drives the flow forward, shut otherwise.
+
+    Args:
+        port_diameter: [m]
+        flow_coefficient: [-] C_d.
+    """
+
+    kind: ClassVar[str] = "check"
+
+    def __check_init__(self):
+        if self.port_length is not None:
+            raise ValueError("a check valve is quasi-steady; leave `port_length` out.")
+
+    @property
+    def oscillator(self):
+        return None
+
+    def flow_area(self, lift):
+        return self.flow_coefficient * self.port_area + 0 * lift
+
+    def force_area(self, lift):
+        return self.port_area + 0 * lift
+
+
+class AbstractMovingValve(AbstractValve):
+    """What the moving valves share."""
+
+    _: KW_ONLY
+    stop: Float[Array, ""] = quantity("m", POSITIVE, doc="largest lift")
+    force_coefficient: Float[Array, ""] = quantity("", POSITIVE, default=1.1, doc="C_f")
+    damping: Float[Array, ""] = quantity("N s/m", NONNEGATIVE, default=0.0)
+    preload: Float[Array, ""] = quantity("m", NONNEGATIVE, default=0.0, doc="as a lift")
+    restitution: Float[Array, ""] = quantity(
+        "", Bound(0.0, 1.0, high_open=True), default=0.0, doc="at seat and stop"
+    )
+    sticking_speed: Float[Array, ""] = quantity(
+        "m/s", POSITIVE, default=1e-4, doc="rebound below which the valve rests on seat or stop"
+    )
+    lift_table: Float[Array, " n"] | None = quantity(
+        "m", NONNEGATIVE, shape=(None,), default=None, doc="rising from 0, of the areas beside it"
+    )
+    flow_area_table: Float[Array, " n"] | None = quantity(
+        "m^2", NONNEGATIVE, shape=(None,), default=None, doc="effective, in place of the formula"
+    )
+    force_area_table: Float[Array, " n"] | None = quantity(
+        "m^2", POSITIVE, shape=(None,), default=None, doc="in place of C_f times the port"
+    )
+
+    def conditions(self) -> dict[str, Bool[Array, ""]]:
+        if self.lift_table is None:
+            return {}
+        rising = jnp.all(jnp.diff(self.lift_table) > 0) & (self.lift_table[0] == 0)
+        return {"a table with lifts that rise from 0": rising}
+
+    def __check_init__(self):
+        for table in (self.flow_area_table, self.force_area_table):
+            if table is not None and (
+                self.lift_table is None or table.shape != self.lift_table.shape
+            ):
+                raise ValueError("a table of areas needs a `lift_table` of the same length.")
+
+    def flow_area(self, lift):
+        if self.flow_area_table is not None:
+            return _cubic(lift, self.lift_table, self.flow_area_table)
+        curtain = jnp.pi * self.port_diameter * lift
+        return self.flow_coefficient * curtain / jnp.sqrt(1 + (curtain / self.port_area) ** 2)
+
+    def force_area(self, lift):
+        if self.force_area_table is not None:
+            return _cubic(lift, self.lift_table, self.force_area_table)
+        return self.force_coefficient * self.port_area + 0 * lift
+
+
+class PlateValve(AbstractMovingValve):
+    """A plate or reed by its mass and stiffness.
+
+    Args:
+        port_diameter: [m]
+        flow_coefficient: [-] C_d.
+        port_length: [m] of the gas column that has inertia; quasi-steady flow if absent.
+        force_coefficient: [-] C_f.
+        stop: [m] largest lift.
+        damping: [N s/m]
+        preload: [m] as a lift.
+        restitution: [-] at seat and stop.
+        sticking_speed: [m/s] rebound below which the valve rests.
+        lift_table: [m] (n,) of the areas beside it.
+        flow_area_table: [m^2] (n,) effective.
+        force_area_table: [m^2] (n,)
+        mass: [kg] moving.
+        stiffness: [N/m]
+    """
+
+    kind: ClassVar[str] = "reed"
+
+    _: KW_ONLY
+    mass: Float[Array, ""] = quantity("kg", POSITIVE, doc="moving")
+    stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE)
+
+    @property
+    def oscillator(self):
+        return Oscillator(self.mass, self.stiffness, self.damping, self.preload, self.stop)
+
+
+class ReedBeam(AbstractMovingValve):
+    r"""A reed by its dimensions: a cantilever that the port loads at a distance a from its root.
+
+    $I = wh^3/12$, $k = 6EI/(a^2(3l - a))$, $m = \rho w h l/3$ (Bell et al., PDSim).
+
+    Args:
+        port_diameter: [m]
+        flow_coefficient: [-] C_d.
+        port_length: [m] of the gas column that has inertia; quasi-steady flow if absent.
+        force_coefficient: [-] C_f.
+        stop: [m] largest lift.
+        damping: [N s/m]
+        preload: [m] as a lift.
+        restitution: [-] at seat and stop.
+        sticking_speed: [m/s] rebound below which the valve rests.
+        lift_table: [m] (n,) of the areas beside it.
+        flow_area_table: [m^2] (n,) effective.
+        force_area_table: [m^2] (n,)
+        thickness: [m]
+        width: [m]
+        length: [m] from the root to the tip.
+        port_distance: [m] from the root to the middle of the port.
+        elastic_modulus: [Pa]
+        density: [kg/m^3]
+    """
+
+    kind: ClassVar[str] = "reed_beam"
+
+    _: KW_ONLY
+    thickness: Float[Array, ""] = quantity("m", POSITIVE)
+    width: Float[Array, ""] = quantity("m", POSITIVE)
+    length: Float[Array, ""] = quantity("m", POSITIVE, doc="root to tip")
+    port_distance: Float[Array, ""] = quantity("m", POSITIVE, doc="from the root")
+    elastic_modulus: Float[Array, ""] = quantity("Pa", POSITIVE, default=193e9)
+    density: Float[Array, ""] = quantity("kg/m^3", POSITIVE, default=7800.0)
+
+    @property
+    def oscillator(self):
+        second_moment = self.width * self.thickness**3 / 12
+        arm = self.port_distance**2 * (3 * self.length - self.port_distance)
+        stiffness = 6 * self.elastic_modulus * second_moment / arm
+        mass = self.density * self.width * self.thickness * self.length / 3
+        return Oscillator(mass, stiffness, self.damping, self.preload, self.stop)
+
+
+def _cubic(x, knots, values):
+    """Cubic with continuous slope through the points, constant beyond the last."""
+    gap = jnp.diff(knots)
+    secant = jnp.diff(values) / gap
+    inner = (gap[1:] * secant[:-1] + gap[:-1] * secant[1:]) / (gap[1:] + gap[:-1])
+    slope = jnp.concatenate([secant[:1], inner, jnp.zeros(1)])
+    x = jnp.clip(x, knots[0], knots[-1])
+    left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
+    t = (x - knots[left]) / gap[left]
+    s = 1 - t
+    return (
+        values[left] * s * s * (1 + 2 * t)
+        + values[left + 1] * t * t * (1 + 2 * s)
+        + gap[left] * t * s * (slope[left] * s - slope[left + 1] * t)
+    )

@@ -1,0 +1,338 @@
+"""The cycle of a cylinder against two independent integrators and their differences.
+
+The machines and figures are of an assumed refrigerator compressor (R134a, about ASHRAE LBP) and the same
+with air: DOP853 at 1e-12 and Radau at 1e-9 of SciPy with located events, ten digits in agreement; the
+elasticities are central differences of re-converged cycles, which agree at two step sizes to 5e-7.
+"""
+
+import operator
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import SliderCrank, SolveFailed, Status
+from jaxcomp.cylinder import (
+    Annand,
+    CycleOptions,
+    Cylinder,
+    DischargeLine,
+    LaminarGap,
+    SuctionLine,
+    solve_cycle,
+)
+from jaxcomp.fluid import PerfectGas, RealGas
+from jaxcomp.valve import CheckValve, PlateValve
+
+SPEED = 2950 * 2 * np.pi / 60
+COLLOCATION = CycleOptions(nodes=10, panels=40)
+
+
+def mechanism():
+    return SliderCrank(
+        bore=22e-3,
+        crank_radius=9.5e-3,
+        conrod_length=44e-3,
+        piston_mass=0.05,
+        conrod_mass=0.02,
+        crank_inertia=1e-4,
+    )
+
+
+def golden(name: str) -> Cylinder:
+    """A, D: air quasi-steady and with port inertia; B, C: R134a; E: C with a restitution of 0.3."""
+    more = {
+        "port_length": None if name in "AB" else 5e-3,
+        "restitution": 0.3 if name == "E" else 0.0,
+    }
+    suction = PlateValve(
+        mass=1.5e-4, damping=0.02, stiffness=250, stop=1.5e-3, port_diameter=7e-3, **more
+    )
+    discharge = PlateValve(
+        mass=1.2e-4,
+        damping=0.03,
+        stiffness=700,
+        preload=1e-4,
+        stop=9e-4,
+        port_diameter=5e-3,
+        **more,
+    )
+    if name in "AD":
+        fluid = PerfectGas(287.0, 1.4)
+        lines = SuctionLine(1e5, 300.0), DischargeLine(5e5, temperature=430.0)
+        wall, viscosity, conductivity = 350.0, 1.9e-5, 0.027
+    else:
+        fluid = RealGas("R134a")
+        lines = SuctionLine(114.8e3, 328.15), DischargeLine(1.47e6, temperature=390.0)
+        wall, viscosity, conductivity = 370.0, 1.3e-5, 0.015
+    heat = Annand(viscosity=viscosity, conductivity=conductivity)
+    leak = LaminarGap(5e-6, 12e-3, viscosity)
+    return Cylinder(fluid, *lines, suction, discharge, 0.025, wall, heat, leak)
+
+
+# flows [g/s], leakage [mg/s], work and heat [J], efficiencies, mean enthalpy delivered [J/kg]
+NAMES = ("suction", "discharge", "leakage", "work", "heat", "eta_v", "eta_is", "enthalpy")
+GOLDEN = {
+    name: [float(number) for number in row.split()]
+    for name, row in {
+        "A": "0.3469454525 0.3461590601 0.7863924817 1.476594617 -0.130258319 0.8393039071 "
+        "0.8388678107 295392.688",
+        "B": "1.086488633 1.061882632 24.60600051 1.831749404 0.0363781152 0.6851715656 "
+        "0.8658845368 535181.395",
+        "C": "1.125392776 1.101037478 24.35529885 1.888945294 0.0329454406 0.7104359269 "
+        "0.8706272306 534681.632",
+        "D": "0.349905221 0.349109706 0.7955150556 1.484482765 -0.131322622 0.8464580998 "
+        "0.8415227691 294791.660",
+        "E": "1.121168 1.096806 24.3623 1.88523 0.032524 0.707706 0.868991 534793",
+    }.items()
+}
+
+
+def figures(cycle):
+    t, f = cycle.totals, cycle.frequency
+    return np.array(
+        [
+            t.suction * f * 1e3,
+            t.discharge * f * 1e3,
+            t.leakage * f * 1e6,
+            cycle.indicated_work,
+            t.heat,
+            cycle.volumetric_efficiency,
+            cycle.isentropic_efficiency,
+            cycle.discharge_enthalpy,
+        ]
+    )
+
+
+def check_events(cycle, name):
+    """Impact speeds [m/s] and angles of the last closing [degrees], where all digits are printed."""
+    events = cycle.events
+    speeds = [float(events.impact_speed(v, stop)) for v in (0, 1) for stop in (True, False)]
+    angles = [float(np.degrees(events.closing_angle(v))) for v in (0, 1)]
+    wanted = {
+        "C": ([3.901420, 1.103135, 8.971194, 2.284247], [204.82416, 0.49054]),
+        "D": ([2.070291, 1.537580, 4.916023, 0.786478], [207.83198, 4.76324]),
+    }[name]
+    np.testing.assert_allclose(speeds, wanted[0], atol=1.5e-6)  # six decimals are printed
+    np.testing.assert_allclose(angles, wanted[1], atol=1.5e-5)
+
+
+@pytest.mark.parametrize("name", ["D", pytest.param("C", marks=pytest.mark.slow)])
+def test_collocation_meets_the_golden_machines(name):
+    cycle = solve_cycle(golden(name), mechanism(), SPEED, COLLOCATION)
+    assert bool(cycle.converged)
+    np.testing.assert_allclose(figures(cycle), GOLDEN[name], rtol=1e-7)
+    check_events(cycle, name)
+    assert abs(cycle.mass_closure) < 1e-13
+    assert abs(cycle.energy_closure) < 1e-7  # of order 1e-10 with R134a, which needs fewer panels
+    shares = cycle.work_losses
+    np.testing.assert_allclose(sum(shares.values()), cycle.indicated_work, rtol=1e-12)
+    np.testing.assert_allclose(sum(cycle.volume_losses.values()), 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance"),
+    [
+        ("A", 1e-7),
+        *(
+            pytest.param(*pair, marks=pytest.mark.slow)
+            for pair in (("B", 1e-7), ("C", 1e-7), ("D", 1e-7))
+        ),
+        pytest.param("E", 2e-6, marks=pytest.mark.slow),  # six digits are printed
+    ],
+)
+def test_the_march_meets_the_golden_machines(name, tolerance):
+    options = CycleOptions(method="march", value_tolerance=1e-9, panels=48, capacity=1600)
+    cycle = solve_cycle(golden(name), mechanism(), SPEED, options)
+    np.testing.assert_allclose(figures(cycle), GOLDEN[name], rtol=tolerance)
+
+
+# field of (cylinder, mechanism); d ln of work, eta_v, delivered mass over work and speed of impact on
+# the discharge seat, and the angle [degrees] at which the suction valve shuts, over d ln of the field
+ELASTICITIES = """
+1.bore                              +1.709135 -0.459053 -0.168188 +3.117178 +261.8251
+1.crank_radius                      +0.873363 -0.226709 -0.100072 +1.790853 +129.9593
+0.clearance_ratio                   -0.335691 -0.349598 -0.013907 +0.033719   +7.5708
+speed                               -0.195245 -0.305955 -0.110710 +2.678300 +189.1071
+0.wall_temperature                  +0.150229 -0.182824 -0.333052 -0.313945  -14.0332
+0.leakage.gap                       +0.006458 -0.051017 -0.057474 -0.005788   -0.2994
+0.suction_valve.mass                -0.048056 -0.058621 -0.010565 -0.009375  +31.0058
+0.suction_valve.damping             +0.001462 +0.001468 +0.000006 +0.000197   -0.7505
+0.suction_valve.stiffness           +0.135204 +0.139154 +0.003950 +0.020943  -72.4654
+0.suction_valve.stop                +0.196923 +0.230113 +0.033190 +0.036433 -114.3364
+0.suction_valve.port_diameter       +0.118124 +0.221701 +0.103577 +0.039745 -104.0860
+0.suction_valve.flow_coefficient    +0.201829 +0.266908 +0.065079 +0.043972 -130.3162
+0.suction_valve.force_coefficient   -0.088610 -0.082001 +0.006609 -0.011767  +42.2101
+0.discharge_valve.mass              +0.014943 +0.009166 -0.005778 +0.205094   -0.1697
+0.discharge_valve.stiffness         -0.010870 -0.014231 -0.003361 -0.775020   +0.2529
+0.discharge_valve.preload           -0.001266 -0.001875 -0.000610 -0.056773   +0.0332
+0.discharge_valve.stop              -0.037891 -0.017616 +0.020275 -0.615871   +0.3366
+0.discharge_valve.port_diameter     -0.088901 -0.016545 +0.072356 -0.936847   +0.3638
+0.discharge_valve.flow_coefficient  -0.061588 -0.020132 +0.041456 -1.597099   +0.4008
+*.port_length                       +0.014092 +0.013694 -0.000398 -0.255172   -2.5363
+""".strip().splitlines()
+FIELDS = [row.split()[0] for row in ELASTICITIES]
+
+
+def outputs(cylinder, machine, speed, options):
+    """ln W, ln eta_v, ln(m_del/W), ln v of the discharge seat, and the suction's closing [degrees]."""
+    cycle = solve_cycle(cylinder, machine, speed, options, throw=False)
+    work, mass = cycle.indicated_work, cycle.delivered
+    impact = cycle.events.impact_speed(1, False)
+    logs = [jnp.log(x) for x in (work, cycle.volumetric_efficiency, mass / work, impact)]
+    return jnp.stack([*logs, jnp.degrees(cycle.events.closing_angle(0))])
+
+
+def scaled(field, cylinder, machine, speed, log_factor):
+    """The machine with one field times exp(log_factor)."""
+    factor = jnp.exp(log_factor)
+    if field == "speed":
+        return cylinder, machine, speed * factor
+    part, path = field.split(".", 1)
+    if part == "*":
+        both = ("suction_valve.port_length", "discharge_valve.port_length")
+        get = operator.attrgetter(*both)
+    else:
+        get = operator.attrgetter(path)
+    parts = [cylinder, machine]
+    which = int(part == "1")
+    new = jax.tree.map(lambda x: x * factor, get(parts[which]))
+    parts[which] = eqx.tree_at(get, parts[which], new)
+    return *parts, speed
+
+
+@pytest.mark.slow  # half a minute of compilation
+def test_derivatives_are_the_twenty_elasticities():
+    cylinder, machine = golden("C"), mechanism()
+
+    @jax.jit
+    def elasticities():
+        def shifted(logs):
+            parts = cylinder, machine, SPEED
+            for name, log in zip(FIELDS, logs, strict=True):
+                parts = scaled(name, *parts, log)
+            return outputs(*parts, COLLOCATION)
+
+        return jax.jacfwd(shifted)(jnp.zeros(len(FIELDS)))
+
+    got = np.array(elasticities()).T
+    wanted = np.array([row.split()[1:] for row in ELASTICITIES], float)
+    # six decimals are printed and the differences are good to 5e-7 of an entry
+    np.testing.assert_allclose(got[:, :4], wanted[:, :4], rtol=1e-5, atol=2e-6)
+    np.testing.assert_allclose(got[:, 4], wanted[:, 4], rtol=1e-5, atol=2e-4)
+
+
+def test_reverse_mode_agrees_with_differences_of_the_cycle():
+    """On the air machine, whose suction valve meets its stop three times."""
+    cylinder, machine = golden("D"), mechanism()
+
+    @jax.jit
+    def work(log_bore, log_stop):
+        parts = scaled("1.bore", cylinder, machine, SPEED, log_bore)
+        parts = scaled("0.suction_valve.stop", *parts, log_stop)
+        return outputs(*parts, COLLOCATION)[0]
+
+    zero, step = jnp.zeros(()), 1e-4
+    by_bore, by_stop = jax.jit(jax.grad(work, (0, 1)))(zero, zero)
+    # 1e-6: the differences' own error, of step^2 and of 1e-11 over the step
+    np.testing.assert_allclose(
+        by_bore, (work(step, zero) - work(-step, zero)) / (2 * step), rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        by_stop, (work(zero, step) - work(zero, -step)) / (2 * step), rtol=1e-5
+    )
+
+
+def test_the_quasi_steady_law_refuses_derivatives():
+    options = CycleOptions(value_tolerance=1e-4)
+
+    def work(speed):
+        return solve_cycle(golden("A"), mechanism(), speed, options, throw=False).indicated_work
+
+    with pytest.raises(NotImplementedError, match="Give both ports a length"):
+        jax.grad(work)(SPEED)
+
+
+def test_ideal_valves_approach_the_ideal_cycle_at_second_order():
+    """Adiabatic, tight, with check valves: the polytropic cycle of the perfect gas."""
+    errors = []
+    options = CycleOptions(value_tolerance=1e-7, capacity=6000, max_passes=30000)
+    for factor in (1.0, 2.0):
+        valves = [CheckValve(port_diameter=d, flow_coefficient=0.65 * factor) for d in (7e-3, 5e-3)]
+        ideal = Cylinder(
+            PerfectGas(287.0, 1.4), SuctionLine(1e5, 300.0), DischargeLine(5e5), *valves, 0.025
+        )
+        cycle = solve_cycle(ideal, mechanism(), SPEED, options)
+        wanted = 0.9460768706, 1.396246158, 1.0
+        got = cycle.volumetric_efficiency, cycle.indicated_work, cycle.isentropic_efficiency
+        errors.append([abs(float(a) / b - 1) for a, b in zip(got, wanted, strict=True)])
+    ratio = np.array(errors[0]) / np.array(errors[1])
+    np.testing.assert_allclose(ratio, 4, rtol=0.15)  # and higher orders
+
+
+def test_failures_are_words_and_leave_the_batch_alone():
+    cylinder, machine = golden("D"), mechanism()
+    cases = {
+        "converged": cylinder,
+        "no_delivery": eqx.tree_at(lambda c: c.clearance_ratio, cylinder, jnp.asarray(0.8)),
+        "bad_input": eqx.tree_at(lambda c: c.clearance_ratio, cylinder, jnp.asarray(jnp.nan)),
+    }
+    batch = jax.tree.map(lambda *x: jnp.stack(x), *cases.values())
+
+    @jax.jit
+    def run(batch):
+        return jax.vmap(lambda c: solve_cycle(c, machine, SPEED, COLLOCATION, throw=False))(batch)
+
+    cycles = run(batch)
+    for i, word in enumerate(cases):
+        ended = jax.tree.map(operator.itemgetter(i), cycles.status)
+        assert bool(ended == getattr(Status, word)), word
+    for leaf in (cycles.indicated_work, cycles.delivered, cycles.pressure, cycles.peak_pressure):
+        assert bool(jnp.all(jnp.isfinite(leaf)))
+    np.testing.assert_allclose(cycles.indicated_work[0], GOLDEN["D"][3], rtol=1e-7)
+    # shut off: what is put in goes to the wall and past the piston
+    t = jax.tree.map(lambda x: x[1], cycles.totals)
+    np.testing.assert_allclose(t.discharge, 0.0, atol=1e-20)
+    into = t.suction_heat - t.leakage_heat + t.heat
+    np.testing.assert_allclose(into, t.work, rtol=1e-6)
+
+
+def test_a_failure_is_raised_with_its_reason():
+    shut = eqx.tree_at(lambda c: c.clearance_ratio, golden("D"), jnp.asarray(0.8))
+    with pytest.raises(SolveFailed, match="does not open the discharge valve"):
+        solve_cycle(shut, mechanism(), SPEED, COLLOCATION)
+
+
+def test_heat_and_leakage_that_are_absent_are_not_traced():
+    full = golden("D")
+    bare = Cylinder(
+        full.fluid, full.suction, full.discharge, full.suction_valve, full.discharge_valve, 0.025
+    )
+
+    def operations(cylinder):
+        from jaxcomp.cylinder._balance import initial, rates
+        from jaxcomp.cylinder._cylinder import prepare
+
+        case = prepare(cylinder, mechanism(), SPEED)
+        state, flags = initial(case, -1.5)
+        return len(jax.make_jaxpr(lambda y: rates(case, -1.5, y, flags).state)(state).eqns)
+
+    assert operations(bare) < operations(full) - 20
+
+
+def test_lines_take_one_of_two_and_heat_needs_a_wall():
+    with pytest.raises(ValueError, match="one of `pressure` and `evaporating`"):
+        SuctionLine(temperature=300.0)
+    full = golden("D")
+    with pytest.raises(ValueError, match="needs a `wall_temperature`"):
+        Cylinder(
+            full.fluid,
+            full.suction,
+            full.discharge,
+            full.suction_valve,
+            full.discharge_valve,
+            0.025,
+            heat=full.heat,
+        )
