@@ -88,7 +88,7 @@ def quantity(
     unit: str,
     bound: Bound = ANY,
     *,
-    shape: tuple[int | None, ...] = (),
+    shape: tuple = (),
     default: Any = _MISSING,
     doc: str = "",
     spread: bool = False,
@@ -98,7 +98,8 @@ def quantity(
     Args:
         unit: SI unit in the notation of pint, `""` for a pure number.
         bound: interval of admissible values, checked entry by entry.
-        shape: expected shape; `None` stands for any length along that axis.
+        shape: expected shape; `None` stands for any length along that axis, `(...,)` for any shape,
+            which the class checks.
         default: value if none is given; `None` makes the field optional.
         doc: one line for the tables of `jaxcomp`.
         spread: a column of a table, for which a single value stands for all rows; the class calls
@@ -215,6 +216,8 @@ def clipped(tree: _Tree) -> _Tree:
     for field in dataclasses.fields(tree):
         value = getattr(tree, field.name)
         if isinstance(value, Part | tuple):
+            if field.metadata.get("static"):
+                continue
             changes[field.name] = clipped(value)
         elif "unit" in field.metadata and value is not None:
             changes[field.name] = field.metadata["bound"].clip(value)
@@ -251,7 +254,9 @@ def is_traced(value: Any) -> bool:
     return isinstance(value, Tracer)
 
 
-def _check_shape(owner: str, name: str, value: Array, shape: tuple[int | None, ...]) -> None:
+def _check_shape(owner: str, name: str, value: Array, shape: tuple) -> None:
+    if shape == (...,):
+        return
     if len(value.shape) != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, value.shape, strict=True)
     ):

@@ -3,7 +3,7 @@
 A part that is absent is `None`, and nothing of it is traced.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -46,6 +46,16 @@ class Compressor(Part):
             raise ValueError(
                 f"`friction` must be of the kind of the mechanism, {wanted}, but is {kind}."
             )
+
+
+def compressor_of(machine: Any) -> Compressor:
+    """The compressor of what a verb of the crank was given.
+
+    Args:
+        machine: a compressor; or a machine or a scene, which is put together first (anything with a
+            method `as_compressor`).
+    """
+    return machine if isinstance(machine, Compressor) else machine.as_compressor()
 
 
 class Instants(eqx.Module):

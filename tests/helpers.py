@@ -68,7 +68,7 @@ def regularised(transition_speed, scale=1.0):
 FRICTION = {
     "coulomb": coulomb(),
     "regularised": regularised(0.05),
-    "film": coulomb(wall=None, wall_film=PistonFilm(0.05, 5e-5, 0.1)),
+    "film": coulomb(wall=None, piston_film=PistonFilm(5e-5, 0.05, 0.1)),
     "wall only": SliderCrankFriction(wall=CoulombSlide(WALL)),
     "pins only": coulomb(wall=None),
     "none": SliderCrankFriction(),

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
-from jaxcomp.design import design_of
 from jaxcomp.film import eccentricity_ratio
+from jaxcomp.machine import machine_of
 from jaxcomp.work_precision import Reference, Report, Row
 from jaxcomp.work_precision._film import film_place
 from jaxcomp.work_precision._mesh import refined
@@ -73,7 +73,7 @@ def test_impossible_questions_are_refused_by_name():
 
 def test_film_is_studied_at_the_worst_bearing_of_the_machine():
     scene = load("slider-link-8cc")
-    place = film_place(design_of(scene))
+    place = film_place(machine_of(scene))
     orbit = solve_orbit(scene.compressor)
     eccentricities = {}
     for name in ("crank_pin", "upper_bearing", "lower_bearing"):
@@ -88,7 +88,7 @@ def test_film_is_studied_at_the_worst_bearing_of_the_machine():
         float(bearing.length / bearing.radius / 2), rel=1e-12
     )
     # without a film in the machine, a usual one
-    assert film_place(design_of(load("mayekawa-wbhe")))[1:] == (0.5, 0.65)
+    assert film_place(machine_of(load("mayekawa-wbhe")))[1:] == (0.5, 0.65)
 
 
 @pytest.mark.slow
@@ -96,10 +96,10 @@ def test_scipy_on_the_same_law_comes_to_the_same_efficiency():
     scene = load("mayekawa-wbhe")
     machine = scene.compressor
     exact = float(solve_orbit(machine, Collocation()).mechanical_efficiency)
-    from jaxcomp.design import design_of
+    from jaxcomp.machine import machine_of
 
     reference = Reference(exact, exact, ("collocation", "the same"))
-    question = Question(design_of(scene), "mechanical_efficiency")
+    question = Question(machine_of(scene), "mechanical_efficiency")
     loose, tight = (scipy_row(question, "DOP853", tol, reference) for tol in (1e-5, 1e-9))
     # load reversals are met unprepared: a hundred times the tolerance of a step, at worst
     assert tight.error < 1e-7

@@ -28,11 +28,11 @@ SOLVER = Collocation(nodes=10, reversals=0, tolerance=1e-8)  # compiles fast; pi
 def turning(request):
     """A machine of either drive with its turn; the journals of the slider-link by closed formulas."""
     scene = loads(start(request.param, "m"))
-    if isinstance(scene.machine.mechanism, SliderLink):
+    if isinstance(scene.compressor.mechanism, SliderLink):
         names = ("crank_pin", "upper_bearing", "lower_bearing")
         scene = with_values(scene, {f"friction.{name}.film": "fit" for name in names})
-    orbit = solve_orbit(scene.machine, SOLVER)
-    return scene.machine, orbit, fine_turn(scene.machine, orbit)
+    orbit = solve_orbit(scene.compressor, SOLVER)
+    return scene.compressor, orbit, fine_turn(scene.compressor, orbit)
 
 
 def drawn(turning, degrees) -> Sketch:

@@ -75,7 +75,7 @@ def test_json_is_one_object_with_the_numbers_of_the_library():
         assert isinstance(found[key], kind), key
     assert set(found["losses"]) == {"wall", "piston_pin", "crank_pin", "main_journal"}
     machine = with_bore(
-        with_value(load("mayekawa-wbhe"), "motor.mean_speed", "800 rpm").machine, 0.12
+        with_value(load("mayekawa-wbhe"), "motor.mean_speed", "800 rpm").compressor, 0.12
     )
     orbit = solve_orbit(machine, Collocation())
     assert found["mechanical_efficiency"] == pytest.approx(float(orbit.mechanical_efficiency))

@@ -63,13 +63,13 @@ def test_files_and_the_scene_as_optimised(optimum):
     ):
         assert (out / name).stat().st_size > 500
     scene = load(out / "scene.toml")
-    assert float(scene.machine.mechanism.bore) == result["variables"][0]["value"]
+    assert float(scene.compressor.mechanism.bore) == result["variables"][0]["value"]
     # at fixed displacement, at the speed that was set
-    swept = load("mayekawa-wbhe").machine.mechanism.swept_volume
-    assert float(scene.machine.mechanism.swept_volume) == pytest.approx(float(swept), rel=1e-12)
-    assert float(scene.machine.motor.mean_speed) == pytest.approx(40 * np.pi)
+    swept = load("mayekawa-wbhe").compressor.mechanism.swept_volume
+    assert float(scene.compressor.mechanism.swept_volume) == pytest.approx(float(swept), rel=1e-12)
+    assert float(scene.compressor.motor.mean_speed) == pytest.approx(40 * np.pi)
     assert scene.sources["mechanism.bore"] == "optimised for mechanical_efficiency"
-    orbit = solve_orbit(scene.machine, Collocation(nodes=12, reversals=0, tolerance=1e-10))
+    orbit = solve_orbit(scene.compressor, Collocation(nodes=12, reversals=0, tolerance=1e-10))
     efficiency = float(orbit.mechanical_efficiency)
     # the same solver at the same numbers, but in a batch, whose passes end with its slowest member
     assert efficiency == pytest.approx(result["objective"]["value"], abs=1e-9)

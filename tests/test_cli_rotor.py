@@ -15,9 +15,8 @@ from jaxcomp.cli import app
 from jaxcomp.rotor import (
     ConstantLaw,
     Disks,
-    GroovedFilm,
-    JournalFilm,
     Link,
+    LoadedFilm,
     Mount,
     RotorModel,
     ShaftElements,
@@ -178,43 +177,36 @@ def test_a_compressor_alone_does_not_import_the_rotor():
 
 
 def test_films_are_the_film_models_at_their_load():
-    from jaxcomp.film import (
-        JournalBearing,
-        convert_load_number,
-        load_number,
-        someya_two_axial_grooves,
-        stiffness_damping,
-    )
+    from jaxcomp.film import JournalBearing, stiffness_damping
 
-    sizes, load_, spin = (0.026, 13e-6, 6e-3), jnp.array([300.0, -400.0]), jnp.asarray(314.0)
-    plain = JournalFilm(0.026, 0.026, *sizes[1:], load_).coefficients(spin)
-    bearing = JournalBearing(0.013, 0.026, 13e-6, 6e-3)
-    for a, b in zip(plain, stiffness_damping(bearing, load_, spin), strict=True):
-        np.testing.assert_array_equal(a, b)
-    grooved = GroovedFilm("1", *sizes, load_)
-    ring = JournalFilm(0.026, 0.026, *sizes[1:], load_, "grooved").coefficients(spin)
-    for a, b in zip(ring, grooved.coefficients(spin), strict=True):
-        # The grooved ring meets Someya's points to 5.7 % of the largest entry; between them stands a
-        # cubic through four points.
-        np.testing.assert_allclose(a, b, atol=0.08 * float(jnp.abs(b).max()))
-    assert float(jnp.abs(ring[0] - plain[0]).max()) > 0.02 * float(jnp.abs(plain[0]).max())
-    # S = eta n L D/W (R/c)^2 with n in rev/s: published tables at that number.
-    number = 6e-3 * 314.0 / (2 * np.pi) * 0.026**2 / 500.0 * (0.013 / 13e-6) ** 2
-    np.testing.assert_allclose(grooved.sommerfeld_number(spin), number, rtol=1e-9)
-    own = load_number(bearing, 500.0, spin)
-    assert number == pytest.approx(
-        float(convert_load_number(own, "load_number", "sommerfeld_number", 1.0)), rel=1e-9
-    )
-    k, c = grooved.coefficients(spin)
-    point = someya_two_axial_grooves(number, 1.0)
-    turn = np.array([[0.6, 0.8], [-0.8, 0.6]])  # columns: along the load, and ahead of it
-    np.testing.assert_allclose(turn.T @ k @ turn, point.stiffness * 500.0 / 13e-6, rtol=1e-9)
-    np.testing.assert_allclose(turn.T @ c @ turn, point.damping * 500.0 / 13e-6 / 314.0, rtol=1e-9)
+    load_, spin = jnp.array([300.0, -400.0]), jnp.asarray(314.0)
+    found = {}
+    for film in ("reynolds", "grooved"):
+        bearing = JournalBearing(0.026, 0.026, 13e-6, 6e-3, film)
+        found[film] = LoadedFilm(bearing, load_).coefficients(spin)
+        for a, b in zip(found[film], stiffness_damping(bearing, load_, spin), strict=True):
+            np.testing.assert_array_equal(a, b)
+    k = found["grooved"][0]
+    assert float(jnp.abs(k - found["reynolds"][0]).max()) > 0.02 * float(jnp.abs(k).max())
     # Turning backwards with the load mirrored is the mirror image.
     mirror = np.diag([1.0, -1.0])
-    back = eqx.tree_at(lambda f: f.load, grooved, mirror @ load_).coefficients(-spin)[0]
+    back = LoadedFilm(bearing, mirror @ load_).coefficients(-spin)[0]
     np.testing.assert_allclose(mirror @ back @ mirror, k, rtol=1e-12)
-    assert all(np.all(np.isfinite(m)) for m in grooved.coefficients(jnp.asarray(0.0)))
+    # A table of loads over the speed is linear between its rows, and held beyond.
+    table = LoadedFilm(bearing, jnp.stack([load_, 3 * load_]), jnp.array([214.0, 414.0]))
+    np.testing.assert_allclose(
+        table.coefficients(spin)[0],
+        LoadedFilm(bearing, 2 * load_).coefficients(spin)[0],
+        rtol=1e-12,
+    )
+    np.testing.assert_array_equal(
+        table.coefficients(jnp.asarray(100.0))[1],
+        LoadedFilm(bearing, load_).coefficients(jnp.asarray(100.0))[1],
+    )
+    with pytest.raises(BadInput, match=r"load.*machine"):
+        LoadedFilm(bearing).coefficients(spin)
+    with pytest.raises(BadInput, match=r"film.*stiffness"):
+        LoadedFilm(JournalBearing(0.026, 0.026, 13e-6, 6e-3, "petroff"), load_)
 
 
 def changed(old, new):
@@ -259,7 +251,7 @@ BAD = {
     ),
     "unknown law": (
         changed('"mount"', '"mout"'),
-        'rotor.links.2.law.type = "mout": must be one of: constant, film, grooved_film, mount, '
+        'rotor.links.2.law.type = "mout": must be one of: constant, film, mount, '
         'speed_table; did you mean "mount"?',
     ),
     "table that falls": (

@@ -7,16 +7,19 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, crank_forces, load, solve_orbit
-from jaxcomp.balancing import at_speed, crank_case, crank_influence, direct_influence, least_squares
+from jaxcomp._fields import replaced
+from jaxcomp.balancing import least_squares, machine_influence
+from jaxcomp.coupling import at_speed, running_rotor
 from jaxcomp.design import (
     Chain,
-    design_of,
     problem,
     quantity_names,
     variable,
     variable_names,
     with_bore,
 )
+from jaxcomp.machine import assembled, machine_of
+from jaxcomp.scene import with_value, with_values
 
 FAST = Collocation(nodes=8, reversals=0, tolerance=1e-11)
 
@@ -34,7 +37,7 @@ def mayekawa():
 # ---------------------------------------------------------------- variables
 @pytest.mark.parametrize("machine", ["mayekawa-wbhe", "slider-link-8cc", "hermetic-68cc"])
 def test_every_name_leads_to_a_number_and_back(machine):
-    design = design_of(load(machine))
+    design = machine_of(load(machine))
     some = {plane: jnp.array([3e-4, -4e-4]) for plane in design.corrections}  # nothing has no angle
     design = eqx.tree_at(lambda d: d.corrections, design, some)
     names = variable_names(design)
@@ -65,7 +68,7 @@ def _leaf(design, name):
 
 
 def test_entries_of_lists_and_factors_on_them(scene):
-    design = design_of(scene)
+    design = machine_of(scene)
     entry = variable(design, "rotor.links.4.law.stiffness.1")
     assert (entry.unit, float(entry.current(design))) == ("N/m", 4e4)
     changed = entry.apply(design, 5e4).parts["rotor"].links[4].law.stiffness
@@ -77,12 +80,10 @@ def test_entries_of_lists_and_factors_on_them(scene):
 
 
 def test_a_rule_moves_the_whole_machine(mayekawa):
-    design = design_of(mayekawa)
+    design = machine_of(mayekawa)
     one = variable(design, "bore", 0.1, 0.15)
-    ruled = with_bore(mayekawa.machine, 0.12)
-    for a, b in zip(
-        jax.tree.leaves(one.apply(design, 0.12).compressor), jax.tree.leaves(ruled), strict=True
-    ):
+    ruled = with_bore(design, 0.12)
+    for a, b in zip(jax.tree.leaves(one.apply(design, 0.12)), jax.tree.leaves(ruled), strict=True):
         np.testing.assert_array_equal(a, b)
 
 
@@ -94,10 +95,9 @@ def test_a_rule_moves_the_whole_machine(mayekawa):
         ({"mechanism": (None, None)}, ["motor_power"], "dotted path"),
         ({"bore": (-0.1, 0.2)}, ["motor_power"], "bore.*> 0.*-0.1"),
         ({"bore": (0.2, 0.1)}, ["motor_power"], "bore.*low to high"),
-        ({"cylinder_eccentricity": (None, None)}, ["motor_power"], "slider_link"),
         ({"bore": (0.1, 0.2)}, ["power"], "quantity.*one of.*motor_power"),
         ({"bore": (0.1, 0.2)}, ["loss_power.knee"], "loss_power.*crank_pin.*knee"),
-        ({"bore": (0.1, 0.2)}, ["vibration"], "rotor.*without"),
+        ({"bore": (0.1, 0.2)}, ["vibration"], "rotor.*absent"),
         ({"bore": (0.1, 0.2)}, [], "quantities.*at least one"),
     ],
 )
@@ -112,10 +112,10 @@ def test_quantities_are_those_of_the_solvers(mayekawa):
         "mechanical_efficiency", "motor_power", "friction_power", "speed_fluctuation",
         "loss_power.wall", "peak_force.crank_pin", "swept_volume",
     ]  # fmt: skip
-    assert {n for n in names if "." not in n} <= set(quantity_names(design_of(mayekawa)))
+    assert {n for n in names if "." not in n} <= set(quantity_names(machine_of(mayekawa)))
     one = problem(mayekawa, ["bore"], names, Chain(solver=FAST))
     answer = eqx.filter_jit(one)(jnp.array([0.12]))
-    orbit = solve_orbit(with_bore(mayekawa.machine, 0.12), FAST)
+    orbit = solve_orbit(with_bore(mayekawa.compressor, 0.12), FAST)
     expected = [
         orbit.mechanical_efficiency,
         orbit.motor_power,
@@ -123,7 +123,7 @@ def test_quantities_are_those_of_the_solvers(mayekawa):
         orbit.speed_fluctuation,
         orbit.energy.losses["wall"] / orbit.period,
         orbit.peak_forces["crank_pin"],
-        mayekawa.machine.mechanism.swept_volume,
+        mayekawa.compressor.mechanism.swept_volume,
     ]
     # The friction power is the difference of two that are ten times larger.
     np.testing.assert_allclose(answer.values, np.array(expected), rtol=1e-11)
@@ -159,7 +159,10 @@ def test_only_what_is_asked_for_is_computed(scene):
         )
     )
     crank = count(["motor_power"])
-    bare = len(str(jax.make_jaxpr(lambda c: solve_orbit(c, FAST).motor_power)(scene.machine)))
+    bare = len(str(jax.make_jaxpr(lambda c: solve_orbit(c, FAST).motor_power)(scene.compressor)))
+    # with static loads that are given, the rotor needs no crank
+    given = {f"rotor.links.{n}.law.load": ["400 N", "40 N"] for n in (0, 1, 2)}
+    scene = with_values(scene, given)
     rotor = count(["vibration"], excitation="file")
     both = count(["motor_power", "vibration"], excitation="file")
     # The bounds of the rotor's numbers are checked, a few operations each; nothing is solved.
@@ -176,7 +179,7 @@ def test_vibration_is_that_of_the_influence_coefficients(scene):
     ranges = [f"corrections.{p.name}.{axis}" for p in places.planes for axis in "xy"]
     one = problem(scene, ranges, ["vibration", "balanced_vibration", "vibration.TP4"])
     found = eqx.filter_jit(one)(jnp.array(corrections.reshape(-1)))
-    influence = direct_influence(scene.parts["rotor"], scene.parts["loads"].loads, places)
+    influence = machine_influence(scene, crank=False)
     added = corrections[:, 0] + 1j * corrections[:, 1]
     rms = lambda v: np.sqrt(np.mean(np.abs(np.asarray(v)) ** 2))  # noqa: E731  (all weights are 1)
     left = np.asarray(influence.vibration(added))
@@ -187,29 +190,91 @@ def test_vibration_is_that_of_the_influence_coefficients(scene):
 
 
 def test_films_carry_the_mean_force_of_their_speed(scene):
-    """Eq. (6): half the mean rod force rests on every film; it changes with the speed."""
-    model, case = scene.parts["rotor"], scene.parts["loads"]
+    """Eq. (6): the mean rod force, shared by the statics of the shaft; it changes with the speed."""
+    machine = scene.assembly
+    z = {0: -0.075, 1: -0.053, 2: 0.046}  # from the plane of the rod: nodes 10, 11, 27 and 21
     loads = []
-    for speed in (200.0, 377.0):
-        loaded, _, ok = crank_case(scene.machine, model, case, jnp.asarray(speed), solver=FAST)
-        assert bool(ok)
-        machine = at_speed(scene.machine, speed)
-        orbit = solve_orbit(machine, FAST)
-        rod = crank_forces(machine, orbit, case.crank, orders=(0,)).forces[0]
-        for number in (0, 1, 2):
-            np.testing.assert_allclose(
-                loaded.links[number].law.load, rod.cosine[0, :2] / 2, rtol=1e-12
-            )
-        loads.append(np.asarray(loaded.links[0].law.load))
+    for speed in (250.0, 377.0):
+        running = running_rotor(machine, jnp.asarray(speed), solver=FAST)
+        assert bool(running.ok)
+        held = at_speed(machine.compressor, speed)
+        rod = crank_forces(held, solve_orbit(held, FAST), machine.loads.crank, orders=(0,)).forces[
+            0
+        ]
+        shares = np.stack([running.model.links[number].law.load for number in z])
+        # force and moment of the rod, which has no arm
+        np.testing.assert_allclose(shares.sum(0), rod.cosine[0, :2], rtol=1e-12)
+        moments = np.array(list(z.values()))[:, None] * shares
+        np.testing.assert_allclose(moments.sum(0), 0, atol=1e-12 * np.abs(moments).max())
+        loads.append(shares)
     assert np.linalg.norm(loads[1] - loads[0]) > 0.01 * np.linalg.norm(loads[0])
+
+
+def test_one_clearance_acts_on_friction_and_film_alike(scene):
+    """Efficiency and vibration follow the clearance of one bearing, as differences say."""
+    asked = ["mechanical_efficiency", "vibration", "loss_power.upper"]
+    one = problem(
+        scene, ["bearings.upper.radial_clearance"], asked, Chain(solver=FAST, excitation="crank")
+    )
+    here, h = one.current, 1e-5 * one.current
+    values = eqx.filter_jit(lambda x: one(x).values)
+    slope = eqx.filter_jit(jax.jacfwd(lambda x: one(x).values))(here)[:, 0]
+    differences = (values(here + h) - values(here - h)) / (2 * h)
+    # values to 1e-12 over a step of 1e-5
+    np.testing.assert_allclose(slope, differences, rtol=1e-6)
+    stiffness = [
+        with_value(scene, "bearings.upper.radial_clearance", gap).assembly for gap in (13e-6, 15e-6)
+    ]
+    loads = jnp.array([300.0, 0.0])
+    a, b = (
+        replaced(made.rotor.links[1].law, load=loads).coefficients(jnp.asarray(314.0))
+        for made in stiffness
+    )
+    assert float(b[0][0, 0]) < 0.9 * float(a[0][0, 0])  # K goes down faster than 1/c
+    assert abs(float(slope[0])) > 1.0  # [1/m] efficiency
+
+
+def test_a_correction_mass_reaches_the_crank(scene):
+    """Corrections load the main bearings: their loss and the efficiency follow, as differences say."""
+    names = ["corrections.rotor-top.x", "corrections.counterweight.y"]
+    asked = ["mechanical_efficiency", "loss_power.upper", "peak_shaking_force"]
+    one = problem(scene, names, asked, Chain(solver=FAST))
+    here, h = jnp.array([2e-4, -1e-4]), 1e-7
+    values = eqx.filter_jit(lambda x: one(x).values)
+    slope = eqx.filter_jit(jax.jacfwd(lambda x: one(x).values))(here)
+    steps = np.eye(2) * h
+    differences = np.stack([(values(here + s) - values(here - s)) / (2 * h) for s in steps], -1)
+    size = np.abs(np.asarray(slope)).max(1, keepdims=True)
+    # rounding of values over the step: 1e-12/1e-7 of the value, far below the slopes in a kg m
+    np.testing.assert_allclose(slope / size, differences / size, atol=1e-6)
+    assert np.all(np.abs(slope[:, 0]) > 0)
+
+
+def test_the_counterweight_is_one_for_crank_and_rotor(scene):
+    """At every bore the crank's balance is the sum of the rotor's unbalances."""
+    for bore in (0.046, 0.0505, 0.055):
+        machine = with_bore(scene.machine, bore)
+        made = assembled(machine)
+        vectors = [u.magnitude * jnp.exp(1j * u.phase) for u in machine.parts["loads"].unbalances]
+        total = complex(sum(jnp.sum(v) for v in vectors))
+        mechanism = made.compressor.mechanism
+        crank = complex(mechanism.crank_unbalance, mechanism.crank_unbalance_across)
+        assert crank == pytest.approx(total, rel=1e-14)
+        share = total.real / float(
+            mechanism.conrod_mass
+            * (1 - mechanism.conrod_centre / mechanism.conrod_length)
+            * mechanism.crank_radius
+        )
+        assert share == pytest.approx(-4.75e-4 / (0.18 * 56 / 78 * 16.975e-3), rel=1e-12)
 
 
 CHAIN = {
     "bore": 1e-5,
     "mechanism.conrod_length": 1e-5,
-    "mechanism.crank_unbalance": 1e-4,
+    "loads.unbalances.0.magnitude": 1e-4,
     "gas.suction_pressure": 1e-5,
-    "rotor.links.0.law.radial_clearance": 1e-5,
+    "bearings.upper.radial_clearance": 1e-5,
+    "oils.sump.dynamic_viscosity": 1e-5,
     "rotor.links.4.law.stiffness": 1e-5,
     "rotor.shafts.4.outer_diameter": 1e-5,
     "corrections.rotor-top.x": None,
@@ -241,7 +306,7 @@ def test_derivative_through_the_whole_chain_along_one_direction(scene):
     """As the slow test, in forward mode along one mixed direction."""
     one = problem(scene, list(CHAIN), ["vibration"], Chain(solver=FAST, excitation="crank"))
     here = one.current
-    along = np.abs(np.array(here)) * np.array([1.0, -2, 1, 0.5, 1, 2, -1, 0])
+    along = np.abs(np.array(here)) * np.array([1.0, -2, 1, 0.5, 1, -1, 2, -1, 0])
     along[-1] = 1e-3
 
     @eqx.filter_jit
@@ -256,10 +321,8 @@ def test_derivative_through_the_whole_chain_along_one_direction(scene):
 @pytest.mark.slow
 def test_crank_influence_at_each_speed_is_its_own(scene):
     """A speed does not see the other speeds of the same call."""
-    parts = scene.parts
-    arguments = (scene.machine, parts["rotor"], parts["loads"], parts["balancing"])
-    together = crank_influence(*arguments, jnp.array([314.0, 377.0]), FAST)
-    alone = crank_influence(*arguments, jnp.array([377.0]), FAST)
+    together = machine_influence(scene, jnp.array([314.0, 377.0]), FAST)
+    alone = machine_influence(scene, jnp.array([377.0]), FAST)
     rows = len(alone.rows)
     np.testing.assert_allclose(together.matrix[rows:], alone.matrix, rtol=1e-9)
     np.testing.assert_allclose(together.initial[rows:], alone.initial, rtol=1e-9)

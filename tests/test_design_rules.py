@@ -14,7 +14,7 @@ from jaxcomp.scene import load, with_values
 @pytest.fixture(scope="module")
 def machine():
     changes = {"mechanism.offset": "12 mm", "mechanism.conrod_inertia": "0.08 kg m^2"}
-    return with_values(load("mayekawa-wbhe"), changes).machine
+    return with_values(load("mayekawa-wbhe"), changes).compressor
 
 
 def test_same_bore_changes_nothing(machine):

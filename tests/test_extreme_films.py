@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp import FilmJournal, JournalBearing
+from jaxcomp import JournalBearing
 from jaxcomp.film import (
     ExplicitFit,
     GroovedReynolds,
@@ -27,7 +27,7 @@ from jaxcomp.film import (
 MODELS = [Reynolds, GroovedReynolds, Ocvirk, ExplicitFit]
 LOADS = np.logspace(-5, 7, 49)
 HEAVIER = np.logspace(9, 10, 5)
-SIZES = (0.02, 0.02, 2e-5, 0.01)  # radius, length, clearance, viscosity
+SIZES = (0.04, 0.02, 2e-5, 0.01)  # diameter, length, clearance, viscosity
 SPEED = 300.0
 CLOSE = np.concatenate([np.linspace(0.0, 0.9, 10), 1 - np.logspace(-2, -9, 8)])
 
@@ -88,7 +88,7 @@ def test_nearly_closed_film_is_that_of_the_finite_volumes(eps):
 @pytest.mark.parametrize("film", ["reynolds", "fit"])
 def test_film_journal_of_a_machine_is_finite_where_it_rests(film):
     """The law that the crank meets: no load, no speed, and both at the far ends."""
-    law = FilmJournal(0.04, 0.02, 2e-5, 0.01, film=film)
+    law = JournalBearing(0.04, 0.02, 2e-5, 0.01, film=film)
     loads = jnp.asarray([0.0, 1e-300, 1e-12, 1.0, 1e7, 1e12])
     rates = jnp.asarray([0.0, 1e-300, -1e-9, 1e-3, 300.0, 1e6])
     grid = [a.ravel() for a in jnp.meshgrid(loads, rates)]

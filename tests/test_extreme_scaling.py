@@ -111,7 +111,7 @@ def test_slider_link_with_films_of_any_size_is_the_same_machine():
 
 @pytest.mark.parametrize("size", list(SIZES))
 def test_film_bearing_of_any_size_is_the_same_bearing(size):
-    base, load, speed = JournalBearing(0.02, 0.02, 2e-5, 0.01), 500.0, 300.0
+    base, load, speed = JournalBearing(0.04, 0.02, 2e-5, 0.01), 500.0, 300.0
     units = SIZES[size]
     other = rescaled(base, units)
     args = load * factor("N", units), speed * factor("1/s", units)

@@ -37,7 +37,6 @@ from jaxcomp.film import (
     stability_threshold,
     stiffness_damping,
 )
-from jaxcomp.friction import LoadedPetroffJournal, PetroffJournal
 
 ALL = [Reynolds, GroovedReynolds, Guembel, Ocvirk, ExplicitFit]
 SOLVED = [Reynolds, GroovedReynolds, Guembel, Ocvirk]
@@ -46,7 +45,7 @@ FREE = [Reynolds, Guembel, Ocvirk]
 
 # Main bearing of an 8 cm3 household compressor: 8 mm x 22 mm, 9 um, 4 mPa s.
 SIZES = {
-    "radius": 8e-3,
+    "diameter": 16e-3,
     "length": 22e-3,
     "radial_clearance": 9e-6,
     "dynamic_viscosity": 4e-3,
@@ -350,7 +349,8 @@ def test_load_numbers():
 
 def test_load_numbers_by_their_definitions():
     load, speed = 200.0, 300.0
-    radius, length, gap, eta = SIZES.values()
+    diameter, length, gap, eta = SIZES.values()
+    radius = diameter / 2
     number = load_number(BEARING, load, speed, rest_speed=0.0)
     np.testing.assert_allclose(
         number, load * (gap / radius) ** 2 / (eta * speed * length * 2 * radius)
@@ -384,7 +384,8 @@ def test_bearing_refuses_what_it_cannot_be():
 def test_friction_moment_of_a_bearing(model):
     bearing = JournalBearing(**SIZES, film=model)
     moment = over(lambda w: friction_moment(bearing, 200.0, w), np.array([300.0, -300.0, 0.0]))
-    radius, length, gap, eta = SIZES.values()
+    diameter, length, gap, eta = SIZES.values()
+    radius = diameter / 2
     petroff = math.pi * eta * 300.0 * length * 2 * radius * radius * radius / gap
     np.testing.assert_allclose(friction_moment(bearing, 0.0, 300.0), petroff, rtol=1e-12)
     assert moment[0] > petroff
@@ -502,14 +503,15 @@ def test_models_of_friction_give_no_position():
 
 @pytest.mark.parametrize("length", [8e-3, 16e-3, 22e-3])
 def test_petroff_and_falz_are_the_journal_laws(length):
-    """The same two laws written in dimensions, as `jaxcomp.friction` has them."""
+    """The same two laws written in dimensions."""
     sizes = {**SIZES, "length": length}
-    pairs = (Petroff, PetroffJournal), (LoadedPetroff, LoadedPetroffJournal)
-    for model, law in pairs:
-        journal = law(2 * sizes["radius"], length, sizes["radial_clearance"], 4e-3)
-        moment = friction_moment(JournalBearing(**sizes, film=model), 200.0, 300.0)
+    radius, psi = sizes["diameter"] / 2, 2 * sizes["radial_clearance"] / sizes["diameter"]
+    petroff = np.pi * 4e-3 * 300.0 * length * 2 * radius * radius / psi
+    falz = 0.55 * psi * max(2 * radius / length, 1.0) ** 1.5 * 200.0 * radius
+    for model, expected in ((Petroff, petroff), (LoadedPetroff, petroff + falz)):
+        moment = JournalBearing(**sizes, film=model).moment(200.0, 300.0)
         # the smoothing of the speed at rest
-        np.testing.assert_allclose(moment, journal.moment(200.0, 300.0), rtol=1e-10)
+        np.testing.assert_allclose(moment, expected, rtol=1e-10)
 
 
 def test_every_model_says_where_it_stops():

@@ -23,7 +23,7 @@ from jaxcomp.film import (
     stiffness_damping,
 )
 
-SIZES = jnp.array([8e-3, 22e-3, 9e-6, 4e-3])
+SIZES = jnp.array([16e-3, 22e-3, 9e-6, 4e-3])
 # The derivatives of the series model take longest to compile.
 MODELS = [Reynolds, Ocvirk, pytest.param(Guembel, marks=pytest.mark.slow)]
 EDGE = 1 / 0.07**2 - 1  # film ratio where the table of `Reynolds` ends

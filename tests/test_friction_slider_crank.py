@@ -77,7 +77,8 @@ def test_loop_is_closed_to_rounding_at_random_states(random_loads):
 
 def test_side_force_equals_bracketed_root_of_an_independent_equation(random_loads):
     machines, state, gas, gravity, scale, loads = random_loads
-    names = [field.name for field in dataclasses.fields(SliderCrank)]
+    fields = dataclasses.fields(SliderCrank)
+    names = [field.name for field in fields if getattr(machines, field.name) is not None]
     seen = 0
     for i in range(0, COUNT, 5):
         if loads.margin[i] < 0.3:
@@ -168,20 +169,20 @@ def test_regularised_law_is_smooth_through_rest():
 
 def test_film_loss_is_couette_flow_in_the_gap():
     """Dagilis et al. (I) Eq. (7): shear stress times wetted area, whatever the load."""
-    film = PistonFilm(0.05, 5e-5, 0.1)
+    film = PistonFilm(5e-5, 0.05, 0.1)
     state, gas = random_states(np.random.default_rng(8), 30)
-    compressor = machine(friction=SliderCrankFriction(wall_film=film))
+    compressor = machine(friction=SliderCrankFriction(piston_film=film))
     loads = run(compressor, state, gas)
     _, x_1, _ = compressor.mechanism.piston(state.angle)
     area = np.pi * 0.130 * 0.1
     expected = 0.05 * area * (x_1 * state.speed) / 5e-5 * x_1
-    np.testing.assert_allclose(loads.loss_torque["wall_film"], expected, rtol=1e-13)
+    np.testing.assert_allclose(loads.loss_torque["piston_film"], expected, rtol=1e-13)
     np.testing.assert_array_equal(loads.margin, 1.0)
 
 
 def test_film_without_length_is_refused():
-    with pytest.raises(ValueError, match=r"wall_film\.length"):
-        SliderCrankFriction(wall_film=PistonFilm(0.05, 5e-5))
+    with pytest.raises(ValueError, match=r"piston_film\.length"):
+        SliderCrankFriction(piston_film=PistonFilm(5e-5, 0.05))
 
 
 @pytest.mark.parametrize(
@@ -190,7 +191,7 @@ def test_film_without_length_is_refused():
         (lambda: CoulombSlide(-0.1), "`coefficient` must be >= 0"),
         (lambda: CoulombSlide(np.nan), "`coefficient` must be >= 0, but is nan"),
         (lambda: CoulombJournal(0.1, 0.0), "`diameter` must be > 0"),
-        (lambda: PistonFilm(0.05, 0.0, 0.1), "`clearance` must be > 0"),
+        (lambda: PistonFilm(0.0, 0.05, 0.1), "`radial_clearance` must be > 0"),
     ],
 )
 def test_bad_law_is_refused_by_name(build, words):

@@ -12,22 +12,16 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 from jaxcomp import BadInput
-from jaxcomp.film import minimum_film
-from jaxcomp.friction import (
-    FilmJournal,
-    LoadedPetroffJournal,
-    OilPump,
-    PetroffJournal,
-    ThrustBearing,
-)
+from jaxcomp.film import JournalBearing
+from jaxcomp.friction import OilPump, ThrustBearing
 
 SIZE = dict(diameter=0.012, length=0.016, radial_clearance=9e-6, dynamic_viscosity=4e-3)
 PSI = 9e-6 / 0.006
 OIL_LAWS = [
-    PetroffJournal(**SIZE),
-    LoadedPetroffJournal(**SIZE),
-    FilmJournal(**SIZE),
-    FilmJournal(**SIZE, film="fit"),
+    JournalBearing(**SIZE, film="petroff"),
+    JournalBearing(**SIZE, film="loaded_petroff"),
+    JournalBearing(**SIZE),
+    JournalBearing(**SIZE, film="fit"),
 ]
 NAMES = ["petroff", "loaded", "film", "fit"]
 DRAGS = [
@@ -39,7 +33,7 @@ DRAGS = [
 
 
 def journal(length_ratio, film="reynolds"):
-    return FilmJournal(0.012, 0.012 * length_ratio, 9e-6, 4e-3, film=film)
+    return JournalBearing(0.012, 0.012 * length_ratio, 9e-6, 4e-3, film=film)
 
 
 @eqx.filter_jit
@@ -47,14 +41,16 @@ def friction_number(law, load_number, rate=300.0):
     """Phi_T = M psi/(eta w l d r) at a load number S = psi^2 F/(eta w l d)."""
     area = law.length * law.diameter
     load = load_number * law.dynamic_viscosity * rate * area / law.clearance_ratio**2
-    return law.moment(jnp.asarray(load), jnp.asarray(rate)) / (law.drag * rate)
+    return law.moment(jnp.asarray(load), jnp.asarray(rate)) / (
+        law.dynamic_viscosity * area * law.diameter / 2 / law.clearance_ratio * rate
+    )
 
 
 def test_petroff_equals_the_printed_coefficient_of_friction():
     load, rate = 150.0, 300.0
     pressure = load / (SIZE["length"] * SIZE["diameter"])
     mu = np.pi * SIZE["dynamic_viscosity"] * rate / (pressure * PSI)  # (19)
-    moment = PetroffJournal(**SIZE).moment(jnp.asarray(load), jnp.asarray(rate))
+    moment = JournalBearing(**SIZE, film="petroff").moment(jnp.asarray(load), jnp.asarray(rate))
     np.testing.assert_allclose(moment, mu * load * 0.006, rtol=1e-14)
     # the shear stress eta w r/c on the lateral area, at the radius
     area = np.pi * SIZE["diameter"] * SIZE["length"]
@@ -66,13 +62,14 @@ def test_petroff_equals_the_printed_coefficient_of_friction():
 def test_loaded_petroff_has_its_length_factor_upside_down(length_ratio, factor):
     """The print has (l/d)^1.5 for l < d and l/d for l > d; xi = (d/l)^1.5 and 1 are used."""
     size = SIZE | dict(length=0.012 * length_ratio)
-    law, bare = LoadedPetroffJournal(**size), PetroffJournal(**size)
+    law, bare = (JournalBearing(**size, film=f) for f in ("loaded_petroff", "petroff"))
     load, rate = jnp.asarray(150.0), jnp.asarray(300.0)
     share = (law.moment(load, rate) - bare.moment(load, rate)) / (load * 0.006)
-    np.testing.assert_allclose(share, 0.55 * PSI * factor, rtol=1e-12)
+    # (1e-3 rad/s over the rate) squared, the smoothing of the film package at rest
+    np.testing.assert_allclose(share, 0.55 * PSI * factor, rtol=1e-11)
     printed = 0.55 * PSI * length_ratio ** (1.5 if length_ratio < 1 else 1.0)
     ratio = length_ratio**3 if length_ratio < 1 else length_ratio
-    np.testing.assert_allclose(printed / share, ratio, rtol=1e-12)
+    np.testing.assert_allclose(printed / share, ratio, rtol=1e-11)
     # the film agrees: at eps of 0.8 to 0.9 a bearing of l/d = 0.5 needs xi of about 2.6 to 1.8
     if length_ratio == 0.5:
         for load_number, xi in ((2.0, 2.6), (5.09, 1.8)):
@@ -124,14 +121,6 @@ def test_film_is_petroff_without_load_and_grows_with_it(film):
         np.testing.assert_allclose(friction_number(law, 0.0), np.pi, rtol=1e-14)
         number = friction_number(law, jnp.linspace(0, 40, 400))
         assert np.all(np.diff(number) > 0)
-
-
-def test_film_journal_is_the_bearing_of_the_film_package():
-    law = FilmJournal(**SIZE)
-    assert law.bearing.radius == 0.006
-    assert law.bearing.length == SIZE["length"]
-    film = minimum_film(law.bearing, 200.0, 304.0)
-    assert 1e-6 < film < 9e-6
 
 
 @pytest.mark.parametrize("law", OIL_LAWS, ids=NAMES)
@@ -205,7 +194,7 @@ def test_drag_resists_either_way(law):
 
 
 def test_refuses_what_the_film_does_not_cover():
-    with pytest.raises(BadInput, match=r"length/diameter from 0\.4 to 2"):
+    with pytest.raises(BadInput, match=r"length/diameter 0\.4 to 2"):
         journal(0.3, "fit")
     with pytest.raises(BadInput, match=r"length/diameter from 0\.1 to 2"):
         journal(2.5)

@@ -15,7 +15,7 @@ from jaxcomp.shaking import shaking_wrench
 
 @pytest.fixture(scope="module")
 def machine():
-    return load("mayekawa-wbhe").machine
+    return load("mayekawa-wbhe").compressor
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +144,7 @@ def test_loss_bars_are_the_losses(machine, orbit):
 
 
 def test_absent_parts_have_no_picture():
-    bare = with_values(load("mayekawa-wbhe"), {"friction": None, "gas": None}).machine
+    bare = with_values(load("mayekawa-wbhe"), {"friction": None, "gas": None}).compressor
     orbit = solve_orbit(bare, Collocation())
     names = ["speed", "torques", "joint_forces", "bearing_loads", "shaking_force"]
     assert list(plot.orbit_figures(bare, orbit)) == names

@@ -15,7 +15,7 @@ from jaxcomp._fields import NONNEGATIVE, POSITIVE, Part, quantity
 from jaxcomp.friction import CoulombSlide, RegularisedSlide
 from jaxcomp.gas import CrankAngleTable, PolytropicCycle
 from jaxcomp.motor import Kloss, MeanSpeed, SlipLine
-from jaxcomp.scene import describe, dump, load, loads, machines, with_compressor, with_value
+from jaxcomp.scene import describe, dump, load, loads, machines, with_machine, with_value
 from jaxcomp.scene import with_values as changed
 
 MINIMAL = """
@@ -34,7 +34,7 @@ mean_speed = "1500 rpm"
 
 
 def test_bundled_machine_has_the_printed_values():
-    machine = load("mayekawa-wbhe").machine
+    machine = load("mayekawa-wbhe").compressor
     mechanism, gas, friction = machine.mechanism, machine.gas, machine.friction
     assert mechanism.bore == 0.13
     np.testing.assert_allclose(mechanism.swept_volume, 1327e-6, rtol=1e-9)
@@ -103,7 +103,7 @@ def test_lists_and_a_unit_for_a_whole_list():
 
 def test_absent_parts_are_none_and_defaults_hold():
     scene = loads(MINIMAL, "small.toml")
-    machine = scene.machine
+    machine = scene.compressor
     assert machine.gas is None
     assert machine.friction is None
     assert machine.gravity is None
@@ -122,9 +122,9 @@ def test_gravity_and_tables_are_read():
     back_pressure = "1 bar"
     """
     scene = loads(text)
-    assert isinstance(scene.machine.gas, CrankAngleTable)
-    np.testing.assert_allclose(scene.machine.gas.angle, np.arange(4) * np.pi / 2)
-    np.testing.assert_allclose(scene.machine.gravity, [0, -9.81])
+    assert isinstance(scene.compressor.gas, CrankAngleTable)
+    np.testing.assert_allclose(scene.compressor.gas.angle, np.arange(4) * np.pi / 2)
+    np.testing.assert_allclose(scene.compressor.gravity, [0, -9.81])
     assert scene.sources["gas.angle"] == "measured"
 
 
@@ -162,14 +162,14 @@ def test_set_values_anywhere():
         },
         source="test",
     )
-    machine = new.machine
+    machine = new.compressor
     np.testing.assert_allclose(machine.motor.mean_speed, 80 * np.pi / 3)
     assert machine.friction.wall.coefficient == 0.05
     assert machine.friction.piston_pin is None
     np.testing.assert_allclose(machine.gravity, [-9.81, 1.0])
     assert machine.friction.crank_pin.diameter == 0.09  # kept: the new law knows it as well
     assert new.sources["motor.mean_speed"] == "test"
-    assert scene.machine.motor.mean_speed > 100  # the first scene is as it was
+    assert scene.compressor.motor.mean_speed > 100  # the first scene is as it was
 
 
 def test_a_new_type_drops_what_it_does_not_know():
@@ -181,7 +181,7 @@ def test_a_new_type_drops_what_it_does_not_know():
             "motor.type": "slip_line",
         },
     )
-    assert isinstance(scene.machine.motor, SlipLine)
+    assert isinstance(scene.compressor.motor, SlipLine)
     assert "mean_speed" not in scene.document["motor"]
     with pytest.raises(scenes.SceneError, match=r"motor.slop: is an unknown key|motor.slop = "):
         changed(
@@ -238,9 +238,9 @@ def test_another_compressor_is_written_with_every_digit():
     scene = load("mayekawa-wbhe")
     machine = eqx.tree_at(
         lambda c: (c.mechanism.bore, c.motor, c.friction.wall, c.gas.back_pressure, c.gravity),
-        scene.machine,
+        scene.compressor,
         (
-            scene.machine.mechanism.bore / 3,
+            scene.compressor.mechanism.bore / 3,
             Kloss(300.0, 0.2, 160.0),
             RegularisedSlide(0.1, 1e-3),
             None,
@@ -248,8 +248,9 @@ def test_another_compressor_is_written_with_every_digit():
         ),
         is_leaf=lambda x: x is None,
     )
-    new = with_compressor(scene, machine, "optimised")
-    assert eqx.tree_equal(new.machine, machine, typematch=False)
+    whole = eqx.tree_at(lambda m: m.compressor, scene.machine, machine)
+    new = with_machine(scene, whole, "optimised")
+    assert eqx.tree_equal(new.compressor, machine, typematch=False)
     assert new.sources["mechanism.bore"] == "optimised"
     assert new.sources["mechanism.piston_mass"] == "printed, Table 1"
     assert new.document["mechanism"]["bore"]["value"].endswith(" mm")
@@ -258,7 +259,7 @@ def test_another_compressor_is_written_with_every_digit():
 
 
 def test_types_are_found_by_their_kind():
-    machine = load("mayekawa-wbhe").machine
+    machine = load("mayekawa-wbhe").compressor
     assert isinstance(machine.motor, MeanSpeed)
     assert isinstance(machine.gas, PolytropicCycle)
     assert isinstance(machine.friction.wall, CoulombSlide)
@@ -325,9 +326,9 @@ def test_a_registered_section_is_read_without_code_of_its_own(housing):
     assert part.mounts[1].nodes == (1, 2)
     assert part.mounts[1].axes == ("uz",)
     np.testing.assert_allclose(part.mounts[0].law.stiffness, [2500, 6000])
-    assert loads(HOUSING + MINIMAL).machine is not None
+    assert loads(HOUSING + MINIMAL).compressor is not None
     with pytest.raises(scenes.SceneError, match="this scene describes no compressor"):
-        _ = scene.machine
+        scene.as_compressor()
 
 
 def test_a_registered_section_is_set_described_and_dumped(housing):

@@ -194,8 +194,8 @@ BAD = {
     "rule in the code of a part": (
         GOOD
         + '[friction]\ntype = "slider_crank"\n'
-        + '[friction.wall_film]\nviscosity = "4 mPa s"\nclearance = "6 um"\n',
-        "friction: `wall_film.length` is needed",
+        + '[friction.piston_film]\ndynamic_viscosity = "4 mPa s"\nradial_clearance = "6 um"\n',
+        "friction: `piston_film.length` is needed",
     ),
     "friction of another mechanism": (
         GOOD + '[friction]\ntype = "slider_link"\n',
@@ -221,7 +221,7 @@ def test_bad_scene_is_refused(case):
 
 
 def test_a_good_scene_passes():
-    assert loads(GOOD).machine is not None
+    assert loads(GOOD).compressor is not None
 
 
 def test_a_vector_needs_all_its_entries():

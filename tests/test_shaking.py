@@ -92,7 +92,7 @@ def momentum_link(m, angle, speed):
     def place(x, y, z):
         return jnp.stack([x, y, jnp.broadcast_to(z, x.shape)])
 
-    R, e, zs = m.crank_radius, m.eccentricity, -m.plane_height
+    R, e, zs = m.crank_radius, (-m.offset), -m.plane_height
     piston = body(
         m.piston_mass,
         # any x fixed to the piston will do
@@ -149,7 +149,7 @@ def momentum_crank(m, angle, speed):
 @pytest.mark.parametrize(
     ("mechanism", "momentum"),
     [
-        (machine(eccentricity=2e-3, piston_centre_offset=-1.5e-3), momentum_link),
+        (machine(offset=-2e-3, piston_centre_offset=-1.5e-3), momentum_link),
         (slider_crank(), momentum_crank),
     ],
     ids=["slider-link", "slider-crank"],
@@ -174,7 +174,7 @@ def test_wrench_equals_the_sum_of_all_reactions_on_the_block(reading):
 
     As printed the slider has no couple, so that M_z is short of it; balanced, nothing is missing.
     """
-    m = machine(eccentricity=2e-3, piston_centre_offset=-1.5e-3)
+    m = machine(offset=-2e-3, piston_centre_offset=-1.5e-3)
     friction = coulomb_friction(0.15, 0.12, slider_moment=reading)
     state, gas = random_states(200, 11)
     loads = joint_loads(m, friction, state, gas)
@@ -186,7 +186,7 @@ def test_wrench_equals_the_sum_of_all_reactions_on_the_block(reading):
 
     crown = m.piston(state.angle)[0]
     mouth = m.crown_to_link + m.crank_radius - m.cylinder_length  # edge of the cylinder
-    e, half = m.eccentricity, m.bore / 2
+    e, half = (-m.offset), m.bore / 2
     plane = -m.plane_height
 
     def on_block(force, x, y, z):

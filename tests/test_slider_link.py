@@ -64,7 +64,7 @@ def coulomb_friction(mu_c=0.1, mu_s=0.1, mu=0.01, **changes) -> SliderLinkFricti
     laws = dict(
         wall=CoulombSlide(mu_c),
         link_slider=CoulombSlide(mu_s),
-        piston_film=PistonFilm(viscosity=4e-3, clearance=6e-6),
+        piston_film=PistonFilm(6e-6, 4e-3),
         crank_pin=CoulombJournal(mu, 0.012),
         upper_bearing=CoulombJournal(mu, 0.016),
         lower_bearing=CoulombJournal(mu, 0.016),
@@ -94,7 +94,7 @@ class Printed:
         D, R, Ds = v["bore"], v["crank_radius"], v["slider_diameter"]
         Lc, Lp = v["cylinder_length"], v["crown_to_link"]
         mp, ms, mr = v["piston_mass"], v["slider_mass"], v["crank_mass"]
-        e, ecl, ecr = v["eccentricity"], v["piston_centre_offset"], v["crank_eccentricity"]
+        e, ecl, ecr = -v["offset"], v["piston_centre_offset"], v["crank_eccentricity"]
         zs, zp, zb = v["plane_height"], v["overhang"], v["bearing_span"]
         Jxz, Jz = np.asarray(m.product_of_inertia), v["crank_inertia"]
         d1, d2, d3, d4, d5 = signs
@@ -180,7 +180,7 @@ GOLDEN = np.array([
 ])  # fmt: skip
 GOLDEN_STATE = CrankState(jnp.asarray(GOLDEN[:, 0]), jnp.full(8, 300.0), jnp.full(8, -200.0))
 GOLDEN_GAS = jnp.asarray(GOLDEN[:, 1])
-OFFSET = dict(eccentricity=1e-3, piston_centre_offset=1e-3)
+OFFSET = dict(offset=-1e-3, piston_centre_offset=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -245,7 +245,7 @@ def test_contraction_is_the_slope_of_the_substitution():
 
 def test_contacts_and_reactions_equal_the_printed_formulas():
     state, gas = random_states(200, 2)
-    m = machine(eccentricity=2e-3, piston_centre_offset=-1.5e-3)
+    m = machine(offset=-2e-3, piston_centre_offset=-1.5e-3)
     loads = joint_loads(m, coulomb_friction(0.2, 0.15), state, gas)
     assert loads.margin.min() > 0.1
     signs = (*kinematic_signs(state), *sides(loads))

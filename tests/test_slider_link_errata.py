@@ -22,7 +22,7 @@ from test_slider_link import (
 from jaxcomp.mechanism._base import rotating
 
 MU_C, MU_S = 0.2, 0.15
-M = machine(eccentricity=2e-3, piston_centre_offset=-1.5e-3)
+M = machine(offset=-2e-3, piston_centre_offset=-1.5e-3)
 STATE, GAS = random_states(300, 50)
 # Forces reach 3 kN: rounding leaves 1e-12 N, which solving and arms of 5 cm raise to 1e-10.
 TIGHT = dict(atol=1e-9, rtol=0)
@@ -54,7 +54,7 @@ def test_piston_with_link_is_in_balance(loads, bodies):
     reading, found = loads
     f = {name: np.asarray(force) for name, force in found.forces.items()}
     centre, crown, edge, acceleration = bodies
-    axis, half_bore = -float(M.eccentricity), float(M.bore) / 2
+    axis, half_bore = -float(-M.offset), float(M.bore) / 2
     d3, d4, d5 = sides(found)
     side = d5 * float(M.slider_diameter) / 2
     attacks = [
@@ -136,7 +136,7 @@ def test_bracket_of_13():
     p = Printed(M, MU_C, MU_S, 4e-3 / 6e-6, STATE, GAS, (d1, d2, d3, d4, d5))
     phi, w, a = (np.asarray(x) for x in STATE)
     R, D, Ds = float(M.crank_radius), float(M.bore), float(M.slider_diameter)
-    e, ecl = float(M.eccentricity), float(M.piston_centre_offset)
+    e, ecl = float(-M.offset), float(M.piston_centre_offset)
     X = -float(M.piston_mass) * R * (w**2 * np.cos(phi) + a * np.sin(phi))
     edge, h = (
         R * (1 - np.cos(phi)) + float(M.crown_to_link - M.cylinder_length),

@@ -21,7 +21,7 @@ from test_slider_link import (
 
 from jaxcomp.friction import (
     CoulombJournal,
-    FilmJournal,
+    JournalBearing,
     RegularisedJournal,
     RegularisedSlide,
     SliderLinkFriction,
@@ -32,7 +32,7 @@ READINGS = ["paper", "balanced"]
 
 
 def film_journal(diameter, length, film="fit"):
-    return FilmJournal(diameter, length, 9e-6, 4e-3, film=film)
+    return JournalBearing(diameter, length, 9e-6, 4e-3, film=film)
 
 
 def film_friction(**changes):
@@ -66,7 +66,7 @@ def test_frictionless_contacts():
 @pytest.mark.parametrize("reading", READINGS)
 def test_frictionless_power_is_the_rate_of_kinetic_energy(reading):
     """No losses at all: gas and motor power equal d/dt of the kinetic energy of the parts."""
-    m = machine(eccentricity=2e-3)
+    m = machine(offset=-2e-3)
     state, gas = random_states(200, 21)
     friction = SliderLinkFriction(slider_moment=reading)
     (a,), _ = substitute(m, friction, state, gas, 0.25, 1)
@@ -145,7 +145,7 @@ def test_sides_without_offset_of_the_piston():
 @pytest.mark.parametrize("friction", [coulomb_friction, film_friction])
 def test_power_identity(friction, reading):
     """Motor and gas power less losses, written with magnitudes, change the kinetic energy."""
-    m = machine(eccentricity=2e-3, piston_centre_offset=-1e-3)
+    m = machine(offset=-2e-3, piston_centre_offset=-1e-3)
     law = friction(mu_c=0.2, mu_s=0.15, slider_moment=reading)
     state, gas = random_states(200, 25)
     loads = joint_loads(m, law, state, gas)
@@ -242,7 +242,7 @@ def test_regularised_friction_goes_over_to_coulomb():
 
 def test_weights_enter_every_balance():
     """The bearings carry the sum of weight and inertia, and the energy balance stays closed."""
-    m = machine(piston_centre_lead=0.02, crank_centre_depth=0.03, eccentricity=1e-3)
+    m = machine(piston_centre_lead=0.02, crank_centre_depth=0.03, offset=-1e-3)
     state, gas = random_states(200, 29)
     field = jnp.array([4.0, -9.0])
     friction = coulomb_friction(0.15, 0.1)

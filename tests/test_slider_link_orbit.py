@@ -164,8 +164,8 @@ def test_shaking_force_and_vibration(isobutane):
 
 def test_command_line_reports_vibration_and_losses():
     """The bundled machine on its springs; the closed formulas of the film share compiled programs."""
-    journals = ("crank_pin", "upper_bearing", "lower_bearing")
-    sets = [x for name in journals for x in ("--set", f"friction.{name}.film=fit")]
+    journals = ("crank-pin", "upper-bearing", "lower-bearing")
+    sets = [x for name in journals for x in ("--set", f"bearings.{name}.film=fit")]
     result = CliRunner().invoke(app, ["run", "slider-link-8cc", "--json", *sets])
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)

@@ -338,9 +338,10 @@ def test_a_problem_takes_its_own_variables(scene):
 
 
 def test_polar_coordinates_of_a_correction():
-    from jaxcomp.design import design_of, variable
+    from jaxcomp.design import variable
+    from jaxcomp.machine import machine_of
 
-    design = design_of(load("hermetic-68cc"))
+    design = machine_of(load("hermetic-68cc"))
     magnitude, angle = (
         variable(design, f"corrections.rotor-top.{p}") for p in ("magnitude", "angle")
     )

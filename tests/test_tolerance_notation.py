@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, SceneError, load, within
-from jaxcomp.design import design_of
+from jaxcomp.machine import machine_of
 from jaxcomp.scene.tolerances import read_tolerance, read_tolerance_file, tolerances_of
 
 DEGREE = np.pi / 180
@@ -56,7 +56,7 @@ def test_what_cannot_be_read_is_refused_by_name(text, unit, complaint):
 
 
 def test_patterns_stand_for_single_numbers():
-    design = design_of(load("hermetic-68cc"))
+    design = machine_of(load("hermetic-68cc"))
     found = tolerances_of(
         design,
         {

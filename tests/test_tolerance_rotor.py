@@ -11,7 +11,8 @@ import pytest
 from scipy.stats.mstats import hdquantiles
 
 from jaxcomp import BadInput, load, optimise, problem, robust, tolerance, within
-from jaxcomp.design import Chain, Found, balanced_design, design_of, prepared, quantity
+from jaxcomp.design import Chain, Found, balanced_design, prepared, quantity
+from jaxcomp.machine import machine_of
 from jaxcomp.tolerancing import scatter_of
 
 COUNTERWEIGHT = tuple(f"loads.unbalances.0.magnitude.{i}" for i in range(2))
@@ -27,7 +28,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def balanced(scene):
-    return balanced_design(design_of(scene), Chain())
+    return balanced_design(machine_of(scene), Chain())
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +112,7 @@ def test_probability_of_the_limit_agrees_with_the_samples(study):
 def test_robust_objective_is_that_of_its_machines(scene):
     """Mean and deviation, and the quantile of Harrell and Davis as SciPy has it."""
     volume = {"mechanism.bore": within(2e-3), "mechanism.crank_radius": within(0.1, relative=True)}
-    design = design_of(scene)
+    design = machine_of(scene)
     found = Found(design, Chain())
     one = robust(scene, "swept_volume", volume, sigmas=2.0, samples=32)
     values = np.asarray(one.sample(found))

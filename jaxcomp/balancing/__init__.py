@@ -9,11 +9,8 @@ from ._classical import PlanePair as PlanePair
 from ._classical import classical_balance as classical_balance
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance
-from ._crank import LEAVABLE as LEAVABLE
-from ._crank import at_speed as at_speed
-from ._crank import crank_case as crank_case
-from ._crank import crank_influence as crank_influence
-from ._crank import without as without
+from ._crank import machine_influence as machine_influence
+from ._crank import running_influence as running_influence
 from ._descent import Descent as Descent
 from ._descent import descend as descend
 from ._discrete import Split as Split

@@ -107,7 +107,7 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
     """The system whose columns are the vibration before and that of a unit in each plane."""
     rows = [(target.name, axis) for target in places.targets for axis in target.axes]
     weights = [jnp.asarray(t.weight, float) for t in places.targets for _ in t.axes]
-    labels = speeds if not is_traced(speeds) else np.arange(speeds.size)
+    labels = np.arange(speeds.size) if is_traced(speeds) else np.asarray(speeds)
     return Influence(
         answer[:, 1:],
         answer[:, 0],

@@ -19,7 +19,7 @@ from ._tables import _table
 
 def turning_motion(scene: Scene, frames: int) -> tuple[Motion, dict[str, Any]]:
     """The mechanism in its periodic state."""
-    machine = scene.machine
+    machine = scene.as_compressor()
     orbit = solve_orbit(machine)
     evidence = {
         "converged": bool(orbit.converged),
@@ -37,12 +37,12 @@ def balancing_motion(scene: Scene, speed: str | None, frames: int) -> tuple[Moti
     Raises:
         CommandError: nothing that shakes it.
     """
-    model = rotor_of(scene)
     places, case = scene.parts["balancing"], scene.parts["loads"]
     assert isinstance(places, BalancingPlanes)
     if not isinstance(case, LoadCase) or not case.loads:
         raise CommandError(f"{scene.file}: loads: is missing; nothing shakes this rotor")
-    at = jnp.asarray(single_speeds([speed] if speed else (), scene))
+    speeds = single_speeds([speed] if speed else (), scene)
+    model, at = rotor_of(scene, speeds), jnp.asarray(speeds)
     found = least_squares(direct_influence(model, case.loads, places, at))
     masses = Unbalances(
         tuple(plane.node for plane in places.planes),

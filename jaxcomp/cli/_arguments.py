@@ -60,7 +60,7 @@ def changed_scene(name_or_path: str, sets: Sequence[str], designs: Sequence[str]
         CommandError, SceneError, BadInput: what cannot be read, set or designed.
     """
     from .. import scene as scenes
-    from ..design import design_of, design_rules, variable_names
+    from ..design import design_rules, variable_names
 
     scene = scenes.load(name_or_path)
     changes = {path: entry(text) for path, text in assignments(sets, "--set").items()}
@@ -68,12 +68,12 @@ def changed_scene(name_or_path: str, sets: Sequence[str], designs: Sequence[str]
         scene = scenes.with_values(scene, changes, source="set on the command line")
     for name, text in assignments(designs, "--design").items():
         if name not in design_rules:
-            known = [rule for rule in variable_names(design_of(scene)) if rule in design_rules]
+            known = [rule for rule in variable_names(scene.machine) if rule in design_rules]
             hint = scenes.did_you_mean(name, known)
             raise CommandError(f"--design {name}={text}: is no design variable{hint}")
         rule = design_rules[name]
         given = entry(text)
         value = scenes.to_si(text if given is None else given, rule.unit, f"--design {name}")
-        compressor = rule.apply(scene.machine, value)
-        scene = scenes.with_compressor(scene, compressor, f"design rule, {name} = {text}")
+        machine = rule.apply(scene.machine, value)
+        scene = scenes.with_machine(scene, machine, f"design rule, {name} = {text}")
     return scene

@@ -19,9 +19,8 @@ from ..balancing import (
     PlanePair,
     bounded,
     classical_balance,
-    crank_influence,
-    direct_influence,
     least_squares,
+    machine_influence,
     min_max,
     predicted,
     select,
@@ -91,16 +90,9 @@ def model_system(
         raise CommandError(f"{scene.file}: loads: is missing; `balance` needs it")
     texts = [text.strip() for text in speeds.split(",")] if speeds else ()
     at = single_speeds(texts, scene)
-    if crank:
-        if case.crank is None:
-            raise CommandError(
-                f"{scene.file}: loads.crank: is missing; --excitation crank needs it"
-            )
-        influence = crank_influence(
-            scene.machine, model, case, places, jnp.asarray(at), None, tuple(left_out)
-        )
-    else:
-        influence = direct_influence(model, case.loads, places, jnp.asarray(at))
+    if crank and case.crank is None:
+        raise CommandError(f"{scene.file}: loads.crank: is missing; --excitation crank needs it")
+    influence = machine_influence(scene, jnp.asarray(at), crank=crank, left_out=tuple(left_out))
     radius = {
         plane.name: float(plane.radius) for plane in places.planes if plane.radius is not None
     }

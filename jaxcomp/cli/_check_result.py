@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from ..design import design_of, design_rules, variable_names
+from ..design import design_rules, variable_names
 from ..gas import PolytropicCycle
+from ..machine import machine_of
 from ..rotor import LoadCase, RotorModel, node_names, subset_names, subsets
 from ..scene import Scene, SceneError, describe, doubts
 from ..shaking import Suspension, natural_frequencies
@@ -89,7 +90,7 @@ def _commands(scene: Scene) -> list[str]:
 
 def _follows(scene: Scene):
     """(what, value, unit) in the units of a drawing."""
-    names = variable_names(design_of(scene))
+    names = variable_names(machine_of(scene))
     rules = ", ".join(name for name in names if name in design_rules)
     yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
     if scene.compressor is not None:

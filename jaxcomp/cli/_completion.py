@@ -18,7 +18,7 @@ QUANTITIES = (
     *("vibration", "balanced_vibration", "mount_force"),
     *("loss_power.", "peak_force.", "mean_force.", "vibration."),
 )
-RULES = ("bore", "stroke_bore_ratio", "cylinder_eccentricity", "piston_clearance")
+RULES = ("bore", "stroke_bore_ratio", "offset", "piston_clearance")
 
 
 def complete_machine(incomplete: str) -> list[tuple[str, str]]:

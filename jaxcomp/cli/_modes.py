@@ -52,9 +52,9 @@ def modes(
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
-    model = rotor_of(scene)
     points = single_speeds(speed or (), scene)
     range_ = None if speeds is None else speed_range(speeds)
+    model = rotor_of(scene, *(() if free else (points, range_)))
     with progress("Solving (the first time it is compiled as well) ..."):
         result, found = modes_result(scene, model, points, count, free, not undamped)
         if range_ is not None:

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from rich.markup import escape
 
-from ..design import Front, Optimum, variable
-from ..design._design import CORRECTIONS, Variable
-from ..scene import Scene, with_compressor, with_values
+from ..design import Front, Optimum
+from ..design._design import CORRECTIONS
+from ..scene import Scene, with_machine
 from ._tables import _table, _words
 
 # what SI values are shown in
@@ -23,33 +23,9 @@ def optimised_scene(scene: Scene, optimum: Optimum) -> tuple[Scene, list[str]]:
         The scene, and the variables that a scene file does not have (correction masses).
     """
     source = f"optimised for {optimum.objective_name}"
-    left, changes, compressor = [], {}, False
-    for one in optimum.problem.variables:
-        root = one.name.split(".")[0]
-        if root == CORRECTIONS:
-            left.append(one.name)
-        elif root in scene.parts:
-            changes[one.name] = _entry(optimum, one)
-        else:
-            compressor = True
-    if compressor and optimum.design.compressor is not None:
-        scene = with_compressor(scene, optimum.design.compressor, source)
-    return (with_values(scene, changes, source) if changes else scene), left
-
-
-def _entry(optimum: Optimum, one: Variable) -> Any:
-    """The number as an entry of a scene file; a factor on a list is applied to its entries."""
-    value = optimum.values[one.name]
-    rows = []
-    while True:  # the entries of a list are variables of their own, whose present values count
-        try:
-            entry = variable(optimum.problem.design, f"{one.name}.{len(rows)}")
-        except ValueError:
-            break
-        rows.append(
-            f"{float(entry.current(optimum.problem.design)) * value!r} {entry.unit}".strip()
-        )
-    return rows or (f"{value!r} {one.unit}" if one.unit else value)
+    names = [one.name for one in optimum.problem.variables]
+    left = [name for name in names if name.split(".")[0] == CORRECTIONS]
+    return with_machine(scene, optimum.design, source), left
 
 
 def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds: float) -> dict:

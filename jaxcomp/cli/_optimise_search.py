@@ -11,18 +11,8 @@ import numpy as np
 import typer
 
 from ..crank import Collocation
-from ..design import (
-    Chain,
-    Design,
-    Problem,
-    Search,
-    optimise,
-    pareto,
-    problem,
-    quantity,
-    variable,
-)
-from ..design import design_of as _design_of
+from ..design import Chain, Problem, Search, optimise, pareto, problem, quantity, variable
+from ..machine import Machine, machine_of
 from ..scene.tolerances import tolerances_of
 from ..tolerancing import Robust, robust
 from ._arguments import assignments, changed_scene, with_one_unit
@@ -132,7 +122,7 @@ def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, ou
 
 def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
     scene = changed_scene(asked.machine, asked.sets, ())
-    design = _design_of(scene)
+    design = machine_of(scene)
     ranges = {}
     for name, text in assignments(asked.variables, "--variable").items():
         unit = variable(design, name).unit
@@ -158,7 +148,7 @@ def _maximise(asked: Asked) -> bool | None:
     return better == "more"
 
 
-def _robust(asked: Asked, design: Design) -> Robust:
+def _robust(asked: Asked, design: Machine) -> Robust:
     """The objective at the worse end of its scatter."""
     tolerances = tolerances_of(design, assignments(asked.scatter, "--scatter"))
     largest, share, sigmas = _maximise(asked), asked.quantile, asked.sigmas

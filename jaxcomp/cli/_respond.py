@@ -56,15 +56,15 @@ def respond(
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
-    model = rotor_of(scene)
     case = scene.parts.get("loads")
     if not isinstance(case, LoadCase) or not case.loads:
         raise CommandError(f"{scene.file}: loads: is missing; nothing shakes this rotor")
     loads = case.loads
     wanted = whole_orders(orders, loads)
-    watched: Watched = watched_nodes(scene, model, node or ())
     points = single_speeds(speed or (), scene)
     range_ = None if speeds is None else speed_range(speeds)
+    model = rotor_of(scene, points, range_)
+    watched: Watched = watched_nodes(scene, model, node or ())
     with progress("Solving (the first time it is compiled as well) ..."):
         result, response = respond_result(scene, model, loads, points, wanted, watched)
         if range_ is not None:

@@ -43,7 +43,7 @@ _ORDER = (
 
 def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
     """The orbit in numbers. The keys are stable; new ones may join them."""
-    found = jax.tree.map(float, jax.device_get(_numbers(scene.machine, orbit)))
+    found = jax.tree.map(float, jax.device_get(_numbers(scene.as_compressor(), orbit)))
     numbers = {key: found[key] for key in _ORDER}  # a compiled function hands its keys out sorted
     total = sum(numbers["losses"].values())
     share = {name: loss / total if total else 0.0 for name, loss in numbers["losses"].items()}
@@ -83,7 +83,9 @@ def _numbers(compressor: Compressor, orbit: Orbit) -> dict[str, Any]:
     # nothing
     friction = compressor.friction
     joints = {
-        name: 0.0 for name in orbit.loads.forces if friction is None or hasattr(friction, name)
+        name: 0.0
+        for name in orbit.loads.forces
+        if friction is None or getattr(friction, name, friction) is None
     }
     return {
         "mechanical_efficiency": orbit.mechanical_efficiency,

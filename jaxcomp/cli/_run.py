@@ -53,9 +53,9 @@ def run(
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
-    method = _method(scene.machine.mechanism, solver, tolerance)
+    method = _method(scene.as_compressor().mechanism, solver, tolerance)
     with progress("Solving the periodic state (the first time it is compiled as well) ..."):
-        orbit = solve_orbit(scene.machine, method)
+        orbit = solve_orbit(scene.as_compressor(), method)
         result = run_result(scene, orbit)
         if "suspension" in scene.parts:
             result["vibration"] = vibration_result(scene, orbit)
@@ -84,5 +84,5 @@ def _write(folder: Path, scene, orbit, result, tables) -> None:
     from ..plot import orbit_figures
     from ._output import write_results
 
-    figures = orbit_figures(scene.machine, orbit, scene.parts.get("suspension"))
+    figures = orbit_figures(scene.as_compressor(), orbit, scene.parts.get("suspension"))
     write_results(folder, figures, result, scene, tables)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:  # a speed can be read without the rotor
 
 # Points of a range that names none.
 POINTS = 60
+# Speeds between which the static loads of films are interpolated.
+_LOADED = 16
 
 
 def single_speeds(texts: Sequence[str], scene: Scene) -> np.ndarray:
@@ -56,18 +58,25 @@ def speed_range(text: str) -> np.ndarray:
     return np.linspace(low, high, count)
 
 
-def rotor_of(scene: Scene) -> "RotorModel":
-    """The rotor of a scene.
+def rotor_of(scene: Scene, *speeds: np.ndarray | None) -> "RotorModel":
+    """The rotor of a scene, its films under the static loads of the crank where they name none.
+
+    Args:
+        scene: the scene.
+        speeds: [rad/s] at which it will be asked; the loads are interpolated between at most 16.
 
     Raises:
         SceneError: it has none.
     """
-    from ..rotor import RotorModel
+    from ..coupling import loaded_rotor
 
-    model = scene.parts.get("rotor")
-    if not isinstance(model, RotorModel):
+    model = scene.assembly.rotor
+    if model is None:
         raise SceneError("rotor", "is missing: this scene describes no rotor", file=scene.file)
-    return model
+    wanted = np.unique(np.concatenate([s for s in speeds if s is not None] or [[]]))
+    if wanted.size > _LOADED:
+        wanted = np.linspace(wanted[0], wanted[-1], _LOADED)
+    return loaded_rotor(scene.assembly, wanted) if wanted.size else model
 
 
 def _speed(text: str, option: str) -> float:

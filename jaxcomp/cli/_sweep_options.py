@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..crank import Collocation
-from ..design import Chain, design_of, variable, variable_names
+from ..design import Chain, variable, variable_names
+from ..machine import machine_of
 from ..scene import Scene, did_you_mean, to_si
 from ..sweeping import grid, log_grid, log_uniform, normal, uniform
 from ._arguments import assignments, with_one_unit
@@ -52,7 +53,7 @@ def axes_of(scene: Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]
     Raises:
         CommandError, SceneError, BadInput: an unknown variable, or values that cannot be read.
     """
-    design = design_of(scene)
+    design = machine_of(scene)
     known = variable_names(design)
     axes = {}
     for name, text in assignments(texts, "--over").items():

@@ -11,7 +11,7 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from ..scene import Machine, Row, Scene
+from ..scene import Bundled, Row, Scene
 
 
 def json_text(result: dict[str, Any]) -> str:
@@ -26,7 +26,7 @@ def print_json(result: dict[str, Any]) -> None:
     typer.echo(text if utf else json.dumps(result, indent=2))
 
 
-def machine_table(machines: Iterable[Machine]) -> Table:
+def machine_table(machines: Iterable[Bundled]) -> Table:
     """The bundled machines."""
     table = _table("Bundled machines", "Name", "Description")
     table.columns[0].no_wrap = True
@@ -71,7 +71,7 @@ def _summary(scene: Scene, result: dict[str, Any]) -> Table:
     changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
     title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")
     table = _table(escape(title), "Periodic state", "", "")
-    bore = getattr(scene.machine.mechanism, "bore", None)
+    bore = getattr(scene.as_compressor().mechanism, "bore", None)
     if bore is not None:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         table.add_row("Bore x stroke", size, f"{result['swept_volume'] * 1e6:.5g} cm3 swept")

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.markup import escape
 
-from ..design import Chain, Design, balanced_design, design_of, quantity
+from ..design import Chain, balanced_design, quantity
+from ..machine import Machine, machine_of
 from ..scene import Scene
 from ..scene.tolerances import read_tolerance_file, tolerances_of
 from ..sweeping import shown
@@ -28,7 +29,7 @@ _ROWS = 12
 class Asked(NamedTuple):
     """What is asked of a scatter."""
 
-    design: Design
+    design: Machine
     tolerances: dict[str, Within]
     texts: dict[str, str]
     correlations: dict[tuple[str, str], float]
@@ -52,7 +53,7 @@ def asked_tolerances(
     Raises:
         CommandError, SceneError, BadInput: what cannot be read, or a name that fits nothing.
     """
-    design, texts, pairs = design_of(scene), {}, {}
+    design, texts, pairs = machine_of(scene), {}, {}
     if balanced:
         if not design.corrections:
             raise CommandError("--balanced: needs a scene with balancing planes")

@@ -37,7 +37,7 @@ def vibration_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
     assert isinstance(suspension, Suspension)
     places = block_points(suspension)
     points = jnp.stack(list(places.values()))
-    found = _numbers(scene.machine.mechanism, orbit, suspension, points)
+    found = _numbers(scene.as_compressor().mechanism, orbit, suspension, points)
     found = jax.tree.map(lambda x: x.tolist(), jax.device_get(found))
     keys = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
     return {

@@ -1,11 +1,13 @@
 """`solve_orbit`: the periodic state, by either solver."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 
 from .._fields import admissible, clipped, is_traced
 from .._status import SolveFailed, Status
-from ..compressor import Compressor
+from ..compressor import Compressor, compressor_of
 from ._collocation import Collocation
 from ._orbit import Orbit
 from ._shooting import Shooting
@@ -17,12 +19,12 @@ _COARSE = 0.1
 
 
 def solve_orbit(
-    compressor: Compressor, solver: Shooting | Collocation | None = None, *, throw: bool = True
+    machine: Any, solver: Shooting | Collocation | None = None, *, throw: bool = True
 ) -> Orbit:
     """Find the periodic state of the crank.
 
     Args:
-        compressor: the machine.
+        machine: a compressor, a machine or a scene.
         solver: options of the solver. If absent, `Collocation()` with as many kinks as the mechanism
             has changes of side: the whole turn at once. `Shooting()` integrates it with diffrax and
             shares no more than the laws, at many times the cost. With a motor of `ConstantSpeed`
@@ -38,12 +40,13 @@ def solve_orbit(
         SolveFailed: if `throw` and the status is not `Status.converged`.
 
     >>> from jaxcomp import load
-    >>> orbit = solve_orbit(load("mayekawa-wbhe").machine)
+    >>> orbit = solve_orbit(load("mayekawa-wbhe"))
     >>> print(f"{100 * orbit.mechanical_efficiency:.2f} %, {orbit.motor_power / 1e3:.2f} kW")
     91.15 %, 5.44 kW
     >>> bool(orbit.converged), bool(abs(orbit.energy.residual) < 1e-9)
     (True, True)
     """
+    compressor = compressor_of(machine)
     if solver is None:
         solver = Collocation(reversals=compressor.mechanism.load_reversals)
     orbit = _solve(compressor, solver)

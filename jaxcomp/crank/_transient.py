@@ -1,5 +1,7 @@
 """Crank motion in time: run-up from rest, running, power-off and stop."""
 
+from typing import Any
+
 import diffrax
 import equinox as eqx
 import jax
@@ -8,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._fields import BadInput, admissible, clipped, is_traced
 from .._status import SolveFailed, Status
-from ..compressor import Compressor
+from ..compressor import Compressor, compressor_of
 from ..mechanism import CrankState
 from ._motion import acceleration
 from ._orbit import Energy
@@ -76,7 +78,7 @@ class Transient(eqx.Module):
 
 
 def simulate(
-    compressor: Compressor,
+    machine: Any,
     duration: float | Float[Array, ""],
     *,
     angle: float | Float[Array, ""] = 0.0,
@@ -93,7 +95,7 @@ def simulate(
     `solve_orbit` have no such error.
 
     Args:
-        compressor: the machine; its motor must have a torque law over speed.
+        machine: a compressor, a machine or a scene; its motor must have a torque law over speed.
         duration: [s] time to integrate.
         angle: [rad] crank angle at the start.
         speed: [rad/s] speed at the start; zero starts from rest.
@@ -110,11 +112,12 @@ def simulate(
     >>> from jaxcomp import load
     >>> from jaxcomp.scene import with_value
     >>> motor = {"type": "slip_line", "slope": "20 N m s", "synchronous_speed": "1000 rpm"}
-    >>> run_up = simulate(with_value(load("mayekawa-wbhe"), "motor", motor).machine, 0.5)
+    >>> run_up = simulate(with_value(load("mayekawa-wbhe"), "motor", motor), 0.5)
     >>> angle, speed = run_up.at(0.5)
     >>> print(f"{speed * 30 / jnp.pi:.0f} rpm after {angle / (2 * jnp.pi):.1f} turns from rest")
     924 rpm after 8.0 turns from rest
     """
+    compressor = compressor_of(machine)
     if compressor.motor.closes != "torque":
         raise BadInput(
             "motor",

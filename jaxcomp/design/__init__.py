@@ -1,8 +1,6 @@
 """Design variables and the rules that keep a machine consistent while they change; studies."""
 
-from ._design import Design as Design
 from ._design import Variable as Variable
-from ._design import design_of as design_of
 from ._design import variable as variable
 from ._design import variable_names as variable_names
 from ._drive import DriveComparison as DriveComparison
@@ -26,7 +24,7 @@ from ._quantities import quantity_names as quantity_names
 from ._rules import DesignRule as DesignRule
 from ._rules import design_rules as design_rules
 from ._rules import with_bore as with_bore
-from ._rules import with_cylinder_eccentricity as with_cylinder_eccentricity
+from ._rules import with_offset as with_offset
 from ._rules import with_piston_clearance as with_piston_clearance
 from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
 from ._search import Search as Search

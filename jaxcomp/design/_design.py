@@ -1,7 +1,6 @@
-r"""A design: all numbers of a machine in one pytree, and the variables that turn some of them."""
+r"""The numbers of a machine that a study changes, by name."""
 
 import dataclasses
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -10,39 +9,14 @@ from jaxtyping import Array, Float
 
 from .._fields import ANY, NONNEGATIVE, BadInput, Bound, Part, quantities
 from .._words import hint
-from ..compressor import Compressor
-from ..rotor import BalancingPlanes
+from ..machine import OF_ROTOR, Machine, follows_rotor
 from ._rules import design_rules
 
 CORRECTIONS = "corrections"
+# Sections of named parts.
+NAMED = ("bearings", "oils")
 # Polar coordinates of a correction, with unit and bound.
 _POLAR = {"magnitude": ("kg m", NONNEGATIVE), "angle": ("rad", ANY)}
-
-
-class Design(eqx.Module):
-    """All numbers of a machine that may be designed.
-
-    Attributes:
-        compressor: the machine as the crank sees it; `None` where there is none.
-        parts: rotor, loads, balancing planes, suspension: the other sections of a scene, by name.
-        corrections: [kg m] (x, y) unbalance added in each correction plane, by name of the plane.
-    """
-
-    compressor: Compressor | None
-    parts: dict[str, Part]
-    corrections: dict[str, Float[Array, "2"]]
-
-
-def design_of(scene: Any) -> Design:
-    """The design that a scene describes, with no correction masses yet.
-
-    Args:
-        scene: of `jaxcomp.load`; anything with `compressor` and `parts`.
-    """
-    parts: Mapping[str, Part] = scene.parts
-    places = parts.get("balancing")
-    planes = places.planes if isinstance(places, BalancingPlanes) else ()
-    return Design(scene.compressor, dict(parts), {plane.name: jnp.zeros(2) for plane in planes})
 
 
 class Variable(NamedTuple):
@@ -64,21 +38,20 @@ class Variable(NamedTuple):
     unit: str
     bound: Bound
 
-    def current(self, design: Design) -> Float[Array, ""]:
+    def current(self, design: Machine) -> Float[Array, ""]:
         """[SI] The value in a design."""
         if self.name in design_rules:
-            return design_rules[self.name].current(_compressor(design, self.name))
+            return design_rules[self.name].current(design)
         plane, polar = _polar(self.name)
         if polar:
             return _polar_of(design.corrections[plane])[polar == "angle"]
         value = _walk(design, _steps(self.name))
         return value if jnp.ndim(value) == 0 else jnp.ones(())
 
-    def apply(self, design: Design, value: Float[Array, ""]) -> Design:
+    def apply(self, design: Machine, value: Float[Array, ""]) -> Machine:
         """The design with another value [SI]; unchecked, as everything that may run inside `jit`."""
         if self.name in design_rules:
-            machine = design_rules[self.name].apply(_compressor(design, self.name), value)
-            return eqx.tree_at(lambda d: d.compressor, design, machine)
+            return design_rules[self.name].apply(design, value)
         plane, polar = _polar(self.name)
         if polar:
             magnitude, angle = _polar_of(design.corrections[plane])
@@ -96,7 +69,7 @@ class Variable(NamedTuple):
 
 
 def variable(
-    design: Design, name: str, low: float | None = None, high: float | None = None
+    design: Machine, name: str, low: float | None = None, high: float | None = None
 ) -> Variable:
     """A variable of a design, looked up and checked.
 
@@ -111,9 +84,13 @@ def variable(
     if name in design_rules:
         rule = design_rules[name]
         unit, bound = rule.unit, rule.bound
-        rule.current(_compressor(design, name))  # refuses a machine for which it is not made
+        rule.current(design)  # refuses a machine for which it is not made
     else:
         unit, bound = _declared(design, name)
+        if _follows(design, name):
+            raise BadInput(
+                name, "derived", "a number that is given: this one follows from the rotor"
+            )
     for end in (low, high):
         if end is not None and not bool(bound.holds(end)):
             raise BadInput(name, end, str(bound))
@@ -124,22 +101,28 @@ def variable(
     return Variable(name, low, high, unit, bound)
 
 
-def variable_names(design: Design) -> list[str]:
+def variable_names(design: Machine) -> list[str]:
     """All names that `variable` takes, but for the single entries of lists."""
     names = []
     for name, rule in design_rules.items():
         try:
-            rule.current(_compressor(design, name))
+            rule.current(design)
         except BadInput:
             continue
         names.append(name)
     for path, tree in _roots(design).items():
         names += [f"{path}{name}" for name in _numbers(tree)]
+    names = [name for name in names if not _follows(design, name)]
     return names + [
         f"{CORRECTIONS}.{plane}.{axis}"
         for plane in design.corrections
         for axis in ("x", "y", *_POLAR)
     ]
+
+
+def _follows(design: Machine, name: str) -> bool:
+    root, _, rest = name.partition(".")
+    return root == "mechanism" and rest.split(".")[0] in OF_ROTOR and follows_rotor(design)
 
 
 def _polar(name: str) -> tuple[str, str]:
@@ -173,13 +156,9 @@ def _numbers(tree):
 
 def _roots(design):
     out = {} if design.compressor is None else {"": design.compressor}
+    for section in NAMED:
+        out |= {f"{section}.{name}.": part for name, part in getattr(design, section).items()}
     return out | {f"{name}.": part for name, part in design.parts.items()}
-
-
-def _compressor(design: Design, name: str) -> Compressor:
-    if design.compressor is None:
-        raise BadInput(name, "without", "a variable of a scene with a compressor")
-    return design.compressor
 
 
 def _steps(name: str) -> list[str]:
@@ -189,19 +168,21 @@ def _steps(name: str) -> list[str]:
     return steps
 
 
-def _walk(design: Design, steps: list[str]) -> Any:
+def _walk(design: Machine, steps: list[str]) -> Any:
     """What stands at the end of a path; raises `LookupError` at a step that leads nowhere."""
     node: Any = design
     for number, step in enumerate(steps):
         if number == 0:
-            if step == CORRECTIONS:
-                node = design.corrections
+            if step in (CORRECTIONS, *NAMED):
+                node = getattr(design, step)
                 continue
             node = design.parts.get(step, None)
             if node is not None:
                 continue
             node = design.compressor
         if isinstance(node, dict):
+            if step not in node:
+                raise LookupError(step)
             node = node[step]
         elif isinstance(node, tuple) or eqx.is_array(node):
             if not step.isdigit() or (not isinstance(node, tuple) and node.ndim == 0):
@@ -216,11 +197,11 @@ def _walk(design: Design, steps: list[str]) -> Any:
     return node
 
 
-def _in_array(design: Design, steps: list[str]) -> bool:
+def _in_array(design: Machine, steps: list[str]) -> bool:
     return steps[-1].isdigit() and eqx.is_array(_walk(design, steps[:-1]))
 
 
-def _declared(design: Design, name: str) -> tuple[str, Bound]:
+def _declared(design: Machine, name: str) -> tuple[str, Bound]:
     """Unit and bound of the number at the end of a path."""
     plane, polar = _polar(name)
     if polar and plane in design.corrections:

@@ -4,18 +4,17 @@ Dagilis et al., *Slider-link driven compressor (I)*, ask what the transition to 
 gain. Here the same cylinder, gas, motor, shaft and bearings are driven either way.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, Part, quantity
-from ..compressor import Compressor
+from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, Part, quantity, replaced
+from ..compressor import Compressor, compressor_of
 from ..crank import Collocation
 from ..friction import (
     CoulombJournal,
-    OverhungSupport,
-    PistonFilm,
+    MainBearings,
     SliderCrankFriction,
     SliderLinkFriction,
 )
@@ -23,7 +22,7 @@ from ..mechanism import SliderCrank, SliderLink
 from ._study import Figures, figures_of
 
 # The pair of a rod drive that does the work of a pair of the slider-link, where names differ.
-_COUNTERPART = {"piston_film": "wall_film", "link_slider": "piston_pin"}
+_COUNTERPART = {"link_slider": "piston_pin"}
 
 
 class RodDrive(Part):
@@ -50,7 +49,7 @@ class RodDrive(Part):
     pin_coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="Coulomb, of that pin")
 
 
-def rod_driven(compressor: Compressor, rod: RodDrive) -> Compressor:
+def rod_driven(machine: Any, rod: RodDrive) -> Compressor:
     """The compressor with a connecting rod in the place of slider and link.
 
     Bore, stroke, gas, motor, shaft, bearings, thrust bearing, pump, the laws of the cylinder wall
@@ -58,12 +57,13 @@ def rod_driven(compressor: Compressor, rod: RodDrive) -> Compressor:
     the rotating share of the rod and half of the reciprocating masses, in the plane of the piston.
 
     Args:
-        compressor: a slider-link machine with both shaft bearings.
+        machine: a slider-link machine with both shaft bearings: a compressor, a machine or a scene.
         rod: the rod and its piston.
 
     Raises:
         BadInput: another mechanism, or a missing shaft bearing.
     """
+    compressor = compressor_of(machine)
     mechanism, friction = compressor.mechanism, compressor.friction
     if not isinstance(mechanism, SliderLink) or not isinstance(friction, SliderLinkFriction):
         raise BadInput(
@@ -87,19 +87,18 @@ def rod_driven(compressor: Compressor, rod: RodDrive) -> Compressor:
     )
     film = friction.piston_film
     if film is not None:
-        film = PistonFilm(film.viscosity, film.clearance, rod.piston_length)
-    support = OverhungSupport(
-        friction.upper_bearing,
-        friction.lower_bearing,
-        mechanism.overhang,
-        mechanism.bearing_span,
+        film = replaced(film, length=rod.piston_length)
+    support = MainBearings(
+        (friction.upper_bearing, friction.lower_bearing),
+        mechanism.overhang + jnp.stack([jnp.zeros(()), mechanism.bearing_span]),
         mechanism.crank_mass,
         friction.thrust_bearing,  # pyright: ignore[reportArgumentType]
         friction.pump,  # pyright: ignore[reportArgumentType]
+        ("upper_bearing", "lower_bearing"),
     )
     laws = SliderCrankFriction(
         wall=friction.wall,
-        wall_film=film,
+        piston_film=film,
         piston_pin=CoulombJournal(rod.pin_coefficient, rod.pin_diameter),
         crank_pin=friction.crank_pin,
         main_journal=support,
@@ -128,20 +127,20 @@ class DriveComparison(NamedTuple):
 
 
 def compare_drives(
-    compressor: Compressor, rod: RodDrive, solver: Collocation | None = None
+    machine: Any, rod: RodDrive, solver: Collocation | None = None
 ) -> DriveComparison:
     """Run a slider-link machine and the same with a connecting rod; differentiable.
 
     Args:
-        compressor: a slider-link machine.
+        machine: a slider-link machine, as in `rod_driven`.
         rod: what replaces slider and link.
         solver: as in `figures_of`.
 
     Raises:
         BadInput: as `rod_driven`.
     """
-    link = figures_of(compressor, solver)
-    crank = figures_of(rod_driven(compressor, rod), solver)
+    link = figures_of(machine, solver)
+    crank = figures_of(rod_driven(machine, rod), solver)
     scale = link.gas_power / crank.gas_power
     saving = {
         name: loss - scale * crank.loss_power.get(_COUNTERPART.get(name, name), 0.0)

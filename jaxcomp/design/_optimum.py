@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ._design import Design
+from ..machine import Machine
 from ._lane import STATUS
 from ._problem import Problem
 from ._search import BETTER, FEASIBLE, Frame, Search, agreeing, lane_merit, merit
@@ -129,7 +129,7 @@ class Optimum:
 
     problem: Problem
     ranges: Ranges
-    design: Design
+    design: Machine
     values: dict[str, float]
     objective: float
     objective_name: str

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
-from ._design import Design, Variable, design_of, variable
+from ..machine import Machine, assembled, machine_of
+from ._design import Variable, variable
 from ._quantities import Chain, Found, quantity, shaken_by
 from ._vibration import known_response
 
@@ -52,7 +53,7 @@ class Problem(eqx.Module):
         chain: how a design is worked out.
     """
 
-    design: Design
+    design: Machine
     variables: tuple[Variable, ...] = eqx.field(static=True)
     quantities: tuple[Asked, ...] = eqx.field(static=True)
     chain: Chain
@@ -72,7 +73,7 @@ class Problem(eqx.Module):
         """[SI] The variables as the design stands."""
         return jnp.stack([jnp.asarray(v.current(self.design), float) for v in self.variables])
 
-    def designed(self, values: Float[Array, " variables"]) -> Design:
+    def designed(self, values: Float[Array, " variables"]) -> Machine:
         """The design with these values [SI] of the variables, set in their order."""
         design = self.design
         for number, one in enumerate(self.variables):
@@ -106,7 +107,7 @@ def problem(
     """A problem on a scene.
 
     Args:
-        scene: of `jaxcomp.load`, or a `Design`.
+        scene: of `jaxcomp.load`, or a `Machine`.
         variables: names, or ranges in SI units by name; see `Variable`.
         quantities: see `quantity_names`; functions of a `Found` as well.
         chain: how a design is worked out.
@@ -123,7 +124,7 @@ def problem(
     >>> print(f"{jax.grad(lambda x: made(x).values[0])(made.current)[0]:.5f}")  # [m^2]
     0.02042
     """
-    design = scene if isinstance(scene, Design) else design_of(scene)
+    design = machine_of(scene)
     ranges = (
         variables if isinstance(variables, dict) else {name: (None, None) for name in variables}
     )
@@ -154,7 +155,7 @@ def prepared(problem: Problem) -> Problem:
         return problem
     if not asked or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
         return problem
-    shaken = shaken_by(problem.design, problem.chain)
+    shaken = shaken_by(assembled(problem.design), problem.chain)
     kept = _LOADS if shaken.by_crank else (*_LOADS, "loads.forces.")
     names = [v.name for v in problem.variables]
     names += [name for q in problem.quantities for name in getattr(q, "changes", ())]

@@ -10,11 +10,20 @@ from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, admissible
 from .._words import hint, one_of
-from ..balancing import Influence, crank_influence, direct_influence, least_squares
+from ..balancing import Influence, least_squares, running_influence
+from ..coupling import RunningRotor
 from ..crank import Collocation, Orbit, Shooting, solve_orbit
+from ..machine import Assembly, Machine, assembled
 from ..shaking import Wrench, shaking_wrench
-from ._design import Design
-from ._vibration import KnownResponse, Shaken, Vibration, rotor_of, vibration_of
+from ._vibration import (
+    KnownResponse,
+    Shaken,
+    Vibration,
+    known_vibration,
+    places_of,
+    running_rotors,
+    vibration_of,
+)
 
 
 class Chain(eqx.Module):
@@ -56,8 +65,13 @@ class Found:
         chain: how it is worked out.
     """
 
-    def __init__(self, design: Design, chain: Chain):
+    def __init__(self, design: Machine, chain: Chain):
         self.design, self.chain = design, chain
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """The machine put together: laws, crankshaft, films, corrections."""
+        return assembled(self.design)
 
     @cached_property
     def orbit(self) -> Orbit:
@@ -66,38 +80,36 @@ class Found:
         Raises:
             BadInput: a scene without a compressor.
         """
-        compressor = self.design.compressor
+        compressor = self.assembly.compressor
         if compressor is None:
-            raise BadInput("compressor", "without", "a scene with one, for a quantity of the crank")
+            raise BadInput("compressor", "absent", "given, for a quantity of the crank")
         return solve_orbit(compressor, self.chain.solver, throw=False)
 
     @cached_property
     def wrench(self) -> Wrench:
         """Shaking force and moment over the turn."""
-        assert self.design.compressor is not None
-        return shaking_wrench(self.design.compressor.mechanism, self.orbit.state)
+        assert self.assembly.compressor is not None
+        return shaking_wrench(self.assembly.compressor.mechanism, self.orbit.state)
+
+    @cached_property
+    def running(self) -> RunningRotor:
+        """Rotor and loads at the speeds of the balancing planes; the crank is solved once at each."""
+        shaken = self._shaken()
+        orders = tuple(dict.fromkeys((*shaken.orders, 1)))
+        return running_rotors(self.assembly, shaken._replace(orders=orders))
 
     @cached_property
     def vibration(self) -> Vibration:
         """Harmonic response of the rotor at the speeds of its balancing planes."""
-        return vibration_of(self.design, self._shaken(), self.chain.known)
+        if self.chain.known is not None:
+            return known_vibration(self.assembly, self._shaken(), self.chain.known)
+        return vibration_of(self.assembly, self.running, self.chain.orders)
 
     @cached_property
     def influence(self) -> Influence:
-        """Influence coefficients at order 1, with the vibration before any correction."""
-        model, case, places = rotor_of(self.design)
-        shaken = self._shaken()
-        if shaken.by_crank:
-            return crank_influence(
-                self.design.compressor,
-                model,
-                case,
-                places,
-                places.speeds,
-                shaken.solver,
-                shaken.left_out,
-            )
-        return direct_influence(model, case.loads, places, places.speeds)
+        """Influence coefficients at order 1, with the vibration as the corrections stand."""
+        places = places_of(self.assembly)
+        return running_influence(self.running, places, places.speeds)
 
     @property
     def ok(self) -> Bool[Array, ""]:
@@ -118,14 +130,14 @@ class Found:
     @property
     def weights(self) -> Float[Array, " rows"]:
         """[-] of the rows of `vibration.targets`."""
-        places = rotor_of(self.design).places
+        places = places_of(self.assembly)
         return jnp.stack([jnp.asarray(t.weight) for t in places.targets for _ in t.axes])
 
     def _shaken(self) -> Shaken:
-        return shaken_by(self.design, self.chain)
+        return shaken_by(self.assembly, self.chain)
 
 
-def balanced_design(design: Design, chain: Chain) -> Design:
+def balanced_design(design: Machine, chain: Chain) -> Machine:
     """The design with the corrections in all planes that least squares at order 1 ask for."""
     bare = eqx.tree_at(
         lambda d: d.corrections, design, {name: jnp.zeros(2) for name in design.corrections}
@@ -138,18 +150,20 @@ def balanced_design(design: Design, chain: Chain) -> Design:
     )
 
 
-def shaken_by(design: Design, chain: Chain) -> Shaken:
+def shaken_by(machine: Assembly, chain: Chain) -> Shaken:
     """What shakes the rotor of a design.
 
     Raises:
         BadInput: a part that is missing.
     """
-    case = rotor_of(design).case
+    case = machine.loads
+    if machine.rotor is None or case is None:
+        raise BadInput("rotor", "absent", "given with loads and balancing planes")
     chosen = chain.excitation or ("file" if case.forces else "crank")
-    if chosen == "crank" and (case.crank is None or design.compressor is None):
+    if chosen == "crank" and (case.crank is None or machine.compressor is None):
         raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
     by_crank = chosen == "crank"
-    return Shaken(by_crank, chain.solver if by_crank else None, chain.orders, chain.left_out)
+    return Shaken(by_crank, chain.solver, chain.orders, chain.left_out)
 
 
 class Quantity(NamedTuple):
@@ -201,7 +215,7 @@ _PLAIN = _orbit_quantities() | {
     for q in (
         Quantity(
             "swept_volume", "m^3", "", "of one stroke",
-            lambda f: f.design.compressor.mechanism.swept_volume,
+            lambda f: f.assembly.compressor.mechanism.swept_volume,
         ),
         Quantity(
             "peak_shaking_force", "N", "less", "largest over the turn",
@@ -237,7 +251,7 @@ _FAMILIES = {
 }
 
 
-def quantity_names(design: Design) -> dict[str, str]:
+def quantity_names(design: Machine) -> dict[str, str]:
     """What `Study` can be asked for, with a line on each; families as `loss_power.<joint>`."""
     names = {}
     for name, entry in _PLAIN.items():
@@ -275,7 +289,7 @@ def quantity(name: str) -> Quantity:
 
 def _member(found: Found, family: str, member: str):
     if family == "vibration":
-        places = rotor_of(found.design).places
+        places = places_of(found.assembly)
         numbers = [
             number
             for number, name in enumerate(t.name for t in places.targets for _ in t.axes)

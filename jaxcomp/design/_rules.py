@@ -1,43 +1,48 @@
 r"""Design variables: rules that turn one number into a whole consistent machine.
 
-A rule is a pure function of a compressor and a value, differentiable in both. It rebuilds the
-compressor unchecked, as everything that may run inside `jit` does; a solver reports a design that
-left its bounds.
+A rule is a pure function of a machine and a value, differentiable in both, and returns the whole
+machine: crank and rotor stay one. It rebuilds the machine unchecked, as everything that may run inside
+`jit` does; a solver reports a design that left its bounds. A bare compressor is taken as well.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import ANY, POSITIVE, BadInput, Bound, is_traced, replaced
 from ..compressor import Compressor
+from ..machine import Machine
 from ..mechanism import SliderCrank, SliderLink
+from ..rotor import LoadCase
+
+_Machine = TypeVar("_Machine", Machine, Compressor)
 
 
 class DesignRule(NamedTuple):
     """A design variable.
 
     Attributes:
-        apply: (compressor, value) -> compressor with that value.
-        current: compressor -> the value it has now.
+        apply: (machine, value) -> the machine with that value.
+        current: machine -> the value it has now.
         unit: SI unit of the value.
         bound: admissible values.
         doc: one line for tables and help.
     """
 
-    apply: Callable[[Compressor, Float[Array, ""]], Compressor]
-    current: Callable[[Compressor], Float[Array, ""]]
+    apply: Callable[[_Machine, Float[Array, ""]], _Machine]
+    current: Callable[[Machine | Compressor], Float[Array, ""]]
     unit: str
     bound: Bound
     doc: str
 
 
-def with_bore(compressor: Compressor, bore: Float[Array, ""]) -> Compressor:
-    r"""The compressor with another bore at the same displacement and crank ratio.
+def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
+    r"""The machine with another bore at the same displacement and crank ratio.
 
-    Tsuji et al. (2012) Eq. (6), relative to the compressor that is given. With
+    Tsuji et al. (2012) Eq. (6), relative to the machine that is given. With
     $\sigma = (d_0/d)^2$ the crank radius and the rod length become $\sigma$ times as long, so that
     $V_s = \tfrac{\pi}{2} d^2 r$ and $r/l$ stay, and
 
@@ -46,15 +51,16 @@ def with_bore(compressor: Compressor, bore: Float[Array, ""]) -> Compressor:
     The paper leaves open what follows here: the mass centre keeps its share b/l of the rod, the
     offset of the cylinder its share e/r (which keeps the displacement exact), and the unbalance of
     the crank its share of the rotating moment $m_c r a/l$ of the rod, as a counterweight that is
-    designed along. Inertia and mass of the crankshaft and the diameters of pins and journals do not
-    change, nor do gas, motor and coefficients of friction.
+    designed along. With a rotor, whose unbalances are those of the crank, all of them keep that share.
+    Shaft and rotor and the diameters of pins and journals do not change, nor do gas, motor and
+    coefficients of friction.
 
     A slider-link machine follows the same rule for R and $m_p$. The engaged length of its piston at
     the bottom dead centre grows with the bore, the crank keeps its share of the half balance
-    $(m_s + m_p/2)R$, and slider, link, eccentricity and the planes of the shaft stay.
+    $(m_s + m_p/2)R$, and slider, link, offset and the planes of the shaft stay.
 
     Args:
-        compressor: the machine to start from.
+        machine: the machine to start from, or its compressor alone.
         bore: [m] piston diameter.
 
     Raises:
@@ -63,16 +69,16 @@ def with_bore(compressor: Compressor, bore: Float[Array, ""]) -> Compressor:
     >>> from jaxcomp import load, with_bore
     >>> machine = load("mayekawa-wbhe").machine
     >>> narrow = with_bore(machine, 0.120)
-    >>> for one in (machine, narrow):
+    >>> for one in (machine.compressor, narrow.compressor):
     ...     print(f"{one.mechanism.stroke:.4f} m, {1e6 * one.mechanism.swept_volume:.0f} cm3")
     0.1000 m, 1327 cm3
     0.1173 m, 1327 cm3
     """
-    mechanism = _ruled(compressor)
+    mechanism = _ruled(machine)
     bore = _checked("bore", bore, POSITIVE)
     scale = (mechanism.bore / bore) ** 2
     if isinstance(mechanism, SliderLink):
-        return replaced(compressor, mechanism=_link_with_bore(mechanism, bore, scale))
+        return _with_compressor(machine, mechanism=_link_with_bore(mechanism, bore, scale))
     scaled = replaced(
         mechanism,
         bore=bore,
@@ -85,36 +91,42 @@ def with_bore(compressor: Compressor, bore: Float[Array, ""]) -> Compressor:
         conrod_inertia=mechanism.conrod_inertia * scale**2,
         crank_unbalance=mechanism.crank_unbalance * scale**2,
     )
-    return replaced(compressor, mechanism=scaled)
+    made = _with_compressor(machine, mechanism=scaled)
+    case = made.parts.get("loads") if isinstance(made, Machine) else None
+    if not isinstance(case, LoadCase) or case.crank is None or not case.unbalances:
+        return made
+    where = lambda m: [table.magnitude for table in m.parts["loads"].unbalances]  # noqa: E731
+    return eqx.tree_at(where, made, [size * scale**2 for size in where(made)])
 
 
-def with_stroke_bore_ratio(compressor: Compressor, ratio: Float[Array, ""]) -> Compressor:
-    r"""The compressor with another ratio of crank circle to bore, $2R/D$, by `with_bore`.
+def with_stroke_bore_ratio(machine: _Machine, ratio: Float[Array, ""]) -> _Machine:
+    r"""The machine with another ratio of crank circle to bore, $2R/D$, by `with_bore`.
 
     Args:
-        compressor: the machine to start from.
+        machine: the machine to start from, or its compressor alone.
         ratio: [-] $2R/D$, the stroke over the bore.
 
     Raises:
         BadInput: as `with_bore`.
     """
     ratio = _checked("stroke_bore_ratio", ratio, POSITIVE)
-    return with_bore(compressor, _ruled(compressor).bore * jnp.cbrt(_ratio(compressor) / ratio))
+    return with_bore(machine, _ruled(machine).bore * jnp.cbrt(_ratio(machine) / ratio))
 
 
-def with_cylinder_eccentricity(compressor: Compressor, value: Float[Array, ""]) -> Compressor:
-    """The slider-link machine with another distance e [m] from the crank to the cylinder's axis.
+def with_offset(machine: _Machine, value: Float[Array, ""]) -> _Machine:
+    """The machine with its cylinder axis at y = offset [m] from the crank.
 
-    Raises:
-        BadInput: the mechanism is no slider-link.
+    Args:
+        machine: the machine to start from, or its compressor alone.
+        value: [m] the offset.
     """
-    mechanism = _slider_link(compressor)
-    value = _checked("cylinder_eccentricity", value, ANY)
-    return replaced(compressor, mechanism=replaced(mechanism, eccentricity=value))
+    mechanism = _ruled(machine)
+    value = _checked("offset", value, ANY)
+    return _with_compressor(machine, mechanism=replaced(mechanism, offset=value))
 
 
-def with_piston_clearance(compressor: Compressor, clearance: Float[Array, ""]) -> Compressor:
-    """The compressor with another radial clearance [m] of the piston.
+def with_piston_clearance(machine: _Machine, clearance: Float[Array, ""]) -> _Machine:
+    """The machine with another radial clearance [m] of the piston.
 
     It acts on the drag of the oil film alone: leakage past the piston is not modelled, so the gain
     of a wider clearance has no price here.
@@ -123,36 +135,36 @@ def with_piston_clearance(compressor: Compressor, clearance: Float[Array, ""]) -
         BadInput: there is no film between piston and cylinder, or a clearance that is not positive.
     """
     clearance = _checked("piston_clearance", clearance, POSITIVE)
-    name, film = _film(compressor)
-    friction = replaced(compressor.friction, **{name: replaced(film, clearance=clearance)})
-    return replaced(compressor, friction=friction)
+    film = replaced(_film(machine), radial_clearance=clearance)
+    friction = replaced(_compressor(machine).friction, piston_film=film)
+    return _with_compressor(machine, friction=friction)
 
 
 design_rules: dict[str, DesignRule] = {
     "bore": DesignRule(
         with_bore,
-        lambda compressor: _ruled(compressor).bore,
+        lambda machine: _ruled(machine).bore,
         "m",
         POSITIVE,
         "piston diameter at fixed displacement and crank ratio (Tsuji et al. 2012, Eq. 6)",
     ),
     "stroke_bore_ratio": DesignRule(
         with_stroke_bore_ratio,
-        lambda compressor: _ratio(compressor),
+        lambda machine: _ratio(machine),
         "",
         POSITIVE,
         "twice the crank radius over the bore, at fixed displacement",
     ),
-    "cylinder_eccentricity": DesignRule(
-        with_cylinder_eccentricity,
-        lambda compressor: _slider_link(compressor).eccentricity,
+    "offset": DesignRule(
+        with_offset,
+        lambda machine: _ruled(machine).offset,
         "m",
         ANY,
-        "cylinder axis beside the crank axis, of a slider-link",
+        "cylinder axis at y = offset from the crank axis",
     ),
     "piston_clearance": DesignRule(
         with_piston_clearance,
-        lambda compressor: _film(compressor)[1].clearance,
+        lambda machine: _film(machine).radial_clearance,
         "m",
         POSITIVE,
         "radial, of the piston's oil film (no leakage)",
@@ -178,36 +190,41 @@ def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
     )
 
 
-def _ratio(compressor: Compressor):
-    mechanism = _ruled(compressor)
+def _compressor(machine: Machine | Compressor) -> Compressor:
+    found = machine.compressor if isinstance(machine, Machine) else machine
+    if found is None:
+        raise BadInput("compressor", "absent", "given, for this design rule")
+    return found
+
+
+def _with_compressor(machine: _Machine, **changes) -> _Machine:
+    if isinstance(machine, Machine):
+        made = replaced(_compressor(machine), **changes)
+        return eqx.tree_at(lambda m: m.compressor, machine, made)
+    return replaced(machine, **changes)
+
+
+def _ratio(machine: Machine | Compressor):
+    mechanism = _ruled(machine)
     return 2 * mechanism.crank_radius / mechanism.bore
 
 
-def _ruled(compressor: Compressor) -> SliderCrank | SliderLink:
+def _ruled(machine: Machine | Compressor) -> SliderCrank | SliderLink:
     """The mechanism, if it is one that the rules know."""
-    if not isinstance(compressor.mechanism, SliderCrank | SliderLink):
-        raise _unruled(compressor, "a slider_crank or a slider_link")
-    return compressor.mechanism
+    mechanism = _compressor(machine).mechanism
+    if not isinstance(mechanism, SliderCrank | SliderLink):
+        given = getattr(mechanism, "kind", type(mechanism).__name__)
+        bound = "a slider_crank or a slider_link, for which this rule is made"
+        raise BadInput("mechanism", given, bound)
+    return mechanism
 
 
-def _slider_link(compressor: Compressor) -> SliderLink:
-    if not isinstance(compressor.mechanism, SliderLink):
-        raise _unruled(compressor, "a slider_link")
-    return compressor.mechanism
-
-
-def _unruled(compressor, wanted):
-    given = getattr(compressor.mechanism, "kind", type(compressor.mechanism).__name__)
-    return BadInput("mechanism", given, f"{wanted}, for which this rule is made")
-
-
-def _film(compressor: Compressor):
-    """Name and law of the film between piston and cylinder."""
-    for name in ("piston_film", "wall_film"):
-        film = getattr(compressor.friction, name, None)
-        if film is not None:
-            return name, film
-    raise BadInput("friction", "without", "one with a film between piston and cylinder")
+def _film(machine: Machine | Compressor):
+    """The film between piston and cylinder."""
+    film = getattr(_compressor(machine).friction, "piston_film", None)
+    if film is None:
+        raise BadInput("friction", "without", "one with a film between piston and cylinder")
+    return film
 
 
 def _checked(name: str, value, bound: Bound) -> Float[Array, ""]:

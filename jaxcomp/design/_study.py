@@ -1,7 +1,7 @@
 """A design variable over a range, all values solved at once."""
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._status import Status
-from ..compressor import Compressor
+from ..compressor import Compressor, compressor_of
 from ..crank import Collocation, solve_orbit
-from ..friction import OverhungSupport, SliderCrankFriction
+from ..machine import Machine, machine_of
 from ._rules import design_rules
 
 
@@ -22,7 +22,7 @@ class Figures(NamedTuple):
         mechanical_efficiency: [-].
         motor_power: [W] at the shaft.
         gas_power: [W] indicated.
-        loss_power: [W] by pair; the parts of an `OverhungSupport` count by themselves.
+        loss_power: [W] by pair.
         mean_speed: [rad/s].
         margin: [-] against self-locking.
         status: how the solver ended.
@@ -37,23 +37,16 @@ class Figures(NamedTuple):
     status: Status
 
 
-def figures_of(compressor: Compressor, solver: Collocation | None = None) -> Figures:
+def figures_of(machine: Any, solver: Collocation | None = None) -> Figures:
     """The figures of one design, differentiable.
 
     Args:
-        compressor: the design.
+        machine: a compressor, a machine or a scene.
         solver: of the periodic state, as `solve_orbit` takes it.
     """
-    orbit = solve_orbit(compressor, solver, throw=False)
+    orbit = solve_orbit(compressor_of(machine), solver, throw=False)
     energy, period = orbit.energy, orbit.period
     loss = {name: work / period for name, work in energy.losses.items()}
-    friction = compressor.friction
-    support = friction.main_journal if isinstance(friction, SliderCrankFriction) else None
-    if isinstance(support, OverhungSupport):
-        del loss["main_journal"]
-        load = jnp.hypot(*orbit.loads.forces["main_journal"])
-        for name, moment in support.moments(load, orbit.state.speed).items():
-            loss[name] = moment @ orbit.weight / period
     return Figures(
         orbit.mechanical_efficiency,
         orbit.motor_power,
@@ -66,7 +59,7 @@ def figures_of(compressor: Compressor, solver: Collocation | None = None) -> Fig
 
 
 def design_study(
-    compressor: Compressor,
+    machine: Any,
     variable: str,
     values: Float[Array, " n"],
     solver: Collocation | None = None,
@@ -76,7 +69,7 @@ def design_study(
     A value that locks, stalls or breaks a bound has its status and spoils no other.
 
     Args:
-        compressor: the machine to start from.
+        machine: to start from: a compressor, a machine or a scene.
         variable: name of a rule in `design_rules`.
         values: [SI] (n,) in the unit of the rule.
         solver: as in `figures_of`.
@@ -88,10 +81,11 @@ def design_study(
     rule = design_rules[variable]
     # The designs are laid out before anything is compiled, so that studies of other variables with
     # as many values run the same program.
-    designs = jax.vmap(partial(rule.apply, compressor))(jnp.asarray(values, float))
+    start = machine if isinstance(machine, Compressor) else machine_of(machine)
+    designs = jax.vmap(partial(rule.apply, start))(jnp.asarray(values, float))
     return _all(designs, solver)
 
 
 @eqx.filter_jit
-def _all(designs: Compressor, solver: Collocation | None) -> Figures:
+def _all(designs: Compressor | Machine, solver: Collocation | None) -> Figures:
     return jax.vmap(lambda design: figures_of(design, solver))(designs)

@@ -5,7 +5,7 @@ need not be solved again: `known_response` keeps what a unit of load on each loa
 design costs the product of that with its own loads.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,14 +14,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import BadInput
-from ..balancing import crank_case
+from ..coupling import RunningRotor, running_rotor
 from ..crank import Collocation, Shooting
+from ..machine import Assembly, Machine, assembled
 from ..rotor import (
     AXES,
     BalancingPlanes,
-    LoadCase,
-    RotorModel,
-    Unbalances,
+    PeriodicForce,
     harmonic_response,
     load_vector,
     node_index,
@@ -29,7 +28,6 @@ from ..rotor import (
     respond,
     transmitted_forces,
 )
-from ._design import Design
 
 
 class Vibration(NamedTuple):
@@ -76,14 +74,6 @@ class KnownResponse(eqx.Module):
     nodes: tuple[int, ...] = eqx.field(static=True)
 
 
-class Rotor(NamedTuple):
-    """The parts of a scene that vibrate."""
-
-    model: RotorModel
-    case: LoadCase
-    places: BalancingPlanes
-
-
 class Shaken(NamedTuple):
     """What shakes the rotor, see `Chain`."""
 
@@ -93,60 +83,92 @@ class Shaken(NamedTuple):
     left_out: tuple[str, ...]
 
 
-def rotor_of(design: Design) -> Rotor:
-    """The rotor of a design with its loads and planes.
+def running_rotors(machine: Assembly, shaken: Shaken) -> RunningRotor:
+    """Model and loads at the speeds of the balancing planes, along a leading axis.
 
     Raises:
-        BadInput: one of them is missing.
+        BadInput: no rotor, loads or balancing planes.
     """
-    parts: Any = design.parts
-    try:
-        return Rotor(parts["rotor"], parts["loads"], parts["balancing"])
-    except KeyError:
-        raise BadInput(
-            "rotor", "without", "a scene with rotor, loads and balancing planes"
-        ) from None
+    places = places_of(machine)
+    if machine.rotor is None or machine.loads is None:
+        raise BadInput("rotor", "absent", "given with loads and balancing planes")
+
+    def at(speed):
+        return running_rotor(
+            machine,
+            speed,
+            shaken.orders,
+            shaken.solver,
+            crank=shaken.by_crank,
+            left_out=shaken.left_out,
+        )
+
+    return jax.vmap(at)(places.speeds)
 
 
-def vibration_of(design: Design, shaken: Shaken, known: KnownResponse | None) -> Vibration:
-    """The vibration of a design with its correction masses.
+def places_of(machine: Assembly) -> BalancingPlanes:
+    """Correction planes and targets of a machine.
+
+    Raises:
+        BadInput: it has none.
+    """
+    if machine.balancing is None:
+        raise BadInput("balancing", "absent", "given: the planes and targets of this machine")
+    return machine.balancing
+
+
+def vibration_of(machine: Assembly, running: RunningRotor, orders: tuple[int, ...]) -> Vibration:
+    """The vibration of a machine with its correction masses.
 
     Args:
-        design: the design.
-        shaken: by what.
-        known: for a design whose rotor and fixed forces are those of `known_response`.
+        machine: put together.
+        running: of `running_rotors`.
+        orders: of the spin speed.
     """
-    rotor = rotor_of(design)
-    added = tuple(
-        _unbalance(plane.node, design.corrections[plane.name]) for plane in rotor.places.planes
-    )
-    if known is None:
-        read, ok = _solved(design, rotor, shaken, added)
-    else:
-        loads = (*rotor.case.unbalances, *added)
-        loads += () if shaken.by_crank else rotor.case.forces
-        read, ok = _superposed(known, rotor, loads, shaken.orders), known.ok
+    places = places_of(machine)
+
+    def at(one: RunningRotor, speed):
+        response = respond(one.model, one.loads, speed[None], orders)
+        read = jax.tree.map(lambda a: a[:, 0], _read(one.model, places, response))
+        return read, one.ok & jnp.all(response.ok)
+
+    return _vibration(*jax.vmap(at)(running, places.speeds))
+
+
+def known_vibration(machine: Assembly, shaken: Shaken, known: KnownResponse) -> Vibration:
+    """The same for a machine whose rotor and fixed forces are those of `known_response`."""
+    loads = machine.unbalances if shaken.by_crank else machine.given_loads
+    read = _superposed(known, machine, loads, shaken.orders)
+    return _vibration(read, known.ok)
+
+
+def _vibration(read: Read, ok) -> Vibration:
     into = jnp.sum(_major_axis(read.mounts[..., 0], read.mounts[..., 1]), -1)
     return Vibration(read.targets, into, ok)
 
 
 @eqx.filter_jit
-def known_response(design: Design, shaken: Shaken) -> KnownResponse:
-    """What unit loads do to the rotor of a design, on all nodes whose loads may change."""
-    rotor = rotor_of(design)
-    model, case, places = rotor
+def known_response(design: Machine, shaken: Shaken) -> KnownResponse:
+    """What unit loads do to the rotor of a design, on all nodes whose loads may change.
+
+    With the crank's own forces these stay as they are while corrections and unbalances change: what
+    these do to the motion of the crank, through the friction of its bearings, is left out.
+    """
+    machine = assembled(design)
+    places, case, rotor = places_of(machine), machine.loads, machine.rotor
+    assert case is not None
+    assert rotor is not None
     names = [node for table in case.unbalances for node in table.nodes]
     names += [plane.node for plane in places.planes]
     if not shaken.by_crank:
         names += [node for f in case.forces for node in (f.node, f.reaction) if node is not None]
-    nodes = tuple(sorted({node_index(model, name) for name in names}))
-    units = np.zeros((len(nodes), model.dof, len(node_names(model)), model.dof))
+    nodes = tuple(sorted({node_index(rotor, name) for name in names}))
+    units = np.zeros((len(nodes), rotor.dof, len(node_names(rotor)), rotor.dof))
     for row, node in enumerate(nodes):
-        units[row, :, node] = np.eye(model.dof)
-    bare = eqx.tree_at(lambda d: d.parts["loads"].unbalances, design, ())
+        units[row, :, node] = np.eye(rotor.dof)
 
-    def at(speed):
-        loaded, forces, ok = _loads(bare, Rotor(model, bare.parts["loads"], places), shaken, speed)
+    def at(running: RunningRotor, speed):
+        loaded, ok = running.model, running.ok
 
         def of_order(n):
             answer = jax.vmap(jax.vmap(lambda f: harmonic_response(loaded, f, speed, n * speed)))
@@ -158,47 +180,24 @@ def known_response(design: Design, shaken: Shaken) -> KnownResponse:
         ok &= jnp.all(jnp.stack([answer.ok for answer in answers]))
         if not shaken.by_crank:  # all forces are loads that may change
             return unit, jax.tree.map(lambda a: jnp.zeros_like(a[:, 0, 0]), unit), ok
+        forces = tuple(load for load in running.loads if isinstance(load, PeriodicForce))
         response = respond(loaded, forces, speed[None], shaken.orders)
         fixed = jax.tree.map(lambda a: a[:, 0], _read(loaded, places, response))
         return unit, fixed, ok & jnp.all(response.ok)
 
-    unit, fixed, ok = jax.vmap(at)(places.speeds)
+    unit, fixed, ok = jax.vmap(at)(running_rotors(machine, shaken), places.speeds)
     return KnownResponse(unit, fixed, ok, nodes)
 
 
-def _solved(design, rotor, shaken, added) -> tuple[Read, Bool[Array, " speeds"]]:
+def _superposed(known, machine: Assembly, loads, orders) -> Read:
     def at(speed):
-        loaded, loads, ok = _loads(design, rotor, shaken, speed)
-        response = respond(loaded, (*loads, *added), speed[None], shaken.orders)
-        read = jax.tree.map(lambda a: a[:, 0], _read(loaded, rotor.places, response))
-        return read, ok & jnp.all(response.ok)
-
-    return jax.vmap(at)(rotor.places.speeds)
-
-
-def _superposed(known, rotor, loads, orders) -> Read:
-    def at(speed):
-        forces = [load_vector(rotor.model, loads, n, speed) for n in orders]
+        forces = [load_vector(machine.rotor, loads, n, speed) for n in orders]
         return jnp.stack([force[np.array(known.nodes)] for force in forces])
 
-    force = jax.vmap(at)(rotor.places.speeds)
+    force = jax.vmap(at)(places_of(machine).speeds)
     return Read(
         known.fixed.targets + jnp.einsum("sondr,sond->sor", known.unit.targets, force),
         known.fixed.mounts + jnp.einsum("sondla,sond->sola", known.unit.mounts, force),
-    )
-
-
-def _loads(design, rotor, shaken, speed):
-    if not shaken.by_crank:
-        return rotor.model, rotor.case.loads, jnp.asarray(True)
-    return crank_case(
-        design.compressor,
-        rotor.model,
-        rotor.case,
-        speed,
-        shaken.orders,
-        shaken.solver,
-        shaken.left_out,
     )
 
 
@@ -212,12 +211,6 @@ def _read(model, places, response) -> Read:
     grounded = np.flatnonzero([None in link.nodes for link in model.links])
     force = transmitted_forces(model, response)[..., grounded, :2]
     return Read(jnp.stack(rows, -1), force)
-
-
-def _unbalance(node, value) -> Unbalances:
-    # two signed unbalances along x and y: smooth at zero, where magnitude and phase are not
-    two = Unbalances((node, node), jnp.zeros(2), jnp.array([0.0, jnp.pi / 2]))
-    return eqx.tree_at(lambda u: u.magnitude, two, value)
 
 
 def _major_axis(x, y):

@@ -3,6 +3,7 @@
 from ._bearing import JournalBearing as JournalBearing
 from ._bearing import PreparedBearing as PreparedBearing
 from ._bearing import bush_moment as bush_moment
+from ._bearing import check_oil as check_oil
 from ._bearing import eccentricity_ratio as eccentricity_ratio
 from ._bearing import entrainment_speed as entrainment_speed
 from ._bearing import friction_moment as friction_moment
@@ -30,7 +31,12 @@ from ._film import friction_at as friction_at
 from ._film import load_number_at as load_number_at
 from ._film import stability_threshold as stability_threshold
 from ._guembel import Guembel as Guembel
+from ._journal import AbstractJournal as AbstractJournal
+from ._journal import NamedBearing as NamedBearing
 from ._ocvirk import Ocvirk as Ocvirk
+from ._oil import AbstractOil as AbstractOil
+from ._oil import GradedOil as GradedOil
+from ._oil import Oil as Oil
 from ._oil import iso_vg_viscosity as iso_vg_viscosity
 from ._petroff import LoadedPetroff as LoadedPetroff
 from ._petroff import Petroff as Petroff

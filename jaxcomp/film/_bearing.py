@@ -5,13 +5,14 @@ follows Eqs. (19)-(23) of the usual engineering treatment, M = eta omega L D R P
 """
 
 import math
-from typing import NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import POSITIVE, Part, quantity
+from .._fields import POSITIVE, BadInput, quantity
+from ._explicit import ExplicitFit
 from ._film import (
     AbstractCarryingFilm,
     AbstractFilm,
@@ -23,45 +24,93 @@ from ._film import (
     film_ratio,
     film_state,
 )
-from ._reynolds import Reynolds
+from ._guembel import Guembel
+from ._journal import AbstractJournal
+from ._ocvirk import Ocvirk
+from ._petroff import LoadedPetroff, Petroff
+from ._reynolds import GroovedReynolds, Reynolds
+
+_MODELS: dict[str, type[AbstractFilm]] = {
+    "reynolds": Reynolds,
+    "grooved": GroovedReynolds,
+    "guembel": Guembel,
+    "short": Ocvirk,
+    "fit": ExplicitFit,
+    "petroff": Petroff,
+    "loaded_petroff": LoadedPetroff,
+}
 
 # [rad/s] Below this speed the load number is held, so that the moment passes through zero with a
 # finite slope instead of like sqrt(|omega|).
 REST_SPEED = 1e-3
 
 
-class JournalBearing(Part):
-    """Plain full (360 degree) journal bearing: aligned, isothermal, isoviscous, laminar, unfed.
+def _word(film: str | type[AbstractFilm]) -> str:
+    for word, model in _MODELS.items():
+        if film in (word, model):
+            return word
+    raise BadInput("film", str(film), f"one of {', '.join(_MODELS)}")
+
+
+class JournalBearing(AbstractJournal):
+    """Journal bearing with an oil film: friction, position, stiffness and damping of one part.
+
+    Full (360 degree) ring, aligned, isothermal, isoviscous, laminar, unfed; quasi-static (no squeeze)
+    where its load varies.
 
     Args:
-        radius: [m] Journal radius R.
+        diameter: [m] Journal diameter D.
         length: [m] Bearing length L.
         radial_clearance: [m] c, bush radius minus journal radius.
-        dynamic_viscosity: [Pa s] eta.
-        film: Film model, a class: `Reynolds` (default), `GroovedReynolds`, `Guembel`, `Ocvirk`; for
-            friction and position only `ExplicitFit`, for friction only `Petroff`, `LoadedPetroff`.
-            The attribute `limits` of each says where it stops being right.
+        dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
+        film: Film model by name: "reynolds" for the table of solutions of Reynolds' equation,
+            "grooved" for the ring with two axial grooves, "guembel", "short" (Ocvirk); for friction
+            and position only "fit" (closed formulas), for friction only "petroff" and "loaded_petroff".
+            The attribute `limits` of `model` says where each stops being right. A class of
+            `jaxcomp.film` stands for its name.
+        oil: Name of an oil of the machine, which gives the viscosity.
 
     Raises:
-        BadInput: for a value that is not positive, or L/D outside the range of the film model.
+        BadInput: for a value that is not positive, L/D outside the range of the film model, another
+            film, or neither or both of `dynamic_viscosity` and `oil`.
 
-    >>> bearing = JournalBearing(0.020, 0.020, 30e-6, 0.02)
+    >>> bearing = JournalBearing(0.040, 0.020, 30e-6, 0.02)
     >>> print(f"{1e6 * minimum_film(bearing, 2000.0, 314.0):.2f} um")  # at 2 kN and 314 rad/s
     8.80 um
     >>> print(f"{friction_moment(bearing, 2000.0, 314.0):.4f} N m")
     0.3111 N m
     """
 
-    radius: Scalar = quantity("m", POSITIVE, doc="journal radius")
-    length: Scalar = quantity("m", POSITIVE, doc="bearing length")
+    kind: ClassVar[str] = "film"
+
+    diameter: Scalar = quantity("m", POSITIVE, doc="of the journal")
+    length: Scalar = quantity("m", POSITIVE, doc="of the bearing")
     radial_clearance: Scalar = quantity("m", POSITIVE, doc="bush radius minus journal radius")
-    dynamic_viscosity: Scalar = quantity("Pa s", POSITIVE, doc="of the oil in the film")
-    film: type[AbstractFilm] = eqx.field(static=True, default=Reynolds)
+    dynamic_viscosity: Scalar | None = quantity(
+        "Pa s", POSITIVE, default=None, doc="of the oil in the film; absent where oil names it"
+    )
+    film: Literal["reynolds", "grooved", "guembel", "short", "fit", "petroff", "loaded_petroff"] = (
+        eqx.field(static=True, default="reynolds", converter=_word)
+    )
+    oil: str | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self):
+        check_oil(self)
+
+    @property
+    def model(self) -> type[AbstractFilm]:
+        """The class of the film model."""
+        return _MODELS[self.film]
+
+    @property
+    def radius(self) -> Scalar:
+        """[m] R, of the journal."""
+        return self.diameter / 2
 
     @property
     def length_ratio(self) -> Scalar:
         """[-] q = L/D."""
-        return self.length / (2 * self.radius)
+        return self.length / self.diameter
 
     @property
     def clearance_ratio(self) -> Scalar:
@@ -69,15 +118,31 @@ class JournalBearing(Part):
         return self.radial_clearance / self.radius
 
     def conditions(self):
-        low, high = self.film.length_ratio_range
+        low, high = self.model.length_ratio_range
         if high == math.inf:
             return {}
-        rule = f"of length/diameter {low:g} to {high:g} for the film model {self.film.__name__}"
+        rule = f"of length/diameter {low:g} to {high:g} for the film model {self.model.__name__}"
         # A hair of room, so that a ratio computed to be the bound is not refused.
         inside = (self.length_ratio >= low * (1 - 1e-12)) & (
             self.length_ratio <= high * (1 + 1e-12)
         )
         return {rule: inside}
+
+    def moment(self, load, rate):
+        """[N m] Friction moment under a load [N] at a rate of rotation [rad/s]."""
+        return friction_moment(self, load, rate)
+
+
+def check_oil(part) -> None:
+    """Refuse a part with neither or both of a viscosity and the name of an oil.
+
+    Raises:
+        BadInput: naming `dynamic_viscosity` or `oil`.
+    """
+    if part.oil is None and part.dynamic_viscosity is None:
+        raise BadInput("dynamic_viscosity", "absent", "given, or `oil` the name of an oil")
+    if part.oil is not None and part.dynamic_viscosity is not None:
+        raise BadInput("oil", part.oil, "absent where `dynamic_viscosity` is given")
 
 
 class PreparedBearing(NamedTuple):
@@ -96,10 +161,15 @@ def prepare(bearing: JournalBearing | PreparedBearing) -> PreparedBearing:
     """Work out the film model for the L/D of a bearing.
 
     Every function of this module takes either. Prepare outside a time loop what is used inside.
+
+    Raises:
+        BadInput: a bearing whose oil is named and not filled in yet.
     """
     if isinstance(bearing, PreparedBearing):
         return bearing
-    return PreparedBearing(bearing, bearing.film(bearing.length_ratio))
+    if bearing.dynamic_viscosity is None:
+        raise BadInput("oil", bearing.oil, "resolved by its machine, see `jaxcomp.Machine`")
+    return PreparedBearing(bearing, bearing.model(bearing.length_ratio))
 
 
 def load_number(
@@ -309,7 +379,7 @@ def _solved(bearing) -> PreparedBearing:
 
 def _force_unit(bearing: JournalBearing) -> Scalar:
     """[N s] eta L D/psi^2, the unit of film force over speed."""
-    area = 2 * bearing.length * bearing.radius
+    area = bearing.length * bearing.diameter
     return bearing.dynamic_viscosity * area / bearing.clearance_ratio**2
 
 

@@ -1,9 +1,12 @@
 r"""Viscosity of mineral oils by grade and temperature."""
 
+from typing import ClassVar
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from .._fields import BadInput, is_traced
+from .._fields import POSITIVE, BadInput, Bound, Part, is_traced, quantity
 from ._film import Scalar
 
 ZERO_CELSIUS = 273.15  # [K]
@@ -45,3 +48,42 @@ def iso_vg_viscosity(grade: Scalar, temperature: Scalar, density: Scalar = DENSI
     at_40 = 0.98375e-6 * density * jnp.asarray(grade, dtype=celsius.dtype)
     steepness = 159.55787 * jnp.log(at_40 / 0.00018)
     return at_40 * jnp.exp(steepness * (1 / (celsius + 95) - 1 / 135))
+
+
+class AbstractOil(Part):
+    """An oil that several bearings share."""
+
+    dynamic_viscosity: eqx.AbstractVar[Scalar]
+
+
+class Oil(AbstractOil):
+    """An oil of known viscosity in the film.
+
+    Args:
+        dynamic_viscosity: [Pa s] eta.
+    """
+
+    kind: ClassVar[str] = "viscosity"
+
+    dynamic_viscosity: Scalar = quantity("Pa s", POSITIVE)
+
+
+class GradedOil(AbstractOil):
+    """A mineral oil by its grade and the temperature of the film, see `iso_vg_viscosity`.
+
+    Args:
+        grade: [-] ISO VG, the kinematic viscosity at 40 degrees Celsius in mm^2/s.
+        temperature: [K] of the film.
+        density: [kg/m^3] at 15 degrees Celsius.
+    """
+
+    kind: ClassVar[str] = "grade"
+
+    grade: Scalar = quantity("", POSITIVE, doc="ISO VG, in mm^2/s at 40 degrees Celsius")
+    temperature: Scalar = quantity("K", Bound(low=ZERO_CELSIUS - 95, low_open=True))
+    density: Scalar = quantity("kg/m^3", POSITIVE, default=DENSITY, doc="at 15 degrees Celsius")
+
+    @property
+    def dynamic_viscosity(self) -> Scalar:
+        """[Pa s] eta."""
+        return iso_vg_viscosity(self.grade, self.temperature, self.density)

@@ -2,12 +2,9 @@
 
 from . import _slider_crank as _slider_crank
 from . import _slider_link as _slider_link
-from ._journals import AbstractDrag as AbstractDrag
-from ._journals import FilmJournal as FilmJournal
-from ._journals import LoadedPetroffJournal as LoadedPetroffJournal
-from ._journals import OilPump as OilPump
-from ._journals import PetroffJournal as PetroffJournal
-from ._journals import ThrustBearing as ThrustBearing
+from ._drag import AbstractDrag as AbstractDrag
+from ._drag import OilPump as OilPump
+from ._drag import ThrustBearing as ThrustBearing
 from ._laws import AbstractJournal as AbstractJournal
 from ._laws import AbstractSlide as AbstractSlide
 from ._laws import CoulombJournal as CoulombJournal
@@ -24,4 +21,6 @@ from ._loads import newton_step as newton_step
 from ._slider_crank import SliderCrankFriction as SliderCrankFriction
 from ._slider_link import SliderLinkFriction as SliderLinkFriction
 from ._slider_link import substitution as substitution
-from ._support import OverhungSupport as OverhungSupport
+from ._support import MainBearings as MainBearings
+from ._support import film_journals as film_journals
+from ._support import shares as shares

@@ -8,10 +8,12 @@ between piston and cylinder is Dagilis et al., *Slider-link driven compressor (I
 from abc import abstractmethod
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
+from ..film import AbstractJournal, check_oil
 
 
 class AbstractSlide(Part):
@@ -20,14 +22,6 @@ class AbstractSlide(Part):
     @abstractmethod
     def force(self, load: Float[Array, "*n"], speed: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """[N] for a normal load [N] >= 0 and a sliding speed [m/s]."""
-
-
-class AbstractJournal(Part):
-    """Friction of a journal in its bush."""
-
-    @abstractmethod
-    def moment(self, load: Float[Array, "*n"], rate: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """[N m] for a load [N] >= 0 and a relative rate of rotation [rad/s]."""
 
 
 class CoulombSlide(AbstractSlide):
@@ -110,21 +104,31 @@ class PistonFilm(Part):
     mechanism that knows the engaged length at every angle passes it instead.
 
     Args:
-        viscosity: [Pa s] eta, dynamic.
-        clearance: [m] c, radial.
+        radial_clearance: [m] c, radius of the cylinder minus that of the piston.
+        dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
         length: [m] L, wetted, where the mechanism does not give it.
+        oil: name of an oil of the machine, which gives the viscosity.
+
+    Raises:
+        BadInput: neither or both of `dynamic_viscosity` and `oil`.
     """
 
     kind: ClassVar[str] = "viscous"
 
-    viscosity: Float[Array, ""] = quantity("Pa s", POSITIVE, doc="dynamic")
-    clearance: Float[Array, ""] = quantity("m", POSITIVE, doc="radial")
+    radial_clearance: Float[Array, ""] = quantity("m", POSITIVE)
+    dynamic_viscosity: Float[Array, ""] | None = quantity(
+        "Pa s", POSITIVE, default=None, doc="of the oil; absent where oil names it"
+    )
     length: Float[Array, ""] | None = quantity(
         "m", POSITIVE, default=None, doc="wetted length, where the mechanism does not give it"
     )
+    oil: str | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self):
+        check_oil(self)
 
     def force(
         self, bore: Float[Array, ""], length: Float[Array, "*n"], speed: Float[Array, "*n"]
     ) -> Float[Array, "*n"]:
         """[N] for a bore [m], a wetted length [m] and a piston speed [m/s]."""
-        return self.viscosity * jnp.pi * bore * length * speed / self.clearance
+        return self.dynamic_viscosity * jnp.pi * bore * length * speed / self.radial_clearance

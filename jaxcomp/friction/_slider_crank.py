@@ -22,6 +22,7 @@ from ..mechanism import (
     CrankState,
     RodBalance,
     SliderCrank,
+    Vector,
     pin_forces,
     rod_balance,
     rod_moment,
@@ -29,6 +30,7 @@ from ..mechanism import (
 )
 from ._laws import AbstractJournal, AbstractSlide, PistonFilm
 from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude
+from ._support import MainBearings
 
 
 class SliderCrankFriction(Part):
@@ -36,10 +38,10 @@ class SliderCrankFriction(Part):
 
     Args:
         wall: piston and cylinder, under the side force.
-        wall_film: oil between piston and cylinder; it needs its wetted length.
+        piston_film: oil between piston and cylinder; it needs its wetted length.
         piston_pin: piston pin in the small end.
         crank_pin: crank pin in the big end.
-        main_journal: shaft in its main bearing, or in both of an `OverhungSupport`.
+        main_journal: shaft in its main bearing in the plane of the rod, or in `MainBearings`.
 
     Raises:
         ValueError: a wall film without its length.
@@ -48,14 +50,16 @@ class SliderCrankFriction(Part):
     kind: ClassVar[str] = "slider_crank"
 
     wall: AbstractSlide | None = None
-    wall_film: PistonFilm | None = None
+    piston_film: PistonFilm | None = None
     piston_pin: AbstractJournal | None = None
     crank_pin: AbstractJournal | None = None
-    main_journal: AbstractJournal | None = None
+    main_journal: AbstractJournal | MainBearings | None = None
 
     def __check_init__(self):
-        if self.wall_film is not None and self.wall_film.length is None:
-            raise ValueError("`wall_film.length` is needed: a slider-crank has no engaged length.")
+        if self.piston_film is not None and self.piston_film.length is None:
+            raise ValueError(
+                "`piston_film.length` is needed: a slider-crank has no engaged length."
+            )
 
 
 class SliderCrankLoop(AbstractJointLoop):
@@ -132,15 +136,24 @@ class SliderCrankLoop(AbstractJointLoop):
             dry = wall if self.film is None else wall - self.film
             loss["wall"] = dry * rod.position_1
         if self.film is not None:
-            loss["wall_film"] = self.film * rod.position_1
+            loss["piston_film"] = self.film * rod.position_1
         if piston_pin is not None:
             loss["piston_pin"] = piston_pin * rod.tilt_1
         if crank_pin is not None:
             loss["crank_pin"] = crank_pin * (1 + rod.tilt_1)
+        if isinstance(friction.main_journal, MainBearings):
+            return loss | friction.main_journal.moments(self._shaft(forces), self.speed)
         journal = _moment(friction.main_journal, forces.main_journal, self.speed)
         if journal is not None:
             loss["main_journal"] = journal
         return loss
+
+    def _shaft(self, forces) -> dict[str, Vector]:
+        """Force of each main bearing on the shaft [N], by name."""
+        support = self.friction.main_journal
+        if not isinstance(support, MainBearings):
+            return {}
+        return support.reactions(forces.main_journal, self.bodies.crank_moment)
 
     def loads(self, unknown, evidence):
         side, wall = unknown, self._wall(unknown)
@@ -159,6 +172,7 @@ class SliderCrankLoop(AbstractJointLoop):
                 "piston_pin": forces.piston_pin.stacked(),
                 "crank_pin": forces.crank_pin.stacked(),
                 "main_journal": forces.main_journal.stacked(),
+                **{name: force.stacked() for name, force in self._shaft(forces).items()},
             },
             loss_torque=self._losses(forces, wall, *moments),
             residual=residual,
@@ -175,7 +189,7 @@ def _slider_crank_loop(
     friction = SliderCrankFriction() if friction is None else friction
     rod = rod_motion(mechanism, state.angle) if kinematics is None else kinematics
     slide_speed = rod.position_1 * state.speed
-    law = friction.wall_film
+    law = friction.piston_film
     film = None if law is None else law.force(mechanism.bore, law.length, slide_speed)
     bodies = rod_balance(mechanism, rod, state, gas_force, gravity)
     return SliderCrankLoop(friction, bodies, state.speed, slide_speed, film)

@@ -31,7 +31,7 @@ from ..mechanism import (
     contact,
     contact_arms,
 )
-from ._journals import STANDARD_GRAVITY, AbstractDrag
+from ._drag import STANDARD_GRAVITY, AbstractDrag
 from ._laws import AbstractJournal, AbstractSlide, PistonFilm
 from ._loads import AbstractJointLoop, JointLoads, joint_loads, joint_loop, magnitude
 

@@ -1,61 +1,110 @@
-r"""The support of an overhung crankshaft as one journal of a planar mechanism.
+r"""The main bearings of a shaft: how they share its load, and what each of them loses.
 
-Two radial bearings below the plane of the piston share the load F of the shaft,
+The shaft is rigid, its bearings stand at $z_i$ along it from the plane of the rod, and each takes part
+in proportion to its weight $w_i$. A force $F$ with the moment $M$ about the plane of the rod
+($M = \sum F_j z_j$) is then shared as
 
-$$F_a = F\,(1 + z_p/z_b), \qquad F_b = F\,z_p/z_b ,$$
+$$F_i = w_i\Big(\frac{F}{\sum w} + \frac{(M - \bar z F)(z_i - \bar z)}{\sum w\,(z - \bar z)^2}\Big),
+  \qquad \bar z = \frac{\sum w z}{\sum w} .$$
 
-which is Eqs. (27) and (28) of Dagilis et al., *Slider-link driven compressor (I)*, for a crank
-without product of inertia about that plane. The thrust bearing carries its weight.
+For two bearings this is the law of the lever whatever the weights, Eqs. (27) and (28) of Dagilis et
+al., *Slider-link driven compressor (I)*. For more it assumes films whose stiffness goes with their
+projected area; the bending of the shaft is left out.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, quantity
-from ._journals import STANDARD_GRAVITY, OilPump, ThrustBearing
-from ._laws import AbstractJournal
+from .._fields import NONNEGATIVE, BadInput, Part, quantity
+from ..film import AbstractJournal, JournalBearing, NamedBearing
+from ..mechanism import Vector
+from ._drag import STANDARD_GRAVITY, OilPump, ThrustBearing
+from ._loads import magnitude
 
 
-class OverhungSupport(AbstractJournal):
-    """Upper and lower bearing of an overhung shaft, with thrust bearing and oil pump.
-
-    It serves where a mechanism has a single main journal in its plane, as the slider-crank.
+class MainBearings(Part):
+    """The radial bearings of the shaft along its axis, with thrust bearing and oil pump.
 
     Args:
-        upper: law of the upper bearing.
-        lower: law of the lower bearing.
-        overhang: [m] z_p, from the piston plane to the upper bearing.
-        bearing_span: [m] z_b, between the bearings.
+        bearings: the bearings or their names.
+        position: [m] (n,) of each along the shaft from the plane of the rod, any direction positive;
+            absent where a rotor says on which nodes they stand, or for a single bearing in the plane.
         shaft_mass: [kg] shaft with rotor, on the thrust bearing.
         thrust_bearing: its law; `None` for none.
         pump: drag of the oil pump; `None` for none.
+        names: of the bearings in results; by default their own, or "main_1" and so on.
+
+    Raises:
+        BadInput: no bearing, names that are not one a bearing, or positions that are not.
     """
 
-    kind: ClassVar[str] = "overhung"
+    kind: ClassVar[str] = "main_bearings"
 
-    upper: AbstractJournal
-    lower: AbstractJournal
-    overhang: Float[Array, ""] = quantity(
-        "m", NONNEGATIVE, doc="z_p, from the piston plane to the upper bearing"
+    bearings: tuple[AbstractJournal, ...]
+    position: Float[Array, " n"] | None = quantity(
+        "m", shape=(None,), default=None, doc="along the shaft from the plane of the rod"
     )
-    bearing_span: Float[Array, ""] = quantity("m", POSITIVE, doc="z_b, between the bearings")
     shaft_mass: Float[Array, ""] = quantity(
         "kg", NONNEGATIVE, default=0.0, doc="shaft with rotor, on the thrust bearing"
     )
     thrust_bearing: ThrustBearing | None = None
     pump: OilPump | None = None
+    names: tuple[str, ...] | None = eqx.field(static=True, default=None)
+
+    def __post_init__(self):
+        if self.names is None and isinstance(self.bearings, tuple):
+            self.names = tuple(
+                one.name if isinstance(one, NamedBearing) else f"main_{number}"
+                for number, one in enumerate(self.bearings, 1)
+            )
+
+    def __check_init__(self):
+        count = len(self.bearings)
+        if not count:
+            raise BadInput("bearings", "()", "at least one bearing")
+        if self.names is None or len(set(self.names)) != count:
+            raise BadInput("names", str(self.names), f"{count} different names, one a bearing")
+        if self.position is not None and self.position.shape != (count,):
+            raise BadInput("position", self.position, f"one for each of {count} bearings")
+
+    def conditions(self):
+        if self.position is None or len(self.bearings) < 2:
+            return {}
+        apart = jnp.max(self.position) > jnp.min(self.position)
+        return {"a shaft with bearings in different places": apart}
+
+    def reactions(self, force: Vector, moment: Vector | None) -> dict[str, Vector]:
+        """[N] Force of each bearing on the shaft, by name.
+
+        Args:
+            force: [N] sum of all of them in x and y.
+            moment: [N m] sum of force times position; `None` for none.
+
+        Raises:
+            BadInput: several bearings whose positions nobody gave.
+        """
+        if len(self.bearings) > 1 and self.position is None:
+            raise BadInput("position", "absent", "given, or a rotor with these bearings in it")
+        found = {}
+        for name, (share, lever) in zip(
+            self.names or (), shares(self.bearings, self.position), strict=True
+        ):
+            own = Vector(share * force.x, share * force.y)
+            if moment is not None:
+                own = Vector(own.x + lever * moment.x, own.y + lever * moment.y)
+            found[name] = own
+        return found
 
     def moments(
-        self, load: Float[Array, "*n"], rate: Float[Array, "*n"]
+        self, reactions: dict[str, Vector], rate: Float[Array, "*n"]
     ) -> dict[str, Float[Array, "*n"]]:
-        """[N m] of every part by name, for a load [N] and a relative rate of rotation [rad/s]."""
-        share = self.overhang / self.bearing_span
-        found = {
-            "upper_bearing": self.upper.moment(load * (1 + share), rate),
-            "lower_bearing": self.lower.moment(load * share, rate),
-        }
+        """[N m] Friction of every part by name, for reactions [N] and a rate of rotation [rad/s]."""
+        loads = [magnitude(*force) for force in reactions.values()]
+        found = dict(zip(reactions, _moments(self.bearings, loads, rate), strict=True))
         weight = self.shaft_mass * STANDARD_GRAVITY
         for name in ("thrust_bearing", "pump"):
             law = getattr(self, name)
@@ -63,5 +112,51 @@ class OverhungSupport(AbstractJournal):
                 found[name] = law.moment(rate, weight)
         return found
 
-    def moment(self, load, rate):
-        return sum(self.moments(load, rate).values(), start=jnp.zeros_like(rate))
+
+def shares(
+    bearings: tuple[AbstractJournal, ...], position: Float[Array, " n"] | None
+) -> list[tuple[Float[Array, ""], Float[Array, ""]]]:
+    """What each bearing of a rigid shaft takes of force [-] and moment [1/m], see the head of this module.
+
+    Args:
+        bearings: of the shaft; their projected areas are the weights.
+        position: [m] of each along the shaft; not needed for a single one.
+    """
+    if len(bearings) == 1:
+        return [(jnp.ones(()), jnp.zeros(()))]
+    weight = jnp.stack([_weight(one) for one in bearings])
+    total = jnp.sum(weight)
+    centre = jnp.sum(weight * position) / total
+    arm = position - centre
+    lever = weight * arm / jnp.sum(weight * arm**2)
+    return list(zip(weight / total - centre * lever, lever, strict=True))
+
+
+def film_journals(friction: Any) -> dict[str, JournalBearing]:
+    """The oil-lubricated journals of a machine by joint; those of the shaft by their own names.
+
+    Args:
+        friction: the laws of a mechanism, or `None`.
+    """
+    laws = {} if friction is None else dict(vars(friction))
+    support = laws.get("main_journal")
+    if isinstance(support, MainBearings):
+        laws |= dict(zip(support.names or (), support.bearings, strict=True))
+    return {name: law for name, law in laws.items() if isinstance(law, JournalBearing)}
+
+
+def _weight(bearing: AbstractJournal) -> Float[Array, ""]:
+    """[m^2] Projected area; one of a law that has no length."""
+    length, diameter = (getattr(bearing, name, None) for name in ("length", "diameter"))
+    if length is None or diameter is None:
+        return jnp.ones(())
+    return length * diameter
+
+
+def _moments(bearings, loads, rate) -> list[Float[Array, "*n"]]:
+    """Bearings of one law are mapped over, so that the law is traced once."""
+    kinds = {jax.tree.structure(one) for one in bearings}
+    if len(bearings) < 2 or len(kinds) > 1:
+        return [one.moment(load, rate) for one, load in zip(bearings, loads, strict=True)]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *bearings)
+    return list(jax.vmap(lambda one, load: one.moment(load, rate))(stacked, jnp.stack(loads)))

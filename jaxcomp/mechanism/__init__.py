@@ -8,6 +8,7 @@ from ._slider_crank import PinForces as PinForces
 from ._slider_crank import RodBalance as RodBalance
 from ._slider_crank import RodMotion as RodMotion
 from ._slider_crank import SliderCrank as SliderCrank
+from ._slider_crank import crank_pull as crank_pull
 from ._slider_crank import pin_forces as pin_forces
 from ._slider_crank import rod_balance as rod_balance
 from ._slider_crank import rod_moment as rod_moment

@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity, replaced
+from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, quantity, replaced
 from ._base import AbstractKinematics, AbstractMechanism, CrankState, Vector
 
 
@@ -29,7 +29,8 @@ class SliderCrank(AbstractMechanism):
 
     Args:
         piston_mass: [kg] piston with rings and pin.
-        crank_inertia: [kg m^2] crankshaft with rotor about the shaft axis.
+        crank_inertia: [kg m^2] crankshaft with rotor about the shaft axis; absent where it follows
+            from the rotor of the same machine.
         bore: [m] piston diameter.
         crank_radius: [m] half the stroke if the offset is 0.
         conrod_length: [m] l, between the centres of the eyes.
@@ -37,6 +38,9 @@ class SliderCrank(AbstractMechanism):
         conrod_centre: [m] b, mass centre of the rod from the big end.
         conrod_inertia: [kg m^2] rod about its own mass centre.
         crank_unbalance: [kg m] of the crank alone, positive at the pin's side.
+        crank_unbalance_across: [kg m] its part 90 degrees ahead of the pin; absent for none.
+        crank_couple: [kg m^2] (2,) sum of m r z over the crank, towards the pin and 90 degrees ahead
+            of it, z along the shaft from the plane of the rod; absent for none.
         crank_mass: [kg] crankshaft with rotor; only its weight is used.
         offset: [m] cylinder axis at y = offset.
     """
@@ -48,8 +52,11 @@ class SliderCrank(AbstractMechanism):
     conrod_length: Float[Array, ""] = quantity("m", POSITIVE, doc="between the centres of the eyes")
     piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="piston with rings and pin")
     conrod_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE)
-    crank_inertia: Float[Array, ""] = quantity(
-        "kg m^2", POSITIVE, doc="crankshaft with rotor about the shaft axis"
+    crank_inertia: Float[Array, ""] | None = quantity(
+        "kg m^2",
+        POSITIVE,
+        default=None,
+        doc="crankshaft with rotor about the shaft axis; absent where it follows from [rotor]",
     )
     conrod_centre: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="mass centre of the rod from the big end"
@@ -64,6 +71,12 @@ class SliderCrank(AbstractMechanism):
         "kg", NONNEGATIVE, default=0.0, doc="crankshaft with rotor; only its weight is used"
     )
     offset: Float[Array, ""] = quantity("m", ANY, default=0.0, doc="cylinder axis at y = offset")
+    crank_unbalance_across: Float[Array, ""] | None = quantity(
+        "kg m", ANY, default=None, doc="its part 90 degrees ahead of the pin"
+    )
+    crank_couple: Float[Array, "2"] | None = quantity(
+        "kg m^2", ANY, shape=(2,), default=None, doc="sum of m r z, z from the plane of the rod"
+    )
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         reach = self.crank_radius + jnp.abs(self.offset) < self.conrod_length
@@ -91,7 +104,12 @@ class SliderCrank(AbstractMechanism):
 
         $$J = I_0 + m_c \tfrac{a}{l} r^2 + (m_p + m_c \tfrac{b}{l}) x_p'^2
             + (I_c - m_c a b) \phi'^2$$
+
+        Raises:
+            BadInput: no inertia of the crank, as in a machine whose rotor is not put together yet.
         """
+        if self.crank_inertia is None:
+            raise BadInput("crank_inertia", "absent", "given, or a machine with a rotor")
         rod = kinematics
         b = self.conrod_centre
         a = self.conrod_length - b
@@ -149,8 +167,13 @@ class SliderCrank(AbstractMechanism):
             self.crank_radius
         )
         sliding = self.piston_mass + self.conrod_mass * b / self.conrod_length
-        # the derivative of the crank's unit vector is (-sin, cos)
+        # the derivative of the crank's unit vector is (-sin, cos), that of the one ahead (-cos, -sin)
         along_crank = gravity[1] * rod.cosine - gravity[0] * rod.sine
+        if self.crank_unbalance_across is not None:
+            ahead = -gravity[0] * rod.cosine - gravity[1] * rod.sine
+            return self.crank_unbalance_across * ahead + (
+                swinging * along_crank + sliding * gravity[0] * rod.position_1
+            )
         return swinging * along_crank + sliding * gravity[0] * rod.position_1
 
 
@@ -224,6 +247,7 @@ class RodBalance(eqx.Module):
         piston_weight: [N] m_p g_y.
         rod_inertia: [N] m_c (a_G - g).
         crank_inertia: [N] m_u (a_u - g).
+        crank_moment: [N m] sum of m a z over the crank, z from the plane of the rod; `None` for none.
         moment: [N m] I_c phi_dd + m_c r_M x (a_G - g).
     """
 
@@ -233,6 +257,7 @@ class RodBalance(eqx.Module):
     piston_weight: Float[Array, ""]
     rod_inertia: Vector
     crank_inertia: Vector
+    crank_moment: Vector | None
     moment: Float[Array, "*n"]
 
 
@@ -261,7 +286,7 @@ def rod_balance(
     big_end = mechanism.conrod_mass * mechanism.crank_radius * a / mechanism.conrod_length
     small_end = mechanism.conrod_mass * b / mechanism.conrod_length
     rod_inertia = Vector(big_end * along + small_end * piston, big_end * across)
-    crank_inertia = Vector(mechanism.crank_unbalance * along, mechanism.crank_unbalance * across)
+    crank_inertia = crank_pull(mechanism, Vector(along, across))
     pin_x = -gas_force - mechanism.piston_mass * piston
     piston_weight = jnp.zeros(())
     if gravity is not None:
@@ -283,8 +308,33 @@ def rod_balance(
         piston_weight,
         rod_inertia,
         crank_inertia,
+        _turned(mechanism.crank_couple, Vector(along, across)),
         moment,
     )
+
+
+def crank_pull(mechanism: SliderCrank, second: Vector) -> Vector:
+    """Inertia of the crank's unbalance.
+
+    Args:
+        mechanism: the slider-crank.
+        second: [1/s^2] second time derivative of the unit vector towards the pin.
+
+    Returns:
+        [N] in x and y.
+    """
+    along, ahead = mechanism.crank_unbalance, mechanism.crank_unbalance_across
+    if ahead is None:
+        return Vector(along * second.x, along * second.y)
+    return Vector(along * second.x - ahead * second.y, along * second.y + ahead * second.x)
+
+
+def _turned(vector, second: Vector) -> Vector | None:
+    """A vector fixed to the crank (towards the pin, ahead of it) times the acceleration."""
+    if vector is None:
+        return None
+    along, ahead = vector
+    return Vector(along * second.x - ahead * second.y, along * second.y + ahead * second.x)
 
 
 class PinForces(NamedTuple):

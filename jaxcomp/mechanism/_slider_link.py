@@ -6,7 +6,8 @@ crank angle $\varphi$ is zero at the top dead centre and grows from +x towards +
 $$x_p = L_p + R\cos\varphi, \qquad y_s = R\sin\varphi .$$
 
 Axes: x along the cylinder towards the head, y across, z along the shaft, downwards, with the origin
-in the plane of the machine's mass centre. The cylinder axis is the line y = -e.
+in the plane of the machine's mass centre. The cylinder axis is the line y = -e, the `offset` is -e as
+in the slider-crank.
 
 The piston touches the cylinder at its crown and at the edge of the cylinder (forces $F_1$, $F_2$
 along y), the slider presses on the link (force $N$ along x). With $m_1 = d_1\mu_c$ and
@@ -58,7 +59,7 @@ class SliderLink(AbstractMechanism):
         crank_mass: [kg] m_r, crankshaft with rotor.
         crank_eccentricity: [m] e_cr, mass centre of the crank, positive opposite the pin.
         crank_product: [kg m^2] sum of m x (z + z_s) over the crank, x towards the pin.
-        eccentricity: [m] e, cylinder axis at y = -e.
+        offset: [m] -e, cylinder axis at y = offset.
         piston_centre_offset: [m] e_cl, mass centre of the piston from the cylinder axis, to +y.
         piston_centre_lead: [m] the same from the link's centre line, to the crown; for weight.
         crank_centre_depth: [m] mass centre of the crank below the piston plane; for weight.
@@ -97,9 +98,7 @@ class SliderLink(AbstractMechanism):
     crank_product: Float[Array, ""] = quantity(
         "kg m^2", ANY, default=0.0, doc="sum of m x (z + z_s) over the crank, x towards the pin"
     )
-    eccentricity: Float[Array, ""] = quantity(
-        "m", ANY, default=0.0, doc="e, cylinder axis at y = -e"
-    )
+    offset: Float[Array, ""] = quantity("m", ANY, default=0.0, doc="cylinder axis at y = offset")
     piston_centre_offset: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="e_cl, mass centre of the piston from the cylinder axis, to +y"
     )
@@ -144,7 +143,7 @@ class SliderLink(AbstractMechanism):
         return value, 2 * self.piston_mass * (across * along)
 
     def dead_centres(self):
-        """Zero and pi, for any eccentricity."""
+        """Zero and pi, for any offset."""
         return jnp.asarray(0.0), jnp.asarray(jnp.pi)
 
     def piston_extremes(self):
@@ -224,7 +223,7 @@ def contact_arms(mechanism: SliderLink, angle: Float[Array, "*n"]) -> ContactArm
         engaged,
         crown=jnp.broadcast_to(mechanism.crown_to_link, engaged.shape),
         edge=mechanism.crown_to_link - engaged,
-        slider=mechanism.eccentricity + radius * jnp.sin(angle),
+        slider=-mechanism.offset + radius * jnp.sin(angle),
     )
 
 

@@ -149,7 +149,7 @@ def _slider_crank(m: SliderCrank, angle, position, forces, gas) -> Sketch:
 
 
 def _slider_link(m: SliderLink, angle, position, forces, gas) -> Sketch:
-    radius, bore, e = float(m.crank_radius), float(m.bore), float(m.eccentricity)
+    radius, bore, e = float(m.crank_radius), float(m.bore), -float(m.offset)
     pin = radius * np.array([np.cos(angle), np.sin(angle)])
     top, _ = (float(x) for x in m.piston_extremes())
     edge = top - float(m.cylinder_length)

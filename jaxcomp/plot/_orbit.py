@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from ..compressor import Compressor
 from ..crank import Orbit
-from ..mechanism import SliderCrank, rod_motion
+from ..friction import MainBearings
+from ..mechanism import SliderCrank, Vector, rod_motion
 from ..shaking import Suspension
 from ._fine import FineTurn, fine_turn
 from ._polar import bearing_loads
@@ -239,12 +240,16 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     tilt = rod_motion(mechanism, turn.state.angle).tilt_1
     rates = {"piston_pin": tilt * speed, "crank_pin": (1 + tilt) * speed, "main_journal": speed}
     curves = {}
+    support = friction.main_journal
+    if isinstance(support, MainBearings):
+        moments = support.moments({name: Vector(*forces[name]) for name in support.names or ()}, speed)
+        curves = {name: (np.asarray(m), "Torque, N m") for name, m in moments.items()}
     for name, rate in rates.items():
         law = getattr(friction, name)
-        if law is not None:
+        if law is not None and not isinstance(law, MainBearings):
             moment = law.moment(jnp.hypot(*forces[name]), rate)
             curves[name] = (np.asarray(moment), "Torque, N m")
-    if friction.wall is not None or getattr(friction, "wall_film", None) is not None:
+    if friction.wall is not None or getattr(friction, "piston_film", None) is not None:
         curves["wall"] = (np.asarray(forces["wall"][0]), "Force on the piston, N")
     return curves
 

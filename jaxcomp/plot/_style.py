@@ -7,13 +7,12 @@ from matplotlib.figure import Figure
 # Colour-blind safe (Okabe and Ito), by joint and by torque.
 COLOURS = {
     "wall": "#D55E00",
-    "wall_film": "#E69F00",
+    "piston_film": "#E69F00",
     "piston_pin": "#009E73",
     "crank_pin": "#0072B2",
     "main_journal": "#56437F",
     "wall_crown": "#D55E00",
     "wall_edge": "#CC79A7",
-    "piston_film": "#E69F00",
     "link_slider": "#009E73",
     "upper_bearing": "#56437F",
     "lower_bearing": "#56B4E9",

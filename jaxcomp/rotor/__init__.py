@@ -9,15 +9,11 @@ from ._campbell import campbell as campbell
 from ._campbell import critical_speeds as critical_speeds
 from ._campbell import critical_speeds_between as critical_speeds_between
 from ._conventions import AXES as AXES
-from ._crank import CrankForces as CrankForces
-from ._crank import crank_forces as crank_forces
-from ._crank import loaded_films as loaded_films
 from ._damped import DampedModes as DampedModes
 from ._damped import damped_modes as damped_modes
 from ._damping import ModalDamping as ModalDamping
 from ._damping import ProportionalDamping as ProportionalDamping
-from ._film_laws import GroovedFilm as GroovedFilm
-from ._film_laws import JournalFilm as JournalFilm
+from ._film_laws import LoadedFilm as LoadedFilm
 from ._inertia import Disks as Disks
 from ._inertia import PointMasses as PointMasses
 from ._inertia import solid_disk as solid_disk
@@ -64,6 +60,7 @@ from ._response import respond as respond
 from ._response import transmitted_forces as transmitted_forces
 from ._shaft import ShaftElements as ShaftElements
 from ._shaft import shaft_mass as shaft_mass
+from ._shaft import shaft_polar_inertia as shaft_polar_inertia
 from ._stability import side_pull_limit as side_pull_limit
 from ._system import System as System
 from ._system import prepare as prepare

@@ -71,7 +71,7 @@ class PeriodicForce(Part):
 
 
 class CrankNodes(Part):
-    """Nodes on which the forces of the crank mechanism act, see `crank_forces`.
+    """Nodes on which the forces of the crank mechanism act, see `jaxcomp.coupling.crank_forces`.
 
     Args:
         pin: node of the shaft in the plane of the rod; it takes the rod's force with its torque.
@@ -81,13 +81,9 @@ class CrankNodes(Part):
             piston is and so turns the crankcase as well.
         rotor: node that takes the motor's torque; absent without torsion.
         stator: node that takes its reaction.
-        bearings: numbers of the links, counted from 0, whose film carries the mean force of the
-            rod; see `loaded_films`.
-        bearing_share: [-] (n,) share of that force by bearing; one half each if absent (paper 000,
-            Eq. 6, where both sides of the crank count).
 
     Raises:
-        BadInput: shares that are not one a bearing, or one of `rotor` and `stator` alone.
+        BadInput: one of `rotor` and `stator` alone.
     """
 
     pin: Node = eqx.field(static=True)
@@ -96,13 +92,8 @@ class CrankNodes(Part):
     wall_position: Array = quantity("m", default=0.0)
     rotor: Node | None = eqx.field(static=True, default=None)
     stator: Node | None = eqx.field(static=True, default=None)
-    bearings: tuple[int, ...] = eqx.field(static=True, default=())
-    bearing_share: Array | None = quantity("", NONNEGATIVE, shape=(None,), default=None)
 
     def __check_init__(self):
-        shares = len(self.bearings) if self.bearing_share is None else self.bearing_share.size
-        if shares != len(self.bearings):
-            raise BadInput("bearing_share", self.bearing_share, "one number for each bearing")
         if (self.rotor is None) != (self.stator is None):
             raise BadInput("stator", str(self.stator), "given with `rotor`, and only with it")
 
@@ -144,11 +135,6 @@ class LoadCase(Part):
             node = getattr(self.crank, field)
             if node is not None:
                 check_node(model, node, f"crank.{field}")
-        for number in self.crank.bearings if self.crank else ():
-            count = len(model.links)
-            if not 0 <= number < count or not hasattr(model.links[number].law, "load"):
-                bound = f"a link with a film, of the {count} counted from 0"
-                raise BadInput("crank.bearings", number, bound)
 
 
 Loads = tuple[Unbalances | PeriodicForce, ...]

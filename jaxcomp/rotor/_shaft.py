@@ -155,6 +155,15 @@ def shaft_mass(shaft: ShaftElements) -> Float[Array, " n"]:
     return shaft.density * jnp.pi / 4 * square * shaft.length
 
 
+def shaft_polar_inertia(shaft: ShaftElements) -> Float[Array, " n"]:
+    """[kg m^2] Inertia of each element about the axis, exact for cones as well."""
+    fourth = [
+        sum(a ** (4 - k) * b**k for k in range(5)) / 5
+        for a, b in (e.T for e in end_diameters(shaft))
+    ]
+    return shaft.density * jnp.pi / 32 * (fourth[0] - fourth[1]) * shaft.length
+
+
 def element_matrices(shafts: tuple[ShaftElements, ...]) -> ElementMatrices:
     """Stiffness and inertia of every element of all tables, from the exact static deflection.
 

@@ -9,14 +9,15 @@ from ._errors import SceneError as SceneError
 from ._errors import visible as visible
 from ._plausible import Doubt as Doubt
 from ._plausible import doubts as doubts
+from ._scene import NAMED as NAMED
 from ._scene import SECTIONS as SECTIONS
-from ._scene import Machine as Machine
+from ._scene import Bundled as Bundled
 from ._scene import Scene as Scene
 from ._scene import dump as dump
 from ._scene import load as load
 from ._scene import loads as loads
 from ._scene import machines as machines
-from ._scene import with_compressor as with_compressor
+from ._scene import with_machine as with_machine
 from ._scene import with_value as with_value
 from ._scene import with_values as with_values
 from ._units import NUMBER as NUMBER

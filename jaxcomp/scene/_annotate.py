@@ -20,8 +20,8 @@ import numpy as np
 from .._fields import Part
 from ..compressor import Compressor
 from ._dump import key_text, value_text
-from ._read import chosen
-from ._scene import SECTIONS, imported
+from ._read import chosen, is_value
+from ._scene import NAMED, SECTIONS, imported
 from ._schema import Entry, Number, Option, PartTable, SubPart, choices, entries, expected, meanings
 from ._units import as_text
 
@@ -69,6 +69,10 @@ def annotated(document: Mapping[str, Any]) -> str:
     for name, entry in parts.items():
         if name in document:
             lines += _section(document[name], entry.classes, name, f"[{name}]", told)
+    for section, part in NAMED.items():
+        for name, table in document.get(section, {}).items():
+            path = f"{section}.{name}"
+            lines += _section(table, (part,), path, f"[{path}]", told)
     absent = {name: entry for name, entry in parts.items() if name not in document}
     if absent:
         lines += ["", "# Other sections that a file may have:"]
@@ -93,10 +97,10 @@ def _section(table, classes, path: str, title: str, told: set[type]) -> list[str
     lines += _keys(table, part, comments=comments)
     for name, entry in entries(part).items():
         here = f"{path}.{name}"
-        if isinstance(entry, SubPart) and name in table:
+        if isinstance(entry, SubPart) and name in table and not is_value(table[name]):
             lines += _section(table[name], entry.classes, here, f"[{here}]", told)
         elif isinstance(entry, PartTable):
-            for row in table.get(name, ()):
+            for row in (row for row in table.get(name, ()) if not is_value(row)):
                 lines += _section(row, entry.classes, here, f"[[{here}]]", told)
         if comments and isinstance(entry, SubPart | PartTable) and name not in table:
             brackets = f"[[{here}]]" if isinstance(entry, PartTable) else f"[{here}]"
@@ -113,6 +117,9 @@ def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[st
         if name in table:
             text = f"{key_text(name)} = {value_text(table[name])}"
             lines += _beside(text, _meaning(entry, told[name])) if comments else [text]
+    for name, entry in entries(part).items():
+        if isinstance(entry, SubPart | PartTable) and name in table and _is_name(table[name]):
+            lines.append(f"{key_text(name)} = {value_text(table[name])}")
     for name, entry in known.items():
         if name not in table and comments and (isinstance(entry, Number) or not only_numbers):
             text = f"#{key_text(name)} = {_default(part, name, entry)}"
@@ -196,6 +203,11 @@ def _summary(part: type) -> str:
     """The first line of a class's documentation, without formulas."""
     line = (inspect.getdoc(part) or "").partition("\n")[0]
     return re.sub(r",?\s*\$[^$]*\$", "", line).rstrip(".")
+
+
+def _is_name(given: Any) -> bool:
+    """Whether the name of a bearing, or a list of such names, stands for a section."""
+    return all(map(is_value, given)) if isinstance(given, list) else is_value(given)
 
 
 def _is_text(value: Any) -> bool:

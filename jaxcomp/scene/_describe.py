@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._fields import Part
+from ..film import NamedBearing
 from ._read import join, unwrapped
-from ._scene import Scene
+from ._scene import NAMED, Scene
 from ._schema import Number, Option, PartTable, SubPart, choices, entries, kind_of, meanings
 
 
@@ -36,9 +37,15 @@ def describe(scene: Scene) -> tuple[Row, ...]:
     Quantities are NumPy arrays in SI units. The word `type` of a section stands before its values.
     """
     rows: list[Row] = []
-    if scene.compressor is not None:
-        rows += _rows(scene, scene.compressor, scene.document, "")
-    for name, part in scene.parts.items():
+    machine = scene.machine
+    if machine.compressor is not None:
+        rows += _rows(scene, machine.compressor, scene.document, "")
+    for section in NAMED:
+        for name, part in getattr(machine, section).items():
+            path, table = f"{section}.{name}", scene.document[section][name]
+            rows.append(Row(f"{path}.type", table.get("type"), kind_of(type(part)), "", "", ""))
+            rows += _rows(scene, part, table, path)
+    for name, part in machine.parts.items():
         rows += _rows(scene, part, scene.document[name], name)
     return tuple(rows)
 
@@ -49,14 +56,22 @@ def _rows(scene: Scene, part: Part, table: Any, path: str):
         value, here = getattr(part, name), join(path, name)
         if value is None:
             continue
-        if isinstance(entry, SubPart):
+        if isinstance(value, NamedBearing):
+            source = scene.sources.get(here, "")
+            yield Row(here, _written(table[name], here), value.name, "", source, told[name])
+        elif isinstance(entry, SubPart):
             if len(choices(entry.classes)) > 1:
                 given = table[name].get("type")
                 yield Row(join(here, "type"), given, kind_of(type(value)), "", "", "")
             yield from _rows(scene, value, table[name], here)
         elif isinstance(entry, PartTable):
             for index, row in enumerate(value):
-                yield from _rows(scene, row, table[name][index], f"{here}.{index}")
+                if isinstance(row, NamedBearing):
+                    place = f"{here}.{index}"
+                    source = scene.sources.get(place, "")
+                    yield Row(place, row.name, row.name, "", source, told[name])
+                else:
+                    yield from _rows(scene, row, table[name][index], f"{here}.{index}")
         elif isinstance(entry, Number | Option):
             given = _written(table[name], here) if name in table else None
             source = scene.sources.get(here, "default")

@@ -44,7 +44,6 @@ _VALUES: dict[str, tuple[float, float, str]] = {
     "clearance_ratio": (1e-3, 0.3, "0.1 to 30 %"),
     "coefficient": (5e-4, 0.5, "0.0005 to 0.5"),
     "dynamic_viscosity": (1e-4, 2.0, "0.1 mPa s to 2 Pa s"),
-    "viscosity": (1e-4, 2.0, "0.1 mPa s to 2 Pa s"),
     "radial_clearance": (1e-6, 1e-3, "1 um to 1 mm"),
     "young_modulus": (1e9, 1e12, "1 to 1000 GPa"),
     "density": (500.0, 25e3, "500 to 25,000 kg/m^3"),
@@ -88,10 +87,12 @@ _FLOW: tuple[_Ratio, ...] = (
 def doubts(scene: Scene) -> tuple[Doubt, ...]:
     """What is unusual in a scene, in the order of its parts."""
     rows = [doubt for row in describe(scene) for doubt in _of_value(row)]
-    roots = {} if scene.compressor is None else {"": scene.compressor}
+    machine = scene.machine
+    roots = {} if machine.compressor is None else {"": machine.compressor}
+    roots |= {f"bearings.{name}": one for name, one in machine.bearings.items()}
     ratios = [
         doubt
-        for root, tree in {**roots, **scene.parts}.items()
+        for root, tree in {**roots, **machine.parts}.items()
         for path, part in subparts(tree)
         for doubt in _of_part(join(root, path).rstrip("."), part)
     ]

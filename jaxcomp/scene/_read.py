@@ -7,7 +7,9 @@ import numpy as np
 
 from .._fields import BadInput, Part
 from .._words import did_you_mean, nearest
+from ..film import NamedBearing
 from ._errors import SceneError
+from ._renamed import renamed_key, renamed_type
 from ._schema import (
     Entry,
     Number,
@@ -66,6 +68,33 @@ class Reader:
         """
         return self._tried(self._part, table, classes, path, source, ignored)
 
+    def named(self, table: Any, classes: tuple[type, ...], path: str, source) -> dict[str, Part]:
+        """The parts of a section of named sections; what is wrong goes to `problems`.
+
+        Args:
+            table: the section.
+            classes: what each part may be.
+            path: of the section.
+            source: of all values that name none.
+        """
+        if not isinstance(table, Mapping):
+            self.problems.append(SceneError(path, f"must hold sections [{path}.NAME]", table))
+            return {}
+        source = _text(table.get("source", source), join(path, "source"))
+        return {
+            name: self.part(one, classes, join(path, name), source)
+            for name, one in table.items()
+            if name != "source"
+        }
+
+    def _part_or_name(self, given: Any, classes, path: str, source) -> Part | None:
+        """A part, or the name of a bearing where one may stand."""
+        name, _, own = unwrapped(given, path) if is_value(given) else (None, None, None)
+        if isinstance(name, str) and NamedBearing in choices(classes).values():
+            self.sources[path] = own or source or ""
+            return NamedBearing(name)
+        return self.part(given, classes, path, source)
+
     def _tried(self, read: Callable[..., Any], *arguments: Any) -> Any:
         """What a function reads, `None` where that ends in a problem."""
         before = len(self.problems)
@@ -88,7 +117,9 @@ class Reader:
         for key, value in table.items():
             if key not in known and key not in _META and key not in ignored:
                 few = len(self.problems) < MOST_HINTS
+                new = renamed_key(kind, key)
                 hint = did_you_mean(key, known) if few else ""
+                hint = f"; it is now {new}" if new else hint
                 shown = value.get("value") if isinstance(value, Mapping) else value
                 self.problems.append(SceneError(join(path, key), f"is an unknown key{hint}", shown))
                 if few:
@@ -107,12 +138,13 @@ class Reader:
 
     def _entry(self, entry: Entry, given: Any, path: str, source: str | None) -> Any:
         if isinstance(entry, SubPart):
-            return self.part(given, entry.classes, path, source)
+            return self._part_or_name(given, entry.classes, path, source)
         if isinstance(entry, PartTable):
             if not isinstance(given, list):
                 raise SceneError(path, f"must be a row of sections [[{path}]]", given)
             return tuple(
-                self.part(row, entry.classes, f"{path}.{i}", source) for i, row in enumerate(given)
+                self._part_or_name(row, entry.classes, f"{path}.{i}", source)
+                for i, row in enumerate(given)
             )
         value, unit, own_source = unwrapped(given, path)
         self.sources[path] = own_source or source or ""
@@ -144,6 +176,8 @@ def chosen(table: Mapping, classes: tuple[type, ...], path: str) -> type[Part]:
         words = ", ".join(sorted(known))
         hint = did_you_mean(word, known) if isinstance(word, str) else ""
         hint = hint if "did you mean" in hint else ""
+        new = renamed_type(word)
+        hint = f"; it is now {new}" if new else hint
         raise SceneError(join(path, "type"), f"must be one of: {words}{hint}", word)
     return known[word]
 
@@ -164,6 +198,11 @@ def unwrapped(given: Any, path: str) -> tuple[Any, str | None, str | None]:
         _text(unit, join(path, "unit")),
         _text(given.get("source"), join(path, "source")),
     )
+
+
+def is_value(given: Any) -> bool:
+    """Whether an entry of a table is a value, bare or with its source, and not a section."""
+    return not isinstance(given, Mapping) or "value" in given
 
 
 def join(path: str, key: str) -> str:
@@ -195,8 +234,9 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
 
 
 def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, given: Any) -> None:
-    fits = len(value.shape) == len(shape) and all(
-        want is None or want == got for want, got in zip(shape, value.shape, strict=True)
+    fits = shape == (...,) or (
+        len(value.shape) == len(shape)
+        and all(want is None or want == got for want, got in zip(shape, value.shape, strict=True))
     )
     if not fits:
         wanted = " x ".join("n" if n is None else str(n) for n in shape)

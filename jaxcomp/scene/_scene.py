@@ -5,13 +5,18 @@ import dataclasses
 import os
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
 from importlib import import_module, resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
+
 from .._fields import BadInput, Part
 from .._words import did_you_mean, hint
 from ..compressor import Compressor
+from ..film import AbstractJournal, AbstractOil
+from ..machine import Assembly, Machine, assembled, correction_planes
 from ._dump import is_section, toml_text_like
 from ._errors import SceneError
 from ._read import MOST_HINTS, Reader, join
@@ -29,6 +34,9 @@ SECTIONS: dict[str, type[Part] | str] = {
     "suspension": "jaxcomp.shaking:Suspension",
 }
 
+# Sections that hold named sections: what each of those describes.
+NAMED: dict[str, type[Part]] = {"bearings": AbstractJournal, "oils": AbstractOil}
+
 _HEADER = ("name", "description", "source")
 
 
@@ -39,8 +47,7 @@ class Scene:
     Attributes:
         name: short name of the machine.
         description: one line on it.
-        compressor: the machine as the crank sees it; `None` if the file has none of its sections.
-        parts: the parts of all other sections, by name of the section.
+        machine: all its numbers, each once; `assembled` puts it together.
         sources: source of each given value by dotted path; empty text where none is named.
         file: name of the file, for messages.
         document: the tables as they were read, for `dump` and `with_values`; not to be changed.
@@ -49,16 +56,29 @@ class Scene:
 
     name: str
     description: str
-    compressor: Compressor | None
-    parts: Mapping[str, Part]
+    machine: Machine
     sources: Mapping[str, str]
     file: str
     document: Mapping[str, Any]
     text: str = ""
 
+    @cached_property
+    def assembly(self) -> Assembly:
+        """The machine put together, as the solvers take it."""
+        return assembled(self.machine)
+
     @property
-    def machine(self) -> Compressor:
-        """The compressor, where one is needed.
+    def compressor(self) -> Compressor | None:
+        """The compressor put together; `None` if the file has none of its sections."""
+        return self.assembly.compressor
+
+    @property
+    def parts(self) -> Mapping[str, Part]:
+        """The parts of the sections beside the compressor, as they stand in the file, by section."""
+        return self.machine.parts
+
+    def as_compressor(self) -> Compressor:
+        """The compressor put together, where one is needed.
 
         Raises:
             SceneError: the scene has none.
@@ -70,7 +90,7 @@ class Scene:
         return self.compressor
 
 
-class Machine(NamedTuple):
+class Bundled(NamedTuple):
     """A bundled machine.
 
     Attributes:
@@ -93,7 +113,7 @@ def load(name_or_path: str | os.PathLike) -> Scene:
             value of another dimension or outside its bound. It names file, key, value and bound.
 
     >>> scene = load("mayekawa-wbhe")
-    >>> float(scene.machine.mechanism.bore), scene.sources["mechanism.bore"]
+    >>> float(scene.compressor.mechanism.bore), scene.sources["mechanism.bore"]
     (0.13, 'printed, Table 1')
     >>> load("mayekawa-wbeh")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
@@ -141,12 +161,12 @@ def dump(scene: Scene) -> str:
     return toml_text_like(scene.text, scene.document)
 
 
-def machines() -> tuple[Machine, ...]:
+def machines() -> tuple[Bundled, ...]:
     """The bundled machines, by name."""
     found = []
     for name, file in sorted(_bundled().items()):
         header = tomllib.loads(file.read_text("utf-8"))
-        found.append(Machine(name, header.get("description", "")))
+        found.append(Bundled(name, header.get("description", "")))
     return tuple(found)
 
 
@@ -187,18 +207,27 @@ def with_value(scene: Scene, path: str, value: Any, source: str = "set by the us
     return with_values(scene, {path: value}, source)
 
 
-def with_compressor(scene: Scene, compressor: Compressor, source: str) -> Scene:
-    """A copy of a scene with another compressor; its document says so with every digit.
+def with_machine(scene: Scene, machine: Machine, source: str) -> Scene:
+    """A copy of a scene with another machine; its document says so with every digit.
 
     Args:
         scene: the scene.
-        compressor: the new compressor, of any parts.
+        machine: with the same sections; its corrections, which a file does not hold, are left out.
         source: what the scene records as the source of the values that differ.
 
     Raises:
         SceneError: a value outside its bound, or a part that a file cannot describe.
     """
-    document = dict(updated(scene.document, scene.compressor, compressor, source))
+    old, document = scene.machine, dict(scene.document)
+    if machine.compressor is not None:
+        document = updated(document, old.compressor, machine.compressor, source)
+    for name, part in machine.parts.items():
+        document[name] = updated(document[name], old.parts[name], part, source)
+    for section in NAMED:
+        for name, part in getattr(machine, section).items():
+            table = dict(document[section])
+            table[name] = updated(table[name], getattr(old, section)[name], part, source)
+            document[section] = table
     return _scene(document, scene.file, text=scene.text)
 
 
@@ -234,52 +263,63 @@ def _places(table: Mapping[str, Any], key: str, path: str = "") -> Iterator[str]
 
 
 def _bundled() -> dict[str, Any]:
-    folder = resources.files("jaxcomp.machines")
+    folder = resources.files("jaxcomp") / "machines"
     return {f.name[:-5]: f for f in folder.iterdir() if f.name.endswith(".toml")}
 
 
 def _scene(document: dict[str, Any], file: str, stale: Iterable[str] = (), text: str = "") -> Scene:
     try:
         check_tables(document)
-        return dataclasses.replace(_checked_scene(document, file, stale), text=text)
+        return _checked_scene(document, file, stale, text)
     except SceneError as error:
         raise error.in_file(file) from None
 
 
-def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str]) -> Scene:
+def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str], text: str) -> Scene:
     reader, own = Reader(stale), entries(Compressor)
     for key in _HEADER:
         if not isinstance(document.get(key, ""), str):
             reader.problems.append(SceneError(key, "must be a text", document[key]))
-    unknown = [key for key in document if key not in {*own, *_HEADER, *SECTIONS}]
+    unknown = [key for key in document if key not in {*own, *_HEADER, *SECTIONS, *NAMED}]
     for key in unknown:
         what = "section" if is_section(document[key]) else "key"
         few = len(reader.problems) < MOST_HINTS
         places = list(_places(document, key)) if few else []
-        near = did_you_mean(key, {*own, *_HEADER, *SECTIONS}) if few else ""
+        near = did_you_mean(key, {*own, *_HEADER, *SECTIONS, *NAMED}) if few else ""
         if places:
             near = "; did you mean {}?".format(" or ".join(f'"{place}"' for place in places))
         reader.problems.append(SceneError(key, f"is an unknown {what}{near}"))
     source = document.get("source")
     compressor, parts = None, {}
     if any(key in own for key in document) or not any(key in SECTIONS for key in document):
-        ignored = frozenset((*_HEADER, *SECTIONS, *unknown))
+        ignored = frozenset((*_HEADER, *SECTIONS, *NAMED, *unknown))
         compressor = reader.part(document, (Compressor,), "", source, ignored=ignored)
     for name, part in SECTIONS.items():
         if name in document:
             parts[name] = reader.part(document[name], (imported(part),), name, source)
+    named = {
+        name: reader.named(document.get(name, {}), (part,), name, source)
+        for name, part in NAMED.items()
+    }
     if reader.problems:
         first, *others = reader.problems
         raise SceneError(first.key, first.problem, first.value, others=others)
     for name, part in parts.items():
         _check_beside(name, part, parts)
+    planes = correction_planes(parts.get("balancing"))
+    machine = Machine(compressor, parts, {name: jnp.zeros(2) for name in planes}, **named)
     default_name = Path(file).stem or "machine"
-    return Scene(
+    found = Scene(
         document.get("name", default_name),
         document.get("description", ""),
-        compressor,
-        parts,
+        machine,
         reader.sources,
         file,
         document,
+        text,
     )
+    try:
+        found.assembly  # noqa: B018  names what the parts want of each other and do not find
+    except BadInput as error:
+        raise SceneError(error.field, f"must be {error.bound}", error.value) from None
+    return found

@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 # The packages that declare parts: a class can only be found by its kind once it is imported.
 from .. import compressor as compressor
+from .. import film as film
 from .. import friction as friction
 from .. import gas as gas
 from .. import mechanism as mechanism

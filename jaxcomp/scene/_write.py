@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._fields import Part
+from ..film import NamedBearing
 from ._dump import is_section
 from ._errors import SceneError
 from ._read import unwrapped
@@ -85,6 +86,9 @@ def updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str) 
         before, after = getattr(old, name, None) if same else None, getattr(new, name)
         if after is None:
             out.pop(name, None)
+        elif isinstance(after, NamedBearing):
+            if before is None or getattr(before, "name", None) != after.name:
+                out[name] = {"value": after.name, "source": source}
         elif isinstance(entry, SubPart):
             section = out.get(name, {}) if before is not None else {}
             out[name] = updated(section, before, after, source)
@@ -92,7 +96,10 @@ def updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str) 
             rows = out.get(name, []) if before and len(before) == len(after) else []
             olds = before if rows else [None] * len(after)
             rows = rows or [{}] * len(after)
-            out[name] = [updated(*row, source) for row in zip(rows, olds, after, strict=True)]
+            out[name] = [
+                new.name if isinstance(new, NamedBearing) else updated(row, old, new, source)
+                for row, old, new in zip(rows, olds, after, strict=True)
+            ]
         elif isinstance(entry, Number):
             if before is None or not np.array_equal(before, after):
                 given = unwrapped(out[name], name)[0] if name in out else None

@@ -25,7 +25,8 @@ import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..design import Design, variable, variable_names
+from ..design import variable, variable_names
+from ..machine import Machine
 from ..tolerancing import Within, within
 from ._errors import SceneError
 from ._toml import toml_tables
@@ -90,7 +91,7 @@ def read_tolerance(text: Any, unit: str, key: str) -> Within:
         raise SceneError(key, f"is no tolerance: {error}", text) from None
 
 
-def tolerances_of(design: Design, texts: Mapping[str, str]) -> dict[str, Within]:
+def tolerances_of(design: Machine, texts: Mapping[str, str]) -> dict[str, Within]:
     """Tolerances of the numbers of a design.
 
     Args:
@@ -152,7 +153,7 @@ def _file(tables: Mapping[str, Any]) -> ToleranceFile:
     return ToleranceFile(dict(given), pairs)
 
 
-def _matching(design: Design, pattern: str) -> list[str]:
+def _matching(design: Machine, pattern: str) -> list[str]:
     """Names that fit a pattern: of single numbers, of lists by their entries, else as a whole."""
     if not any(sign in pattern for sign in "*?["):
         variable(design, pattern)  # refuses what is no number
@@ -169,7 +170,7 @@ def _matching(design: Design, pattern: str) -> list[str]:
     return out
 
 
-def _entries(design: Design, name: str) -> list[str]:
+def _entries(design: Machine, name: str) -> list[str]:
     entries: list[str] = []
     while True:
         try:

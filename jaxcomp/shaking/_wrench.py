@@ -15,7 +15,15 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..mechanism import AbstractMechanism, CrankState, SliderCrank, SliderLink, rod_motion
+from ..mechanism import (
+    AbstractMechanism,
+    CrankState,
+    SliderCrank,
+    SliderLink,
+    Vector,
+    crank_pull,
+    rod_motion,
+)
 from ..mechanism._base import cross, rotating
 
 
@@ -57,7 +65,7 @@ def _(mechanism: SliderLink, state: CrankState) -> Wrench:
     along = (mechanism.piston_mass + mechanism.slider_mass) * mechanism.crank_radius
     across = mechanism.slider_mass * mechanism.crank_radius
     height, product = mechanism.plane_height, mechanism.product_of_inertia
-    arm = mechanism.eccentricity - mechanism.piston_centre_offset
+    arm = -mechanism.offset - mechanism.piston_centre_offset
     with_shaft = mechanism.crank_inertia + across * mechanism.crank_radius
     force = [
         (along + mechanism.crank_unbalance) * u,
@@ -86,7 +94,8 @@ def _(mechanism: SliderCrank, state: CrankState) -> Wrench:
 
     piston = mechanism.piston_mass * piston_acceleration
     conrod = mechanism.conrod_mass * centre_acceleration
-    force = -(conrod + mechanism.crank_unbalance * second).at[0].add(piston)
+    pull = crank_pull(mechanism, Vector(*second)).stacked()
+    force = -(conrod + pull).at[0].add(piston)
     # the rod turns at -d(tilt)/dt; the piston's force acts along y = offset
     moment = -(
         mechanism.crank_inertia * state.acceleration

@@ -73,7 +73,7 @@ def sweep(
     done yet; all of them must see the folder `out`.
 
     Args:
-        scene: of `jaxcomp.load`, a `Design`, or a `Problem`, which has its quantities and chain.
+        scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, which has its quantities and chain.
         over: values [SI] of each variable by name (see `Variable`), for a grid; or a distribution
             each (`uniform`, `log_uniform`, `normal`), for samples. Set in this order.
         quantities: see `quantity_names`; functions of a `Found` as well.

@@ -14,8 +14,9 @@ from jaxtyping import Array, Float
 from scipy.stats import beta
 
 from .._fields import BadInput
-from ..design import Design, Found, design_of, variable
+from ..design import Found, variable
 from ..design._problem import Asked, name_of, value_of
+from ..machine import machine_of
 from ._monte_carlo import drawn_normals
 from ._scatter import Correlations, scatter_of
 from ._within import Within
@@ -81,7 +82,7 @@ def robust(
     """An objective for `optimise`, `pareto` or `problem` that counts the scatter about each design.
 
     Args:
-        scene: of `jaxcomp.load`, or a `Design`.
+        scene: of `jaxcomp.load`, or a `Machine`.
         asked: the quantity.
         tolerances: of the scattered variables, which may be design variables too: the scatter goes
             with the nominal value, and relative tolerances grow with it.
@@ -105,7 +106,7 @@ def robust(
     if quantile is not None and not tail <= quantile <= 1 - tail:
         raise BadInput("quantile", quantile, f">= {tail:.3g} and <= {1 - tail:.3g} for {samples}")
     scatter = scatter_of(tolerances, correlations)
-    design = scene if isinstance(scene, Design) else design_of(scene)
+    design = machine_of(scene)
     variables = tuple(variable(design, name) for name in tolerances)
     normals = drawn_normals(list(tolerances), samples, "sobol", seed)
     measure = f"mean {sigmas:+g} sigma" if quantile is None else f"{quantile:g} quantile"

@@ -115,7 +115,7 @@ def tolerance(
     """What production tolerances do to a machine, by derivatives and by Monte Carlo.
 
     Args:
-        scene: of `jaxcomp.load`, a `Design`, or a `Problem`, whose variables are the scattered ones.
+        scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, whose variables are the scattered ones.
         tolerances: of each variable by name, see `within` and `Variable`. Names set in this order.
         quantities: see `quantity_names`; functions of a `Found` as well. Efficiency if absent.
         correlations: [-] of the deviations of two variables, by pairs of names.

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 from .._fields import BadInput
-from ..design import Design, design_of, quantity
+from ..design import quantity
+from ..machine import machine_of
 from ._film import FILM_QUANTITIES, film_study
 from ._friction import friction_study
 from ._gradient import gradient_study
@@ -39,7 +40,7 @@ def accuracy(
     """Measure error against run time.
 
     Args:
-        scene: of `jaxcomp.load`, or a `Design`.
+        scene: of `jaxcomp.load`, or a `Machine`.
         quantity_name: what the errors are of: any name of `jaxcomp.design.quantity`; for the film one
             of "friction_number", "stiffness" and "damping".
         study: a word of `STUDIES`.
@@ -57,7 +58,7 @@ def accuracy(
     if study not in STUDIES:
         raise BadInput("study", study, f"one of {', '.join(STUDIES)}")
     unit = "" if quantity_name in FILM_QUANTITIES else quantity(quantity_name).unit
-    design = scene if isinstance(scene, Design) else design_of(scene)
+    design = machine_of(scene)
     plan = STUDIES[study](Question(design, quantity_name, variable), thorough)
     tell = tell or (lambda words, number, total: None)
     total = len(plan.pieces) + 1

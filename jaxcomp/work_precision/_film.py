@@ -17,8 +17,8 @@ import numpy as np
 from .. import film as films
 from .._fields import BadInput
 from ..crank import Collocation, solve_orbit
-from ..design import Design
-from ..friction import FilmJournal
+from ..friction import film_journals
+from ..machine import Machine, assembled
 from ._measure import compile_program
 from ._report import Reference, Row
 from ._study import Piece, Question, Study
@@ -76,21 +76,20 @@ def film_study(question: Question, thorough: bool) -> Study:
     return Study(reference, tuple(pieces), f"film of {where}; {_BATCH} points at a time")
 
 
-def film_place(design: Design) -> Place:
+def film_place(design: Machine) -> Place:
     """The film journal of a machine that runs most eccentric under its mean force and speed."""
-    friction = None if design.compressor is None else design.compressor.friction
-    laws = {} if friction is None else vars(friction)
-    journals = {name: law for name, law in laws.items() if isinstance(law, FilmJournal)}
-    if not journals:
+    compressor = assembled(design).compressor
+    journals = {} if compressor is None else film_journals(compressor.friction)
+    if compressor is None or not journals:
         return Place("a bearing", 0.5, 0.65)
-    orbit = solve_orbit(design.compressor, Collocation(reversals=0, tolerance=1e-6), throw=False)
+    orbit = solve_orbit(compressor, Collocation(reversals=0, tolerance=1e-6), throw=False)
     force, speed = orbit.mean_forces, orbit.mean_speed
     eccentricity = {
-        name: float(films.eccentricity_ratio(law.bearing, force[name], speed))
+        name: float(films.eccentricity_ratio(law, force[name], speed))
         for name, law in journals.items()
     }
     worst = max(eccentricity, key=lambda name: eccentricity[name])
-    return Place(worst, float(journals[worst].bearing.length_ratio), eccentricity[worst])
+    return Place(worst, float(journals[worst].length_ratio), eccentricity[worst])
 
 
 def _solved(place: Place, count: int):

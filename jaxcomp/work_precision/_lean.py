@@ -9,12 +9,14 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 
 from .._fields import BadInput
 from ..compressor import Compressor
-from ..design import Chain, Design, design_of
-from ..friction import FilmJournal, SliderCrankFriction
+from ..coupling import loaded_rotor
+from ..design import Chain
+from ..film import JournalBearing
+from ..friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
+from ..machine import Machine, assembled, machine_of
 from ..motor import ConstantSpeed
 from ..rotor import BalancingPlanes, Link, LoadCase, RotorModel, TargetPlane
 from ._measure import Program, compile_program
@@ -60,7 +62,7 @@ class LeanScene(NamedTuple):
     """
 
     name: str
-    design: Design
+    design: Machine
     chain: Chain
     quantity: str
 
@@ -88,7 +90,7 @@ def lean_scenes(scene: Any) -> tuple[LeanScene, ...]:
     Raises:
         BadInput: a scene with neither a crank nor a rotor with planes.
     """
-    design = scene if isinstance(scene, Design) else design_of(scene)
+    design = machine_of(scene)
     found = [*_crank_scenes(design), *_rotor_scenes(design)]
     if not found:
         raise BadInput("scene", "without", "one with a compressor, or a rotor with its planes")
@@ -120,8 +122,8 @@ def _cost(one: LeanScene) -> SceneCost:
     )
 
 
-def _crank_scenes(design: Design):
-    machine = design.compressor
+def _crank_scenes(design: Machine):
+    machine = assembled(design).compressor
     if machine is None:
         return
     given = ConstantSpeed(machine.motor.speed_guess)
@@ -132,17 +134,15 @@ def _crank_scenes(design: Design):
         "fluctuating speed": machine,
     }
     if isinstance(machine.friction, SliderCrankFriction):
-        ladder["fluctuating speed, film journals"] = _changed(
-            machine, friction=_filmed(machine.friction)
-        )
+        ladder["fluctuating speed, film journals"] = _filmed_machine(machine)
     for name, made in ladder.items():
-        alone = Design(made, {}, {})
+        alone = Machine(made)
         yield LeanScene(f"crank: {name}", alone, Chain(), _CRANK)
 
 
-def _rotor_scenes(design: Design):
-    model, case = design.parts.get("rotor"), design.parts.get("loads")
-    places = design.parts.get("balancing")
+def _rotor_scenes(design: Machine):
+    made = assembled(design)
+    model, case, places = made.rotor, made.loads, made.balancing
     if not (
         isinstance(model, RotorModel)
         and isinstance(case, LoadCase)
@@ -151,6 +151,7 @@ def _rotor_scenes(design: Design):
     ):
         return
     shaken = "file" if case.forces else "crank"
+    model, whole_model = loaded_rotor(made, places.speeds), model
     # one target that every scene has: the first plane of the rotor
     first = places.planes[0]
     places = dataclasses.replace(places, targets=(TargetPlane(first.name, first.node),))
@@ -161,19 +162,22 @@ def _rotor_scenes(design: Design):
             "rotor: alone, its bearings on the ground" if not kept else f"rotor: {kept + 1} subsets"
         )
         if shaken == "file":
-            alone = Design(None, parts, design.corrections)
+            alone = Machine(None, parts, design.corrections)
             yield LeanScene(name, alone, Chain(excitation="file"), "vibration")
     full = {"rotor": dataclasses.replace(model, dof=6), "loads": case, "balancing": places}
     whole = f"{len(model.bodies) + 1} subsets, six degrees of freedom"
     if shaken == "file":
-        alone = Design(None, full, design.corrections)
+        alone = Machine(None, full, design.corrections)
         yield LeanScene(f"rotor: {whole}", alone, Chain(excitation="file"), "vibration")
-    machine = design.compressor
-    if case.crank is not None and machine is not None:
-        friction = machine.friction
-        if isinstance(friction, SliderCrankFriction):
-            machine = _changed(machine, friction=_filmed(friction))
-        made = Design(machine, full, design.corrections)
+    if case.crank is not None and design.compressor is not None:
+        full["rotor"] = dataclasses.replace(whole_model, dof=6)
+        made = Machine(
+            _filmed_machine(design.compressor),
+            full,
+            design.corrections,
+            design.bearings,
+            design.oils,
+        )
         name = f"all: {whole}, shaken by the crank"
         yield LeanScene(name, made, Chain(excitation="crank"), "vibration")
 
@@ -182,17 +186,21 @@ def _changed(machine: Compressor, **parts) -> Compressor:
     return dataclasses.replace(machine, **parts)
 
 
-def _filmed(friction: SliderCrankFriction) -> SliderCrankFriction:
+def _filmed_machine(machine: Compressor) -> Compressor:
     """The same joints with films on crank pin and main journal."""
+    friction = machine.friction
+    if not isinstance(friction, SliderCrankFriction):
+        return machine
 
     def film(law):
-        if law is None or isinstance(law, FilmJournal) or not hasattr(law, "diameter"):
+        if not isinstance(law, CoulombJournal | RegularisedJournal):
             return law
         d = law.diameter
-        return FilmJournal(d, _LENGTH_RATIO * d, _CLEARANCE_RATIO * d / 2, jnp.asarray(_VISCOSITY))
+        return JournalBearing(d, _LENGTH_RATIO * d, _CLEARANCE_RATIO * d / 2, _VISCOSITY)
 
     names = ("crank_pin", "main_journal")
-    return dataclasses.replace(friction, **{n: film(getattr(friction, n)) for n in names})
+    laws = {name: film(getattr(friction, name)) for name in names}
+    return _changed(machine, friction=dataclasses.replace(friction, **laws))
 
 
 def _grounded(model: RotorModel, case: LoadCase, kept: int) -> tuple[RotorModel, LoadCase]:

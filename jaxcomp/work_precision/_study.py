@@ -10,7 +10,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._fields import BadInput
 from ..crank import Collocation, Shooting
-from ..design import Chain, Design, Found, quantity
+from ..design import Chain, Found, quantity
+from ..machine import Machine
 from ._measure import Program, compile_program
 from ._report import Order, Reference, Row
 
@@ -24,7 +25,7 @@ class Question(NamedTuple):
         variable: name of a variable, for studies of derivatives.
     """
 
-    design: Design
+    design: Machine
     quantity: str
     variable: str | None = None
 
@@ -58,7 +59,7 @@ class Study(NamedTuple):
 
 
 def answer(
-    design: Design, chain: Chain, name: str
+    design: Machine, chain: Chain, name: str
 ) -> tuple[Float[Array, ""], Int[Array, ""], Bool[Array, ""]]:
     """A quantity of a design, the passes of the crank's solver (0 without), and whether it is ok."""
     found = Found(design, chain)
@@ -76,7 +77,7 @@ class SolverProgram:
             answer, question.design, self._chain(1e-7), question.quantity
         )
 
-    def at(self, design: Design) -> "SolverProgram":
+    def at(self, design: Machine) -> "SolverProgram":
         """The same program for a design with other numbers."""
         other = copy(self)
         other._question = self._question._replace(design=design)

@@ -66,7 +66,8 @@ def main():
 
     jax.config.update("jax_num_cpu_devices", CORES)
     from jaxcomp import Collocation, load, within
-    from jaxcomp.design import Chain, balanced_design, design_of
+    from jaxcomp.design import Chain, balanced_design
+    from jaxcomp.machine import machine_of
 
     print(f"jax {jax.__version__}, {CORES} cores, load {os.getloadavg()[0]:.1f}")
     friction = {
@@ -78,7 +79,7 @@ def main():
         "efficiency of the machine of Tsuji et al.", load("mayekawa-wbhe"), friction,
         "mechanical_efficiency", (0.9, None), chain, given.samples,
     )  # fmt: skip
-    balanced = balanced_design(design_of(load("hermetic-68cc")), Chain())
+    balanced = balanced_design(machine_of(load("hermetic-68cc")), Chain())
     masses = [f"loads.unbalances.0.magnitude.{i}" for i in range(2)]
     masses += [f"loads.unbalances.1.magnitude.{i}" for i in range(4)]
     masses += [f"corrections.{plane}.magnitude" for plane in balanced.corrections]

@@ -1,0 +1,311 @@
+r"""The crank and the rotor of one machine: loads, films, and both at a given speed.
+
+The rod pushes the crank pin, the gas the cylinder head, the piston the cylinder wall, and the motor
+and the main journal turn rotor and stator against each other. All are real forces on real places, with
+the friction of the pins, so that force and moment over the machine are minus those of the inertia of
+rod and piston, and nothing else. The crank's own unbalance belongs to `Unbalances`.
+
+The frames are the same: x along the cylinder, the crank turns from x to y. The harmonics are those
+of time, with the crank at angle zero at W t = 0 on the mean; W is the mean speed.
+
+Source: *Balancing a hermetic single-cylinder refrigeration compressor* (paper 000), Eq. (5), where
+polynomials are fitted first; here the forces themselves are integrated. Its Eq. (6) takes the mean
+force of the rod as the static load of the pin; the bearings carry it by the statics of the shaft.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ._fields import BadInput, replaced
+from ._words import one_of
+from .compressor import Compressor
+from .crank import Collocation, Orbit, Shooting, solve_orbit
+from .crankshaft import main_films
+from .friction import shares
+from .machine import Assembly
+from .mechanism import SliderCrank, rod_motion
+from .motor import ConstantSpeed, MeanSpeed
+from .rotor import CrankNodes, PeriodicForce, RotorModel, Unbalances
+
+# [rad/s] Below this speed the static loads of the films are those of this speed.
+_SLOWEST = 1.0
+
+
+class CrankForces(NamedTuple):
+    """Loads of one periodic state of the crank.
+
+    Attributes:
+        forces: on rod end, head and wall, and of the motor where it was asked for.
+        spin_speed: [rad/s] mean speed, at which these forces hold.
+        missing: [-] by load, what the orders leave out: root mean square of the rest over that of
+            the force.
+    """
+
+    forces: tuple[PeriodicForce, ...]
+    spin_speed: Float[Array, ""]
+    missing: dict[str, Float[Array, ""]]
+
+
+def crank_forces(
+    compressor: Compressor,
+    state: Orbit,
+    nodes: CrankNodes,
+    orders: tuple[int, ...] = (0, 1, 2, 3, 4, 5),
+) -> CrankForces:
+    """Fourier coefficients of the crank's forces, by the quadrature of its own solver.
+
+    Args:
+        compressor: with a slider-crank.
+        state: its periodic state, from `solve_orbit`; its nodes respect the kinks of the gas, and
+            the orders should stay well below half their number.
+        nodes: where the forces act.
+        orders: harmonics to keep, 0 for the mean.
+
+    Raises:
+        BadInput: another mechanism.
+    """
+    mechanism = compressor.mechanism
+    if not isinstance(mechanism, SliderCrank):
+        raise BadInput("mechanism", type(mechanism).__name__, "a slider-crank")
+    angle = state.state.angle
+    none = jnp.zeros_like(angle)
+    position, _, _ = mechanism.piston(angle)
+    rod = -state.loads.forces["crank_pin"]
+    side = -state.loads.forces["wall"]
+    gas = none
+    if state.pressure is not None and compressor.gas is not None:
+        gas = (state.pressure - compressor.gas.behind_piston) * mechanism.piston_area
+    radius, offset = mechanism.crank_radius, mechanism.offset
+    # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
+    lost, tilt = state.loads.loss_torque, rod_motion(mechanism, angle).tilt_1
+    torque = radius * (jnp.cos(angle) * rod[1] - jnp.sin(angle) * rod[0])
+    torque = torque - lost.get("crank_pin", none) / (1 + tilt)
+    lever = (position - nodes.wall_position) * side[1] - offset * side[0]
+    lever = lever - lost.get("piston_pin", none) / jnp.where(tilt == 0, 1.0, tilt)
+    wrenches = {
+        nodes.pin: ("rod", rod[0], rod[1], torque),
+        nodes.head: ("gas", gas, none, -offset * gas),
+        nodes.wall: ("wall", side[0], side[1], lever),
+    }
+    phase = state.mean_speed * state.time + mechanism.dead_centres()[0]
+    share = state.weight / state.state.speed
+    share = share / jnp.sum(share)
+    forces, missing = [], {}
+    for node, (name, fx, fy, mz) in wrenches.items():
+        force = jnp.stack([fx, fy, none])
+        (cosine, sine), missing[name] = _harmonics(force, phase, share, orders)
+        (turning_cosine, turning_sine), _ = _harmonics(
+            jnp.stack([none, none, mz]), phase, share, orders
+        )
+        forces.append(PeriodicForce(node, None, orders, cosine, sine, turning_cosine, turning_sine))
+    if nodes.rotor is not None:
+        of_pins = ("wall", "piston_film", "piston_pin", "crank_pin")
+        at_shaft = sum((lost[name] for name in lost if name not in of_pins), start=none)
+        between = state.motor_torque - at_shaft
+        turning = jnp.stack([none, none, between])
+        (cosine, sine), missing["motor"] = _harmonics(turning, phase, share, orders)
+        zero = jnp.zeros_like(cosine)
+        forces.append(PeriodicForce(nodes.rotor, nodes.stator, orders, zero, zero, cosine, sine))
+    return CrankForces(tuple(forces), state.mean_speed, missing)
+
+
+def open_films(rotor: RotorModel | None) -> tuple[int, ...]:
+    """Numbers of the links whose film takes its static load from the crank's periodic state."""
+    links = rotor.links if rotor is not None else ()
+    return tuple(i for i, link in enumerate(links) if getattr(link.law, "load", 0) is None)
+
+
+def film_loads(rotor: RotorModel, pin, state: Orbit) -> dict[int, Float[Array, "2"]]:
+    """[N] Static load on the journal of every film of the shaft, by number of the link.
+
+    The mean force of the rod on the pin over time, shared by `MainBearings`: rotating forces have no
+    mean. Each film counts as a bearing of the shaft, in proportion to its projected area where there
+    are more than two.
+
+    Args:
+        rotor: the model, with its bearings.
+        pin: node in the plane of the rod.
+        state: periodic state of the crank.
+    """
+    films = main_films(rotor, pin)
+    share = state.weight / state.state.speed
+    mean = -(state.loads.forces["crank_pin"] @ share) / jnp.sum(share)
+    bearings = tuple(rotor.links[number].law.bearing for number, _ in films)
+    position = jnp.stack([z for _, z in films])
+    found = shares(bearings, position)
+    return {number: share * mean for (number, _), (share, _) in zip(films, found, strict=True)}
+
+
+def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
+    """The compressor held at a mean speed [rad/s], whatever its motor."""
+    motor = compressor.motor
+    if isinstance(motor, MeanSpeed | ConstantSpeed):
+        return replaced(compressor, motor=replaced(motor, mean_speed=speed))
+    held = replaced(MeanSpeed(1.0), mean_speed=jnp.asarray(speed, float))
+    return replaced(compressor, motor=held)
+
+
+# What the crank's forces may do without.
+LEAVABLE = ("gas", "inertia", "friction", "fluctuation")
+
+
+def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
+    """The compressor without some of what makes its forces, to see what each of them is worth.
+
+    Args:
+        compressor: with a slider-crank.
+        left_out: "gas"; "inertia" (of piston and rod); "friction"; "fluctuation" (of the speed,
+            by a flywheel a million times as heavy).
+
+    Raises:
+        BadInput: another word.
+    """
+    for word in left_out:
+        if word not in LEAVABLE:
+            raise BadInput("without", word, one_of(word, LEAVABLE))
+    mechanism = compressor.mechanism
+    if "inertia" in left_out:
+        # Their bounds leave out zero; a millionth is as good.
+        names = ("piston_mass", "conrod_mass", "conrod_inertia")
+        mechanism = replaced(mechanism, **{n: 1e-6 * getattr(mechanism, n) for n in names})
+    if "fluctuation" in left_out:
+        mechanism = replaced(mechanism, crank_inertia=1e6 * mechanism.crank_inertia)
+    changed = replaced(compressor, mechanism=mechanism)
+    for word in ("gas", "friction"):
+        if word in left_out and getattr(changed, word) is not None:
+            changed = eqx.tree_at(lambda c, word=word: getattr(c, word), changed, None)
+    return changed
+
+
+class RunningRotor(NamedTuple):
+    """The rotor of a machine at one speed, or at several with a leading axis on every array.
+
+    Attributes:
+        model: with every film under its static load.
+        loads: unbalances with the corrections, and periodic forces.
+        ok: whether the periodic state converged, where one was needed.
+    """
+
+    model: RotorModel
+    loads: tuple[Unbalances | PeriodicForce, ...]
+    ok: Bool[Array, ""]
+
+
+def running_rotor(
+    machine: Assembly,
+    speed: Float[Array, ""],
+    orders: tuple[int, ...] = (1,),
+    solver: Collocation | Shooting | None = None,
+    *,
+    crank: bool = True,
+    left_out: tuple[str, ...] = (),
+) -> RunningRotor:
+    """Model and loads of a machine at one speed; its crank is solved once, where it is needed.
+
+    Args:
+        machine: put together, with rotor and loads.
+        speed: [rad/s] mean speed; the motor gives way to it.
+        orders: harmonics of the crank's forces.
+        solver: of the periodic state.
+        crank: take the forces of the crank in the place of those that the scene gives.
+        left_out: what the crank's forces do without, see `without`; the films keep the mean force of
+            the whole machine.
+
+    Raises:
+        BadInput: no crank where one is needed.
+    """
+    rotor, case = machine.rotor, machine.loads
+    assert rotor is not None
+    assert case is not None
+    opened = open_films(rotor)
+    if not (opened or crank):
+        return RunningRotor(rotor, machine.given_loads, jnp.asarray(True))
+    if machine.compressor is None or case.crank is None:
+        need = "the excitation by the crank" if crank else "films without a given load"
+        raise BadInput("loads.crank", "absent", f"given beside a compressor, for {need}")
+    whole = at_speed(machine.compressor, speed)
+    orbit = solve_orbit(whole, solver, throw=False)
+    ok = orbit.converged
+    if opened:
+        loads = film_loads(rotor, case.crank.pin, orbit)
+        rotor = _loaded(rotor, {number: loads[number] for number in opened})
+    if not crank:
+        return RunningRotor(rotor, machine.given_loads, ok)
+    if left_out:
+        whole = without(whole, left_out)
+        orbit = solve_orbit(whole, solver, throw=False)
+        ok &= orbit.converged
+    forces = crank_forces(whole, orbit, case.crank, tuple(dict.fromkeys((0, *orders))))
+    return RunningRotor(rotor, (*machine.unbalances, *forces.forces), ok)
+
+
+def loaded_rotor(
+    machine: Assembly, speeds: Float[Array, " m"], solver: Collocation | Shooting | None = None
+) -> RotorModel:
+    """The rotor with a table of static loads over the speed in every film that leaves them open.
+
+    Args:
+        machine: put together.
+        speeds: [rad/s] (m,) increasing, at which the crank is solved. Where it has no periodic state,
+            such as below the speed that its flywheel needs, the forces at constant speed count.
+        solver: of the periodic states.
+
+    Raises:
+        BadInput: no crank beside a film that needs it.
+    """
+    rotor, case = machine.rotor, machine.loads
+    assert rotor is not None
+    opened = open_films(rotor)
+    if not opened:
+        return rotor
+    if machine.compressor is None or case is None or case.crank is None:
+        bound = "given: films without a load take it from the crank, see `loads.crank`"
+        raise BadInput(f"links.{opened[0]}.law.load", "absent", bound)
+    speeds = jnp.maximum(jnp.atleast_1d(jnp.asarray(speeds, float)), _SLOWEST)
+    tables = _load_tables(machine.compressor, rotor, case.crank.pin, speeds, solver)
+    return _loaded(rotor, {number: tables[number] for number in opened}, speeds)
+
+
+@eqx.filter_jit
+def _load_tables(compressor, rotor, pin, speeds, solver):
+    # a mean force needs no panel edges at load reversals
+    solver = Collocation(reversals=0, tolerance=1e-9) if solver is None else solver
+
+    def one(speed):
+        orbit = solve_orbit(at_speed(compressor, speed), solver, throw=False)
+        held = replaced(ConstantSpeed(1.0), mean_speed=speed)
+        steady = eqx.tree_at(
+            lambda c: (c.motor, c.friction), compressor, (held, None), is_leaf=lambda x: x is None
+        )
+        steady = solve_orbit(steady, solver, throw=False)
+        found, instead = (film_loads(rotor, pin, state) for state in (orbit, steady))
+        return jax.tree.map(partial(jnp.where, orbit.converged), found, instead)
+
+    return jax.vmap(one)(speeds)
+
+
+def _loaded(rotor: RotorModel, loads, speeds=None) -> RotorModel:
+    links = list(rotor.links)
+    for number, load in loads.items():
+        law = replaced(links[number].law, load=load)
+        law = law if speeds is None else replaced(law, speed=speeds)
+        links[number] = replaced(links[number], law=law)
+    return eqx.tree_at(lambda m: m.links, rotor, tuple(links))
+
+
+def _harmonics(values: Float[Array, "3 n"], phase, share, orders):
+    """Coefficients (orders, 3) of cosine and sine, and the relative size of what is left out."""
+    table = [((1.0 if n == 0 else 2.0), n * phase) for n in orders]
+    cosine = jnp.stack([f * values @ (share * jnp.cos(p)) for f, p in table])
+    sine = jnp.stack([f * values @ (share * jnp.sin(p)) for f, p in table])
+    kept = sum(
+        a[:, None] * jnp.cos(p) + b[:, None] * jnp.sin(p)
+        for a, b, (_, p) in zip(cosine, sine, table, strict=True)
+    )
+    rest, whole = (jnp.sum(share * v**2) for v in (values - kept, values))
+    return (cosine, sine), jnp.sqrt(rest / jnp.where(whole == 0, 1.0, whole))

@@ -1,1 +1,0 @@
-"""The bundled machines: published compressors as scene files, every value with its source."""
