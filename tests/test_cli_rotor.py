@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from jaxcomp import plot
+from jaxcomp import BadInput, plot
 from jaxcomp.cli import app
 from jaxcomp.rotor import (
     ConstantLaw,

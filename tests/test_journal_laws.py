@@ -196,7 +196,7 @@ def test_drag_resists_either_way(law):
 def test_refuses_what_the_film_does_not_cover():
     with pytest.raises(BadInput, match=r"length/diameter 0\.4 to 2"):
         journal(0.3, "fit")
-    with pytest.raises(BadInput, match=r"length/diameter from 0\.1 to 2"):
+    with pytest.raises(BadInput, match=r"length/diameter 0\.1 to 2"):
         journal(2.5)
     with pytest.raises(ValueError, match="reynolds"):
         journal(1.0, "ocvirk")

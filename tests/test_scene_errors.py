@@ -269,14 +269,16 @@ def test_oil_by_grade_and_temperature():
         + """
 [friction]
 type = "slider_crank"
-[friction.wall_film]
-clearance = "6 um"
+[friction.piston_film]
+radial_clearance = "6 um"
 length = "30 mm"
-viscosity = "VG 46 at 60 degC"
+dynamic_viscosity = "VG 46 at 60 degC"
 """
     )
-    film = loads(text).machine.friction.wall_film
-    assert float(film.viscosity) == pytest.approx(float(iso_vg_viscosity(46, 333.15)), rel=1e-12)
+    film = loads(text).compressor.friction.piston_film
+    assert float(film.dynamic_viscosity) == pytest.approx(
+        float(iso_vg_viscosity(46, 333.15)), rel=1e-12
+    )
     with pytest.raises(
         SceneError, match=r'"60 degC": is a temperature.*such as "VG 46 at 60 degC"'
     ):

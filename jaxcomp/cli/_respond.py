@@ -56,6 +56,7 @@ def respond(
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
+    rotor_of(scene)
     case = scene.parts.get("loads")
     if not isinstance(case, LoadCase) or not case.loads:
         raise CommandError(f"{scene.file}: loads: is missing; nothing shakes this rotor")

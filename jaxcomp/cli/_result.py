@@ -59,7 +59,7 @@ def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
         "converged": bool(orbit.converged),
         "status": Status[orbit.status],
         "solver": orbit.solver,
-        "remarks": list(_remarks(scene.machine)),
+        "remarks": list(_remarks(scene.as_compressor())),
     }
 
 
