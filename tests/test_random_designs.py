@@ -15,7 +15,7 @@ from jaxcomp.gas import PolytropicCycle
 from jaxcomp.motor import Kloss, MeanSpeed, SlipLine
 
 MOTORS = ("mean_speed", "slip_line", "kloss")
-SOLVER = Collocation(kinks=4)
+SOLVER = Collocation(reversals=4)
 
 
 def designs(motor: str, count: int, seed: int):

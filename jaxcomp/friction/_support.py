@@ -116,7 +116,7 @@ class MainBearings(Part):
 def shares(
     bearings: tuple[AbstractJournal, ...], position: Float[Array, " n"] | None
 ) -> list[tuple[Float[Array, ""], Float[Array, ""]]]:
-    """What each bearing of a rigid shaft takes of force [-] and moment [1/m], see the head of this module.
+    """What each bearing of a rigid shaft takes of force [-] and moment [1/m]; see the head of the module.
 
     Args:
         bearings: of the shaft; their projected areas are the weights.

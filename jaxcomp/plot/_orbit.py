@@ -242,7 +242,9 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     curves = {}
     support = friction.main_journal
     if isinstance(support, MainBearings):
-        moments = support.moments({name: Vector(*forces[name]) for name in support.names or ()}, speed)
+        moments = support.moments(
+            {name: Vector(*forces[name]) for name in support.names or ()}, speed
+        )
         curves = {name: (np.asarray(m), "Torque, N m") for name, m in moments.items()}
     for name, rate in rates.items():
         law = getattr(friction, name)
