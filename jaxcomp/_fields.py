@@ -192,13 +192,17 @@ def subparts(tree: Any) -> Iterator[tuple[str, Part]]:
 def admissible(tree: Part) -> Bool[Array, ""]:
     """Whether every value is inside its bound and every rule holds; for traced values too."""
     good = jnp.asarray(True)
+    values: dict[Bound, list[Array]] = {}
     for _, part in subparts(tree):
         for name, field in quantities(part):
             value = getattr(part, name)
             if value is not None:
-                good &= field.metadata["bound"].holds(value)
+                values.setdefault(field.metadata["bound"], []).append(value)
         for holds in part.conditions().values():
             good &= holds
+    # Values of one bound are compared together, for the sake of the compiler.
+    for bound, some in values.items():
+        good &= bound.holds(jnp.concatenate([jnp.ravel(value) for value in some]))
     return good
 
 
@@ -268,6 +272,6 @@ def _check_shape(owner: str, name: str, value: Array, shape: tuple) -> None:
 
 def _shown(value: Any) -> str:
     if isinstance(value, str):
-        return value
+        return value or "empty"
     value = np.asarray(value)
     return f"{value.item():.6g}" if value.ndim == 0 else np.array2string(value, precision=6)

@@ -9,10 +9,19 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from ._damped import DampedModes, _damped, damped_modes, system_matrices
+from ._conventions import add, from_planes, take, to_planes
+from ._damped import (
+    DampedModes,
+    _damped,
+    check_request,
+    damped_modes,
+    on_cpu,
+    system_matrices,
+)
+from ._elimination import lu_factor, lu_solve
 from ._layout import layout_of
 from ._model import RotorModel
-from ._system import System, prepare
+from ._system import System, apply, operator_at, prepare, undamped
 
 
 def campbell(
@@ -24,7 +33,7 @@ def campbell(
 ) -> DampedModes:
     """Damped modes over the spin speed, each with its whirl; (speeds, count) in all fields.
 
-    Modes are in the order of their frequency at each speed.
+    Modes are in the order of their undamped frequency |lambda| at each speed.
 
     Args:
         model: the model, or the `System` prepared from it.
@@ -33,12 +42,10 @@ def campbell(
         damping: false leaves out all damping.
 
     Raises:
-        BadInput: a number of modes that the model does not have.
+        BadInput: a number of modes that the model does not have, or a speed that is not finite.
     """
-    size = layout_of(model).size
-    if not 0 < count <= size:
-        raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
-    return _campbell(model, jnp.asarray(spin_speeds, float), count, damping)
+    check_request(model, count, spin_speeds=spin_speeds)
+    return on_cpu(_campbell)(model, jnp.asarray(spin_speeds, float), count, damping)
 
 
 @eqx.filter_jit
@@ -85,10 +92,12 @@ def critical_speeds(
         near: [rad/s] where tables of the links are read for the start.
 
     Raises:
-        BadInput: an order below one.
+        BadInput: an order below one, more starts than degrees of freedom, or a `near` that is not
+            finite.
     """
     if order < 1:
         raise BadInput("order", order, "at least 1")
+    check_request(model, count, near=near)
     return _critical(model, count, order, damping, jnp.asarray(near, float))
 
 
@@ -123,7 +132,7 @@ def critical_speeds_between(
     if spin_speeds.size < 2 or not bool(jnp.all(jnp.diff(spin_speeds) > 0)):
         raise BadInput("spin_speeds", spin_speeds, "at least two rising speeds")
     model = prepare(model)
-    modes = campbell(model, spin_speeds, count, damping=damping)
+    modes = _by_frequency(campbell(model, spin_speeds, count, damping=damping))
     speed, gap = np.asarray(spin_speeds), np.asarray(modes.frequency)
     gap = gap - order * speed[:, None]
     at, mode = np.nonzero((gap[:-1] > 0) & (gap[1:] <= 0) | (gap[:-1] < 0) & (gap[1:] >= 0))
@@ -131,7 +140,7 @@ def critical_speeds_between(
         return CriticalSpeeds(*(jnp.zeros(0),) * 3)
     near, begin, growth = [], speed[at], np.zeros(at.size)
     low, high, below, above = speed[at], speed[at + 1], gap[at, mode], gap[at + 1, mode]
-    one = lambda w: damped_modes(model, w, count, damping=damping)  # noqa: E731
+    one = lambda w: _by_frequency(damped_modes(model, w, count, damping=damping))  # noqa: E731
     for _ in range(3):  # regula falsi, so that close neighbours are told apart
         begin = low + below / (below - above) * (high - low)
         near = [one(w) for w in begin]
@@ -159,6 +168,17 @@ def critical_speeds_between(
     return CriticalSpeeds(*(a[np.array(kept, int)] for a in found))
 
 
+def _by_frequency(modes: DampedModes) -> DampedModes:
+    """The modes in the order of Im lambda, in which they are continuous over the speed."""
+    order = jnp.argsort(modes.frequency, -1)
+
+    def pick(a):
+        at = order.reshape(*order.shape, *(1,) * (a.ndim - order.ndim))
+        return jnp.take_along_axis(a, at, order.ndim - 1)
+
+    return DampedModes(*(pick(a) for a in modes[:3]), modes.growth)
+
+
 @eqx.filter_jit
 def _critical(model, count, order, damping, near):
     system = prepare(model)
@@ -174,26 +194,34 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
     """Newton steps from speeds, growths and vectors (m, active)."""
     numbers, rest = eqx.partition(system, eqx.is_inexact_array)
     frozen = jax.lax.stop_gradient(numbers)
-
-    def parts(numbers, spin):
-        full, d = system_matrices(eqx.combine(numbers, rest), spin, damping=damping)
-        return full.mass, d, full.stiffness
-
     b = jnp.asarray(np.random.default_rng(1).normal(size=shapes.shape[1])) + 0j
 
-    def stiffness(numbers, growth, spin):
-        m, d, k = parts(numbers, spin)
-        lam = growth + 1j * order * spin
-        return lam**2 * m + lam * d + k
+    def product(numbers, growth, spin, x, transpose=False):
+        """P x element by element: P is the dynamic stiffness at the frequency n W - i a."""
+        whole = eqx.combine(numbers, rest)
+        if not damping:
+            whole = undamped(whole)
+        z = operator_at(whole, spin, order * spin - 1j * growth)
+        z = z if damping else z._replace(damping=jnp.zeros_like(z.damping))
+        return on_active(whole, x, lambda x: apply(z, x, transpose=transpose))
 
     def vectors(growth, spin, x, y):
-        p = stiffness(frozen, growth, spin * (1 + 1e-13))
-        lu = jax.scipy.linalg.lu_factor(p)
-        x, y = jax.scipy.linalg.lu_solve(lu, x), jax.scipy.linalg.lu_solve(lu, y, trans=1)
-        return x / jnp.linalg.norm(x), y / jnp.linalg.norm(y)
+        spin = spin * (1 + 1e-13)
+        full, d = system_matrices(eqx.combine(frozen, rest), spin, damping=damping)
+        lam = growth + 1j * order * spin
+        lu = lu_factor(lam**2 * full.mass + lam * d + full.stiffness)
+
+        def solved(b, transpose):
+            # The product has digits of soft springs that the matrix has lost beside stiff shafts.
+            x = lu_solve(lu, b[:, None], transpose)[:, 0]
+            rest = b - product(frozen, growth, spin, x, transpose)
+            x = x + lu_solve(lu, rest[:, None], transpose)[:, 0]
+            return x / jnp.linalg.norm(x)
+
+        return solved(x, False), solved(y, True)
 
     def newton(numbers, growth, spin, x, y):
-        bilinear = lambda n, a, w: y @ stiffness(n, a, w) @ x  # noqa: E731
+        bilinear = lambda n, a, w: y @ product(n, a, w, x)  # noqa: E731
         value = bilinear(numbers, growth, spin)
         slope = jax.jacfwd(bilinear, (1, 2))(frozen, growth, spin)
         a, w = (jax.lax.stop_gradient(s) for s in slope)
@@ -229,12 +257,40 @@ def _synchronous(system, count, order, near):
     size = jnp.diagonal(k) + 1e-300
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
     # A grain of inertia keeps a model with rigid motions positive definite; it is only the start.
-    grain = 1e-9 * jnp.trace(k) / jnp.trace(inertia)
+    # By the median, because one stiff spring would make a grain that outweighs the shaft.
+    moving = jnp.diagonal(inertia) > 0
+    ratio = jnp.abs(jnp.diagonal(k)) / jnp.where(moving, jnp.diagonal(inertia), jnp.nan)
+    grain = 1e-11 * jnp.nanmedian(ratio)
     low = jnp.linalg.cholesky(weight[:, None] * (k + grain * inertia) * weight) + 0j
     half = jax.scipy.linalg.solve_triangular(low, weight[:, None] * h * weight, lower=True)
     a = jax.scipy.linalg.solve_triangular(low, half.conj().T, lower=True)
     mu, v = jnp.linalg.eigh((a + a.conj().T) / 2)
     mu, v = mu[::-1][:count], v[:, ::-1][:, :count]
     x = weight[:, None] * jax.scipy.linalg.solve_triangular(low.conj().T, v, lower=False)
+    x = x / jnp.linalg.norm(x, axis=0)
+    # Again within their span, with the strain energy element by element: motions on soft springs,
+    # which the assembled matrix mixes, come apart.
+    still = operator_at(system, near, jnp.zeros(()))
+    energy = jax.vmap(lambda x: on_active(system, x, lambda x: apply(still, x)), -1, -1)(x)
+    energy = x.conj().T @ energy
+    energy = (energy + energy.conj().T) / 2
+    weight = 1 / jnp.sqrt(jnp.abs(jnp.diagonal(energy).real))
+    low = jnp.linalg.cholesky(weight[:, None] * energy * weight)
+    half = jax.scipy.linalg.solve_triangular(
+        low, weight[:, None] * (x.conj().T @ h @ x) * weight, lower=True
+    )
+    a = jax.scipy.linalg.solve_triangular(low, half.conj().T, lower=True)
+    inner, v = jnp.linalg.eigh((a + a.conj().T) / 2)
+    v = weight[:, None] * jax.scipy.linalg.solve_triangular(low.conj().T, v, lower=False)
+    good = jnp.all(jnp.isfinite(v)) & jnp.all(jnp.isfinite(inner))
+    mu, x = jnp.where(good, inner[::-1], mu), jnp.where(good, x @ v[:, ::-1], x)
     speed = 1 / jnp.sqrt(jnp.where(mu > 0, mu, jnp.nan))
     return speed, x / jnp.linalg.norm(x, axis=0)
+
+
+def on_active(system, x, function):
+    """A function of motions (n, planes, 2), applied to active degrees of freedom."""
+    layout, places = system.layout, np.flatnonzero(system.layout.active)
+    full = add(jnp.zeros(layout.n * layout.dof, complex), places, x).reshape(-1, layout.dof)
+    out = from_planes(function(to_planes(full, layout.dof)), layout.dof)
+    return take(out.reshape(-1), places)

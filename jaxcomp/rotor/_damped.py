@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, is_traced
 from ._conventions import from_planes
 from ._layout import layout_of
 from ._matrices import Matrices, matrices
@@ -28,7 +28,10 @@ from ._system import System, prepare
 
 
 class DampedModes(NamedTuple):
-    """Oscillating modes x(t) = Re[X e^{lambda t}], lowest frequency first.
+    """Oscillating modes x(t) = Re[X e^{lambda t}], lowest undamped frequency |lambda| first.
+
+    In that order overdamped motions of a stiff part, whose small imaginary part is no frequency,
+    stand behind the modes of the machine.
 
     Attributes:
         eigenvalue: [rad/s] (m,) lambda with a positive imaginary part; not a number where the model
@@ -75,7 +78,7 @@ def damped_modes(
 ) -> DampedModes:
     """The lowest oscillating modes at a spin speed, with gyroscopic effect and damping.
 
-    Differentiable; on the CPU only, where JAX has the unsymmetric eigenproblem. Two eigenvalues
+    Differentiable; computed on the CPU, where JAX has the unsymmetric eigenproblem. Two eigenvalues
     that coincide share their derivative as in `undamped_modes`.
 
     Args:
@@ -86,12 +89,41 @@ def damped_modes(
         damping: false leaves out all damping, so that Im lambda are the whirl frequencies.
 
     Raises:
-        BadInput: more modes than degrees of freedom.
+        BadInput: more modes than degrees of freedom, or a speed that is not finite.
+    """
+    check_request(model, count, spin_speed=spin_speed)
+    return on_cpu(_damped)(model, jnp.asarray(spin_speed, float), count, free, damping)
+
+
+def check_request(model: RotorModel | System, count: int, **speeds) -> None:
+    """Raise for a number of modes that the model does not have, or a speed that is not finite.
+
+    Raises:
+        BadInput: naming the argument.
     """
     size = layout_of(model).size
     if not 0 < count <= size:
         raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
-    return _damped(model, jnp.asarray(spin_speed, float), count, free, damping)
+    for name, value in speeds.items():
+        if not is_traced(value) and not np.all(np.isfinite(value)):
+            raise BadInput(name, value, "finite")
+
+
+def on_cpu(function):
+    """Run a function on the CPU whatever the default device, with its concrete arguments there.
+
+    For the unsymmetric eigenproblem, which accelerators do not have, or had late.
+    """
+
+    def run(*args):
+        if any(is_traced(leaf) for leaf in jax.tree.leaves(args)):
+            return function(*args)
+        cpu = jax.local_devices(backend="cpu")[0]
+        move = lambda leaf: jax.device_put(leaf, cpu) if eqx.is_array(leaf) else leaf  # noqa: E731
+        with jax.default_device(cpu):
+            return function(*jax.tree.map(move, args))
+
+    return run
 
 
 def system_matrices(
@@ -146,9 +178,11 @@ def _spectrum(m, d, k):
     lam = 1 + 1 / jnp.where(finite, nu, 1.0)
     rigid = jnp.abs(lam) < 1e-5
     oscillating = finite & ~rigid & (lam.imag > 1e-9 * (1 + jnp.abs(lam)))
-    order = jnp.argsort(jnp.where(oscillating, lam.imag, jnp.inf))
+    order = jnp.argsort(jnp.where(oscillating, jnp.abs(lam), jnp.inf))
     kept = jnp.where(oscillating, lam, jnp.nan)[order]
-    worst = jnp.argmax(jnp.where(finite & ~rigid, lam.real, -jnp.inf))
+    # Less what rounding makes of the real part, which is much where a spring is very stiff.
+    growing = lam.real - 1e-9 * jnp.abs(lam)
+    worst = jnp.argmax(jnp.where(finite & ~rigid, growing, -jnp.inf))
     vectors = weight[:, None] * v[:n]
     right = vectors[:, order]
     right = right / jnp.take_along_axis(right, jnp.argmax(jnp.abs(right), 0)[None], 0)

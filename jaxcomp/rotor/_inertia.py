@@ -20,7 +20,8 @@ class Disks(Part):
         spins: whether the disks turn with the shaft.
 
     Raises:
-        BadInput: a negative value, or a table whose columns differ in length.
+        BadInput: a negative value, a polar inertia above twice the transverse one, which no body
+            has, or a table whose columns differ in length.
     """
 
     nodes: tuple[Node, ...] = eqx.field(static=True)
@@ -32,6 +33,11 @@ class Disks(Part):
 
     def __post_init__(self):
         spread_columns(self, len(self.nodes), "disks")
+
+    def conditions(self):
+        # I_zz <= I_xx + I_yy for any distribution of mass; tables are rounded to some three digits.
+        flat = self.polar_inertia <= 2.01 * self.transverse_inertia
+        return {"a table with polar inertias of at most twice the transverse ones": jnp.all(flat)}
 
 
 class PointMasses(Part):

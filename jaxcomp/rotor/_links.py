@@ -40,12 +40,18 @@ class ConstantLaw(Part):
     Args:
         stiffness: [N/m] (a, a); entries of rotations in [N] and [N m].
         damping: [N s/m] (a, a).
+
+    Raises:
+        BadInput: matrices that are not square, or of different size.
     """
 
     kind: ClassVar[str] = "constant"
 
     stiffness: Array = quantity("N/m", shape=(None, None))
     damping: Array = quantity("N s/m", shape=(None, None))
+
+    def __check_init__(self):
+        _check_square(self)
 
     @property
     def size(self):
@@ -118,7 +124,8 @@ class SpeedTable(Part):
             (1984), SIAM J. Sci. Stat. Comput. 5, which is smooth and makes no new extremum.
 
     Raises:
-        BadInput: a table that is not increasing, or columns of different length.
+        BadInput: a table that is not increasing, columns of different length, or matrices that are
+            not square or of different size.
     """
 
     speed: Array = quantity("rad/s", shape=(None,))
@@ -127,6 +134,7 @@ class SpeedTable(Part):
     kind: Literal["linear", "monotone"] = eqx.field(static=True, default="monotone")
 
     def __check_init__(self):
+        _check_square(self)
         m = self.speed.shape[0]
         for name in ("stiffness", "damping"):
             if getattr(self, name).shape[0] != m:
@@ -209,6 +217,14 @@ class SidePull(Part):
             total = jnp.sum(self.share)
             if not is_traced(total) and abs(float(total) - 1) > 1e-9:
                 raise BadInput("share", self.share, "parts that add up to 1")
+
+
+def _check_square(law) -> None:
+    columns = law.stiffness.shape[-1]
+    for name, bound in (("stiffness", "square matrices"), ("damping", "as large as `stiffness`")):
+        shape = getattr(law, name).shape
+        if shape[-2:] != (columns, columns):
+            raise BadInput(name, f"of shape {shape}", bound)
 
 
 def grounded(nodes: tuple) -> Any:

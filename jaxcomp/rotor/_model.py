@@ -3,8 +3,9 @@ r"""The model: tables of elements over named nodes."""
 from typing import TYPE_CHECKING
 
 import equinox as eqx
+import numpy as np
 
-from .._fields import BadInput, Part
+from .._fields import BadInput, Part, is_traced
 from .._words import hint
 from ._bodies import RigidBody
 from ._conventions import AXES
@@ -63,6 +64,7 @@ class RotorModel(Part):
                 "nodes", str(self.nodes), f"an ordering of {sorted(map(str, mentioned))}"
             )
         self._check_joined()
+        self._check_lengths()
         slaved = [node for body in self.bodies for node in body.nodes]
         centres = [body.centre for body in self.bodies]
         if len(set(slaved)) != len(slaved) or set(slaved) & set(centres):
@@ -94,6 +96,20 @@ class RotorModel(Part):
                 if ends.count(node) == 1:
                     bound = "a node of a shaft, disk, mass, body or link"
                     raise BadInput(f"side_pulls.{number}.nodes", node, bound)
+
+    def _check_lengths(self):
+        """Elements between the same two nodes have one length, and one direction."""
+        known: dict = {}
+        for number, shaft in enumerate(self.shafts):
+            if is_traced(shaft.length):
+                continue
+            for (a, b), length in zip(shaft.pairs, np.asarray(shaft.length), strict=True):
+                key, length = ((a, b), length) if str(a) <= str(b) else ((b, a), -length)
+                other = known.setdefault(key, length)
+                if abs(length - other) > 1e-6 * abs(other):
+                    bound = f"{abs(other):.6g} m from the first to the second node, as in"
+                    bound += f" another element between {key[0]} and {key[1]}"
+                    raise BadInput(f"shafts.{number}.length", length, bound)
 
 
 def node_names(model: "RotorModel | System") -> tuple[Node, ...]:

@@ -54,7 +54,7 @@ class BalancingPlanes(Part):
         speeds: [rad/s] (m,) at which the machine runs.
 
     Raises:
-        BadInput: two planes, or two targets, of one name.
+        BadInput: no plane or no target, or two of one name.
     """
 
     planes: tuple[CorrectionPlane, ...]
@@ -64,6 +64,8 @@ class BalancingPlanes(Part):
     def __check_init__(self):
         for what in ("planes", "targets"):
             names = [one.name for one in getattr(self, what)]
+            if not names:
+                raise BadInput(what, "empty", f"at least one of the {what}")
             if len(set(names)) != len(names):
                 raise BadInput(what, str(names), "of different names")
 

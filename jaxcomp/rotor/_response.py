@@ -51,7 +51,8 @@ class Response(eqx.Module):
 
     @property
     def words(self) -> list | str:
-        """The status in words: "ok", "singular", "inaccurate" or "not finite"."""
+        """The status in words: "ok", "singular", "inaccurate", "not finite" or "out of bounds"
+        (a number of the model is not inside its bound, which only traced values can be)."""
         return status_words(self.status)
 
     @property
@@ -78,7 +79,8 @@ class Response(eqx.Module):
             raise SingularResponse(
                 f"The response is {', '.join(words)} at {where.size} of {bad.size} frequencies, "
                 f"first at {where.reshape(-1)[0]:.6g} rad/s: at an undamped resonance add damping, "
-                "at an unsupported coordinate a support; look for a NaN in the model."
+                "at an unsupported coordinate a support; look for a NaN or a value outside its bounds in "
+                "the model."
             )
         return self
 

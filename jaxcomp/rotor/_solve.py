@@ -18,8 +18,8 @@ from ._elimination import factorise, lu_factor, lu_solve, solve_factored
 from ._system import Operator, apply, dense, scale
 
 Solver = Literal["structured", "dense"]
-STATUS_WORDS = ("ok", "singular", "inaccurate", "not finite")
-OK, SINGULAR, INACCURATE, NOT_FINITE = range(4)
+STATUS_WORDS = ("ok", "singular", "inaccurate", "not finite", "out of bounds")
+OK, SINGULAR, INACCURATE, NOT_FINITE, OUT_OF_BOUNDS = range(5)
 
 # A relative correction beyond these after refinement means that fewer than seven (three) digits
 # hold. The amplification is the ratio of response to load with Z scaled to a unit diagonal: at
@@ -106,7 +106,9 @@ def make_solver(z: Operator, solver: Solver = "structured"):
         x = _complex(x)
         correction, seen, given = jax.lax.stop_gradient((correction, x, load))
         amplification = _ratio(_size(weight * seen), _size(given / weight))
-        return Solution(x, correction, amplification, _status(seen, correction, amplification))
+        status = _status(seen, correction, amplification)
+        status = jnp.where(z.system.admissible, status, OUT_OF_BOUNDS)
+        return Solution(x, correction, amplification, status)
 
     return solve
 

@@ -16,8 +16,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
+from .._fields import admissible, replaced
 from ._bodies import arm_matrix, body_matrices
 from ._conventions import add, axis_numbers, coordinates, take, whirl
 from ._damping import ModalDamping, ProportionalDamping
@@ -51,6 +52,7 @@ class System(eqx.Module):
         damping: (alpha, beta) of the proportional damping, or None.
         places: elements and inertia in the places of the structured solver.
         modal: (m, n, planes, 2) M phi sqrt(2 zeta w) of modal damping, or None.
+        admissible: whether the numbers of the model are inside their bounds.
     """
 
     model: RotorModel
@@ -64,6 +66,7 @@ class System(eqx.Module):
     damping: tuple[Array, Array] | None
     places: Places | None = None
     modal: Array | None = None
+    admissible: Bool[Array, ""] | None = None
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -89,13 +92,13 @@ def _prepare(model) -> System:
 
         modal = modal_damping_vectors(system)
     places = sort_places(system.layout, system.elements, system.inertia)
-    return _with(system, places, modal)
+    return replaced(system, places=places, modal=modal, admissible=admissible(model))
 
 
 def bare(model: RotorModel | System) -> System:
     """The prepared model without modal damping, which the undamped modes define."""
     if isinstance(model, System):
-        return _with(model, model.places, None)
+        return replaced(model, modal=None)
     layout, dof = layout_of(model), model.dof
     strain, half, elements = _elements(model, layout)
     number = {name: i for i, name in enumerate(layout.names)}
@@ -121,9 +124,9 @@ def bare(model: RotorModel | System) -> System:
     return System(model, layout, strain, half, elements, inertia, arms, bodies, damping)
 
 
-def _with(s: System, places, modal) -> System:
-    fixed = (s.model, s.layout, s.strain, s.half, s.elements, s.inertia, s.arms, s.bodies)
-    return System(*fixed, s.damping, places, modal)
+def undamped(system: System) -> System:
+    """A system without the damping of its structure; that of the links belongs to the operator."""
+    return replaced(system, damping=None, modal=None)
 
 
 def _elements(model, layout):

@@ -1,0 +1,148 @@
+"""Rotors at and beyond the limits of what their verbs take: refused, marked, or right."""
+
+import os
+import subprocess
+import sys
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import BadInput, load
+from jaxcomp.rotor import (
+    BalancingPlanes,
+    ConstantLaw,
+    Disks,
+    Link,
+    Mount,
+    RotorModel,
+    ShaftElements,
+    SpeedTable,
+    Unbalances,
+    critical_speeds,
+    critical_speeds_between,
+    damped_modes,
+    respond,
+)
+
+SHAFT = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)
+DISK = Disks((2,), 5.0, 6e-3, 12e-3)
+
+
+def rotor(stiffness=1e7, damping=0.0):
+    bearing = Mount([stiffness] * 2, [damping] * 2)
+    return RotorModel((SHAFT,), (DISK,), links=(Link((1, None), bearing), Link((3, None), bearing)))
+
+
+@pytest.mark.parametrize(
+    ("build", "field"),
+    [
+        (lambda: ConstantLaw([[1e7, 2e6]], [[1.0, 0.0], [0.0, 1.0]]), "stiffness"),
+        (lambda: ConstantLaw(np.eye(2), np.eye(3)), "damping"),
+        (lambda: SpeedTable([1.0, 2.0], np.ones((2, 1, 2)), np.ones((2, 1, 2))), "stiffness"),
+        (lambda: SpeedTable([1.0, 2.0], np.ones((2, 2, 2)), np.ones((2, 3, 3))), "damping"),
+        (lambda: Disks((2,), 5.0, 6e-3, 13e-3), "Disks"),
+        (lambda: BalancingPlanes((), (), [300.0]), "planes"),
+        (lambda: damped_modes(rotor(), jnp.nan, 3), "spin_speed"),
+        (lambda: critical_speeds(rotor(), 100), "count"),
+        (lambda: RotorModel((SHAFT, ShaftElements((1, 2), 0.1, 0.03, 2e11, 0.0, 0.3))), "length"),
+        (lambda: RotorModel((SHAFT, ShaftElements((2, 1), 0.2, 0.03, 2e11, 0.0, 0.3))), "length"),
+    ],
+)
+def test_what_no_rotor_can_have_is_refused_by_name(build, field):
+    with pytest.raises(BadInput) as error:
+        build()
+    assert field in error.value.field
+    assert not str(error.value).endswith("but is .")
+
+
+def test_elements_in_parallel_have_one_length():
+    RotorModel((SHAFT, ShaftElements((1, 2), 0.2, 0.03, 2e11, 0.0, 0.3)), (DISK,))
+
+
+def test_an_empty_word_is_named():
+    assert str(BadInput("ring", "", "one of two")) == "`ring` must be one of two, but is empty."
+
+
+@pytest.mark.parametrize("stiffness", [1e16, 3e16, 1e18])
+def test_critical_speeds_on_stiff_springs_are_those_of_a_pinned_rotor(stiffness):
+    """From 1e12 N/m on, the springs are a hundred thousand times as stiff as the shaft."""
+    pinned, found = (critical_speeds(rotor(k), 2) for k in (1e12, stiffness))
+    # the springs of 1e12 N/m still move by 1e-6 of the disk
+    np.testing.assert_allclose(found.speed, pinned.speed, rtol=1e-5)
+    assert np.all(found.residual < 1e-10)
+    assert bool(damped_modes(rotor(stiffness), 100.0, 4).stable)
+
+
+def test_critical_speeds_on_soft_springs_go_with_the_root_of_the_stiffness():
+    """Four of a rigid rotor, then the elastic ones, which do not notice the springs."""
+    softer, soft = (critical_speeds(rotor(k), 6).speed for k in (1e-6, 1e-4))
+    # the springs bend the shaft by 1e-12
+    np.testing.assert_allclose(softer[:4], 0.1 * soft[:4], rtol=1e-9)
+    np.testing.assert_allclose(softer[4:], soft[4:], rtol=1e-8)
+    translation = np.sqrt(2e-6 / (5.0 + 0.4 * np.pi / 4 * 0.02**2 * 7850.0))
+    np.testing.assert_allclose(softer[:2], translation, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("what", "value"),
+    [("length", -0.2), ("density", -7850.0), ("inner_diameter", 0.03)],
+)
+def test_a_traced_rotor_out_of_bounds_is_marked(what, value):
+    hollow = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3, inner_diameter=0.004)
+    model = eqx.tree_at(lambda m: m.shafts[0], rotor(damping=10.0), hollow)
+    place = lambda m: getattr(m.shafts[0], what)  # noqa: E731
+    loads = (Unbalances((2,), 1e-4, 0.0),)
+
+    @jax.jit
+    def status(values):
+        return respond(eqx.tree_at(place, model, values), loads, jnp.array([100.0])).status
+
+    good = place(model)
+    bad = good.at[0].set(value)
+    assert int(status(good)[0, 0]) == 0
+    answer = eqx.tree_at(place, model, bad)
+    assert respond(answer, loads, jnp.array([100.0])).words == [["out of bounds"]]
+    assert int(status(bad)[0, 0]) != 0
+
+
+def test_overdamped_motions_stand_behind_the_modes():
+    """Stiff bars with stiffness damping creep at -5e5 /s, with a small imaginary part."""
+    model = load("hermetic-68cc").parts["rotor"]
+    for free in (False, True):
+        modes = damped_modes(model, 310.0, 12, free=free)
+        assert np.all(np.abs(modes.eigenvalue) < 1e5)
+        assert np.all(np.asarray(modes.damping_ratio) < 0.9)
+        assert np.all(np.diff(np.abs(modes.eigenvalue)) >= 0)
+
+
+def test_starts_of_close_critical_speeds_lead_to_both():
+    """26.63 and 26.69 rad/s on the suspension, forward and backward; one of them was missed."""
+    model = load("hermetic-68cc").parts["rotor"]
+    both = critical_speeds_between(model, jnp.linspace(20.0, 40.0, 5), 6).speed
+    np.testing.assert_allclose(critical_speeds(model, 8).speed[:2], both, rtol=1e-8)
+    assert both.shape == (2,)
+
+
+_DEVICES = """
+import jax, jax.numpy as jnp
+first, second = jax.devices()
+jax.config.update("jax_default_device", second)
+from jaxcomp.rotor import *
+bearing = Mount([1e7, 1e7], [10.0, 10.0])
+shaft = ShaftElements((1, 2), 0.2, 0.02, 2.06e11, 7850.0, 0.3)
+rotor = RotorModel((shaft,), links=(Link((1, None), bearing), Link((2, None), bearing)))
+assert damped_modes(rotor, 100.0, 2).eigenvalue.devices() == {first}
+assert campbell(rotor, jnp.array([100.0, 200.0]), 2).eigenvalue.devices() == {first}
+assert undamped_modes(rotor, 2).square.devices() == {second}
+"""
+
+
+def test_the_unsymmetric_eigenproblem_runs_on_the_cpu():
+    """A second device of the host stands for an accelerator, which may lack `eig`."""
+    flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2"}
+    subprocess.run(
+        [sys.executable, "-c", _DEVICES], check=True, env=os.environ | flags, timeout=120
+    )
