@@ -26,6 +26,7 @@ from ._respond import respond
 from ._run import run
 from ._sweep import sweep
 from ._tolerance import tolerance
+from ._update import update
 
 app = typer.Typer(
     name="jaxcomp",
@@ -67,6 +68,7 @@ _add("balance", balance, _DESIGN)
 _add("optimise", optimise, _DESIGN)
 _add("sweep", sweep, _DESIGN)
 _add("tolerance", tolerance, _DESIGN)
+_add("update", update, _DESIGN)
 
 
 def _show_version(wanted: bool) -> None:

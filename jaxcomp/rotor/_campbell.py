@@ -285,7 +285,7 @@ def _synchronous(system, count, order, near):
     good = jnp.all(jnp.isfinite(v)) & jnp.all(jnp.isfinite(inner))
     mu, x = jnp.where(good, inner[::-1], mu), jnp.where(good, x @ v[:, ::-1], x)
     speed = 1 / jnp.sqrt(jnp.where(mu > 0, mu, jnp.nan))
-    return speed, x / jnp.linalg.norm(x, axis=0)
+    return speed, jnp.asarray(x) / jnp.linalg.norm(x, axis=0)
 
 
 def on_active(system, x, function):

@@ -21,7 +21,6 @@ this is what XLA turns into vector instructions, where small matrix products bec
 each.
 """
 
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
@@ -342,7 +341,11 @@ def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
         k = b.shape[-1]
         parts = lu_solve(factor, jnp.concatenate([b.real, b.imag], -1), transpose)
         return parts[..., :k] + 1j * parts[..., k:]
-    by = partial(jax.lax.linalg.triangular_solve, lu, left_side=True, transpose_a=transpose)
+
+    def by(b, **which) -> Array:
+        options = {"left_side": True, "transpose_a": transpose, **which}
+        return jnp.asarray(jax.lax.linalg.triangular_solve(lu, b, **options))
+
     if not transpose:
         b = jnp.take_along_axis(b, rows[..., None], -2, mode="promise_in_bounds")
         return by(by(b, lower=True, unit_diagonal=True), lower=False)

@@ -1,0 +1,70 @@
+"""`jaxcomp update`: a modal test made from known numbers gives them back."""
+
+import json
+import math
+
+import equinox as eqx
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from jaxcomp import load
+from jaxcomp.cli import app
+from jaxcomp.rotor import undamped_modes
+
+
+@pytest.fixture(scope="module")
+def modal_test(tmp_path_factory):
+    """Two bending frequencies of the free rotor with its fourth shaft table at 0.8 of its modulus."""
+    model = load("hermetic-68cc").parts["rotor"]
+    place = lambda m: m.shafts[3].young_modulus  # noqa: E731
+    softer = eqx.tree_at(place, model, 0.8 * place(model))
+    w = np.asarray(undamped_modes(softer, 60, free=True).frequency)
+    elastic = w[w > 1e-3 * w.max()]
+    distinct = elastic[np.append(True, np.diff(elastic) > 1e-3 * elastic[1:])][:3]
+    lines = [f"{mode},{w / (2 * math.pi)!r}" for mode, w in enumerate(distinct.tolist(), 1)]
+    file = tmp_path_factory.mktemp("modal") / "modes.csv"
+    file.write_text("\n".join(["mode,frequency [Hz]", *lines]))
+    return file
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["update", "hermetic-68cc", *map(str, arguments)])
+
+
+def test_a_modulus_is_fitted_to_its_frequencies(modal_test, tmp_path):
+    out = tmp_path / "result"
+    answer = run(modal_test, "--variable", "rotor.shafts.3.young_modulus", "--json", "--out", out)
+    assert answer.exit_code == 0, answer.output
+    result = json.loads(answer.stdout)
+    (variable,) = result["variables"]
+    # the modulus moves the frequencies by tenths of its own change, and the fit ends at 1e-10
+    assert abs(variable["factor"] - 0.8) < 1e-5
+    assert result["converged"]
+    assert not variable["at_bound"]
+    assert all(abs(mode["error"]) < 1e-7 for mode in result["modes"])
+    fitted = load(out / "scene.toml").parts["rotor"].shafts[3].young_modulus
+    np.testing.assert_allclose(fitted, variable["after"], rtol=1e-12)
+    assert (out / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("path", "word"),
+    [
+        ("rotor.shafts.3.nothing", "nothing leads to nothing"),
+        ("rotor.shafts.3.spins", "leads to no numbers"),
+        ("bore", "must begin with rotor"),
+    ],
+)
+def test_a_path_to_no_number_is_refused(modal_test, path, word):
+    answer = run(modal_test, "--variable", path)
+    assert answer.exit_code == 2
+    assert word in " ".join(answer.stderr.split())
+
+
+def test_a_table_without_frequencies_is_refused(tmp_path):
+    file = tmp_path / "modes.csv"
+    file.write_text("f\n100\n")
+    answer = run(file, "--variable", "rotor.shafts.3.young_modulus")
+    assert answer.exit_code == 2
+    assert 'must have a column "frequency [Hz]"' in " ".join(answer.stderr.split())
