@@ -142,7 +142,8 @@ def _size(model) -> int:
 
 def _entry(model: RotorModel, path: str):
     """Numbers of the rotor as an entry of a scene file, with their unit."""
-    part, name = model, path.rpartition(".")[2]
+    part: Any = model
+    name = path.rpartition(".")[2]
     for step in path.split(".")[1:-1]:
         part = part[int(step)] if isinstance(part, tuple) else getattr(part, step)  # pyright: ignore[reportIndexIssue]
     unit = dict(quantities(part))[name].metadata["unit"]  # pyright: ignore[reportArgumentType]

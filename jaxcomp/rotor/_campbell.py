@@ -283,9 +283,11 @@ def _synchronous(system, count, order, near):
     inner, v = jnp.linalg.eigh((a + a.conj().T) / 2)
     v = weight[:, None] * jax.scipy.linalg.solve_triangular(low.conj().T, v, lower=False)
     good = jnp.all(jnp.isfinite(v)) & jnp.all(jnp.isfinite(inner))
-    mu, x = jnp.where(good, inner[::-1], mu), jnp.where(good, x @ v[:, ::-1], x)
+    mu, x = (
+        jnp.select([good], [new], old) for new, old in ((inner[::-1], mu), (x @ v[:, ::-1], x))
+    )
     speed = 1 / jnp.sqrt(jnp.where(mu > 0, mu, jnp.nan))
-    return speed, jnp.asarray(x) / jnp.linalg.norm(x, axis=0)
+    return speed, x / jnp.linalg.norm(x, axis=0)
 
 
 def on_active(system, x, function):

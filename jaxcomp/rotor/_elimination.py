@@ -174,7 +174,7 @@ def solve_factored(
     return _planes(layout, to_lanes, take(x, where), load)
 
 
-def _planes(layout, to_lanes, lanes, load):
+def _planes(layout: Layout, to_lanes, lanes: Array, load: Array) -> Array:
     """From lanes to planes; coordinates that do not move take the load as it is."""
     x = jnp.einsum("lp,nkl->npk", to_lanes.conj(), lanes)
     return jnp.where(jnp.asarray(layout.moving), x, load)

@@ -107,7 +107,8 @@ def make_solver(z: Operator, solver: Solver = "structured"):
         correction, seen, given = jax.lax.stop_gradient((correction, x, load))
         amplification = _ratio(_size(weight * seen), _size(given / weight))
         status = _status(seen, correction, amplification)
-        status = jnp.where(z.system.admissible, status, OUT_OF_BOUNDS)
+        kept = z.system.admissible | (status == NOT_FINITE)
+        status = jnp.where(kept, status, OUT_OF_BOUNDS)
         return Solution(x, correction, amplification, status)
 
     return solve
