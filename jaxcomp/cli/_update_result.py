@@ -158,7 +158,8 @@ def _place(model: RotorModel, path: str):
         raise CommandError(
             f"--variable {path}: must begin with rotor, such as rotor.shafts.0.length"
         )
-    here, index, walked = model, None, []
+    here: Any = model
+    index, walked = None, []
     for step in steps[1:]:
         try:
             if eqx.is_array(here):

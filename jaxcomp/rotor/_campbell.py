@@ -259,7 +259,7 @@ def _synchronous(system, count, order, near):
     # A grain of inertia keeps a model with rigid motions positive definite; it is only the start.
     # By the median, because one stiff spring would make a grain that outweighs the shaft.
     moving = jnp.diagonal(inertia) > 0
-    ratio = jnp.abs(jnp.diagonal(k)) / jnp.where(moving, jnp.diagonal(inertia), jnp.nan)
+    ratio = jnp.abs(jnp.diagonal(k)) / jnp.select([moving], [jnp.diagonal(inertia)], jnp.nan)
     grain = 1e-11 * jnp.nanmedian(ratio)
     low = jnp.linalg.cholesky(weight[:, None] * (k + grain * inertia) * weight) + 0j
     half = jax.scipy.linalg.solve_triangular(low, weight[:, None] * h * weight, lower=True)

@@ -107,8 +107,8 @@ def make_solver(z: Operator, solver: Solver = "structured"):
         correction, seen, given = jax.lax.stop_gradient((correction, x, load))
         amplification = _ratio(_size(weight * seen), _size(given / weight))
         status = _status(seen, correction, amplification)
-        kept = z.system.admissible | (status == NOT_FINITE)
-        status = jnp.where(kept, status, OUT_OF_BOUNDS)
+        outside = jnp.logical_not(z.system.admissible) & (status != NOT_FINITE)
+        status = jnp.where(outside, OUT_OF_BOUNDS, status)
         return Solution(x, correction, amplification, status)
 
     return solve
