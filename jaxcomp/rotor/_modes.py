@@ -13,7 +13,7 @@ from ._eigen import pencil
 from ._layout import layout_of
 from ._matrices import matrices
 from ._model import RotorModel
-from ._system import System, add_links, bare, elastic_force, operator_at
+from ._system import Operator, System, add_links, bare, elastic_force, operator_at
 
 
 class Modes(NamedTuple):
@@ -80,8 +80,13 @@ def _undamped(model, count, spin_speed, free) -> Modes:
 def _modes(system, full, mu, x, spin_speed, free) -> Modes:
     x = x / jnp.sqrt(mu)
     shape = (full.expand @ x).T.reshape(-1, system.layout.n, system.dof)
-    z = operator_at(system, spin_speed, jnp.zeros(()))
-    z = z._replace(stiffness=z.stiffness[:0], damping=z.damping[:0]) if free else z
+    none = jnp.zeros((0, system.dof, system.dof))
+    still = jnp.zeros(())
+    z = (
+        Operator(system, none, none, still, spin_speed)
+        if free
+        else operator_at(system, spin_speed, still)
+    )
     # The strain energy summed over elements has the digits that w^2 = 1/mu - s lost near zero.
     energy = jax.vmap(lambda u: _energy(z, to_planes(u, system.dof)))(shape)
     return Modes(energy / jnp.einsum("im,ij,jm->m", x, full.mass, x), shape)
