@@ -8,7 +8,7 @@ rod and piston, and nothing else. The crank's own unbalance belongs to `Unbalanc
 The frames are the same: x along the cylinder, the crank turns from x to y. The harmonics are those
 of time, with the crank at angle zero at W t = 0 on the mean; W is the mean speed.
 
-Source: *Balancing a hermetic single-cylinder refrigeration compressor* (paper 000), Eq. (5), where
+Source: Levecque et al. (2011), cited in full in `machines/hermetic-68cc.toml`, Eq. (5), where
 polynomials are fitted first; here the forces themselves are integrated. Its Eq. (6) takes the mean
 force of the rod as the static load of the pin; the bearings carry it by the statics of the shaft.
 """

@@ -56,9 +56,9 @@ def test_speed_fluctuation_at_1000_rpm(as_printed):
     np.testing.assert_allclose(fluctuation[1, [3, 0]], FLUCTUATION, atol=FLUCTUATION_WITHIN)
 
 
-def test_figures_that_the_readme_quotes(as_printed):
+def test_figures_on_the_page_of_validation(as_printed):
     efficiency, fluctuation = as_printed
-    # the README rounds to 0.01 points
+    # notebooks/validation.md rounds to 0.01 points
     np.testing.assert_allclose(efficiency[range(3), BEST], [0.9208, 0.9115, 0.9026], atol=0.5e-4)
     np.testing.assert_allclose(fluctuation[1, [3, 0]], [0.1052, 0.0801], atol=0.5e-4)
 

@@ -1,7 +1,8 @@
 """Scatter of the balance: a rotor solved once, the masses of the paper, robust balances and bores.
 
-The paper on balancing a hermetic compressor closes with the sensitivity of its balance to tolerances
-of production: 5 % on the eccentric masses, the counterweight most.
+Levecque et al. (2011), cited in full in `jaxcomp/machines/hermetic-68cc.toml`, close with the
+sensitivity of their balance to tolerances of production: 5 % on the eccentric masses, the counterweight
+most.
 """
 
 import equinox as eqx
@@ -80,7 +81,7 @@ def test_counterweight_moves_the_housing_most(study):
 
 
 def test_study_of_the_balance(study):
-    """The figures of README and notebook."""
+    """The figures of the notebook."""
     mean, deviation = study.sampled.mean[0] * 1e6, study.sampled.deviation[0] * 1e6
     worst = study.sampled.quantile(0.99)[0] * 1e6
     assert study.value[0] * 1e6 == pytest.approx(2.70, abs=0.01)

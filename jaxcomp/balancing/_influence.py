@@ -2,7 +2,8 @@ r"""Influence coefficients: how correction masses move the vibration at the targ
 
 The model of the balance is linear, V = V_0 + C B, with complex amplitudes: the unbalances B [kg m]
 in the correction planes, the vibration V at the targets. Speeds, targets and directions are rows of
-one system. Paper: Balancing a hermetic single-cylinder compressor, Eqs (8)-(11).
+one system. Source: Levecque et al. (2011), cited in full in `machines/hermetic-68cc.toml`, Eqs. (8) to
+(11).
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 r"""Journal bearings between two nodes: stiffness and damping of the film at its static load.
 
-Source: *Balancing a hermetic single-cylinder refrigeration compressor* (paper 000), Eqs. (6) and (7),
-whose number is Someya's with the speed in rev/s.
+Source: Levecque et al. (2011), cited in full in `machines/hermetic-68cc.toml`, Eqs. (6) and (7), whose
+number is Someya's with the speed in rev/s.
 """
 
 from typing import ClassVar

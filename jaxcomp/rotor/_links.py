@@ -6,8 +6,8 @@ K(W) d + C(W) d' on node b (and its opposite on node a). The law behind K and C 
     coefficients(spin_speed) -> (K, C)
 
 of shape (n_axes, n_axes), and if it likes the number of axes as `size`: the laws of this module, or
-the films of `_film_laws`. They are K_B, C_B, K_S, C_S and K_SP in Eq. (1) of *Balancing a hermetic
-single-cylinder refrigeration compressor* (paper 000).
+the films of `_film_laws`. They are K_B, C_B, K_S, C_S and K_SP in Eq. (1) of Levecque et al.
+(2011), cited in full in `machines/hermetic-68cc.toml`.
 """
 
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable

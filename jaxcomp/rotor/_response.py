@@ -1,8 +1,8 @@
 r"""Harmonic response at any order and speed, and what is read off it.
 
 [K(W) - w^2 M + i w (C(W) + W G)] X = F with w = n W at order n; the gyroscopic matrix G counts with
-the spin speed W whatever n is. Source: Eq. (1) of *Balancing a hermetic single-cylinder refrigeration
-compressor* (paper 000).
+the spin speed W whatever n is. Source: Eq. (1) of Levecque et al. (2011), cited in full in
+`machines/hermetic-68cc.toml`.
 """
 
 import equinox as eqx

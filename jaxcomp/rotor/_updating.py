@@ -5,8 +5,8 @@ relative errors of the frequencies, with the exact derivatives of the eigenvalue
 put the bounds at infinity, where the solver creeps.) The frequencies of a pair
 count once: `modes` says which numbers in the list of all modes were measured.
 
-Source of the task: *Balancing a hermetic single-cylinder refrigeration compressor* (paper 000),
-section 3.2, where diameters of crank pin and crank arm are fitted.
+Source of the task: Levecque et al. (2011), cited in full in `machines/hermetic-68cc.toml`, section 3.2,
+where diameters of crank pin and crank arm are fitted.
 """
 
 from collections.abc import Callable

@@ -1,0 +1,200 @@
+"""README and the pages beside notebooks and benchmarks: examples run, links lead to something.
+
+A line of Python that ends with a comment behind `print(...)`, or has it on the next line, shows what it
+prints. A command line in a block is parsed by the program itself, which knows its options; cheap ones
+are run here, all of them in the longer checks.
+"""
+
+import io
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from jaxcomp.cli import app
+
+ROOT = Path(__file__).parent.parent
+PAGES = (
+    "README.md",
+    "CHANGELOG.md",
+    "notebooks/README.md",
+    "notebooks/examples.md",
+    "notebooks/solvers.md",
+    "notebooks/conventions.md",
+    "notebooks/validation.md",
+    "tests/benchmarks/README.md",
+)
+# Commands that compile no solver.
+CHEAP = {"new", "check", "list", "bearing"}
+
+
+def text_of(page: str) -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def blocks(page: str, language: str) -> list[str]:
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", text_of(page), re.M | re.S)
+    return [code for given, code in found if given == language]
+
+
+def commands(page: str) -> list[list[str]]:
+    """The arguments of every line `jaxcomp ...` in the blocks of a page."""
+    lines = "".join(blocks(page, "bash")).splitlines()
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("jaxcomp ")]
+
+
+def promised(code: str) -> list[str]:
+    """What the comments behind, or on the line under, `print(...)` say is printed."""
+    return [m.strip() for m in re.findall(r"^print\(.*\)\s+# (.*)$", code, re.M)]
+
+
+def printed_by(code: str) -> list[str]:
+    shown = io.StringIO()
+    with redirect_stdout(shown):
+        exec(compile(code, "<example>", "exec"), {"__name__": "example"})
+    return shown.getvalue().splitlines()
+
+
+# The others compile a solver with its gradient, for more than ten seconds.
+QUICK_EXAMPLES = [("README.md", 0), ("notebooks/examples.md", 3)]
+EXAMPLES = [(page, i) for page in PAGES for i, _ in enumerate(blocks(page, "python"))]
+
+
+@pytest.mark.parametrize(
+    ("page", "number"),
+    [
+        pytest.param(*one, marks=() if one in QUICK_EXAMPLES else pytest.mark.slow)
+        for one in EXAMPLES
+    ],
+)
+def test_examples_of_python_print_what_they_promise(page, number):
+    code = blocks(page, "python")[number]
+    shown = printed_by(code)
+    assert shown
+    for line in promised(code):
+        assert line in shown
+
+
+def test_every_quick_example_is_there_and_one_promises_a_value():
+    assert set(QUICK_EXAMPLES) <= set(EXAMPLES)
+    assert promised(blocks("README.md", "python")[0]) == ["0.9069, 0.8025 per metre"]
+
+
+def test_a_wrong_promise_is_noticed():
+    code = "print(1 + 1)  # 3\n"
+    assert promised(code) == ["3"]
+    assert "3" not in printed_by(code)
+
+
+LINES = [line for page in PAGES for line in commands(page)]
+
+
+@pytest.mark.parametrize("line", LINES, ids=shlex.join)
+def test_commands_have_the_options_that_they_use(line):
+    group = get_command(app)
+    command = group.get_command(None, line[0])
+    assert command is not None, line[0]
+    # parses and converts every argument, and runs nothing
+    command.make_context(line[0], line[1:])
+
+
+def test_every_command_has_an_example():
+    assert {line[0] for line in LINES} == {one.name for one in app.registered_commands}
+
+
+def table_of_runs(folder: Path) -> None:
+    (table,) = [b for b in blocks("notebooks/examples.md", "") if b.startswith("run,target")]
+    (folder / "runs.csv").write_text(table)
+
+
+def run_all(lines: list[list[str]], folder: Path, monkeypatch) -> None:
+    monkeypatch.chdir(folder)
+    table_of_runs(folder)
+    for line in lines:
+        done = CliRunner().invoke(app, line)
+        assert done.exit_code == 0, f"{shlex.join(line)}\n{done.output}"
+        if "--out" in line:
+            assert any((folder / line[line.index("--out") + 1]).iterdir())
+
+
+@pytest.mark.parametrize("page", ["README.md", "notebooks/examples.md"])
+def test_cheap_commands_run(page, tmp_path, monkeypatch):
+    cheap = [line for line in commands(page) if line[0] in CHEAP or "--measured" in line]
+    assert len(cheap) >= 2
+    run_all(cheap, tmp_path, monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["README.md", "notebooks/examples.md"])
+def test_all_commands_run(page, tmp_path, monkeypatch):
+    run_all(commands(page), tmp_path, monkeypatch)
+
+
+def test_the_two_commands_install_what_is_offered():
+    """`.ci/run` takes the second from the README; the first ends with a command that is run here."""
+    run, test = [b.strip() for b in blocks("README.md", "bash")[:2]]
+    assert [line for line in text_of("README.md").splitlines() if "/pytest" in line] == [test]
+    for line in (run, test):
+        assert line.startswith("python3 -m venv .venv && .venv/bin/pip install -q ")
+    extras = tomllib.loads(text_of("pyproject.toml"))["project"]["optional-dependencies"]
+    (extra,) = re.findall(r'"\.\[(\w+)\]"', test)
+    assert extra in extras
+    command = shlex.split(run.rsplit("&&", 1)[1])
+    done = subprocess.run(
+        [sys.executable, "-m", "jaxcomp", *command[1:]],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 0, done.stderr
+    assert "91.15 %" in done.stdout  # 1000 rpm and 130 mm, as the page of validation says
+
+
+# ------------------------------------------------------------------- links and names
+def anchors(path: Path) -> set[str]:
+    titles = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_to_files_and_headings(page):
+    targets = re.findall(r"\]\(([^)]+)\)", text_of(page)) + re.findall(
+        r'src="([^"]+)"', text_of(page)
+    )
+    for target in targets:
+        if target.startswith("https://"):
+            continue
+        file, _, anchor = target.partition("#")
+        path = (ROOT / page).parent / file
+        assert path.exists(), target
+        if anchor:
+            assert anchor in anchors(path), target
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_tests_and_files_that_a_page_names_exist(page):
+    text = text_of(page)
+    for file, function in re.findall(r"`(?:tests/)?(test_\w+\.py)(?:::(\w+))?`", text):
+        path = ROOT / "tests" / file
+        assert path.exists(), file
+        assert not function or f"\ndef {function}(" in path.read_text(encoding="utf-8"), function
+    for file in re.findall(r"`((?:tests|notebooks|jaxcomp)/[\w./-]+\.\w+)`", text):
+        assert (ROOT / file).exists(), file
+
+
+def test_figures_of_the_readme_stand_on_the_page_of_validation():
+    table = text_of("README.md").split("## How far it agrees")[1].split("\n## ")[0]
+    figures = re.findall(r"[\d.,]+ %|[\d.,]+ g mm|[\d.]+ W\b", table)
+    assert len(figures) >= 6
+    for figure in figures:
+        assert figure in text_of("notebooks/validation.md"), figure
