@@ -81,7 +81,7 @@ def test_printed_forces_leave_little_between_the_two_balances(hermetic):
 
 @pytest.mark.slow
 def test_multi_stage_beats_the_rotor_alone_at_the_housing():
-    """Levecque et al. (2011), Section 5: prototype 1 against prototype 2, over the operating conditions."""
+    """Levecque et al. (2011), Section 5: prototypes 1 and 2, over the operating conditions."""
     housing = {}
     for pressure in ("2.453 bar", "6.809 bar"):  # evaporating at -20 and +10 deg C
         changes = [

@@ -110,14 +110,17 @@ def test_every_command_has_an_example():
     assert {line[0] for line in LINES} == {one.name for one in app.registered_commands}
 
 
-def table_of_runs(folder: Path) -> None:
-    (table,) = [b for b in blocks("notebooks/examples.md", "") if b.startswith("run,target")]
-    (folder / "runs.csv").write_text(table)
+def write_tables(folder: Path) -> None:
+    """The tables of measurements that the page shows, by the names its commands use."""
+    names = {"run,target": "runs.csv", "mode,frequency": "modes.csv"}
+    for begin, name in names.items():
+        (table,) = [b for b in blocks("notebooks/examples.md", "") if b.startswith(begin)]
+        (folder / name).write_text(table)
 
 
 def run_all(lines: list[list[str]], folder: Path, monkeypatch) -> None:
     monkeypatch.chdir(folder)
-    table_of_runs(folder)
+    write_tables(folder)
     for line in lines:
         done = CliRunner().invoke(app, line)
         assert done.exit_code == 0, f"{shlex.join(line)}\n{done.output}"
