@@ -38,6 +38,11 @@ _SMALLEST_SHARE, _REGROWTH = 0.125, 1.5
 _RUNAWAY = 1e6
 
 
+def frozen(tree: Y) -> Y:
+    """A tree without derivatives; what is no array, as a function among the parameters, stays."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
+
+
 class AbstractFixedPoint(eqx.Module):
     """A fixed-point problem: how it is solved, and the step whose fixed point the solution is.
 

@@ -9,23 +9,22 @@ class Status(eqx.Enumeration):
 
     converged = "converged"
     not_converged = (
-        "the iteration did not reach its tolerance; allow more passes or a looser tolerance"
+        "the iteration did not reach its tolerance; allow more iterations or a looser tolerance"
     )
     bad_input = "a value lies outside its bound or a rule between values is broken"
     self_locking = (
         "the friction locks the joints: at some crank angle the balance of forces has no unique "
-        "solution; lower the coefficients of friction or the slant of the rod"
+        "solution; lower the coefficients of friction or the tilt of the connecting rod"
     )
     singular = (
         "the system is singular: its planes do not act independently of each other; leave one out, or "
         "take least squares"
     )
-    stalled = (
-        "the crank comes to a halt within the turn; the motor is too weak or the inertia too small"
-    )
+    stalled = "the crank comes to a halt within the revolution; the motor is too weak or the inertia too small"
     unresolved = (
-        "the nodes do not resolve the turn: its duration is not known to 0.1 %, or its fluctuation of "
-        "speed not to 2 %; take more nodes, or more inertia or speed where the crank all but halts"
+        "the nodes do not resolve the revolution: its duration or its losses are not known to 0.1 % "
+        "(of the work), its energy does not close to 1e-5, or its fluctuation of speed is not known to "
+        "2 %; take more nodes, or more inertia or speed where the crank all but halts"
     )
     too_many_events = (
         "the valves make more events in a revolution than there are panels; take more panels, or a "
@@ -36,7 +35,7 @@ class Status(eqx.Enumeration):
     )
     wet = "the gas is below its dew point: wet compression is not modelled"
     no_periodic_state = (
-        "no stable periodic state was found: the net work of a turn does not fall with speed"
+        "no stable periodic state was found: the net work of a revolution does not fall with speed"
     )
 
 

@@ -88,29 +88,15 @@ def one_blas_thread() -> None:
 
 
 def quick_compiles() -> None:
-    """Compile without the fused code of XLA's newer emitters; call before JAX runs anything.
+    """Compile quickly: tracing makes millions of small objects among which there is little to collect.
 
-    Measured with jaxlib 0.9.2 on the orbit of Tsuji et al. by collocation: value 3.7 s instead of 6.2,
-    gradient 14 s instead of 19, and both run a little faster. Later versions have no such choice.
-    Tracing makes millions of small objects among which there is little to collect, another tenth.
+    A tenth of the time; the package itself tells XLA what saves more (`jaxcomp._precision`).
     """
-    from jaxlib.version import __version_info__
-
     gc.set_threshold(100_000, 20, 50)
-    if __version_info__ < (0, 10):
-        _tell_xla("--xla_cpu_use_fusion_emitters", "false")
 
 
 def unoptimised_compiles() -> None:
-    """Compile without XLA's optimisations, for programs that run once; call before JAX runs anything.
+    """Compile without XLA's optimisations, for programs that run once; call before JAX runs anything."""
+    from .._precision import tell_xla
 
-    `run` of the orbit of Tsuji et al. then takes 7 s instead of 10, of which its solver runs for 3 ms.
-    """
-    _tell_xla("--xla_backend_optimization_level", "0")
-
-
-def _tell_xla(flag: str, value: str) -> None:
-    """Set a flag that the user has not set."""
-    given = os.environ.get("XLA_FLAGS", "")
-    if flag not in given:
-        os.environ["XLA_FLAGS"] = f"{given} {flag}={value}".strip()
+    tell_xla("--xla_backend_optimization_level", "0")

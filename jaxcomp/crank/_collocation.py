@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._implicit import FixedPointReport, fixed_point
+from .._implicit import FixedPointReport, fixed_point, frozen
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles
 from ..friction import joint_loop
@@ -110,7 +110,7 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
 def loop_kinks(compressor: Compressor) -> int:
     """How many of the quantities that mark load reversals are kinks."""
     zero = jnp.zeros(())
-    loop = jax.eval_shape(
+    loop = eqx.filter_eval_shape(
         lambda c: joint_loop(
             c.mechanism, c.friction, CrankState(zero, zero, zero), zero, c.gravity
         ),
@@ -171,10 +171,9 @@ def orbit_of_motion(
     status = Status.where(report.settled & ~resolved, Status.unresolved, status)
     growth = None
     if closure.needs_steepness:
-        frozen = lax.stop_gradient((compressor, at, scales, energy, both(motion.acceleration)))
-        growth = grid.total(
-            nodes(steepness(*frozen, lax.stop_gradient(both(nodes(motion.joints)))))
-        )
+        now_known = (compressor, at, scales, energy, both(motion.acceleration))
+        unknown = both(nodes(motion.joints)) if compressor.friction is not None else energy
+        growth = grid.total(nodes(steepness(*frozen((*now_known, unknown)))))
     status = closure.verdict(compressor.motor, period, growth, status)
     lowest = jnp.min(energy)
     status = Status.where(lowest <= ENERGY_FLOOR, Status.stalled, status)

@@ -22,6 +22,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._implicit import frozen
 from ..compressor import Compressor, Instants, instants
 from ..friction import AbstractJointLoop, joint_loop, newton_step
 from ..mechanism import CrankState
@@ -277,8 +278,8 @@ def improve(
     closure = closure_of(compressor.motor)
     steep = None
     if closure.needs_steepness:
-        frozen = lax.stop_gradient((compressor, at, scales, energy, acceleration, motion.joints))
-        steep = lax.stop_gradient(nodes(steepness(*frozen)))
+        known_now = (compressor, at, scales, energy, acceleration, motion.joints)
+        steep = lax.stop_gradient(nodes(steepness(*frozen(known_now))))
     now = Instant(
         grid,
         scales.speed,

@@ -91,6 +91,12 @@ class Orbit(eqx.Module):
         return self.energy.mechanical_efficiency
 
     @property
+    def efficiency_error(self) -> Float[Array, ""]:
+        """[-] Estimated error of the losses over the work of the motor."""
+        size = jnp.maximum(jnp.abs(self.energy.motor_work), self.energy.total_loss)
+        return sum(self.loss_error.values(), start=jnp.zeros(())) / _nonzero(size)
+
+    @property
     def speed_fluctuation(self) -> Float[Array, ""]:
         """[-] (highest - lowest speed)/mean speed."""
         return (self.highest_speed - self.lowest_speed) / self.mean_speed

@@ -14,7 +14,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from .._implicit import AbstractFixedPoint, FixedPointReport, settle
+from .._implicit import AbstractFixedPoint, FixedPointReport, frozen, settle
 from ._iteration import (
     Known,
     Motion,
@@ -46,8 +46,8 @@ class OrbitProblem(AbstractFixedPoint):
 
     Attributes:
         resolution: of the panels.
-        kinks: how many of the quantities that mark reversals are kinks; the others are loads that
-            come close to zero.
+        kinks: how many of the quantities that mark reversals are kinks; the others belong to loads
+            that come close to zero.
         tolerance, max_iterations: of the iteration.
     """
 
@@ -65,7 +65,7 @@ class OrbitProblem(AbstractFixedPoint):
 
         Then solve with places that follow the motion. All rounds share one iteration.
         """
-        known, resolution = lax.stop_gradient(parameters), self.resolution
+        known, resolution = frozen(parameters), self.resolution
         motion = initial_motion(known, resolution)
         places = motion.places
         reversals = no_reversals(places)
@@ -82,7 +82,7 @@ class OrbitProblem(AbstractFixedPoint):
             )
             return motion, (reversals, report)
 
-        marks = jax.eval_shape(improve, known, resolution, reversals, motion)[1]
+        marks = eqx.filter_eval_shape(improve, known, resolution, reversals, motion)[1]
         nothing = jnp.zeros(marks.shape, marks.dtype)
 
         def round_(index, carry):
@@ -134,22 +134,33 @@ class OrbitProblem(AbstractFixedPoint):
         return moved, Reversals(row, slope, jnp.asarray(False)), brackets
 
     def _find(self, grid: Panels, marks: Float[Array, "q p s"]) -> _Brackets:
-        """The first sign changes of kinks, and as many of near-zero loads, inside the panels."""
+        """Sign changes inside the panels: the first of the kinks, the sharpest near-zero loads."""
         ends = np.array([1e-3, 1 - 1e-3])
         x = np.concatenate([ends[:1], grid.rule.nodes, ends[1:]])
         angle = grid.edges[:-1, None] + grid.width[:, None] * x
         at_ends = marks @ grid.rule.through(ends).T
-        sides = jnp.sign(jnp.concatenate([at_ends[..., :1], marks, at_ends[..., 1:]], axis=-1))
-        changes = (sides[..., 1:] * sides[..., :-1] < 0) & (grid.width[:, None] > 1e-9)
+        values = jnp.concatenate([at_ends[..., :1], marks, at_ends[..., 1:]], axis=-1)
+        changes = (values[..., 1:] * values[..., :-1] < 0) & (grid.width[:, None] > 1e-9)
+        count, loads = self.resolution.reversals, (marks.shape[0] - self.kinks) // 2
+        along = slice(self.kinks, self.kinks + loads)
+        # The magnitude turns within an angle of the load that is left over the rate of the other.
+        rate = jnp.abs(jnp.diff(values[along], axis=-1)) / jnp.diff(angle)
+        width = jnp.abs(values[self.kinks + loads :, :, :-1]) / (rate + 1e-300)
+        # of the kinks the first: their order in the rows
+        order = jnp.arange(changes[: self.kinks].size, dtype=width.dtype)
+        rank = jnp.concatenate([order.reshape(changes[: self.kinks].shape), width])
         found = []
-        for begin, end in ((0, self.kinks), (self.kinks, marks.shape[0])):
-            row, panel, left = jnp.nonzero(
-                changes[begin:end], size=self.resolution.reversals, fill_value=-1
-            )
+        for begin, end in ((0, self.kinks), (self.kinks, self.kinks + loads)):
+            shape = rank[begin:end].shape
+            score = jnp.where(changes[begin:end], rank[begin:end], jnp.inf).ravel()
+            score = jnp.concatenate([score, jnp.full(count, jnp.inf)])
+            best, index = lax.top_k(-score, count)
+            used = best > -jnp.inf
+            row, panel, left = jnp.unravel_index(jnp.where(used, index, 0), shape)
             # an unused place goes to the first edge, where it makes a panel of no width
-            low = jnp.where(row >= 0, angle[panel, left], grid.edges[0])
-            high = jnp.where(row >= 0, angle[panel, left + 1], grid.edges[0])
-            found.append(_Brackets(low, high, jnp.where(row >= 0, row + begin, -1)))
+            low = jnp.where(used, angle[panel, left], grid.edges[0])
+            high = jnp.where(used, angle[panel, left + 1], grid.edges[0])
+            found.append(_Brackets(low, high, jnp.where(used, row + begin, -1).astype(int)))
         return jax.tree.map(lambda *parts: jnp.concatenate(parts), *found)
 
 

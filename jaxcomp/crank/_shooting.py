@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._implicit import FixedPointReport
+from .._implicit import FixedPointReport, frozen
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles
 from ..friction import joint_loads
@@ -81,9 +81,9 @@ class Shooting(eqx.Module):
         closure = closure_of(compressor.motor)
         if not closure.integrates:
             return Collocation(self.output_nodes, self.reversals).solve(compressor)
-        frozen = lax.stop_gradient(compressor)
-        fixed = self._prepared(frozen)
-        shot, steps = self._newton(frozen, fixed, jnp.ones(2 if closure.level_is_unknown else 1))
+        still = frozen(compressor)
+        fixed = self._prepared(still)
+        shot, steps = self._newton(still, fixed, jnp.ones(2 if closure.level_is_unknown else 1))
         result = _following(compressor, shot, fixed, self)
         unknowns, end, _ = result
         gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, fixed))))

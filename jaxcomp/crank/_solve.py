@@ -3,7 +3,9 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jax import lax
 
 from .._fields import admissible, clipped, is_traced
 from .._status import SolveFailed, Status
@@ -12,10 +14,15 @@ from ._collocation import Collocation
 from ._orbit import Orbit
 from ._shooting import Shooting
 
-# [-] Resolution beyond which a turn does not count as resolved. Seen at a conrod ratio of 0.95 without
-# edges at the changes of side: 0.21 with 5 nodes on a panel, the fluctuation 3.9 % off; 0.06 with 8,
+# [-] Resolution beyond which a revolution is not resolved. Seen at a conrod ratio of 0.95 without
+# edges at the load reversals: 0.21 with 5 nodes on a panel, the fluctuation 3.9 % off; 0.06 with 8,
 # 0.8 % off.
 _COARSE = 0.1
+# [-] Residual of the joint loop, of the work over a revolution, and estimated error of the losses over
+# the work of the motor, beyond which nothing counts as solved: rounding, 1e-9 and 1e-8 are usual.
+_JOINT_RESIDUAL = 1e-6
+_ENERGY_RESIDUAL = 1e-5
+_LOSS_ERROR = 1e-3
 
 
 def solve_orbit(
@@ -56,7 +63,9 @@ def solve_orbit(
             raise SolveFailed(
                 orbit.status,
                 f"residual {float(orbit.residual):.2g} after {int(orbit.iterations)} iterations, "
-                f"joint margin {float(orbit.margin):.3g}",
+                f"joint margin {float(orbit.margin):.3g}, energy open by "
+                f"{float(orbit.energy.residual):.2g}, losses known to "
+                f"{float(orbit.efficiency_error):.2g} of the work",
             )
     return orbit
 
@@ -71,8 +80,17 @@ def _solve(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
 
 
 def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
+    """The orbit with the checks that hold for every motor and solver."""
     orbit = solver.solve(compressor)
-    coarse = (orbit.status == Status.converged) & (orbit.resolution > _COARSE)
-    return eqx.tree_at(
-        lambda o: o.status, orbit, Status.where(coarse, Status.unresolved, orbit.status)
-    )
+    seen: Orbit = lax.stop_gradient(orbit)
+    leaves = [leaf for leaf in jax.tree.leaves(seen) if jnp.issubdtype(leaf.dtype, jnp.floating)]
+    finite = jnp.isfinite(sum(jnp.sum(leaf) for leaf in leaves))
+    assert seen.loads.residual is not None
+    joints = jnp.max(jnp.abs(seen.loads.residual)) <= _JOINT_RESIDUAL
+    coarse = seen.resolution > _COARSE
+    coarse |= ~(jnp.abs(seen.energy.residual) <= _ENERGY_RESIDUAL)
+    coarse |= ~(seen.efficiency_error <= _LOSS_ERROR)
+    good = orbit.status == Status.converged
+    status = Status.where(good & coarse, Status.unresolved, orbit.status)
+    status = Status.where(good & ~(finite & joints), Status.not_converged, status)
+    return eqx.tree_at(lambda o: o.status, orbit, status)

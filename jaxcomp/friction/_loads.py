@@ -59,7 +59,7 @@ class AbstractJointLoop(eqx.Module):
     unknown along and improves it together with the motion; `joint_loads` solves for it.
     """
 
-    # How many quantities of `balance` are kinks; the others are pinches.
+    # How many quantities of `balance` are kinks; the others belong to near-zero loads.
     kinks: ClassVar[int] = 1
 
     @property
@@ -83,7 +83,11 @@ class AbstractJointLoop(eqx.Module):
     def balance(
         self, unknown: Float[Array, "*n"]
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"], tuple[Float[Array, "*n"], ...]]:
-        """The excess, the loss torque [N m] of all joints, and the quantities that mark reversals."""
+        """The excess, the loss torque [N m] of all joints, and the quantities that mark reversals.
+
+        These are first the kinks; then, of the loads that may come close to zero, the components
+        along x, whose sign changes mark the places, and those along y, which tell how close.
+        """
 
     @abstractmethod
     def loads(self, unknown: Float[Array, "*n"], evidence: bool) -> JointLoads:

@@ -128,7 +128,15 @@ class SliderCrankLoop(AbstractJointLoop):
         wall = self._wall(unknown)
         forces, *moments = self._pins(unknown, wall)
         loss = sum(self._losses(forces, wall, *moments).values(), jnp.zeros_like(wall))
-        return self._left(forces, *moments), loss, (unknown, forces.piston_pin.x)
+        near_zero = self._near_zero(forces)
+        marks = (unknown, *(force.x for force in near_zero), *(force.y for force in near_zero))
+        return self._left(forces, *moments), loss, marks
+
+    def _near_zero(self, forces):
+        """Forces of the joints with a law: where one comes close to zero, its magnitude turns."""
+        laws = self.friction
+        rubbing = [f for name, f in forces._asdict().items() if getattr(laws, name) is not None]
+        return rubbing or [forces.piston_pin]
 
     def _losses(self, forces, wall, piston_pin, crank_pin) -> dict[str, Float[Array, "*n"]]:
         rod, friction, loss = self.bodies.rod, self.friction, {}
@@ -178,7 +186,7 @@ class SliderCrankLoop(AbstractJointLoop):
             residual=residual,
             margin=margin,
             kinks=side[None],
-            pinches=forces.piston_pin.x[None],
+            pinches=jnp.stack([force.x for force in forces]),
         )
 
 

@@ -163,7 +163,8 @@ class SliderLinkLoop(AbstractJointLoop):
         touch, on_link, pin = self._contacts(unknown)
         loss, moment, _ = self._losses(touch, on_link, pin)
         total = sum(loss.values(), jnp.zeros_like(unknown))
-        marks = (touch.crown, touch.edge, touch.slider, pin.x)
+        # The bearings' loads come close to zero with that of the pin, too near for places of their own.
+        marks = (touch.crown, touch.edge, touch.slider, *pin)
         return self._left(unknown, moment), total, marks
 
     def _losses(self, touch, on_link, pin):

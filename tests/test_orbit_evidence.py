@@ -1,0 +1,129 @@
+"""What an orbit says of itself holds, for every motor and solver; and how large its programs are."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+from helpers import RPM, coulomb, machine, status_of
+
+from jaxcomp import (
+    CallableDiagram,
+    Collocation,
+    ConstantSpeed,
+    FilmJournal,
+    Shooting,
+    load,
+    solve_orbit,
+)
+
+# A valid machine whose crank-pin load all but vanishes: 93 N of 7800 N at 2.1 degrees.
+NEARLY_UNLOADED = {
+    "offset": -4.0553e-3,
+    "piston_mass": 5.586,
+    "conrod_mass": 8.292,
+    "conrod_centre": 77.117e-3,
+    "conrod_inertia": 0.1019,
+    "crank_inertia": 0.27326,
+    "crank_unbalance": -0.58939,
+}
+COEFFICIENTS = {
+    "wall": 0.08349,
+    "piston_pin": 0.04306,
+    "crank_pin": 0.01403,
+    "main_journal": 0.02163,
+}
+
+
+def nearly_unloaded():
+    design = load("mayekawa-wbhe").machine
+    for name, value in NEARLY_UNLOADED.items():
+        design = eqx.tree_at(
+            lambda c, name=name: getattr(c.mechanism, name), design, jnp.asarray(value)
+        )
+    for name, value in COEFFICIENTS.items():
+        design = eqx.tree_at(
+            lambda c, name=name: getattr(c.friction, name).coefficient, design, jnp.asarray(value)
+        )
+    gas = (jnp.asarray(0.0022913), jnp.asarray(1.290517))
+    return eqx.tree_at(lambda c: (c.gas.clearance_ratio, c.gas.exponent), design, gas)
+
+
+def test_a_nearly_vanishing_pin_load_costs_no_digits_and_the_error_is_known():
+    design = nearly_unloaded()
+    default = solve_orbit(design)
+    # an independent march, whose own account closes to 2e-11; 16 nodes are within 3e-12 of it
+    exact = solve_orbit(design, Shooting(tolerance=1e-8))
+    error = abs(float(default.mechanical_efficiency - exact.mechanical_efficiency))
+    assert error < 5e-8  # 1.2e-8 seen; 1.6e-6 without edges where the crank pin is nearly unloaded
+    assert error < float(default.efficiency_error) < 100 * error
+
+
+def test_the_error_of_coarse_losses_is_above_what_it_is():
+    fine = solve_orbit(machine(), Collocation(nodes=16)).mechanical_efficiency
+    for nodes in (5, 8, 12):
+        coarse = solve_orbit(machine(), Collocation(nodes=nodes, reversals=0), throw=False)
+        error = abs(float(coarse.mechanical_efficiency - fine))
+        # of the quadrature over a kink: it falls with the square of the nodes, and luckily now and then
+        assert 0.3 * error < float(coarse.efficiency_error) < 100 * error + 1e-6
+
+
+@pytest.mark.parametrize("solver", [Collocation(), Shooting()])
+def test_a_given_speed_is_checked_like_any_other(solver):
+    held = {"motor": ConstantSpeed(1000 * RPM)}
+    good = solve_orbit(machine(**held), solver, throw=False)
+    assert status_of(good) == "converged"
+    locked = machine(**held, friction=coulomb(60.0))
+    assert status_of(solve_orbit(locked, solver, throw=False)) == "self_locking"
+
+
+def test_an_open_account_is_not_converged():
+    """At a given speed the torque is that of the motion, whose work the quadrature knows by itself."""
+    steep = machine(motor=ConstantSpeed(1000 * RPM), conrod_length=0.05 / 0.93)
+    coarse = solve_orbit(steep, Collocation(nodes=4, reversals=0), throw=False)
+    assert abs(float(coarse.energy.residual)) > 1e-5
+    assert status_of(coarse) == "unresolved"
+    fine = solve_orbit(steep, Collocation(nodes=24), throw=False)
+    assert abs(float(fine.energy.residual)) < 1e-6
+    assert status_of(fine) == "converged"
+
+
+def test_numbers_that_are_not_finite_are_not_converged():
+    def pressure(stroke):
+        return jnp.where(stroke.angle > 3.0, jnp.nan, 1e5)
+
+    for motor in (ConstantSpeed(1000 * RPM), None):
+        broken = machine(motor=motor, gas=CallableDiagram(pressure, 1e5))
+        assert status_of(solve_orbit(broken, throw=False)) != "converged"
+
+
+# ---------------------------------------------------------------- size of the programs
+def with_films(design):
+    def journal(diameter):
+        return FilmJournal(
+            diameter=diameter,
+            length=0.8 * diameter,
+            radial_clearance=5e-4 * diameter,
+            dynamic_viscosity=0.02,
+        )
+
+    at = lambda c: (c.friction.crank_pin, c.friction.main_journal)  # noqa: E731
+    return eqx.tree_at(at, design, (journal(0.05), journal(0.06)))
+
+
+def lines(function, *arguments) -> int:
+    return jax.jit(function).lower(*arguments).as_text().count("\n")
+
+
+def efficiency(design):
+    return solve_orbit(design, throw=False).mechanical_efficiency
+
+
+def test_programs_are_small():
+    """Lines of StableHLO of the default orbit: compiling takes about a second a thousand.
+
+    The bounds are a tenth above what was counted: 3,323, 8,807 and 5,821.
+    """
+    design = load("mayekawa-wbhe").machine
+    assert lines(efficiency, design) < 3_700
+    assert lines(jax.value_and_grad(efficiency), design) < 9_700
+    assert lines(efficiency, with_films(design)) < 6_400
