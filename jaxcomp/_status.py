@@ -20,7 +20,10 @@ class Status(eqx.Enumeration):
         "the system is singular: its planes do not act independently of each other; leave one out, or "
         "take least squares"
     )
-    stalled = "the crank comes to a halt within the revolution; the motor is too weak or the inertia too small"
+    stalled = (
+        "the crank comes to a halt within the revolution; the motor is too weak or the inertia too "
+        "small"
+    )
     unresolved = (
         "the nodes do not resolve the revolution: its duration or its losses are not known to 0.1 % "
         "(of the work), its energy does not close to 1e-5, or its fluctuation of speed is not known to "
