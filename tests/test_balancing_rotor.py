@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from rotor_machine import machine
 
-from jaxcomp.balancing import direct_influence, least_squares, trial_influence
+from jaxcomp import load
+from jaxcomp.balancing import (
+    classical_balance,
+    direct_influence,
+    least_squares,
+    rod_ring,
+    trial_influence,
+)
 from jaxcomp.rotor import (
     BalancingPlanes,
     CorrectionPlane,
@@ -97,3 +104,40 @@ def test_derivative_of_the_residual_equals_differences(model):
     estimate = (left(2e4 + step) - left(2e4 - step)) / (2 * step)
     # h^2 = 1e-8 of the central difference, times a second derivative of order one
     assert float(jax.jit(jax.grad(left))(2e4)) == pytest.approx(float(estimate), rel=1e-5)
+
+
+def test_ring_stands_for_the_rotating_part_of_the_rod():
+    """Two planes that hold sum and couple of shaft and rod, solved by NumPy from lengths in mm."""
+    scene = load("hermetic-68cc")
+    machine = scene.assembly
+    rotor, case, places = machine.rotor, machine.loads, machine.balancing
+    unbalances = case.unbalances
+    # crank radius 16.975 mm, rod of 180 g and 78 mm with its centre 22 mm from the big end
+    ring = 180 * 16.975 * (78 - 22) / 78
+    assert ring == pytest.approx(2194, abs=0.5)
+    z = {
+        6: 54,
+        13: 134,
+        48: 140,
+        15: 146,
+        16: 151,
+        19: 159,
+        21: 169,
+        23: 179,
+    }  # from the rotor's top
+    magnitude = {
+        node: size * 1e6 * np.cos(float(phase))
+        for table in unbalances
+        for node, size, phase in zip(table.nodes, table.magnitude, table.phase, strict=True)
+    }
+    for carried, given in ((0.0, None), (ring, rod_ring(machine))):
+        total = sum(magnitude.values()) + carried
+        couple = sum(z[node] * u for node, u in magnitude.items()) + z[21] * carried
+        wanted = np.linalg.solve([[1, 1], [z[6], z[48]]], [-total, -couple])
+        found = classical_balance(rotor, unbalances, places, speed=314.0, ring=given).correction
+        # rounding of sums of a few thousand g mm
+        np.testing.assert_allclose(np.asarray(found) * 1e6, wanted, rtol=1e-9)
+
+
+def test_machine_without_a_rod_has_no_ring():
+    assert rod_ring(load("slider-link-8cc").assembly) is None

@@ -9,6 +9,7 @@ from ._classical import PlanePair as PlanePair
 from ._classical import classical_balance as classical_balance
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance
+from ._classical import rod_ring as rod_ring
 from ._crank import machine_influence as machine_influence
 from ._crank import running_influence as running_influence
 from ._descent import Descent as Descent

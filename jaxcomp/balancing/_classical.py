@@ -11,6 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .._fields import BadInput
+from ..machine import Assembly, correction_unbalance
+from ..mechanism import SliderCrank
 from ..rotor import (
     BalancingPlanes,
     RotorModel,
@@ -92,6 +94,29 @@ def rigid_balance(
     return PlanePair(jnp.stack([-total - far, far]), allowed * jnp.stack([share, 1 - share]))
 
 
+def rod_ring(machine: Assembly) -> Unbalances | None:
+    r"""The ring that stands on the crank pin for the rotating part of the rod, $m_c r (l - b)/l$.
+
+    A balancing machine turns the rotor without rod and piston. Paper 000, Section 1, puts a ring in
+    their place "whose mass is equivalent to the rotating masses"; crank pin and arms are on the
+    rotor, so that what it lacks is the rod's share at the big end ($m_{ro}$ of Section 3.3).
+
+    Args:
+        machine: put together.
+
+    Returns:
+        `None` for a machine without a rod whose plane on the rotor is known (`loads.crank`).
+    """
+    mechanism = getattr(machine.compressor, "mechanism", None)
+    if not isinstance(mechanism, SliderCrank) or machine.loads is None:
+        return None
+    if machine.loads.crank is None:
+        return None
+    big_end = 1 - mechanism.conrod_centre / mechanism.conrod_length
+    moment = mechanism.conrod_mass * mechanism.crank_radius * big_end
+    return correction_unbalance(machine.loads.crank.pin, jnp.stack([moment, jnp.zeros(())]))
+
+
 def classical_balance(
     model: RotorModel,
     unbalances: Sequence[Unbalances],
@@ -99,6 +124,7 @@ def classical_balance(
     *,
     speed: Float[Array, ""] | float,
     grade: Float[Array, ""] | float = 6.3,
+    ring: Unbalances | None = None,
 ) -> PlanePair:
     """`rigid_balance` of the rotor of a model, taken out of its crankcase and housing.
 
@@ -107,7 +133,8 @@ def classical_balance(
         unbalances: of the rotor.
         places: with two correction planes.
         speed: [rad/s] of service.
-        grade: [mm/s] of ISO 21940-11.
+        grade: [mm/s] of ISO 21940-11; the ring does not count in the mass of the rotor.
+        ring: on the rotor while it is balanced, see `rod_ring`; the rotor by itself if absent.
 
     Raises:
         BadInput: another number of planes than two, or no part that spins.
@@ -130,7 +157,7 @@ def classical_balance(
                 mass, moment = mass + each, moment + each * z[node]
     first, second = (plane.node for plane in places.planes)
     return rigid_balance(
-        unbalances,
+        unbalances if ring is None else (*unbalances, ring),
         z,
         (first, second),
         centre=moment / mass,

@@ -12,7 +12,10 @@ from ._options import AsJson, Out, Sets
 
 
 class Method(enum.StrEnum):
-    """What is made small; `classical` balances the rotor alone, as a balancing machine does."""
+    """What is made small; `classical` balances the rotor alone, as a balancing machine does.
+
+    With the crank's forces it carries a ring for the rotating part of the rod, which is among them.
+    """
 
     least_squares = "least-squares"
     min_max = "min-max"

@@ -23,6 +23,7 @@ from ..balancing import (
     machine_influence,
     min_max,
     predicted,
+    rod_ring,
     select,
 )
 from ..rotor import BalancingPlanes, LoadCase
@@ -45,6 +46,7 @@ class System(NamedTuple):
         excitation: what shakes the machine.
         rotor_alone: corrections of the rotor alone with their permissible rest, of a scene with two
             planes.
+        ringed: whether that rotor carried a ring for the rotating part of the rod.
         scene: that it was made from; `None` for measurements.
         trial: unit of the corrections, `kg m` or `kg`.
     """
@@ -55,6 +57,7 @@ class System(NamedTuple):
     unit: str
     excitation: str
     rotor_alone: PlanePair | None = None
+    ringed: bool = False
     scene: Scene | None = None
     trial: str = "kg m"
 
@@ -97,10 +100,12 @@ def model_system(
         plane.name: float(plane.radius) for plane in places.planes if plane.radius is not None
     }
     alone = None
+    # A ring stands for a load that acts: the forces of the file are without the inertia of the rod.
+    ring = rod_ring(scene.assembly) if crank and "inertia" not in left_out else None
     if len(places.planes) == 2:
-        alone = classical_balance(model, case.unbalances, places, speed=max(at))
+        alone = classical_balance(model, case.unbalances, places, speed=max(at), ring=ring)
     word = "crank" if crank else "file"
-    return System(scene.name, influence, radius, "m", word, alone, scene)
+    return System(scene.name, influence, radius, "m", word, alone, ring is not None, scene)
 
 
 def solve(system: System, planes, targets, method: str, tikhonov, largest) -> Balance:
@@ -121,7 +126,8 @@ def _solve(system: System, planes, targets, method: str, tikhonov, largest) -> B
     if method == "classical":
         if system.rotor_alone is None:
             raise CommandError("--method classical: needs a scene with two correction planes")
-        return predicted(part, system.rotor_alone.correction, "rotor alone, two planes")
+        name = "rotor with a ring for the rod" if system.ringed else "rotor alone"
+        return predicted(part, system.rotor_alone.correction, f"{name}, two planes")
     if method == "min-max":
         return min_max(part)
     if largest is not None:
