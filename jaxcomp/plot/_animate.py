@@ -49,7 +49,7 @@ class Sketch(NamedTuple):
 
 
 def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> Motion:
-    """One turn of the periodic state: mechanism and forces above, magnitudes below.
+    """One revolution of the periodic state: mechanism and forces above, magnitudes below.
 
     Args:
         compressor: with a slider-crank or a slider-link.
@@ -64,7 +64,7 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     reach = 2.2 * float(mechanism.crank_radius)  # [m] of the largest arrow
     unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
 
-    figure, axes = new_figure(2, 1, (8.0, 6.0), "One turn with its forces", share=False)
+    figure, axes = new_figure(2, 1, (8.0, 6.0), "One revolution with its forces", share=False)
     above, below = axes[:, 0]
     above.set_aspect("equal")
     above.set_axis_off()
