@@ -17,6 +17,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool
 
+from . import _precision as _precision  # before JAX runs anything
+
 _MISSING = dataclasses.MISSING
 _Tree = TypeVar("_Tree")
 

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tomllib
 from contextlib import redirect_stdout
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -201,3 +202,29 @@ def test_figures_of_the_readme_stand_on_the_page_of_validation():
     assert len(figures) >= 6
     for figure in figures:
         assert figure in text_of("notebooks/validation.md"), figure
+
+
+@pytest.mark.parametrize(("word", "kept"), [(None, False), ("0", True)])
+def test_environment_variables_do_what_the_page_says(word, kept):
+    """Whether the import leaves the precision and the flags of XLA as they are."""
+    environment = {k: v for k, v in os.environ.items() if k not in ("XLA_FLAGS", "JAX_ENABLE_X64")}
+    if word is not None:
+        environment |= {"JAXCOMP_X64": word, "JAXCOMP_XLA_FLAGS": word}
+    code = "import jaxcomp; jaxcomp.load; import jax, os; "
+    code += "print(jax.config.jax_enable_x64, os.environ.get('XLA_FLAGS'))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment | {"PYTHONPATH": str(ROOT)},
+    )
+    precision, flags = done.stdout.strip().split(" ", 1)
+    assert (precision == "False") is kept
+    row = next(line for line in text_of("notebooks/conventions.md").splitlines() if "XLA's" in line)
+    named = re.findall(r"`(--xla\w+=\w+)`", row)
+    assert len(named) == 2
+    if kept or tuple(map(int, version("jaxlib").split(".")[:2])) >= (0, 10):
+        assert flags == "None"
+    else:
+        assert flags.split() == named
