@@ -52,6 +52,9 @@ class Orbit(eqx.Module):
         loads: forces and friction of the joints at the nodes.
         energy: work over the revolution.
         loss_error: [J] estimated error of `energy.losses`, by joint: what twice the nodes change.
+        peak_forces: [N] largest magnitude of the panel polynomials over the revolution, by joint.
+        peak_error: [N] largest size of the highest two terms of these polynomials: an upper estimate
+            of the error of the peaks.
         mean_speed: [rad/s] one turn over its duration.
         lowest_speed, highest_speed: [rad/s] extremes within the turn.
         status: how the solver ended, a member of `Status`.
@@ -71,6 +74,8 @@ class Orbit(eqx.Module):
     loads: JointLoads
     energy: Energy
     loss_error: dict[str, Float[Array, ""]]
+    peak_forces: dict[str, Float[Array, ""]]
+    peak_error: dict[str, Float[Array, ""]]
     mean_speed: Float[Array, ""]
     lowest_speed: Float[Array, ""]
     highest_speed: Float[Array, ""]
@@ -116,11 +121,6 @@ class Orbit(eqx.Module):
         """[-] smallest slope of the joint loop over the turn; joints lock where it reaches zero."""
         assert self.loads.margin is not None
         return jnp.min(self.loads.margin)
-
-    @property
-    def peak_forces(self) -> dict[str, Float[Array, ""]]:
-        """[N] largest magnitude at the nodes, by joint."""
-        return {name: jnp.max(_magnitude(f)) for name, f in self.loads.forces.items()}
 
     @property
     def mean_forces(self) -> dict[str, Float[Array, ""]]:

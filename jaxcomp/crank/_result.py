@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport
 from ..compressor import Instants
+from ..friction import magnitude
 from ._orbit import Energy, Orbit
 from ._panels import Panels, Rule
 
@@ -43,6 +44,11 @@ def orbit_on_panels(
     elapsed, at_edges = grid.cumulative(1 / state.speed)
     highest = jax.vmap(partial(_highest, grid.rule))(jnp.stack([-state.speed, state.speed]))
 
+    sizes = {name: magnitude(*force) for name, force in loads.forces.items()}
+    peaks = jax.vmap(partial(_highest, grid.rule))(jnp.stack(list(sizes.values())))
+    terms = jnp.abs(lax.stop_gradient(jnp.stack(list(sizes.values()))) @ grid.rule.to_legendre.T)
+    error = jnp.max(terms[..., -2] + terms[..., -1], axis=-1)
+
     def flat(values):
         return values.reshape(*values.shape[:-2], -1)
 
@@ -56,6 +62,8 @@ def orbit_on_panels(
         loads=jax.tree.map(flat, loads),
         energy=energy,
         loss_error=loss_error,
+        peak_forces=dict(zip(sizes, peaks, strict=True)),
+        peak_error=dict(zip(sizes, error, strict=True)),
         mean_speed=2 * jnp.pi / at_edges[-1],
         lowest_speed=-highest[0],
         highest_speed=highest[1],
