@@ -97,9 +97,10 @@ def rigid_balance(
 def rod_ring(machine: Assembly) -> Unbalances | None:
     r"""The ring that stands on the crank pin for the rotating part of the rod, $m_c r (l - b)/l$.
 
-    A balancing machine turns the rotor without rod and piston. Paper 000, Section 1, puts a ring in
-    their place "whose mass is equivalent to the rotating masses"; crank pin and arms are on the
-    rotor, so that what it lacks is the rod's share at the big end ($m_{ro}$ of Section 3.3).
+    A balancing machine turns the rotor without rod and piston. Levecque et al. (2011), cited in full in
+    `machines/hermetic-68cc.toml`, put a ring in their place (Section 1) "whose mass is equivalent to the
+    rotating masses"; crank pin and arms are on the rotor, so that what it lacks is the rod's share at the
+    big end ($m_{ro}$ of Section 3.3).
 
     Args:
         machine: put together.
