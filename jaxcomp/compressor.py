@@ -175,6 +175,7 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         area = mechanism.piston_area
         for displaced, inward in compressor.gas.valve_events(area * (highest - lowest)):
             angles.append(mechanism.angle_at(highest - displaced / area, inward))
+        angles += compressor.gas.event_angles()
     revolution = 2 * jnp.pi
     rest = top + jnp.mod(jnp.stack(angles) - top, revolution)
     return jnp.concatenate([top[None], jnp.sort(rest)])

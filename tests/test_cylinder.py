@@ -106,6 +106,13 @@ def figures(cycle):
     )
 
 
+def check_figures(cycle, name, tolerance):
+    got, wanted = figures(cycle), np.array(GOLDEN[name])
+    # heat is a small difference of large amounts to and fro: its error is measured by the work
+    scale = np.where(np.array(NAMES) == "heat", wanted[3], wanted)
+    np.testing.assert_allclose(got / scale, wanted / scale, rtol=0, atol=tolerance)
+
+
 def check_events(cycle, name):
     """Impact speeds [m/s] and angles of the last closing [degrees], where all digits are printed."""
     events = cycle.events
@@ -123,7 +130,7 @@ def check_events(cycle, name):
 def test_collocation_meets_the_golden_machines(name):
     cycle = solve_cycle(golden(name), mechanism(), SPEED, COLLOCATION)
     assert bool(cycle.converged)
-    np.testing.assert_allclose(figures(cycle), GOLDEN[name], rtol=1e-7)
+    check_figures(cycle, name, 1e-7)
     check_events(cycle, name)
     assert abs(cycle.mass_closure) < 1e-13
     assert abs(cycle.energy_closure) < 1e-7  # of order 1e-10 with R134a, which needs fewer panels
@@ -146,7 +153,7 @@ def test_collocation_meets_the_golden_machines(name):
 def test_the_march_meets_the_golden_machines(name, tolerance):
     options = CycleOptions(method="march", value_tolerance=1e-9, panels=48, capacity=1600)
     cycle = solve_cycle(golden(name), mechanism(), SPEED, options)
-    np.testing.assert_allclose(figures(cycle), GOLDEN[name], rtol=tolerance)
+    check_figures(cycle, name, tolerance)
 
 
 # field of (cylinder, mechanism); d ln of work, eta_v, delivered mass over work and speed of impact on

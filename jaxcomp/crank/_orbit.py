@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._status import Status
+from ..cylinder import Cycle
 from ..friction import JointLoads
 from ..mechanism import CrankState
 
@@ -63,6 +64,7 @@ class Orbit(eqx.Module):
             speed: an upper estimate of the relative error of the fluctuation.
         iterations: passes or Newton steps of the final solve.
         solver: name of the solver.
+        cycle: of the gas, where it is solved with the crank's motion; else `None`.
     """
 
     state: CrankState
@@ -84,6 +86,7 @@ class Orbit(eqx.Module):
     resolution: Float[Array, ""]
     iterations: Int[Array, ""]
     solver: str = eqx.field(static=True)
+    cycle: Cycle | None = None
 
     @property
     def converged(self) -> Bool[Array, ""]:

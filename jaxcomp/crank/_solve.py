@@ -10,7 +10,9 @@ from jax import lax
 from .._fields import admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
+from ..cylinder import Cylinder
 from ._collocation import Collocation
+from ._cylinder import solve_with_cylinder
 from ._orbit import Orbit
 from ._shooting import Shooting
 
@@ -81,7 +83,10 @@ def _solve(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
 
 def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
     """The orbit with the checks that hold for every motor and solver."""
-    orbit = solver.solve(compressor)
+    if isinstance(compressor.gas, Cylinder):
+        orbit = solve_with_cylinder(compressor, solver)
+    else:
+        orbit = solver.solve(compressor)
     seen: Orbit = lax.stop_gradient(orbit)
     leaves = [leaf for leaf in jax.tree.leaves(seen) if jnp.issubdtype(leaf.dtype, jnp.floating)]
     finite = jnp.isfinite(sum(jnp.sum(leaf) for leaf in leaves))

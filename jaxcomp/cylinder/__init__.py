@@ -1,6 +1,7 @@
 """The cylinder's own thermodynamics: valves, real gas, heat and leakage over a periodic cycle."""
 
 from ._cycle import Cycle as Cycle
+from ._cycle import SolvedPressure as SolvedPressure
 from ._cylinder import Cylinder as Cylinder
 from ._cylinder import DischargeLine as DischargeLine
 from ._cylinder import SuctionLine as SuctionLine

@@ -1,5 +1,6 @@
 """The periodic cycle of a cylinder: what it pumps, what that costs, and what its valves do."""
 
+from functools import cache
 from typing import Any
 
 import equinox as eqx
@@ -8,10 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
+from numpy.polynomial import legendre
 
+from .._fields import ANY, NONNEGATIVE, quantity
 from .._status import Status
 from ..fluid import RealGas
+from ..gas import AbstractGas
 from ._balance import Accounts
+from ._collocation import gauss
 from ._cylinder import Case
 
 
@@ -25,6 +30,7 @@ class Events(eqx.Module):
         speed: [m/s] (p,) of the valve before it, positive away from the seat.
         meets: (p,) whether the valve meets seat or stop there.
         shuts: (p,) whether it stays on its seat.
+        opens: (p,) whether it leaves its seat.
     """
 
     which: Int[Array, " p"]
@@ -32,17 +38,56 @@ class Events(eqx.Module):
     speed: Float[Array, " p"]
     meets: Bool[Array, " p"]
     shuts: Bool[Array, " p"]
+    opens: Bool[Array, " p"]
 
     def impact_speed(self, valve: int, stop: bool) -> Float[Array, ""]:
         """Highest speed [m/s] at which a valve (0 suction, 1 discharge) meets its stop or its seat."""
         here = self.meets & (self.which == 4 * valve + stop)
         return jnp.max(jnp.where(here, jnp.abs(self.speed), 0.0))
 
+    def opening_angle(self, valve: int) -> Float[Array, ""]:
+        """Crank angle [rad] at which a valve opens for the first time; 0 if it never does."""
+        here = self.opens & (self.which == 4 * valve)
+        first = jnp.argmin(jnp.where(here, self.angle, jnp.inf))
+        return jnp.where(jnp.any(here), self.angle[first], 0.0)
+
     def closing_angle(self, valve: int) -> Float[Array, ""]:
         """Crank angle [rad] at which a valve shuts for the last time; 0 if it never does."""
         here = self.shuts & (self.which == 4 * valve)
         last = jnp.argmax(jnp.where(here, self.angle, -jnp.inf))
         return jnp.where(jnp.any(here), self.angle[last], 0.0)
+
+
+class SolvedPressure(AbstractGas):
+    """The pressure of a solved cycle, by the polynomials of its panels.
+
+    Args:
+        edges: [rad] (p + 1,) of the panels over one revolution.
+        values: [Pa] (p, s + 1) at the Gauss nodes and at the end of every panel.
+        kinks: [rad] (k,) where the crank begins another panel.
+        back_pressure: [Pa] behind the piston.
+    """
+
+    edges: Float[Array, " p"] = quantity("rad", ANY, shape=(None,))
+    values: Float[Array, "p m"] = quantity("Pa", ANY, shape=(None, None))
+    kinks: Float[Array, " k"] = quantity("rad", ANY, shape=(None,))
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+
+    @property
+    def behind_piston(self):
+        return self.back_pressure
+
+    def event_angles(self):
+        return tuple(self.kinks)
+
+    def pressure(self, stroke):
+        start, count = self.edges[0], self.values.shape[1]
+        angle = start + jnp.mod(stroke.angle - start, 2 * jnp.pi)
+        panel = jnp.searchsorted(self.edges[1:-1], angle, side="right")
+        width = jnp.diff(self.edges)[panel]
+        x = (angle - self.edges[panel]) / jnp.where(width > 0, width, 1.0)
+        weights = jnp.moveaxis(_legendre(2 * x - 1, count), 0, -1) @ _to_series(count)
+        return jnp.sum(weights * self.values[panel], axis=-1)
 
 
 class Cycle(eqx.Module):
@@ -193,6 +238,20 @@ class Cycle(eqx.Module):
         rest = 1 - sum(named.values(), start=jnp.zeros(()))
         return {**named, "heating and valves": rest}
 
+    def gas(self) -> "SolvedPressure":
+        """The pressure as a gas that is prescribed over the crank angle."""
+        _, z, pressure = self.raw
+        kinks = [
+            angle(valve)
+            for valve in (0, 1)
+            for angle in (self.events.opening_angle, self.events.closing_angle)
+        ]
+        # between these the pressure swings with the valves: every other panel's edge as well, and none so
+        # wide that the harmonics of the speed could not be told from the nodes on it
+        even = z.edges[0] + np.pi / 3 * (np.arange(6) + 0.5)
+        kinks = jnp.concatenate([jnp.stack(kinks), z.edges[2:-1:2], even])
+        return SolvedPressure(z.edges, pressure, kinks, self.case.suction.p)
+
     def capacity(self, liquid_temperature: Float[Array, ""]) -> Float[Array, ""]:
         """Cooling capacity [W]: mass flow times the enthalpy from the liquid to the suction line.
 
@@ -210,23 +269,29 @@ class Cycle(eqx.Module):
         return self.mass_flow * (self.case.suction.h - fluid.state(liquid.T, liquid.liquid).h)
 
 
-def highest(values: Float[Array, "p m"], places: np.ndarray) -> Float[Array, ""]:
-    """Largest value of the polynomials through values at places in [0, 1] of every panel.
+def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
+    """Largest value of the polynomials through values at the points of every panel.
 
     Its place needs no derivative: the slope vanishes there.
     """
     fixed = lax.stop_gradient(values)
-    x = np.linspace(0, 1, 8 * places.size + 1)
-    legendre = np.polynomial.legendre
-    to_series = np.linalg.inv(legendre.legvander(2 * places - 1, places.size - 1))
-    samples = fixed @ (legendre.legvander(2 * x - 1, places.size - 1) @ to_series).T
+    x = np.linspace(0, 1, 8 * values.shape[1] + 1)
+    to_series = _to_series(values.shape[1])
+    samples = fixed @ (legendre.legvander(2 * x - 1, values.shape[1] - 1) @ to_series).T
     panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
     column = jnp.clip(column, 1, x.size - 2)
     before, here, after = (samples[panel, column + i] for i in (-1, 0, 1))
     bend = before - 2 * here + after
     shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
     place = jnp.asarray(x)[column] + jnp.clip(shift, -1, 1) * x[1]
-    return _legendre(2 * place - 1, places.size) @ (to_series @ values[panel])
+    return _legendre(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
+
+
+@cache
+def _to_series(count: int) -> np.ndarray:
+    """Legendre coefficients from the values at the points of a panel."""
+    places = np.append(gauss(count - 1).nodes, 1.0)
+    return np.linalg.inv(legendre.legvander(2 * places - 1, count - 1))
 
 
 def _legendre(x, count: int):

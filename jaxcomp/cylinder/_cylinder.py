@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..fluid import AbstractFluid, GasState, RealGas
+from ..gas import AbstractGas
 from ..valve import AbstractValve, Side
 from ._heat import AbstractHeat
 from ._leakage import LaminarGap
@@ -86,8 +87,11 @@ class DischargeLine(Part):
         return fluid.state(temperature, fluid.density(temperature, pressure)), isentropic
 
 
-class Cylinder(Part):
+class Cylinder(AbstractGas):
     """What a compressor's cylinder does to its gas, besides the piston's motion.
+
+    Its pressure is a state, not a function of the stroke: `solve_orbit` solves it with the crank's
+    motion, `solve_cycle` at a given speed.
 
     Args:
         fluid: the gas.
@@ -120,6 +124,16 @@ class Cylinder(Part):
         if self.heat is not None and self.wall_temperature is None:
             raise ValueError("heat transfer needs a `wall_temperature`.")
 
+    def pressure(self, stroke):
+        raise TypeError(
+            "The pressure of a cylinder with valves depends on the whole revolution: solve the orbit "
+            "and take `orbit.pressure` or `orbit.cycle`."
+        )
+
+    @property
+    def behind_piston(self):
+        return self.suction.state(self.fluid).p
+
     @property
     def valves(self) -> tuple[AbstractValve, AbstractValve]:
         """Suction and discharge valve."""
@@ -145,8 +159,8 @@ class Case(eqx.Module):
         cylinder: the gas side.
         mechanism: the piston's motion.
         speed: [rad/s] mean speed of the crank.
-        cosine, sine: [-] harmonics of the relative fluctuation of the speed over the crank angle;
-            `None` at constant speed.
+        cosine, sine: [-] harmonics over the crank angle of the time that an angle takes, relative to
+            its mean; `None` at constant speed.
         suction, discharge: the lines.
         isentropic: end of the isentropic compression between the lines.
         top: [m] piston position at the top dead centre.
@@ -184,7 +198,7 @@ class Case(eqx.Module):
         if self.cosine is None or self.sine is None:
             return self.speed + 0 * angle
         phase = angle * jnp.arange(1, self.cosine.size + 1)
-        return self.speed * (1 + jnp.cos(phase) @ self.cosine + jnp.sin(phase) @ self.sine)
+        return self.speed / (1 + jnp.cos(phase) @ self.cosine + jnp.sin(phase) @ self.sine)
 
     def volume(self, angle: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Volume [m^3] and its rate over the crank angle [m^3/rad]."""
@@ -201,8 +215,8 @@ def prepare(cylinder: Cylinder, mechanism, speed, fluctuation=None) -> Case:
         cylinder: the gas side.
         mechanism: an `AbstractMechanism`.
         speed: [rad/s] mean speed of the crank.
-        fluctuation: cosine and sine harmonics of the relative fluctuation of the speed, from the
-            first on; constant speed if absent.
+        fluctuation: cosine and sine harmonics, from the first on, of the time that an angle takes,
+            relative to its mean; constant speed if absent.
     """
     suction = cylinder.suction.state(cylinder.fluid)
     discharge, isentropic = cylinder.discharge.states(cylinder.fluid, suction)

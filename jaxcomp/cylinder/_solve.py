@@ -5,7 +5,6 @@ from typing import Literal, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
@@ -77,8 +76,8 @@ def solve_cycle(
         mechanism: the piston's motion.
         speed: [rad/s] mean speed of the crank.
         options: of the solver.
-        fluctuation: cosine and sine harmonics of the relative fluctuation of the speed over the
-            crank angle, from the first on.
+        fluctuation: cosine and sine harmonics over the crank angle, from the first on, of the time
+            that an angle takes, relative to its mean.
         start: a cycle of a similar machine by collocation, whose events this one has as well:
             nothing is marched then.
         throw: raise if the cycle was not found. Within `jit`, `vmap` or `grad` nothing is raised;
@@ -111,8 +110,9 @@ def _solve(cylinder, mechanism, speed, options: CycleOptions, fluctuation, start
     if start is None:
         found = _march_only(frozen, options) if marching else _rounds(frozen, options)
     else:
-        mesh, z = lax.stop_gradient(start.raw)
-        found = _after_newton(frozen, options, mesh, z, start.totals, _NOTHING)
+        mesh, z = lax.stop_gradient(start.raw[:2])
+        totals = lax.stop_gradient(jnp.stack(start.totals) / _account_scales(case))
+        found = _after_newton(frozen, options, mesh, z, totals, _NOTHING)
     z = found.z if marching else attached(case, found.mesh, found.z)
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
@@ -227,6 +227,13 @@ def _law(case: Case):
     return law
 
 
+def _account_scales(case: Case) -> Float[Array, " 12"]:
+    """[kg] or [J] of every account."""
+    mass, energy = case.mass_scale, case.energy_scale
+    masses = ("suction", "discharge", "leakage", "suction_back", "discharge_back")
+    return jnp.stack([mass if name in masses else energy for name in Accounts._fields])
+
+
 def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bool) -> Cycle:
     """The result in SI units; where only the march stands, its totals replace the quadrature."""
     mesh, (accounts, pressure) = found.mesh, points
@@ -235,9 +242,7 @@ def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bo
     weight = width[:, None] * rule.weights
     totals = jnp.einsum("ps,psa->a", weight, accounts[:, :-1])
     totals = found.totals if marching else jnp.where(found.solved, totals, found.totals)
-    mass, energy = case.mass_scale, case.energy_scale
-    masses = ("suction", "discharge", "leakage", "suction_back", "discharge_back")
-    scales = jnp.stack([mass if name in masses else energy for name in Accounts._fields])
+    scales = _account_scales(case)
 
     def flat(values):
         return values[:, :-1].reshape(-1)
@@ -260,8 +265,8 @@ def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bo
         speed * jnp.stack([scale[0][1], scale[1][1]])[valve],
         meets,
         meets & (mesh.code == 1),
+        ~moving & (slot == 0) & (mesh.code == 1),
     )
-    places = np.append(rule.nodes, 1.0)
     return Cycle(
         angle=flat(angle),
         weight=weight.reshape(-1),
@@ -274,7 +279,7 @@ def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bo
         port_velocity=jnp.stack([flat(z.points[..., 4 + 3 * i]) * scale[i][2] for i in range(2)]),
         totals=Accounts(*(totals * scales)),
         events=events,
-        peak_pressure=highest(pressure, places),
+        peak_pressure=highest(pressure),
         status=Status.converged,
         residual=found.residual,
         iterations=found.steps,
@@ -282,5 +287,5 @@ def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bo
         passes=found.passes,
         case=case,
         solver="march" if marching else "collocation",
-        raw=(mesh, z),
+        raw=(mesh, z, pressure),
     )

@@ -40,3 +40,7 @@ class AbstractGas(Part):
         """Where the pressure has a kink: (displaced volume [m^3], on the stroke towards the head?)."""
         del swept
         return ()
+
+    def event_angles(self) -> tuple[Float[Array, ""], ...]:
+        """Crank angles [rad] where the pressure has a kink, besides those of `valve_events`."""
+        return ()
