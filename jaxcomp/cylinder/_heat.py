@@ -55,7 +55,12 @@ class HeatInput(NamedTuple):
 
 
 class AbstractHeat(Part):
-    """A correlation for the heat transfer in the cylinder."""
+    """A correlation for the heat transfer in the cylinder.
+
+    Args:
+        viscosity: [Pa s] of the gas; the fluid's own if absent.
+        conductivity: [W/(m K)] of the gas; the fluid's own if absent.
+    """
 
     viscosity: Float[Array, ""] | None = quantity(
         "Pa s", POSITIVE, default=None, doc="of the gas; the fluid's own if absent"

@@ -33,7 +33,14 @@ class LaminarGap(Part):
     eccentricity: Float[Array, ""] = quantity("", Bound(0.0, 1.0), default=0.0)
 
     def flow(self, cylinder: Side, crankcase: Side, bore, viscosity) -> Float[Array, ""]:
-        """Mass flow out of the cylinder [kg/s]."""
+        """Mass flow out of the cylinder [kg/s].
+
+        Args:
+            cylinder: the gas in the cylinder.
+            crankcase: the gas behind the piston.
+            bore: [m]
+            viscosity: [Pa s] of the gas.
+        """
         conductance = jnp.pi * bore * self.gap**3 / (12 * viscosity * self.length)
         conductance = conductance * (1 + 1.5 * self.eccentricity**2)
         return conductance * (cylinder.p - crankcase.p) * 0.5 * (cylinder.rho + crankcase.rho)

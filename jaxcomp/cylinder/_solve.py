@@ -76,7 +76,7 @@ def solve_cycle(
         mechanism: the piston's motion.
         speed: [rad/s] mean speed of the crank.
         options: of the solver.
-        fluctuation: cosine and sine harmonics over the crank angle, from the first on, of the time
+        fluctuation: [-] cosine and sine harmonics over the crank angle, from the first on, of the time
             that an angle takes, relative to its mean.
         start: a cycle of a similar machine by collocation, whose events this one has as well:
             nothing is marched then.

@@ -66,13 +66,18 @@ class AbstractFluid(Part):
 
     @abstractmethod
     def state(self, T: Float[Array, "*n"], rho: Float[Array, "*n"]) -> GasState:
-        """The state at a temperature [K] and a density [kg/m^3]."""
+        """The state at a temperature `T` [K] and a density `rho` [kg/m^3]."""
 
     @abstractmethod
     def transport(
         self, T: Float[Array, "*n"], rho: Float[Array, "*n"]
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-        """Viscosity [Pa s] and thermal conductivity [W/(m K)] of the gas."""
+        """Viscosity [Pa s] and thermal conductivity [W/(m K)] of the gas.
+
+        Args:
+            T: [K] temperature.
+            rho: [kg/m^3] density.
+        """
 
     @property
     @abstractmethod
@@ -85,13 +90,18 @@ class AbstractFluid(Part):
         """[K] Where the equation of state holds."""
 
     def is_wet(self, T: Float[Array, "*n"], rho: Float[Array, "*n"]) -> Bool[Array, "*n"]:
-        """Whether the gas is denser than on the dew line, beyond the error of that curve."""
+        """Whether the gas is denser than on the dew line, beyond the error of that curve.
+
+        Args:
+            T: [K] temperature.
+            rho: [kg/m^3] density.
+        """
         del T
         return rho < 0
 
     @eqx.filter_jit
     def density(self, T: Float[Array, ""], p: Float[Array, ""]) -> Float[Array, ""]:
-        """Density [kg/m^3] of the gas at a temperature [K] and a pressure [Pa].
+        """Density [kg/m^3] of the gas at a temperature `T` [K] and a pressure `p` [Pa].
 
         Below saturation there is no gas: the result is then near the limit of the metastable gas,
         and its pressure below the one that was given.
@@ -117,12 +127,12 @@ class AbstractFluid(Part):
 
     @eqx.filter_jit
     def at_entropy(self, p: Float[Array, ""], s: Float[Array, ""], start: GasState) -> GasState:
-        """The gas at a pressure [Pa] and an entropy [J/(kg K)], sought from another state."""
+        """The gas at a pressure `p` [Pa] and an entropy `s` [J/(kg K)], sought from a state `start`."""
         return self._at(lambda state: state.s, p, s, start)
 
     @eqx.filter_jit
     def at_enthalpy(self, p: Float[Array, ""], h: Float[Array, ""], start: GasState) -> GasState:
-        """The gas at a pressure [Pa] and an enthalpy [J/kg], sought from another state."""
+        """The gas at a pressure `p` [Pa] and an enthalpy `h` [J/kg], sought from a state `start`."""
         return self._at(lambda state: state.h, p, h, start)
 
     def _at(self, caloric, p, value, start: GasState) -> GasState:

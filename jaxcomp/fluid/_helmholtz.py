@@ -128,7 +128,7 @@ class RealGas(AbstractFluid):
     def saturation(
         self, T: Float[Array, ""] | None = None, p: Float[Array, ""] | None = None
     ) -> Saturation:
-        """Saturation at a temperature [K] or at a pressure [Pa] below the critical one.
+        """Saturation at a temperature `T` [K] or at a pressure `p` [Pa] below the critical one.
 
         A pure fluid's ancillary curves are polished by Newton's method until pressure and Gibbs
         energy of both phases agree. A pseudo-pure fluid has no such equilibrium: its dew and bubble

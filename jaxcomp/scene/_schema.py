@@ -11,11 +11,8 @@ from typing import Any, Literal, NamedTuple
 
 # The packages that declare parts: a class can only be found by its kind once it is imported.
 from .. import compressor as compressor
-<<<<<<< HEAD
-from .. import film as film
-=======
 from .. import cylinder as cylinder
->>>>>>> 1c0492d (A compressor's gas may be a cylinder: pressure and speed of the revolution solved together; a bundled machine with R134a)
+from .. import film as film
 from .. import friction as friction
 from .. import gas as gas
 from .. import mechanism as mechanism

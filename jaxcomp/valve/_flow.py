@@ -47,7 +47,7 @@ def choose(first, a: Side, b: Side) -> Side:
 
 
 def quasi_steady_flow(a: Side, b: Side) -> Float[Array, ""]:
-    """Mass flow per effective area [kg/(s m^2)] from a to b, negative from b to a."""
+    """Mass flow per effective area [kg/(s m^2)] from side `a` to side `b`, negative from `b` to `a`."""
     forward = a.p > b.p
     high, low = choose(forward, a, b), choose(forward, b, a)
     r = jnp.maximum(low.p / high.p, critical_ratio(high.kappa))
@@ -78,6 +78,12 @@ def throat_density(a: Side, b: Side, pressure_sign, velocity_sign) -> Float[Arra
     """Density [kg/m^3] of the gas in the port, expanded from the side it comes from.
 
     Gas that flows against the pressure is not compressed: it keeps the density of its side.
+
+    Args:
+        a: side from which the velocity counts positive.
+        b: the other side.
+        pressure_sign: +1 while a has the higher pressure, -1 while b has.
+        velocity_sign: the same for the velocity.
     """
     forward = velocity_sign > 0
     up, down = choose(forward, a, b), choose(forward, b, a)

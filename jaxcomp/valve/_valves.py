@@ -28,7 +28,13 @@ class Oscillator(NamedTuple):
 
 
 class AbstractValve(Part):
-    """A valve with its port."""
+    """A valve with its port.
+
+    Args:
+        port_diameter: [m]
+        flow_coefficient: [-] C_d.
+        port_length: [m] of the gas column that has inertia; quasi-steady flow if absent.
+    """
 
     _: KW_ONLY
     port_diameter: Float[Array, ""] = quantity("m", POSITIVE)
@@ -66,6 +72,10 @@ class CheckValve(AbstractValve):
     Args:
         port_diameter: [m]
         flow_coefficient: [-] C_d.
+        port_length: [m] must be absent: the flow is quasi-steady.
+
+    Raises:
+        ValueError: a port length.
     """
 
     kind: ClassVar[str] = "check"
