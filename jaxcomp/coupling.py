@@ -182,21 +182,22 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
     return changed
 
 
-class RunningRotor(NamedTuple):
-    """The rotor of a machine at one speed, or at several with a leading axis on every array.
+class CrankLoads(NamedTuple):
+    """What the crank does to its rotor at one speed; with a leading axis for several.
 
     Attributes:
-        model: with every film under its static load.
-        loads: unbalances with the corrections, and periodic forces.
+        films: [N] (2,) static load on the journal, by number of the link, of the films that leave it
+            open.
+        forces: periodic forces of the crank; none where those of the scene are taken.
         ok: whether the periodic state converged, where one was needed.
     """
 
-    model: RotorModel
-    loads: tuple[Unbalances | PeriodicForce, ...]
+    films: dict[int, Float[Array, "2"]]
+    forces: tuple[PeriodicForce, ...]
     ok: Bool[Array, ""]
 
 
-def running_rotor(
+def crank_loads(
     machine: Assembly,
     speed: Float[Array, ""],
     orders: tuple[int, ...] = (1,),
@@ -204,8 +205,8 @@ def running_rotor(
     *,
     crank: bool = True,
     left_out: tuple[str, ...] = (),
-) -> RunningRotor:
-    """Model and loads of a machine at one speed; its crank is solved once, where it is needed.
+) -> CrankLoads:
+    """What the crank does to its rotor at one speed; it is solved once, and only where it is needed.
 
     Args:
         machine: put together, with rotor and loads.
@@ -224,24 +225,38 @@ def running_rotor(
     assert case is not None
     opened = open_films(rotor)
     if not (opened or crank):
-        return RunningRotor(rotor, machine.given_loads, jnp.asarray(True))
+        return CrankLoads({}, (), jnp.asarray(True))
     if machine.compressor is None or case.crank is None:
         need = "the excitation by the crank" if crank else "films without a given load"
         raise BadInput("loads.crank", "absent", f"given beside a compressor, for {need}")
     whole = at_speed(machine.compressor, speed)
     orbit = solve_orbit(whole, solver, throw=False)
-    ok = orbit.converged
+    ok, films = orbit.converged, {}
     if opened:
         loads = film_loads(rotor, case.crank.pin, orbit)
-        rotor = _loaded(rotor, {number: loads[number] for number in opened})
+        films = {number: loads[number] for number in opened}
     if not crank:
-        return RunningRotor(rotor, machine.given_loads, ok)
+        return CrankLoads(films, (), ok)
     if left_out:
         whole = without(whole, left_out)
         orbit = solve_orbit(whole, solver, throw=False)
         ok &= orbit.converged
     forces = crank_forces(whole, orbit, case.crank, tuple(dict.fromkeys((0, *orders))))
-    return RunningRotor(rotor, (*machine.unbalances, *forces.forces), ok)
+    return CrankLoads(films, forces.forces, ok)
+
+
+def running_rotor(
+    machine: Assembly, crank: CrankLoads
+) -> tuple[RotorModel, tuple[Unbalances | PeriodicForce, ...]]:
+    """The rotor with every film under its static load, and all that shakes it, at one speed.
+
+    Args:
+        machine: put together, with rotor and loads.
+        crank: of `crank_loads` at this speed.
+    """
+    assert machine.rotor is not None
+    loads = (*machine.unbalances, *crank.forces) if crank.forces else machine.given_loads
+    return _loaded(machine.rotor, crank.films), loads
 
 
 def loaded_rotor(

@@ -9,7 +9,7 @@ import pytest
 from jaxcomp import BadInput, Collocation, crank_forces, load, solve_orbit
 from jaxcomp._fields import replaced
 from jaxcomp.balancing import least_squares, machine_influence
-from jaxcomp.coupling import at_speed, running_rotor
+from jaxcomp.coupling import at_speed, crank_loads, running_rotor
 from jaxcomp.design import (
     Chain,
     problem,
@@ -195,13 +195,14 @@ def test_films_carry_the_mean_force_of_their_speed(scene):
     z = {0: -0.075, 1: -0.053, 2: 0.046}  # from the plane of the rod: nodes 10, 11, 27 and 21
     loads = []
     for speed in (250.0, 377.0):
-        running = running_rotor(machine, jnp.asarray(speed), solver=FAST)
-        assert bool(running.ok)
+        crank = crank_loads(machine, jnp.asarray(speed), solver=FAST)
+        assert bool(crank.ok)
+        model, _ = running_rotor(machine, crank)
         held = at_speed(machine.compressor, speed)
         rod = crank_forces(held, solve_orbit(held, FAST), machine.loads.crank, orders=(0,)).forces[
             0
         ]
-        shares = np.stack([running.model.links[number].law.load for number in z])
+        shares = np.stack([model.links[number].law.load for number in z])
         # force and moment of the rod, which has no arm
         np.testing.assert_allclose(shares.sum(0), rod.cosine[0, :2], rtol=1e-12)
         moments = np.array(list(z.values()))[:, None] * shares

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, load, solve_orbit
-from jaxcomp.coupling import crank_forces, loaded_rotor, running_rotor
+from jaxcomp.coupling import crank_forces, crank_loads, loaded_rotor
 from jaxcomp.crankshaft import crankshaft
 from jaxcomp.rotor import (
     CrankNodes,
@@ -193,19 +193,18 @@ def test_derivative_through_the_crank(scene, orbit):
 @pytest.mark.slow
 def test_gas_and_inertia_add_up_at_constant_speed(scene):
     """Without friction and fluctuation the forces are linear in their two causes."""
-    parts = scene.parts
     speed = jnp.asarray(314.0)
 
     def rod(*left_out):
-        _, loads, ok = running_rotor(
+        found = crank_loads(
             scene.assembly,
             speed,
             ORDERS,
             Collocation(nodes=24),
             left_out=("friction", "fluctuation", *left_out),
         )
-        assert bool(ok)
-        force = loads[len(parts["loads"].unbalances)]
+        assert bool(found.ok)
+        force = found.forces[0]
         return np.asarray(force.cosine - 1j * force.sine)[:, :2]
 
     both, gas, inertia = rod(), rod("inertia"), rod("gas")

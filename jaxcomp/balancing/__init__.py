@@ -10,8 +10,8 @@ from ._classical import classical_balance as classical_balance
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance
 from ._classical import rod_ring as rod_ring
+from ._crank import flexibilities as flexibilities
 from ._crank import machine_influence as machine_influence
-from ._crank import running_influence as running_influence
 from ._descent import Descent as Descent
 from ._descent import descend as descend
 from ._discrete import Split as Split
@@ -21,6 +21,7 @@ from ._discrete import stock as stock
 from ._influence import Influence as Influence
 from ._influence import Row as Row
 from ._influence import direct_influence as direct_influence
+from ._influence import influence_of as influence_of
 from ._influence import select as select
 from ._influence import trial_influence as trial_influence
 from ._least_squares import bounded as bounded

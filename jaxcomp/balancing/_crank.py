@@ -9,10 +9,10 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from .._fields import BadInput
-from ..coupling import RunningRotor, running_rotor
+from ..coupling import CrankLoads, crank_loads, running_rotor
 from ..crank import Collocation, Shooting
 from ..machine import Assembly, assembled, machine_of
 from ..rotor import BalancingPlanes
@@ -44,31 +44,31 @@ def machine_influence(
     if made.rotor is None or made.loads is None or places is None or not places.planes:
         raise BadInput("balancing", "absent", "given with rotor, loads and correction planes")
     speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
-    return running_influence(_running(made, speeds, solver, crank, left_out), places, speeds)
+    answer = _answers(made, places, speeds, solver, crank, left_out)
+    return influence_of(answer, places, speeds)
 
 
 @eqx.filter_jit
-def _running(made, speeds, solver, crank, left_out) -> RunningRotor:
-    at = lambda s: running_rotor(made, s, (1,), solver, crank=crank, left_out=left_out)  # noqa: E731
-    return jax.vmap(at)(speeds)
+def _answers(made, places, speeds, solver, crank, left_out):
+    def at(speed):
+        return crank_loads(made, speed, (1,), solver, crank=crank, left_out=left_out)
+
+    return flexibilities(made, jax.vmap(at)(speeds), places, speeds)
 
 
-def running_influence(
-    running: RunningRotor, places: BalancingPlanes, speeds: Float[Array, " speeds"]
-) -> Influence:
-    """Influence coefficients at order 1 of rotors that are known at each speed.
+def flexibilities(
+    machine: Assembly, loads: CrankLoads, places: BalancingPlanes, speeds: Float[Array, " speeds"]
+) -> Complex[Array, "rows columns"]:
+    """[m], [m/(kg m)] Motion of the targets by the loads and by each plane's unit, at all speeds.
 
     Args:
-        running: with the speeds along a leading axis.
+        machine: put together.
+        loads: of the crank, with the speeds along a leading axis.
         places: correction planes and targets.
         speeds: [rad/s]
     """
-    return influence_of(_answers(running, places, speeds), places, speeds)
 
-
-@eqx.filter_jit
-def _answers(running, places, speeds):
     def at(one, speed):
-        return flexibility(one.model, one.loads, places, speed)
+        return flexibility(*running_rotor(machine, one), places, speed)
 
-    return jax.vmap(at)(running, speeds).reshape(-1, 1 + len(places.planes))
+    return jax.vmap(at)(loads, speeds).reshape(-1, 1 + len(places.planes))

@@ -10,8 +10,8 @@ from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, admissible
 from .._words import hint, one_of
-from ..balancing import Influence, least_squares, running_influence
-from ..coupling import RunningRotor
+from ..balancing import Influence, flexibilities, influence_of, least_squares
+from ..coupling import CrankLoads
 from ..crank import Collocation, Orbit, Shooting, solve_orbit
 from ..machine import Assembly, Machine, assembled
 from ..shaking import Wrench, shaking_wrench
@@ -19,9 +19,9 @@ from ._vibration import (
     KnownResponse,
     Shaken,
     Vibration,
+    all_crank_loads,
     known_vibration,
     places_of,
-    running_rotors,
     vibration_of,
 )
 
@@ -92,24 +92,25 @@ class Found:
         return shaking_wrench(self.assembly.compressor.mechanism, self.orbit.state)
 
     @cached_property
-    def running(self) -> RunningRotor:
-        """Rotor and loads at the speeds of the balancing planes; the crank is solved once at each."""
+    def crank_loads(self) -> CrankLoads:
+        """What the crank does to the rotor at the balancing speeds; it is solved once at each."""
         shaken = self._shaken()
         orders = tuple(dict.fromkeys((*shaken.orders, 1)))
-        return running_rotors(self.assembly, shaken._replace(orders=orders))
+        return all_crank_loads(self.assembly, shaken._replace(orders=orders))
 
     @cached_property
     def vibration(self) -> Vibration:
         """Harmonic response of the rotor at the speeds of its balancing planes."""
         if self.chain.known is not None:
             return known_vibration(self.assembly, self._shaken(), self.chain.known)
-        return vibration_of(self.assembly, self.running, self.chain.orders)
+        return vibration_of(self.assembly, self.crank_loads, self.chain.orders)
 
     @cached_property
     def influence(self) -> Influence:
         """Influence coefficients at order 1, with the vibration as the corrections stand."""
         places = places_of(self.assembly)
-        return running_influence(self.running, places, places.speeds)
+        answer = flexibilities(self.assembly, self.crank_loads, places, places.speeds)
+        return influence_of(answer, places, places.speeds)
 
     @property
     def ok(self) -> Bool[Array, ""]:

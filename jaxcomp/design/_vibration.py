@@ -14,13 +14,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import BadInput
-from ..coupling import RunningRotor, running_rotor
+from ..coupling import CrankLoads, crank_loads, running_rotor
 from ..crank import Collocation, Shooting
 from ..machine import Assembly, Machine, assembled
 from ..rotor import (
     AXES,
     BalancingPlanes,
-    PeriodicForce,
     harmonic_response,
     load_vector,
     node_index,
@@ -83,8 +82,8 @@ class Shaken(NamedTuple):
     left_out: tuple[str, ...]
 
 
-def running_rotors(machine: Assembly, shaken: Shaken) -> RunningRotor:
-    """Model and loads at the speeds of the balancing planes, along a leading axis.
+def all_crank_loads(machine: Assembly, shaken: Shaken) -> CrankLoads:
+    """What the crank does to the rotor at the speeds of the balancing planes, along a leading axis.
 
     Raises:
         BadInput: no rotor, loads or balancing planes.
@@ -94,7 +93,7 @@ def running_rotors(machine: Assembly, shaken: Shaken) -> RunningRotor:
         raise BadInput("rotor", "absent", "given with loads and balancing planes")
 
     def at(speed):
-        return running_rotor(
+        return crank_loads(
             machine,
             speed,
             shaken.orders,
@@ -117,22 +116,23 @@ def places_of(machine: Assembly) -> BalancingPlanes:
     return machine.balancing
 
 
-def vibration_of(machine: Assembly, running: RunningRotor, orders: tuple[int, ...]) -> Vibration:
+def vibration_of(machine: Assembly, crank: CrankLoads, orders: tuple[int, ...]) -> Vibration:
     """The vibration of a machine with its correction masses.
 
     Args:
         machine: put together.
-        running: of `running_rotors`.
+        crank: of `all_crank_loads`.
         orders: of the spin speed.
     """
     places = places_of(machine)
 
-    def at(one: RunningRotor, speed):
-        response = respond(one.model, one.loads, speed[None], orders)
-        read = jax.tree.map(lambda a: a[:, 0], _read(one.model, places, response))
+    def at(one: CrankLoads, speed):
+        model, loads = running_rotor(machine, one)
+        response = respond(model, loads, speed[None], orders)
+        read = jax.tree.map(lambda a: a[:, 0], _read(model, places, response))
         return read, one.ok & jnp.all(response.ok)
 
-    return _vibration(*jax.vmap(at)(running, places.speeds))
+    return _vibration(*jax.vmap(at)(crank, places.speeds))
 
 
 def known_vibration(machine: Assembly, shaken: Shaken, known: KnownResponse) -> Vibration:
@@ -167,8 +167,8 @@ def known_response(design: Machine, shaken: Shaken) -> KnownResponse:
     for row, node in enumerate(nodes):
         units[row, :, node] = np.eye(rotor.dof)
 
-    def at(running: RunningRotor, speed):
-        loaded, ok = running.model, running.ok
+    def at(crank: CrankLoads, speed):
+        (loaded, _), ok = running_rotor(machine, crank), crank.ok
 
         def of_order(n):
             answer = jax.vmap(jax.vmap(lambda f: harmonic_response(loaded, f, speed, n * speed)))
@@ -180,12 +180,11 @@ def known_response(design: Machine, shaken: Shaken) -> KnownResponse:
         ok &= jnp.all(jnp.stack([answer.ok for answer in answers]))
         if not shaken.by_crank:  # all forces are loads that may change
             return unit, jax.tree.map(lambda a: jnp.zeros_like(a[:, 0, 0]), unit), ok
-        forces = tuple(load for load in running.loads if isinstance(load, PeriodicForce))
-        response = respond(loaded, forces, speed[None], shaken.orders)
+        response = respond(loaded, crank.forces, speed[None], shaken.orders)
         fixed = jax.tree.map(lambda a: a[:, 0], _read(loaded, places, response))
         return unit, fixed, ok & jnp.all(response.ok)
 
-    unit, fixed, ok = jax.vmap(at)(running_rotors(machine, shaken), places.speeds)
+    unit, fixed, ok = jax.vmap(at)(all_crank_loads(machine, shaken), places.speeds)
     return KnownResponse(unit, fixed, ok, nodes)
 
 
