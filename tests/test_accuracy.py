@@ -77,13 +77,13 @@ def test_film_is_studied_at_the_worst_bearing_of_the_machine():
     orbit = solve_orbit(scene.compressor)
     eccentricities = {}
     for name in ("crank_pin", "upper_bearing", "lower_bearing"):
-        bearing = getattr(scene.compressor.friction, name).bearing
+        bearing = getattr(scene.compressor.friction, name)
         own = eccentricity_ratio(bearing, orbit.mean_forces[name], orbit.mean_speed)
         eccentricities[name] = float(own)
     assert place.words == max(eccentricities, key=lambda name: eccentricities[name])
     # the quick orbit of the study has no edges at the load reversals: 1.1e-3 seen
     assert place.eccentricity == pytest.approx(eccentricities[place.words], rel=5e-3)
-    bearing = getattr(scene.compressor.friction, place.words).bearing
+    bearing = getattr(scene.compressor.friction, place.words)
     assert place.length_ratio == pytest.approx(
         float(bearing.length / bearing.radius / 2), rel=1e-12
     )

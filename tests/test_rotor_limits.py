@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, load
-from jaxcomp.machine import assembled, machine_of
+from jaxcomp.coupling import loaded_rotor
 from jaxcomp.rotor import (
     BalancingPlanes,
     ConstantLaw,
@@ -111,7 +111,7 @@ def test_a_traced_rotor_out_of_bounds_is_marked(what, value):
 
 def test_overdamped_motions_stand_behind_the_modes():
     """Stiff bars with stiffness damping creep at -5e5 /s, with a small imaginary part."""
-    model = assembled(machine_of(load("hermetic-68cc"))).rotor
+    model = loaded_rotor(load("hermetic-68cc").assembly, jnp.array([314.0]))
     for free in (False, True):
         modes = damped_modes(model, 310.0, 12, free=free)
         assert np.all(np.abs(modes.eigenvalue) < 1e5)
@@ -121,7 +121,7 @@ def test_overdamped_motions_stand_behind_the_modes():
 
 def test_starts_of_close_critical_speeds_lead_to_both():
     """26.63 and 26.69 rad/s on the suspension, forward and backward; one of them was missed."""
-    model = assembled(machine_of(load("hermetic-68cc"))).rotor
+    model = loaded_rotor(load("hermetic-68cc").assembly, jnp.array([314.0]))
     both = critical_speeds_between(model, jnp.linspace(20.0, 40.0, 5), 6).speed
     np.testing.assert_allclose(critical_speeds(model, 8).speed[:2], both, rtol=1e-8)
     assert both.shape == (2,)

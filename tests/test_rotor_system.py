@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import load
-from jaxcomp.machine import assembled, machine_of
+from jaxcomp.coupling import loaded_rotor
 from jaxcomp.rotor import (
     Disks,
     Link,
@@ -89,8 +89,8 @@ def test_programs_of_a_response_stay_small():
     The response of `hermetic-68cc` and its gradient to 40 diameters came in 8,300 and 18,800 lines
     before refinement became a loop and the elimination a few large arrays; now 4,000 and 5,500.
     """
-    machine = assembled(machine_of(load("hermetic-68cc")))
-    model, case = machine.rotor, machine.loads
+    machine = load("hermetic-68cc").assembly
+    model, case = loaded_rotor(machine, jnp.array([314.0])), machine.loads
     place = lambda m: m.shafts[0].outer_diameter  # noqa: E731
 
     def amplitude(diameter, speeds):

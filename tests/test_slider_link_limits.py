@@ -19,9 +19,9 @@ from test_slider_link import (
     substitute,
 )
 
+from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
-    JournalBearing,
     RegularisedJournal,
     RegularisedSlide,
     SliderLinkFriction,
