@@ -38,21 +38,28 @@ def test_two_planes_face_each_other_as_printed(hermetic):
     """Table 3: 824.6 g mm at -3 deg and 456.8 g mm at -177 deg, at 3000 and 3600 r/min."""
     top, weight = hermetic["planes"]
     assert (top["name"], weight["name"]) == ("rotor-top", "counterweight")
-    # What the fit of the unprinted shares, mounts and inertias was asked for: 10 degrees and 10 %.
-    assert abs(np.rad2deg(top["phase"]) + 3) < 10
-    assert abs((np.rad2deg(weight["phase"]) + 177 + 180) % 360 - 180) < 10
-    assert top["unbalance"] == pytest.approx(824.6e-6, rel=0.1)
-    assert weight["unbalance"] == pytest.approx(456.8e-6, rel=0.1)
+    # Exactly opposite corrections, at 0 and 180 degrees, would miss the printed phases by 3.
+    assert abs(np.rad2deg(top["phase"]) + 3) < 1.5
+    assert abs((np.rad2deg(weight["phase"]) + 177 + 180) % 360 - 180) < 1.5
+    assert top["unbalance"] == pytest.approx(824.6e-6, rel=0.01)
+    assert weight["unbalance"] == pytest.approx(456.8e-6, rel=0.01)
     assert top["mass"] == pytest.approx(top["unbalance"] / 0.026, rel=1e-12)
 
 
-def test_housing_gains_most(hermetic):
-    share = {}
+def test_springs_gain_most_then_the_housing_and_the_air_gap_pays(hermetic):
+    slow = min(row["speed"] for row in hermetic["rows"])
+    before, after = {}, {}
     for row in hermetic["rows"]:
-        share.setdefault(row["target"], []).append(row["after"] / row["before"])
-    assert max(share["TP1"]) < 0.1
+        if row["speed"] == slow:
+            for table, key in ((before, "before"), (after, "after")):
+                table[row["target"]] = np.hypot(table.get(row["target"], 0.0), row[key])
+    left = {target: after[target] / before[target] for target in before}
+    assert min(left, key=left.get) == "TP5"
+    # Measured: 3 % at the springs, 4 to 6 % on the housing, 13 % at its suction pipe.
+    assert max(left[t] for t in ("TP1", "TP2", "TP3", "TP7")) < 0.07
+    assert 0.07 < left["TP4"] < 0.15
     # the air gap, which the balance of the whole does not serve
-    assert max(share["TP6"]) > 1
+    assert left["TP6"] > 1.1
 
 
 def test_two_planes_beat_one_and_two_speeds_cost_little(hermetic):
@@ -70,7 +77,7 @@ def test_printed_forces_leave_little_between_the_two_balances(hermetic):
     """Pairs within the machine, without the piston's inertia: what shakes is the rotor."""
     alone = found("hermetic-68cc", "--method", "classical")
     assert alone["method"] == "rotor alone, two planes"
-    # The figures of the README, to their digits; the least squares are the bound by definition.
+    # The figures of balance.ipynb, to their digits; the least squares are the bound by definition.
     assert hermetic["improvement"] == pytest.approx(0.152, abs=5e-4)
     assert alone["improvement"] == pytest.approx(0.162, abs=5e-4)
     assert alone["gap"] > 0
@@ -80,8 +87,12 @@ def test_printed_forces_leave_little_between_the_two_balances(hermetic):
 
 
 @pytest.mark.slow
-def test_multi_stage_beats_the_rotor_alone_at_the_housing():
-    """Levecque et al. (2011), Section 5: prototypes 1 and 2, over the operating conditions."""
+def test_multi_stage_pays_along_y_for_what_it_gains_along_x():
+    """Levecque et al. (2011), Section 5: prototypes 1 and 2, over the operating conditions.
+
+    The ring stands for the rotating part of the rod, so that the rotor balanced alone leaves the
+    reciprocating inertia, along x. The multi-stage balance turns half of it into y.
+    """
     housing = {}
     for pressure in ("2.453 bar", "6.809 bar"):  # evaporating at -20 and +10 deg C
         changes = [
@@ -91,15 +102,28 @@ def test_multi_stage_beats_the_rotor_alone_at_the_housing():
         ]
         for method in ("least-squares", "classical"):
             arguments = (*changes, "--excitation", "crank", "--method", method)
-            rows = found("hermetic-68cc", *arguments)["rows"]
-            at = [r["after"] for r in rows if r["target"] == "TP1"]
-            housing[pressure, method] = np.sqrt(np.mean(np.square(at)))
+            result = found("hermetic-68cc", *arguments, "--speeds", "3000rpm")
+            if method == "classical":
+                assert result["method"] == "rotor with a ring for the rod, two planes"
+                sizes = [plane["unbalance"] for plane in result["planes"]]
+                # by NumPy in test_balancing_rotor.py
+                assert sizes == pytest.approx([1663.26e-6, 3381.95e-6], rel=1e-5)
+            for row in result["rows"]:
+                housing[pressure, method, row["target"], row["axis"]] = row["after"]
     for pressure in ("2.453 bar", "6.809 bar"):
-        assert housing[pressure, "least-squares"] < 0.52 * housing[pressure, "classical"]
-    ends = [housing[p, "least-squares"] for p in ("2.453 bar", "6.809 bar")]
-    # The measured housing of prototype 1 hardly changed either; here 0.2 %.
-    assert ends[0] == pytest.approx(ends[1], rel=0.01)
-    assert ends[0] == pytest.approx(120e-6, rel=0.01)
+        for target in ("TP1", "TP2", "TP3", "TP7"):
+            ratio = {
+                axis: housing[pressure, "least-squares", target, axis]
+                / housing[pressure, "classical", target, axis]
+                for axis in ("ux", "uy")
+            }
+            # measured 0.43 to 0.45 and 29 to 35
+            assert 0.40 < ratio["ux"] < 0.48
+            assert 25 < ratio["uy"] < 40
+    for method in ("least-squares", "classical"):
+        ends = [housing[p, method, "TP1", "ux"] for p in ("2.453 bar", "6.809 bar")]
+        # Measured 0.3 %: the gas acts within the machine.
+        assert ends[0] == pytest.approx(ends[1], rel=0.005)
 
 
 @pytest.mark.slow

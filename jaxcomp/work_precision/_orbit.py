@@ -36,7 +36,7 @@ _MAX_STEPS = 65536
 
 # Nodes a panel without panel edges at the load reversals, and with them.
 _NODES = {0: (4, 8, 16, 32), 4: (3, 5, 8, 12, 16)}
-_ORDINARY_NODES = {0: (8, 32), 4: (4, 8, 12)}
+_ORDINARY_NODES = {0: (8, 32), 4: (5, 8, 12)}  # four nodes do not resolve the revolution
 _TOLERANCES = (1e-5, 1e-7, 1e-10)
 _SCIPY = {"RK45": (1e-3, 1e-5, 1e-7), "DOP853": (1e-4, 1e-6, 1e-8, 1e-10)}
 
