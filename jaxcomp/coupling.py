@@ -30,7 +30,7 @@ from .friction import shares
 from .machine import Assembly
 from .mechanism import SliderCrank, rod_motion
 from .motor import ConstantSpeed, MeanSpeed
-from .rotor import CrankNodes, PeriodicForce, RotorModel, Unbalances
+from .rotor import CrankNodes, LoadedFilm, PeriodicForce, RotorModel, Unbalances
 
 # [rad/s] Below this speed the static loads of the films are those of this speed.
 _SLOWEST = 1.0
@@ -135,10 +135,16 @@ def film_loads(rotor: RotorModel, pin, state: Orbit) -> dict[int, Float[Array, "
     films = main_films(rotor, pin)
     share = state.weight / state.state.speed
     mean = -(state.loads.forces["crank_pin"] @ share) / jnp.sum(share)
-    bearings = tuple(rotor.links[number].law.bearing for number, _ in films)
+    bearings = tuple(_film(rotor, number).bearing for number, _ in films)
     position = jnp.stack([z for _, z in films])
     found = shares(bearings, position)
     return {number: share * mean for (number, _), (share, _) in zip(films, found, strict=True)}
+
+
+def _film(rotor: RotorModel, number: int) -> LoadedFilm:
+    law = rotor.links[number].law
+    assert isinstance(law, LoadedFilm)
+    return law
 
 
 def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:

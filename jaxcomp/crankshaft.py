@@ -102,8 +102,9 @@ def main_films(rotor: RotorModel, pin: Node) -> list[tuple[int, Float[Array, ""]
 
 def bearing_positions(rotor: RotorModel, pin: Node) -> dict[str, Float[Array, ""]]:
     """[m] z from the plane of the rod, by name, of the bearings that carry the shaft."""
-    return {
-        rotor.links[number].law.bearing.name: z
-        for number, z in main_films(rotor, pin)
-        if isinstance(rotor.links[number].law.bearing, NamedBearing)
-    }
+    found = {}
+    for number, z in main_films(rotor, pin):
+        bearing = getattr(rotor.links[number].law, "bearing", None)
+        if isinstance(bearing, NamedBearing):
+            found[bearing.name] = z
+    return found

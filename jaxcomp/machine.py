@@ -164,7 +164,9 @@ def _with_rotor(compressor: Compressor, rotor, unbalances, pin) -> Compressor:
 
     mechanism = compressor.mechanism
     if not hasattr(mechanism, "crank_couple"):
-        raise BadInput("mechanism", mechanism.kind, "a slider_crank, for the loads of a rotor")
+        raise BadInput(
+            "mechanism", type(mechanism).__name__, "a slider_crank, for the loads of a rotor"
+        )
     for name in OF_ROTOR:
         value = getattr(mechanism, name)
         if value is not None and (name == "crank_inertia" or _given(value)):
@@ -213,7 +215,7 @@ def _filled(node: Any, names: _Names, path: str = "") -> Any:
         if new is not child:
             changes[name] = new
     oil = getattr(node, "oil", None) if isinstance(node, Part) else None
-    if oil is not None and node.dynamic_viscosity is None:
+    if oil is not None and getattr(node, "dynamic_viscosity", None) is None:
         if oil not in names.oils:
             raise BadInput(f"{path}.oil", oil, one_of(oil, names.oils) + " of [oils]")
         changes["dynamic_viscosity"] = names.oils[oil].dynamic_viscosity

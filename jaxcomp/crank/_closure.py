@@ -5,7 +5,7 @@ is; with a given speed the torque follows at every angle, and nothing is left to
 """
 
 from abc import abstractmethod
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -61,7 +61,7 @@ class AbstractClosure(eqx.Module):
 
     @abstractmethod
     def improve(
-        self, motor: AbstractMotor, now: Instant, steepness: Float[Array, "p s"] | None
+        self, motor: Any, now: Instant, steepness: Float[Array, "p s"] | None
     ) -> tuple[Float[Array, "p s"], Float[Array, "p s"], Float[Array, ""]]:
         """Better kinetic energy [-] at the nodes, its slope [N m], and the energy at the first edge."""
 
@@ -71,7 +71,7 @@ class AbstractClosure(eqx.Module):
 
     def verdict(
         self,
-        motor: AbstractMotor,
+        motor: Any,
         period: Float[Array, ""],
         growth: Float[Array, ""] | None,
         status: Status,

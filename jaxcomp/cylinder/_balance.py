@@ -10,7 +10,7 @@ branches, integers say which one holds. For either valve these are its mode (0 o
 the stop), the sign of U and the sign of the forward pressure difference.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -330,7 +330,8 @@ def after_event(case: Case, event, state, flags, force):
         first = 4 * which
         mode, u_sign, p_sign = flags[3 * which : 3 * which + 3]
         speed = state[3 + 3 * which] * valve_scales(case, which)[1]
-        rests = jnp.abs(valve.restitution * speed) < valve.sticking_speed
+        plate: Any = valve
+        rests = jnp.abs(plate.restitution * speed) < plate.sticking_speed
         pressed = force[which] <= 0
         at_seat = (event == first) & (mode == FREE)
         at_stop = event == first + 1

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas
+from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve, Side
 from ._heat import AbstractHeat
 from ._leakage import LaminarGap
@@ -168,7 +169,7 @@ class Case(eqx.Module):
     """
 
     cylinder: Cylinder
-    mechanism: eqx.Module
+    mechanism: AbstractMechanism
     speed: Float[Array, ""]
     cosine: Float[Array, " k"] | None
     sine: Float[Array, " k"] | None

@@ -6,7 +6,7 @@ machine: crank and rotor stay one. It rebuilds the machine unchecked, as everyth
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -32,7 +32,7 @@ class DesignRule(NamedTuple):
         doc: one line for tables and help.
     """
 
-    apply: Callable[[_Machine, Float[Array, ""]], _Machine]
+    apply: Callable[[Any, Float[Array, ""]], Any]
     current: Callable[[Machine | Compressor], Float[Array, ""]]
     unit: str
     bound: Bound

@@ -90,7 +90,7 @@ class JournalBearing(AbstractJournal):
         "Pa s", POSITIVE, default=None, doc="of the oil in the film; absent where oil names it"
     )
     film: Literal["reynolds", "grooved", "guembel", "short", "fit", "petroff", "loaded_petroff"] = (
-        eqx.field(static=True, default="reynolds", converter=_word)
+        eqx.field(static=True, default="reynolds", converter=_word)  # pyright: ignore
     )
     oil: str | None = eqx.field(static=True, default=None)
 

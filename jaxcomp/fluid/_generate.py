@@ -72,7 +72,7 @@ def ideal_terms(terms: list[dict], critical: float) -> dict:
         elif kind == "LogTau":
             log += term["a"]
         elif kind == "Power":
-            power += zip(term["n"], term["t"], strict=True)
+            power += map(list, zip(term["n"], term["t"], strict=True))
         elif kind == "PlanckEinstein":
             planck += [[n, 1.0, -1.0, -t] for n, t in zip(term["n"], term["t"], strict=True)]
         elif kind == "PlanckEinsteinFunctionT":
@@ -81,7 +81,7 @@ def ideal_terms(terms: list[dict], critical: float) -> dict:
                 [n, 1.0, -1.0, -v / scale] for n, v in zip(term["n"], term["v"], strict=True)
             ]
         elif kind == "PlanckEinsteinGeneralized":
-            planck += zip(term["n"], term["c"], term["d"], term["t"], strict=True)
+            planck += map(list, zip(term["n"], term["c"], term["d"], term["t"], strict=True))
         elif kind == "CP0Constant":
             c, tau_0 = term["cp_over_R"], term["Tc"] / term["T0"]
             lead += c - c * np.log(tau_0), -c / tau_0

@@ -12,7 +12,7 @@ those of these sums. Coefficients: `data/`, each file with its source.
 import json
 from functools import cache
 from importlib.resources import files
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -58,7 +58,7 @@ def fluid_data(name: str) -> dict:
     return _arrays(json.loads(path.read_text()))
 
 
-def _arrays(tree):
+def _arrays(tree: Any) -> Any:
     if isinstance(tree, dict):
         return {key: _arrays(value) for key, value in tree.items()}
     return np.array(tree, float) if isinstance(tree, list) else tree

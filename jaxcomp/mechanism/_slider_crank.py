@@ -99,7 +99,7 @@ class SliderCrank(AbstractMechanism):
     def kinematics(self, angle):
         return rod_motion(self, angle)
 
-    def reduced_inertia(self, kinematics):
+    def reduced_inertia(self, kinematics: "RodMotion"):  # pyright: ignore[reportIncompatibleMethodOverride]
         r"""Tsuji's reduced inertia with its rate.
 
         $$J = I_0 + m_c \tfrac{a}{l} r^2 + (m_p + m_c \tfrac{b}{l}) x_p'^2

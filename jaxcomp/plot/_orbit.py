@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ..compressor import Compressor
 from ..crank import Orbit
-from ..friction import MainBearings
+from ..friction import MainBearings, SliderCrankFriction
 from ..mechanism import SliderCrank, Vector, rod_motion
 from ..shaking import Suspension
 from ._fine import FineTurn, fine_turn
@@ -234,7 +234,7 @@ def loss_shares(orbit: Orbit) -> Figure:
 
 def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     mechanism, friction = compressor.mechanism, compressor.friction
-    if not isinstance(mechanism, SliderCrank) or friction is None:
+    if not isinstance(friction, SliderCrankFriction) or not isinstance(mechanism, SliderCrank):
         return None
     speed, forces = turn.state.speed, turn.loads.forces
     tilt = rod_motion(mechanism, turn.state.angle).tilt_1

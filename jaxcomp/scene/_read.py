@@ -68,7 +68,7 @@ class Reader:
         """
         return self._tried(self._part, table, classes, path, source, ignored)
 
-    def named(self, table: Any, classes: tuple[type, ...], path: str, source) -> dict[str, Part]:
+    def named(self, table: Any, classes: tuple[type, ...], path: str, source) -> dict[str, Any]:
         """The parts of a section of named sections; what is wrong goes to `problems`.
 
         Args:
