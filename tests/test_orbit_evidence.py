@@ -14,7 +14,9 @@ from jaxcomp import (
     Shooting,
     load,
     solve_orbit,
+    with_bore,
 )
+from jaxcomp._fields import replaced
 
 # A valid machine whose crank-pin load all but vanishes: 93 N of 7800 N at 2.1 degrees.
 NEARLY_UNLOADED = {
@@ -144,3 +146,15 @@ def test_programs_are_small():
     assert lines(efficiency, design) < 3_700
     assert lines(jax.value_and_grad(efficiency), design) < 9_700
     assert lines(efficiency, with_films(design)) < 6_400
+
+
+def test_a_loose_tolerance_does_not_count_as_failed():
+    """The joints close with the motion: at 1e-5 their residual is of that size, and no failure."""
+    machine = with_bore(load("mayekawa-wbhe").compressor, 0.1225)
+    slow = replaced(machine, motor=replaced(machine.motor, mean_speed=jnp.asarray(20 * jnp.pi)))
+    loose = Collocation(nodes=10, reversals=0, tolerance=1e-5)
+    orbit = solve_orbit(slow, loose, throw=False)
+    assert bool(orbit.converged)
+    # what the tolerance promises, with a margin of ten
+    fine = solve_orbit(slow, Collocation(nodes=24, reversals=0))
+    assert float(abs(orbit.mechanical_efficiency - fine.mechanical_efficiency)) < 1e-4

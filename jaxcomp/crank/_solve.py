@@ -34,10 +34,9 @@ def solve_orbit(
 
     Args:
         machine: a compressor, a machine or a scene.
-        solver: options of the solver. If absent, `Collocation()` with as many kinks as the mechanism
-            has changes of side: the whole turn at once. `Shooting()` integrates it with diffrax and
-            shares no more than the laws, at many times the cost. With a motor of `ConstantSpeed`
-            nothing is solved; only the nodes and kinks of the options count there.
+        solver: options of the solver. If absent, `Collocation()` with panel edges for as many load
+            reversals as the mechanism has: the whole revolution at once. `Shooting()` integrates it
+            with diffrax and shares no more than the laws, at many times the cost.
         throw: raise if no periodic state was found. Within `jit`, `vmap` or `grad` nothing is
             raised; look at `status` there.
 
@@ -91,7 +90,8 @@ def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
     leaves = [leaf for leaf in jax.tree.leaves(seen) if jnp.issubdtype(leaf.dtype, jnp.floating)]
     finite = jnp.isfinite(sum(jnp.sum(leaf) for leaf in leaves))
     assert seen.loads.residual is not None
-    joints = jnp.max(jnp.abs(seen.loads.residual)) <= _JOINT_RESIDUAL
+    # the loop of the joints closes with the motion, to the tolerance that was asked for
+    joints = jnp.max(jnp.abs(seen.loads.residual)) <= _JOINT_RESIDUAL + 10 * solver.tolerance
     coarse = seen.resolution > _COARSE
     coarse |= ~(jnp.abs(seen.energy.residual) <= _ENERGY_RESIDUAL)
     coarse |= ~(seen.efficiency_error <= _LOSS_ERROR)
