@@ -92,7 +92,7 @@ def test_a_file_without_its_ending_is_recognised(tmp_path):
 def test_design_variables_of_other_mechanisms_are_not_offered():
     shown = CliRunner().invoke(app, ["run", "mayekawa-wbhe", "--design", "stroke=60mm"])
     assert shown.exit_code == 2
-    assert "known here: bore, stroke_bore_ratio" in shown.stderr
+    assert "known here: bore, offset, stroke_bore_ratio" in shown.stderr
     assert "piston_clearance" not in shown.stderr
 
 

@@ -86,8 +86,8 @@ def test_a_prepared_rotor_leaves_less_to_trace():
 def test_programs_of_a_response_stay_small():
     """The first response and gradient of a user wait for the compiler, by the size of its input.
 
-    The response of `hermetic-68cc` and its gradient to 40 diameters came in 8,300 and 18,800 lines
-    before refinement became a loop and the elimination a few large arrays; now 4,000 and 5,500.
+    The response of `hermetic-68cc` and its gradient to 40 diameters: half of the value's lines are the
+    solutions of Reynolds' equation for its films.
     """
     machine = load("hermetic-68cc").assembly
     model, case = loaded_rotor(machine, jnp.array([314.0])), machine.loads
@@ -100,5 +100,5 @@ def test_programs_of_a_response_stay_small():
     def size(f):
         return len(jax.jit(f).lower(place(model), SPEEDS).as_text().splitlines())
 
-    assert size(amplitude) < 4_500
-    assert size(jax.value_and_grad(amplitude)) < 6_500
+    assert size(amplitude) < 8_500
+    assert size(jax.value_and_grad(amplitude)) < 10_000

@@ -93,8 +93,8 @@ BAD = {
     ),
     "unknown type": (
         replaced('"polytropic"', '"polytrope"'),
-        'gas.type = "polytrope": must be one of: crank_angle_table, fourier, polytropic, '
-        'volume_table; did you mean "polytropic"?',
+        'gas.type = "polytrope": must be one of: crank_angle_table, cylinder, fourier, '
+        'polytropic, volume_table; did you mean "polytropic"?',
     ),
     "unknown option": (
         GOOD.replace("[gas]", 'shape = "linear"\n[gas]'),

@@ -122,7 +122,7 @@ def test_massless_piston_leaves_n_to_the_gas():
 
 def test_sides_without_offset_of_the_piston():
     """e_cl = 0: d5 = sgn Q, d3 = sgn(alpha_1 Q), d4 = -sgn(alpha_2 Q)."""
-    m, friction = machine(eccentricity=1e-3), coulomb_friction(0.1, 0.15, piston_film=None)
+    m, friction = machine(offset=-1e-3), coulomb_friction(0.1, 0.15, piston_film=None)
     state, gas = random_states(200, 24)
     loads = joint_loads(m, friction, state, gas)
     xdd = m.crank_radius * -(

@@ -171,7 +171,8 @@ def test_command_line_reports_vibration_and_losses():
     found = json.loads(result.stdout)
     assert found["solver"] == "collocation"  # the default for this mechanism
     assert abs(found["energy_residual"]) < 1e-10
-    names = {"wall", "link_slider", *journals, "thrust_bearing", "pump", "piston_film"}
+    joints = {name.replace("-", "_") for name in journals}
+    names = {"wall", "link_slider", *joints, "thrust_bearing", "pump", "piston_film"}
     named = {name for name, loss in found["losses"].items() if loss > 0}
     assert named == names
     vibration = found["vibration"]

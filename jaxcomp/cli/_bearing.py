@@ -117,7 +117,7 @@ def bearing_result(film_type, model: str, given: dict[str, float]) -> tuple[dict
     from ..film import JournalBearing
 
     radius, gap, speed = given["diameter"] / 2, given["clearance"], abs(given["speed"])
-    part = JournalBearing(radius, given["length"], gap, given["viscosity"], film_type)
+    part = JournalBearing(given["diameter"], given["length"], gap, given["viscosity"], film_type)
     found = _program()(part, np.float64(given["load"]), np.float64(speed))
     found = {name: np.asarray(value).tolist() for name, value in jax.device_get(found).items()}
     unit = given["viscosity"] * speed / (gap / radius) ** 2  # [Pa] of pressure

@@ -1,7 +1,7 @@
 """The periodic cycle of a cylinder: what it pumps, what that costs, and what its valves do."""
 
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -67,6 +67,8 @@ class SolvedPressure(AbstractGas):
         kinks: [rad] (k,) where the crank begins another panel.
         back_pressure: [Pa] behind the piston.
     """
+
+    in_files: ClassVar[bool] = False  # the solver makes it
 
     edges: Float[Array, " p"] = quantity("rad", ANY, shape=(None,))
     values: Float[Array, "p m"] = quantity("Pa", ANY, shape=(None, None))

@@ -108,6 +108,7 @@ def choices(classes: tuple[type, ...]) -> dict[str, type[Part]]:
             if _is_protocol(base) and not issubclass(part, base):
                 continue
             concrete = not inspect.isabstract(part) and not part.__name__.startswith("Abstract")
+            concrete &= getattr(part, "in_files", True)  # some laws only the solvers make
             if concrete and not any(
                 isinstance(entry, Unreadable) and entry.required for entry in entries(part).values()
             ):

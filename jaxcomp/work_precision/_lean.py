@@ -24,7 +24,7 @@ from ._study import answer
 
 # The film journals that stand in for the scene's own where it has none: usual proportions.
 _LENGTH_RATIO, _CLEARANCE_RATIO, _VISCOSITY = 0.5, 1e-3, 5e-3  # [-], [-], [Pa s]
-_CRANK = "peak_force.main_journal"
+_CRANK = "mean_force.main_journal"
 
 
 class SceneCost(NamedTuple):
