@@ -119,6 +119,7 @@ def test_overdamped_motions_stand_behind_the_modes():
         assert np.all(np.diff(np.abs(modes.eigenvalue)) >= 0)
 
 
+@pytest.mark.slow
 def test_starts_of_close_critical_speeds_lead_to_both():
     """26.63 and 26.69 rad/s on the suspension, forward and backward; one of them was missed."""
     model = loaded_rotor(load("hermetic-68cc").assembly, jnp.array([314.0]))
