@@ -124,7 +124,7 @@ def ancillary(curve: dict) -> dict:
 
 def transport(name: str, reducing: tuple[float, float], curve, limits: tuple[float, float]) -> dict:
     """Polynomials of viscosity and conductivity in T/T_r and rho/rho_r, of the gas."""
-    from CoolProp.CoolProp import PropsSI
+    from CoolProp.CoolProp import PropsSI  # pyright: ignore[reportMissingImports]
 
     low, high = max(limits[0], 220.0), min(limits[1], 500.0)
     temperatures = np.linspace(low, high, 40)
@@ -160,7 +160,7 @@ def _or_nan(function, *arguments) -> float:
 
 def fluid_data(name: str) -> dict:
     """Everything the library needs to know of a fluid."""
-    from CoolProp.CoolProp import PropsSI, get_fluid_param_string
+    from CoolProp.CoolProp import PropsSI, get_fluid_param_string  # pyright: ignore[reportMissingImports]
 
     source, what, publication = FLUIDS[name]
     raw = json.loads(get_fluid_param_string(source, "JSON"))[0]
