@@ -24,6 +24,7 @@ from ._new import new
 from ._optimise import optimise
 from ._respond import respond
 from ._run import run
+from ._simulate import simulate
 from ._sweep import sweep
 from ._tolerance import tolerance
 from ._update import update
@@ -59,6 +60,7 @@ _add("new", new, _MACHINES)
 _add("check", check, _MACHINES)
 _add("list", list_machines, _MACHINES)
 _add("run", run, _ANALYSE)
+_add("simulate", simulate, _ANALYSE)
 _add("animate", animate, _ANALYSE)
 _add("respond", respond, _ANALYSE)
 _add("modes", modes, _ANALYSE)

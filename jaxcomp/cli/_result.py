@@ -59,8 +59,26 @@ def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
         "converged": bool(orbit.converged),
         "status": Status[orbit.status],
         "solver": orbit.solver,
+        **({} if orbit.verification is None else {"verification": _verification(orbit)}),
         "remarks": list(_remarks(scene.as_compressor())),
     }
+
+
+def _verification(orbit: Orbit) -> dict[str, Any]:
+    """Errors that an independent march finds, as the orbit's value less the march's."""
+    march = orbit.verification
+    errors = jax.device_get(
+        {
+            "speed": march.speed_error,
+            "period": -march.period_error,
+            "mechanical_efficiency": -march.efficiency_error,
+            "losses": jax.tree.map(jnp.negative, march.loss_error),
+            "peak_forces": jax.tree.map(jnp.negative, march.peak_error),
+            "closure": march.closure,
+        }
+    )
+    ended = {"steps": int(march.steps), "status": Status[march.status]}
+    return jax.tree.map(float, errors) | ended
 
 
 def _remarks(machine: Compressor) -> Iterator[str]:

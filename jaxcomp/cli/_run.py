@@ -32,6 +32,14 @@ def run(
     tolerance: Annotated[
         float | None, typer.Option(help="Tolerance of the solver; its own default if absent.")
     ] = None,
+    verify: Annotated[
+        bool,
+        typer.Option(
+            "--verify",
+            help="March one revolution from the result with diffrax, independently, and print the "
+            "errors that it finds; always done with --out.",
+        ),
+    ] = False,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -55,7 +63,8 @@ def run(
     scene = changed_scene(machine, sets or (), designs or ())
     method = _method(scene.as_compressor().mechanism, solver, tolerance)
     with progress("Solving the periodic state (the first time it is compiled as well) ..."):
-        orbit = solve_orbit(scene.as_compressor(), method)
+        verify = verify or out is not None
+        orbit = solve_orbit(scene.as_compressor(), method, verify=verify)
         result = run_result(scene, orbit)
         if "suspension" in scene.parts:
             result["vibration"] = vibration_result(scene, orbit)

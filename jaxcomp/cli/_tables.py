@@ -64,6 +64,7 @@ def result_tables(scene: Scene, result: dict[str, Any]) -> list[Table | str]:
         _losses(result),
         _forces(result),
         _evidence(result),
+        *([_verification(result)] if "verification" in result else []),
     ]
 
 
@@ -138,6 +139,30 @@ def _evidence(result: dict[str, Any]) -> Table:
     closure = f"{result['energy_residual']:.1e}"
     table.add_row("Energy closure", closure, "motor work that is neither gas work nor loss")
     table.add_row("Joint margin", f"{result['joint_margin']:.4f}", "1 without friction, locks at 0")
+    return table
+
+
+def _verification(result: dict[str, Any]) -> Table:
+    """Errors that the independent march of a revolution found, each beside its value."""
+    march = result["verification"]
+    names = ("Independent march of a revolution", "Value", "Error", "Relative")
+    table = _table(None, *names, numbers=True)
+
+    def add(name, value, error, unit):
+        share = f"{abs(error / value):.1e}" if value else ""
+        table.add_row(name, f"{value:.6g} {unit}".strip(), f"{error:.1e} {unit}".strip(), share)
+
+    speed = result["mean_speed"]
+    table.add_row(
+        "Speed, largest", "", f"{march['speed'] * speed:.1e} rad/s", f"{march['speed']:.1e}"
+    )
+    add(
+        "Mechanical efficiency", result["mechanical_efficiency"], march["mechanical_efficiency"], ""
+    )
+    for name, error in march["losses"].items():
+        add(f"{_words(name)}, loss", result["losses"][name], error, "J")
+    for name, error in march["peak_forces"].items():
+        add(f"{_words(name)}, peak", result["peak_forces"][name], error, "N")
     return table
 
 

@@ -4,6 +4,7 @@ from ._collocation import Collocation as Collocation
 from ._motion import acceleration as acceleration
 from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit
+from ._orbit import Verification as Verification
 from ._panels import panels as panels
 from ._result import orbit_on_panels as orbit_on_panels
 from ._shooting import Shooting as Shooting

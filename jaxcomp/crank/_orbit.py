@@ -40,6 +40,33 @@ class Energy(eqx.Module):
         return (self.motor_work - self.gas_work - self.total_loss) / _nonzero(size)
 
 
+class Verification(eqx.Module):
+    """What an independent march of one revolution from the found state says of an orbit.
+
+    All errors are those of the march less those of the orbit, so that the orbit is off by as much
+    with the opposite sign, as far as the march itself is exact.
+
+    Attributes:
+        speed_error: [-] largest difference of the speeds at the orbit's nodes over the mean speed.
+        closure: [-] speed after the revolution less that before it, over the mean speed.
+        period_error: [-] of the revolution's duration, relative.
+        efficiency_error: [-] of the mechanical efficiency.
+        loss_error: [J] of the losses of a revolution, by joint.
+        peak_error: [N] of the peak forces, by joint.
+        steps: of the integrator.
+        status: `Status.converged` if the march reached the end of the revolution.
+    """
+
+    speed_error: Float[Array, ""]
+    closure: Float[Array, ""]
+    period_error: Float[Array, ""]
+    efficiency_error: Float[Array, ""]
+    loss_error: dict[str, Float[Array, ""]]
+    peak_error: dict[str, Float[Array, ""]]
+    steps: Int[Array, ""]
+    status: Status
+
+
 class Orbit(eqx.Module):
     """One turn of the periodic state, at n quadrature nodes in rising crank angle.
 
@@ -65,6 +92,7 @@ class Orbit(eqx.Module):
         iterations: passes or Newton steps of the final solve.
         solver: name of the solver.
         cycle: of the gas, where it is solved with the crank's motion; else `None`.
+        verification: by an independent march, where `solve_orbit` was asked for it; else `None`.
     """
 
     state: CrankState
@@ -87,6 +115,7 @@ class Orbit(eqx.Module):
     iterations: Int[Array, ""]
     solver: str = eqx.field(static=True)
     cycle: Cycle | None = None
+    verification: Verification | None = None
 
     @property
     def converged(self) -> Bool[Array, ""]:

@@ -13,8 +13,10 @@ from ..compressor import Compressor, compressor_of
 from ..cylinder import Cylinder
 from ._collocation import Collocation
 from ._cylinder import solve_with_cylinder
-from ._orbit import Orbit
+from ._orbit import Orbit, Verification
 from ._shooting import Shooting
+from ._transient import TimeIntegration
+from ._verify import march_options, verification
 
 # [-] Resolution beyond which a revolution is not resolved. Seen at a conrod ratio of 0.95 without
 # edges at the load reversals: 0.21 with 5 nodes on a panel, the fluctuation 3.9 % off; 0.06 with 8,
@@ -28,7 +30,11 @@ _LOSS_ERROR = 1e-3
 
 
 def solve_orbit(
-    machine: Any, solver: Shooting | Collocation | None = None, *, throw: bool = True
+    machine: Any,
+    solver: Shooting | Collocation | None = None,
+    *,
+    verify: bool | TimeIntegration = False,
+    throw: bool = True,
 ) -> Orbit:
     """Find the periodic state of the crank.
 
@@ -37,6 +43,11 @@ def solve_orbit(
         solver: options of the solver. If absent, `Collocation()` with panel edges for as many load
             reversals as the mechanism has: the whole revolution at once. `Shooting()` integrates it
             with diffrax and shares no more than the laws, at many times the cost.
+        verify: march one revolution from the found state with diffrax, independently of the solver:
+            `orbit.verification` then has the error of speed, losses, efficiency and peaks. `True` takes
+            `diffrax.Dopri8` at 1e-12; for a stiff motor or a narrow transition of friction give
+            `TimeIntegration(diffrax.Kvaerno5())`. Of a cylinder the pressure that was found is taken
+            as given.
         throw: raise if no periodic state was found. Within `jit`, `vmap` or `grad` nothing is
             raised; look at `status` there.
 
@@ -45,7 +56,7 @@ def solve_orbit(
         locks or that stalls has finite numbers and a status that says so.
 
     Raises:
-        SolveFailed: if `throw` and the status is not `Status.converged`.
+        SolveFailed: if `throw` and the status is not `Status.converged`, or the march did not end.
 
     >>> from jaxcomp import load
     >>> orbit = solve_orbit(load("mayekawa-wbhe"))
@@ -68,6 +79,22 @@ def solve_orbit(
                 f"{float(orbit.energy.residual):.2g}, losses known to "
                 f"{float(orbit.efficiency_error):.2g} of the work",
             )
+    if verify is False:
+        return orbit
+    options = march_options() if verify is True else verify
+    orbit = eqx.tree_at(
+        lambda o: o.verification,
+        orbit,
+        _verification(compressor, orbit, options),
+        is_leaf=lambda leaf: leaf is None,
+    )
+    status = orbit.verification.status
+    if throw and not is_traced(status._value) and bool(jnp.any(status != Status.converged)):
+        raise SolveFailed(
+            status,
+            f"the march that verifies the orbit did not end within {options.max_steps} steps; take "
+            "verify=TimeIntegration(diffrax.Kvaerno5(), tolerance=1e-8)",
+        )
     return orbit
 
 
@@ -78,6 +105,14 @@ def _solve(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
     status = Status.where(orbit.margin > 0, orbit.status, Status.self_locking)
     status = Status.where(good, status, Status.bad_input)
     return eqx.tree_at(lambda o: o.status, orbit, status)
+
+
+@eqx.filter_jit
+def _verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration) -> Verification:
+    machine = clipped(compressor)
+    if orbit.cycle is not None:
+        machine = eqx.tree_at(lambda c: c.gas, machine, orbit.cycle.gas())
+    return verification(machine, orbit, options)
 
 
 def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:

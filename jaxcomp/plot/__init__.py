@@ -43,3 +43,4 @@ from ._sweep import sweep_map as sweep_map
 from ._tolerance import tolerance_figures as tolerance_figures
 from ._tolerance import tolerance_histogram as tolerance_histogram
 from ._tolerance import tornado as tornado
+from ._transient import transient_figure as transient_figure

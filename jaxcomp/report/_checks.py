@@ -50,6 +50,21 @@ def _resolution(result) -> Check:
     return Check("Resolution of the speed", f"{value:.1e}", value <= 0.01, "at most 1e-02")
 
 
+def _verified(result) -> Check:
+    march = result["verification"]
+    if march["status"] != "converged":
+        return Check("Independent march", march["status"], False, "ends")
+    size = max(result["motor_work"], sum(result["losses"].values()), key=abs)
+    losses = sum(abs(error) for error in march["losses"].values()) / abs(size or 1.0)
+    peaks = max(
+        abs(error) / (result["peak_forces"][name] or 1.0)
+        for name, error in march["peak_forces"].items()
+    )
+    found = f"speed {march['speed']:.1e}, losses {losses:.1e}, peaks {peaks:.1e}"
+    good = march["speed"] <= 1e-4 and losses <= 1e-4 and peaks <= 1e-2
+    return Check("Errors by an independent march", found, good, "at most 1e-04, 1e-04, 1e-02")
+
+
 def _margin(result) -> Check:
     value = result["joint_margin"]
     return Check("Margin against self-locking", f"{value:.4f}", value > 0, "above 0")
@@ -107,6 +122,7 @@ _CHECKS = (
     (("residual",), _size("Residual", "residual")),
     (("resolution",), _resolution),
     (("correction",), _size("Last correction of the linear solution", "correction")),
+    (("verification",), _verified),
     (("joint_margin",), _margin),
     (("stable",), _stable),
     (("failed", "designs"), _failed("Designs", "designs")),
