@@ -10,7 +10,7 @@ from rich.markup import escape
 from ..design import design_rules, variable_names
 from ..gas import PolytropicCycle
 from ..machine import machine_of
-from ..rotor import LoadCase, RotorModel, node_names, subset_names, subsets
+from ..rotor import AXES, LoadCase, RotorModel, node_names, subset_names, subsets
 from ..scene import Scene, SceneError, describe, doubts
 from ..shaking import Suspension, natural_frequencies
 from ._tables import _table
@@ -114,7 +114,14 @@ def _follows(scene: Scene):
         count = len(node_names(model))
         slaved = sum(len(body.nodes) for body in model.bodies)
         yield "Nodes of the rotor model", count, f"{slaved} of them fixed to rigid bodies"
-        yield "Degrees of freedom", (count - slaved) * model.dof, f"{model.dof} a free node"
+        conditions = [axis for link in model.links if link.held for axis in link.axes]
+        held = sum(axis in AXES[model.dof] for axis in conditions)
+        less = f", less {held} of pinned and clamped links" if held else ""
+        yield (
+            "Degrees of freedom",
+            (count - slaved) * model.dof - held,
+            f"{model.dof} a free node{less}",
+        )
         for name, group in zip(subset_names(model), subsets(model), strict=True):
             nodes = ", ".join(str(node) for node in group)
             yield f"Subset {name}", nodes if len(nodes) <= 60 else f"{nodes[:57]}...", "nodes"

@@ -17,10 +17,12 @@ from ._film_laws import LoadedFilm as LoadedFilm
 from ._inertia import Disks as Disks
 from ._inertia import PointMasses as PointMasses
 from ._inertia import solid_disk as solid_disk
+from ._links import Clamped as Clamped
 from ._links import ConstantLaw as ConstantLaw
 from ._links import Link as Link
 from ._links import LinkLaw as LinkLaw
 from ._links import Mount as Mount
+from ._links import Pinned as Pinned
 from ._links import SidePull as SidePull
 from ._links import SpeedTable as SpeedTable
 from ._links import diagonal as diagonal

@@ -24,7 +24,7 @@ from ._conventions import from_planes
 from ._layout import layout_of
 from ._matrices import Matrices, matrices
 from ._model import RotorModel
-from ._system import System, prepare
+from ._system import System, prepare, released
 
 
 class DampedModes(NamedTuple):
@@ -91,6 +91,7 @@ def damped_modes(
     Raises:
         BadInput: more modes than degrees of freedom, or a speed that is not finite.
     """
+    model = released(model) if free else model
     check_request(model, count, spin_speed=spin_speed)
     return on_cpu(_damped)(model, jnp.asarray(spin_speed, float), count, free, damping)
 

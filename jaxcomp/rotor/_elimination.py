@@ -140,7 +140,7 @@ def factorise(z: "Operator") -> Factor:
         reach.append(response)
         kept.append(a[:, f:, f:] - jnp.swapaxes(coupling, -1, -2) @ response)
     full = _unlane(kept) + _links_and_bodies(layout, z)
-    motion = _border_motion(layout, z.system.arms) if layout.slaved.size else None
+    motion = None if layout.own.all() else _border_motion(layout, z.system.arms)
     small = full if motion is None else motion.T @ full @ motion
     size = jnp.abs(jnp.diagonal(small))
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
@@ -377,18 +377,16 @@ def _touched_numbers(layout):
 
 def _border_motion(layout, arms):
     """Touched border coordinates from the independent ones among them."""
-    numbers = _touched_numbers(layout)
+    numbers, dof = _touched_numbers(layout), layout.dof
+    count = len(numbers)
     free = layout.moving.reshape(-1)[numbers]
-    fixed = np.eye(len(numbers))
-    place = np.full(layout.n * layout.dof, -1)
-    place[numbers] = np.arange(len(numbers))
-    rows, columns = (
-        place[at[:, None] * layout.dof + np.arange(layout.dof)]
-        for at in (layout.slaved, layout.centre_of)
-    )
-    fixed[rows.reshape(-1)] = 0.0
-    motion = jnp.asarray(fixed).at[rows[:, :, None], columns[:, None, :]].set(arms)
-    return motion[:, free]
+    place = np.full(layout.n * dof, count)
+    place[numbers] = np.arange(count)
+    fixed = np.diag(layout.own.reshape(-1)[numbers] * 1.0).reshape(-1)
+    rows, columns = (place[at[:, None] * dof + np.arange(dof)] for at in layout.ties.nodes)
+    rows, columns = rows[:, :, None], columns[:, None, :]
+    at = np.where((rows == count) | (columns == count), count**2, rows * count + columns)
+    return add(jnp.asarray(fixed), at, arms).reshape(count, count)[:, free]
 
 
 def _links_and_bodies(layout, z):

@@ -16,6 +16,7 @@ from .._fields import BadInput
 from ._conventions import AXES, plane_numbers
 from ._model import RotorModel, node_names
 from ._shaft import Node
+from ._ties import Hold, Ties, find_ties
 
 if TYPE_CHECKING:
     from ._system import System
@@ -35,9 +36,10 @@ class Layout:
         pairs: (e, 2) nodes of all shaft elements in the order of the tables.
         links: (l, 2) nodes of the links, then of the pairs of the side pulls; n for the ground.
         centres: centre nodes of the bodies.
-        slaved: nodes that follow a body, in the order of the bodies.
-        centre_of: centre node of each slaved node.
-        active: (n, dof) whether a degree of freedom exists: not slaved, and not without any
+        slaved: (node, centre) of the nodes of bodies, in the order of the bodies.
+        ties: coordinates that follow others: slaved nodes, and what held links hold.
+        own: (n, planes, 2) whether a coordinate follows nothing.
+        active: (n, dof) whether a degree of freedom exists: its own, and not without any
             stiffness and inertia by construction.
         moving: (n, planes, 2) the same in the order of the planes.
         border: the border nodes.
@@ -59,8 +61,9 @@ class Layout:
     pairs: np.ndarray
     links: np.ndarray
     centres: np.ndarray
-    slaved: np.ndarray
-    centre_of: np.ndarray
+    slaved: tuple[tuple[int, int], ...]
+    ties: Ties
+    own: np.ndarray
     active: np.ndarray
     moving: np.ndarray
     border: np.ndarray
@@ -95,11 +98,11 @@ def layout_of(model: "RotorModel | System") -> Layout:
     names = node_names(model)
     number = {name: i for i, name in enumerate(names)}
     pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.pairs)
-    links = [(link.nodes, link.axes) for link in model.links]
-    links += [(pair, ()) for pull in model.side_pulls for pair in pull.nodes]
+    links = [(link.nodes, link.axes, link.held) for link in model.links]
+    links += [(pair, (), False) for pull in model.side_pulls for pair in pull.nodes]
     link_axes = tuple(
-        (tuple(number.get(node, len(names)) for node in nodes), tuple(axes))
-        for nodes, axes in links
+        (tuple(number.get(node, len(names)) for node in nodes), tuple(axes), held)
+        for nodes, axes, held in links
     )
     bodies = tuple((number[b.centre], tuple(number[k] for k in b.nodes)) for b in model.bodies)
     disks = tuple(number[k] for d in model.disks for k in d.nodes)
@@ -112,27 +115,39 @@ def _layout(key) -> Layout:
     names, dof, pairs, link_axes, bodies, disks, masses = key
     n = len(names)
     numbers, _ = plane_numbers(dof)
-    touched = np.zeros((n, dof), bool)
-    for nodes, axes in link_axes:
+    in_planes = numbers.reshape(-1)
+    touched, exists = np.zeros((2, n, dof), bool)
+    holds = []
+    for link, (nodes, axes, held) in enumerate(link_axes):
+        places = [AXES[dof].index(a) for a in axes if a in AXES[dof]]
         for node in set(nodes) - {n}:
-            touched[node, [AXES[dof].index(a) for a in axes if a in AXES[dof]]] = True
-    slaved = np.array([k for _, nodes in bodies for k in nodes], int)
-    centre_of = np.array([c for c, nodes in bodies for _ in nodes], int)
-    touched[slaved] = True
-    touched[[c for c, _ in bodies]] = True
+            touched[node, places] = True
+            exists[node, places] |= not held
+        if held:
+            holds += [Hold(link, *nodes, int(np.argmax(in_planes == p))) for p in places]
+    slaved = tuple((k, c) for c, nodes in bodies for k in nodes)
+    ties = find_ties(n, dof, slaved, tuple(holds))
+    own = np.zeros((n, dof), bool)
+    own[:, in_planes] = ties.own
+    for table in (touched, exists):
+        table[[k for body in slaved for k in body]] = True
 
-    pulled = {node for nodes, axes in link_axes if not axes for node in nodes} - {n}
+    pulled = {node for nodes, axes, _ in link_axes if not axes for node in nodes} - {n}
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in pairs:
         neighbours[a].add(b)
         neighbours[b].add(a)
-    active = touched.copy()
-    active[list(pulled), :2] = True
-    active[list(disks)] = True
-    active[[i for i in range(n) if neighbours[i]]] = True
+    exists[[c for c, _ in bodies]] = touched[[c for c, _ in bodies]] = True
+    exists[list(pulled), :2] = True
+    exists[list(disks)] = True
+    exists[[i for i in range(n) if neighbours[i]]] = True
     for i in masses:
-        active[i, : 2 if dof == 4 else 3] = True
-    active[slaved] = False
+        exists[i, : 2 if dof == 4 else 3] = True
+    for hold in ties.holds:  # what follows gives its inertia and stiffness to what it follows
+        joined = [i for i in (hold.first, hold.second) if i < n]
+        place = in_planes[hold.coordinate]
+        exists[joined, place] = exists[joined, place].any()
+    active = exists & own
     if not active.any():
         raise BadInput("model", "no degree of freedom", "something that can move")
 
@@ -149,22 +164,22 @@ def _layout(key) -> Layout:
         if left is not None:
             left_of[np.isin(segment[:, column], run), column] = place[left]
     slots = _slots(pairs, segment, runs, place)
-    loose = ~(active | np.isin(np.arange(n), slaved)[:, None])
-    in_planes = touched[np.array(order, int)][:, numbers]
+    loose = own & ~exists
     return Layout(
         key,
         names,
         n,
         dof,
         np.array(pairs, int).reshape(-1, 2),
-        np.array([nodes for nodes, _ in link_axes], int).reshape(-1, 2),
+        np.array([nodes for nodes, _, _ in link_axes], int).reshape(-1, 2),
         np.array([c for c, _ in bodies], int),
         slaved,
-        centre_of,
+        ties,
+        own[:, numbers],
         active,
         active[:, numbers],
         np.array(order, int),
-        in_planes,
+        touched[np.array(order, int)][:, numbers],
         loose[np.array(order, int)][:, numbers],
         segment,
         opening,

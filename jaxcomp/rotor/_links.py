@@ -7,7 +7,8 @@ K(W) d + C(W) d' on node b (and its opposite on node a). The law behind K and C 
 
 of shape (n_axes, n_axes), and if it likes the number of axes as `size`: the laws of this module, or
 the films of `_film_laws`. They are K_B, C_B, K_S, C_S and K_SP in Eq. (1) of Levecque et al.
-(2011), cited in full in `machines/hermetic-68cc.toml`.
+(2011), cited in full in `machines/hermetic-68cc.toml`. A link may also be `Pinned` or `Clamped`: then
+it has no law, d is zero, and the freedoms that it holds are not in the equations.
 """
 
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
@@ -17,10 +18,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import POSITIVE, BadInput, Part, is_traced, quantity
-from ._conventions import check_axes
+from ._conventions import SPACE_AXES, check_axes
 from ._shaft import Node
 
 GROUND = "ground"  # the word for `None` in lists of nodes
+_RADIAL = ("ux", "uy")
 
 
 @runtime_checkable
@@ -160,25 +162,51 @@ class SpeedTable(Part):
         )
 
 
+class Pinned(Part):
+    """No relative motion along the axes of the link; a pin, with the default axes.
+
+    The freedoms are removed from the equations, without the large numbers of a stiff spring.
+    """
+
+    kind: ClassVar[str] = "pinned"
+
+
+class Clamped(Part):
+    """No relative motion and no relative rotation, whatever `axes` the model has."""
+
+    kind: ClassVar[str] = "clamped"
+
+
 class Link(Part):
     """One bearing, suspension or grommet.
 
     Args:
         nodes: the two nodes; `None` or "ground" as the second is the ground.
-        law: object with `coefficients(spin_speed)`.
-        axes: the axes that the law's matrices refer to, by default ("ux", "uy"). Axes that a
-            model of 4 degrees of freedom lacks (uz, thz) are left out there.
+        law: object with `coefficients(spin_speed)`, or a condition, `Pinned` or `Clamped`.
+        axes: the axes that the law's matrices refer to or that a pin holds, by default ("ux", "uy"); a
+            clamp holds all. Axes that a model of 4 degrees of freedom lacks (uz, thz) are left out there.
 
     Raises:
-        BadInput: unknown axes, the same node twice, or matrices of another size than `axes`.
+        BadInput: unknown axes, the same node twice, matrices of another size than `axes`, or fewer
+            axes beside `Clamped`.
     """
 
     nodes: tuple[Node, Node | None] = eqx.field(static=True)
-    law: LinkLaw
-    axes: tuple[str, ...] = eqx.field(static=True, default=("ux", "uy"))
+    law: LinkLaw | Pinned | Clamped
+    axes: tuple[str, ...] = eqx.field(static=True, default=_RADIAL)
 
     def __post_init__(self):
         self.nodes = grounded(self.nodes)
+        if isinstance(self.law, Clamped):
+            if self.axes not in (_RADIAL, SPACE_AXES):
+                bound = "left out beside a clamped link, which holds all (pin single ones)"
+                raise BadInput("axes", str(self.axes), bound)
+            self.axes = SPACE_AXES
+
+    @property
+    def held(self) -> bool:
+        """Whether the link is a condition, which removes freedoms."""
+        return isinstance(self.law, Pinned | Clamped)
 
     def __check_init__(self):
         check_axes(self.axes)

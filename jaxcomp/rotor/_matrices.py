@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ._conventions import add, from_planes, to_planes
 from ._model import RotorModel
-from ._system import System, bare, follow, link_matrices
+from ._system import System, bare, follow, link_matrices, released
 
 
 class Matrices(NamedTuple):
@@ -39,8 +39,9 @@ def matrices(
     Args:
         model: the model, or the `System` prepared from it.
         spin_speed: [rad/s] at which the links are evaluated.
-        with_links: false leaves out bearings, mounts and side pull (free-free).
+        with_links: false leaves out bearings, mounts, pins and side pull (free-free).
     """
+    model = model if with_links else released(model)
     return _matrices(model, jnp.asarray(spin_speed, float), with_links)
 
 

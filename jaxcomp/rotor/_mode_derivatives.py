@@ -12,6 +12,7 @@ from ._layout import layout_of
 from ._matrices import matrices
 from ._model import RotorModel
 from ._modes import Modes
+from ._system import released
 
 
 class ModeDerivatives(NamedTuple):
@@ -46,6 +47,8 @@ def mode_derivatives(
         count: number of modes; the last cluster must be complete.
         free: leave out all links and side pulls.
     """
+    if free:
+        model, direction = released(model), released(direction)  # pyright: ignore[reportAssignmentType]
     return _mode_derivatives(model, direction, count, free)
 
 

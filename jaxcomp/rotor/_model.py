@@ -37,8 +37,8 @@ class RotorModel(Part):
         nodes: order of the nodes.
 
     Raises:
-        BadInput: a node that nothing else joins to the model or that follows two bodies, or no
-            node at all.
+        BadInput: a node that nothing else joins to the model or that follows two bodies, no node at
+            all, or held links of which one follows from the others.
     """
 
     shafts: tuple[ShaftElements, ...] = ()
@@ -71,6 +71,10 @@ class RotorModel(Part):
             raise BadInput("bodies", str(slaved), "nodes that belong to one body each")
         if len(set(centres)) != len(centres):
             raise BadInput("bodies", str(centres), "bodies with a centre of their own")
+        if any(link.held for link in self.links):
+            from ._layout import layout_of  # built on this module
+
+            layout_of(self)
 
     def _check_joined(self):
         """A node that stands in one place only is most likely a slip of the pen."""

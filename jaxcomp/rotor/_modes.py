@@ -13,7 +13,7 @@ from ._eigen import pencil
 from ._layout import layout_of
 from ._matrices import matrices
 from ._model import RotorModel
-from ._system import Operator, System, add_links, bare, elastic_force, operator_at
+from ._system import Operator, System, add_links, bare, elastic_force, operator_at, released
 
 
 class Modes(NamedTuple):
@@ -63,6 +63,7 @@ def undamped_modes(
     Raises:
         BadInput: more modes than the model has degrees of freedom.
     """
+    model = released(model) if free else model
     size = layout_of(model).size
     if not 0 < count <= size:
         raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")

@@ -18,7 +18,7 @@ from ._loads import Loads, load_vector
 from ._model import RotorModel, node_index
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
-from ._system import System, bare, collect, follow, link_force, operator_at, prepare
+from ._system import System, bare, collect, follow, link_force, operator_at, prepare, reactions
 
 
 class SingularResponse(ArithmeticError):
@@ -35,6 +35,8 @@ class Response(eqx.Module):
         correction: [-] relative error left before the last sweep of refinement, (*batch).
         amplification: [-] dimensionless response per load, (*batch).
         status: [-] number of a word, see `words`, (*batch).
+        held: [N], [N m] force of pinned and clamped links on their second node or the ground, (*batch,
+            links, dof), zero for the other links; absent in a model without any.
     """
 
     displacement: Array
@@ -43,6 +45,7 @@ class Response(eqx.Module):
     correction: Array
     amplification: Array
     status: Array
+    held: Array | None = None
 
     @property
     def ok(self) -> Bool[Array, "*batch"]:
@@ -189,7 +192,7 @@ def receptance(
 
 
 def transmitted_forces(model: RotorModel, response: Response) -> Complex[Array, "*batch links dof"]:
-    """[N], [N m] Force of each link on its second node or the ground, K d + C d'.
+    """[N], [N m] Force of each link on its second node or the ground, K d + C d' or the reaction.
 
     The links come first, in the model's order, then the pairs of the side pulls. The response has
     to hold all nodes.
@@ -230,7 +233,10 @@ def _transmitted(model, response):
 
     for _ in range(response.frequency.ndim):
         one = jax.vmap(one)
-    return one(response.displacement, response.frequency, response.spin_speed)
+    push = one(response.displacement, response.frequency, response.spin_speed)
+    if response.held is None:
+        return push
+    return push.at[..., : len(system.model.links), :].add(response.held)
 
 
 @eqx.filter_jit
@@ -266,10 +272,14 @@ def _keep_motion(primitive, *_, **__):
 
 
 def _answer(z, solve, force) -> Response:
-    dof = z.system.dof
-    s = solve(collect(z.system, to_planes(force, dof)))
-    x = from_planes(follow(z.system, s.x), dof)
-    return Response(x, z.frequency, z.spin_speed, s.correction, s.amplification, s.status)
+    dof, force = z.system.dof, to_planes(force, z.system.dof)
+    s = solve(collect(z.system, force))
+    x, held = follow(z.system, s.x), None
+    if z.system.layout.ties.holds:
+        held = reactions(z, x, force)
+        held = from_planes(held.reshape(-1, dof // 2, 2), dof)
+    x = from_planes(x, dof)
+    return Response(x, z.frequency, z.spin_speed, s.correction, s.amplification, s.status, held)
 
 
 @eqx.filter_jit

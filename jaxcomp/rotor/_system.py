@@ -10,6 +10,7 @@ forward (p), backward (q) and, with 6 degrees of freedom, axial-torsional. There
 stiffness is a combination of `TERMS` with coefficients that depend on speed and frequency.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -19,15 +20,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import admissible, replaced
-from ._bodies import arm_matrix, body_matrices
+from ._bodies import body_matrices
 from ._conventions import add, axis_numbers, coordinates, take, whirl
 from ._damping import ModalDamping, ProportionalDamping
 from ._elimination import Places, sort_places
 from ._inertia import disk_matrices, point_matrices
 from ._layout import Layout, layout_of
-from ._links import side_pull_stiffness
+from ._links import Link, diagonal, side_pull_stiffness
 from ._model import RotorModel
 from ._shaft import Node, element_matrices
+from ._ties import body_arms, reaction_matrix, tie_matrices
 
 # Lateral stiffness, inertia and polar inertia, axial and torsional stiffness and inertia.
 TERMS = ("stiffness", "mass", "polar", "axial_stiffness", "axial_mass")
@@ -47,7 +49,7 @@ class System(eqx.Module):
         half: [m] (e, l) half the length of an element, zero in the axial lane.
         elements: (e, 4, 4, q) matrices of the elements.
         inertia: (n, 2, 2, q) those of disks and masses.
-        arms: (slaved, dof, dof) motion of slaved nodes from their centre, in coordinates.
+        arms: (t, dof, dof) motion of nodes that follow others, in coordinates, see `Layout.ties`.
         bodies: (bodies, 2, dof, dof) inertia and gyroscopic matrix of the rigid bodies.
         damping: (alpha, beta) of the proportional damping, or None.
         places: elements and inertia in the places of the structured solver.
@@ -113,15 +115,28 @@ def bare(model: RotorModel | System) -> System:
         inertia = add(inertia, np.array([number[node] for node in nodes], int), terms)
     order, signs = coordinates(dof)
     both = signs[:, None] * signs
-    arms = [arm_matrix(body.arm, dof) for body in model.bodies]
-    arms = jnp.concatenate([jnp.zeros((0, dof, dof)), *arms])
+    arms = tie_matrices(layout.ties, layout.slaved, body_arms(model.bodies, dof))
     bodies = [jnp.stack(body_matrices(body, dof)) for body in model.bodies]
     bodies = jnp.stack(bodies) if bodies else jnp.zeros((0, 2, dof, dof))
     damping = None
     if isinstance(model.damping, ProportionalDamping):
         damping = (model.damping.mass_factor, model.damping.stiffness_factor)
-    arms, bodies = (both * a[..., order[:, None], order] for a in (arms, bodies))
+    bodies = both * bodies[..., order[:, None], order]
     return System(model, layout, strain, half, elements, inertia, arms, bodies, damping)
+
+
+def released(model: RotorModel | System) -> RotorModel | System:
+    """The model without what pinned and clamped links hold."""
+    whole = model.model if isinstance(model, System) else model
+    if not any(link.held for link in whole.links):
+        return model
+    links = tuple(
+        Link(link.nodes, diagonal(*jnp.zeros((2, len(link.axes)))), link.axes)
+        if link.held
+        else link
+        for link in whole.links
+    )
+    return dataclasses.replace(whole, links=links)
 
 
 def undamped(system: System) -> System:
@@ -181,10 +196,12 @@ def _laws(links, spin_speed):
     """Coefficients of every link; laws of one construction go through together."""
     kinds: dict = {}
     for number, link in enumerate(links):
+        if link.held:
+            continue
         arrays, rest = eqx.partition(link.law, eqx.is_array)
         shapes = tuple(a.shape for a in jax.tree.leaves(arrays))
         kinds.setdefault((jax.tree.structure(arrays), shapes), []).append((number, arrays, rest))
-    found: list = [None] * len(links)
+    found: list = [(np.zeros((len(link.axes),) * 2),) * 2 for link in links]
     for alike in kinds.values():
         numbers, arrays, rests = zip(*alike, strict=True)
         if (
@@ -205,27 +222,49 @@ def _laws(links, spin_speed):
 def follow(system: System, x: Array) -> Array:
     """Motion with the slaved nodes put where their bodies take them."""
     layout, shape = system.layout, x.shape[1:]
-    if not layout.slaved.size:
+    if layout.own.all():
         return x
-    centre = take(x, layout.centre_of).reshape(-1, layout.dof)
-    moved = jnp.einsum("sij,sj->si", system.arms, centre).reshape(-1, *shape)
-    return add(x * _free(layout), layout.slaved, moved)
+    node, master = layout.ties.nodes
+    leading = take(x, master).reshape(-1, layout.dof)
+    moved = jnp.einsum("sij,sj->si", system.arms, leading).reshape(-1, *shape)
+    return add(x * layout.own, node, moved)
 
 
 def collect(system: System, f: Array) -> Array:
-    """Forces with those on slaved nodes moved to their centres (transpose of `follow`)."""
-    layout, shape = system.layout, f.shape[1:]
-    if not layout.slaved.size:
+    """Forces with those on following coordinates moved to what they follow (transpose of `follow`)."""
+    if system.layout.own.all():
         return f
-    own = take(f, layout.slaved).reshape(-1, layout.dof)
-    moved = jnp.einsum("sij,si->sj", system.arms, own).reshape(-1, *shape)
-    return add(f * _free(layout), layout.centre_of, moved)
+    return _collected(f, system.layout.own, *system.layout.ties.nodes, system.arms)
 
 
-def _free(layout):
+def _collected(f, own, node, master, arms):
+    at = take(f, node).reshape(len(node), arms.shape[-1])
+    moved = jnp.einsum("sij,si->sj", arms, at).reshape(-1, *f.shape[1:])
+    return add(f * own, master, moved)
+
+
+def reactions(
+    z: "Operator", x: Complex[Array, "n p 2"], force: Complex[Array, "n p 2"]
+) -> Complex[Array, "links dof"]:
+    """[N], [N m] Force of each held link on its second node or the ground; zero for the others.
+
+    Args:
+        z: the dynamic stiffness.
+        x: motion of all nodes.
+        force: the load before it is collected.
+    """
+    system, layout = z.system, z.system.layout
+    dof, holds = layout.dof, layout.ties.holds
+    arms = body_arms(system.model.bodies, dof)
+    nodes = np.array(layout.slaved, int).reshape(-1, 2).T
     free = np.ones((layout.n, 1, 1))
-    free[layout.slaved] = 0.0
-    return free
+    free[nodes[0]] = 0.0
+    left = _collected(force - _node_forces(z, x, False), free, *nodes, arms).reshape(-1)
+    lost = np.array([hold.node * dof + hold.coordinate for hold in holds])
+    held = reaction_matrix(layout.ties, layout.slaved, arms) @ take(left, lost)
+    at = np.array([hold.link * dof + hold.coordinate for hold in holds])
+    out = jnp.zeros(len(system.model.links) * dof, complex)
+    return add(out, at, held).reshape(-1, dof)
 
 
 class Operator(NamedTuple):
@@ -290,23 +329,26 @@ def operator_at(
 
 def apply(z: Operator, x: Complex[Array, "n p 2"], *, transpose=False) -> Complex[Array, "n p 2"]:
     """Z x, or Z^T x."""
-    system = z.system
-    layout, active = system.layout, jnp.asarray(system.layout.moving)
+    system, active = z.system, jnp.asarray(z.system.layout.moving)
     inside = follow(system, jnp.where(active, x, 0.0))
-    f = elastic_force(z, inside, transpose)
-    links, bodies = z.links, z.bodies
-    if transpose:
-        links, bodies = jnp.swapaxes(links, 1, 2), jnp.swapaxes(bodies, 1, 2)
-    f = add_links(layout, f, links, inside)
-    if len(bodies):
-        own = take(inside, layout.centres).reshape(-1, layout.dof)
-        own = jnp.einsum("bij,bj->bi", bodies, own).reshape(-1, *x.shape[1:])
-        f = add(f, layout.centres, own)
-    f = collect(system, f)
+    f = collect(system, _node_forces(z, inside, transpose))
     if system.modal is not None:
         modal = jnp.einsum("mnpk,npk->m", system.modal, inside)
         f = f + 1j * z.frequency * jnp.einsum("mnpk,m->npk", system.modal, modal)
     return jnp.where(active, f, x)
+
+
+def _node_forces(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
+    """Forces on all nodes, each where it acts, for the motion of all nodes; without modal damping."""
+    layout, links, bodies = z.system.layout, z.links, z.bodies
+    if transpose:
+        links, bodies = jnp.swapaxes(links, 1, 2), jnp.swapaxes(bodies, 1, 2)
+    f = add_links(layout, elastic_force(z, x, transpose), links, x)
+    if not len(bodies):
+        return f
+    own = take(x, layout.centres).reshape(-1, layout.dof)
+    own = jnp.einsum("bij,bj->bi", bodies, own).reshape(-1, *x.shape[1:])
+    return add(f, layout.centres, own)
 
 
 def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
@@ -365,10 +407,10 @@ def scale(z: Operator) -> Float[Array, "n p 2"]:
     out = jnp.stack(planes, 1)
     own = jnp.einsum("lii->li", jnp.abs(z.stiffness) + w * jnp.abs(z.damping))
     out = add(out, layout.links, jnp.stack([own, own], 1).reshape(-1, 2, *out.shape[1:]))
-    if layout.slaved.size:
-        slaved = take(out, layout.slaved).reshape(-1, dof)
-        moved = jnp.einsum("sij,si->sj", system.arms**2, slaved).reshape(-1, *out.shape[1:])
-        out = add(out, layout.centre_of, moved)
+    if not layout.own.all():
+        node, master = layout.ties.nodes
+        moved = jnp.einsum("sij,si->sj", system.arms**2, take(out, node).reshape(-1, dof))
+        out = add(out, master, moved.reshape(-1, *out.shape[1:]))
     own = square * jnp.einsum("bii->bi", system.bodies[:, 0])
     out = add(out, layout.centres, own.reshape(-1, *out.shape[1:]))
     return jnp.where(jnp.asarray(layout.moving) & (out > 0), out, 1.0)
