@@ -40,6 +40,190 @@ def test_the_cheapest_setting_for_an_error_is_the_fastest_of_those_that_reach_it
     assert made.cheapest(1e300).seconds == 1.0
 
 
+def settings(*errors, method="a", family="", **options):
+    """Rows of one family from loose to tight, each slower than the one before."""
+    return tuple(
+        Row(
+            method,
+            f"{family}{n}",
+            error,
+            1.0 + n,
+            1.0,
+            family=family,
+            tightness=(float(n),),
+            **options,
+        )
+        for n, error in enumerate(errors)
+    )
+
+
+def test_a_lucky_loose_setting_is_not_recommended():
+    lucky = Report("orbit", "a", "b", "", Reference(2.0, 2.0, ("x", "y")),
+                   settings(1e-7, 1e-4, 1e-6, 1e-9), {}, "")  # fmt: skip
+    assert lucky.cheapest(1e-3).setting == "0"
+    assert lucky.cheapest(1e-5).setting == "2"
+    assert lucky.cheapest(1e-5, "a").setting == "2"
+    assert lucky.cheapest(1e-8).setting == "3"
+    # a tighter one that failed says so itself
+    failed = lucky._replace(rows=settings(1e-7, np.inf))
+    assert failed.cheapest(1e-6).setting == "0"
+    # another family of the same method does not count against it
+    mixed = lucky._replace(rows=settings(1e-7) + settings(1e-2, 1e-2, family="c"))
+    assert mixed.cheapest(1e-6).setting == "0"
+
+
+def test_two_kinds_of_tightness_are_compared_together():
+    first, second = settings(1e-6, 1e-6)
+    coarse = first._replace(tightness=(5.0, 8.0))
+    # more nodes at a looser tolerance are not tighter
+    assert not second._replace(tightness=(4.0, 12.0)).at_least_as_tight(coarse)
+    assert second._replace(tightness=(5.0, 12.0)).at_least_as_tight(coarse)
+
+
+def test_what_is_no_candidate_is_measured_and_not_recommended():
+    rows = settings(1e-9, method="friction times 2", candidate=False) + settings(1e-4)
+    made = Report("friction", "a", "b", "", Reference(2.0, 2.0, ("x", "y")), rows, {}, "")
+    assert made.cheapest(1e-6) is None
+    assert made.cheapest(1e-6, "friction times 2").error == 1e-9
+
+
+def test_failed_settings_are_listed_by_their_reason():
+    rows = settings(np.inf, np.inf, 1e-3, why="the joints lock")
+    made = Report("orbit", "a", "b", "", Reference(2.0, 2.0, ("x", "y")), rows, {}, "")
+    assert made.failures == {"the joints lock": ["a, 0", "a, 1"]}
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "excitation"),
+    [
+        ("mayekawa-wbhe", "swept_volume", None),
+        ("slider-link-8cc", "swept_volume", None),
+    ],
+)
+def test_what_no_setting_changes_is_refused(name, asked, excitation):
+    with pytest.raises(BadInput, match="solver of the periodic state has a part in") as caught:
+        accuracy(load(name), asked, excitation=excitation)
+    assert caught.value.field == "quantity"
+
+
+def test_derivative_that_vanishes_is_refused():
+    with pytest.raises(BadInput, match="mean_speed changes") as caught:
+        accuracy(load("mayekawa-wbhe"), "swept_volume", "gradient", variable="motor.mean_speed")
+    assert caught.value.field == "quantity"
+
+
+def test_default_excitation_is_the_crank_where_it_is_joined_to_the_rotor():
+    from jaxcomp.work_precision._accuracy import _excitation
+
+    hermetic = machine_of(load("hermetic-68cc"))
+    assert _excitation(hermetic, "vibration.housing") == "crank"
+    assert _excitation(hermetic, "motor_power") is None
+
+
+def test_studies_take_the_default_solver_of_the_machine():
+    for name in ("mayekawa-wbhe", "slider-link-8cc", "hermetic-68cc"):
+        scene = load(name)
+        question = Question(machine_of(scene), "mechanical_efficiency")
+        assert question.load_reversals == scene.as_compressor().mechanism.load_reversals > 0
+        assert question.default_solver == Collocation(reversals=question.load_reversals)
+
+
+def scipy_program(machine):
+    """Gas power and losses [W] of the periodic state by `solve_ivp` over time and `brentq`.
+
+    A program of its own: it takes from the library the law of motion at an instant and nothing of its
+    solvers. No kink is told to it; steps are kept short instead.
+    """
+    import jax
+    import jax.numpy as jnp
+    from scipy.integrate import solve_ivp
+    from scipy.optimize import brentq
+
+    from jaxcomp.crank import acceleration
+
+    @jax.jit
+    def law(angle, speed):
+        rise, conservative, loads = acceleration(machine, angle, speed, machine.motor.torque(speed))
+        powers = [-conservative * speed, *(loss * speed for loss in loads.loss_torque.values())]
+        return jnp.stack([speed, rise, *powers])
+
+    _, _, loads = acceleration(machine, jnp.asarray(1.0), jnp.asarray(300.0), jnp.zeros(()))
+    names = list(loads.loss_torque)
+
+    def passed(time, y):
+        return y[0] - 2 * np.pi
+
+    passed.terminal = True
+
+    def turn(first):
+        start = np.zeros(3 + len(names))
+        start[1] = first
+        return solve_ivp(lambda t, y: np.asarray(law(y[0], y[1])), (0, 4 * np.pi / first), start,
+                         method="DOP853", rtol=1e-9, atol=1e-9, max_step=0.01 / first,
+                         events=passed)  # fmt: skip
+
+    guess = 0.98 * float(machine.motor.speed_guess)
+    first = brentq(lambda w: turn(w).y[1, -1] - w, 0.9 * guess, 1.05 * guess, xtol=1e-8)
+    done = turn(first)
+    gas, *losses = done.y[2:, -1] / done.t[-1]
+    return gas, dict(zip(names, losses, strict=True))
+
+
+@pytest.mark.slow
+def test_slider_link_machine_beside_a_scipy_program_of_its_own():
+    from jaxcomp.work_precision._orbit import orbit_reference
+
+    scene = load("slider-link-8cc")
+    gas, losses = scipy_program(scene.compressor)
+    question = Question(machine_of(scene), "mechanical_efficiency")
+    reference = orbit_reference(question)
+    # load reversals are met unprepared, within steps of a hundredth of a radian at most
+    assert gas / (gas + sum(losses.values())) == pytest.approx(reference.value, abs=1e-6)
+    # two methods that share the laws only, and a floor below what the default solver is off by
+    assert reference.floor < 1e-7
+
+
+@pytest.mark.slow
+def test_mayekawa_machine_beside_the_program_of_rigid_bodies():
+    import reference as bodies
+
+    from jaxcomp.work_precision._orbit import orbit_reference
+
+    scene = load("mayekawa-wbhe")
+    own = bodies.from_compressor(scene.compressor)
+    question = Question(machine_of(scene), "mechanical_efficiency")
+    found = orbit_reference(question)
+    mean = float(scene.compressor.motor.mean_speed)
+    turn = bodies.orbit(own, lambda speed, level: level * speed / mean, mean_speed=mean)
+    assert turn.efficiency == pytest.approx(found.value, rel=1e-8)
+
+
+def test_derivatives_carry_the_name_of_a_derivative():
+    from jaxcomp.work_precision._gradient import gradient_study
+
+    question = Question(
+        machine_of(load("hermetic-68cc")), "vibration", "mechanism.conrod_length", "crank"
+    )
+    plan = gradient_study(question, False)
+    assert plan.name == "d vibration / d mechanism.conrod_length"
+    assert plan.unit == "m/m"
+    assert "excitation 'crank'" in plan.note
+
+
+@pytest.mark.slow
+def test_gradient_of_the_vibration_through_orbit_and_rotor():
+    found = accuracy(
+        load("hermetic-68cc"), "vibration", "gradient", variable="mechanism.conrod_length"
+    )
+    assert found.reference.value != 0.0
+    # differences of shooting at both speeds, through films and finite elements
+    assert found.reference.floor < 1e-6
+    modes = [row for row in found.rows if "mode" in row.method]
+    assert len(modes) == 2
+    assert all(row.error < 1e-5 for row in modes)
+    assert found.march["speed"] < 1e-6
+
+
 def test_a_curve_has_the_settings_that_no_other_beats():
     assert [row.seconds for row in report(*ROWS).curve("a")] == [1.0, 2.0]
 

@@ -58,9 +58,14 @@ def test_table_names_the_cheapest_setting_and_the_floor(film):
     from jaxcomp.cli._accuracy_result import accuracy_tables
     from jaxcomp.work_precision import Reference, Report, Row
 
-    made = Row("a", "one", 1e-4, 2e-3, 1.0), Row("b", "two", np.inf, 1.0, 1.0)
-    report = Report("film", "m", "q", "W", Reference(1.0, 1.0 + 1e-6, ("x", "y")), made, {}, "note")
-    table, beside, reference, best = accuracy_tables(report, 1e-3)
+    failed = Row("b", "two", np.inf, 1.0, 1.0, why="the joints lock")
+    made = Row("a", "one", 1e-4, 2e-3, 1.0), failed
+    march = {"speed": 1e-8, "mechanical_efficiency": 2e-9, "losses": 3e-9, "peak_forces": 4e-7}
+    values = Reference(1.0, 1.0 + 1e-6, ("x", "y"))
+    report = Report("orbit", "m", "q", "W", values, made, {}, "note", march)
+    table, beside, reference, why, marched, best = accuracy_tables(report, 1e-3)
+    assert why == "Failed: b, two: the joints lock.\n"
+    assert "speed off by 1.0e-08, efficiency by 2.0e-09" in marched
     assert list(table.columns[2].cells) == ["1.0e-04", "failed"]
     assert beside.row_count == 2  # errors of 1e-3 and 1e-4
     assert "differs by 1.0e-06" in reference
@@ -70,6 +75,8 @@ def test_table_names_the_cheapest_setting_and_the_floor(film):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--study", "film", "--excitation", "crank"), "--excitation crank: has no meaning"),
+        (("--quantity", "swept_volume"), "the solver of the periodic state has a part in"),
         (("--error", "2"), "--error 2: must be > 0 and < 1"),
         (("--variable", "bore"), "--variable bore: has no meaning without --study gradient"),
         (("--study", "scenes", "--quantity", "x"), "--quantity x: has no meaning"),

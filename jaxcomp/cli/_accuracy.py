@@ -23,6 +23,13 @@ class Of(enum.StrEnum):
     scenes = "scenes"
 
 
+class Excitation(enum.StrEnum):
+    """What shakes the rotor."""
+
+    crank = "crank"
+    file = "file"
+
+
 # What the errors are of, and what is differentiated by, if nothing is said.
 _QUANTITY = {Of.order: "mean_speed", Of.film: "friction_number", Of.mesh: "vibration"}
 _VARIABLE = {Of.gradient: "mechanism.crank_radius"}
@@ -54,6 +61,13 @@ def accuracy(
             metavar="NAME", help="What to differentiate by, for the study of gradients, e.g. bore."
         ),
     ] = None,
+    excitation: Annotated[
+        Excitation | None,
+        typer.Option(
+            help="What shakes the rotor, for quantities of vibration: the crank's periodic state, or "
+            "the forces of the file. If absent, the crank where the machine joins it to the rotor."
+        ),
+    ] = None,
     error: Annotated[
         float, typer.Option(help="Relative error for which the cheapest setting is named.")
     ] = 1e-6,
@@ -75,6 +89,8 @@ def accuracy(
     """
     if not 0 < error < 1:
         raise CommandError(f"--error {error:g}: must be > 0 and < 1")
+    if excitation is not None and study in (Of.scenes, Of.film, Of.mesh, Of.order):
+        raise CommandError(f"--excitation {excitation}: has no meaning with --study {study}")
     if variable is not None and study is not Of.gradient:
         raise CommandError(f"--variable {variable}: has no meaning without --study gradient")
     from ._arguments import changed_scene
@@ -90,18 +106,27 @@ def accuracy(
         else:
             asked = quantity or _QUANTITY.get(study, "mechanical_efficiency")
             by = variable or _VARIABLE.get(study)
-            result, tables, draw = _errors(scene, asked, study, by, thorough, error, tell)
+            shaken = None if excitation is None else excitation.value
+            result, tables, draw = _errors(scene, asked, study, by, shaken, thorough, error, tell)
     if out is not None:
         with progress("Drawing ..."):
             write_results(out, draw(), result, scene, tables)
     show_results(result, tables, as_json, out)
 
 
-def _errors(scene, quantity, study, variable, thorough, error, tell):
+def _errors(scene, quantity, study, variable, excitation, thorough, error, tell):
     from ..work_precision import accuracy as measure
     from ._accuracy_result import accuracy_result, accuracy_tables
 
-    report = measure(scene, quantity, study.value, variable=variable, thorough=thorough, tell=tell)
+    report = measure(
+        scene,
+        quantity,
+        study.value,
+        variable=variable,
+        excitation=excitation,
+        thorough=thorough,
+        tell=tell,
+    )
 
     def draw():
         from ..plot import accuracy_figures

@@ -30,6 +30,7 @@ def accuracy_result(report: Report, error: float) -> dict[str, Any]:
             "methods": list(reference.methods),
             "floor": reference.floor,
         },
+        "march": report.march,
         "error": error,
         "recommended": None if best is None else _entry(best),
         "rows": [_entry(row) for row in report.rows],
@@ -108,9 +109,18 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
         + f" by {reference.methods[0]}; {reference.methods[1]} differs by {reference.floor:.1e}, "
         "below which no error is claimed.\n"
     )
+    for why, settings in report.failures.items():
+        yield f"Failed: {'; '.join(settings)}: {why}.\n"
+    if report.march:
+        march = report.march
+        yield (
+            "The default solver by an independent march of one revolution (diffrax): speed off by "
+            f"{march['speed']:.1e}, efficiency by {march['mechanical_efficiency']:.1e}, losses by "
+            f"{march['losses']:.1e} of the work, peak forces by at most {march['peak_forces']:.1e}.\n"
+        )
     best = report.cheapest(error)
     if best is None:
-        yield f"No setting tried has an error of {error:g} or less.\n"
+        yield f"No setting tried holds an error of {error:g} together with all tighter ones.\n"
     else:
         yield (
             f"Cheapest for an error of {error:g}: {best.method}, {best.setting}, "

@@ -107,7 +107,8 @@ def _grid_row(solved, name, count, reference: Reference):
     found, seconds = solved(count)
     cells = "{} x {} cells".format(*_GRIDS[count - 1])
     error = reference.error(_scalar(getattr(found, name)))
-    yield Row("finite volumes", cells, error, seconds, float("nan"))
+    row = Row("finite volumes", cells, error, seconds, float("nan"))
+    yield row._replace(tightness=(float(count),))
 
 
 def _model_row(solved, name, model, length_ratio, reference: Reference):

@@ -14,7 +14,7 @@ import numpy as np
 
 from .._fields import BadInput
 from ..crank import Collocation, solve_orbit
-from ._orbit import orbit_study
+from ._orbit import orbit_reference
 from ._report import Reference
 from ._study import Piece, Question, SolverProgram, Study, needs_crank
 
@@ -35,27 +35,40 @@ def friction_study(question: Question, thorough: bool) -> Study:
         BadInput: a machine without coefficients of friction.
     """
     needs_crank(question, "friction")
-    machine = question.design.compressor
+    machine = question.compressor
     assert machine is not None
     if machine.friction is None or not _coefficients(machine.friction):
         raise BadInput("friction", "without", "one with coefficients, for the study of its loops")
     program = cache(lambda: SolverProgram(question, _SOLVER))
-    left = float(np.max(np.abs(np.asarray(solve_orbit(machine, _SOLVER).loads.residual))))
+    left = float(
+        np.max(np.abs(np.asarray(solve_orbit(machine, question.default_solver).loads.residual)))
+    )
     pieces = tuple(
         Piece(f"friction times {multiple:g}", partial(_rows, question, program, multiple))
         for multiple in (_MULTIPLES if thorough else _MULTIPLES[:2])
     )
     words = f"passes of the friction; the joint loop itself leaves {left:.0e}"
-    return Study(orbit_study(question, False).reference, pieces, words)
+    return Study(partial(orbit_reference, question), pieces, words)
 
 
 def _rows(question: Question, program, multiple: float, reference: Reference):
     del reference
     scaled = program().at(_scaled(question.design, multiple))
-    value, _, _ = scaled(_TOLERANCES[-1])
+    tightest = scaled(_TOLERANCES[-1])
+    value = float("nan") if tightest.why else float(tightest.value)
     own = Reference(value, value, ("the tightest tolerance", "the same"))
+    method = f"friction times {multiple:g}"
     for tolerance in _TOLERANCES[:-1]:
-        yield scaled.row(own, f"friction times {multiple:g}", f"tolerance={tolerance:g}", tolerance)
+        row = scaled.row(
+            own, method, f"tolerance={tolerance:g}", tolerance, candidate=multiple == 1.0
+        )
+        yield (
+            row
+            if np.isfinite(row.error)
+            else row._replace(
+                error=float("inf"), why=row.why or f"at the tightest tolerance: {tightest.why}"
+            )
+        )
 
 
 def _coefficients(tree: Any) -> list[str]:

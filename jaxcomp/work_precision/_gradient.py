@@ -7,16 +7,15 @@ shooting: neither the solver nor the way to the derivative is shared.
 from functools import cache, partial
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from .._fields import BadInput
 from ..crank import Collocation, Shooting
-from ..design import Chain, variable
+from ..design import Chain, quantity, variable
 from ._measure import Program, compile_program
 from ._report import Reference, Row
-from ._study import Piece, Question, Study, answer, needs_crank
+from ._study import Piece, Question, Solved, Study, answer, needs_crank
 
 # f' = sum(weight f(x + offset h))/h, of fourth order.
 _STENCIL = ((-2.0, 1 / 12), (-1.0, -2 / 3), (1.0, 2 / 3), (2.0, -1 / 12))
@@ -37,23 +36,29 @@ def gradient_study(question: Question, thorough: bool) -> Study:
     # one program of values serves all its differences
     values = cache(partial(_values, question))
 
+    one = variable(question.design, question.variable)
+
     def reference():
-        fine = _derivative(question, Collocation(nodes=24), "forward")
-        value, _ = fine(question.design, _chain(Collocation(nodes=24), 1e-13))
-        solver = Shooting(diffrax.Dopri8())
-        shot = compile_program(
-            partial(_at, question), question.design, _chain(solver, 1e-9), _zero()
+        solver = Collocation(nodes=24, reversals=question.load_reversals)
+        found = _derivative(question, solver, "forward")(
+            question.design, question.chain(solver, 1e-13)
         )
-
-        def moved(offset):
-            return shot(question.design, _chain(solver, 1e-9), jnp.asarray(offset))[0]
-
+        if found.why:
+            raise BadInput("quantity", question.quantity, f"one with a value here: {found.why}")
+        slope = float(found.value)
+        if slope == 0.0:
+            bound = f"one that {question.variable} changes{_shaken(question)}"
+            raise BadInput("quantity", question.quantity, bound)
+        solver = Shooting(diffrax.Dopri8(), reversals=question.load_reversals, output_nodes=24)
+        chain = question.chain(solver, 1e-9)
+        shot = compile_program(partial(_at, question), question.design, chain, _zero())
         step = _REFERENCE_STEP * _size(question)
-        other = sum(w * float(moved(o * step)) for o, w in _STENCIL) / step
+        ends = [(w, shot(question.design, chain, jnp.asarray(o * step))) for o, w in _STENCIL]
+        other = sum(w * float(end.value) for w, end in ends) / step
         methods = "collocation, 24 nodes, forward", "differences of shooting, Dopri8 at 1e-09"
-        return Reference(float(value), other, methods)
+        return Reference(slope, other, methods)
 
-    collocations = [Collocation(nodes=8), Collocation(nodes=32, reversals=0)]
+    collocations = [question.default_solver, Collocation(nodes=32, reversals=0)]
     solvers = [(solver, 1e-13) for solver in (collocations if thorough else collocations[:1])]
     pieces = [
         Piece(f"{mode} mode, {_words(solver)}", partial(_rows, question, solver, mode, tolerance))
@@ -65,13 +70,27 @@ def gradient_study(question: Question, thorough: bool) -> Study:
         for s, _ in solvers
     ]
     if thorough:
-        shots = {"reverse": Shooting(), "forward": Shooting(adjoint=diffrax.ForwardMode())}
+        edges = question.load_reversals
+        shots = {
+            "reverse": Shooting(reversals=edges),
+            "forward": Shooting(reversals=edges, adjoint=diffrax.ForwardMode()),
+        }
         pieces += [
             Piece(f"{mode} mode, shooting", partial(_rows, question, solver, mode, 1e-7))
             for mode, solver in shots.items()
         ]
-    words = f"derivative with respect to {question.variable}"
-    return Study(reference, tuple(pieces), words)
+    words = f"derivative with respect to {question.variable}{_shaken(question)}"
+    name = f"d {question.quantity} / d {question.variable}"
+    unit = (
+        "/".join((quantity(question.quantity).unit or "1", one.unit))
+        if one.unit
+        else (quantity(question.quantity).unit)
+    )
+    return Study(reference, tuple(pieces), words, name=name, unit=unit)
+
+
+def _shaken(question: Question) -> str:
+    return "" if question.excitation is None else f", excitation '{question.excitation}'"
 
 
 def _words(solver) -> str:
@@ -80,13 +99,12 @@ def _words(solver) -> str:
     return f"shooting {type(solver.solver).__name__}"
 
 
-def _at(question: Question, design, chain: Chain, offset):
-    """The quantity and whether it is ok, with the variable moved by an offset."""
+def _at(question: Question, design, chain: Chain, offset) -> Solved:
+    """The quantity with the variable moved by an offset."""
     assert question.variable is not None
     one = variable(question.design, question.variable)
     moved = one.apply(design, jnp.asarray(one.current(design), float) + offset)
-    value, _, ok = answer(moved, chain, question.quantity)
-    return value, ok
+    return answer(moved, chain, question.quantity)
 
 
 def _zero():
@@ -100,35 +118,34 @@ def _size(question: Question) -> float:
     return current if current > 0 else 1.0
 
 
-def _chain(solver, tolerance) -> Chain:
-    return Chain(eqx.tree_at(lambda s: s.tolerance, solver, jnp.asarray(tolerance, float)))
-
-
 def _derivative(question: Question, solver, mode: str) -> Program:
     def slope(design, chain):
         def value(offset):
-            return _at(question, design, chain, offset)
+            solved = _at(question, design, chain, offset)
+            return solved.value, solved
 
         if mode == "reverse":
-            return jax.grad(value, has_aux=True)(_zero())
-        _, found, ok = jax.jvp(value, (_zero(),), (jnp.ones(()),), has_aux=True)
-        return found, ok
+            found, solved = jax.grad(value, has_aux=True)(_zero())
+        else:
+            _, found, solved = jax.jvp(value, (_zero(),), (jnp.ones(()),), has_aux=True)
+        return solved._replace(value=found, ok=solved.ok & jnp.isfinite(found))
 
-    return compile_program(slope, question.design, _chain(solver, 1e-7))
+    return compile_program(slope, question.design, question.chain(solver, 1e-7))
 
 
 def _rows(question: Question, solver, mode: str, tolerance: float, reference: Reference):
     program = _derivative(question, solver, mode)
-    arguments = question.design, _chain(solver, tolerance)
-    slope, ok = program(*arguments)
+    arguments = question.design, question.chain(solver, tolerance)
+    found = program(*arguments)
     yield Row(
         f"{mode} mode, {_words(solver).split()[0]}",
         f"{_words(solver)} tolerance={tolerance:g}",
-        reference.error(float(slope)) if bool(ok) else float("inf"),
+        float("inf") if found.why else reference.error(float(found.value)),
         program.timed(*arguments),
         program.seconds,
         None,
         program.flops,
+        why=found.why,
     )
 
 
@@ -137,23 +154,28 @@ def _values(question: Question, solver) -> Program:
 
     def difference(design, chain, step):
         ends = jnp.stack([-step, step])
-        values, ok = jax.vmap(lambda x: _at(question, design, chain, x))(ends)
-        return (values[1] - values[0]) / (2 * step), jnp.all(ok)
+        solved = jax.vmap(lambda x: _at(question, design, chain, x))(ends)
+        slope = (solved.value[1] - solved.value[0]) / (2 * step)
+        worst = jax.tree.map(lambda x: x[jnp.argmin(solved.ok)], solved)  # the one that failed
+        return worst._replace(value=slope, ok=jnp.all(solved.ok))
 
-    return compile_program(difference, question.design, _chain(solver, 1e-7), _zero())
+    return compile_program(difference, question.design, question.chain(solver, 1e-7), _zero())
 
 
 def _difference_rows(question: Question, values, solver, reference: Reference):
     program = values(solver)
     for share in _STEPS:
-        arguments = question.design, _chain(solver, 1e-13), jnp.asarray(share * _size(question))
-        slope, ok = program(*arguments)
+        step = jnp.asarray(share * _size(question))
+        arguments = question.design, question.chain(solver, 1e-13), step
+        found = program(*arguments)
         yield Row(
             "central differences",
             f"{_words(solver)} step={share:g}",
-            reference.error(float(slope)) if bool(ok) else float("inf"),
+            float("inf") if found.why else reference.error(float(found.value)),
             program.timed(*arguments),
             program.seconds,
             None,
             program.flops,
+            why=found.why,
+            candidate=False,  # the best step is known beside the reference only
         )

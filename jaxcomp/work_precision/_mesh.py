@@ -129,4 +129,5 @@ def _rows(programs, solver, cuts, reference: Reference):
         program.seconds,
         None,
         program.flops,
+        tightness=(float(elements),),
     )

@@ -22,7 +22,6 @@ from ._measure import compile_program
 from ._report import Order, Reference, Row, observed_order
 from ._study import Piece, Question, Study, needs_crank
 
-_FINE = Collocation(nodes=24)
 _STEPS = (1, 2, 3, 4, 5, 6, 8, 16, 32, 64, 128)
 _MANY = 512
 # [-] Errors that may be rounding: a hundred steps leave 1e-14.
@@ -72,9 +71,9 @@ def order_study(question: Question, thorough: bool) -> Study:
     needs_crank(question, "order")
     if question.quantity != "mean_speed":
         raise BadInput("quantity", question.quantity, "'mean_speed' for the study of orders")
-    machine = question.design.compressor
+    machine = question.compressor
     assert machine is not None
-    stretch = _longest_stretch(machine)
+    stretch = _longest_stretch(machine, question.load_reversals)
     names = tuple(_METHODS) if thorough else _ORDINARY
 
     def reference():
@@ -111,7 +110,9 @@ def _rows(machine, stretch, name, reference: Reference):
         value, ok = program(*arguments)
         error = reference.error(float(value)) if bool(ok) else float("inf")
         seconds = program.timed(*arguments)
-        yield Row(name, f"{steps} steps", error, seconds, program.seconds, steps, program.flops)
+        row = Row(name, f"{steps} steps", error, seconds, program.seconds, steps, program.flops)
+        why = "" if bool(ok) else "the stages or the steps did not converge"
+        yield row._replace(tightness=(float(steps),), why=why)
 
 
 def _program(machine, stretch, name):
@@ -153,9 +154,9 @@ def _integrate(
     return found.ys[-1] * scale, found.result == diffrax.RESULTS.successful
 
 
-def _longest_stretch(machine: Compressor) -> _Stretch:
+def _longest_stretch(machine: Compressor, reversals: int) -> _Stretch:
     """The longest stretch of the periodic state without kinks and load reversals."""
-    orbit = solve_orbit(machine, _FINE)
+    orbit = solve_orbit(machine, Collocation(nodes=24, reversals=reversals))
     angle = np.asarray(orbit.state.angle)
     sides = np.sign(np.concatenate([orbit.loads.kinks, orbit.loads.pinches]))
     changed = np.any(sides[:, 1:] != sides[:, :-1], axis=0)

@@ -44,6 +44,11 @@ class Row(NamedTuple):
         compile_seconds: [s] of the program it runs, which other settings of the method may share.
         passes: iterations, Newton steps or steps, as the method counts them; `None` for none.
         flops: [-] operations of the program, loop bodies counted once; `None` where nothing is compiled.
+        family: settings of one method that are ordered among each other.
+        tightness: what makes a setting of its family tighter than another; empty where none is.
+        why: what went wrong where the error is infinite.
+        candidate: whether it may be recommended: not with other numbers of the machine, and not where
+            the best setting is only known beside the reference.
     """
 
     method: str
@@ -53,6 +58,16 @@ class Row(NamedTuple):
     compile_seconds: float
     passes: int | None = None
     flops: float | None = None
+    family: str = ""
+    tightness: tuple[float, ...] = ()
+    why: str = ""
+    candidate: bool = True
+
+    def at_least_as_tight(self, other: "Row") -> bool:
+        """Whether this is the other setting or a tighter one of its family."""
+        if (self.method, self.family) != (other.method, other.family) or not other.tightness:
+            return False
+        return all(a >= b for a, b in zip(self.tightness, other.tightness, strict=True))
 
 
 class Order(NamedTuple):
@@ -79,6 +94,9 @@ class Report(NamedTuple):
         rows: every setting.
         orders: by method, in a study of fixed steps; empty elsewhere.
         note: one line on what is to be had from the study.
+        march: errors of the default solver by an independent march of one revolution: of the speed, of
+            the efficiency, the sum of the losses over the work of the motor, and the largest of the
+            peak forces, relative; empty for studies without the crank.
     """
 
     study: str
@@ -89,6 +107,7 @@ class Report(NamedTuple):
     rows: tuple[Row, ...]
     orders: dict[str, Order]
     note: str
+    march: dict[str, float] = {}  # noqa: RUF012  # a NamedTuple's default, which nobody changes
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -100,18 +119,39 @@ class Report(NamedTuple):
         return max(row.error, self.reference.floor)
 
     def cheapest(self, error: float, method: str | None = None) -> Row | None:
-        """The fastest setting with at most this error, of one method or of all; `None` for none.
+        """The fastest setting that reliably has at most this error; `None` for none.
+
+        A setting counts only if every tighter one of its family has at most this error as well: a loose
+        tolerance may be lucky on one machine. Tighter ones that failed say so themselves, and do not
+        count against it.
 
         Args:
             error: [-] relative, that is allowed.
-            method: name of one; absent: all.
+            method: name of one; absent: all that may be recommended.
         """
-        good = [
-            row
-            for row in self.rows
-            if self.claimed(row) <= error and (method is None or row.method == method)
+        rows = [
+            row for row in self.rows if (row.candidate if method is None else row.method == method)
         ]
+        good = [row for row in rows if self.claimed(row) <= error and self._holds(row, error)]
         return min(good, key=lambda row: row.seconds, default=None)
+
+    def _holds(self, row: Row, error: float) -> bool:
+        return all(
+            self.claimed(other) <= error
+            for other in self.rows
+            if np.isfinite(other.error) and other.at_least_as_tight(row)
+        )
+
+    @property
+    def failures(self) -> dict[str, list[str]]:
+        """Settings that gave no value, by the reason."""
+        found: dict[str, list[str]] = {}
+        for row in self.rows:
+            if not np.isfinite(row.error):
+                found.setdefault(row.why or "no finite value", []).append(
+                    f"{row.method}, {row.setting}"
+                )
+        return found
 
     def curve(self, method: str) -> tuple[Row, ...]:
         """The settings of a method that no other setting of it beats in both error and time."""

@@ -56,7 +56,7 @@ def scipy_row(question: Question, method: str, tolerance: float, reference: Refe
         tolerance: [-] relative tolerance of a step.
         reference: what the error is relative to.
     """
-    machine = question.design.compressor
+    machine = question.compressor
     assert machine is not None
     laws, edges = _laws(question), np.asarray(_edges(machine))
     calls = 0
@@ -66,10 +66,17 @@ def scipy_row(question: Question, method: str, tolerance: float, reference: Refe
         value, calls = _solve(machine, laws, edges, method, tolerance)
         return value
 
-    error = reference.error(find())
-    return Row(
-        "SciPy", f"{method} rtol={tolerance:g}", error, median_time(find), float("nan"), calls
+    setting, tightness = f"{method} rtol={tolerance:g}", (-np.log10(tolerance),)
+    row = Row(
+        "SciPy", setting, float("inf"), float("nan"), float("nan"), None, None, method, tightness
     )
+    try:
+        value = find()
+    except RuntimeError as failed:
+        return row._replace(why=str(failed))
+    if not np.isfinite(value):
+        return row._replace(why="the revolution could not be integrated")
+    return row._replace(error=reference.error(value), seconds=median_time(find), passes=calls)
 
 
 def _edges(machine: Compressor):
@@ -78,7 +85,7 @@ def _edges(machine: Compressor):
 
 
 def _laws(question: Question) -> _Laws:
-    machine = question.design.compressor
+    machine = question.compressor
     assert machine is not None
 
     @jax.jit

@@ -5,6 +5,7 @@ JAX has one precision for a process, so that float32 is measured in a second one
 """
 
 import json
+import math
 import os
 import pickle
 import subprocess
@@ -16,7 +17,7 @@ import jax
 import numpy as np
 
 from ..crank import Collocation, Shooting
-from ._orbit import orbit_study
+from ._orbit import orbit_reference
 from ._report import Reference, Row
 from ._study import Piece, Question, SolverProgram, Study, needs_crank
 
@@ -40,7 +41,8 @@ def precision_study(question: Question, thorough: bool) -> Study:
         for setting in settings
         for precision, rows in (("float32", _single_rows), ("float64", _double_rows))
     ]
-    return Study(orbit_study(question, False).reference, tuple(pieces), "float32 beside float64")
+    reference = partial(orbit_reference, question)
+    return Study(reference, tuple(pieces), "float32 beside float64")
 
 
 def measured(question: Question, setting: Setting) -> list[dict[str, Any]]:
@@ -49,15 +51,18 @@ def measured(question: Question, setting: Setting) -> list[dict[str, Any]]:
     program = SolverProgram(question, solver)
     found = []
     for tolerance in tolerances:
-        value, passes, ok = program(tolerance)
+        solved = program(tolerance)
         found.append(
             {
                 "setting": f"{_words(solver)} tolerance={tolerance:g}",
-                "value": value if ok else None,
+                "value": None if solved.why else float(solved.value),
                 "seconds": program.seconds(tolerance),
                 "compile_seconds": program.program.seconds,
-                "passes": passes,
+                "passes": int(solved.passes),
                 "flops": program.program.flops,
+                "family": _words(solver),
+                "tightness": (-math.log10(tolerance),),
+                "why": solved.why,
             }
         )
     return found
@@ -84,7 +89,7 @@ def _rows(precision: str, found: list[dict[str, Any]], reference: Reference):
     for one in found:
         value = one.pop("value")
         error = float("inf") if value is None else reference.error(value)
-        yield Row(precision, error=error, **one)
+        yield Row(precision, error=error, **one | {"tightness": tuple(one["tightness"])})
 
 
 def _words(solver) -> str:
