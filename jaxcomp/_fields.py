@@ -18,6 +18,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool
 
 from . import _precision as _precision  # before JAX runs anything
+from ._shown import shown
 
 _MISSING = dataclasses.MISSING
 _Tree = TypeVar("_Tree")
@@ -141,6 +142,9 @@ class Part(eqx.Module):
         for rule, holds in self.conditions().items():
             if not is_traced(holds) and not bool(holds):
                 raise BadInput(type(self).__name__, self._values(), rule)
+
+    def __repr__(self) -> str:
+        return printed(self)
 
     def _values(self) -> str:
         pairs = [(name, getattr(self, name)) for name, _ in quantities(self)]
@@ -270,6 +274,45 @@ def _check_shape(owner: str, name: str, value: Array, shape: tuple) -> None:
             f"`{owner}.{name}` must have shape {shape}, but has shape {value.shape}; "
             "for many designs at once map the function with `jax.vmap`."
         )
+
+
+def _lines(thing: Any, name: str, indent: str = "") -> Iterator[str]:
+    """A part, or whatever holds parts, with values and units; a line for each value."""
+    head = f"{indent}{name}: " if name else indent
+    declared = dict(quantities(thing)) if isinstance(thing, Part) else {}
+    if dataclasses.is_dataclass(thing):
+        yield head + type(thing).__name__
+        for field in dataclasses.fields(thing):
+            value = getattr(thing, field.name)
+            if field.name in declared and value is not None:
+                look = shown(field.name, declared[field.name].metadata["unit"], value)
+                numbers = np.asarray(value)
+                if numbers.size and np.all(numbers == numbers.flat[0]):
+                    text = look.text(float(numbers.flat[0]))
+                    text += f", each of {numbers.size}" if numbers.size > 1 else ""
+                else:
+                    scaled = numbers * look.factor
+                    text = np.array2string(scaled, precision=5, threshold=12, separator=", ")
+                    text = f"{' '.join(text.split())} {look.unit}".rstrip()
+                yield f"{indent}  {field.name}: {text}"
+            elif value is not None and value != {} and value != ():
+                yield from _lines(value, field.name, f"{indent}  ")
+    elif isinstance(thing, dict | tuple) and any(
+        dataclasses.is_dataclass(one)
+        for one in (thing.values() if isinstance(thing, dict) else thing)
+    ):
+        yield head.rstrip()
+        for key, value in thing.items() if isinstance(thing, dict) else enumerate(thing):
+            yield from _lines(value, str(key), f"{indent}  ")
+    else:
+        yield head + str(thing)
+
+
+def printed(thing: Any) -> str:
+    """A part, or a tree of parts such as a machine, with values and units."""
+    if any(is_traced(leaf) for leaf in jax.tree.leaves(thing)):
+        return eqx.tree_pformat(thing)
+    return "\n".join(_lines(thing, ""))
 
 
 def _shown(value: Any) -> str:

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._fields import BadInput, Part, is_traced, replaced
+from ._fields import BadInput, Part, is_traced, printed, replaced
 from ._words import one_of
 from .compressor import Compressor
 from .film import AbstractJournal, AbstractOil, NamedBearing
@@ -52,6 +52,9 @@ class Machine(eqx.Module):
     corrections: dict[str, Float[Array, "2"]] = eqx.field(default_factory=dict)
     bearings: dict[str, AbstractJournal] = eqx.field(default_factory=dict)
     oils: dict[str, AbstractOil] = eqx.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return printed(self)
 
     def as_compressor(self) -> Compressor:
         """The compressor put together, as the solvers of the crank take it.

@@ -1,6 +1,7 @@
 """Machines, finite differences and tree tools for the tests of the crank."""
 
 import dataclasses
+import json
 from functools import cache
 from operator import attrgetter
 
@@ -23,6 +24,14 @@ from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import MeanSpeed
 
 RPM = np.pi / 30
+
+
+def read_json(text):
+    """A result of a command with the units taken off its keys: `{"period": 0.02}` for "period [s]"."""
+    return json.loads(
+        text, object_hook=lambda made: {k.partition(" [")[0]: v for k, v in made.items()}
+    )
+
 
 # Tsuji et al. (2012) Table 1 at a bore of 130 mm, with round values for what is not printed. The
 # rod's mass centre and inertia are those of an ordinary rod, so that every parameter matters.

@@ -439,9 +439,8 @@ def test_trial_weights_of_a_table_are_the_coefficients(tmp_path):
     runs = three_runs()
     path = tmp_path / "runs.csv"
     path.write_text(table(runs))
-    measured = read_measurements(path)
-    assert measured.unit == "mm/s"
-    influence = measured.influence
+    influence = read_measurements(path)
+    assert influence.unit == "mm/s"
     assert influence.planes == ("plane-1", "plane-2")
     assert [row.target for row in influence.rows] == ["bearing-1", "bearing-2"]
     assert influence.rows[0].speed == pytest.approx(1490 * np.pi / 30, rel=1e-8)
@@ -514,11 +513,11 @@ def test_kept_trial_weights_count_for_the_runs_below(tmp_path):
         .replace(",,\n", ",,,\n")
         .replace("2.5,0\n", "2.5,0,yes\n")
     )
-    found = read_measurements(path).influence
+    found = read_measurements(path)
     np.testing.assert_allclose(found.matrix, 1e6 * coefficients, rtol=1e-12)
     np.testing.assert_allclose(found.initial, initial, rtol=1e-12)
     path.write_text(path.read_text().replace("yes", "no"))
-    taken_off = read_measurements(path).influence.matrix[:, 1]
+    taken_off = read_measurements(path).matrix[:, 1]
     np.testing.assert_allclose(taken_off, (moves[0] + moves[1]) / trial, rtol=1e-12)
     with pytest.raises(BadInput, match="`kept`"):
         trial_influence([1.0], [[2.0]], [1.0], [Row("t", "ux", 1.0)], ["p"], kept=[])
@@ -528,7 +527,7 @@ def test_kept_trial_weights_count_for_the_runs_below(tmp_path):
 def test_tables_of_any_line_end_and_with_a_byte_order_mark(tmp_path, line_end):
     path = tmp_path / "runs.csv"
     path.write_bytes(b"\xef\xbb\xbf" + table(three_runs()).replace("\n", line_end).encode())
-    assert read_measurements(path).influence.planes == ("plane-1", "plane-2")
+    assert read_measurements(path).planes == ("plane-1", "plane-2")
 
 
 def test_trial_of_zero_is_refused():

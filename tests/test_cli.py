@@ -1,12 +1,12 @@
 """The command line: tables, JSON, files, errors, the compilation cache."""
 
-import json
 import os
 import re
 import subprocess
 import sys
 
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import Collocation, solve_orbit
@@ -42,14 +42,14 @@ def test_list_shows_the_machines():
     result = invoke("list")
     assert result.exit_code == 0
     assert "mayekawa-wbhe-rod-centre" in result.stdout
-    known = json.loads(invoke("list", "--json").stdout)["machines"]
+    known = read_json(invoke("list", "--json").stdout)["machines"]
     assert {"mayekawa-wbhe", "mayekawa-wbhe-rod-centre"} <= {m["name"] for m in known}
     assert all(m["description"] for m in known)
 
 
 def test_list_shows_the_fluids():
     assert "Tillner-Roth, Baehr (1994)" in invoke("list", "fluids").stdout
-    known = json.loads(invoke("list", "fluids", "--json").stdout)["fluids"]
+    known = read_json(invoke("list", "fluids", "--json").stdout)["fluids"]
     assert {"R134a", "R600a", "R717", "air"} <= {fluid["name"] for fluid in known}
 
 
@@ -57,7 +57,7 @@ def test_list_of_one_machine_shows_values_and_sources():
     result = invoke("list", "mayekawa-wbhe")
     assert result.exit_code == 0
     assert "mechanism.bore" in result.stdout
-    values = json.loads(invoke("list", "mayekawa-wbhe", "--json").stdout)["values"]
+    values = read_json(invoke("list", "mayekawa-wbhe", "--json").stdout)["values"]
     assert values["mechanism.bore"] == {
         "value": 0.13,
         "unit": "m",
@@ -70,7 +70,7 @@ def test_list_of_one_machine_shows_values_and_sources():
 def test_json_is_one_object_with_the_numbers_of_the_library():
     result = run("--json", "--set", "motor.mean_speed=800rpm", "--design", "bore=120mm")
     assert result.exit_code == 0, result.stderr
-    found = json.loads(result.stdout)
+    found = read_json(result.stdout)
     for key, kind in REQUIRED.items():
         assert isinstance(found[key], kind), key
     assert set(found["losses"]) == {"wall", "piston_pin", "crank_pin", "main_journal"}
@@ -98,7 +98,7 @@ def test_a_machine_that_delivers_nothing_has_no_efficiency(change, remark):
     assert remark in shown.stdout
     assert re.search(r"Mechanical efficiency +none", shown.stdout)
     if change != "gas=none":
-        checked = json.loads(invoke("check", "mayekawa-wbhe", "--json").stdout)
+        checked = read_json(invoke("check", "mayekawa-wbhe", "--json").stdout)
         assert not [d for d in checked["unusual"] if "discharge valve" in d["what"]]
         scene = with_value(load("mayekawa-wbhe"), "gas.clearance_ratio", 2)
         assert [d for d in doubts(scene) if "without a discharge valve" in d.what]
@@ -107,7 +107,7 @@ def test_a_machine_that_delivers_nothing_has_no_efficiency(change, remark):
 def test_table_shows_efficiency_losses_forces_and_evidence():
     result = run()
     assert result.exit_code == 0, result.stderr
-    found = json.loads(run("--json").stdout)
+    found = read_json(run("--json").stdout)
     for text in (
         f"{100 * found['mechanical_efficiency']:.2f} %",
         f"{found['losses']['crank_pin']:.4g}",
@@ -126,16 +126,16 @@ def test_out_writes_pictures_result_and_scene(tmp_path):
     names = {"pv_diagram", "speed", "torques", "joint_forces", "joint_friction", "losses"}
     names |= {"bearing_loads", "shaking_force"}
     assert {f.stem for f in folder.glob("*.png")} == names
-    written = json.loads((folder / "result.json").read_text())
+    written = read_json((folder / "result.json").read_text())
     # the scene as it was run gives the same result again
     again = invoke("run", str(folder / "scene.toml"), "--json")
-    found = json.loads(again.stdout)
+    found = read_json(again.stdout)
     assert found["mechanical_efficiency"] == pytest.approx(written["mechanical_efficiency"], 1e-14)
     assert load(folder / "scene.toml").sources["mechanism.bore"] == "design rule, bore = 120mm"
 
 
 def test_frictionless_joints_lose_nothing():
-    found = json.loads(run("--json", "--set", "friction=none").stdout)
+    found = read_json(run("--json", "--set", "friction=none").stdout)
     assert found["losses"] == dict.fromkeys(found["losses"], 0.0)
     assert len(found["losses"]) == 4
     assert found["mechanical_efficiency"] == pytest.approx(1.0, rel=1e-12)
@@ -266,7 +266,7 @@ def started(folder, *arguments):
     command = [sys.executable, "-c", COUNT, "run", "mayekawa-wbhe", "--json", *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     compiled, hits = map(int, done.stderr.split()[-2:])
-    return compiled, hits, json.loads(done.stdout)
+    return compiled, hits, read_json(done.stdout)
 
 
 kept = pytest.mark.skipif(not keeps_programs(), reason="this jaxlib does not keep programs safely")
@@ -298,8 +298,8 @@ def test_second_start_compiles_nothing_with_shooting(tmp_path):
 
 @pytest.mark.slow
 def test_shooting_agrees_with_the_default():
-    found = json.loads(run("--solver", "shooting", "--json").stdout)
+    found = read_json(run("--solver", "shooting", "--json").stdout)
     assert found["solver"] == "shooting"
-    other = json.loads(run("--json").stdout)
+    other = read_json(run("--json").stdout)
     assert other["solver"] == "collocation"
     assert found["mechanical_efficiency"] == pytest.approx(other["mechanical_efficiency"], abs=1e-6)

@@ -1,9 +1,8 @@
 """`jaxcomp accuracy`: tables, JSON, pictures and refusals."""
 
-import json
-
 import numpy as np
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
@@ -25,7 +24,7 @@ def film(folder):
     """The quickest study: films have no orbit to compile."""
     result = run("mayekawa-wbhe", "--study", "film", "--error", "1e-3", "--json", "--out", folder)
     assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
+    return read_json(result.stdout)
 
 
 def test_json_has_every_row_with_the_reference_and_the_recommendation(film):
@@ -51,7 +50,7 @@ def test_cheapest_settings_get_slower_with_the_error_asked_for(film):
 
 def test_folder_has_picture_and_result(film, folder):
     assert (folder / "accuracy-film.png").stat().st_size > 10_000
-    assert json.loads((folder / "result.json").read_text()) == film
+    assert read_json((folder / "result.json").read_text()) == film
 
 
 def test_table_names_the_cheapest_setting_and_the_floor(film):

@@ -1,9 +1,8 @@
 """`jaxcomp balance`: on the bundled machine, from measurements, and its refusals."""
 
-import json
-
 import numpy as np
 import pytest
+from helpers import read_json
 from test_balancing import table, three_runs
 from typer.testing import CliRunner
 
@@ -19,7 +18,7 @@ def run(*arguments):
 def found(*arguments):
     result = run(*arguments, "--json")
     assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
+    return read_json(result.stdout)
 
 
 @pytest.fixture

@@ -1,10 +1,10 @@
 """`jaxcomp bearing`: numbers against the library and published tables, pictures, errors."""
 
-import json
 import math
 
 import numpy as np
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
@@ -47,7 +47,7 @@ def run(*arguments, **changes):
 def found(*arguments, **changes):
     result = run("--json", *arguments, **changes)
     assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
+    return read_json(result.stdout)
 
 
 def load_at(sommerfeld):
@@ -125,7 +125,7 @@ def test_pictures_and_result(tmp_path):
     for name in ("pressure.png", "coefficients.png"):
         assert (folder / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
         assert (folder / name).stat().st_size > 10_000
-    assert json.loads((folder / "result.json").read_text()).keys() >= REQUIRED
+    assert read_json((folder / "result.json").read_text()).keys() >= REQUIRED
 
 
 @pytest.mark.parametrize("load", ["0 N", "1e-6 N", "1e9 N"])

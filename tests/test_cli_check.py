@@ -1,12 +1,12 @@
 """`jaxcomp check`, help and completion: what a newcomer meets first."""
 
-import json
 import os
 import subprocess
 import sys
 
 import pytest
 import typer
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
@@ -67,7 +67,7 @@ def test_check_lists_all_errors_and_leaves_with_2(faulty):
         assert line.startswith(f"error: {faulty}: {key}"), line
         assert problem in line
     assert lines[-1] == "5 errors"
-    answer = json.loads(invoke("check", faulty, "--json").stdout)
+    answer = read_json(invoke("check", faulty, "--json").stdout)
     assert not answer["ok"]
     assert [error["key"] for error in answer["errors"]] == list(MESSAGES)
 
@@ -92,7 +92,7 @@ def test_check_shows_parts_and_what_follows():
     assert result.exit_code == 0, result.stderr
     for text in ("friction", "suspension", "Swept volume", "7.9771", "Block on its springs"):
         assert text in result.stdout, text
-    found = json.loads(invoke("check", "hermetic-68cc", "--json").stdout)
+    found = read_json(invoke("check", "hermetic-68cc", "--json").stdout)
     assert (found["ok"], found["unusual"]) == (True, [])
     crank, rotor = (
         ["run", "animate", "optimise", "sweep", "tolerance"],

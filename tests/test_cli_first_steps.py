@@ -37,7 +37,7 @@ def test_help_of_balance_shows_the_table_that_it_reads(tmp_path):
     path = tmp_path / "runs.csv"
     path.write_text("\n".join(lines[first : first + 3]))
     measured = read_measurements(path)
-    assert measured.influence.planes == ("plane-1",)
+    assert measured.planes == ("plane-1",)
     assert measured.unit == "mm/s"
 
 
@@ -61,14 +61,14 @@ def test_an_unknown_header_is_answered_with_a_right_one(tmp_path):
         read_measurements(path)
     header = str(error.value).split('"')[1]
     path.write_text(RUNS.replace(HEADER, header))
-    assert read_measurements(path).influence.planes == ("front",)
+    assert read_measurements(path).planes == ("front",)
 
 
 def test_semicolons_and_decimal_commas_are_read_alike(tmp_path):
     plain, other = tmp_path / "plain.csv", tmp_path / "other.csv"
     plain.write_text(RUNS)
     other.write_text(RUNS.replace(",", ";").replace(".", ","))
-    one, two = (read_measurements(path).influence for path in (plain, other))
+    one, two = (read_measurements(path) for path in (plain, other))
     assert one.rows == two.rows
     # the same digits are read
     np.testing.assert_array_equal(one.matrix, two.matrix)

@@ -1,11 +1,11 @@
 """`jaxcomp new`: files to start from are valid, explain every entry, and tell true defaults."""
 
-import json
 import math
 import re
 
 import equinox as eqx
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
@@ -108,7 +108,7 @@ def test_a_fresh_file_runs(command, tmp_path):
     assert invoke("new", str(file), option, kind).exit_code == 0
     result = invoke(verb, str(file), "--json", *rest)
     assert result.exit_code == 0, result.stderr
-    found = json.loads(result.stdout)
+    found = read_json(result.stdout)
     if verb == "run":
         assert found["converged"]
         # small machines lose 5 to 32 % (the household one has 8 W of films and pump); beyond is a slip

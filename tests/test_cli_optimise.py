@@ -1,9 +1,8 @@
 """`jaxcomp optimise`: the optimum, the front, what it writes, resuming, and its refusals."""
 
-import json
-
 import numpy as np
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import Collocation, load, optimise, problem, solve_orbit
@@ -23,7 +22,7 @@ def run(*arguments):
 def found(*arguments):
     result = run(*arguments, "--json")
     assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
+    return read_json(result.stdout)
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 import jaxcomp.__main__ as program
@@ -76,7 +77,7 @@ def test_a_terminal_need_not_be_utf_8(tmp_path, encoding):
         assert b"Traceback" not in shown.stderr
         assert shown.returncode == (2 if "Ωmega" in words else 0)
         if "--json" in words:  # every letter survives in JSON
-            assert json.loads(shown.stdout.decode(encoding))["machine"] == "Verdichter Ω µ"
+            assert read_json(shown.stdout.decode(encoding))["machine"] == "Verdichter Ω µ"
 
 
 def test_importing_the_package_switches_to_64_bits_at_once():
@@ -168,7 +169,7 @@ def test_measured_names_are_no_markup(tmp_path):
         "run,target,speed [rpm],amplitude [um],phase [deg],trial [g mm],angle [deg]\n"
         "initial,[/x],1500,25,8,,\n[/y],[/x],1500,35,-4,100,0\n"
     )
-    assert read_measurements(path).influence.planes == ("[/y]",)
+    assert read_measurements(path).planes == ("[/y]",)
     shown = run("balance", "--measured", path)
     assert shown.exit_code == 0
     assert "[/x]" in shown.stdout

@@ -1,6 +1,5 @@
 """Rotors from scene files: reading, refusals, `jaxcomp respond` and `jaxcomp modes`, pictures."""
 
-import json
 import subprocess
 import sys
 
@@ -8,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import BadInput, plot
@@ -323,7 +323,7 @@ def test_respond_prints_what_the_library_finds(file, tmp_path):
     arguments = ("respond", file, "--speed", "3000rpm", "--speeds", "600rpm:6000rpm:64")
     result = invoke(*arguments, "--json", "--out", str(folder))
     assert result.exit_code == 0, result.stderr
-    found = json.loads(result.stdout)
+    found = read_json(result.stdout)
     scene = load(file)
     model, loads_ = scene.parts["rotor"], scene.parts["loads"].loads
     x = np.asarray(respond(model, loads_, jnp.array([3000 * RPM])).displacement)[0, 0]
@@ -348,7 +348,7 @@ def test_respond_prints_what_the_library_finds(file, tmp_path):
     assert found["links"]["2: case to ground"]["ux"][0][0] == pytest.approx(force, rel=1e-9)
     assert {f.stem for f in folder.glob("*.png")} == {"rotor", "shape", "orbits", "curves"}
     assert all(f.stat().st_size > 8000 for f in folder.glob("*.png"))
-    assert json.loads((folder / "result.json").read_text()) == found
+    assert read_json((folder / "result.json").read_text()) == found
     assert close(load(folder / "scene.toml").parts["rotor"], model)
     table = invoke(*arguments)
     assert table.exit_code == 0
@@ -368,7 +368,7 @@ def test_modes_prints_what_the_library_finds(file, tmp_path):
     arguments = ("modes", file, "--count", "6", "--speeds", "300rpm:9000rpm:12")
     result = invoke(*arguments, "--json", "--out", str(folder))
     assert result.exit_code == 0, result.stderr
-    found = json.loads(result.stdout)
+    found = read_json(result.stdout)
     model = load(file).parts["rotor"]
     modes = damped_modes(model, 3000 * RPM, 6)  # the speed of the scene
     listed = [m["frequency"] for m in found["modes"][0]]

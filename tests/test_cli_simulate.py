@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import load, simulate
@@ -36,7 +37,7 @@ def stop(folder):
     result = run("--duration", "9s", "--speed", "600rpm", "--power-off", "0.2s", "--set", SET,
                  "--out", folder, "--json")  # fmt: skip
     assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
+    return read_json(result.stdout)
 
 
 def test_numbers_are_those_of_the_library(stop):
@@ -61,7 +62,7 @@ def test_crank_comes_to_rest_and_its_energy_is_accounted_for(stop):
 
 def test_folder_has_picture_report_and_result(stop, folder):
     assert (folder / "motion.png").stat().st_size > 10_000
-    assert json.loads((folder / "result.json").read_text()) == stop
+    assert read_json((folder / "result.json").read_text()) == stop
     assert "Energy closure" in (folder / "report.html").read_text()
 
 

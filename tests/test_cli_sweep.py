@@ -1,6 +1,5 @@
 """`jaxcomp sweep`: grids, samples, pictures, going on with a stopped one, and refusals."""
 
-import json
 import os
 import pty
 import subprocess
@@ -8,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import load
@@ -26,7 +26,7 @@ def run(*arguments):
 def found(*arguments):
     result = run(*arguments, "--json")
     assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
+    return read_json(result.stdout)
 
 
 BORES = ("--over", "bore=100mm:180mm:9")
@@ -72,7 +72,7 @@ def test_folder_has_store_pictures_scene_and_result(best_bores, folder):
         assert (folder / f"{name}-mechanical_efficiency.png").stat().st_size > 10_000
     assert (folder / "scene.toml").exists()
     assert "0 of 27" in (folder / "report.html").read_text("utf-8")
-    assert json.loads((folder / "result.json").read_text()) == best_bores
+    assert read_json((folder / "result.json").read_text()) == best_bores
     stored = open_sweep(folder / "sweep.zarr").mechanical_efficiency
     np.testing.assert_array_equal(
         stored, best_bores["quantities"]["mechanical_efficiency"]["values"]

@@ -1,9 +1,8 @@
 """`jaxcomp tolerance`, and `jaxcomp optimise --scatter`: numbers, files, and refusals."""
 
-import json
-
 import numpy as np
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import load
@@ -28,7 +27,7 @@ def answer(tmp_path_factory):
         *VOLUME, *VARY, "--limit", "swept_volume<=1330 cm^3", "--samples", 4096, "--json", "--out", folder
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    return json.loads(result.stdout), folder
+    return read_json(result.stdout), folder
 
 
 def test_json_has_the_distribution_in_si_units(answer):
@@ -58,7 +57,7 @@ def test_folder_has_pictures_scene_and_result(answer):
     found, folder = answer
     for name in ("histogram-swept_volume", "tornado-swept_volume"):
         assert (folder / f"{name}.png").stat().st_size > 10_000
-    assert json.loads((folder / "result.json").read_text()) == found
+    assert read_json((folder / "result.json").read_text()) == found
     assert (folder / "scene.toml").exists()
 
 
@@ -77,7 +76,7 @@ def test_tables_and_files(tmp_path):
         *VOLUME, "--tolerances", file, "--vary", f"{BORE}=sigma 0.2 mm", "--samples", 64, "--json",
         "--correlate", f"{BORE},mechanism.crank_radius=0.25",
     )  # fmt: skip
-    found = json.loads(result.stdout)
+    found = read_json(result.stdout)
     assert found["variables"][BORE]["deviation"] == pytest.approx(2e-4)
     assert found["correlations"][0]["value"] == pytest.approx(0.25)
 
@@ -115,7 +114,7 @@ def test_robust_objective_counts_the_scatter():
         command="optimise",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    found = json.loads(result.stdout)
+    found = read_json(result.stdout)
     best = found["variables"][0]["value"]
     assert best == pytest.approx(0.16, rel=1e-3)  # the end of the range
     s, radius = 0.01, float(load("mayekawa-wbhe").compressor.mechanism.crank_radius)

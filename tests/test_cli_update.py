@@ -1,11 +1,11 @@
 """`jaxcomp update`: a modal test made from known numbers gives them back."""
 
-import json
 import math
 
 import equinox as eqx
 import numpy as np
 import pytest
+from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import load
@@ -36,7 +36,7 @@ def test_a_modulus_is_fitted_to_its_frequencies(modal_test, tmp_path):
     out = tmp_path / "result"
     answer = run(modal_test, "--variable", "rotor.shafts.3.young_modulus", "--json", "--out", out)
     assert answer.exit_code == 0, answer.output
-    result = json.loads(answer.stdout)
+    result = read_json(answer.stdout)
     (variable,) = result["variables"]
     # the modulus moves the frequencies by tenths of its own change, and the fit ends at 1e-10
     assert abs(variable["factor"] - 0.8) < 1e-5

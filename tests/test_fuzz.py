@@ -73,7 +73,7 @@ def read_scene(text: str, _) -> None:
 def read_table(text: str, folder) -> None:
     path = folder / "runs.csv"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
-    assert read_measurements(path).influence.planes
+    assert read_measurements(path).planes
 
 
 def check(texts, read, count, seed, folder):

@@ -1,10 +1,10 @@
 """Reports: self-contained, truthful about their evidence, and the same numbers as the terminal."""
 
-import json
 import re
 from html.parser import HTMLParser
 
 import pytest
+from helpers import read_json
 from matplotlib.figure import Figure
 from rich.table import Table
 from typer.testing import CliRunner
@@ -156,7 +156,7 @@ def test_run_writes_a_report_of_what_it_prints(tmp_path):
     assert done.exit_code == 0, done.stderr
     page = (tmp_path / "report.html").read_text("utf-8")
     found = Reader(page)
-    result = json.loads((tmp_path / "result.json").read_text())
+    result = read_json((tmp_path / "result.json").read_text())
     assert f"{100 * result['mechanical_efficiency']:.2f} %" in found.text
     assert f"jaxcomp {' '.join(arguments)}" in found.text
     assert len(found.images) == len(list(tmp_path.glob("*.png")))

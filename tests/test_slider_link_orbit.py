@@ -5,14 +5,13 @@ figures were computed beforehand by another integrator (RK4 in time, film journa
 formulas); they are golden values, apart from the losses that Dagilis et al. measured.
 """
 
-import json
-
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import read_json
 from jax.flatten_util import ravel_pytree
 from test_shaking import suspension
 from test_slider_link import machine
@@ -168,7 +167,7 @@ def test_command_line_reports_vibration_and_losses():
     sets = [x for name in journals for x in ("--set", f"bearings.{name}.film=fit")]
     result = CliRunner().invoke(app, ["run", "slider-link-8cc", "--json", *sets])
     assert result.exit_code == 0, result.stderr
-    found = json.loads(result.stdout)
+    found = read_json(result.stdout)
     assert found["solver"] == "collocation"  # the default for this mechanism
     assert abs(found["energy_residual"]) < 1e-10
     joints = {name.replace("-", "_") for name in journals}
@@ -189,7 +188,7 @@ def test_command_line_reports_vibration_and_losses():
     bare = CliRunner().invoke(
         app, ["run", "slider-link-8cc", "--json", *sets, "--set", "suspension=none"]
     )
-    assert "vibration" not in json.loads(bare.stdout)
+    assert "vibration" not in read_json(bare.stdout)
 
 
 def test_pictures_of_loads_and_vibration(isobutane, tmp_path):

@@ -17,6 +17,7 @@ import xarray
 from scipy.stats import qmc
 
 from jaxcomp import BadInput, Collocation, open_sweep, sweep
+from jaxcomp._shown import shown
 from jaxcomp.design import Chain, problem
 from jaxcomp.sweeping import (
     best_design,
@@ -25,7 +26,6 @@ from jaxcomp.sweeping import (
     log_uniform,
     normal,
     ridge,
-    shown,
     uniform,
 )
 from jaxcomp.sweeping._points import (

@@ -1,10 +1,14 @@
 """What a balancing method hands back: the corrections with the evidence for them."""
 
+from collections.abc import Iterator
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from .._results import Data, Result
 from .._status import Status
 from ._influence import Influence
 
@@ -41,7 +45,7 @@ def condition(matrix: Complex[Array, "rows planes"]) -> Float[Array, ""]:
     return values[0] / values[-1]
 
 
-class Balance(eqx.Module):
+class Balance(Result, eqx.Module):
     """Corrections and what they do.
 
     Attributes:
@@ -60,6 +64,22 @@ class Balance(eqx.Module):
     bound: Float[Array, ""]
     method: str = eqx.field(static=True)
     status: Status
+
+    table_dims: ClassVar[tuple[str, ...]] = ("row",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result, in SI units; measured vibration as it was read."""
+        unit, trial = self.influence.unit, self.influence.trial
+        for number, plane in enumerate(self.influence.planes):
+            yield Data(f"correction.{plane}", trial, self.correction[..., number])
+        yield Data("improvement", "", self.improvement, doc="weighted rms after over before")
+        yield Data("condition", "", self.condition)
+        for name, si in (("target", ""), ("axis", ""), ("speed", "rad/s")):
+            values = np.array([getattr(row, name) for row in self.influence.rows])
+            yield Data(name, si, values, ("row",))
+        yield Data("weight", "", self.influence.weight, ("row",))
+        yield Data("before", unit, self.influence.initial, ("row",))
+        yield Data("after", unit, self.residual, ("row",))
 
     @property
     def converged(self) -> Bool[Array, ""]:

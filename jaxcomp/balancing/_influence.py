@@ -51,6 +51,8 @@ class Influence(eqx.Module):
         weight: [-] (rows,) of each row in every norm.
         rows: what each row is; static.
         planes: names of the correction planes; static.
+        unit: of the vibration; static.
+        trial: unit of what is added in a plane, `kg m`, or `kg` at one radius; static.
 
     Raises:
         BadInput: no rows or planes, arrays that do not fit them, or a value that is not finite.
@@ -61,6 +63,8 @@ class Influence(eqx.Module):
     weight: Float[Array, " rows"]
     rows: tuple[Row, ...] = eqx.field(static=True)
     planes: tuple[str, ...] = eqx.field(static=True)
+    unit: str = eqx.field(static=True, default="m")
+    trial: str = eqx.field(static=True, default="kg m")
 
     def __check_init__(self):
         for name, entries in (("rows", self.rows), ("planes", self.planes)):
@@ -225,4 +229,6 @@ def select(
         influence.weight[at],
         tuple(influence.rows[i] for i in kept),
         tuple(influence.planes[i] for i in columns),
+        influence.unit,
+        influence.trial,
     )

@@ -132,8 +132,10 @@ def balance(
         from ..plot import balance_figures
 
         with progress("Drawing ..."):
-            write_results(out, balance_figures(result), result, system.scene, tables)
-    written = "Report, pictures, result and scene" if machine else "Report, pictures and result"
+            figures = balance_figures(found, system.name)
+            curves = {"balance": found.columns()}
+            write_results(out, figures, result, system.scene, tables, curves)
+    written = f"Report, pictures, curves{', scene' if machine else ''} and result"
     show_results(result, tables, as_json, out, written)
 
 

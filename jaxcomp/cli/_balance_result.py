@@ -42,31 +42,25 @@ class System(NamedTuple):
         name: of the machine or file.
         influence: the system.
         radius: [m] by plane, where one is known.
-        unit: of the vibration.
         excitation: what shakes the machine.
         rotor_alone: corrections of the rotor alone with their permissible rest, of a scene with two
             planes.
         ringed: whether that rotor carried a ring for the rotating part of the rod.
         scene: that it was made from; `None` for measurements.
-        trial: unit of the corrections, `kg m` or `kg`.
     """
 
     name: str
     influence: Influence
     radius: dict[str, float]
-    unit: str
     excitation: str
     rotor_alone: PlanePair | None = None
     ringed: bool = False
     scene: Scene | None = None
-    trial: str = "kg m"
 
 
 def measured_system(path: Path) -> System:
     """From a CSV file."""
-    data = read_measurements(path)
-    unit = data.unit or "as measured"
-    return System(path.name, data.influence, {}, unit, "measured", trial=data.trial)
+    return System(path.name, read_measurements(path), {}, "measured")
 
 
 def model_system(
@@ -105,7 +99,7 @@ def model_system(
     if len(places.planes) == 2:
         alone = classical_balance(model, case.unbalances, places, speed=max(at), ring=ring)
     word = "crank" if crank else "file"
-    return System(scene.name, influence, radius, "m", word, alone, ring is not None, scene)
+    return System(scene.name, influence, radius, word, alone, ring is not None, scene)
 
 
 def solve(system: System, planes, targets, method: str, tikhonov, largest) -> Balance:
@@ -131,7 +125,7 @@ def _solve(system: System, planes, targets, method: str, tikhonov, largest) -> B
     if method == "min-max":
         return min_max(part)
     if largest is not None:
-        return bounded(part, float(to_si(largest, system.trial, "--largest")))
+        return bounded(part, float(to_si(largest, part.trial, "--largest")))
     return least_squares(part, tikhonov=tikhonov)
 
 
@@ -144,7 +138,7 @@ def balance_result(system: System, found: Balance) -> dict[str, Any]:
     planes = []
     for name, value in zip(part.planes, np.asarray(found.correction), strict=True):
         radius = system.radius.get(name)
-        if system.trial == "kg":
+        if part.trial == "kg":
             unbalance, mass = None, abs(value)
         else:
             unbalance, mass = abs(value), None if radius is None else abs(value) / radius
@@ -179,8 +173,8 @@ def balance_result(system: System, found: Balance) -> dict[str, Any]:
         "version": version("jaxcomp"),
         "method": found.method,
         "excitation": system.excitation,
-        "vibration_unit": system.unit,
-        "correction_unit": system.trial,
+        "vibration_unit": part.unit,
+        "correction_unit": part.trial,
         "planes": planes,
         "rows": rows,
         "improvement": float(found.improvement),

@@ -19,9 +19,9 @@ def check(
     """
     from ..scene import SceneError, load
     from ._check_result import check_result, check_tables, error_result
+    from ._json import print_json
     from ._output import show_results
     from ._start import start_jax
-    from ._tables import print_json
 
     start_jax()
     try:

@@ -28,8 +28,9 @@ def list_machines(
     from rich.console import Console
 
     from ..scene import describe, load, machines
+    from ._json import print_json
     from ._start import start_jax
-    from ._tables import fluid_table, machine_table, print_json, value_table
+    from ._tables import fluid_table, machine_table, value_table
 
     if machine == "fluids":
         from ..fluid import fluid_data, fluids

@@ -70,8 +70,12 @@ def modes(
 def _write(folder: Path, scene, model, found, result, tables) -> None:
     from ..plot import campbell_diagram, mode_shapes, rotor_drawing
     from ._output import write_results
+    from ._rotor_result import modes_columns
 
     figures = {"rotor": rotor_drawing(model), "modes": mode_shapes(model, found[0], result)}
     if "campbell" in result:
         figures["campbell"] = campbell_diagram(result["campbell"])
-    write_results(folder, figures, result, scene, tables)
+    tabled = {"modes": modes_columns(result, False)}
+    if "campbell" in result:
+        tabled["campbell"] = modes_columns(result, True)
+    write_results(folder, figures, result, scene, tables, tabled)

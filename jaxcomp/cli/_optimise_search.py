@@ -87,9 +87,13 @@ def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: P
         with progress("Drawing ..."):
             new, left = optimised_scene(scene, found)
             result["not_in_scene"] = left
-            write_results(out, optimum_figures(found), result, new, tables)
+            write_results(
+                out, optimum_figures(found), result, new, tables, {"designs": found.columns()}
+            )
             _write(out, asked, found.search)
-    show_results(result, tables, as_json, out, "Report, pictures, result and optimised scene")
+    show_results(
+        result, tables, as_json, out, "Report, pictures, designs, result and optimised scene"
+    )
 
 
 def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, out) -> None:
@@ -116,7 +120,8 @@ def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, ou
         from ..plot import pareto_front
 
         with progress("Drawing ..."):
-            write_results(out, {"pareto": pareto_front(found)}, result, scene, tables)
+            figures = {"pareto": pareto_front(found)}
+            write_results(out, figures, result, scene, tables, {"front": found.columns()})
     show_results(result, tables, as_json, out, "Report, picture, result and scene")
 
 

@@ -5,9 +5,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from .._results import csv_text
 from ..scene import Scene, dump
 from ._command_line import command_line
-from ._tables import json_text, print_json
+from ._json import json_text, print_json
 
 
 def write_results(
@@ -16,6 +17,7 @@ def write_results(
     result: dict[str, Any],
     scene: Scene | None = None,
     tables: Iterable[Any] = (),
+    curves: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> None:
     """Pictures, numbers, a report of both, and, where there is one, the scene as it was run.
 
@@ -25,6 +27,7 @@ def write_results(
         result: what JSON prints.
         scene: what was worked on.
         tables: what the terminal shows; the report shows the numbers of `result` without them.
+        curves: columns with their units, by the name of the CSV file that takes them.
     """
     from ..report import Made, report
 
@@ -37,6 +40,8 @@ def write_results(
             figure.savefig(image, dpi=150)
             _write(folder / f"{name}.png", image.getvalue())
     _write(folder / "result.json", f"{json_text(result)}\n".encode())
+    for name, columns in (curves or {}).items():
+        _write(folder / f"{name}.csv", csv_text(dict(columns)).encode())
     if scene is not None:
         _write(folder / "scene.toml", dump(scene).encode())
     page = report(result, tables, figures, scene, Made.now(command_line()))
@@ -61,7 +66,7 @@ def show_results(
     tables: Iterable[Any],
     as_json: bool,
     out: Path | None,
-    written: str = "Report, pictures, result and scene",
+    written: str = "Report, pictures, curves, result and scene",
 ) -> None:
     """One JSON object, or the tables and a word on where the files are.
 

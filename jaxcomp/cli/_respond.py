@@ -81,6 +81,7 @@ def respond(
 def _write(folder: Path, scene, model, response, result, tables) -> None:
     from ..plot import deflection_shape, response_curves, response_orbits, rotor_drawing
     from ._output import write_results
+    from ._rotor_result import curve_columns, response_columns
 
     figures = {
         "rotor": rotor_drawing(model),
@@ -89,4 +90,7 @@ def _write(folder: Path, scene, model, response, result, tables) -> None:
     }
     if "curves" in result:
         figures["curves"] = response_curves(result)
-    write_results(folder, figures, result, scene, tables)
+    tabled = {"response": response_columns(result)}
+    if "curves" in result:
+        tabled["curves"] = curve_columns(result)
+    write_results(folder, figures, result, scene, tables, tabled)

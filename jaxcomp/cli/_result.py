@@ -7,10 +7,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from .._status import Status
 from ..compressor import Compressor
-from ..crank import Orbit
+from ..crank import Orbit, film_thickness
 from ..gas import PolytropicCycle
 from ..scene import Scene
 from ..shaking import shaking_wrench
@@ -79,6 +80,14 @@ def _verification(orbit: Orbit) -> dict[str, Any]:
     )
     ended = {"steps": int(march.steps), "status": Status[march.status]}
     return jax.tree.map(float, errors) | ended
+
+
+def orbit_curves(scene: Scene, orbit: Orbit) -> dict[str, np.ndarray]:
+    """Everything over the revolution, by name and unit; the films of the journals as well."""
+    columns = orbit.columns()
+    for name, thickness in film_thickness(scene.as_compressor(), orbit).items():
+        columns[f"film_thickness.{name} [m]"] = np.asarray(thickness)
+    return {"crank_angle [deg]": np.rad2deg(columns["crank_angle [rad]"]), **columns}
 
 
 def _remarks(machine: Compressor) -> Iterator[str]:

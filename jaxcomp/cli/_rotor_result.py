@@ -136,6 +136,57 @@ def curve_result(
     }
 
 
+def response_columns(result: dict[str, Any]) -> dict[str, Any]:
+    """Amplitudes, phases and axes of the orbits of the watched nodes, a row for each order and speed."""
+    orders, speeds = np.array(result["orders"]), np.array(result["speeds"])
+    shape = (orders.size, speeds.size)
+    columns: dict[str, Any] = {
+        "order": np.broadcast_to(orders[:, None], shape).ravel(),
+        "speed [rad/s]": np.broadcast_to(speeds, shape).ravel(),
+    }
+    for name, motion in result["nodes"].items():
+        for axis, amplitude in motion["amplitude"].items():
+            unit = "rad" if axis.startswith("th") else "m"
+            columns[f"{name}.{axis}.amplitude [{unit}]"] = np.ravel(amplitude)
+            columns[f"{name}.{axis}.phase [rad]"] = np.ravel(motion["phase"][axis])
+        for key in ("major_axis", "minor_axis"):
+            columns[f"{name}.{key} [m]"] = np.ravel(motion[key])
+    return columns
+
+
+def curve_columns(result: dict[str, Any]) -> dict[str, Any]:
+    """Major axes of the orbits over the range of speeds, a column for each node and order."""
+    curves = result["curves"]
+    columns = {"speed [rad/s]": curves["speeds"]}
+    for name, orders in curves["major_axis"].items():
+        for order, values in zip(result["orders"], orders, strict=True):
+            columns[f"{name}.order_{order}.major_axis [m]"] = values
+    return columns
+
+
+def modes_columns(result: dict[str, Any], campbell: bool) -> dict[str, Any]:
+    """Modes at the single speeds, or along the range of a Campbell diagram, a row for each mode."""
+    rows: list[tuple] = []
+    if campbell:
+        found = result["campbell"]
+        rows = [
+            (speed, number + 1, *values)
+            for speed, *lists in zip(
+                *(found[key] for key in ("speeds", "frequency", "damping_ratio", "whirl")),
+                strict=True,
+            )
+            for number, values in enumerate(zip(*lists, strict=True))
+        ]
+    else:
+        for speed, modes in zip(result["speeds"], result["modes"], strict=True):
+            for number, mode in enumerate(modes):
+                values = (mode[key] for key in ("frequency", "damping_ratio", "whirl"))
+                rows.append((speed, number + 1, *values))
+    names = ("speed [rad/s]", "mode", "frequency [rad/s]", "damping_ratio", "whirl")
+    columns = zip(*rows, strict=True) if rows else ((),) * len(names)
+    return dict(zip(names, columns, strict=True))
+
+
 def modes_result(
     scene: Scene, model: RotorModel, speeds: np.ndarray, count: int, free: bool, damping: bool
 ) -> tuple[dict[str, Any], list[DampedModes]]:

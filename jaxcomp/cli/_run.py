@@ -92,6 +92,7 @@ def _method(mechanism, solver: Solver, tolerance: float | None):
 def _write(folder: Path, scene, orbit, result, tables) -> None:
     from ..plot import orbit_figures
     from ._output import write_results
+    from ._result import orbit_curves
 
     figures = orbit_figures(scene.as_compressor(), orbit, scene.parts.get("suspension"))
-    write_results(folder, figures, result, scene, tables)
+    write_results(folder, figures, result, scene, tables, {"curves": orbit_curves(scene, orbit)})

@@ -167,6 +167,5 @@ def _table_of(result: dict[str, Any]):
 def _write(folder: Path, scene, found, off, result, tables, write_results) -> None:
     from ..plot import transient_figure
 
-    write_results(
-        folder, {"motion": transient_figure(found, scene.name, off)}, result, scene, tables
-    )
+    figures = {"motion": transient_figure(found, scene.name, off)}
+    write_results(folder, figures, result, scene, tables, {"motion": found.columns()})

@@ -94,7 +94,7 @@ def sweep(
     from ._progress import progress
     from ._start import start_jax
     from ._sweep_options import axes_of, chain_of, default_quantities, start_devices
-    from ._sweep_result import sweep_result, sweep_tables
+    from ._sweep_result import sweep_columns, sweep_result, sweep_tables
 
     start_devices(devices)
     if coordinator is not None:
@@ -136,7 +136,8 @@ def sweep(
         from ..plot import sweep_figures
 
         with progress("Drawing ..."):
-            write_results(out, sweep_figures(found, scene.name), result, scene, tables)
+            figures = sweep_figures(found, scene.name)
+            write_results(out, figures, result, scene, tables, {"designs": sweep_columns(found)})
     show_results(result, tables, as_json, out)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .._results import with_unit
 from ..sweeping import best_design, ridge, shown_column
 from ._tables import _table
 
@@ -85,6 +86,16 @@ def _finite(value) -> float | None:
 
 def _listed(data):
     return [_listed(row) for row in data] if data.ndim else _finite(data)
+
+
+def sweep_columns(found) -> dict[str, Any]:
+    """Every design with its quantities, by name and unit."""
+    names = [str(name) for name in (*found.coords, *found.data_vars)]
+    columns = {}
+    for name in names:
+        whole = found[name].broadcast_like(found["ok"]).transpose(*found["ok"].dims)
+        columns[with_unit(name, found[name].attrs.get("units", ""))] = np.asarray(whole).ravel()
+    return columns
 
 
 def sweep_tables(found, result: dict[str, Any]):

@@ -1,29 +1,14 @@
-"""Tables on the terminal, and JSON."""
+"""Tables on the terminal."""
 
-import json
 import math
-import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import typer
 from rich import box
 from rich.markup import escape
 from rich.table import Table
 
 from ..scene import Bundled, Row, Scene
-
-
-def json_text(result: dict[str, Any]) -> str:
-    """One JSON object; a number that is not finite would be a fault and is refused."""
-    return json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
-
-
-def print_json(result: dict[str, Any]) -> None:
-    """Print one JSON object on standard output, in ASCII where that takes no other signs."""
-    text = json_text(result)
-    utf = (sys.stdout.encoding or "").lower().startswith("utf")
-    typer.echo(text if utf else json.dumps(result, indent=2))
 
 
 def machine_table(machines: Iterable[Bundled]) -> Table:

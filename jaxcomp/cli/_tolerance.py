@@ -135,5 +135,6 @@ def tolerance(
         from ..plot import tolerance_figures
 
         with progress("Drawing ..."):
-            write_results(out, tolerance_figures(found, scene.name), result, scene, tables)
+            figures = tolerance_figures(found, scene.name)
+            write_results(out, figures, result, scene, tables, {"samples": found.columns()})
     show_results(result, tables, as_json, out)

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.markup import escape
 
+from .._shown import shown
 from ..design import Chain, balanced_design, quantity
 from ..machine import Machine, machine_of
 from ..scene import Scene
 from ..scene.tolerances import read_tolerance_file, tolerances_of
-from ..sweeping import shown
 from ..tolerancing import Tolerances, Within
 from ._arguments import assignments
 from ._constraints import bounds_of

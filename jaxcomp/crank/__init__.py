@@ -1,6 +1,8 @@
 """Crank motion: the equation of motion, the periodic orbit, transients and energy."""
 
 from ._collocation import Collocation as Collocation
+from ._films import film_thickness as film_thickness
+from ._films import journal_rates as journal_rates
 from ._motion import acceleration as acceleration
 from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit

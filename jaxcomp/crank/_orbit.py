@@ -1,9 +1,13 @@
 """The periodic state of the crank, its energy account and its evidence."""
 
+from collections.abc import Iterator
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._results import Data, Result
 from .._status import Status
 from ..cylinder import Cycle
 from ..friction import JointLoads
@@ -67,7 +71,7 @@ class Verification(eqx.Module):
     status: Status
 
 
-class Orbit(eqx.Module):
+class Orbit(Result, eqx.Module):
     """One turn of the periodic state, at n quadrature nodes in rising crank angle.
 
     Attributes:
@@ -116,6 +120,41 @@ class Orbit(eqx.Module):
     solver: str = eqx.field(static=True)
     cycle: Cycle | None = None
     verification: Verification | None = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        energy, at = self.energy, self.table_dims
+        yield Data("mechanical_efficiency", "", self.mechanical_efficiency)
+        yield Data("shaft_power", "W", self.motor_power)
+        yield Data("gas_power", "W", energy.gas_work / self.period)
+        for name, work in energy.losses.items():
+            yield Data(f"loss_power.{name}", "W", work / self.period)
+        yield Data("mean_speed", "rad/s", self.mean_speed)
+        yield Data("speed_fluctuation", "", self.speed_fluctuation)
+        for name, force in self.peak_forces.items():
+            yield Data(f"peak_force.{name}", "N", force)
+        yield Data("energy_residual", "", energy.residual)
+        yield Data("residual", "", self.residual)
+        if self.verification is not None:
+            error = self.verification.efficiency_error
+            yield Data("efficiency_error", "", -error, doc="by an independent march")
+        yield Data("crank_angle", "rad", self.state.angle, at)
+        yield Data("time", "s", self.time, at)
+        yield Data("speed", "rad/s", self.state.speed, at)
+        yield Data("acceleration", "rad/s^2", self.state.acceleration, at)
+        if self.pressure is not None:
+            yield Data("pressure", "Pa", self.pressure, at)
+        yield Data("motor_torque", "N m", self.motor_torque, at)
+        yield Data("gas_torque", "N m", self.gas_torque, at, "of gas and weights on the crank")
+        for name, torque in self.loads.loss_torque.items():
+            yield Data(f"friction_torque.{name}", "N m", torque, at, "power lost over crank speed")
+        for name, force in self.loads.forces.items():
+            x, y = force[..., 0, :], force[..., 1, :]
+            yield Data(f"joint_force.{name}.x", "N", x, at)
+            yield Data(f"joint_force.{name}.y", "N", y, at)
+            yield Data(f"joint_force.{name}", "N", jnp.hypot(x, y), at)
 
     @property
     def converged(self) -> Bool[Array, ""]:

@@ -1,6 +1,7 @@
 """Crank motion in time: run-up from rest, running, power-off and stop."""
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, ClassVar
 
 import diffrax
 import equinox as eqx
@@ -9,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._fields import BadInput, admissible, clipped, is_traced
+from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
 from ..mechanism import CrankState
@@ -38,7 +40,7 @@ class TimeIntegration(eqx.Module):
     adjoint: diffrax.AbstractAdjoint = eqx.field(default_factory=diffrax.RecursiveCheckpointAdjoint)
 
 
-class Transient(eqx.Module):
+class Transient(Result, eqx.Module):
     """Crank motion over time.
 
     Attributes:
@@ -50,6 +52,8 @@ class Transient(eqx.Module):
         end_time: [s] the end asked for, or the instant of rest.
         steps: steps of the integrator.
         status: `Status.converged` if the end or the rest was reached.
+
+    Files of `save` leave out the dense output, which `at` reads.
     """
 
     time: Float[Array, " n"]
@@ -62,6 +66,24 @@ class Transient(eqx.Module):
     status: Status
     _dense: diffrax.Solution
     _scales: tuple[Float[Array, ""], Float[Array, ""]]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("time",)
+    not_saved: ClassVar[tuple[str, ...]] = ("_dense",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        at, energy = self.table_dims, self.energy
+        yield Data("end_time", "s", self.end_time)
+        yield Data("stopped", "", self.stopped)
+        yield Data("time", "s", self.time, at)
+        yield Data("crank_angle", "rad", self.state.angle, at, "since the start, not wrapped")
+        yield Data("speed", "rad/s", self.state.speed, at)
+        yield Data("acceleration", "rad/s^2", self.state.acceleration, at)
+        yield Data("motor_work", "J", energy.motor_work, at)
+        yield Data("gas_work", "J", energy.gas_work, at)
+        for name, work in energy.losses.items():
+            yield Data(f"loss.{name}", "J", work, at)
+        yield Data("kinetic_energy", "J", self.kinetic_energy, at)
 
     @property
     def residual(self) -> Float[Array, " n"]:

@@ -1,5 +1,6 @@
 """The periodic cycle of a cylinder: what it pumps, what that costs, and what its valves do."""
 
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, ClassVar
 
@@ -12,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.polynomial import legendre
 
 from .._fields import ANY, NONNEGATIVE, quantity
+from .._results import Data, Result
 from .._status import Status
 from ..fluid import RealGas
 from ..gas import AbstractGas
@@ -92,7 +94,7 @@ class SolvedPressure(AbstractGas):
         return jnp.sum(weights * self.values[panel], axis=-1)
 
 
-class Cycle(eqx.Module):
+class Cycle(Result, eqx.Module):
     """One revolution of the periodic state, at n quadrature nodes from 90 degrees before the top.
 
     Attributes:
@@ -138,6 +140,30 @@ class Cycle(eqx.Module):
     case: Case
     solver: str = eqx.field(static=True)
     raw: Any = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        at = self.table_dims
+        yield Data("mass_flow", "kg/s", self.mass_flow)
+        yield Data("volumetric_efficiency", "", self.volumetric_efficiency)
+        yield Data("isentropic_efficiency", "", self.isentropic_efficiency)
+        yield Data("indicated_power", "W", self.indicated_power)
+        yield Data("discharge_temperature", "K", self.discharge_temperature)
+        yield Data("peak_pressure", "Pa", self.peak_pressure)
+        for name, work in self.work_losses.items():
+            yield Data(f"indicated_work.{name}", "J", work)
+        yield Data("mass_closure", "", self.mass_closure)
+        yield Data("energy_closure", "", self.energy_closure)
+        yield Data("crank_angle", "rad", self.angle, at)
+        yield Data("volume", "m^3", self.volume, at)
+        yield Data("pressure", "Pa", self.pressure, at)
+        yield Data("temperature", "K", self.temperature, at)
+        yield Data("mass", "kg", self.mass, at)
+        for number, valve in enumerate(("suction", "discharge")):
+            yield Data(f"lift.{valve}_valve", "m", self.lift[..., number, :], at)
+            yield Data(f"flow.{valve}_valve", "kg/s", self.flow[..., number, :], at)
 
     @property
     def converged(self) -> Bool[Array, ""]:

@@ -1,12 +1,14 @@
 """What a search found: the optimum and the evidence that it is one."""
 
 import dataclasses
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._results import Data, Result
 from ..machine import Machine
 from ._lane import STATUS
 from ._problem import Problem
@@ -96,8 +98,8 @@ class Sample(NamedTuple):
     best: int | None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Optimum:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Optimum(Result):
     """The best design that was found, with the evidence for it.
 
     Attributes:
@@ -124,7 +126,7 @@ class Optimum:
         local: whether a sample remained better than the optimum.
         descents: above one if a sample was better than all starts at first.
         evaluations: designs solved (each with its derivatives) in the descent; the sample's are beside.
-        search: what `optimise(resume=...)` takes.
+        search: what `optimise(resume=...)` takes; files of `save` leave it out.
     """
 
     problem: Problem
@@ -149,6 +151,25 @@ class Optimum:
     descents: int
     evaluations: int
     search: Search
+
+    table_dims: ClassVar[tuple[str, ...]] = ("sample",)
+    not_saved: ClassVar[tuple[str, ...]] = ("search",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has the sample it was compared with."""
+        problem, sample = self.problem, self.sample
+        for one in problem.variables:
+            yield Data(f"optimum.{one.name}", one.unit, self.values[one.name])
+        for name, unit in zip(problem.names, problem.units, strict=True):
+            yield Data(f"optimum.{name}", unit, self.quantities[name])
+        yield Data("stationarity", "", self.stationarity)
+        yield Data("agreeing_starts", "", f"{self.agreeing} of {len(self.starts)}")
+        yield Data("verdict", "", self.verdict)
+        for place, one in enumerate(problem.variables):
+            yield Data(one.name, one.unit, sample.values[:, place], ("sample",))
+        for place, (name, unit) in enumerate(zip(problem.names, problem.units, strict=True)):
+            yield Data(name, unit, sample.quantities[:, place], ("sample",))
+        yield Data("feasible", "", sample.feasible, ("sample",))
 
     @property
     def agreeing(self) -> int:

@@ -1,13 +1,14 @@
 """The front between two objectives: what one costs in terms of the other."""
 
 import dataclasses
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from .._fields import BadInput
+from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ._goal import Goal, Interval, Limit, goal_of, solved
 from ._lane import STATUS
@@ -30,7 +31,8 @@ from ._search import (
 from ._transform import ranges_of, scattered
 
 
-class Front(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Front(Result):
     """Designs of which none is better in both objectives.
 
     The first is the best in the first objective, the last in the second; between them the first
@@ -68,6 +70,20 @@ class Front(NamedTuple):
     beaten_by: int
     ends: tuple[Optimum, Optimum]
     evaluations: int
+
+    # `status` here has one word a point
+    table_dims: ClassVar[tuple[str, ...]] = ("point",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has the points of the front."""
+        at = self.table_dims
+        for place, one in enumerate(self.ends[0].problem.variables):
+            yield Data(one.name, one.unit, self.values[:, place], at)
+        for place, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):
+            yield Data(name, unit, self.objectives[:, place], at)
+        yield Data("exchange", "", self.exchange, at, "first objective per unit of the second")
+        yield Data("dominated", "", self.dominated, at)
+        yield Data("status", "", np.array(self.status), at)
 
 
 def pareto(

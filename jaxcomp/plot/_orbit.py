@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..compressor import Compressor
-from ..crank import Orbit
+from ..crank import Orbit, journal_rates
 from ..friction import MainBearings, SliderCrankFriction
-from ..mechanism import SliderCrank, Vector, rod_motion
+from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension
 from ._fine import FineTurn, fine_turn
 from ._polar import bearing_loads
@@ -237,8 +237,7 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     if not isinstance(friction, SliderCrankFriction) or not isinstance(mechanism, SliderCrank):
         return None
     speed, forces = turn.state.speed, turn.loads.forces
-    tilt = rod_motion(mechanism, turn.state.angle).tilt_1
-    rates = {"piston_pin": tilt * speed, "crank_pin": (1 + tilt) * speed, "main_journal": speed}
+    rates = journal_rates(compressor, turn)
     curves = {}
     support = friction.main_journal
     if isinstance(support, MainBearings):
@@ -246,8 +245,8 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
             {name: Vector(*forces[name]) for name in support.names or ()}, speed
         )
         curves = {name: (np.asarray(m), "Torque, N m") for name, m in moments.items()}
-    for name, rate in rates.items():
-        law = getattr(friction, name)
+    for name in ("piston_pin", "crank_pin", "main_journal"):
+        law, rate = getattr(friction, name), rates[name]
         if law is not None and not isinstance(law, MainBearings):
             moment = law.moment(jnp.hypot(*forces[name]), rate)
             curves[name] = (np.asarray(moment), "Torque, N m")

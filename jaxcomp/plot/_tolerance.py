@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy import stats
 
-from ..sweeping import Shown, shown
+from .._shown import Shown, shown
 from ..tolerancing import Tolerances
 from ._style import INK, legend, new_figure, ylabel
 

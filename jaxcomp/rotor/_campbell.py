@@ -176,7 +176,7 @@ def _by_frequency(modes: DampedModes) -> DampedModes:
         at = order.reshape(*order.shape, *(1,) * (a.ndim - order.ndim))
         return jnp.take_along_axis(a, at, order.ndim - 1)
 
-    return DampedModes(*(pick(a) for a in modes[:3]), modes.growth)
+    return DampedModes(*map(pick, (modes.eigenvalue, modes.shape, modes.whirl)), modes.growth)
 
 
 @eqx.filter_jit

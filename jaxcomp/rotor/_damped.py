@@ -11,7 +11,8 @@ derivative -y^T dP x / (y^T P' x) is that of the eigenvalue, so that `eig` needs
 eigenvectors are differentiated by a bordered system in the same way.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -20,14 +21,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, is_traced
+from .._results import Data, Result
 from ._conventions import from_planes
 from ._layout import layout_of
 from ._matrices import Matrices, matrices
 from ._model import RotorModel
+from ._modes import shapes
 from ._system import System, prepare, released
 
 
-class DampedModes(NamedTuple):
+class DampedModes(Result, eqx.Module):
     """Oscillating modes x(t) = Re[X e^{lambda t}], lowest undamped frequency |lambda| first.
 
     In that order overdamped motions of a stiff part, whose small imaginary part is no frequency,
@@ -46,6 +49,18 @@ class DampedModes(NamedTuple):
     shape: Array
     whirl: Array
     growth: Array
+
+    table_dims: ClassVar[tuple[str, ...]] = ("mode",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; of a Campbell diagram with a batch of speeds."""
+        yield Data("stable", "", self.stable)
+        yield Data("growth", "rad/s", self.growth, doc="largest real part of all eigenvalues")
+        yield Data("mode", "", jnp.arange(1, self.eigenvalue.shape[-1] + 1), ("mode",))
+        yield Data("natural_frequency", "rad/s", self.frequency, ("mode",))
+        yield Data("damping_ratio", "", self.damping_ratio, ("mode",))
+        yield Data("whirl", "", self.whirl, ("mode",), "from 1, forward, to -1, backward")
+        yield from shapes(self.shape, "")
 
     @property
     def frequency(self) -> Float[Array, " m"]:

@@ -1,6 +1,7 @@
 r"""Undamped modes: natural frequencies and deflection shapes without damping and spin."""
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -8,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from ._conventions import to_planes
+from .._results import Data, Result
+from ._conventions import AXES, to_planes
 from ._eigen import pencil
 from ._layout import layout_of
 from ._matrices import matrices
@@ -16,7 +18,7 @@ from ._model import RotorModel
 from ._system import Operator, System, add_links, bare, elastic_force, operator_at, released
 
 
-class Modes(NamedTuple):
+class Modes(Result, eqx.Module):
     """Undamped modes, lowest first.
 
     Attributes:
@@ -27,6 +29,14 @@ class Modes(NamedTuple):
     square: Array
     shape: Array
 
+    table_dims: ClassVar[tuple[str, ...]] = ("mode",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        yield Data("mode", "", jnp.arange(1, self.square.shape[-1] + 1), ("mode",))
+        yield Data("natural_frequency", "rad/s", self.frequency, ("mode",))
+        yield from shapes(self.shape, "1/kg^0.5")
+
     @property
     def frequency(self) -> Float[Array, " m"]:
         """[rad/s] (m,) Natural frequencies; not a number where `square` is negative.
@@ -36,6 +46,13 @@ class Modes(NamedTuple):
         """
         rigid = self.square**2 <= (_RIGID * jnp.max(jnp.abs(self.square))) ** 2
         return jnp.where(rigid, 0.0, jnp.sqrt(jnp.where(rigid, 1.0, self.square)))
+
+
+def shapes(shape: Array, unit: str) -> Iterator[Data]:
+    """The coordinates of mode shapes (modes, nodes, dof), for tables and files."""
+    dims = ("mode", "node_number")
+    for number, axis in enumerate(AXES[shape.shape[-1]]):
+        yield Data(f"shape.{axis}", unit, shape[..., number], dims)
 
 
 # Rigid motions, computed with their strain energy, stay below 1e-13 of the highest of a handful of

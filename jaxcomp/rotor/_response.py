@@ -5,6 +5,10 @@ the spin speed W whatever n is. Source: Eq. (1) of Levecque et al. (2011), cited
 `machines/hermetic-68cc.toml`.
 """
 
+import dataclasses
+from collections.abc import Iterator
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,10 +16,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import BadInput, is_traced
-from ._conventions import from_planes, to_planes
+from .._results import Data, Result
+from ._conventions import AXES, from_planes, to_planes
 from ._layout import layout_of
 from ._loads import Loads, load_vector
-from ._model import RotorModel, node_index
+from ._model import RotorModel, node_index, node_names
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
 from ._system import System, bare, collect, follow, link_force, operator_at, prepare, reactions
@@ -25,7 +30,7 @@ class SingularResponse(ArithmeticError):
     """A response that has no answer, or none with correct digits."""
 
 
-class Response(eqx.Module):
+class Response(Result, eqx.Module):
     """Complex amplitudes X of x(t) = Re[X e^{i w t}], with the evidence of the solution.
 
     Attributes:
@@ -37,6 +42,7 @@ class Response(eqx.Module):
         status: [-] number of a word, see `words`, (*batch).
         held: [N], [N m] force of pinned and clamped links on their second node or the ground, (*batch,
             links, dof), zero for the other links; absent in a model without any.
+        nodes: names of the nodes, where they are known; static.
     """
 
     displacement: Array
@@ -46,6 +52,30 @@ class Response(eqx.Module):
     amplification: Array
     status: Array
     held: Array | None = None
+    nodes: tuple[str, ...] = eqx.field(static=True, default=())
+
+    table_dims: ClassVar[tuple[str, ...]] = ("order", "speed", "node")
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the order is frequency over speed."""
+        *_, nodes, dof = np.shape(self.displacement)
+        spin, frequency = np.asarray(self.spin_speed), np.asarray(self.frequency)
+        at = ("order", "speed")[2 - spin.ndim :] if spin.ndim <= 2 else ("order", "speed")
+        if spin.ndim == 2:  # of `respond`: the same speeds at every order
+            order = np.round(frequency[:, :1] / np.where(spin[:, :1] == 0, np.inf, spin[:, :1]))
+            yield Data("order", "", order[:, 0], ("order",))
+            yield Data("speed", "rad/s", spin[0], ("speed",))
+        else:
+            yield Data("spin_speed", "rad/s", spin, at)
+        yield Data("frequency", "rad/s", frequency, at)
+        yield Data("node", "", np.array(self.nodes or range(nodes)), ("node",))
+        for number, axis in enumerate(AXES[dof]):
+            unit = "m" if axis.startswith("u") else "rad"
+            yield Data(axis, unit, np.asarray(self.displacement)[..., number], (*at, "node"))
+        yield Data("reliable", "", np.asarray(self.ok), at)
+        yield Data(
+            "correction", "", self.correction, at, "relative error before the last refinement"
+        )
 
     @property
     def ok(self) -> Bool[Array, "*batch"]:
@@ -164,7 +194,9 @@ def respond(
         raise BadInput("orders", str(orders), "whole numbers")
     _check(model, None, spin_speeds=spin_speeds)
     keep = None if nodes is None else tuple(node_index(model, node) for node in nodes)
-    return _respond(model, loads, spin_speeds, tuple(orders), keep, solver, batch_size)
+    names = tuple(map(str, node_names(model) if nodes is None else nodes))
+    found = _respond(model, loads, spin_speeds, tuple(orders), keep, solver, batch_size)
+    return dataclasses.replace(found, nodes=names)
 
 
 def receptance(

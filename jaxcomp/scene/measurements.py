@@ -18,11 +18,11 @@ may stand between the cells, with decimal commas in them.
 """
 
 import csv
+import dataclasses
 import io
 import os
 import re
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -42,21 +42,7 @@ _LARGEST_FILE = 4_000_000  # [bytes]
 _DECIMAL_COMMA = re.compile(r"\s*([-+]?\d*),(\d+)\s*")
 
 
-class Measured(NamedTuple):
-    """A system read from measurements.
-
-    Attributes:
-        influence: the system.
-        unit: of the vibration, as written in the header.
-        trial: unit of the corrections, `kg m` or `kg`.
-    """
-
-    influence: Influence
-    unit: str
-    trial: str
-
-
-def read_measurements(path: str | os.PathLike) -> Measured:
+def read_measurements(path: str | os.PathLike) -> Influence:
     """Influence coefficients from a CSV file of an initial run and one run per plane.
 
     Raises:
@@ -94,7 +80,7 @@ def _decimal_point(cell: str) -> str:
     return f"{number[1]}.{number[2]}" if number else cell
 
 
-def _measured(lines) -> Measured:
+def _measured(lines) -> Influence:
     if not lines:
         raise SceneError("", "is empty")
     units = _header(lines[0])
@@ -154,7 +140,8 @@ def _measured(lines) -> Measured:
         list(trials),
         kept=list(kept.values()),
     )
-    return Measured(influence, units["amplitude"], dimensions["trial"])
+    unit = units["amplitude"] or "as measured"
+    return dataclasses.replace(influence, unit=unit, trial=dimensions["trial"])
 
 
 def _header(cells) -> dict[str, str]:

@@ -9,8 +9,6 @@ from ._axes import uniform as uniform
 from ._best import Ridge as Ridge
 from ._best import best_design as best_design
 from ._best import ridge as ridge
+from ._best import shown_column as shown_column
 from ._run import sweep as sweep
-from ._shown import Shown as Shown
-from ._shown import shown as shown
-from ._shown import shown_column as shown_column
 from ._store import open_sweep as open_sweep

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._fields import BadInput
+from .._shown import Shown, shown
 
 if TYPE_CHECKING:
     import xarray
@@ -106,3 +107,13 @@ def _vertex(x, y) -> float:
     # slope at the middle, which the middle being lowest keeps within one step of zero
     slope = (fall * right + rise * left) / (left + right)
     return float(np.clip(x[1] - slope / (2 * curve), x[0], x[2]))
+
+
+def shown_column(found: "xarray.Dataset", name: str) -> Shown:
+    """How a variable or quantity of a sweep is shown.
+
+    Args:
+        found: of `sweep`.
+        name: of the variable or quantity.
+    """
+    return shown(name, found[name].attrs.get("units", ""), found[name].values)

@@ -1,16 +1,18 @@
 r"""`tolerance`: what the scatter of production does to a machine."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from .._fields import BadInput
+from .._results import Data, Result
+from .._shown import shown
 from ..design import Chain, Problem, prepared, problem
 from ..design._problem import Asked, name_of
-from ..sweeping import shown
 from ._local import Curvature, Local, Moments, first_order, local, second_order, shares
 from ._monte_carlo import Sampled, Sampling, sampled, solved_rows
 from ._reliability import Limit, Reliability, reliability
@@ -21,7 +23,8 @@ from ._within import Within
 _DISAGREES = 0.1
 
 
-class Tolerances(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Tolerances(Result):
     """What a scatter does to the quantities of a machine.
 
     Attributes:
@@ -51,6 +54,28 @@ class Tolerances(NamedTuple):
     swings: Float[np.ndarray, "2 variables quantities"]
     sampled: Sampled
     reliability: tuple[Reliability, ...]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("sample",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has every machine that was drawn."""
+        units = self.problem.units
+        for place, (name, unit) in enumerate(zip(self.names, units, strict=True)):
+            yield Data(f"nominal.{name}", unit, self.value[place])
+            yield Data(f"mean.{name}", unit, self.sampled.mean[place])
+            yield Data(f"deviation.{name}", unit, self.sampled.deviation[place])
+            for variable, share in self.ranking(name):
+                yield Data(f"share_of_variance.{name}.{variable}", "", share)
+        for one in self.reliability:
+            side = "above" if one.limit.above else "below"
+            name = f"probability_{side}_limit.{one.limit.quantity}"
+            yield Data(name, "", one.sampled, doc=f"of a value {side} {one.limit.bound:g} in SI")
+        yield Data("solved", "", self.sampled.ok, ("sample",))
+        drawn = self.scatter.at(self.nominal, self.sampled.normals)
+        for place, variable in enumerate(self.problem.variables):
+            yield Data(variable.name, variable.unit, drawn[:, place], ("sample",))
+        for place, (name, unit) in enumerate(zip(self.names, units, strict=True)):
+            yield Data(name, unit, self.sampled.values[:, place], ("sample",))
 
     @property
     def names(self) -> tuple[str, ...]:

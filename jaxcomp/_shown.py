@@ -5,16 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-_RPM = 30 / math.pi
+# [rpm] in 1 rad/s
+RPM = 30 / math.pi
 # Pure numbers that people give in per cent.
 _SHARES = ("efficiency", "fluctuation", "clearance_ratio")
 # Sizes from which on a unit is used, the largest first.
 _UNITS = {
     "m": ((10.0, 1.0, "m"), (2e-3, 1e3, "mm"), (0.0, 1e6, "µm")),
     "m^3": ((0.1, 1.0, "m³"), (0.0, 1e6, "cm³")),
-    "rad/s": ((0.0, _RPM, "rpm"),),
+    "rad/s": ((0.0, RPM, "rpm"),),
     "rad": ((0.0, 180 / math.pi, "°"),),
-    "Pa": ((1e5, 1e-6, "MPa"), (0.0, 1e-3, "kPa")),
+    "s": ((1.0, 1.0, "s"), (0.0, 1e3, "ms")),
+    "J": ((1e4, 1e-3, "kJ"), (0.0, 1.0, "J")),
+    "Pa": ((1e9, 1e-9, "GPa"), (1e5, 1e-6, "MPa"), (0.0, 1e-3, "kPa")),
     "Pa s": ((0.0, 1e3, "mPa s"),),
     "W": ((1e3, 1e-3, "kW"), (0.0, 1.0, "W")),
     "N": ((1e3, 1e-3, "kN"), (0.0, 1.0, "N")),
@@ -64,16 +67,6 @@ def shown(name: str, unit: str, values) -> Shown:
     values = values[np.isfinite(values)]
     size = values.max() if values.size else 0.0
     for least, factor, name_of_unit in _UNITS.get(unit, ()):
-        if size >= least:
+        if size >= least and (size or unit.startswith("rad")):
             return Shown(words, name_of_unit, factor)
     return Shown(words, unit, 1.0)
-
-
-def shown_column(found, name: str) -> Shown:
-    """How a variable or quantity of a sweep is shown.
-
-    Args:
-        found: data set of `sweep`.
-        name: of the variable or quantity.
-    """
-    return shown(name, found[name].attrs.get("units", ""), found[name].values)

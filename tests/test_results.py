@@ -1,0 +1,227 @@
+"""Results print themselves with units, become tables, and come back from files with the same bits."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas
+import pytest
+from helpers import machine
+
+from jaxcomp import (
+    BadInput,
+    load,
+    load_result,
+    optimise,
+    pareto,
+    problem,
+    solve_orbit,
+    tolerance,
+    within,
+)
+from jaxcomp.balancing import least_squares, trial_influence
+from jaxcomp.balancing._influence import Row
+from jaxcomp.rotor import (
+    Disks,
+    Link,
+    Mount,
+    RotorModel,
+    ShaftElements,
+    Unbalances,
+    damped_modes,
+    respond,
+    undamped_modes,
+)
+
+
+def rotor():
+    shaft = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)
+    bearing = Mount([1e7, 1e7], [100.0, 100.0])
+    links = (Link((1, None), bearing), Link((3, None), bearing))
+    return RotorModel((shaft,), (Disks((2,), 5.0, 6e-3, 12e-3),), links=links)
+
+
+def response():
+    return respond(rotor(), (Unbalances((2,), 1e-4, 0.0),), [100.0, 300.0, 500.0], (1, 2))
+
+
+def balance():
+    rows = [Row("front", "ux", 314.0), Row("rear", "ux", 314.0)]
+    trials = [[30e-6 + 10e-6j, 20e-6], [10e-6j, 60e-6]]
+    system = trial_influence([10e-6j, 20e-6], trials, [1e-4, 1e-4], rows, ["top", "weight"])
+    return least_squares(system)
+
+
+def volume():
+    ranges = {"mechanism.bore": (0.12, 0.14), "mechanism.crank_radius": (0.04, 0.06)}
+    return problem(machine_of_tsuji(), ranges, ["swept_volume"])
+
+
+def machine_of_tsuji():
+    return load("mayekawa-wbhe")
+
+
+def optimum():
+    return optimise(volume(), "swept_volume", maximise=False, starts=2, samples=16, max_steps=20)
+
+
+def tolerances():
+    spread = {"mechanism.bore": within(1e-4), "mechanism.crank_radius": within(1e-4)}
+    limits = {"swept_volume": (None, 1.34e-3)}
+    return tolerance(
+        machine_of_tsuji(), spread, ["swept_volume"], limits=limits, samples=256, progress=False
+    )
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return solve_orbit(machine())
+
+
+SMALL = {
+    "response": response,
+    "modes": lambda: undamped_modes(rotor(), 4),
+    "damped modes": lambda: damped_modes(rotor(), 100.0, 4),
+    "balance": balance,
+    "optimum": optimum,
+    "tolerances": tolerances,
+}
+
+
+def same_bits(one, other):
+    leaves, others = jax.tree.leaves(one), jax.tree.leaves(other)
+    assert len(leaves) == len(others)
+    for a, b in zip(leaves, others, strict=True):
+        if isinstance(a, jax.Array | np.ndarray | float | int):
+            assert type(a) is type(b)
+            np.testing.assert_array_equal(np.asarray(a), np.asarray(b))
+            assert np.asarray(a).dtype == np.asarray(b).dtype
+    for a, b in zip(one.described(), other.described(), strict=True):
+        assert a.header == b.header
+        np.testing.assert_array_equal(np.asarray(a.values), np.asarray(b.values))
+
+
+@pytest.fixture(params=SMALL, scope="module")
+def result(request):
+    return SMALL[request.param]()
+
+
+def test_a_saved_result_loads_to_the_same_bits(result, tmp_path):
+    result.save(tmp_path / "result.npz")
+    again = load_result(tmp_path / "result.npz")
+    assert type(again) is type(result)
+    same_bits(result, again)
+
+
+def test_a_table_has_every_row_with_its_units(result, tmp_path):
+    table = result.to_pandas()
+    data = result.to_xarray()
+    sizes = [data.sizes[dim] for dim in result.table_dims if dim in data.sizes]
+    assert len(table) == np.prod(sizes) > 1
+    for name, unit in ((n, data[n].attrs["units"]) for n in data.variables):
+        columns = [column for column in table.columns if column.partition(" [")[0] == name]
+        for column in columns:
+            assert column == (f"{name} [{unit}]" if unit else name)
+    result.to_csv(tmp_path / "table.csv")
+    words = {name: str for name in ("node", "target", "axis") if name in table}
+    read = pandas.read_csv(tmp_path / "table.csv", dtype=words)
+    pandas.testing.assert_frame_equal(read, table, check_exact=True, check_dtype=False)
+
+
+def test_a_result_prints_its_numbers_with_units(result):
+    text = repr(result)
+    assert "f64[" not in text
+    assert len(text.splitlines()) > 3
+    assert text.splitlines()[1].split("  ")[1].strip() in result._repr_html_()
+
+
+def test_the_curves_read_back_by_pandas_equal_the_orbit(orbit, tmp_path):
+    orbit.to_csv(tmp_path / "curves.csv")
+    read = pandas.read_csv(tmp_path / "curves.csv")
+    pairs = {
+        "crank_angle [rad]": orbit.state.angle,
+        "pressure [Pa]": orbit.pressure,
+        "speed [rad/s]": orbit.state.speed,
+        "motor_torque [N m]": orbit.motor_torque,
+        "joint_force.crank_pin.y [N]": orbit.loads.forces["crank_pin"][1],
+    }
+    for name, values in pairs.items():
+        np.testing.assert_array_equal(read[name], values)
+    size = np.hypot(read["joint_force.wall.x [N]"], read["joint_force.wall.y [N]"])
+    np.testing.assert_allclose(read["joint_force.wall [N]"], size, rtol=1e-15)
+
+
+def test_an_orbit_comes_back_from_its_file(orbit, tmp_path):
+    orbit.save(tmp_path / "orbit.npz")
+    again = load_result(tmp_path / "orbit.npz")
+    same_bits(orbit, again)
+    assert eqx.tree_equal(orbit, again)
+    assert again.converged
+
+
+def test_an_orbit_prints_power_speed_and_forces(orbit):
+    text = repr(orbit)
+    assert text.splitlines()[0] == "Orbit: converged, collocation"
+    for words in ("Mechanical efficiency", " %", "Shaft power", " kW", "1000 rpm", " MPa", " kN"):
+        assert words in text
+
+
+def test_printing_inside_jit_does_not_fail(orbit):
+    @jax.jit
+    def size(orbit):
+        assert "Orbit(" in repr(orbit)
+        return orbit.period
+
+    assert size(orbit) == orbit.period
+
+
+def test_orbits_of_many_designs_are_one_data_set(orbit):
+    many = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), orbit)
+    data = many.to_xarray()
+    assert data["joint_force.wall.x"].shape == (2, orbit.time.size)
+    assert data["mean_speed"].dims == ("design_0",)
+    assert "2 of 2 designs converged" in repr(many)
+    with pytest.raises(BadInput, match="of many designs"):
+        many.columns()
+
+
+def test_pictures_of_a_result_are_found_by_name(orbit):
+    assert {"pv_diagram", "joint_forces", "loss_shares"} <= set(dir(orbit.plot))
+    assert orbit.plot.loss_shares().axes
+    assert orbit.plot.pv_diagram(machine()).axes
+    assert balance().plot.balance_bars().axes
+    with pytest.raises(AttributeError, match=r"did you mean \"pv_diagram\""):
+        orbit.plot.pv_digram  # noqa: B018
+
+
+def test_a_machine_prints_values_with_units():
+    text = repr(machine_of_tsuji().machine)
+    for line in ("bore: 130 mm", "mean_speed: 1000 rpm", "discharge_pressure: 0.98 MPa"):
+        assert line in text
+    assert "f64[" not in text
+
+
+def test_a_front_lists_its_points(tmp_path):
+    front = pareto(
+        problem(machine_of_tsuji(), {"mechanism.bore": (0.12, 0.14)}, ["swept_volume", stiff]),
+        ("swept_volume", stiff), maximise=(False, False), points=3, starts=1, samples=8, max_steps=10,
+    )  # fmt: skip
+    table = front.to_pandas()
+    assert list(table.columns)[:2] == ["mechanism.bore [m]", "swept_volume [m^3]"]
+    assert len(table) == len(front.values)
+    with pytest.raises(BadInput, match="functions of the user"):
+        front.save(tmp_path / "front.npz")
+
+
+def stiff(found):
+    return 1 / found.design.compressor.mechanism.bore
+
+
+def test_a_file_of_something_else_is_refused(tmp_path):
+    np.savez(tmp_path / "other.npz", a=np.ones(3))
+    with pytest.raises(BadInput, match="that `save` of a result wrote"):
+        load_result(tmp_path / "other.npz")
+    head = '{"format": "jaxcomp result", "version": "0", "result": {"name": "os:getcwd"}}'
+    np.savez(tmp_path / "evil.npz", head=np.array(head))
+    with pytest.raises(BadInput, match="cannot read"):
+        load_result(tmp_path / "evil.npz")
