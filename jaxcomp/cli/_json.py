@@ -20,7 +20,8 @@ _BY_UNIT = {
     ),
     "m^3": ("swept_volume",),
     "m^3/s": ("side_flow",),
-    "rad": ("phase", "before_phase", "after_phase", "inclination", "attitude_angle", "angle", "end_angle"),
+    "rad": ("phase", "before_phase", "after_phase", "inclination", "attitude_angle", "angle",
+        "end_angle"),
     "rad/s": (
         "mean_speed", "lowest_speed", "highest_speed", "speed", "speeds", "frequency", "growth",
         "natural_frequencies", "measured", "end_speed",
