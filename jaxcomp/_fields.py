@@ -19,6 +19,9 @@ from jaxtyping import Array, Bool
 
 from . import _precision as _precision  # before JAX runs anything
 from ._shown import shown
+from ._waits import watch_compiles
+
+watch_compiles()
 
 _MISSING = dataclasses.MISSING
 _Tree = TypeVar("_Tree")

@@ -3,6 +3,7 @@
 With `--check` nothing is written; an error in any cell, or a notebook of 300 kB or more, fails.
 """
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -17,7 +18,8 @@ LIMIT = 300_000  # bytes; pictures stay small so that the repository does
 
 
 def main(arguments: list[str]) -> int:
-    quick_compiles()  # the kernels inherit it
+    os.environ["JAXCOMP_WAITS"] = "off"  # how long compiling takes differs between machines
+    quick_compiles()  # the kernels inherit both
     check = "--check" in arguments
     names = [a for a in arguments if not a.startswith("--")]
     paths = [HERE / f"{n.removesuffix('.ipynb')}.ipynb" for n in names] or sorted(

@@ -6,6 +6,7 @@ from pathlib import Path
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # XLA prints pages about each program it loads
 # Commands under test keep nothing in the folder of whoever runs them.
 os.environ["JAXCOMP_CACHE_DIR"] = "off"
+os.environ["JAXCOMP_WAITS"] = "off"
 os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
 
 import jax

@@ -533,3 +533,40 @@ def test_tables_of_any_line_end_and_with_a_byte_order_mark(tmp_path, line_end):
 def test_trial_of_zero_is_refused():
     with pytest.raises(BadInput, match="different from zero"):
         trial_influence([1.0], [[2.0]], [0.0], [Row("t", "ux", 1.0)], ["p"])
+
+
+def test_least_masses_are_least_by_another_method():
+    """Against sequential quadratic programming on the same problem without its kinks."""
+    from scipy.optimize import minimize
+
+    from jaxcomp.balancing import least_masses
+
+    rng = np.random.default_rng(5)
+    matrix = rng.normal(size=(8, 3)) + 1j * rng.normal(size=(8, 3))
+    initial = rng.normal(size=8) + 1j * rng.normal(size=8)
+    rows = tuple(Row(f"t{n}", "ux", 100.0) for n in range(8))
+    system = Influence(
+        jnp.asarray(matrix), jnp.asarray(initial), jnp.ones(8), rows, ("a", "b", "c")
+    )
+    limit, cost = 1.3 * float(min_max(system).objective), np.array([1.0, 2.0, 0.5])
+    found = least_masses(system, limit, cost=cost)
+    assert found.converged
+    assert np.abs(found.residual).max() <= limit * (1 + 3e-8)
+    assert 0 <= float(found.gap) < 1e-7  # cuts stop at 1e-8 of each circle
+
+    def inside(y):  # the sizes of the corrections are unknowns of their own: no kink at zero
+        x = y[:3] + 1j * y[3:6]
+        vibration = 1 - np.abs(initial + matrix @ x) ** 2 / limit**2
+        return np.concatenate([vibration, y[6:] ** 2 - np.abs(x) ** 2, y[6:]])
+
+    start = np.asarray(min_max(system).correction)
+    other = minimize(
+        lambda y: np.sum(cost * y[6:]),
+        np.concatenate([start.real, start.imag, np.abs(start)]),
+        method="SLSQP",
+        constraints=[{"type": "ineq", "fun": inside}],
+        options={"maxiter": 500, "ftol": 1e-12},
+    )
+    assert other.success
+    # to the accuracy with which a correction that is zero meets its cone
+    assert float(found.objective) == pytest.approx(other.fun, rel=1e-5)

@@ -214,3 +214,73 @@ def test_refusals_name_what_is_wrong(measured, case):
     assert result.exit_code == 2
     assert words in result.stderr
     assert "Traceback" not in result.output
+
+
+def test_the_command_says_what_gets_worse(hermetic):
+    rows = hermetic["rows"]
+    worse = [row for row in rows if row["after"] > row["before"]]
+    assert hermetic["worse"] == len(worse) > 0
+    words = " ".join(run("hermetic-68cc").stdout.split())
+    assert f"{len(worse)} of {len(rows)} readings get worse; most of all TP6 ux" in words
+
+
+def test_a_limit_takes_the_least_masses_that_reach_it(hermetic):
+    lowest = found("hermetic-68cc", "--method", "min-max")["objective"]
+    limit = 1.2 * lowest
+    result = found("hermetic-68cc", "--limit", f"{limit!r} m")
+    assert max(row["after"] for row in result["rows"]) <= limit * (1 + 3e-8)
+    assert 0 <= result["gap"] < 1e-7  # cuts stop at 1e-8 of each circle
+    least = sum(plane["mass"] for plane in result["planes"])
+    assert least == pytest.approx(result["objective"], rel=1e-12)
+    refused = run("hermetic-68cc", "--limit", f"{0.9 * lowest!r} m")
+    assert refused.exit_code == 2
+    assert f"the lowest is {1 / 0.9:.4g} times" in " ".join(refused.output.split())
+
+
+def test_bounds_hold_plane_by_plane(hermetic):
+    result = found("hermetic-68cc", "--largest", "rotor-top=700 g mm")
+    top, weight = result["planes"]
+    assert top["unbalance"] == pytest.approx(700e-6, rel=1e-6)
+    assert weight["unbalance"] != pytest.approx(hermetic["planes"][1]["unbalance"], rel=1e-3)
+    answer = run("hermetic-68cc", "--largest", "rotor-tip=700 g mm")
+    assert 'did you mean "rotor-top"?' in answer.output
+
+
+def test_a_weight_makes_a_target_count_more(hermetic):
+    def left(result):
+        return max(row["after"] for row in result["rows"] if row["target"] == "TP6")
+
+    assert left(found("hermetic-68cc", "--weight", "TP6=20")) < 0.8 * left(hermetic)
+
+
+def test_a_speed_may_be_a_frequency():
+    rows = found("hermetic-68cc", "--speeds", "50Hz")["rows"]
+    assert rows[0]["speed"] == pytest.approx(100 * np.pi, rel=1e-12)
+
+
+def test_run_out_is_taken_off_and_readings_have_weights(measured, tmp_path):
+    plain = found("--measured", measured)
+    lines = measured.read_text().splitlines()
+    head = lines[0].split(",")
+    off = {"bearing-1": 0.5 + 0.2j, "bearing-2": -0.3j}
+    out = [lines[0] + ",weight"]
+    for target, value in off.items():
+        cells = dict.fromkeys(head, "") | {"run": "run-out", "target": target}
+        cells["speed [rpm]"] = "200"
+        cells["amplitude [mm/s]"] = repr(float(abs(value)))
+        cells["phase [deg]"] = repr(float(np.angle(value, deg=True)))
+        out.append(",".join(cells.values()) + ",")
+    for line in lines[1:]:
+        cells = dict(zip(head, line.split(","), strict=True))
+        size, phase = float(cells["amplitude [mm/s]"]), float(cells["phase [deg]"])
+        read = size * np.exp(1j * np.deg2rad(phase)) + off[cells["target"]]
+        cells["amplitude [mm/s]"] = repr(float(abs(read)))
+        cells["phase [deg]"] = repr(float(np.angle(read, deg=True)))
+        weight = "3" if cells["run"] == "initial" and cells["target"] == "bearing-1" else ""
+        out.append(",".join(cells.values()) + f",{weight}")
+    path = tmp_path / "with-run-out.csv"
+    path.write_text("\n".join(out))
+    result = found("--measured", path)
+    for one, other in zip(plain["rows"], result["rows"], strict=True):
+        assert one["before"] == pytest.approx(other["before"], rel=1e-9)
+        assert other["weight"] == (3.0 if other["target"] == "bearing-1" else 1.0)

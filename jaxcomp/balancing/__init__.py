@@ -24,6 +24,7 @@ from ._influence import direct_influence as direct_influence
 from ._influence import influence_of as influence_of
 from ._influence import select as select
 from ._influence import trial_influence as trial_influence
+from ._least_masses import least_masses as least_masses
 from ._least_squares import bounded as bounded
 from ._least_squares import invert as invert
 from ._least_squares import least_squares as least_squares

@@ -24,11 +24,12 @@ def balance(
     bound: Float[Array, ""],
     method: str,
     failure: Status | None = None,
+    scale: Float[Array, ""] | None = None,
 ) -> "Balance":
     """A balance with its status; corrections are NaN where the numbers of the system are not finite.
 
     Args:
-        influence, correction, objective, bound, method: as in `Balance`.
+        influence, correction, objective, bound, method, scale: as in `Balance`.
         failure: what the method says of its end; converged if absent.
     """
     finite = jnp.all(jnp.isfinite(correction)) & jnp.isfinite(objective)
@@ -36,7 +37,7 @@ def balance(
         finite, Status.converged if failure is None else failure, Status.bad_input
     )
     correction = jnp.where(finite, correction, jnp.nan)
-    return Balance(influence, correction, objective, bound, method, status)
+    return Balance(influence, correction, objective, bound, method, status, scale)
 
 
 def condition(matrix: Complex[Array, "rows planes"]) -> Float[Array, ""]:
@@ -56,6 +57,7 @@ class Balance(Result, eqx.Module):
         objective: [m] what the method makes small, at the correction.
         method: name of the method.
         status: converged; or why the correction is none, or not the best one.
+        scale: what the gap is relative to; absent: the vibration before, in that norm.
     """
 
     influence: Influence
@@ -64,6 +66,7 @@ class Balance(Result, eqx.Module):
     bound: Float[Array, ""]
     method: str = eqx.field(static=True)
     status: Status
+    scale: Float[Array, ""] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
 
@@ -93,9 +96,14 @@ class Balance(Result, eqx.Module):
 
     @property
     def gap(self) -> Float[Array, ""]:
-        """[-] How far above its bound the objective lies, relative to the vibration before."""
-        before = jnp.linalg.norm(self.influence.weighted[1])
+        """[-] How far above its bound the objective lies, relative to `scale`."""
+        before = jnp.linalg.norm(self.influence.weighted[1]) if self.scale is None else self.scale
         return (self.objective - self.bound) / (before + (before == 0))
+
+    @property
+    def worse(self) -> Bool[Array, " rows"]:
+        """Which readings are higher after than before."""
+        return jnp.abs(self.residual) > jnp.abs(self.influence.initial)
 
     @property
     def improvement(self) -> Float[Array, ""]:

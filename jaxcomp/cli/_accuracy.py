@@ -93,14 +93,18 @@ def accuracy(
         raise CommandError(f"--excitation {excitation}: has no meaning with --study {study}")
     if variable is not None and study is not Of.gradient:
         raise CommandError(f"--variable {variable}: has no meaning without --study gradient")
+    from .._waits import progress_of, spinner
     from ._arguments import changed_scene
     from ._output import show_results, write_results
-    from ._progress import pieces_bar, progress
     from ._start import quick_compiles
 
     quick_compiles()  # nothing is kept, so that compile times are those of a first call
     scene = changed_scene(machine, sets or (), ())
-    with pieces_bar("Measuring") as tell:
+    with progress_of("Measuring", unit="pieces") as progress:
+
+        def tell(words, number, total):
+            progress.at(number, total, f"Measuring {words}")
+
         if study is Of.scenes:
             result, tables, draw = _scenes(scene, quantity, tell)
         else:
@@ -109,7 +113,7 @@ def accuracy(
             shaken = None if excitation is None else excitation.value
             result, tables, draw = _errors(scene, asked, study, by, shaken, thorough, error, tell)
     if out is not None:
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             write_results(out, draw(), result, scene, tables)
     show_results(result, tables, as_json, out)
 

@@ -28,17 +28,17 @@ def animate(
     """
     if not 4 <= frames <= 360:
         raise CommandError(f"--frames {frames}: must be >= 4 and <= 360")
+    from .._waits import spinner
     from ..plot import gif
     from ._animate_result import animate_tables, balancing_motion, turning_motion
     from ._arguments import changed_scene
     from ._output import show_results, write_results
-    from ._progress import progress
     from ._start import start_jax
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
     moving, result = {}, {"machine": scene.name, "file": scene.file, "frames": frames}
-    with progress("Solving and drawing ..."):
+    with spinner("Solving and drawing ..."):
         if scene.compressor is not None:
             motion, found = turning_motion(scene, frames)
             moving["mechanism"] = gif(motion)

@@ -57,7 +57,26 @@ def balance(
     ] = 0.0,
     largest: Annotated[
         str | None,
-        typer.Option(metavar="U", help="Bound of every unbalance, e.g. '800 g mm'; least squares."),
+        typer.Option(
+            metavar="U",
+            help="Bound of every correction, e.g. '800 g mm', or of single planes, e.g. "
+            "'rotor-top=500 g mm, counterweight=300 g mm'.",
+        ),
+    ] = None,
+    limit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="V",
+            help="Find the least masses that keep every vibration at or below this, e.g. 5um.",
+        ),
+    ] = None,
+    weights: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--weight",
+            metavar="TARGET=W",
+            help="How much the readings of a target count, e.g. TP5=2; 1 if absent. Repeatable.",
+        ),
     ] = None,
     excitation: Annotated[
         Excitation,
@@ -84,7 +103,9 @@ def balance(
     A file for --measured has a line for each reading: of the initial run, and of a run with a trial
     weight in each plane, which gives the run its name and is taken off again, unless a further column
     "kept" says yes. Corrections count from the initial run. A trial is mass times radius, or a mass
-    (trial \[g]) if all weights go to one radius; phase and angle count in the same sense.
+    (trial \[g]) if all weights go to one radius; phase and angle are both measured in the direction of
+    rotation (or both against it). A run named "run-out" at low speed is taken off all other readings; a
+    column "weight" says how much a reading counts.
 
         run,target,speed \[rpm],amplitude \[mm/s],phase \[deg],trial \[g mm],angle \[deg]
         initial,bearing-1,3000,7.2,238,,
@@ -98,16 +119,21 @@ def balance(
         raise CommandError(f"{name}: has no meaning with --measured")
     if without and excitation is not Excitation.crank:
         raise CommandError("--without: needs --excitation crank")
-    if method is Method.classical and (tikhonov or largest or planes or measured):
+    if method is Method.classical and (tikhonov or largest or planes or measured or limit):
         raise CommandError(
-            "--method classical: takes no --planes, --tikhonov, --largest or --measured; it balances "
+            "--method classical: takes no --planes, --tikhonov, --largest, --limit or --measured; it "
+            "balances "
             "the rotor of a scene in both planes"
         )
     if method is Method.min_max and (tikhonov or largest):
         raise CommandError("--method min-max: takes neither --tikhonov nor --largest")
     if tikhonov and largest:
         raise CommandError("--largest: takes no --tikhonov beside it")
+    if limit and (tikhonov or method is not Method.least_squares or weights):
+        raise CommandError("--limit: takes no --method, --tikhonov or --weight beside it")
+    from .._waits import spinner
     from ._balance_result import (
+        Asked,
         balance_result,
         balance_tables,
         measured_system,
@@ -115,23 +141,31 @@ def balance(
         solve,
     )
     from ._output import show_results, write_results
-    from ._progress import progress
     from ._start import start_jax
 
     start_jax(once=True)
-    with progress("Solving (the first time it is compiled as well) ..."):
+    with spinner("Solving (the first time it is compiled as well) ..."):
         if measured is not None:
             system = measured_system(measured)
         else:
             crank = excitation is Excitation.crank
             system = model_system(machine, sets or (), speeds, crank, _names(without) or ())
-        found = solve(system, _names(planes), _names(targets), method.value, tikhonov, largest)
+        asked = Asked(
+            _names(planes),
+            _names(targets),
+            method.value,
+            tikhonov,
+            largest,
+            limit,
+            tuple(weights or ()),
+        )
+        found = solve(system, asked)
         result = balance_result(system, found)
     tables = balance_tables(result)
     if out is not None:
         from ..plot import balance_figures
 
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             figures = balance_figures(found, system.name)
             curves = {"balance": found.columns()}
             write_results(out, figures, result, system.scene, tables, curves)

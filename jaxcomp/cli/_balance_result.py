@@ -1,5 +1,6 @@
 """What `jaxcomp balance` solves and shows."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -11,6 +12,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from .._shown import RPM
 from .._status import SolveFailed, Status
 from ..balancing import (
     SHOWN_UNIT,
@@ -19,6 +21,7 @@ from ..balancing import (
     PlanePair,
     bounded,
     classical_balance,
+    least_masses,
     least_squares,
     machine_influence,
     min_max,
@@ -27,12 +30,11 @@ from ..balancing import (
     select,
 )
 from ..rotor import BalancingPlanes, LoadCase
-from ..scene import Scene, to_si
+from ..scene import Scene, SceneError, did_you_mean, to_si
 from ..scene.measurements import read_measurements
+from ._arguments import assignments, entry
 from ._errors import CommandError
 from ._tables import _table
-
-_RPM = 30 / math.pi
 
 
 class System(NamedTuple):
@@ -102,31 +104,89 @@ def model_system(
     return System(scene.name, influence, radius, word, alone, ring is not None, scene)
 
 
-def solve(system: System, planes, targets, method: str, tikhonov, largest) -> Balance:
+class Asked(NamedTuple):
+    """What is asked of a balance: the options of the command as they were typed."""
+
+    planes: Sequence[str] | None
+    targets: Sequence[str] | None
+    method: str
+    tikhonov: float
+    largest: str | None
+    limit: str | None
+    weights: tuple[str, ...]
+
+
+def solve(system: System, asked: Asked) -> Balance:
     """Balance the chosen part of a system.
 
     Raises:
-        CommandError: no two planes for the rotor alone.
-        SolveFailed: the method did not converge.
+        CommandError: no two planes for the rotor alone, or an option that cannot be read.
+        SolveFailed: the method did not converge, or no corrections reach the limit.
     """
-    found = _solve(system, planes, targets, method, tikhonov, largest)
+    found = _solve(system, asked)
     if not bool(found.converged):
         raise SolveFailed(found.status, f"gap to the proven optimum {float(found.gap):.1e}")
     return found
 
 
-def _solve(system: System, planes, targets, method: str, tikhonov, largest) -> Balance:
-    part = select(system.influence, planes=planes, targets=targets)
-    if method == "classical":
+def _solve(system: System, asked: Asked) -> Balance:
+    part = _weighted(select(system.influence, planes=asked.planes, targets=asked.targets), asked)
+    largest = None if asked.largest is None else _largest(part, asked.largest)
+    if asked.limit is not None:
+        radii = [system.radius.get(plane) for plane in part.planes]
+        cost = None if None in radii else 1 / np.array(radii, float)
+        return least_masses(part, _limit(part, asked.limit), cost=cost, largest=largest)
+    if asked.method == "classical":
         if system.rotor_alone is None:
             raise CommandError("--method classical: needs a scene with two correction planes")
         name = "rotor with a ring for the rod" if system.ringed else "rotor alone"
         return predicted(part, system.rotor_alone.correction, f"{name}, two planes")
-    if method == "min-max":
+    if asked.method == "min-max":
         return min_max(part)
     if largest is not None:
-        return bounded(part, float(to_si(largest, part.trial, "--largest")))
-    return least_squares(part, tikhonov=tikhonov)
+        return bounded(part, largest)
+    return least_squares(part, tikhonov=asked.tikhonov)
+
+
+def _weighted(part: Influence, asked: Asked) -> Influence:
+    """The system with the weights of `--weight` on its readings."""
+    weight = np.array(part.weight)
+    known = sorted({row.target for row in part.rows})
+    for target, text in assignments(asked.weights, "--weight").items():
+        if target not in known:
+            raise CommandError(f"--weight {target}: is no target{did_you_mean(target, known)}")
+        value = float(to_si(entry(text), "", f"--weight {target}"))
+        if not value >= 0:
+            raise CommandError(f"--weight {target}={text}: must be >= 0")
+        weight[[row.target == target for row in part.rows]] *= value
+    return dataclasses.replace(part, weight=jnp.asarray(weight))
+
+
+def _largest(part: Influence, text: str) -> np.ndarray:
+    """Bounds of all corrections; a plane that is not named is bounded by a thousand times their sum."""
+    if "=" not in text:
+        return np.full(len(part.planes), float(to_si(text, part.trial, "--largest")))
+    given = assignments([one.strip() for one in text.split(",")], "--largest")
+    for plane in given:
+        if plane not in part.planes:
+            hint = did_you_mean(plane, part.planes)
+            raise CommandError(f"--largest {plane}: is no correction plane of this balance{hint}")
+    bounds = {name: float(to_si(entry(one), part.trial, f"--largest {name}"))
+              for name, one in given.items()}  # fmt: skip
+    free = 1e3 * (sum(bounds.values()) + float(np.abs(least_squares(part).correction).max()))
+    return np.array([bounds.get(plane, free) for plane in part.planes])
+
+
+def _limit(part: Influence, text: str) -> float:
+    """The limit in the unit of the vibration."""
+    units = {"um": "m", "µm": "m"}
+    try:
+        return float(to_si(text, units.get(part.unit, part.unit), "--limit"))
+    except SceneError:
+        try:
+            return float(text)  # readings of no known unit
+        except ValueError:
+            raise CommandError(f"--limit {text}: must be a vibration in {part.unit}") from None
 
 
 def balance_result(system: System, found: Balance) -> dict[str, Any]:
@@ -177,6 +237,7 @@ def balance_result(system: System, found: Balance) -> dict[str, Any]:
         "correction_unit": part.trial,
         "planes": planes,
         "rows": rows,
+        "worse": int(np.sum(found.worse)),
         "improvement": float(found.improvement),
         "condition": condition if math.isfinite(condition) else None,
         "objective": float(found.objective),
@@ -192,7 +253,21 @@ def shown(result: dict[str, Any]) -> tuple[str, float]:
     return ("um", 1e6) if unit == "m" else (unit, 1.0)
 
 
-def balance_tables(result: dict[str, Any]) -> list[Table]:
+def worse_sentence(result: dict[str, Any]) -> str:
+    """What gets worse, with the one that does so most."""
+    unit, factor = shown(result)
+    rows = [row for row in result["rows"] if row["after"] > row["before"]]
+    if not rows:
+        return "No reading gets worse."
+    most = max(rows, key=lambda row: row["after"] - row["before"])
+    ends = f"{most['before'] * factor:.3g} to {most['after'] * factor:.3g} {unit}"
+    return (
+        f"[yellow]Note:[/yellow] {len(rows)} of {len(result['rows'])} readings get worse; most of all "
+        f"{escape(most['target'])} {most['axis']} at {most['speed'] * RPM:.5g} rpm, from {ends}."
+    )
+
+
+def balance_tables(result: dict[str, Any]) -> list[Table | str]:
     """Corrections, vibration before and after, evidence."""
     unit, factor = SHOWN_UNIT[result["correction_unit"]]
     with_radius = any(plane["radius"] is not None for plane in result["planes"])
@@ -229,7 +304,7 @@ def balance_tables(result: dict[str, Any]) -> list[Table]:
         rows.add_row(
             escape(row["target"]) if row["target"] != last else "",
             row["axis"],
-            f"{row['speed'] * _RPM:.5g}",
+            f"{row['speed'] * RPM:.5g}",
             f"{row['before'] * factor:.3g}",
             f"{row['after'] * factor:.3g}",
             f"{100 * row['after'] / row['before']:.0f} %" if row["before"] else "",
@@ -243,5 +318,6 @@ def balance_tables(result: dict[str, Any]) -> list[Table]:
     condition = result["condition"]
     text = "infinite" if condition is None else f"{condition:.4g}"
     evidence.add_row("Condition", text, "of the weighted system")
-    evidence.add_row("Gap", f"{result['gap']:.1e}", "to the proven optimum, over the rms before")
-    return [masses, rows, evidence]
+    over = "sum" if result["method"] == "least masses" else "rms before"
+    evidence.add_row("Gap", f"{result['gap']:.1e}", f"to the proven optimum, over the {over}")
+    return [masses, worse_sentence(result), rows, evidence]

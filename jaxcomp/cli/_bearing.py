@@ -51,10 +51,10 @@ def bearing(
     """
     from rich.markup import escape
 
+    from .._waits import spinner
     from ..scene import to_si
     from ._bearing_tables import bearing_tables
     from ._output import show_results, write_results
-    from ._progress import progress
     from ._start import start_jax
 
     def number(name: str, text: str, unit: str) -> float:
@@ -94,13 +94,13 @@ def bearing(
             f"--length {_short(given['length'])} m: length/diameter must be {low:g} to {high:g} for "
             f"the model {model}, but is {_short(ratio)}"
         )
-    with progress("Solving the film (the first time it is compiled as well) ..."):
+    with spinner("Solving the film (the first time it is compiled as well) ..."):
         result, field = bearing_result(film, str(model), given)
     tables = [*bearing_tables(result), escape(f"{model}: {film.limits}")]
     if out is not None:
         from ..plot import film_figures
 
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             write_results(out, film_figures(film, result, field), result, tables=tables)
     show_results(result, tables, as_json, out, "Report, pictures and result")
 

@@ -40,9 +40,9 @@ def modes(
 
     Example: [bold]jaxcomp modes hermetic-68cc --speeds 300rpm:6000rpm:60 --out result[/bold]
     """
+    from .._waits import spinner
     from ._arguments import assignments, changed_scene
     from ._output import show_results
-    from ._progress import progress
     from ._rotor_result import campbell_result, modes_result
     from ._rotor_tables import modes_tables
     from ._speeds import rotor_of, single_speeds, speed_range
@@ -55,14 +55,14 @@ def modes(
     points = single_speeds(speed or (), scene)
     range_ = None if speeds is None else speed_range(speeds)
     model = rotor_of(scene, *(() if free else (points, range_)))
-    with progress("Solving (the first time it is compiled as well) ..."):
+    with spinner("Solving (the first time it is compiled as well) ..."):
         result, found = modes_result(scene, model, points, count, free, not undamped)
         if range_ is not None:
             result["campbell"] = campbell_result(model, range_, count, not undamped)
     result["set"] = assignments(sets or (), "--set")
     tables = modes_tables(result)
     if out is not None:
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             _write(out, scene, model, found, result, tables)
     show_results(result, tables, as_json, out)
 

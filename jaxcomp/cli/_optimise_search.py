@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import typer
 
+from .._waits import progress_of, spinner
 from ..crank import Collocation
 from ..design import Chain, Problem, Search, optimise, pareto, problem, quantity, variable
 from ..machine import Machine, machine_of
@@ -26,7 +27,6 @@ from ._optimise_result import (
     optimum_tables,
 )
 from ._output import show_results, write_results
-from ._progress import progress
 
 # Of the periodic state by `--accuracy`; the fine one is chosen by the design.
 SOLVERS = {"fast": Collocation(nodes=12, reversals=0, tolerance=1e-10), "fine": None}
@@ -84,7 +84,7 @@ def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: P
     if out is not None:
         from ..plot import optimum_figures
 
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             new, left = optimised_scene(scene, found)
             result["not_in_scene"] = left
             write_results(
@@ -119,7 +119,7 @@ def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, ou
     if out is not None:
         from ..plot import pareto_front
 
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             figures = {"pareto": pareto_front(found)}
             write_results(out, figures, result, scene, tables, {"front": found.columns()})
     show_results(result, tables, as_json, out, "Report, picture, result and scene")
@@ -167,25 +167,12 @@ def _robust(asked: Asked, design: Machine) -> Robust:
 @contextmanager
 def _watch(out: Path | None, asked: Asked) -> Iterator[Any]:
     """A bar on standard error, and the search in a file now and then and when it is interrupted."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
     last: dict[str, Any] = {"search": None, "time": time.perf_counter()}
-    with Progress(
-        *columns, console=console, disable=not console.is_terminal, transient=True
-    ) as bars:
-        bar = bars.add_task("Compiling and sampling", total=None)
+    with progress_of("Compiling and sampling") as progress:
 
         def callback(search: Search) -> None:
-            words = "Sampling the ranges" if search.stage == "sample" else "Descending, step"
-            bars.update(bar, description=words, completed=search.done, total=search.total)
+            words = "Sampling the ranges" if search.stage == "sample" else "Descending, steps"
+            progress.at(search.done, search.total, words)
             if search.stage == "descent" and out is not None:
                 last["search"] = search
                 if time.perf_counter() - last["time"] > _EVERY:

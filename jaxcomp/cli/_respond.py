@@ -45,10 +45,10 @@ def respond(
     Example: [bold]jaxcomp respond hermetic-68cc --speed 3000rpm --speeds 300rpm:6000rpm:200 --out
     result[/bold]
     """
+    from .._waits import spinner
     from ..rotor import LoadCase
     from ._arguments import assignments, changed_scene
     from ._output import show_results
-    from ._progress import progress
     from ._rotor_result import Watched, curve_result, respond_result, watched_nodes, whole_orders
     from ._rotor_tables import response_tables
     from ._speeds import rotor_of, single_speeds, speed_range
@@ -66,14 +66,14 @@ def respond(
     range_ = None if speeds is None else speed_range(speeds)
     model = rotor_of(scene, points, range_)
     watched: Watched = watched_nodes(scene, model, node or ())
-    with progress("Solving (the first time it is compiled as well) ..."):
+    with spinner("Solving (the first time it is compiled as well) ..."):
         result, response = respond_result(scene, model, loads, points, wanted, watched)
         if range_ is not None:
             result["curves"] = curve_result(model, loads, range_, wanted, watched)
     result["set"] = assignments(sets or (), "--set")
     tables = response_tables(result)
     if out is not None:
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             _write(out, scene, model, response, result, tables)
     show_results(result, tables, as_json, out)
 

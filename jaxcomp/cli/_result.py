@@ -68,6 +68,7 @@ def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
 def _verification(orbit: Orbit) -> dict[str, Any]:
     """Errors that an independent march finds, as the orbit's value less the march's."""
     march = orbit.verification
+    assert march is not None
     errors = jax.device_get(
         {
             "speed": march.speed_error,

@@ -50,10 +50,10 @@ def run(
     """
     if tolerance is not None and not 0 < tolerance < 1:
         raise CommandError(f"--tolerance {tolerance:g}: must be > 0 and < 1")
+    from .._waits import spinner
     from ..crank import solve_orbit
     from ._arguments import assignments, changed_scene
     from ._output import show_results
-    from ._progress import progress
     from ._result import run_result
     from ._start import start_jax
     from ._tables import result_tables
@@ -62,7 +62,7 @@ def run(
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
     method = _method(scene.as_compressor().mechanism, solver, tolerance)
-    with progress("Solving the periodic state (the first time it is compiled as well) ..."):
+    with spinner("Solving the periodic state (the first time it is compiled as well) ..."):
         verify = verify or out is not None
         orbit = solve_orbit(scene.as_compressor(), method, verify=verify)
         result = run_result(scene, orbit)
@@ -75,7 +75,7 @@ def run(
     if "vibration" in result:
         tables.append(vibration_table(result["vibration"]))
     if out is not None:
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             _write(out, scene, orbit, result, tables)
     show_results(result, tables, as_json, out)
 

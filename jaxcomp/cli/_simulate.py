@@ -65,12 +65,12 @@ def simulate(
         raise CommandError(f"--tolerance {tolerance:g}: must be > 0 and < 1")
     import diffrax
 
+    from .._waits import spinner
     from ..crank import TimeIntegration
     from ..crank import simulate as integrate
     from ..scene import to_si
     from ._arguments import assignments, changed_scene
     from ._output import show_results, write_results
-    from ._progress import progress
     from ._start import start_jax
 
     start_jax(once=True)
@@ -82,7 +82,7 @@ def simulate(
     methods = {name.lower(): getattr(diffrax, name) for name in
                ("Tsit5", "Dopri8", "Kvaerno3", "Kvaerno5")}  # fmt: skip
     options = TimeIntegration(methods[solver](), tolerance, samples=samples)
-    with progress("Integrating (the first time it is compiled as well) ..."):
+    with spinner("Integrating (the first time it is compiled as well) ..."):
         found = integrate(
             scene.as_compressor(),
             end,
@@ -101,7 +101,7 @@ def simulate(
     }
     tables = [_table_of(result)]
     if out is not None:
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             _write(out, scene, found, off, result, tables, write_results)
     show_results(result, tables, as_json, out)
 

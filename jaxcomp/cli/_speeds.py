@@ -1,5 +1,6 @@
 """Speeds on the command line: `--speed 3000rpm` and `--speeds 600rpm:6000rpm:100`."""
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -80,6 +81,8 @@ def rotor_of(scene: Scene, *speeds: np.ndarray | None) -> "RotorModel":
 
 
 def _speed(text: str, option: str) -> float:
+    # on the command line a frequency of rotation can be nothing but a speed
+    text = re.sub(r"\s*hz\s*$", " turn/s", text.strip(), flags=re.IGNORECASE)
     value = float(to_si(text, "rad/s", option))
     if value < 0:
         raise CommandError(f"{option}: must be >= 0 rad/s")

@@ -89,9 +89,9 @@ def sweep(
     motor.mean_speed=600rpm:1400rpm:33 --out result[/bold]
     """
     _check(sampling, samples, tolerance, nodes, reversals, coordinator, processes, process, out)
+    from .._waits import spinner
     from ._arguments import changed_scene
     from ._output import show_results, write_results
-    from ._progress import progress
     from ._start import start_jax
     from ._sweep_options import axes_of, chain_of, default_quantities, start_devices
     from ._sweep_result import sweep_columns, sweep_result, sweep_tables
@@ -135,7 +135,7 @@ def sweep(
     if out is not None:
         from ..plot import sweep_figures
 
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             figures = sweep_figures(found, scene.name)
             write_results(out, figures, result, scene, tables, {"designs": sweep_columns(found)})
     show_results(result, tables, as_json, out)

@@ -99,11 +99,11 @@ def tolerance(
         raise CommandError("--vary: is missing; e.g. --vary mechanism.bore='+-0.02 mm'")
     if samples < 16:
         raise CommandError(f"--samples {samples}: must be >= 16")
+    from .._waits import spinner
     from ..design import Chain
     from ._arguments import changed_scene
     from ._optimise_search import SOLVERS
     from ._output import show_results, write_results
-    from ._progress import progress
     from ._start import start_jax
     from ._sweep_options import start_devices
     from ._tolerance_result import asked_tolerances, tolerance_result, tolerance_tables
@@ -115,7 +115,7 @@ def tolerance(
     asked = asked_tolerances(scene, chain, balanced, vary, tolerances, correlate, quantity, limit)
     from ..tolerancing import tolerance as study
 
-    with progress("Solving (the first time it is compiled as well) ..."):
+    with spinner("Solving (the first time it is compiled as well) ..."):
         found = study(
             asked.design,
             asked.tolerances,
@@ -134,7 +134,7 @@ def tolerance(
     if out is not None:
         from ..plot import tolerance_figures
 
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             figures = tolerance_figures(found, scene.name)
             write_results(out, figures, result, scene, tables, {"samples": found.columns()})
     show_results(result, tables, as_json, out)

@@ -46,9 +46,9 @@ def update(
     Example: [bold]jaxcomp update hermetic-68cc modes.csv --variable rotor.shafts.5.outer_diameter
     [/bold]
     """
+    from .._waits import spinner
     from ._arguments import assignments, changed_scene
     from ._output import show_results, write_results
-    from ._progress import progress
     from ._speeds import rotor_of
     from ._start import start_jax
     from ._update_result import read_frequencies, update_result, update_tables
@@ -63,7 +63,7 @@ def update(
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
     model = rotor_of(scene)
-    with progress("Fitting (the first time it is compiled as well) ..."):
+    with spinner("Fitting (the first time it is compiled as well) ..."):
         result: dict[str, Any]
         result, scene = update_result(
             scene, model, variable, frequencies, modes, (low, high), not held, regularisation
@@ -71,7 +71,7 @@ def update(
     result["set"] = assignments(sets or (), "--set")
     tables = update_tables(result)
     if out is not None:
-        with progress("Drawing ..."):
+        with spinner("Drawing ..."):
             from ..plot import rotor_drawing
 
             write_results(out, {"rotor": rotor_drawing(rotor_of(scene))}, result, scene, tables)

@@ -13,7 +13,9 @@ radius where the trial weights were.
 before the next run, unless a column `kept` says `yes` in the lines of its run: then it stays on in all
 runs below. The corrections count from the initial run, without any trial weight. The vibration may
 have any unit as long as it is one; its name is kept for the tables. `phase` and `angle` count in the
-same sense, both with the rotation or both against it; so do the angles of the corrections. Semicolons
+same sense, both with the rotation or both against it; so do the angles of the corrections. A run
+`run-out` at low speed, which reads every target once, is taken off all other readings, and a column
+`weight` says in the lines of the initial run how much a reading counts. A speed may be in Hz. Semicolons
 may stand between the cells, with decimal commas in them.
 """
 
@@ -31,10 +33,12 @@ from ._errors import SceneError
 from ._units import factor
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
-_OPTIONAL = ("kept",)
+_OPTIONAL = ("kept", "weight")
 _UNITS = {"speed": ("rad/s",), "phase": ("rad",), "trial": ("kg m", "kg"), "angle": ("rad",)}
 _EXAMPLE = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 _INITIAL = "initial"
+# A run at low speed, whose readings are of the surface and not of vibration.
+_RUN_OUT = "run-out"
 _KEPT = {"yes": True, "no": False, "": False}
 # Bounds of what can be measured in any unit; beyond them squares and quotients leave the numbers.
 _SMALLEST, _LARGEST = 1e-30, 1e30
@@ -84,12 +88,15 @@ def _measured(lines) -> Influence:
     if not lines:
         raise SceneError("", "is empty")
     units = _header(lines[0])
+    if units["speed"].lower() in ("hz", "1/s", "s^-1"):  # revolutions a second
+        units["speed"] = "turn/s"
     dimensions = {name: _dimension(name, units[name]) for name in _UNITS}
     scale = {name: factor(units[name], si, name, units[name]) for name, si in dimensions.items()}
     columns = list(units)
     readings: dict[str, dict[tuple[str, float], complex]] = {}
     trials: dict[str, complex] = {}
     kept: dict[str, bool] = {}
+    weights: dict[tuple[str, float], float] = {}
     for number, line in enumerate(lines[1:], 2):
         if len(line) != len(columns):
             raise SceneError(f"line {number}", f"must have {len(columns)} cells", len(line))
@@ -109,7 +116,11 @@ def _measured(lines) -> Influence:
             problem = "must be >= 0; what is opposite has a phase that differs by 180 deg"
             raise SceneError(f"line {number}.amplitude", problem, amplitude)
         own[key] = amplitude * np.exp(1j * _number(cell, "phase", scale, number))
-        if run == _INITIAL:
+        if run == _INITIAL and cell.get("weight"):
+            weights[key] = _number(cell, "weight", scale, number)
+            if weights[key] < 0:
+                raise SceneError(f"line {number}.weight", "must be >= 0", weights[key])
+        if run in (_INITIAL, _RUN_OUT):
             continue
         trial = _number(cell, "trial", scale, number) * np.exp(
             1j * _number(cell, "angle", scale, number)
@@ -128,6 +139,7 @@ def _measured(lines) -> Influence:
     if not trials:
         raise SceneError("run", "has no run with a trial weight")
     keys = list(readings[_INITIAL])
+    _take_off(readings, {target for target, _ in keys})
     for run in trials:
         for target, speed in set(keys) ^ set(readings[run]):
             at = f"{target} at {speed * 30 / np.pi:.6g} rpm"
@@ -138,10 +150,26 @@ def _measured(lines) -> Influence:
         np.array(list(trials.values())),
         [Row(target, "measured", speed) for target, speed in keys],
         list(trials),
-        kept=list(kept.values()),
+        np.array([weights.get(key, 1.0) for key in keys]),
+        list(kept.values()),
     )
     unit = units["amplitude"] or "as measured"
     return dataclasses.replace(influence, unit=unit, trial=dimensions["trial"])
+
+
+def _take_off(readings, targets) -> None:
+    """Subtract the readings of the run-out, which are the same at every speed."""
+    surface = readings.pop(_RUN_OUT, None)
+    if surface is None:
+        return
+    by_target = {target: value for (target, _), value in surface.items()}
+    if len(by_target) < len(surface):
+        raise SceneError("run", f'"{_RUN_OUT}" must read every target once, at one low speed')
+    for target in targets - set(by_target):
+        raise SceneError("run", f'"{_RUN_OUT}" must read {target}')
+    for own in readings.values():
+        for key in own:
+            own[key] -= by_target.get(key[0], 0.0)
 
 
 def _header(cells) -> dict[str, str]:

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .._fields import BadInput
+from .._waits import progress_of
 from ..design import Chain, Problem, prepared, problem, quantity
 from ..design._problem import Asked, name_of
 from ._axes import Distribution, as_values
-from ._bar import bar
 from ._fingerprint import fingerprint
 from ._plan import Column, Plan
 from ._points import GridPoints, Layout, SamplePoints
@@ -139,12 +139,17 @@ def _run(plan, store, mine, start, progress):
         number, rows, wait = waiting.popleft()
         values, ok = wait()
         store.write(number, rows, values, ok)
-        advance(len(rows), True)
+        count(len(rows))
 
-    with bar(total, done, progress) as advance:
+    def count(more):
+        nonlocal done
+        done += more
+        shown.at(done)
+
+    with progress_of("Sweeping", total, done, "designs", progress) as shown:
         for number in left:
             if mine.of > 1 and store.has(number):
-                advance(_size(layout, number), False)
+                count(_size(layout, number))
                 continue
             rows = plan.points.rows(layout.place(number))
             waiting.append((number, rows, start(rows)))

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .._fields import BadInput
+from .._waits import progress_of
 from ..design import Problem
 from ..sweeping import normal
-from ..sweeping._bar import bar
 from ..sweeping._points import SamplePoints
 from ..sweeping._program import block_program, default_width
 from ._scatter import Scatter
@@ -109,16 +109,15 @@ def solved_rows(problem: Problem, rows, values_of=lambda rows: rows, progress=Fa
     devices = jax.local_devices()
     width = default_width(devices) if problem.chain.known is None else _WIDE
     start, waiting, done = block_program(problem, width, devices), deque(), []
-    with bar(len(rows), 0, progress) as advance:
+    with progress_of("Drawing machines", len(rows), unit="machines", show=progress) as shown:
 
         def finish():
-            size, wait = waiting.popleft()
-            done.append(wait())
-            advance(size, True)
+            done.append(waiting.popleft()())
+            shown.at(sum(len(values) for values, _ in done))
 
         for first in range(0, len(rows), _BLOCK):
             block = values_of(rows[first : first + _BLOCK])
-            waiting.append((len(block), start(block)))
+            waiting.append(start(block))
             if len(waiting) > _AHEAD:
                 finish()
         while waiting:

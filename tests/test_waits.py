@@ -1,0 +1,72 @@
+"""Whoever waits for the compiler or for many designs is told, on standard error and in pipes as well."""
+
+import jax.numpy as jnp
+import pytest
+
+from jaxcomp import _waits
+from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, undamped_modes
+
+
+@pytest.fixture
+def listening(monkeypatch):
+    monkeypatch.setenv("JAXCOMP_WAITS", "on")
+    monkeypatch.setattr(_waits, "_AFTER", 0.2)
+    monkeypatch.setattr(_waits, "_LOOK", 0.01)
+    import jax
+
+    jax.monitoring.register_event_duration_secs_listener(_waits._WATCH.heard)
+    yield
+    jax.monitoring.unregister_event_duration_listener(_waits._WATCH.heard)
+
+
+def rotor(elements):
+    nodes = tuple(range(elements + 1))
+    shaft = ShaftElements(nodes, 0.2, 0.02, 2.06e11, 7850.0, 0.3)
+    links = (Link((0, None), Mount([1e7, 1e7], [100.0, 100.0])),)
+    return RotorModel((shaft,), (Disks((1,), 5.0, 6e-3, 12e-3),), links=links)
+
+
+def test_a_call_that_compiles_says_so_once(listening, capsys):
+    model = rotor(7)  # of a size that no other test compiles
+    capsys.readouterr()
+    undamped_modes(model, 3)
+    lines = [line for line in capsys.readouterr().err.splitlines() if "compiling" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("jaxcomp: compiling undamped_modes:")
+    undamped_modes(model, 3)
+    assert "compiling" not in capsys.readouterr().err
+
+
+def test_what_others_compile_is_not_told(listening, capsys):
+    import jax
+
+    def slow(x):
+        for n in range(300):
+            x = jnp.sin(x) + n
+        return x
+
+    jax.jit(slow)(1.0)
+    assert "jaxcomp" not in capsys.readouterr().err
+
+
+def test_progress_in_a_pipe_is_a_line_with_the_time_that_is_left(monkeypatch, capsys):
+    monkeypatch.setenv("JAXCOMP_WAITS", "on")
+    clock = iter(range(0, 10_000, 20))
+    monkeypatch.setattr(_waits.time, "monotonic", lambda: next(clock))
+    with _waits.progress_of("Sweeping", 400, unit="designs") as progress:
+        for done in (100, 200, 300):
+            progress.at(done)
+    assert capsys.readouterr().err.splitlines() == [
+        "jaxcomp: Sweeping: 100 of 400 designs",
+        "jaxcomp: Sweeping: 200 of 400 designs, 0:40 left",
+        "jaxcomp: Sweeping: 300 of 400 designs, 0:20 left",
+    ]
+
+
+def test_nothing_is_said_where_nobody_wants_it(monkeypatch, capsys):
+    monkeypatch.setenv("JAXCOMP_WAITS", "off")
+    clock = iter(range(0, 10_000, 20))
+    monkeypatch.setattr(_waits.time, "monotonic", lambda: next(clock))
+    with _waits.progress_of("Sweeping", 400) as progress:
+        progress.at(100)
+    assert not capsys.readouterr().err
