@@ -548,25 +548,27 @@ def test_least_masses_are_least_by_another_method():
     system = Influence(
         jnp.asarray(matrix), jnp.asarray(initial), jnp.ones(8), rows, ("a", "b", "c")
     )
-    limit, cost = 1.3 * float(min_max(system).objective), np.array([1.0, 2.0, 0.5])
+    limit, cost = 1.1 * float(min_max(system).objective), np.array([1.0, 1.2, 0.9])
     found = least_masses(system, limit, cost=cost)
     assert found.converged
     assert np.abs(found.residual).max() <= limit * (1 + 3e-8)
     assert 0 <= float(found.gap) < 1e-7  # cuts stop at 1e-8 of each circle
 
-    def inside(y):  # the sizes of the corrections are unknowns of their own: no kink at zero
-        x = y[:3] + 1j * y[3:6]
-        vibration = 1 - np.abs(initial + matrix @ x) ** 2 / limit**2
-        return np.concatenate([vibration, y[6:] ** 2 - np.abs(x) ** 2, y[6:]])
+    def size(y):
+        return np.abs(y[:3] + 1j * y[3:])
+
+    def inside(y):
+        return 1 - np.abs(initial + matrix @ (y[:3] + 1j * y[3:])) ** 2 / limit**2
 
     start = np.asarray(min_max(system).correction)
     other = minimize(
-        lambda y: np.sum(cost * y[6:]),
-        np.concatenate([start.real, start.imag, np.abs(start)]),
+        lambda y: np.sum(cost * size(y)),
+        np.concatenate([start.real, start.imag]),
         method="SLSQP",
         constraints=[{"type": "ineq", "fun": inside}],
         options={"maxiter": 500, "ftol": 1e-12},
     )
     assert other.success
-    # to the accuracy with which a correction that is zero meets its cone
-    assert float(found.objective) == pytest.approx(other.fun, rel=1e-5)
+    assert size(other.x).min() > 0.01  # away from the kink of a plane without a correction
+    # differences of SciPy, which know the slope to 1e-8, at a flat minimum
+    assert float(found.objective) == pytest.approx(other.fun, rel=1e-6)
