@@ -302,6 +302,27 @@ def improve(
         value = jnp.take_along_axis(at_places, jnp.maximum(reversals.row, 0)[None], axis=0)[0]
         unused = jnp.where(reversals.moving, known.edges[0], places)
         used = reversals.moving & (reversals.row >= 0)
-        places = jnp.where(used, places - value / reversals.slope, unused)
+        moved = jnp.where(used, places - value / reversals.slope, unused)
+        energy, acceleration = _carried(
+            known, resolution, grid, (places, moved), jnp.stack([energy, acceleration])
+        )
+        places = moved
     better = Motion(energy, acceleration / scales.speed**2, first, joints.unknown, places)
     return better, jnp.stack(marks) if marks else jnp.zeros((0, *shape))
+
+
+def _carried(known: Known, resolution: Resolution, grid: Panels, places, values):
+    """Values at the nodes, carried along their panel polynomials to where the places move the nodes.
+
+    To first order, which keeps the quantities that mark the reversals up with the places: these then
+    converge as fast as the motion does.
+    """
+    before, after = places
+
+    def angles(places):
+        return resolution.panels_between(known.edges, places).angle
+
+    _, shift = jax.jvp(angles, (before,), (after - before,))
+    width = grid.width[:, None]
+    share = jnp.where(width > 1e-9, shift / jnp.where(width > 1e-9, width, 1.0), 0.0)
+    return values + share * (values @ grid.rule.derivative.T)
