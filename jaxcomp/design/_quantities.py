@@ -30,7 +30,8 @@ class Chain(eqx.Module):
     """How a design is worked out; everything here is fixed while numbers change.
 
     Attributes:
-        solver: of the periodic state. Absent: collocation with a panel edge for each load reversal.
+        solver: of the periodic state. Absent: collocation, with a panel edge for each load reversal
+            but where only the forces on the rotor are wanted, see `jaxcomp.coupling.crank_loads`.
         excitation: what shakes the rotor: "crank" (the periodic state at each speed, whose mean
             force loads the films as well) or "file" (the forces of the scene). Absent: the forces of
             the scene if it has any, otherwise the crank.
