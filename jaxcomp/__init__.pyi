@@ -66,9 +66,10 @@ from .motor import Kloss as Kloss
 from .motor import MeanSpeed as MeanSpeed
 from .motor import SlipLine as SlipLine
 from .rotor import RotorModel as RotorModel
-from .rotor import damped_modes as damped_modes
-from .rotor import respond as respond
-from .rotor import undamped_modes as undamped_modes
+from .running import damped_modes as damped_modes
+from .running import respond as respond
+from .running import rotor_at as rotor_at
+from .running import undamped_modes as undamped_modes
 from .scene import Scene as Scene
 from .scene import SceneError as SceneError
 from .scene import describe as describe

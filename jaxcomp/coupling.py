@@ -34,6 +34,8 @@ from .rotor import CrankNodes, LoadedFilm, PeriodicForce, RotorModel, Unbalances
 
 # [rad/s] Below this speed the static loads of the films are those of this speed.
 _SLOWEST = 1.0
+# Speeds of a table of static loads, between which these are interpolated.
+_LOADED = 16
 # Mean forces and low harmonics need no panel edges at the load reversals. Without them the vibration
 # of hermetic-68cc changes by 1e-7, its derivatives by 2e-6 to 7e-5 (to the coefficient of the wall, on
 # which it hardly depends, by 2e-4), at a fifth of the cost.
@@ -278,8 +280,9 @@ def loaded_rotor(
 
     Args:
         machine: put together.
-        speeds: [rad/s] (m,) increasing, at which the crank is solved. Where it has no periodic state,
-            such as below the speed that its flywheel needs, the forces at constant speed count.
+        speeds: [rad/s] (m,) at which the rotor will be asked; the crank is solved at them, or at 16
+            between the first and the last where they are more. Where it has no periodic state, such
+            as below the speed that its flywheel needs, the forces at constant speed count.
         solver: of the periodic states; absent: as in `crank_loads`.
 
     Raises:
@@ -293,7 +296,9 @@ def loaded_rotor(
     if machine.compressor is None or case is None or case.crank is None:
         bound = "given: films without a load take it from the crank, see `loads.crank`"
         raise BadInput(f"links.{opened[0]}.law.load", "absent", bound)
-    speeds = jnp.maximum(jnp.atleast_1d(jnp.asarray(speeds, float)), _SLOWEST)
+    speeds = jnp.maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
+    if speeds.size > _LOADED:
+        speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)
     tables = _load_tables(machine.compressor, rotor, case.crank.pin, speeds, solver)
     return _loaded(rotor, {number: tables[number] for number in opened}, speeds)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats.mstats import hdquantiles
 
-from jaxcomp import BadInput, load, optimise, problem, robust, tolerance, within
+from jaxcomp import BadInput, Collocation, load, optimise, problem, robust, tolerance, within
 from jaxcomp.design import Chain, Found, balanced_design, prepared, quantity
 from jaxcomp.machine import machine_of
 from jaxcomp.tolerancing import scatter_of
@@ -176,3 +176,21 @@ def test_robust_balance_is_the_ridge_of_its_scatter(balanced):
     np.testing.assert_allclose(found, right, atol=0.01 * np.abs(right).max())
     plain = [complex(*balanced.corrections[p]) for p in ("rotor-top", "counterweight")]
     assert np.abs(np.array(plain) - right).max() > 0.02 * np.abs(right).max()
+
+
+@pytest.mark.slow  # the derivatives of orbit and films compile for half a minute
+def test_tolerance_of_one_clearance_needs_no_correlation(scene):
+    """The bearing stands once: its clearance scatters loss and vibration together."""
+    name = "bearings.upper.radial_clearance"
+    chain = Chain(solver=Collocation(nodes=6, reversals=0, tolerance=1e-10), excitation="crank")
+    asked = ["mechanical_efficiency", "vibration"]
+    found = tolerance(
+        scene, {name: within(1e-6)}, asked, chain=chain, samples=256, curvature=None, progress=False
+    )
+    slope = found.local.slope[:, 0]
+    np.testing.assert_allclose(found.first_order.deviation, abs(slope) * 1e-6 / 3, rtol=1e-9)
+    low, high = found.swings[:, 0]
+    # the deviation is a thirteenth of the clearance: its third order changes the chord by its square
+    np.testing.assert_allclose((high - low) / 2e-6, slope, rtol=0.03)
+    assert slope[0] > 1.0  # [1/m] more clearance, less friction
+    np.testing.assert_allclose(found.sampled.deviation, found.first_order.deviation, rtol=0.1)

@@ -15,8 +15,6 @@ if TYPE_CHECKING:  # a speed can be read without the rotor
 
 # Points of a range that names none.
 POINTS = 60
-# Speeds between which the static loads of films are interpolated.
-_LOADED = 16
 
 
 def single_speeds(texts: Sequence[str], scene: Scene) -> np.ndarray:
@@ -64,20 +62,17 @@ def rotor_of(scene: Scene, *speeds: np.ndarray | None) -> "RotorModel":
 
     Args:
         scene: the scene.
-        speeds: [rad/s] at which it will be asked; the loads are interpolated between at most 16.
+        speeds: [rad/s] at which it will be asked; without any, films keep open loads.
 
     Raises:
         SceneError: it has none.
     """
-    from ..coupling import loaded_rotor
+    from ..running import rotor_at
 
-    model = scene.assembly.rotor
-    if model is None:
+    if "rotor" not in scene.parts:
         raise SceneError("rotor", "is missing: this scene describes no rotor", file=scene.file)
-    wanted = np.unique(np.concatenate([s for s in speeds if s is not None] or [[]]))
-    if wanted.size > _LOADED:
-        wanted = np.linspace(wanted[0], wanted[-1], _LOADED)
-    return loaded_rotor(scene.assembly, wanted) if wanted.size else model
+    wanted = np.concatenate([s for s in speeds if s is not None] or [[]])
+    return rotor_at(scene, np.unique(wanted))
 
 
 def _speed(text: str, option: str) -> float:

@@ -28,7 +28,7 @@ from ._iteration import (
 from ._panels import Panels
 
 # Change at which the first solutions, which only place the reversals, are good enough.
-_PLACING = 1e-7
+_PLACING = 1e-5
 # Halvings of a bracket: of 0.1 rad they leave 1e-6 rad, which the iterations polish with the slope.
 _HALVINGS = 16
 

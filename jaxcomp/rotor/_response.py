@@ -84,8 +84,9 @@ class Response(Result, eqx.Module):
 
     @property
     def words(self) -> list | str:
-        """The status in words: "ok", "singular", "inaccurate", "not finite" or "out of bounds"
-        (a number of the model is not inside its bound, which only traced values can be)."""
+        """The status in words: "ok", "singular", "inaccurate", "not finite", "out of bounds" (a number
+        of the model is not inside its bound, which only traced values can be) or "without a periodic
+        state" (of the crank that shakes the rotor)."""
         return status_words(self.status)
 
     @property

@@ -18,8 +18,10 @@ from ._elimination import factorise, lu_factor, lu_solve, solve_factored
 from ._system import Operator, apply, dense, scale
 
 Solver = Literal["structured", "dense"]
-STATUS_WORDS = ("ok", "singular", "inaccurate", "not finite", "out of bounds")
-OK, SINGULAR, INACCURATE, NOT_FINITE, OUT_OF_BOUNDS = range(5)
+STATUS_WORDS = (
+    "ok", "singular", "inaccurate", "not finite", "out of bounds", "without a periodic state",
+)  # fmt: skip
+OK, SINGULAR, INACCURATE, NOT_FINITE, OUT_OF_BOUNDS, NO_CRANK = range(6)
 
 # A relative correction beyond these after refinement means that fewer than seven (three) digits
 # hold. The amplification is the ratio of response to load with Z scaled to a unit diagonal: at
