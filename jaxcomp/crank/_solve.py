@@ -61,7 +61,7 @@ def solve_orbit(
     >>> from jaxcomp import load
     >>> orbit = solve_orbit(load("mayekawa-wbhe"))
     >>> print(f"{100 * orbit.mechanical_efficiency:.2f} %, {orbit.motor_power / 1e3:.2f} kW")
-    91.15 %, 5.44 kW
+    91.17 %, 5.66 kW
     >>> bool(orbit.converged), bool(abs(orbit.energy.residual) < 1e-9)
     (True, True)
     """

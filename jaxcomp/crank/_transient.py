@@ -137,7 +137,7 @@ def simulate(
     >>> run_up = simulate(with_value(load("mayekawa-wbhe"), "motor", motor), 0.5)
     >>> angle, speed = run_up.at(0.5)
     >>> print(f"{speed * 30 / jnp.pi:.0f} rpm after {angle / (2 * jnp.pi):.1f} turns from rest")
-    924 rpm after 8.0 turns from rest
+    917 rpm after 8.0 turns from rest
     """
     compressor = compressor_of(machine)
     if compressor.motor.closes != "torque":

@@ -77,7 +77,7 @@ def optimise(
     >>> bore = problem(load("mayekawa-wbhe"), {"bore": (0.1, 0.16)}, ["mechanical_efficiency"])
     >>> best = optimise(bore, samples=16)
     >>> print(f"{1e3 * best.values['bore']:.1f} mm, {100 * best.objective:.2f} %, {best.status}")
-    133.2 mm, 91.18 %, converged
+    130.9 mm, 91.17 %, converged
     """
     ranges = ranges_of(problem.variables)
     goal = goal_of(problem, objective, maximise, constraints)

@@ -101,8 +101,8 @@ def sweep(
     >>> grid = {"bore": [0.12, 0.13], "motor.mean_speed": [80.0, 100.0, 120.0]}  # [m], [rad/s]
     >>> found = sweep(load("mayekawa-wbhe"), grid, ["mechanical_efficiency"], progress=False)
     >>> print((100 * found.mechanical_efficiency.values).round(1))
-    [[92.3 91.  89.4]
-     [92.2 91.4 90.3]]
+    [[92.5 91.3 89.7]
+     [92.4 91.4 90.2]]
     """
     points = _points(over, samples, sampling, seed)
     asked = _problem(scene, points, quantities, chain)
