@@ -117,7 +117,7 @@ def test_tables_show_optimum_starts_and_evidence():
     text = run(*BORE, *SMALL).stdout
     for word in (
         "Optimum",
-        "133.17 mm",
+        "130.77 mm",
         "100 mm to 160 mm",
         "at the optimum",
         "8 of 8",

@@ -101,8 +101,8 @@ def lean_program(one: LeanScene) -> Program:
     """The compiled program of a scene."""
 
     def value(design):
-        found, _, ok = answer(design, one.chain, one.quantity)
-        return found, ok
+        solved = answer(design, one.chain, one.quantity)
+        return solved.value, solved.ok
 
     return compile_program(value, one.design)
 
