@@ -73,6 +73,8 @@ def _compiles(caller: int) -> str:
             word = frame.f_code.co_name
             name = word if not word.startswith(("_", "<")) else name or word.strip("_<>")
         frame = frame.f_back
+    if busy and caller != threading.main_thread().ident and name:
+        return "a study"  # whose pieces run in threads of their own
     return name if busy else ""
 
 
@@ -132,7 +134,7 @@ class Progress:
             self._bar.update(
                 self._task, completed=done, total=self._total, description=self._text, left=left
             )
-        elif now - self._told > _EVERY and shows_waits():
+        elif now - self._told > _EVERY and done != self._total and shows_waits():
             self._told = now
             of = f" of {self._total:,}" if self._total else ""
             _say(f"{self._text}: {done:,}{of} {self._unit}{', ' + left if left else ''}")

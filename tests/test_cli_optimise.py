@@ -234,3 +234,14 @@ def test_refusals_name_what_is_wrong(case):
     assert words in result.stderr
     assert "Traceback" not in result.output
     assert result.stdout == ""
+
+
+def test_the_present_design_stands_beside_the_optimum(optimum):
+    result, _ = optimum
+    rows = {row["name"]: row for row in result["comparison"]}
+    bore = rows["mechanism.bore"]
+    assert bore["present"] == pytest.approx(0.13)
+    assert bore["optimum"] == result["variables"][0]["value"]
+    goal = rows["mechanical_efficiency"]
+    assert goal["optimum"] == pytest.approx(result["objective"]["value"], rel=1e-5)
+    assert {"loss_power.wall", "peak_force.crank_pin", "mechanism.crank_radius"} <= set(rows)

@@ -251,7 +251,7 @@ BAD = {
     ),
     "unknown law": (
         changed('"mount"', '"mout"'),
-        'rotor.links.2.law.type = "mout": must be one of: constant, film, mount, '
+        'rotor.links.2.law.type = "mout": must be one of: clamped, constant, film, mount, pinned, '
         'speed_table; did you mean "mount"?',
     ),
     "table that falls": (

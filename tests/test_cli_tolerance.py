@@ -69,7 +69,7 @@ def test_tables_and_files(tmp_path):
     )
     result = run(*VOLUME, "--tolerances", file, "--samples", 256, "--curvature", "none")
     assert result.exit_code == 0, result.output
-    for word in ("256 machines", "Swept volume, cm³", "Contributors", BORE):
+    for word in ("256 machines", "Swept volume, cm³", "Contributors", "Bore causes"):
         assert word in result.output
     # what is typed counts before the file
     result = run(
@@ -138,3 +138,18 @@ def test_robust_refusals(arguments, complaint):
     result = run("--variable", f"{BORE}=100mm:160mm", *arguments, command="optimise")
     assert result.exit_code == 2
     assert complaint in " ".join(result.output.split())
+
+
+def test_the_answer_begins_with_a_sentence_and_offers_the_inverse():
+    limit = ("--limit", "swept_volume<=1330 cm^3")
+    result = run(*VOLUME, *VARY, *limit, "--samples", 1024, "--rejects", "1%", "--json")
+    one, largest = read_json(result.stdout)["permitted"]
+    assert one["rejects"] <= 0.01 + 1.5 / 1024
+    assert len(largest["variables"]) == 1
+    text = " ".join(
+        run(*VOLUME, *VARY, *limit, "--samples", 1024, "--rejects", "1%").stdout.split()
+    )
+    assert text.startswith("About ")
+    assert "of the machines exceed 1330 cm³" in text
+    assert f"With all tolerances tightened to {one['factor']:.3g} times what they are" in text
+    assert "--limit" in run(*VOLUME, *VARY, "--rejects", "1%").output

@@ -353,3 +353,43 @@ def test_polar_coordinates_of_a_correction():
     # nothing has no angle, and yet finite slopes
     slope = eqx.filter_grad(lambda d: magnitude.current(d) + angle.current(d))(design)
     assert np.all(np.isfinite(slope.corrections["rotor-top"]))
+
+
+def test_tolerances_that_keep_the_rejects_down_are_those_of_the_normal_distribution():
+    from scipy.stats import norm
+
+    from jaxcomp.tolerancing import permitted
+
+    def bores(found):
+        return found.design.compressor.mechanism.bore
+
+    made = problem(load("mayekawa-wbhe"), ["mechanism.bore", "mechanism.crank_radius"], [bores])
+    spread = {"mechanism.bore": within(3e-4), "mechanism.crank_radius": within(1e-4)}
+    limit = 0.130 + 1.5e-4  # 1.5 standard deviations
+    found = tolerance(made, spread, limits={"bores": (None, limit)}, samples=4096, progress=False)
+    got = permitted(found, 0.01)
+    # the 41 machines beyond the limit, of a Sobol sequence, lie within one of what they should be
+    assert got.factor == pytest.approx(1.5 / norm.isf(0.01), rel=0.01)
+    assert abs(got.rejects - 0.01) <= 1.5 / 4096
+    assert got.before == pytest.approx(norm.sf(1.5), rel=0.03)
+    alone = permitted(found, 0.01, ["mechanism.bore"])
+    assert alone.factor == pytest.approx(got.factor, rel=1e-3)
+    with pytest.raises(BadInput, match=r"mechanism\.offset"):
+        permitted(found, 0.01, ["mechanism.offset"])
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("mechanism.bore", "bore"),
+        ("friction.crank_pin.coefficient", "friction of crank pin"),
+        ("loads.unbalances.0.magnitude.1", "unbalance at node 15"),
+        ("rotor.links.4.law.stiffness.1", "stiffness y of link springs to seats"),
+        ("corrections.rotor-top.magnitude", "magnitude of correction rotor-top"),
+        ("bearings.upper.radial_clearance", "radial clearance of bearing upper"),
+    ],
+)
+def test_parts_have_names_and_not_paths(path, words):
+    from jaxcomp.design import spoken
+
+    assert spoken(load("hermetic-68cc").machine, path) == words

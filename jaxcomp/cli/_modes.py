@@ -32,6 +32,10 @@ def modes(
     free: Annotated[
         bool, typer.Option("--free", help="Without bearings, mounts and side pull (free-free).")
     ] = False,
+    overdamped: Annotated[
+        bool,
+        typer.Option("--overdamped", help="Show modes with a damping above 70 % as well."),
+    ] = False,
     undamped: Annotated[bool, typer.Option("--undamped", help="Without damping.")] = False,
     as_json: AsJson = False,
     out: Out = None,
@@ -60,7 +64,7 @@ def modes(
         if range_ is not None:
             result["campbell"] = campbell_result(model, range_, count, not undamped)
     result["set"] = assignments(sets or (), "--set")
-    tables = modes_tables(result)
+    tables = modes_tables(result, overdamped)
     if out is not None:
         with spinner("Drawing ..."):
             _write(out, scene, model, found, result, tables)

@@ -6,14 +6,13 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from rich.markup import escape
+from rich.table import Table
 
-from ..design import Front, Optimum
+from .._shown import shown
+from ..design import Front, Optimum, compared
 from ..design._design import CORRECTIONS
 from ..scene import Scene, with_machine
 from ._tables import _table, _words
-
-# what SI values are shown in
-_SHOWN = {"rad/s": (30 / math.pi, "rpm"), "m^3": (1e6, "cm3")}
 
 
 def optimised_scene(scene: Scene, optimum: Optimum) -> tuple[Scene, list[str]]:
@@ -78,6 +77,24 @@ def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds:
     })  # fmt: skip
 
 
+def comparison(found: Optimum) -> list[dict[str, Any]]:
+    """Losses, forces and dimensions of the present design beside the optimum, where there is a crank.
+
+    Objectives that need no periodic state are compared by themselves.
+    """
+    problem = found.problem
+    plain = {"swept_volume", "vibration", "balanced_vibration", "mount_force"}
+    names = {one if isinstance(one, str) else "" for one in problem.quantities}
+    crank = {n for n in names if n not in plain and not n.startswith("vibration.")}
+    if problem.design.compressor is None or not crank:
+        return []
+    rows = compared(problem.design, found.design, problem.chain)
+    return [
+        {"name": one.name, "unit": one.unit, "present": one.before, "optimum": one.after}
+        for one in rows
+    ]
+
+
 def front_result(scene: Scene, asked: dict[str, Any], front: Front, seconds: float) -> dict:
     """JSON of a front."""
     points = [
@@ -113,7 +130,11 @@ def front_result(scene: Scene, asked: dict[str, Any], front: Front, seconds: flo
 def optimum_tables(result: dict[str, Any]) -> list:
     """Variables, objective, constraints, starts, evidence."""
     goal = result["objective"]
-    way = "met targets" if goal["name"] == "misses" else ("most" if goal["maximised"] else "least")
+    way = (
+        "met targets"
+        if goal["name"] == "misses"
+        else ("highest" if goal["maximised"] else "lowest")
+    )
     title = escape(f"{result['machine']}: {way} {_words(goal['name']).lower()}")
     table = _table(title, "", "Present", "Optimum", "Range", "")
     for one in result["variables"]:
@@ -127,6 +148,8 @@ def optimum_tables(result: dict[str, Any]) -> list:
         _words(goal["name"]), before, f"[bold]{_shown(goal['value'], goal['unit'], 6)}", "", ""
     )
     tables = [table]
+    if result.get("comparison"):
+        tables.append(_comparison(result["comparison"]))
     if result["constraints"]:
         table = _table(None, "Constraint", "Value", "Bound", "", "Objective per unit of the bound")
         for one in result["constraints"]:
@@ -155,6 +178,19 @@ def optimum_tables(result: dict[str, Any]) -> list:
     return [*tables, table]
 
 
+def _comparison(rows: list[dict[str, Any]]) -> Table:
+    table = _table(None, "Losses, forces, dimensions", "Present", "Optimum", "Change", numbers=True)
+    for one in rows:
+        before, after = one["present"], one["optimum"]
+        look = shown(one["name"], one["unit"], [x for x in (before, after) if x is not None])
+        cells = ["" if x is None else look.text(x) for x in (before, after)]
+        change = f"{100 * (after / before - 1):+.2f} %" if before and after is not None else ""
+        if look.unit == "%" and None not in (before, after):
+            change = f"{100 * (after - before):+.2f} points"
+        table.add_row(escape(look.words), *cells, change)
+    return table
+
+
 def front_tables(result: dict[str, Any]) -> list:
     """The points of the front, and the evidence."""
     first, second = result["objectives"]
@@ -169,9 +205,9 @@ def front_tables(result: dict[str, Any]) -> list:
         table.add_row(*row, exchange, "dominated" if point["dominated"] else point["status"])
     now = [result["present"][o["name"]] for o in (first, second)]
     if None not in now:
-        shown = [_shown(x, o["unit"], 6) for x, o in zip(now, (first, second), strict=True)]
+        texts = [_shown(x, o["unit"], 6) for x, o in zip(now, (first, second), strict=True)]
         table.add_section()
-        table.add_row(*shown, *[""] * len(names), "", "present design")
+        table.add_row(*texts, *[""] * len(names), "", "present design")
     evidence = _table(None, "Evidence", "")
     count = sum(p["dominated"] for p in result["points"])
     evidence.add_row("Dominated points", str(count))
@@ -186,12 +222,7 @@ def front_tables(result: dict[str, Any]) -> list:
 
 
 def _shown(value: float, unit: str, digits: int = 5) -> str:
-    scale, name = _SHOWN.get(unit, (1.0, unit))
-    if unit == "m":
-        scale, name = (1e6, "µm") if 0 < abs(value) < 1e-4 else (1e3, "mm")
-    elif unit in ("N", "W") and abs(value) >= 1e3:
-        scale, name = 1e-3, f"k{unit}"
-    return f"{value * scale:.{digits}g} {name}".strip()
+    return shown("", unit, value).text(value, digits)
 
 
 def _finite(value: Any) -> Any:

@@ -20,6 +20,7 @@ from ._arguments import assignments, changed_scene, with_one_unit
 from ._constraints import bounds_of, si, value_of
 from ._errors import STOPPED, CommandError
 from ._optimise_result import (
+    comparison,
     front_result,
     front_tables,
     optimised_scene,
@@ -79,7 +80,10 @@ def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: P
             callback=callback,
             resume=kept,
         )
+    with spinner("Comparing with the present design ..."):
+        beside = comparison(found)
     result = optimum_result(scene, asked._asdict(), found, time.perf_counter() - begun)
+    result["comparison"] = beside
     tables = list(optimum_tables(result))
     if out is not None:
         from ..plot import optimum_figures

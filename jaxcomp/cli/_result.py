@@ -93,6 +93,8 @@ def orbit_curves(scene: Scene, orbit: Orbit) -> dict[str, np.ndarray]:
 
 def _remarks(machine: Compressor) -> Iterator[str]:
     """What keeps numbers of a result from meaning what their names say."""
+    if machine.friction is None:
+        yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
     if machine.gas is None:
         yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."
     elif isinstance(machine.gas, PolytropicCycle) and not bool(machine.gas.delivers):

@@ -99,7 +99,7 @@ def respond_result(
         raise CommandError(f"{scene.file}: {error}") from None
     forces = jnp.abs(transmitted(model, response))
     links = {
-        _link_name(i, link.nodes): {
+        _link_name(scene, i, link.nodes): {
             axis: forces[:, :, i, k].tolist()
             for k, axis in enumerate(AXES[model.dof])
             if axis in link.axes
@@ -289,8 +289,12 @@ def _leading_subset(model, modes):
     ]
 
 
-def _link_name(number: int, nodes) -> str:
-    return f"{number}: {nodes[0]} to {'ground' if nodes[1] is None else nodes[1]}"
+def _link_name(scene: Scene, number: int, nodes) -> str:
+    """A link by its number in the file and its nodes; a film by the name of its bearing as well."""
+    law = scene.parts["rotor"].links[number].law  # pyright: ignore[reportAttributeAccessIssue]
+    bearing = getattr(getattr(law, "bearing", None), "name", "")
+    name = f"{number}: {nodes[0]} to {'ground' if nodes[1] is None else nodes[1]}"
+    return f"{name}, {bearing}" if bearing else name
 
 
 def _numbers(values) -> list[float | None]:

@@ -12,6 +12,8 @@ from ._tables import _table
 _RPM = 30 / math.pi
 # Below this share of backward or forward motion an orbit is called a line.
 _LINE = 0.05
+# Damping above which no response has a peak.
+_NO_PEAK = math.sqrt(0.5)
 
 
 def response_tables(result: dict[str, Any]) -> list[Table]:
@@ -26,9 +28,9 @@ def response_tables(result: dict[str, Any]) -> list[Table]:
     return [*tables, table]
 
 
-def modes_tables(result: dict[str, Any]) -> list[Table]:
-    """Modes at each speed, critical speeds, stability."""
-    tables = [_modes(result, s) for s in range(len(result["speeds"]))]
+def modes_tables(result: dict[str, Any], overdamped: bool = False) -> list[Table]:
+    """Modes at each speed, critical speeds, stability; strongly damped modes where they are asked for."""
+    tables = [_modes(result, s, overdamped) for s in range(len(result["speeds"]))]
     if "campbell" in result:
         tables.append(_critical(result))
     table = _table(None, "Evidence", "", "")
@@ -101,12 +103,16 @@ def _peaks(result):
     return table
 
 
-def _modes(result, s):
+def _modes(result, s, overdamped):
     where = "without links" if result["free"] else f"at {result['speeds'][s] * _RPM:.5g} rpm"
     columns = ("Mode", "Hz", "rpm", "Damping, %", "Whirl", "Moves most")
     table = _table(escape(f"{result['machine']}: modes {where}"), *columns, numbers=True)
+    hidden = 0
     for i, mode in enumerate(result["modes"][s]):
         w = mode["frequency"]
+        if mode["damping_ratio"] > _NO_PEAK and not overdamped:
+            hidden += 1
+            continue
         table.add_row(
             str(i + 1),
             f"{w / (2 * math.pi):.5g}",
@@ -115,6 +121,8 @@ def _modes(result, s):
             _whirl(mode["whirl"]),
             escape(mode["subset"]),
         )
+    if hidden:
+        table.caption = f"{hidden} more with a damping above 70 % (--overdamped shows them)"
     return table
 
 
@@ -122,7 +130,7 @@ def _critical(result):
     table = _table("Critical speeds", "rpm", "Hz", "Damping, %", numbers=True)
     hidden = 0
     for one in result["campbell"]["critical_speeds"]:
-        if one["damping_ratio"] > math.sqrt(0.5):
+        if one["damping_ratio"] > _NO_PEAK:
             hidden += 1  # no response has a peak there
             continue
         w = one["speed"]

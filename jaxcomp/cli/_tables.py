@@ -62,14 +62,16 @@ def _summary(scene: Scene, result: dict[str, Any]) -> Table:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         table.add_row("Bore x stroke", size, f"{result['swept_volume'] * 1e6:.5g} cm3 swept")
     rpm = 30 / math.pi
-    efficiency = "none" if result["remarks"] else f"{100 * result['mechanical_efficiency']:.2f} %"
+    meaningless = any("no efficiency" in remark for remark in result["remarks"])
+    efficiency = "none" if meaningless else f"{100 * result['mechanical_efficiency']:.2f} %"
     table.add_row("[bold]Mechanical efficiency", f"[bold]{efficiency}", "gas work over motor work")
     large = abs(result["motor_power"]) >= 1e3
     for name in ("motor", "gas", "friction"):
         watts = result[f"{name}_power"]
         work = watts * result["period"]
         power = f"{watts / 1e3:.4g} kW" if large else f"{watts:.4g} W"
-        table.add_row(f"{name.capitalize()} power", power, f"{work:.5g} J per turn")
+        word = "shaft" if name == "motor" else name  # what the motor draws is not modelled
+        table.add_row(f"{word.capitalize()} power", power, f"{work:.5g} J per revolution")
     speed = result["mean_speed"]
     table.add_row("Mean speed", f"{speed * rpm:.5g} rpm", f"{speed:.5g} rad/s")
     low, high = result["lowest_speed"] * rpm, result["highest_speed"] * rpm
@@ -79,7 +81,7 @@ def _summary(scene: Scene, result: dict[str, Any]) -> Table:
 
 
 def _losses(result: dict[str, Any]) -> Table:
-    names = ("Friction loss", "J per turn", "W", "Share of losses", "Of motor work")
+    names = ("Friction loss", "J per revolution", "W", "Share of losses", "Of motor work")
     table = _table(None, *names, numbers=True)
     motor = result["motor_work"]
     for name, loss in sorted(result["losses"].items(), key=lambda item: -item[1]):

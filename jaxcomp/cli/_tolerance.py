@@ -59,6 +59,13 @@ def tolerance(
             help="Limit, with <= or >=, whose probability of being broken is asked. Repeatable.",
         ),
     ] = None,
+    rejects: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SHARE",
+            help="With --limit: find tolerances with which no more than this share breaks it, e.g. 1%.",
+        ),
+    ] = None,
     sets: Sets = None,
     designs: Designs = None,
     balanced: Annotated[
@@ -97,6 +104,8 @@ def tolerance(
     """
     if not vary and tolerances is None:
         raise CommandError("--vary: is missing; e.g. --vary mechanism.bore='+-0.02 mm'")
+    if rejects is not None and not limit:
+        raise CommandError("--rejects: needs a --limit, by which machines are rejected")
     if samples < 16:
         raise CommandError(f"--samples {samples}: must be >= 16")
     from .._waits import spinner
@@ -106,7 +115,12 @@ def tolerance(
     from ._output import show_results, write_results
     from ._start import start_jax
     from ._sweep_options import start_devices
-    from ._tolerance_result import asked_tolerances, tolerance_result, tolerance_tables
+    from ._tolerance_result import (
+        asked_tolerances,
+        permitted_tolerances,
+        tolerance_result,
+        tolerance_tables,
+    )
 
     start_devices(None)
     start_jax()
@@ -127,9 +141,11 @@ def tolerance(
             sampling=sampling.value.replace("-", "_"),
             seed=seed,
             curvature=None if curvature is Curvature.none else curvature.value,
-            progress=False,
         )
+        tighter = None if rejects is None else permitted_tolerances(found, rejects)
     result = tolerance_result(found, scene.name, asked)
+    if tighter is not None:
+        result["permitted"] = [one._asdict() for one in tighter]
     tables = list(tolerance_tables(found, result))
     if out is not None:
         from ..plot import tolerance_figures

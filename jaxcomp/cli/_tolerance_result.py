@@ -9,12 +9,12 @@ import numpy as np
 from rich.markup import escape
 
 from .._shown import shown
-from ..design import Chain, balanced_design, quantity
+from ..design import Chain, balanced_design, quantity, spoken
 from ..machine import Machine, machine_of
-from ..scene import Scene
+from ..scene import Scene, to_si
 from ..scene.tolerances import read_tolerance_file, tolerances_of
-from ..tolerancing import Tolerances, Within
-from ._arguments import assignments
+from ..tolerancing import Permitted, Tolerances, Within, permitted
+from ._arguments import assignments, entry
 from ._constraints import bounds_of
 from ._errors import CommandError
 from ._sweep_options import default_quantities
@@ -172,8 +172,69 @@ def _finite(value) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
+def permitted_tolerances(found: Tolerances, text: str) -> list[Permitted]:
+    """How much tighter all tolerances would have to be, and those of the largest contributor alone.
+
+    Raises:
+        CommandError: a share that cannot be read or is none.
+    """
+    share = float(to_si(entry(text), "", "--rejects"))
+    if not 0 < share < 1:
+        raise CommandError(f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
+    first = found.ranking(found.reliability[0].limit.quantity)[0][0]
+    return [permitted(found, share), permitted(found, share, [first])]
+
+
+def tolerance_sentences(found: Tolerances, result: dict[str, Any]) -> Iterator[str]:
+    """The answer in a sentence for each limit, or for each quantity where there is none."""
+    design, limited = found.problem.design, {one.limit.quantity for one in found.reliability}
+    for one in found.reliability:
+        place = found.names.index(one.limit.quantity)
+        look = shown(one.limit.quantity, found.problem.units[place], found.value[place])
+        side = "exceed" if one.limit.above else "fall below"
+        low, high = (f"{100 * end:.2g}" for end in one.sampled_interval)
+        text = (
+            f"About {100 * one.sampled:.2g} % of the machines {side} {look.text(one.limit.bound)} "
+            f"({look.words.lower()}; {low} to {high} % with 95 % confidence). "
+        )
+        yield text + _causes(found, design, one.limit.quantity)
+    for place, name in enumerate(found.names):
+        spread = found.sampled.deviation[place]
+        if name not in limited and np.isfinite(spread):
+            look = shown(name, found.problem.units[place], found.value[place])
+            text = (
+                f"{look.words}: {look.text(found.sampled.mean[place])} on average, with a standard "
+            )
+            yield f"{text}deviation of {look.text(spread, 3)}. {_causes(found, design, name)}"
+    for one in result.get("permitted", ()):
+        all_of_them = len(one["variables"]) == len(found.variables)
+        whose = (
+            "all tolerances" if all_of_them else f"that of {spoken(design, one['variables'][0])}"
+        )
+        if not np.isfinite(one["factor"] or np.nan):
+            yield f"Changing {whose} does not bring the rejects down so far."
+            continue
+        word = "tightened" if one["factor"] < 1 else "widened"
+        yield (
+            f"With {whose} {word} to {one['factor']:.3g} times what they are, "
+            f"{100 * one['rejects']:.2g} % are rejected."
+        )
+
+
+def _causes(found: Tolerances, design, name: str) -> str:
+    ranked = [(one, share) for one, share in found.ranking(name) if np.isfinite(share)]
+    if not ranked:
+        return ""
+    causes = [f"{spoken(design, one)} causes {100 * min(share, 1):.0f} % of the variance" if not place else
+              f"{spoken(design, one)} {100 * share:.0f} %"
+              for place, (one, share) in enumerate(ranked[:3]) if share > 0.05 or not place]  # fmt: skip
+    text = ", ".join(causes)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
 def tolerance_tables(found: Tolerances, result: dict[str, Any]) -> Iterator[Any]:
-    """Distributions, contributors, probabilities, and where the methods disagree."""
+    """The answer in sentences, distributions, contributors, probabilities, and what disagrees."""
+    yield from (escape(text) for text in tolerance_sentences(found, result))
     yield _distributions(found, result)
     yield _orders(found, result)
     for name in found.names:
@@ -187,11 +248,11 @@ def tolerance_tables(found: Tolerances, result: dict[str, Any]) -> Iterator[Any]
 def _distributions(found: Tolerances, result):
     lost = f", {result['failed']:,} not solved" if result["failed"] else ""
     title = f"{result['scene']}: {result['samples']:,} machines{lost}"
-    heads = ("Quantity", "As drawn", "Mean", "Deviation", "5 %", "95 %")
+    heads = ("Quantity", "Nominal", "Mean", "Deviation", "5 %", "95 %")
     table = _table(escape(title), *heads, numbers=True)
-    for look, entry in _entries(found, result):
-        numbers = [entry["nominal"], entry["mean"], entry["deviation"]]
-        numbers += [entry["percentiles"]["5"], entry["percentiles"]["95"]]
+    for look, row in _entries(found, result):
+        numbers = [row["nominal"], row["mean"], row["deviation"]]
+        numbers += [row["percentiles"]["5"], row["percentiles"]["95"]]
         table.add_row(look.label, *(_cell(x, look.factor) for x in numbers))
     return table
 
@@ -199,9 +260,9 @@ def _distributions(found: Tolerances, result):
 def _orders(found: Tolerances, result):
     heads = ("By derivatives", "1st-order mean", "Deviation", "2nd-order mean", "Deviation")
     table = _table(None, *heads, numbers=True)
-    for look, entry in _entries(found, result):
+    for look, row in _entries(found, result):
         nothing = {"mean": None, "deviation": None}
-        orders = (entry["first_order"], entry["second_order"] or nothing)
+        orders = (row["first_order"], row["second_order"] or nothing)
         cells = [_cell(one[key], look.factor) for one in orders for key in ("mean", "deviation")]
         table.add_row(look.label, *cells)
     return table
@@ -218,16 +279,17 @@ def _contributors(found: Tolerances, name: str):
     title = "Contributors to " + look.words[:1].lower() + look.words[1:]
     ends = (f"Low limit, {look.unit}", f"High limit, {look.unit}") if look.unit else ("Low", "High")
     table = _table(title, "Variable", "Share of variance", *ends, numbers=True)
-    ranked = found.ranking(name)
+    design = found.problem.design
+    ranked = [(spoken(design, one), one, share) for one, share in found.ranking(name)]
     # a name is broken where it would leave the numbers no room in 80 columns
-    table.columns[0].no_wrap = max(len(variable) for variable, _ in ranked[:_ROWS]) <= 45
+    table.columns[0].no_wrap = max(len(words) for words, _, _ in ranked[:_ROWS]) <= 45
     table.columns[0].overflow = "fold"
-    for variable, share in ranked[:_ROWS]:
+    for words, variable, share in ranked[:_ROWS]:
         swing = found.swings[:, found.variables.index(variable), place]
         cells = (_cell(x, look.factor) for x in swing)
-        table.add_row(variable, f"{100 * share:.1f} %", *cells)
+        table.add_row(escape(words), f"{100 * share:.1f} %", *cells)
     if len(ranked) > _ROWS:
-        rest = sum(share for _, share in ranked[_ROWS:])
+        rest = sum(share for _, _, share in ranked[_ROWS:])
         table.add_row(f"{len(ranked) - _ROWS} more", f"{100 * rest:.1f} %", "", "")
     return table
 

@@ -1,5 +1,7 @@
 """Design variables and the rules that keep a machine consistent while they change; studies."""
 
+from ._compared import Compared as Compared
+from ._compared import compared as compared
 from ._design import Variable as Variable
 from ._design import variable as variable
 from ._design import variable_names as variable_names
@@ -28,6 +30,7 @@ from ._rules import with_offset as with_offset
 from ._rules import with_piston_clearance as with_piston_clearance
 from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
 from ._search import Search as Search
+from ._spoken import spoken as spoken
 from ._study import Figures as Figures
 from ._study import design_study as design_study
 from ._study import figures_of as figures_of

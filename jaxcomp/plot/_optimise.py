@@ -180,7 +180,7 @@ def _now(ax, x, y) -> None:
 def _title(optimum: Optimum) -> str:
     if optimum.objective_name == "misses":
         return "Targets met by least squares"
-    return f"{'Most' if optimum.maximised else 'Least'} {words(optimum.objective_name).lower()}"
+    return f"{'Highest' if optimum.maximised else 'Lowest'} {words(optimum.objective_name).lower()}"
 
 
 def _unit(optimum: Optimum) -> str:

@@ -186,7 +186,17 @@ def campbell_diagram(campbell: Mapping[str, Any]) -> Figure:
         for weak, alpha in ((where & ~strong, 1.0), (where & strong, 0.25)):
             ax.plot(grid[weak], hertz[weak], marker, color=tint, markersize=2.6, alpha=alpha,
                     label=label if alpha == 1 and weak.any() else None)  # fmt: skip
-    ax.plot(rpm, rpm / 60, color=INK, linewidth=1, linestyle="--", label="speed")
+    for mode in np.where(strong, np.nan, hertz).T:
+        ax.plot(rpm, mode, color="#BBBBBB", linewidth=0.8, zorder=1)
+    for order, dash in ((1, "--"), (2, ":")):
+        ax.plot(
+            rpm, order * rpm / 60, color=INK, linewidth=1, linestyle=dash, label=f"{order}x speed"
+        )
+    top = 1.3 * 2 * rpm[-1] / 60
+    above = int(np.sum(np.nanmin(hertz, axis=0) > top)) if np.isfinite(hertz).any() else 0
+    if above:
+        figure.suptitle(f"Campbell diagram; {above} modes lie above", fontsize=11, color=INK, x=0.01,
+                        ha="left")  # fmt: skip
     peaks = [
         c["speed"] * _RPM
         for c in campbell["critical_speeds"]
@@ -197,7 +207,7 @@ def campbell_diagram(campbell: Mapping[str, Any]) -> Figure:
                 label="critical speed")  # fmt: skip
     ylabel(ax, "Natural frequency, Hz (pale: damping above 70 %)")
     ax.set_xlabel("Speed, rpm", fontsize=9)
-    ax.set_ylim(bottom=0)
+    ax.set_ylim(0, top)
     legend_above(ax)
     return figure
 

@@ -3,6 +3,8 @@
 from ._local import Local as Local
 from ._local import Moments as Moments
 from ._monte_carlo import Sampled as Sampled
+from ._permitted import Permitted as Permitted
+from ._permitted import permitted as permitted
 from ._reliability import Limit as Limit
 from ._reliability import Reliability as Reliability
 from ._robust import Robust as Robust
