@@ -225,9 +225,11 @@ def _causes(found: Tolerances, design, name: str) -> str:
     ranked = [(one, share) for one, share in found.ranking(name) if np.isfinite(share)]
     if not ranked:
         return ""
-    causes = [f"{spoken(design, one)} causes {100 * min(share, 1):.0f} % of the variance" if not place else
-              f"{spoken(design, one)} {100 * share:.0f} %"
-              for place, (one, share) in enumerate(ranked[:3]) if share > 0.05 or not place]  # fmt: skip
+    causes = [f"{spoken(design, one)} {100 * min(share, 1):.0f} %" for one, share in ranked[:3]
+              if share > 0.05 or one == ranked[0][0]]  # fmt: skip
+    causes[0] = (
+        f"{spoken(design, ranked[0][0])} causes {100 * min(ranked[0][1], 1):.0f} % of the variance"
+    )
     text = ", ".join(causes)
     return f"{text[:1].upper()}{text[1:]}."
 
