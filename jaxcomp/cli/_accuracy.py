@@ -21,6 +21,7 @@ class Of(enum.StrEnum):
     mesh = "mesh"
     precision = "precision"
     scenes = "scenes"
+    extremes = "extremes"
 
 
 class Excitation(enum.StrEnum):
@@ -43,7 +44,8 @@ def accuracy(
         typer.Option(
             help="orbit: solvers of the periodic state; order: fixed steps of diffrax; gradient: ways "
             "to a derivative; friction: its loops; film: bearing beside Reynolds' equation; mesh: "
-            "finite elements; precision: float32; scenes: what each part of the machine costs."
+            "finite elements; precision: float32; scenes: what each part of the machine costs; extremes: "
+            "steep rods, near locking, near stall, thin films, stiff motors, near-singular responses."
         ),
     ] = Of.orbit,
     quantity: Annotated[
@@ -89,7 +91,7 @@ def accuracy(
     """
     if not 0 < error < 1:
         raise CommandError(f"--error {error:g}: must be > 0 and < 1")
-    if excitation is not None and study in (Of.scenes, Of.film, Of.mesh, Of.order):
+    if excitation is not None and study in (Of.scenes, Of.film, Of.mesh, Of.order, Of.extremes):
         raise CommandError(f"--excitation {excitation}: has no meaning with --study {study}")
     if variable is not None and study is not Of.gradient:
         raise CommandError(f"--variable {variable}: has no meaning without --study gradient")
@@ -107,6 +109,8 @@ def accuracy(
 
         if study is Of.scenes:
             result, tables, draw = _scenes(scene, quantity, tell)
+        elif study is Of.extremes:
+            result, tables, draw = _extremes(scene, quantity, tell)
         else:
             asked = quantity or _QUANTITY.get(study, "mechanical_efficiency")
             by = variable or _VARIABLE.get(study)
@@ -138,6 +142,22 @@ def _errors(scene, quantity, study, variable, excitation, thorough, error, tell)
         return accuracy_figures(report, error)
 
     return accuracy_result(report, error), list(accuracy_tables(report, error)), draw
+
+
+def _extremes(scene, quantity, tell):
+    if quantity is not None:
+        raise CommandError(f"--quantity {quantity}: has no meaning with --study extremes")
+    from ..work_precision import extremes
+    from ._accuracy_result import extremes_result, extremes_tables
+
+    cases = extremes(scene, None, tell)
+
+    def draw():
+        from ..plot import extreme_errors
+
+        return {"extremes": extreme_errors(cases, scene.name)}
+
+    return extremes_result(cases, scene.name), list(extremes_tables(cases, scene.name)), draw
 
 
 def _scenes(scene, quantity, tell):

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.markup import escape
 
-from ..work_precision import Report, Row, SceneCost
+from ..work_precision import Extreme, Report, Row, SceneCost
 from ._tables import _table
 
 # Errors for which methods are set side by side.
@@ -74,6 +74,44 @@ def costs_tables(costs: Sequence[SceneCost], scene: str) -> Iterator[Any]:
         )
     yield table
     yield "Operations are those of the compiled program, the body of a loop counted once.\n"
+
+
+def extremes_result(cases: Sequence[Extreme], scene: str) -> dict[str, Any]:
+    """What the solvers give at the extremes of a machine."""
+    return {
+        "study": "extremes",
+        "scene": scene,
+        "rows": [{k: _finite(v) for k, v in case._asdict().items()} for case in cases],
+        "measured_on": _measured_on(),
+    }
+
+
+def extremes_tables(cases: Sequence[Extreme], scene: str) -> Iterator[Any]:
+    """A row a case, and what the solvers say of those without a value."""
+    heads = ("Extreme", "Setting", "Value", "Error", "Speed", "Margin", "Iter.", "Time")
+    table = _table(escape(f"{scene}: at its extremes"), *heads, numbers=True)
+    table.columns[1].justify = "left"
+    _tight(table)
+    for case in cases:
+        table.add_row(
+            case.family,
+            case.setting,
+            f"{case.value:.6g}" if case.good else "none",
+            f"{case.error:.1e}" if math.isfinite(case.error) else "",
+            "" if case.speed_error is None or not case.good else f"{case.speed_error:.1e}",
+            "" if case.margin is None else f"{case.margin:.3f}",
+            "" if case.iterations is None else str(case.iterations),
+            _duration(case.seconds),
+        )
+    yield table
+    yield (
+        "Values are mechanical efficiencies with the error that an independent march of one revolution "
+        "(diffrax) finds, of the efficiency and of the speed; of responses the largest displacement in m "
+        "and the difference of two linear solvers.\n"
+    )
+    for case in cases:
+        if not case.good:
+            yield f"{case.family}, {case.setting}: {case.status}.\n"
 
 
 def accuracy_tables(report: Report, error: float) -> Iterator[Any]:

@@ -1,6 +1,7 @@
 """Pictures: functions that return matplotlib figures and keep no state."""
 
 from ._accuracy import accuracy_figures as accuracy_figures
+from ._accuracy import extreme_errors as extreme_errors
 from ._accuracy import order_diagram as order_diagram
 from ._accuracy import scene_cost_bars as scene_cost_bars
 from ._accuracy import work_precision_diagram as work_precision_diagram

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..work_precision import Report, SceneCost
+from ..work_precision import Extreme, Report, SceneCost
 from ._style import INK, legend, new_figure, ylabel
 
 _TINTS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56437F", "#56B4E9", "#CC79A7", "#444444",
@@ -87,6 +87,32 @@ def order_diagram(report: Report) -> Figure:
     ax.set_xlabel("Steps", fontsize=9)
     ylabel(ax, "Relative error of the speed at the end")
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def extreme_errors(cases: Sequence[Extreme], title: str) -> Figure:
+    """Error of every extreme case in logarithms; cases without a value are crossed out.
+
+    Args:
+        cases: of `extremes`.
+        title: of the picture.
+    """
+    size = (8.6, 1.4 + 0.24 * len(cases))
+    figure, ((ax,),) = new_figure(1, 1, size, f"{title}: errors at its extremes")
+    families = list(dict.fromkeys(case.family for case in cases))
+    place = np.arange(len(cases))[::-1]
+    for number, case in zip(place, cases, strict=True):
+        tint = _TINTS[families.index(case.family) % len(_TINTS)]
+        if case.good:
+            errors = [case.error] if case.speed_error is None else [case.error, case.speed_error]
+            for error, mark in zip(errors, ("o", "|"), strict=False):
+                ax.plot(max(error, 1e-16), number, mark, color=tint, markersize=6)
+        else:
+            ax.plot(1e-16, number, "x", color=tint, markersize=7)
+    ax.set_yticks(place, [f"{case.family}, {case.setting}" for case in cases])
+    ax.set_xscale("log")
+    label = "Relative error (bars: of the speed; crosses: no value, named in the table)"
+    ax.set_xlabel(label, fontsize=9)
     return figure
 
 

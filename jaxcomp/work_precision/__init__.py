@@ -2,6 +2,8 @@
 
 from ._accuracy import STUDIES as STUDIES
 from ._accuracy import accuracy as accuracy
+from ._extremes import Extreme as Extreme
+from ._extremes import extremes as extremes
 from ._lean import LeanScene as LeanScene
 from ._lean import SceneCost as SceneCost
 from ._lean import lean_program as lean_program

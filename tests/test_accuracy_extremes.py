@@ -1,0 +1,115 @@
+"""`accuracy --study extremes`: values with errors, or a status that names what is wrong."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from jaxcomp import BadInput, Collocation, load, solve_orbit
+from jaxcomp.cli import app
+from jaxcomp.cli._accuracy_result import extremes_result, extremes_tables
+from jaxcomp.plot import extreme_errors
+from jaxcomp.work_precision import extremes
+from jaxcomp.work_precision._extremes import FAMILIES, _times
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return extremes(load("mayekawa-wbhe"), ["near locking", "steep rod", "near stall"])
+
+
+def test_errors_are_told_up_to_the_edge_and_locking_is_named(cases):
+    locking = {case.setting: case for case in cases if case.family == "near locking"}
+    margins = [case.margin for case in locking.values()]
+    assert margins == sorted(margins, reverse=True)
+    for case in locking.values():
+        if case.margin <= 0:
+            assert "the friction locks the joints" in case.status
+            assert not np.isfinite(case.error)
+    assert not locking["coefficients x 64"].good
+    # a margin of a quarter is still solved to rounding of the march
+    close = locking["coefficients x 32"]
+    assert close.good
+    assert 0 < close.margin < 0.5
+    assert close.error < 1e-6
+
+
+def test_error_that_the_march_tells_is_that_beside_many_nodes(cases):
+    steep = next(case for case in cases if case.setting == "r/l = 0.95")
+    machine = load("mayekawa-wbhe").compressor
+    from jaxcomp.work_precision._extremes import _steep_rods
+
+    changed = dict(_steep_rods(machine))["r/l = 0.95"]
+    fine = solve_orbit(changed, Collocation(nodes=24))
+    true = abs(steep.value - float(fine.mechanical_efficiency))
+    # eight nodes on a rod that turns within a few degrees: some 1e-5
+    assert 1e-7 < true < 1e-4
+    # the march begins at a speed that is off by 4e-5 itself
+    assert steep.error == pytest.approx(true, rel=0.5)
+
+
+def test_milder_cases_have_smaller_errors(cases):
+    for family in ("steep rod", "near stall"):
+        errors = [case.error for case in cases if case.family == family]
+        assert len(errors) == 5
+        assert all(np.isfinite(errors))
+        assert errors[0] < 0.1 * errors[-1], family
+
+
+def test_table_picture_and_result_have_every_case(cases):
+    table, _, *words = extremes_tables(cases, "m")
+    assert table.row_count == len(cases)
+    assert len(words) == sum(not case.good for case in cases) > 0
+    result = extremes_result(cases, "m")
+    assert json.dumps(result, allow_nan=False)
+    assert [row["setting"] for row in result["rows"]] == [case.setting for case in cases]
+    labels = [t.get_text() for t in extreme_errors(cases, "m").axes[0].get_yticklabels()]
+    assert len(labels) == len(cases)
+
+
+def test_parts_that_are_absent_have_no_cases():
+    # Coulomb joints without films, and no rotor
+    assert extremes(load("mayekawa-wbhe"), ["thin film", "near-singular response"]) == ()
+
+
+def test_unknown_families_are_refused():
+    with pytest.raises(BadInput, match="near stall"):
+        extremes(load("mayekawa-wbhe"), ["steep"])
+
+
+def test_only_the_numbers_named_are_multiplied():
+    friction = load("mayekawa-wbhe").compressor.friction
+    twice = _times(friction, ".coefficient", 2.0)
+    assert float(twice.wall.coefficient) == 2 * float(friction.wall.coefficient)
+    assert float(twice.crank_pin.diameter) == float(friction.crank_pin.diameter)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mayekawa-wbhe", "slider-link-8cc", "hermetic-68cc"])
+def test_every_bundled_machine_ends_in_a_value_or_in_words(name):
+    found = extremes(load(name))
+    assert {case.family for case in found} <= set(FAMILIES)
+    for case in found:
+        assert case.status
+        assert np.isfinite(case.value)
+        if case.good:
+            assert case.error < 1e-3, case
+        else:
+            assert not np.isfinite(case.error)
+    motors = [case for case in found if case.family == "stiff motor"]
+    assert len(motors) == 4
+    assert all(case.good for case in motors)
+    if name == "hermetic-68cc":
+        responses = [case for case in found if case.family == "near-singular response"]
+        assert len(responses) == 4
+        # at a resonance the displacement grows as damping goes
+        assert responses[-1].value > 1.1 * responses[0].value
+
+
+def test_command_refuses_a_quantity():
+    result = CliRunner().invoke(
+        app, ["accuracy", "mayekawa-wbhe", "--study", "extremes", "--quantity", "x"]
+    )
+    assert result.exit_code == 2
+    assert "--quantity x: has no meaning" in result.stderr
