@@ -1,0 +1,71 @@
+"""The order of the floors: a module imports its own floor and lower ones, also within functions."""
+
+import ast
+from pathlib import Path
+
+import jaxcomp
+
+PACKAGE = Path(jaxcomp.__file__).parent
+# From the ground up. Modules whose name begins with an underscore are the ground.
+FLOORS = [
+    {"mechanism", "gas", "film", "motor", "fluid"},
+    {"friction", "valve"},
+    {"cylinder"},
+    {"compressor"},
+    {"crank", "shaking"},
+    {"rotor"},
+    {"crankshaft"},
+    {"machine"},
+    {"coupling"},
+    {"running"},
+    {"balancing"},
+    {"design", "tolerancing", "sweeping", "work_precision"},
+    {"scene", "machines"},
+    {"plot", "report"},
+    {"cli"},
+]
+RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor}
+# Libraries of the edge, and the lowest floor that may import them.
+EDGE = {"pint": "scene", "matplotlib": "plot", "typer": "cli", "click": "cli"}
+# A result hands itself to the pictures when `.plot` is read, and not before.
+ON_DEMAND = {("_results", "plot")}
+
+
+def _imports(path: Path):
+    """(first name below the package or "", name of the library or "", line) of every import."""
+    depth = len(path.relative_to(PACKAGE.parent).parts)
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (("", alias.name.split(".")[0], node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield "", (node.module or "").split(".")[0], node.lineno
+        elif isinstance(node, ast.ImportFrom):
+            above = path.relative_to(PACKAGE.parent).parts[1 : depth - node.level]
+            inside = [*above, *(node.module or "").split(".")] if node.module else [*above]
+            names = inside[:1] or [alias.name for alias in node.names]
+            yield from ((name, "", node.lineno) for name in names)
+
+
+def _against_the_order():
+    for path in sorted(PACKAGE.rglob("*.py")):
+        own = path.relative_to(PACKAGE).with_suffix("").parts[0]
+        if own in ("__init__", "__main__"):
+            continue
+        rank = RANK.get(own, -1)
+        for room, library, line in _imports(path):
+            where = f"{path.relative_to(PACKAGE)}:{line} imports {room or library}"
+            if (own, room) in ON_DEMAND:
+                continue
+            if room and not room.startswith("_") and RANK[room] > rank:
+                yield where
+            if library in EDGE and rank < RANK[EDGE[library]]:
+                yield where
+
+
+def test_every_room_has_a_floor():
+    rooms = {p.stem for p in PACKAGE.iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()}
+    assert {room for room in rooms if not room.startswith("_")} <= set(RANK)
+
+
+def test_no_import_runs_upwards():
+    assert list(_against_the_order()) == []
