@@ -8,13 +8,7 @@ os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # XLA prints pages about eac
 os.environ["JAXCOMP_CACHE_DIR"] = "off"
 os.environ["JAXCOMP_WAITS"] = "off"
 os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
-# Every worker keeps to a processor of its own: on as many processors as workers, the threads of XLA and
-# BLAS of one would wait for those of the other, a hundred times longer than a small solve takes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-_worker = os.environ.get("PYTEST_XDIST_WORKER", "")
-if _worker and hasattr(os, "sched_setaffinity"):
-    _processors = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {_processors[int(_worker.removeprefix("gw")) % len(_processors)]})
 
 import jax
 import pytest
@@ -27,6 +21,12 @@ from jaxcomp.cli._start import keeps_programs, quick_compiles, unoptimised_compi
 # `XLA_FLAGS=--xla_backend_optimization_level=3`.
 unoptimised_compiles()
 quick_compiles()
+# Every worker keeps to a processor of its own: on as many processors as workers, the threads of XLA of
+# one would wait for those of the other, a hundred times longer than a small solve takes.
+_worker = os.environ.get("PYTEST_XDIST_WORKER", "")
+if _worker and hasattr(os, "sched_setaffinity"):
+    _processors = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {_processors[int(_worker.removeprefix("gw")) % len(_processors)]})
 jax.devices()  # commands find JAX running, and leave the other tests their devices
 
 # Linux allows a process 65,530 memory maps, and every compiled program takes some.
