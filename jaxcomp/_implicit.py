@@ -26,7 +26,7 @@ class FixedPointReport(NamedTuple):
     settled: Bool[Array, ""]
 
 
-# A change below this that no longer falls is taken for rounding, which a stiff torque curve amplifies.
+# A change below this that falls no more, twice, is taken for rounding, which a stiff torque curve amplifies.
 _ROUNDING = 1e-8
 # A change that falls by less than this in an iteration does not come from a contraction. Two load
 # reversals at nearly one place contract by 0.90 only, and must not be slowed down further.
@@ -125,12 +125,12 @@ def settle(
     """
 
     def going_on(carry):
-        _, _, report, _ = carry
+        _, _, report, *_ = carry
         moving = report.change < 2 * _RUNAWAY
         return moving & ~report.settled & (report.steps < max_iterations)
 
     def advance(carry):
-        value, _, last, share = carry
+        value, _, last, share, stood = carry
         new, data = step(value)
         change = _distance(new, value)
         # An iteration that runs away (NaN included) is not taken: what is reported stays finite.
@@ -138,13 +138,13 @@ def settle(
         share = _share(share, change > _JUMPING * last.change)
         new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
         change = jnp.where(lost, 2 * _RUNAWAY, change)
-        standing = (change < _ROUNDING) & (change > 0.5 * last.change)
-        settled = (change <= tolerance) | standing
-        return new, data, FixedPointReport(last.steps + 1, change, settled), share
+        stands = (change < _ROUNDING) & (change > 0.5 * last.change)
+        settled = (change <= tolerance) | (stands & stood)
+        return new, data, FixedPointReport(last.steps + 1, change, settled), share, stands
 
     first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
-    begin = (start, beside, first, jnp.asarray(1.0))
-    value, data, report, _ = jax.lax.while_loop(going_on, advance, begin)
+    begin = (start, beside, first, jnp.asarray(1.0), jnp.asarray(False))
+    value, data, report, *_ = jax.lax.while_loop(going_on, advance, begin)
     return value, data, report
 
 

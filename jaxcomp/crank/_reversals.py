@@ -199,10 +199,11 @@ def _bisect(grid: Panels, marks: Float[Array, "q p s"], brackets: _Brackets):
     near = rise / jnp.where(steep, width, 1.0)
     places = low - jnp.where(steep, at_low / jnp.where(steep, near, 1.0), low - grid.edges[0])
     # The halvings may end on an edge of the panels, where the polynomials jump by their own error: the
-    # slope there is that of the jump. A wider span tells the slope of the quantity.
+    # slope there is that of the jump. A wider span tells the slope of the quantity; to the right, since
+    # it is evaluated there, and two reversals at one place make it turn.
     span = 0.1 * (brackets.high - brackets.low)
-    before, after = jax.vmap(value)(jnp.stack([places - span, places + span]))
-    wide = (after - before) / jnp.where(steep, 2 * span, 1.0)
+    beside, after = jax.vmap(value)(jnp.stack([places + 0.1 * span, places + span]))
+    wide = (after - beside) / jnp.where(steep, 0.9 * span, 1.0)
     slope = jnp.where(jnp.sign(wide) == jnp.sign(near), wide, near)
     slope = jnp.where(steep, slope, 1.0)
     return places, slope, jnp.where(steep, brackets.row, -1)
