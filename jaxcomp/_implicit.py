@@ -26,7 +26,7 @@ class FixedPointReport(NamedTuple):
     settled: Bool[Array, ""]
 
 
-# A change below this that falls no more, twice, is taken for rounding, which a stiff torque curve amplifies.
+# A change below this that twice falls no more counts as rounding, which a stiff torque curve amplifies.
 _ROUNDING = 1e-8
 # A change that falls by less than this in an iteration does not come from a contraction. Two load
 # reversals at nearly one place contract by 0.90 only, and must not be slowed down further.
