@@ -29,7 +29,7 @@ from ._measure import median_time
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
 _MARCH = TimeIntegration(diffrax.Dopri8(), 1e-11, max_steps=8192, samples=2000)
 # [-] Speeds of the rotor that are searched for its largest response, over the highest of its planes.
-_SPEEDS, _COUNT = (0.05, 2.0), 400
+_SPEEDS, _COUNT = (0.01, 2.0), 600
 _LEAST_DAMPING = 1e-6  # [-] of the links' own
 
 
