@@ -2,7 +2,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import machine
 
+from jaxcomp import Collocation, Shooting, solve_orbit
 from jaxcomp.motor import ConstantTorque, Kloss, MeanSpeed, SlipLine
 
 MOTORS = {
@@ -47,3 +49,13 @@ def test_kloss_is_a_slip_line_near_the_synchronous_speed():
     speed = jnp.asarray([104.9, 105.1])
     # the curve leaves the line by (s/s_b)^2 = 1e-4
     np.testing.assert_allclose(MOTORS["kloss"].torque(speed), line.torque(speed), rtol=2e-4)
+
+
+def test_slip_line_turns_a_machine_without_friction():
+    """Nothing is lost; the two solvers share no more than the laws."""
+    frictionless = machine(motor=SlipLine(20.0, 110.0), friction=None)
+    found, marched = (solve_orbit(frictionless, solver) for solver in (Collocation(), Shooting()))
+    assert found.loss_error == {}
+    # shooting closes to 1e-9
+    np.testing.assert_allclose(found.mechanical_efficiency, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(found.mean_speed, marched.mean_speed, rtol=1e-7)

@@ -22,10 +22,13 @@ from jaxcomp.rotor import (
     ShaftElements,
     SpeedTable,
     Unbalances,
+    campbell,
     critical_speeds,
     critical_speeds_between,
     damped_modes,
+    mode_derivatives,
     respond,
+    undamped_modes,
 )
 
 SHAFT = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)
@@ -107,6 +110,46 @@ def test_a_traced_rotor_out_of_bounds_is_marked(what, value):
     answer = eqx.tree_at(place, model, bad)
     assert respond(answer, loads, jnp.array([100.0])).words == [["out of bounds"]]
     assert int(status(bad)[0, 0]) != 0
+
+
+def test_modes_of_a_traced_rotor_out_of_bounds_are_not_numbers():
+    model = rotor(damping=10.0)
+    verbs = {
+        "undamped": lambda m: undamped_modes(m, 2).square,
+        "derivatives": lambda m: mode_derivatives(m, m, 2).square,
+        "damped": lambda m: jnp.append(damped_modes(m, 100.0, 2).eigenvalue.real, 0.0),
+        "growth": lambda m: damped_modes(m, 100.0, 2).growth,
+        "campbell": lambda m: campbell(m, jnp.array([100.0]), 2).frequency,
+        "critical": lambda m: critical_speeds(m, 2).speed,
+    }
+
+    @jax.jit
+    def all_of(density):
+        whole = eqx.tree_at(lambda m: m.shafts[0].density, model, density)
+        return {name: verb(whole) for name, verb in verbs.items()}
+
+    density = model.shafts[0].density
+    for name, value in all_of(density).items():
+        assert np.all(np.isfinite(value)), name
+    for name, value in all_of(density.at[0].set(-7850.0)).items():
+        assert np.all(np.isnan(np.ravel(value)[:2])), name
+
+
+def test_motions_too_damped_to_peak_are_no_critical_speeds():
+    """The bounce of a rigid rotor on dampers, with a damping ratio just below and above 0.707."""
+
+    def on(damping):
+        model = rotor(1e6, damping)
+        model = eqx.tree_at(lambda m: m.shafts[0].young_modulus, model, jnp.full(2, 1e16))
+        return critical_speeds_between(model, jnp.linspace(10.0, 1000.0, 12), 8)
+
+    mass = 5.0 + 0.4 * np.pi / 4 * 0.02**2 * 7850.0
+    edge = np.sqrt(1e6 * mass)  # of each bearing; the bounce has K = 2e6 N/m
+    below, above = on(0.9 * edge), on(1.1 * edge)
+    np.testing.assert_allclose(
+        below.speed, np.sqrt(2e6 / mass) * np.sqrt(1 - 0.9**2 / 2), rtol=1e-3
+    )
+    assert above.speed.size == 0
 
 
 def test_overdamped_motions_stand_behind_the_modes():

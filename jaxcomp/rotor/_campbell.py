@@ -21,7 +21,7 @@ from ._damped import (
 from ._elimination import lu_factor, lu_solve
 from ._layout import layout_of
 from ._model import RotorModel
-from ._system import System, apply, operator_at, prepare, undamped
+from ._system import System, apply, marked, operator_at, prepare, undamped
 
 
 def campbell(
@@ -58,7 +58,8 @@ class CriticalSpeeds(NamedTuple):
     """Speeds W at which a mode's frequency is n W.
 
     Attributes:
-        speed: [rad/s] (m,) ascending; not a number where the search found none.
+        speed: [rad/s] (m,) ascending; not a number where the search found none, or all of them for a
+            model with a number out of bounds, which only traced values can be.
         growth: [rad/s] (m,) real part of the eigenvalue there; -growth/(n W) is about the damping
             ratio with which the response peaks.
         residual: [-] (m,) relative change in the last step.
@@ -112,8 +113,9 @@ def critical_speeds_between(
     """All critical speeds within a range: where the Campbell diagram crosses the line n W.
 
     The crossings between neighbouring speeds of the diagram start the Newton steps of
-    `critical_speeds`, so that heavily damped modes are found as well. Not to be traced, because the
-    number of crossings depends on the numbers.
+    `critical_speeds`, so that heavily damped modes are found as well; those with a damping ratio of
+    0.707 or more are left out, because no response peaks there. Not to be traced, because the number of
+    crossings depends on the numbers.
 
     Args:
         model: the model, or the `System` prepared from it.
@@ -162,7 +164,8 @@ def critical_speeds_between(
         known = [float(found.speed[j]) + 1j * float(found.growth[j]) for j in kept]
         value = w + 1j * float(found.growth[i])
         new = all(abs(value - other) > 1e-7 * w for other in known)
-        if np.isfinite(w) and abs(w - begin[i]) <= width and new:
+        peaks = -float(found.growth[i]) < order * w
+        if np.isfinite(w) and abs(w - begin[i]) <= width and new and peaks:
             kept.append(i)
     kept.sort(key=lambda i: float(found.speed[i]))
     return CriticalSpeeds(*(a[np.array(kept, int)] for a in found))
@@ -186,7 +189,8 @@ def _critical(model, count, order, damping, near):
     still = jnp.zeros_like(start[0])
     found = _from_starts(system, start[0], still, start[1].T, order, damping)
     first = jnp.argsort(found.speed)
-    return CriticalSpeeds(*(a[first] for a in found))
+    speed, growth, residual = (a[first] for a in found)
+    return CriticalSpeeds(marked(system, speed), marked(system, growth), residual)
 
 
 @eqx.filter_jit

@@ -27,7 +27,7 @@ from ._layout import layout_of
 from ._matrices import Matrices, matrices
 from ._model import RotorModel
 from ._modes import shapes
-from ._system import System, prepare, released
+from ._system import System, marked, prepare, released
 
 
 class DampedModes(Result, eqx.Module):
@@ -38,7 +38,8 @@ class DampedModes(Result, eqx.Module):
 
     Attributes:
         eigenvalue: [rad/s] (m,) lambda with a positive imaginary part; not a number where the model
-            has fewer such modes.
+            has fewer such modes, or throughout if a number of the model is out of bounds, which only
+            traced values can be.
         shape: [-] (m, nodes, dof) X, its largest entry one.
         whirl: [-] (m,) from 1 (forward) to -1 (backward), 0 for a motion in a plane; the share of
             the spinning sense in the squared lateral displacements.
@@ -173,7 +174,8 @@ def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     shape = (full.expand @ x_new).T.reshape(count, layout.n, layout.dof)
     ux, uy = shape[..., 0], shape[..., 1]
     p, q = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
-    return DampedModes(lam_new, shape, (p - q) / (p + q), growth)
+    growth = marked(system, growth)
+    return DampedModes(marked(system, lam_new), shape, (p - q) / (p + q), growth)
 
 
 def _spectrum(m, d, k):

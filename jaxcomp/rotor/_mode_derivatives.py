@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._fields import admissible
 from ._eigen import CLUSTER, pencil
 from ._layout import layout_of
 from ._matrices import matrices
@@ -103,5 +104,7 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
 
     layout = layout_of(model)
     as_shape = lambda v: v.T.reshape(count, layout.n, model.dof)  # noqa: E731
+    good = admissible(model)
+    value, rate = (jnp.where(good, number, jnp.nan) for number in (value, rate))
     modes = Modes(value, as_shape(expand @ x))
     return ModeDerivatives(modes, rate, as_shape(expand @ dx + dexpand @ x))

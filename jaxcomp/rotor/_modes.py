@@ -15,14 +15,15 @@ from ._eigen import pencil
 from ._layout import layout_of
 from ._matrices import matrices
 from ._model import RotorModel
-from ._system import Operator, System, add_links, bare, elastic_force, operator_at, released
+from ._system import Operator, System, add_links, bare, elastic_force, marked, operator_at, released
 
 
 class Modes(Result, eqx.Module):
     """Undamped modes, lowest first.
 
     Attributes:
-        square: [rad2/s2] (m,) eigenvalues w^2; negative where side pull exceeds the stiffness.
+        square: [rad2/s2] (m,) eigenvalues w^2; negative where side pull exceeds the stiffness, not a
+            number if a number of the model is out of bounds, which only traced values can be.
         shape: [1/sqrt(kg)] (m, nodes, dof) with unit modal mass.
     """
 
@@ -90,6 +91,11 @@ def undamped_modes(
 @eqx.filter_jit
 def _undamped(model, count, spin_speed, free) -> Modes:
     system = bare(model)
+    found = _found(system, count, spin_speed, free)
+    return found._replace(square=marked(system, found.square))
+
+
+def _found(system, count, spin_speed, free) -> Modes:
     full = matrices(system, spin_speed, with_links=not free)
     mu, x = pencil((full.stiffness + full.stiffness.T) / 2, full.mass)
     return _modes(system, full, mu[:count], x[:, :count], spin_speed, free)
@@ -121,7 +127,9 @@ def modal_damping_vectors(system: System) -> Float[Array, "m nodes planes 2"]:
     """M phi sqrt(2 zeta w) of the damped modes on the active degrees of freedom, else zero."""
     layout = system.layout
     ratio = system.model.damping.ratio  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
-    modes = undamped_modes(system, ratio.shape[0])
+    if ratio.shape[0] > layout.size:
+        raise BadInput("damping.ratio", ratio, f"at most one value for each of {layout.size} modes")
+    modes = _found(system, ratio.shape[0], jnp.zeros(()), False)
     full = matrices(system)
     active = modes.shape.reshape(ratio.shape[0], -1)[:, layout.active.reshape(-1)]
     vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (active @ full.mass)

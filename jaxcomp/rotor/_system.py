@@ -125,6 +125,13 @@ def bare(model: RotorModel | System) -> System:
     return System(model, layout, strain, half, elements, inertia, arms, bodies, damping)
 
 
+def marked(system: System, values: Array) -> Array:
+    """Values of a system, not a number for one with a number of the model out of its bound."""
+    good = admissible(system.model) if system.admissible is None else system.admissible
+    none = complex(np.nan, np.nan) if jnp.iscomplexobj(values) else np.nan
+    return jnp.where(good, values, none)
+
+
 def released(model: RotorModel | System) -> RotorModel | System:
     """The model without what pinned and clamped links hold."""
     whole = model.model if isinstance(model, System) else model

@@ -157,7 +157,8 @@ def open_sweep(path: str | Path) -> "xarray.Dataset":
         path: the `out` of a sweep.
 
     Returns:
-        As `sweep` does; what is not there yet is NaN and not `ok`. Read from disk when it is used.
+        As `sweep` does; what is not there yet, or no longer, is NaN and not `ok`. Quantities are read
+        from disk when they are used.
 
     Raises:
         BadInput: there is no such store.
@@ -173,7 +174,24 @@ def open_sweep(path: str | Path) -> "xarray.Dataset":
         # A store knows no order, and takes what has no dimension of its name for data.
         variables = {name: found[name].variable for name in header["same"]["variables"]}
         values = found.drop_vars(variables)[header["columns"]]
+        sampled = [name for name in variables if name not in values.dims]
+        values[OK] = values[OK].copy(data=_whole(Path(path), header, values, sampled))
     return values.assign_coords(variables).assign_attrs(header["about"])
+
+
+def _whole(path: Path, header, values, sampled) -> np.ndarray:
+    """`ok`, false in blocks of which the file of a quantity is gone."""
+
+    def blocks(name):
+        folder = path / name / "c"
+        return {file.relative_to(folder).parts for file in folder.rglob("*") if file.is_file()}
+
+    ok, there = values[OK].values, blocks(OK)
+    for name in (*header["columns"], *sampled):
+        for index in there - blocks(name):
+            starts = zip(map(int, index), header["block"], strict=True)
+            ok[tuple(slice(i * size, (i + 1) * size) for i, size in starts)] = False
+    return ok
 
 
 def stored_header(path: Path) -> dict[str, Any] | None:
