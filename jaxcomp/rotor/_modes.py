@@ -92,7 +92,7 @@ def undamped_modes(
 def _undamped(model, count, spin_speed, free) -> Modes:
     system = bare(model)
     found = _found(system, count, spin_speed, free)
-    return found._replace(square=marked(system, found.square))
+    return Modes(marked(system, found.square), found.shape)
 
 
 def _found(system, count, spin_speed, free) -> Modes:
