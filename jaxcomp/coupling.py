@@ -294,8 +294,11 @@ def loaded_rotor(
     if not opened:
         return rotor
     if machine.compressor is None or case is None or case.crank is None:
-        bound = "given: films without a load take it from the crank, see `loads.crank`"
-        raise BadInput(f"links.{opened[0]}.law.load", "absent", bound)
+        bound = (
+            'given, such as load = ["80 N", "0 N"] along x and y; only a machine with a compressor and '
+            "`loads.crank` has it from the crank"
+        )
+        raise BadInput(f"rotor.links.{opened[0]}.law.load", "", bound)
     speeds = jnp.maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
     if speeds.size > _LOADED:
         speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)

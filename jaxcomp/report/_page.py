@@ -2,6 +2,7 @@
 
 import datetime
 import platform
+import re
 from collections.abc import Iterable, Mapping
 from html import escape
 from importlib import resources
@@ -59,11 +60,14 @@ def report(
     shown = tables_html(tables) or numbers_html(result)
     parts = [
         f"<header><h1>{escape(name)}</h1>{lead}{_made(made)}</header>",
-        _checks(checks(result)),
         _section("Results", shown),
         _section("Pictures", "".join(picture_html(*pair) for pair in pictures.items())),
+        _checks(checks(result)),
         "" if scene is None else _section("The machine and its sources", sources_html(scene)),
     ]
+    titles = re.findall(r"<h2 id=\"([^\"]*)\">(.*?)</h2>", "".join(parts))
+    links = "".join(f'<a href="#{place}">{title}</a>' for place, title in titles)
+    parts.insert(1, f"<nav>{links}</nav>")
     style = (resources.files("jaxcomp.report") / "style.css").read_text("utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -92,4 +96,8 @@ def _checks(found: tuple[Check, ...]) -> str:
 
 
 def _section(title: str, inside: str) -> str:
-    return f"<section><h2>{title}</h2>{inside}</section>\n" if inside else ""
+    place = re.sub(r"\W+", "-", title.lower())
+    inside = re.sub(
+        r"(<table\b.*?</table>)", r'<div class="wide">\1</div>', inside, flags=re.DOTALL
+    )
+    return f'<section><h2 id="{place}">{title}</h2>{inside}</section>\n' if inside else ""

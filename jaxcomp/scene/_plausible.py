@@ -12,6 +12,7 @@ import numpy as np
 from .._fields import Part, subparts
 from ..gas import PolytropicCycle
 from ..mechanism import SliderCrank
+from ..rotor import LoadedFilm
 from ._describe import Row, describe
 from ._read import join
 from ._scene import Scene
@@ -54,6 +55,12 @@ _SLIDER_CRANK: tuple[_Ratio, ...] = (
     ("crank radius over rod length", lambda m: m.crank_radius / m.conrod_length, 0.08, 0.5),
     ("conrod_centre over rod length", lambda m: m.conrod_centre / m.conrod_length, 0.05, 0.95),
     (
+        "crank_unbalance over that of piston and rod at the crank pin",
+        lambda m: m.crank_unbalance / ((m.piston_mass + m.conrod_mass) * m.crank_radius),
+        0.0,
+        3.0,
+    ),
+    (
         "rod's radius of gyration over its length",
         lambda m: np.sqrt(m.conrod_inertia / max(m.conrod_mass, 1e-300)) / m.conrod_length,
         0.1,
@@ -90,11 +97,13 @@ def doubts(scene: Scene) -> tuple[Doubt, ...]:
     machine = scene.machine
     roots = {} if machine.compressor is None else {"": machine.compressor}
     roots |= {f"bearings.{name}": one for name, one in machine.bearings.items()}
+    crank = getattr(machine.parts.get("loads"), "crank", None)
+    from_crank = crank is not None and machine.compressor is not None
     ratios = [
         doubt
         for root, tree in {**roots, **machine.parts}.items()
         for path, part in subparts(tree)
-        for doubt in _of_part(join(root, path).rstrip("."), part)
+        for doubt in _of_part(join(root, path).rstrip("."), part, from_crank)
     ]
     return tuple(rows + ratios)
 
@@ -110,7 +119,7 @@ def _of_value(row: Row) -> Iterator[Doubt]:
         yield Doubt(row.path, f"{given}", usual)
 
 
-def _of_part(path: str, part: Part) -> Iterator[Doubt]:
+def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[Doubt]:
     ratios: tuple[_Ratio, ...] = ()
     if isinstance(part, SliderCrank):
         ratios = _SLIDER_CRANK
@@ -118,6 +127,10 @@ def _of_part(path: str, part: Part) -> Iterator[Doubt]:
         ratios = _JOURNAL
     elif all(hasattr(part, name) for name in ("suction_pressure", "discharge_pressure")):
         ratios = _CYCLE + (_FLOW if isinstance(part, PolytropicCycle) else ())
+    if isinstance(part, LoadedFilm) and part.load is None and not from_crank:
+        yield Doubt(
+            join(path, "load"), "absent, without a crank to take it from", '["80 N", "0 N"]'
+        )
     for what, ratio, low, high in ratios:
         value = float(ratio(part))
         if value != 0 and not low <= abs(value) <= high:
