@@ -237,3 +237,40 @@ def test_completion_knows_commands_machines_files_and_paths(tmp_path):
 def test_completed_machines_come_with_their_description():
     found = dict(complete_machine("slider-link"))
     assert "8 cm3" in found["slider-link-8cc"]
+
+
+def test_a_film_that_nothing_loads_is_told(tmp_path):
+    text = start("rotor", "films")
+    mount = text.split("[rotor.links.law]")[1]
+    law = mount[: mount.index("[[")]
+    film = """
+type = "film"
+bearing = "front"
+
+"""
+    text = (
+        text.replace(law, film, 1)
+        + """
+[bearings.front]
+type = "film"
+diameter = "24 mm"
+length = "20 mm"
+radial_clearance = "15 um"
+dynamic_viscosity = "VG 32 at 60 degC"
+"""
+    )
+    file = tmp_path / "films.toml"
+    file.write_text(text)
+    unusual = read_json(invoke("check", str(file), "--json").stdout)["unusual"]
+    assert ["rotor.links.0.law.load" in row["path"] for row in unusual] == [True]
+    answer = invoke("modes", str(file))
+    assert answer.exit_code == 2
+    assert "rotor.links.0.law.load` must be given, such as load" in " ".join(answer.output.split())
+
+
+def test_an_unbalance_of_another_machine_is_unusual(tmp_path):
+    text = start("slider-crank", "small")
+    file = tmp_path / "small.toml"
+    file.write_text(text.replace('"0.25 kg"', '"25 g"').replace('"0.20 kg"', '"20 g"'))
+    unusual = read_json(invoke("check", str(file), "--json").stdout)["unusual"]
+    assert any("crank_unbalance" in row["what"] for row in unusual)

@@ -78,7 +78,12 @@ def test_page_is_well_formed_and_loads_nothing(scene):
     assert not {"script", "link", "iframe"} & set(found.tags)
     outside = [url for url in re.findall(r"(?:src|href)=\"([^\"]*)", page)]
     assert outside
-    assert all(url.startswith("data:image/") for url in outside)
+    assert all(url.startswith(("data:image/", "#")) for url in outside)
+    # contents lead to every section, results first, and wide tables scroll by themselves
+    places = [url[1:] for url in outside if url.startswith("#")]
+    assert places[:2] == ["results", "pictures"]
+    assert places == re.findall(r"<h2 id=\"([^\"]*)\"", page)
+    assert page.count('<div class="wide"><table') == page.count("<table")
     assert "url(" not in page
     assert "@import" not in page
 

@@ -81,9 +81,12 @@ def show_results(
         print_json(result)
         return
     from rich.console import Console
+    from rich.table import Table
+
+    from ._tables import fitted
 
     console = Console()
     for table in tables:
-        console.print(table)
+        console.print(fitted(table, console.width) if isinstance(table, Table) else table)
     if out is not None:
         console.print(f"{written} are in {out}", soft_wrap=True, markup=False)

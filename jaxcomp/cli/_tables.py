@@ -5,8 +5,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich import box
+from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from ..scene import Bundled, Row, Scene
 
@@ -162,3 +164,50 @@ def _table(title: str | None, *columns: str, numbers: bool = False) -> Table:
 
 def _words(name: str) -> str:
     return name.replace("_", " ").capitalize()
+
+
+def fitted(table: Table, width: int) -> Table | str:
+    """A table that no terminal of this width cuts: columns wrap between words and never in a number.
+
+    Where even that leaves no room, every row becomes lines of their own, one for each column.
+
+    Args:
+        table: made by `_table`.
+        width: of the terminal, in characters.
+    """
+    headers = [Text.from_markup(str(column.header)).plain for column in table.columns]
+    cells = [[Text.from_markup(str(c)).plain for c in column.cells] for column in table.columns]
+    wide, least = [], []
+    for column, header, texts in zip(table.columns, headers, cells, strict=True):
+        whole = column.justify == "right"
+        pieces = [w for t in texts for w in ([t] if whole else t.split())] + header.split()
+        least.append(max(map(cell_len, pieces), default=1))
+        wide.append(max(map(cell_len, [*texts, header]), default=1))
+    room = width - 2 - 2 * len(wide) - (len(wide) - 1)
+    if sum(wide) <= room:
+        return table
+    if sum(least) > room:
+        return _stacked(table, headers)
+    over = sum(wide) - room
+    while over > 0:  # the widest column that can give way does
+        place = max((i for i in range(len(wide)) if wide[i] > least[i]), key=lambda i: wide[i])
+        wide[place] -= 1
+        over -= 1
+    for column, size in zip(table.columns, wide, strict=True):
+        column.min_width = column.max_width = size
+        column.no_wrap = False
+    return table
+
+
+def _stacked(table: Table, headers: list[str]) -> str:
+    lines = [f"[bold]{table.title}[/bold]"] if table.title else []
+    for row in zip(*(column.cells for column in table.columns), strict=True):
+        if any(str(cell) for cell in row):
+            first, *others = map(str, row)
+            lines.append(f"[bold]{headers[0]}[/bold] {first}".strip() if headers[0] else first)
+            lines += [
+                f"  {escape(header)} {cell}".rstrip()
+                for header, cell in zip(headers[1:], others, strict=True)
+                if cell
+            ]
+    return "\n".join([*lines, *([str(table.caption)] if table.caption else []), ""])
