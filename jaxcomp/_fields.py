@@ -319,6 +319,8 @@ def printed(thing: Any) -> str:
 
 
 def _shown(value: Any) -> str:
+    if value is None:
+        return "absent"
     if isinstance(value, str):
         return value or "empty"
     value = np.asarray(value)

@@ -48,6 +48,7 @@ def rotor(stiffness=1e7, damping=0.0):
         (lambda: SpeedTable([1.0, 2.0], np.ones((2, 1, 2)), np.ones((2, 1, 2))), "stiffness"),
         (lambda: SpeedTable([1.0, 2.0], np.ones((2, 2, 2)), np.ones((2, 3, 3))), "damping"),
         (lambda: Disks((2,), 5.0, 6e-3, 13e-3), "Disks"),
+        (lambda: Mount([1e7], [1.0], angular_stiffness=[5.0]), "angular_damping"),
         (lambda: BalancingPlanes((), (), [300.0]), "planes"),
         (lambda: damped_modes(rotor(), jnp.nan, 3), "spin_speed"),
         (lambda: critical_speeds(rotor(), 100), "count"),
