@@ -22,6 +22,7 @@ from helpers import (
 from jaxcomp import BadInput, Compressor
 from jaxcomp.compressor import loads_at
 from jaxcomp.friction import CoulombJournal, CoulombSlide, PistonFilm, SliderCrankFriction
+from jaxcomp.friction._loads import relative
 from jaxcomp.mechanism import CrankState, SliderCrank, rod_motion
 from jaxcomp.motor import ConstantTorque
 
@@ -381,3 +382,13 @@ def test_everything_is_finite_at_dead_centres_and_at_zero_load(law):
             state = CrankState(angle, jnp.asarray(speed), jnp.asarray(0.0))
             for compressor, gas in ((massless, 0.0), (whole, 0.0), (whole, 1e4)):
                 assert every_leaf_finite(both(compressor, state, jnp.asarray(gas)))
+
+
+def test_rounding_is_no_residual_where_all_loads_vanish():
+    """At an instant without any load 1e-15 N is left of sums of terms of 1e3 N."""
+    left, size = jnp.array([1e-13, 1e-6, -2e-13]), jnp.array([0.0, 1.0, 1e3])
+    found = relative(left, size)
+    assert abs(float(found[0])) < 1e-9
+    np.testing.assert_allclose(
+        found[1], 1e-6, rtol=2e-3
+    )  # counted but for a millionth of the largest

@@ -67,12 +67,15 @@ def rotor_of(scene: Scene, *speeds: np.ndarray | None) -> "RotorModel":
     Raises:
         SceneError: it has none.
     """
+    from ..rotor import System
     from ..running import rotor_at
 
     if "rotor" not in scene.parts:
         raise SceneError("rotor", "is missing: this scene describes no rotor", file=scene.file)
     wanted = np.concatenate([s for s in speeds if s is not None] or [[]])
-    return rotor_at(scene, np.unique(wanted))
+    model = rotor_at(scene, np.unique(wanted))
+    assert not isinstance(model, System)  # a scene holds no prepared one
+    return model
 
 
 def _speed(text: str, option: str) -> float:

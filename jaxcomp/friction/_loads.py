@@ -107,6 +107,11 @@ def newton_step(unknown, excess, slope, limit):
     return jnp.clip(unknown - excess / jnp.maximum(slope, _LEAST_SLOPE), -limit, limit)
 
 
+def relative(left, size):
+    """[-] What a balance leaves over the loads in it; where all of these vanish, rounding is none."""
+    return left / (size + 1e-6 * jnp.max(size) + 1e-300)
+
+
 def closed(loop: AbstractJointLoop) -> Float[Array, "*n"]:
     """The unknown that closes a joint loop; derivatives of any order by the implicit function theorem."""
     return _root(loop) if loop.coupled else loop.start()

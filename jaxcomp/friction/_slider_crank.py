@@ -29,7 +29,7 @@ from ..mechanism import (
     rod_motion,
 )
 from ._laws import AbstractJournal, AbstractSlide, PistonFilm
-from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude
+from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude, relative
 from ._support import MainBearings
 
 
@@ -168,8 +168,8 @@ class SliderCrankLoop(AbstractJointLoop):
         forces, *moments = self._pins(side, wall)
         residual = margin = None
         if evidence:
-            size = jnp.abs(side) + jnp.abs(self.bodies.pin_x) + 1e-300
-            residual = self._left(forces, *moments) / size
+            size = jnp.abs(side) + jnp.abs(self.bodies.pin_x)
+            residual = relative(self._left(forces, *moments), size)
             far = self.limit()
             margin = jnp.ones_like(side)
             if self.coupled:

@@ -33,7 +33,14 @@ from ..mechanism import (
 )
 from ._drag import STANDARD_GRAVITY, AbstractDrag
 from ._laws import AbstractJournal, AbstractSlide, PistonFilm
-from ._loads import AbstractJointLoop, JointLoads, joint_loads, joint_loop, magnitude
+from ._loads import (
+    AbstractJointLoop,
+    JointLoads,
+    joint_loads,
+    joint_loop,
+    magnitude,
+    relative,
+)
 
 
 class SliderLinkFriction(Part):
@@ -238,7 +245,7 @@ class SliderLinkLoop(AbstractJointLoop):
         ])  # fmt: skip
         inertia = self.mechanism.piston_mass * self.pin_acceleration[0]
         size = pressed + jnp.abs(touch.slider) + jnp.abs(inertia) + jnp.abs(self.gas_force)
-        return jnp.max(jnp.abs(left), axis=0) / (size + 1e-300)
+        return relative(jnp.max(jnp.abs(left), axis=0), size)
 
 
 @joint_loop.register
