@@ -18,6 +18,7 @@ from ._balance import balance
 from ._bearing import bearing
 from ._check import check
 from ._command_line import RecordedGroup
+from ._explain import explain
 from ._list import list_machines
 from ._modes import modes
 from ._new import new
@@ -59,6 +60,7 @@ _MACHINES, _ANALYSE, _DESIGN = "Machines", "Analyse one machine", "Design and ba
 _add("new", new, _MACHINES)
 _add("check", check, _MACHINES)
 _add("list", list_machines, _MACHINES)
+_add("explain", explain, _MACHINES)
 _add("run", run, _ANALYSE)
 _add("simulate", simulate, _ANALYSE)
 _add("animate", animate, _ANALYSE)

@@ -7,6 +7,9 @@ from ._describe import Row as Row
 from ._describe import describe as describe
 from ._errors import SceneError as SceneError
 from ._errors import visible as visible
+from ._explain import Explained as Explained
+from ._explain import explained as explained
+from ._explain import part_places as part_places
 from ._plausible import Doubt as Doubt
 from ._plausible import doubts as doubts
 from ._scene import NAMED as NAMED

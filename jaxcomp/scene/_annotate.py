@@ -40,7 +40,7 @@ def starts() -> dict[str, str]:
     """The machines to start from: kind and what it is."""
     return {
         kind: tomllib.loads(file.read_text("utf-8"))["description"]
-        for kind, file in _start_files().items()
+        for kind, file in start_files().items()
     }
 
 
@@ -51,7 +51,7 @@ def start(kind: str, name: str) -> str:
         kind: key of `starts`.
         name: name of the new machine.
     """
-    document = tomllib.loads(_start_files()[kind].read_text("utf-8"))
+    document = tomllib.loads(start_files()[kind].read_text("utf-8"))
     return annotated({"name": name, **document})
 
 
@@ -90,7 +90,7 @@ def _section(table, classes, path: str, title: str, told: set[type]) -> list[str
     lines = [""]
     if comments:
         others = {kind: other for kind, other in choices(classes).items() if other is not part}
-        lines += _comment(_summary(part))
+        lines += _comment(summary(part))
         lines += _comment(f"Other types: {_listed(others)}") if others else []
     lines.append(title)
     lines += [f"{key} = {value_text(table[key])}" for key in ("type", "source") if key in table]
@@ -122,7 +122,7 @@ def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[st
             lines.append(f"{key_text(name)} = {value_text(table[name])}")
     for name, entry in known.items():
         if name not in table and comments and (isinstance(entry, Number) or not only_numbers):
-            text = f"#{key_text(name)} = {_default(part, name, entry)}"
+            text = f"#{key_text(name)} = {default_text(part, name, entry)}"
             lines += _beside(text, _meaning(entry, told[name]))
     return lines
 
@@ -159,19 +159,21 @@ def _nodes(hint: Any, first: int = 1) -> str:
     return f"[{', '.join(shown)}]" if all(shown) else ""
 
 
-def _default(part: type[Part], name: str, entry: Entry) -> str:
+def default_text(part: type[Part], name: str, entry: Entry) -> str:
+    """The default of an entry as it is typed, `...` where there is none."""
     value = next(f.default for f in dataclasses.fields(part) if f.name == name)
     if value is None:
         return "..."
     if isinstance(entry, Number):
-        value = _with_unit(np.asarray(value, float), entry.unit)
+        value = with_unit(np.asarray(value, float), entry.unit)
     return value_text(list(value) if isinstance(value, tuple) else value)
 
 
-def _with_unit(value: np.ndarray, unit: str) -> Any:
+def with_unit(value: np.ndarray, unit: str) -> Any:
+    """Numbers in SI units as texts with their unit, in lists where there are several."""
     if value.ndim == 0:
         return as_text(float(value), unit)
-    return [_with_unit(item, unit) for item in value]
+    return [with_unit(item, unit) for item in value]
 
 
 def _beside(text: str, comment: str) -> list[str]:
@@ -191,15 +193,15 @@ def _comment(*texts: str) -> list[str]:
 def _choices(classes: Iterable[type]) -> str:
     known = choices(tuple(classes))
     if len(known) == 1:
-        return _summary(*known.values())
+        return summary(*known.values())
     return _listed(known)
 
 
 def _listed(known: Mapping[str, type]) -> str:
-    return "; ".join(f"{kind}: {_summary(part)}" for kind, part in known.items())
+    return "; ".join(f"{kind}: {summary(part)}" for kind, part in known.items())
 
 
-def _summary(part: type) -> str:
+def summary(part: type) -> str:
     """The first line of a class's documentation, without formulas."""
     line = (inspect.getdoc(part) or "").partition("\n")[0]
     return re.sub(r",?\s*\$[^$]*\$", "", line).rstrip(".")
@@ -214,7 +216,8 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, str)
 
 
-def _start_files() -> dict[str, Any]:
+def start_files() -> dict[str, Any]:
+    """The files of the machines to start from, by kind."""
     folder = resources.files("jaxcomp.scene") / "starts"
     found = {f.name[:-5]: f for f in folder.iterdir() if f.name.endswith(".toml")}
     return dict(sorted(found.items(), key=lambda item: item[0] != "slider-crank"))
