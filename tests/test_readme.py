@@ -223,7 +223,7 @@ def test_environment_variables_do_what_the_page_says(word, kept):
     assert (precision == "False") is kept
     row = next(line for line in text_of("notebooks/conventions.md").splitlines() if "XLA's" in line)
     named = re.findall(r"`(--xla\w+=\w+)`", row)
-    assert len(named) == 2
+    assert len(named) == 3
     if kept or tuple(map(int, version("jaxlib").split(".")[:2])) >= (0, 10):
         assert flags == "None"
     else:
