@@ -161,7 +161,6 @@ def test_bar_is_shown_on_a_terminal_alone(tmp_path):
     assert process.returncode == 0
     assert b"designs" in shown
     assert b"40/40" in shown
-    assert b"100%" in shown
     assert run(*arguments[2:]).stderr == ""
 
 
