@@ -18,6 +18,7 @@ from ._balance import balance
 from ._bearing import bearing
 from ._check import check
 from ._command_line import RecordedGroup
+from ._compare import compare
 from ._explain import explain
 from ._list import list_machines
 from ._modes import modes
@@ -69,6 +70,7 @@ _add("modes", modes, _ANALYSE)
 _add("bearing", bearing, _ANALYSE)
 _add("accuracy", accuracy, _ANALYSE)
 _add("balance", balance, _DESIGN)
+_add("compare", compare, _DESIGN)
 _add("optimise", optimise, _DESIGN)
 _add("sweep", sweep, _DESIGN)
 _add("tolerance", tolerance, _DESIGN)

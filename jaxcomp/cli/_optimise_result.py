@@ -6,12 +6,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from rich.markup import escape
-from rich.table import Table
 
 from .._shown import shown
 from ..design import Front, Optimum, compared
 from ..design._design import CORRECTIONS
 from ..scene import Scene, with_machine
+from ._compare_result import beside_table
 from ._tables import _table, _words
 
 
@@ -149,7 +149,8 @@ def optimum_tables(result: dict[str, Any]) -> list:
     )
     tables = [table]
     if result.get("comparison"):
-        tables.append(_comparison(result["comparison"]))
+        rows = [{**one, "values": [one["present"], one["optimum"]]} for one in result["comparison"]]
+        tables.append(beside_table(rows, ["Present", "Optimum"]))
     if result["constraints"]:
         table = _table(None, "Constraint", "Value", "Bound", "", "Objective per unit of the bound")
         for one in result["constraints"]:
@@ -176,19 +177,6 @@ def optimum_tables(result: dict[str, Any]) -> list:
     table.add_row("Designs solved", count)
     table.add_row("Time", f"{result['seconds']:.1f} s")
     return [*tables, table]
-
-
-def _comparison(rows: list[dict[str, Any]]) -> Table:
-    table = _table(None, "Losses, forces, dimensions", "Present", "Optimum", "Change", numbers=True)
-    for one in rows:
-        before, after = one["present"], one["optimum"]
-        look = shown(one["name"], one["unit"], [x for x in (before, after) if x is not None])
-        cells = ["" if x is None else look.text(x) for x in (before, after)]
-        change = f"{100 * (after / before - 1):+.2f} %" if before and after is not None else ""
-        if look.unit == "%" and None not in (before, after):
-            change = f"{100 * (after - before):+.2f} points"
-        table.add_row(escape(look.words), *cells, change)
-    return table
 
 
 def front_tables(result: dict[str, Any]) -> list:

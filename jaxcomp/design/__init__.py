@@ -1,6 +1,8 @@
 """Design variables and the rules that keep a machine consistent while they change; studies."""
 
+from ._compared import Beside as Beside
 from ._compared import Compared as Compared
+from ._compared import beside as beside
 from ._compared import compared as compared
 from ._design import Variable as Variable
 from ._design import variable as variable

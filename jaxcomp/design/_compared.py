@@ -1,11 +1,12 @@
-"""Two designs beside each other: losses, forces and dimensions."""
+"""Designs beside each other: losses, forces and dimensions."""
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from .._fields import quantities, subparts
-from ..crank import solve_orbit
+from ..crank import Orbit, solve_orbit
 from ..machine import Machine, assembled
 from ._quantities import Chain
 
@@ -32,26 +33,63 @@ def compared(before: Machine, after: Machine, chain: Chain | None = None) -> lis
         before, after: machines with a compressor, of the same parts.
         chain: how a design is worked out.
     """
-    designs = (before, after)
-    laws = [assembled(one).compressor for one in designs]
     solver = None if chain is None else chain.solver
-    orbits = [solve_orbit(one, solver, throw=False) for one in laws]
-    rows = [
-        Compared(one.name, one.unit, float(one.values), float(other.values))
-        for one, other in zip(*(orbit.described() for orbit in orbits), strict=True)
-        if not one.dims and not one.name.endswith("residual")
+    machines = (before, after)
+    orbits = [solve_orbit(assembled(one).compressor, solver, throw=False) for one in machines]
+    rows = beside(machines, orbits)
+    return [Compared(one.name, one.unit, *one.values) for one in rows if None not in one.values]  # pyright: ignore[reportArgumentType]
+
+
+class Beside(NamedTuple):
+    """A quantity or dimension of several designs.
+
+    Attributes:
+        name: of the quantity, or the path of the dimension.
+        unit: SI unit.
+        values: [SI] of each design, `None` where one has no such thing.
+    """
+
+    name: str
+    unit: str
+    values: tuple[float | None, ...]
+
+
+def beside(machines: Sequence[Machine], orbits: Sequence[Orbit]) -> list[Beside]:
+    """What the cranks of some designs give, then the numbers of the compressor in which they differ.
+
+    Args:
+        machines: with a compressor each, of any parts.
+        orbits: their periodic states.
+    """
+    given = [dict(_figures(orbit)) for orbit in orbits]
+    figures = [row for row in _joined(given) if not row.name.endswith("residual")]
+    dimensions = _joined([dict(_dimensions(one)) for one in machines])
+    return figures + [row for row in dimensions if len(set(row.values)) > 1]
+
+
+def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[Beside]:
+    """One row for each name, in the order in which they come first, all `loss_power` together."""
+    names = {name: unit for table in tables for name, (unit, _) in table.items()}
+    families = list(dict.fromkeys(name.partition(".")[0] for name in names))
+    names = dict(sorted(names.items(), key=lambda one: families.index(one[0].partition(".")[0])))
+    return [
+        Beside(name, unit, tuple(t[name][1] if name in t else None for t in tables))
+        for name, unit in names.items()
     ]
-    return rows + _dimensions(before, after)
 
 
-def _dimensions(before: Machine, after: Machine) -> list[Compared]:
-    rows = []
-    pairs = zip(subparts(before.compressor), subparts(after.compressor), strict=True)
-    for (path, old), (_, new) in pairs:
-        for name, field in quantities(old):
-            values = getattr(old, name), getattr(new, name)
-            if values[0] is None or np.ndim(values[0]) or values[0] == values[1]:
-                continue
-            place = f"{path}.{name}" if path else name
-            rows.append(Compared(place, field.metadata["unit"], *map(float, values)))
-    return rows
+def _figures(orbit: Orbit) -> Iterator[tuple[str, tuple[str, float]]]:
+    for one in orbit.described():
+        if not one.dims:
+            yield one.name, (one.unit, float(one.values))
+    for joint, force in orbit.mean_forces.items():
+        yield f"mean_force.{joint}", ("N", float(force))
+
+
+def _dimensions(machine: Machine) -> Iterator[tuple[str, tuple[str, float]]]:
+    for path, part in subparts(machine.compressor):
+        for name, field in quantities(part):
+            value = getattr(part, name)
+            if value is not None and not np.ndim(value):
+                place = f"{path}.{name}" if path else name
+                yield place, (field.metadata["unit"], float(value))

@@ -10,6 +10,7 @@ from ._animate_rotor import balance_motion as balance_motion
 from ._balance import balance_bars as balance_bars
 from ._balance import balance_figures as balance_figures
 from ._balance import balance_polar as balance_polar
+from ._compared import compared_losses as compared_losses
 from ._film import film_coefficients as film_coefficients
 from ._film import film_figures as film_figures
 from ._film import film_pressure as film_pressure

@@ -1,0 +1,97 @@
+"""`jaxcomp compare`: machines, or variants of one, beside each other."""
+
+from typing import Annotated, Any
+
+import typer
+
+from ._completion import complete_machine, complete_variable
+from ._errors import CommandError, reports_errors
+from ._options import AsJson, OutWithoutScene, Sets
+
+
+@reports_errors
+def compare(
+    machines: Annotated[
+        list[str],
+        typer.Argument(
+            help="Bundled machines (see `jaxcomp list`) or scene files; one alone with --with.",
+            autocompletion=complete_machine,
+        ),
+    ],
+    variants: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            metavar="NAME=VALUE",
+            help="A variant of the machine: a value as for --set, or a design rule such as bore=120mm "
+            "(at fixed displacement). Repeatable: each is a design of its own.",
+            autocompletion=complete_variable,
+        ),
+    ] = None,
+    sets: Sets = None,
+    as_json: AsJson = False,
+    out: OutWithoutScene = None,
+) -> None:
+    """Show efficiency, power, losses, forces and dimensions of designs beside each other.
+
+    Changes are those against the first design. `--set` holds for all of them.
+
+    Example: [bold]jaxcomp compare mayekawa-wbhe --with bore=120mm --with bore=140mm[/bold]
+    """
+    if len(machines) + len(variants or ()) < 2:
+        raise CommandError("compare: needs a second machine, or a variant by --with NAME=VALUE")
+    if variants and len(machines) > 1:
+        raise CommandError("--with: is for one machine alone")
+    from .._status import SolveFailed
+    from .._waits import spinner
+    from ..crank import solve_orbit
+    from ..design import beside
+    from ..plot import compared_losses
+    from ._compare_result import beside_table
+    from ._output import show_results, write_results
+    from ._start import start_jax
+
+    start_jax(once=True)
+    scenes = _scenes(machines, variants or (), sets or ())
+    orbits = []
+    with spinner("Solving the periodic states (the first time they are compiled as well) ..."):
+        for label, scene in scenes.items():
+            try:
+                orbits.append(solve_orbit(scene.as_compressor()))
+            except SolveFailed as error:
+                raise CommandError(f"{label}: {error}") from None
+    rows = [one._asdict() for one in beside([one.machine for one in scenes.values()], orbits)]
+    result: dict[str, Any] = {
+        "machines": [
+            {"label": label, "machine": scene.name, "file": scene.file}
+            for label, scene in scenes.items()
+        ],
+        "set": list(sets or ()),
+        "figures": rows,
+    }
+    tables = [beside_table(rows, list(scenes))]
+    if out is not None:
+        write_results(out, {"losses": compared_losses(rows, list(scenes))}, result, None, tables)
+    show_results(result, tables, as_json, out, "Report, picture and result")
+
+
+def _scenes(machines, variants, sets) -> dict[str, Any]:
+    """The designs by what tells them apart."""
+    from ..design import design_rules
+    from ._arguments import assignments, changed_scene
+
+    found = {}
+    for place, machine in enumerate(machines, 1):
+        scene = changed_scene(machine, sets, ())
+        label = f"{scene.name} ({place})" if scene.name in found else scene.name
+        found[label] = scene
+    for text in variants:
+        (name,) = assignments([text], "--with")
+        if text in found:
+            raise CommandError(f"--with {text}: is given twice")
+        if name in design_rules:
+            found[text] = changed_scene(machines[0], sets, [text])
+        else:
+            kept = [one for one in sets if one.partition("=")[0].strip() != name]
+            found[text] = changed_scene(machines[0], [*kept, text], ())
+    return found

@@ -1,0 +1,108 @@
+"""`jaxcomp compare`: figures of designs beside each other."""
+
+import pytest
+from helpers import read_json
+from typer.testing import CliRunner
+
+from jaxcomp import solve_orbit
+from jaxcomp.cli import app
+from jaxcomp.cli._compare_result import beside_table
+from jaxcomp.plot import compared_losses
+from jaxcomp.scene import load, with_value
+
+
+def compare(*arguments):
+    return CliRunner().invoke(app, ["compare", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    out = tmp_path_factory.mktemp("compared") / "out"
+    arguments = ("mayekawa-wbhe", "--with", "motor.mean_speed=800rpm", "--json", "--out", out)
+    done = compare(*arguments)
+    assert done.exit_code == 0, done.output
+    return read_json(done.stdout), out
+
+
+def test_figures_are_those_of_the_machines_alone(found):
+    result, _ = found
+    rows = {row["name"]: row["values"] for row in result["figures"]}
+    scene = load("mayekawa-wbhe")
+    speeds = (None, "800 rpm")
+    for place, speed in enumerate(speeds):
+        one = scene if speed is None else with_value(scene, "motor.mean_speed", speed)
+        orbit = solve_orbit(one.compressor)
+        # compiled with and without optimisation: the same iteration ends within its tolerance
+        close = {"rel": 1e-6}
+        losses = orbit.energy.losses
+        assert rows["mechanical_efficiency"][place] == pytest.approx(
+            float(orbit.mechanical_efficiency), **close
+        )
+        for joint, loss in losses.items():
+            assert rows[f"loss_power.{joint}"][place] == pytest.approx(
+                float(loss / orbit.period), **close
+            )
+        for joint, peak in orbit.peak_forces.items():
+            assert rows[f"peak_force.{joint}"][place] == pytest.approx(float(peak), **close)
+        for joint, mean in orbit.mean_forces.items():
+            assert rows[f"mean_force.{joint}"][place] == pytest.approx(float(mean), **close)
+        assert rows["shaft_power"][place] == pytest.approx(float(orbit.motor_power), **close)
+    assert "speed_fluctuation" in rows
+
+
+def test_only_the_dimensions_that_differ_are_shown(found):
+    result, _ = found
+    dotted = {row["name"] for row in result["figures"] if row["name"].startswith("motor.")}
+    assert dotted == {"motor.mean_speed"}
+    assert not [row for row in result["figures"] if row["name"].startswith("mechanism.")]
+    assert [one["label"] for one in result["machines"]] == [
+        "mayekawa-wbhe",
+        "motor.mean_speed=800rpm",
+    ]
+
+
+def test_the_folder_has_one_picture_and_the_result(found):
+    _, out = found
+    assert {file.name for file in out.iterdir()} == {"losses.png", "result.json", "report.html"}
+
+
+ROWS = [
+    {"name": "mechanical_efficiency", "unit": "", "values": (0.9, 0.92, None)},
+    {"name": "loss_power.wall", "unit": "W", "values": (200.0, 150.0, None)},
+    {"name": "loss_power.link_slider", "unit": "W", "values": (None, None, 50.0)},
+]
+
+
+def test_changes_are_those_against_the_first_and_absent_ones_stay_empty():
+    table = beside_table(ROWS, ["a", "b", "c"])
+    cells = [list(column.cells) for column in table.columns]
+    assert cells[1:4] == [
+        ["90 %", "200 W", ""],
+        ["92 %", "150 W", ""],
+        ["+2.00 points", "-25.00 %", ""],
+    ]
+    assert cells[4:] == [["", "", "50 W"], ["", "", ""]]
+
+
+def test_the_picture_has_a_bar_for_each_joint_and_design():
+    (axes,) = compared_losses(ROWS, ["a", "b", "c"]).axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["Wall", "Link slider"]
+    widths = [bar.get_width() for bar in axes.patches]  # pyright: ignore[reportAttributeAccessIssue]
+    assert widths == [200, 0, 150, 0, 0, 50]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["mayekawa-wbhe"], "needs a second machine"),
+        (["mayekawa-wbhe", "r134a-7cc", "--with", "bore=120mm"], "for one machine alone"),
+        (["mayekawa-wbhe", "mayekawa-wbeh"], 'did you mean "mayekawa-wbhe"?'),
+        (["mayekawa-wbhe", "--with", "bore=120mm", "--with", "bore=120mm"], "is given twice"),
+        (["mayekawa-wbhe", "--with", "motor.mean_sped=1rpm"], "mean_sped"),
+    ],
+)
+def test_refusals_name_what_is_wrong(arguments, words):
+    done = compare(*arguments)
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert done.stdout == ""
