@@ -82,7 +82,11 @@ def respond(
         return rotor.respond(machine, loads, spin_speeds, orders or loaded_orders(loads), **options)
     made = _with_rotor(machine)
     assert made.rotor is not None
-    speeds = jnp.asarray(_own_speeds(made) if spin_speeds is None else spin_speeds, float)
+    if spin_speeds is None:
+        spin_speeds = own_speeds(made.balancing, made.compressor)
+        if spin_speeds is None:
+            raise BadInput("spin_speeds", "absent", "given: the machine names no speed of its own")
+    speeds = jnp.asarray(spin_speeds, float)
     own = made.given_loads
     if excitation not in ("crank", "file", None):
         raise BadInput("excitation", excitation, "'crank' or 'file'")
@@ -146,10 +150,11 @@ def _with_rotor(machine: Any) -> Assembly:
     return made
 
 
-def _own_speeds(made: Assembly):
-    if made.balancing is not None:
-        return made.balancing.speeds
-    mean = getattr(getattr(made.compressor, "motor", None), "mean_speed", None)
-    if mean is None:
-        raise BadInput("spin_speeds", "absent", "given: the machine names no speed of its own")
-    return [mean]
+def own_speeds(balancing: Any, compressor: Any):
+    """[rad/s] (m,) Speeds that a machine runs at: of its balancing planes or its motor; `None` if neither
+    names one.
+    """
+    if balancing is not None:
+        return balancing.speeds
+    mean = getattr(getattr(compressor, "motor", None), "mean_speed", None)
+    return None if mean is None else jnp.reshape(mean, (1,))

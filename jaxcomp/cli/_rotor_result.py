@@ -10,7 +10,6 @@ import numpy as np
 
 from ..rotor import (
     DampedModes,
-    PeriodicForce,
     Response,
     RotorModel,
     SingularResponse,
@@ -26,6 +25,7 @@ from ..rotor import (
 from ..rotor import respond as solve
 from ..rotor import transmitted_forces as transmitted
 from ..rotor._conventions import AXES
+from ..running import loaded_orders
 from ..scene import Scene, did_you_mean
 from ._errors import CommandError
 
@@ -50,9 +50,8 @@ def whole_orders(text: str | None, loads: Sequence) -> tuple[int, ...]:
     Raises:
         CommandError: no whole numbers above zero.
     """
-    loaded = {1} | {n for f in loads if isinstance(f, PeriodicForce) for n in f.orders if n > 0}
     if text is None:
-        return tuple(sorted(loaded))
+        return loaded_orders(tuple(loads))
     words = [word.strip() for word in text.split(",")]
     if not all(word.isdigit() and int(word) > 0 for word in words):
         raise CommandError(f'--orders {text}: must be whole numbers above zero, such as "1,2"')

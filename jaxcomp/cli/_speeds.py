@@ -25,12 +25,11 @@ def single_speeds(texts: Sequence[str], scene: Scene) -> np.ndarray:
     """
     if texts:
         return np.array([_speed(text, f"--speed {text}") for text in texts])
-    planes = scene.parts.get("balancing")
-    if planes is not None:
-        return np.asarray(planes.speeds)  # pyright: ignore[reportAttributeAccessIssue]
-    mean = getattr(getattr(scene.compressor, "motor", None), "mean_speed", None)
-    if mean is not None:
-        return np.array([float(mean)])
+    from ..running import own_speeds
+
+    own = own_speeds(scene.parts.get("balancing"), scene.compressor)
+    if own is not None:
+        return np.asarray(own)
     raise CommandError("--speed: is missing, and the scene names no speed of its own")
 
 
