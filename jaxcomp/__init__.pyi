@@ -35,6 +35,7 @@ from .design import design_rules as design_rules
 from .design import optimise as optimise
 from .design import pareto as pareto
 from .design import problem as problem
+from .design import sensitivity as sensitivity
 from .design import with_bore as with_bore
 from .film import GradedOil as GradedOil
 from .film import JournalBearing as JournalBearing

@@ -58,6 +58,8 @@ def shown(name: str, unit: str, values) -> Shown:
         unit: SI unit of the values.
         values: [SI], of any shape; those that are not finite do not count.
     """
+    # what the motor draws is not modelled
+    name = "shaft_power" if name == "motor_power" else name
     words = name.replace(".", " ").replace("_", " ").replace("-", " ")
     words = words[:1].upper() + words[1:]
     if not unit:

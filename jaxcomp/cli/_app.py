@@ -26,6 +26,7 @@ from ._new import new
 from ._optimise import optimise
 from ._respond import respond
 from ._run import run
+from ._sensitivity import sensitivity
 from ._simulate import simulate
 from ._sweep import sweep
 from ._tolerance import tolerance
@@ -72,6 +73,7 @@ _add("accuracy", accuracy, _ANALYSE)
 _add("balance", balance, _DESIGN)
 _add("compare", compare, _DESIGN)
 _add("optimise", optimise, _DESIGN)
+_add("sensitivity", sensitivity, _DESIGN)
 _add("sweep", sweep, _DESIGN)
 _add("tolerance", tolerance, _DESIGN)
 _add("update", update, _DESIGN)

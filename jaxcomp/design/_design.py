@@ -1,10 +1,12 @@
 r"""The numbers of a machine that a study changes, by name."""
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._fields import ANY, NONNEGATIVE, BadInput, Bound, Part, quantities
@@ -209,22 +211,84 @@ def _declared(design: Machine, name: str) -> tuple[str, Bound]:
     steps = _steps(name)
     try:
         value = _walk(design, steps)
-        holder = steps[:-1]
         if steps[0] == CORRECTIONS:
             if jnp.ndim(value) > 0:
                 raise LookupError(name)
             return "kg m", ANY
         if not eqx.is_array(value):
             raise LookupError(name)
-        owner = _walk(design, holder) if holder else design.compressor
-        while eqx.is_array(owner):
-            holder = holder[:-1]
-            owner = _walk(design, holder)
+        field = _field(design, steps)
     except LookupError:
         meant = hint(name, variable_names(design))
         bound = f"a design rule or the dotted path of a number{meant}"
         raise BadInput(name, name, bound) from None
-    field = dict(quantities(owner))[steps[len(holder)]]
     if jnp.ndim(value) > 0:
         return "", ANY
     return field.metadata["unit"], field.metadata["bound"]
+
+
+def _field(design: Machine, steps: list[str]) -> dataclasses.Field:
+    """The declaration of the number, or of the list that it is an entry of."""
+    holder = steps[:-1]
+    owner = _walk(design, holder) if holder else design.compressor
+    while eqx.is_array(owner):
+        holder = holder[:-1]
+        owner = _walk(design, holder)
+    return dict(quantities(owner))[steps[len(holder)]]
+
+
+class GivenNumber(NamedTuple):
+    """One number of a machine file, with what it is in the machine.
+
+    Attributes:
+        name: as in `Variable`.
+        unit: SI unit; "" for a common factor.
+        value: [SI] in the design.
+        weight: what a change of it by one changes in the entries of the array that holds it.
+        place: of that array, for `at`.
+        factor: whether it is a common factor on the entries of a list.
+    """
+
+    name: str
+    unit: str
+    value: float
+    weight: np.ndarray
+    place: tuple[str, ...]
+    factor: bool = False
+
+    def at(self, design: Machine) -> Array:
+        """The array in a design, or in a tree of derivatives of the same build."""
+        return _walk(design, list(self.place))
+
+
+# A longer list of numbers, such as an indicator diagram, counts as one number: a factor on all.
+_LIST = 24
+
+
+def given_numbers(design: Machine) -> Iterator[GivenNumber]:
+    """Every number of a design by itself, without design rules and polar coordinates.
+
+    A column of a table in which all rows have one value is one number, a long list a factor.
+    """
+    for plane, value in design.corrections.items():
+        for axis, weight in zip("xy", np.eye(2), strict=True):
+            number = float(weight @ value)
+            place = (CORRECTIONS, plane)
+            yield GivenNumber(f"{CORRECTIONS}.{plane}.{axis}", "kg m", number, weight, place)
+    for name in variable_names(design):
+        if name in design_rules or name.startswith(f"{CORRECTIONS}."):
+            continue
+        place = tuple(_steps(name))
+        values = np.asarray(_walk(design, list(place)))
+        field = _field(design, list(place))
+        unit, ones = field.metadata["unit"], np.ones(values.shape)
+        if values.size and field.metadata["spread"] and np.all(values == values.flat[0]):
+            yield GivenNumber(name, unit, float(values.flat[0]), ones, place)
+        elif values.ndim == 0:
+            yield GivenNumber(name, unit, float(values), ones, place)
+        elif values.ndim == 1 and len(values) <= _LIST:
+            for number, weight in enumerate(np.eye(len(values))):
+                value = float(values[number])
+                yield GivenNumber(f"{name}.{number}", unit, value, weight, place)
+        else:
+            yield GivenNumber(name, "", 1.0, values, place, True)

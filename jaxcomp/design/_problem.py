@@ -22,6 +22,11 @@ def name_of(asked: Asked) -> str:
     return asked if isinstance(asked, str) else asked.__name__
 
 
+def unit_of(asked: Asked) -> str:
+    """SI unit of a quantity; empty for a function."""
+    return quantity(asked).unit if isinstance(asked, str) else ""
+
+
 def value_of(asked: Asked, found: Found) -> Float[Array, ""]:
     """[SI] A quantity of what is found."""
     return (quantity(asked).value if isinstance(asked, str) else asked)(found)
@@ -66,7 +71,7 @@ class Problem(eqx.Module):
     @property
     def units(self) -> tuple[str, ...]:
         """SI units of the quantities; empty for functions."""
-        return tuple(quantity(q).unit if isinstance(q, str) else "" for q in self.quantities)
+        return tuple(unit_of(q) for q in self.quantities)
 
     @property
     def current(self) -> Float[Array, " variables"]:

@@ -34,6 +34,8 @@ from ._rotor import mode_shapes as mode_shapes
 from ._rotor import response_curves as response_curves
 from ._rotor import response_orbits as response_orbits
 from ._rotor import rotor_drawing as rotor_drawing
+from ._sensitivity import sensitivity_bars as sensitivity_bars
+from ._sensitivity import sensitivity_figures as sensitivity_figures
 from ._shaking import free_body_errors as free_body_errors
 from ._shaking import shaking_force as shaking_force
 from ._shaking import vibration_orbits as vibration_orbits

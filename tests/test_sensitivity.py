@@ -1,0 +1,109 @@
+"""Sensitivities: every number of a machine, with the derivatives that single variables have."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import read_json
+from typer.testing import CliRunner
+
+from jaxcomp import BadInput, load, problem, sensitivity
+from jaxcomp.cli import app
+from jaxcomp.plot import sensitivity_bars
+
+
+def logarithms(found):
+    """A number to which every entry of a design contributes, whatever its size and sign."""
+    leaves = [x for x in jax.tree.leaves(found.design) if jnp.issubdtype(x.dtype, jnp.floating)]
+    return sum(jnp.sum(jnp.log1p(x**2) + x / (1 + x**2)) for x in leaves)
+
+
+def test_derivatives_are_those_of_the_single_variables():
+    scene = load("hermetic-68cc")
+    found = sensitivity(scene, [logarithms])
+    assert found.ok
+    assert len(set(found.numbers)) == len(found.numbers) > 150
+    assert np.count_nonzero(found.derivative) > 0.9 * len(found.numbers)
+    some = slice(None, None, 12)  # each of them takes its time to trace
+    names = list(found.numbers[some])
+    assert {"corrections.rotor-top.x", "loads.unbalances.0.magnitude.0"} <= set(found.numbers)
+    made = problem(scene, names, [logarithms])
+    expected = jax.jit(jax.grad(lambda x: made(x).values[0]))(made.current)
+    # a column that stands for all rows is a common factor among the variables
+    factor = np.asarray(made.current) != found.present[some]
+    assert factor.any()
+    given = found.derivative[0, some] * np.where(factor, found.present[some], 1.0)
+    # sums of products of the same numbers, in another order
+    np.testing.assert_allclose(given, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return sensitivity(load("mayekawa-wbhe"), ["swept_volume"])
+
+
+def test_elasticities_of_the_swept_volume_are_its_exponents(swept):
+    ranked = swept.ranking("swept_volume")
+    assert [(one.number, round(one.elasticity, 9)) for one in ranked] == [
+        ("mechanism.bore", 2.0),
+        ("mechanism.crank_radius", 1.0),
+    ]
+    assert ranked[0].part == "bore"
+    assert (ranked[0].value, ranked[0].change) == ("130 mm", "+2 % per %")
+    for text in ("Swept volume", "bore 130 mm", "+2 % per %"):
+        assert text in repr(swept)
+
+
+def test_a_number_that_is_zero_is_changed_by_one_unit(swept):
+    place = swept.numbers.index("mechanism.offset")
+    assert np.isnan(swept.elasticity[0, place])
+
+    def offset(found):
+        return 3.0 * found.design.compressor.mechanism.offset + 1.0
+
+    (one,) = sensitivity(load("mayekawa-wbhe"), [offset]).ranking("offset")
+    assert not one.relative
+    assert (one.value, one.change) == ("0 mm", "+0.003 per mm")
+
+
+def test_the_table_has_every_number_with_its_unit(swept):
+    table = swept.to_pandas().set_index("number")
+    assert table.loc["mechanism.bore", "unit"] == "m"
+    assert table.loc["mechanism.bore", "present"] == 0.13
+    assert table.loc["mechanism.bore", "elasticity.swept_volume"] == pytest.approx(2.0)
+    assert swept.to_xarray().sizes["number"] == len(swept.numbers) == len(table)
+
+
+def test_an_unknown_quantity_is_answered(swept):
+    with pytest.raises(BadInput, match="swept_volume"):
+        sensitivity(load("mayekawa-wbhe"), ["swept_volum"])
+    with pytest.raises(BadInput, match="one of swept_volume"):
+        swept.ranking("motor_power")
+
+
+def test_bars_name_parts_values_and_directions(swept):
+    ax = swept.plot.sensitivity_bars(title="WBHE").axes[0]
+    assert [text.get_text() for text in ax.get_yticklabels()] == [
+        "bore, 130 mm",
+        "crank radius, 49.988 mm",
+    ]
+    assert [bar.get_width() for bar in ax.patches] == pytest.approx([2.0, 1.0])
+    assert "1 %" in ax.get_xlabel()
+    with pytest.raises(BadInput, match="one of swept_volume"):
+        sensitivity_bars(swept, "motor_power")
+
+
+def test_the_command_writes_what_it_prints(tmp_path):
+    asked = ["sensitivity", "mayekawa-wbhe", "--quantity", "swept_volume"]
+    done = CliRunner().invoke(app, [*asked, "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    for text in ("1327", "bore", "+2 % per %", "22 other numbers"):
+        assert text in done.output
+    result = read_json((tmp_path / "result.json").read_text())
+    first = result["quantities"][0]["numbers"][0]
+    assert (first["name"], first["elasticity"]) == ("mechanism.bore", pytest.approx(2.0))
+    names = {"report.html", "sensitivity-swept_volume.png", "sensitivity.csv", "scene.toml"}
+    assert names <= {path.name for path in tmp_path.iterdir()}
+    done = CliRunner().invoke(app, ["sensitivity", "mayekawa-wbhe", "--quantity", "powr"])
+    assert done.exit_code == 2
+    assert "quantity" in done.output
