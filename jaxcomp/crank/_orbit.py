@@ -12,6 +12,7 @@ from .._status import Status
 from ..cylinder import Cycle
 from ..friction import JointLoads
 from ..mechanism import CrankState
+from ._panels import gauss, highest
 
 
 class Energy(eqx.Module):
@@ -98,6 +99,7 @@ class Orbit(Result, eqx.Module):
             speed: an upper estimate of the relative error of the fluctuation.
         iterations: passes or Newton steps of the final solve.
         solver: name of the solver.
+        panel_nodes: how many nodes in a row are on one panel.
         cycle: of the gas, where it is solved with the crank's motion; else `None`.
         verification: by an independent march, where `solve_orbit` was asked for it; else `None`.
     """
@@ -121,6 +123,7 @@ class Orbit(Result, eqx.Module):
     resolution: Float[Array, ""]
     iterations: Int[Array, ""]
     solver: str = eqx.field(static=True)
+    panel_nodes: int = eqx.field(static=True)
     cycle: Cycle | None = None
     verification: Verification | None = None
 
@@ -204,6 +207,19 @@ class Orbit(Result, eqx.Module):
             name: jnp.sum(self.weight * _magnitude(f)) / total
             for name, f in self.loads.forces.items()
         }
+
+    def largest(self, values: Float[Array, " n"]) -> Float[Array, ""]:
+        """Largest value over the revolution of a quantity that is known at the nodes.
+
+        That of the panel polynomials, as for `peak_forces`: the nodes themselves miss what is largest
+        at a kink. Nodes of no weight do not count.
+
+        Args:
+            values: at the nodes, (n,), in any unit.
+        """
+        shape = (-1, self.panel_nodes)
+        width = jnp.sum(self.weight.reshape(shape), axis=1)
+        return highest(gauss(self.panel_nodes), width, values.reshape(shape))
 
 
 def _magnitude(force):

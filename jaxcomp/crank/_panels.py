@@ -126,3 +126,35 @@ def panels(edges: Float[Array, " k"], nodes: int) -> Panels:
     rule = gauss(nodes)
     width = jnp.diff(edges)[:, None]
     return Panels(edges, edges[:-1, None] + width * rule.nodes, width * rule.weights, rule)
+
+
+# [rad] Panels below hold no part of the revolution: edges that no load reversal needs lie on others.
+_NO_WIDTH = 1e-9
+
+
+def highest(rule: Rule, width: Float[Array, " p"], values: Float[Array, "p s"]) -> Float[Array, ""]:
+    """Largest value of the panel polynomials. Panels of no width do not count.
+
+    Its place needs no derivative: the slope vanishes there.
+
+    Args:
+        rule: of the nodes in each panel.
+        width: [rad] of the panels, (p,).
+        values: at the nodes, (p, s).
+    """
+    fixed = lax.stop_gradient(values)
+    x = np.linspace(0.0, 1.0, 2 * rule.nodes.size + 1)
+    samples = fixed @ rule.through(x).T
+    samples = jnp.where(lax.stop_gradient(width)[:, None] > _NO_WIDTH, samples, -jnp.inf)
+    panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
+    start = jnp.asarray(x)[column]
+    derivative = rule.derivative
+    slope = derivative @ fixed[panel]
+    slope_and_bend = jnp.stack([slope, derivative @ slope])
+
+    def newton(_, place):
+        slope, bend = slope_and_bend @ rule.weights_at(place)
+        return jnp.clip(place - slope / jnp.minimum(bend, -1e-300), start - x[1], start + x[1])
+
+    place = lax.fori_loop(0, 4, newton, start)
+    return rule.weights_at(jnp.clip(place, 0.0, 1.0)) @ values[panel]

@@ -4,7 +4,6 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -12,7 +11,7 @@ from .._implicit import FixedPointReport
 from ..compressor import Instants
 from ..friction import magnitude
 from ._orbit import Energy, Orbit
-from ._panels import Panels, Rule
+from ._panels import Panels, highest
 
 
 def orbit_on_panels(
@@ -42,10 +41,11 @@ def orbit_on_panels(
         solver: its name.
     """
     elapsed, at_edges = grid.cumulative(1 / state.speed)
-    highest = jax.vmap(partial(_highest, grid.rule))(jnp.stack([-state.speed, state.speed]))
+    find = jax.vmap(partial(highest, grid.rule, grid.width))
+    extremes = find(jnp.stack([-state.speed, state.speed]))
 
     sizes = {name: magnitude(*force) for name, force in loads.forces.items()}
-    peaks = jax.vmap(partial(_highest, grid.rule))(jnp.stack(list(sizes.values())))
+    peaks = find(jnp.stack(list(sizes.values())))
     terms = jnp.abs(lax.stop_gradient(jnp.stack(list(sizes.values()))) @ grid.rule.to_legendre.T)
     error = jnp.max(terms[..., -2] + terms[..., -1], axis=-1)
 
@@ -65,13 +65,14 @@ def orbit_on_panels(
         peak_forces=dict(zip(sizes, peaks, strict=True)),
         peak_error=dict(zip(sizes, error, strict=True)),
         mean_speed=2 * jnp.pi / at_edges[-1],
-        lowest_speed=-highest[0],
-        highest_speed=highest[1],
+        lowest_speed=-extremes[0],
+        highest_speed=extremes[1],
         status=status,
         residual=report.change,
         resolution=_resolution(grid, lax.stop_gradient(state.speed)),
         iterations=report.steps,
         solver=solver,
+        panel_nodes=grid.rule.nodes.size,
     )
 
 
@@ -80,25 +81,3 @@ def _resolution(grid: Panels, speed: Float[Array, "p s"]) -> Float[Array, ""]:
     swing = jnp.max(speed) - jnp.min(speed)
     # a swing below a millionth of the speed is of no interest, and ends in rounding
     return jnp.max(terms[:, -2] + terms[:, -1]) / (swing + 1e-6 * jnp.max(speed))
-
-
-def _highest(rule: Rule, values: Float[Array, "p s"]) -> Float[Array, ""]:
-    """Largest value of the panel polynomials.
-
-    Its place needs no derivative: the slope vanishes there.
-    """
-    fixed = lax.stop_gradient(values)
-    x = np.linspace(0.0, 1.0, 2 * rule.nodes.size + 1)
-    samples = fixed @ rule.through(x).T
-    panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
-    start = jnp.asarray(x)[column]
-    derivative = rule.derivative
-    slope = derivative @ fixed[panel]
-    slope_and_bend = jnp.stack([slope, derivative @ slope])
-
-    def newton(_, place):
-        slope, bend = slope_and_bend @ rule.weights_at(place)
-        return jnp.clip(place - slope / jnp.minimum(bend, -1e-300), start - x[1], start + x[1])
-
-    place = lax.fori_loop(0, 4, newton, start)
-    return rule.weights_at(jnp.clip(place, 0.0, 1.0)) @ values[panel]

@@ -208,8 +208,8 @@ def _orbit_quantities():
     }
 
 
-def _largest(vector) -> Float[Array, ""]:
-    return jnp.sqrt(jnp.max(jnp.sum(vector**2, axis=0)))
+def _largest(found: Found, vector) -> Float[Array, ""]:
+    return jnp.sqrt(found.orbit.largest(jnp.sum(vector**2, axis=0)))
 
 
 _PLAIN = _orbit_quantities() | {
@@ -221,11 +221,11 @@ _PLAIN = _orbit_quantities() | {
         ),
         Quantity(
             "peak_shaking_force", "N", "less", "largest over the turn",
-            lambda f: _largest(f.wrench.force),
+            lambda f: _largest(f, f.wrench.force),
         ),
         Quantity(
             "peak_shaking_moment", "N m", "less", "largest over the turn",
-            lambda f: _largest(f.wrench.moment),
+            lambda f: _largest(f, f.wrench.moment),
         ),
         Quantity(
             "vibration", "m", "less",
