@@ -28,6 +28,7 @@ from jaxcomp.rotor import (
     respond,
     subset_names,
     subsets,
+    undamped_modes,
 )
 from jaxcomp.scene import SceneError, describe, dump, load, loads
 
@@ -388,6 +389,22 @@ def test_modes_prints_what_the_library_finds(file, tmp_path):
     assert shown.exit_code == 0
     for text in ("example: modes at 3000 rpm", f"{listed[0] / (2 * np.pi):.5g}", "stable", "case"):
         assert text in shown.stdout, text
+
+
+def test_modes_hanging_free():
+    """Bearings whose static load only the running crank knows are no part of a rotor that hangs free."""
+    result = invoke("modes", "hermetic-68cc", "--free", "--speed", "0rpm", "--json")
+    assert result.exit_code == 0, result.stderr
+    found = read_json(result.stdout)
+    assert found["side_pull_limit"] is None
+    assert found["free"]
+    rotor = load("hermetic-68cc").parts["rotor"]
+    alone = RotorModel(rotor.shafts, rotor.disks)  # four rigid motions, then pairs
+    bending = np.asarray(undamped_modes(alone, 12, free=True).frequency)[4:]
+    listed = [mode["frequency"] for mode in found["modes"][0]]
+    elastic = [w for w in listed if w > 0.5 * bending[0]]
+    assert len(elastic) >= 8
+    np.testing.assert_allclose(elastic[:8], bending[:8], rtol=1e-6)
 
 
 def test_all_critical_speeds_of_a_range_are_found():

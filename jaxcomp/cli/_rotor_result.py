@@ -208,7 +208,7 @@ def modes_result(
             ]
         )
     result = {
-        **_header(scene, model),
+        **_header(scene, model, free),
         "speeds": speeds.tolist(),
         "free": free,
         "damping": damping,
@@ -237,8 +237,9 @@ def campbell_result(
     }
 
 
-def _header(scene: Scene, model: RotorModel) -> dict[str, Any]:
-    limit = float(side_pull_limit(model)) if model.side_pulls else None
+def _header(scene: Scene, model: RotorModel, free: bool = False) -> dict[str, Any]:
+    # hanging free a rotor has no bearings that could hold it against the side pull
+    limit = float(side_pull_limit(model)) if model.side_pulls and not free else None
     return {
         "machine": scene.name,
         "file": scene.file,
