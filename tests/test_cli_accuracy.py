@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 from jaxcomp.cli import app
 
 RUNNER = CliRunner()
+PLAIN = ", a plain bearing"
 
 
 def run(*arguments):
@@ -29,18 +30,21 @@ def film(folder):
 
 def test_json_has_every_row_with_the_reference_and_the_recommendation(film):
     rows = {row["method"]: row for row in film["rows"]}
-    assert {"finite volumes", "Reynolds", "Ocvirk"} <= set(rows)
+    assert {f"finite volumes{PLAIN}", f"Reynolds{PLAIN}", f"Ocvirk{PLAIN}"} <= set(rows)
+    assert "GroovedReynolds, grooves" in rows
     assert film["reference"]["floor"] < 1e-4
-    assert film["recommended"]["error"] <= 1e-3
-    good = [r["seconds"] for r in film["rows"] if r["error"] is not None and r["error"] <= 1e-3]
-    assert film["recommended"]["seconds"] == min(good)
+    best = film["recommended_by_task"]["a plain bearing"]
+    assert best["error"] <= 1e-3
+    rivals = [r for r in film["rows"] if r["task"] == "a plain bearing" and r["error"] is not None]
+    assert best["seconds"] == min(r["seconds"] for r in rivals if r["error"] <= 1e-3)
     # the error of the model: the short bearing of L/D = 0.5 misses Reynolds' equation
-    assert rows["Ocvirk"]["error"] > 1e-3 > rows["Reynolds"]["error"]
+    assert rows[f"Ocvirk{PLAIN}"]["error"] > 1e-3 > rows[f"Reynolds{PLAIN}"]["error"]
+    assert rows[f"Reynolds{PLAIN}"]["lines"] > rows[f"Ocvirk{PLAIN}"]["lines"] > 0
     assert film["measured_on"]["cores"] >= 1
 
 
 def test_cheapest_settings_get_slower_with_the_error_asked_for(film):
-    for method in ("finite volumes", "Reynolds"):
+    for method in (f"finite volumes{PLAIN}", f"Reynolds{PLAIN}"):
         times = [
             at[method] for _, at in sorted(film["cheapest"].items(), key=lambda i: -float(i[0]))
         ]
@@ -55,14 +59,18 @@ def test_folder_has_picture_and_result(film, folder):
 
 def test_table_names_the_cheapest_setting_and_the_floor(film):
     from jaxcomp.cli._accuracy_result import accuracy_tables
-    from jaxcomp.work_precision import Reference, Report, Row
+    from jaxcomp.work_precision import Cost, Reference, Report, Row
 
     failed = Row("b", "two", np.inf, 1.0, 1.0, why="the joints lock")
     made = Row("a", "one", 1e-4, 2e-3, 1.0), failed
     march = {"speed": 1e-8, "mechanical_efficiency": 2e-9, "losses": 3e-9, "peak_forces": 4e-7}
     values = Reference(1.0, 1.0 + 1e-6, ("x", "y"))
-    report = Report("orbit", "m", "q", "W", values, made, {}, "note", march)
-    table, beside, reference, why, marched, best = accuracy_tables(report, 1e-3)
+    calls = {"value": Cost(3.0, 2e-3, 5000), "value and gradient": Cost(20.0, 8e-3, 15000)}
+    report = Report("orbit", "m", "q", "W", values, made, {}, "note", march, calls)
+    table, beside, reference, waits, why, marched, best = accuracy_tables(report, 1e-3)
+    cells = [list(column.cells) for column in waits.columns]
+    assert cells == [["value", "value and gradient"], ["3 s", "20 s"], ["2 ms", "8 ms"],
+                     ["5,000", "15,000"]]  # fmt: skip
     assert why == "Failed: b, two: the joints lock.\n"
     assert "speed off by 1.0e-08, efficiency by 2.0e-09" in marched
     assert list(table.columns[2].cells) == ["1.0e-04", "failed"]

@@ -14,12 +14,18 @@ class Of(enum.StrEnum):
     """What is studied."""
 
     orbit = "orbit"
-    order = "order"
+    quantities = "quantities"
     gradient = "gradient"
-    friction = "friction"
-    film = "film"
+    sweep = "sweep"
+    tolerance = "tolerance"
+    simulate = "simulate"
+    response = "response"
+    harmonics = "harmonics"
     mesh = "mesh"
-    precision = "precision"
+    balancing = "balancing"
+    film = "film"
+    friction = "friction"
+    order = "order"
     scenes = "scenes"
     extremes = "extremes"
 
@@ -31,9 +37,11 @@ class Excitation(enum.StrEnum):
     file = "file"
 
 
-# What the errors are of, and what is differentiated by, if nothing is said.
-_QUANTITY = {Of.order: "mean_speed", Of.film: "friction_number", Of.mesh: "vibration"}
+# What is differentiated by, if nothing is said.
 _VARIABLE = {Of.gradient: "mechanism.crank_radius"}
+_FILM = ("friction_number", "stiffness", "damping")
+_VARYING = (Of.gradient, Of.sweep, Of.tolerance)
+_UNSHAKEN = (Of.scenes, Of.film, Of.friction, Of.order, Of.extremes, Of.simulate)
 
 
 @reports_errors
@@ -42,25 +50,30 @@ def accuracy(
     study: Annotated[
         Of,
         typer.Option(
-            help="orbit: solvers of the periodic state; order: fixed steps of diffrax; gradient: ways "
-            "to a derivative; friction: its loops; film: bearing beside Reynolds' equation; mesh: "
-            "finite elements; precision: float32; scenes: what each part of the machine costs; extremes: "
-            "steep rods, near locking, near stall, thin films, stiff motors, near-singular responses."
+            help="orbit: solvers of the periodic state; quantities: all that the machine has, by the "
+            "default solver; gradient: ways to a derivative; sweep: batches; tolerance: samples beside "
+            "derivatives; simulate: methods in time; response: solvers by number of speeds; harmonics: "
+            "orders kept; mesh: finite elements; balancing: least squares, bounded, min-max; film: "
+            "bearings beside Reynolds' equation; friction: its loops; order: fixed steps of diffrax; "
+            "scenes: what each part of the machine costs; extremes: steep rods, near locking, near "
+            "stall, thin films, stiff motors, near-singular responses."
         ),
     ] = Of.orbit,
     quantity: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="What the errors are of, e.g. loss_power.wall; if absent, mechanical_efficiency or "
-            "what suits the study.",
+            help="What the errors are of, e.g. loss_power.wall, or friction_number, stiffness or damping "
+            "of films; if absent, mechanical_efficiency or what suits the study.",
             autocompletion=complete_quantity,
         ),
     ] = None,
     variable: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="What to differentiate by, for the study of gradients, e.g. bore."
+            metavar="NAME",
+            help="What to differentiate by, or what varies in sweep and tolerance; there a pattern such "
+            "as 'friction.*.coefficient'.",
         ),
     ] = None,
     excitation: Annotated[
@@ -91,10 +104,12 @@ def accuracy(
     """
     if not 0 < error < 1:
         raise CommandError(f"--error {error:g}: must be > 0 and < 1")
-    if excitation is not None and study in (Of.scenes, Of.film, Of.mesh, Of.order, Of.extremes):
+    if excitation is not None and study in _UNSHAKEN:
         raise CommandError(f"--excitation {excitation}: has no meaning with --study {study}")
-    if variable is not None and study is not Of.gradient:
-        raise CommandError(f"--variable {variable}: has no meaning without --study gradient")
+    if variable is not None and study not in _VARYING:
+        raise CommandError(
+            f"--variable {variable}: has no meaning without --study {', '.join(_VARYING)}"
+        )
     from .._waits import progress_of, spinner
     from ._arguments import changed_scene
     from ._output import show_results, write_results
@@ -102,7 +117,7 @@ def accuracy(
 
     quick_compiles()  # nothing is kept, so that compile times are those of a first call
     scene = changed_scene(machine, sets or (), ())
-    with progress_of("Measuring", unit="pieces") as progress:
+    with progress_of("Measuring", unit="settings") as progress:
 
         def tell(words, number, total):
             progress.at(number, total, f"Measuring {words}")
@@ -112,10 +127,11 @@ def accuracy(
         elif study is Of.extremes:
             result, tables, draw = _extremes(scene, quantity, tell)
         else:
-            asked = quantity or _QUANTITY.get(study, "mechanical_efficiency")
-            by = variable or _VARIABLE.get(study)
+            by = variable or (None if quantity in _FILM else _VARIABLE.get(study))
             shaken = None if excitation is None else excitation.value
-            result, tables, draw = _errors(scene, asked, study, by, shaken, thorough, error, tell)
+            result, tables, draw = _errors(
+                scene, quantity, study, by, shaken, thorough, error, tell
+            )
     if out is not None:
         with spinner("Drawing ..."):
             write_results(out, draw(), result, scene, tables)

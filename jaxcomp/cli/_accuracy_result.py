@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
 from rich.markup import escape
 
 from ..work_precision import Extreme, Report, Row, SceneCost
 from ._tables import _table
 
 # Errors for which methods are set side by side.
-_DECADES = tuple(10.0**-n for n in range(3, 13))
+_DECADES = tuple(10.0**-n for n in range(2, 13))
 
 
 def accuracy_result(report: Report, error: float) -> dict[str, Any]:
@@ -25,14 +26,20 @@ def accuracy_result(report: Report, error: float) -> dict[str, Any]:
         "quantity": report.quantity,
         "unit": report.unit,
         "reference": {
-            "value": reference.value,
-            "other": reference.other,
+            "value": _plain(reference.value),
+            "other": _plain(reference.other),
             "methods": list(reference.methods),
             "floor": reference.floor,
         },
         "march": report.march,
+        "calls": {name: cost._asdict() for name, cost in report.calls.items()},
         "error": error,
         "recommended": None if best is None else _entry(best),
+        "recommended_by_task": {
+            task: None if (one := report.cheapest(error, task=task)) is None else _entry(one)
+            for task in report.tasks
+            if task
+        },
         "rows": [_entry(row) for row in report.rows],
         "cheapest": {
             f"{at:g}": {method: _time(report, at, method) for method in report.methods}
@@ -124,6 +131,7 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
         ("Error", [_error(report, row) for row in report.rows]),
         ("Time", [_duration(row.seconds) for row in report.rows]),
         ("Compile", [_duration(row.compile_seconds) for row in report.rows]),
+        ("Lines", ["" if row.lines is None else _count(row.lines) for row in report.rows]),
         ("Passes", ["" if row.passes is None else str(row.passes) for row in report.rows]),
         ("Flops", ["" if row.flops is None else _count(row.flops) for row in report.rows]),
     ]
@@ -140,13 +148,25 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
         for name, order in report.orders.items():
             orders.add_row(name, str(order.expected), f"{order.observed:.2f}")
         yield orders
-    else:
+    elif any(len(methods) > 1 for methods in report.tasks.values()):
         yield _side_by_side(report)
-    yield (
-        f"{report.quantity} = {reference.value:.12g} {report.unit}".rstrip()
-        + f" by {reference.methods[0]}; {reference.methods[1]} differs by {reference.floor:.1e}, "
-        "below which no error is claimed.\n"
-    )
+    if len(report.tasks) == 1:
+        yield (
+            f"{report.quantity}{_value(reference.value)} {report.unit}".rstrip()
+            + f" by {reference.methods[0]}; {reference.methods[1]} differs by {reference.floor:.1e}, "
+            "below which no error is claimed.\n"
+        )
+    else:
+        yield (
+            f"Each is judged by its own reference ({', beside '.join(reference.methods)}); no error is "
+            "claimed below what its two methods differ by.\n"
+        )
+    if report.calls:
+        calls = _table("What a user waits for, by the default solver", "Call", "First", "Second",
+                       "Program, lines", numbers=True)  # fmt: skip
+        for name, cost in report.calls.items():
+            calls.add_row(name, _duration(cost.first), _duration(cost.second), f"{cost.lines:,}")
+        yield calls
     for why, settings in report.failures.items():
         yield f"Failed: {'; '.join(settings)}: {why}.\n"
     if report.march:
@@ -156,14 +176,17 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
             f"{march['speed']:.1e}, efficiency by {march['mechanical_efficiency']:.1e}, losses by "
             f"{march['losses']:.1e} of the work, peak forces by at most {march['peak_forces']:.1e}.\n"
         )
-    best = report.cheapest(error)
-    if best is None:
-        yield f"No setting tried holds an error of {error:g} together with all tighter ones.\n"
-    else:
-        yield (
-            f"Cheapest for an error of {error:g}: {best.method}, {best.setting}, "
-            f"{_duration(best.seconds)}.\n"
-        )
+    for task, methods in report.tasks.items():
+        if len(methods) == 1 and len(report.tasks) > 1 and len(report.curve(methods[0])) < 2:
+            continue  # nothing to choose from
+        best, of = report.cheapest(error, task=task), f" of {task}" if task else ""
+        if best is None:
+            yield f"No setting tried holds an error{of} of {error:g} together with all tighter ones.\n"
+        else:
+            yield (
+                f"Cheapest for an error{of} of {error:g}: {best.method}, {best.setting}, "
+                f"{_duration(best.seconds)}.\n"
+            )
 
 
 def _measured_on() -> dict[str, Any]:
@@ -179,17 +202,22 @@ def _measured_on() -> dict[str, Any]:
 def _side_by_side(report: Report):
     """The time of the fastest method for an error, and how many times as long the others take."""
     errors = _reachable(report)
-    fastest = {at: min(t for m in report.methods if (t := _time(report, at, m))) for at in errors}
+    fastest = {
+        (at, task): min((t for m in methods if (t := _time(report, at, m))), default=None)
+        for at in errors
+        for task, methods in report.tasks.items()
+    }
     title = "Time for an error of at most ..., and how many times as long other methods take"
     table = _table(title, "Method", *(f"{at:.0e}" for at in errors), numbers=True)
     _tight(table)
-    for method in report.methods:
-        cells = []
-        for at, best in fastest.items():
-            own = _time(report, at, method)
-            first = f"[bold]{_duration(best)}[/bold]"
-            cells.append("" if own is None else first if own == best else _times(own / best))
-        table.add_row(method, *cells)
+    for task, methods in report.tasks.items():
+        for method in methods:
+            cells = []
+            for at in errors:
+                own, best = _time(report, at, method), fastest[at, task]
+                first = "" if best is None else f"[bold]{_duration(best)}[/bold]"
+                cells.append("" if own is None else first if own == best else _times(own / best))
+            table.add_row(method, *cells)
     return table
 
 
@@ -230,8 +258,21 @@ def _finite(value):
 def _error(report: Report, row: Row) -> str:
     if not math.isfinite(row.error):
         return "failed"
-    floor = report.reference.floor
+    floor = report.floor(row)
     return f"< {floor:.1e}" if row.error < floor else f"{row.error:.1e}"
+
+
+def _plain(value: Any) -> Any:
+    """Numbers for JSON; of complex ones the magnitudes."""
+    value = np.asarray(value)
+    return (np.abs(value) if np.iscomplexobj(value) else value).tolist()
+
+
+def _value(value: Any) -> str:
+    value = np.asarray(value)
+    if value.ndim == 0:
+        return f" = {value:.12g}"
+    return f", {value.size} values up to {np.max(np.abs(value)):.6g}"
 
 
 def _duration(seconds: float) -> str:

@@ -25,7 +25,8 @@ class TimeIntegration(eqx.Module):
         solver: any solver of diffrax; an implicit one (`diffrax.Kvaerno5()`) for a regularised law
             with a narrow transition or a stiff motor.
         tolerance: [-] relative and absolute tolerance of a step, in units of the motor's running
-            speed and of the kinetic energy there; a radian for the angle.
+            speed and of the kinetic energy there; a radian for the angle. Given as an array, all
+            tolerances share one compiled program.
         max_steps: steps after which the result is marked as not converged.
         samples: instants at which the result is listed; `Transient.at` gives any other.
         progress: show a progress bar on the terminal.
@@ -33,7 +34,7 @@ class TimeIntegration(eqx.Module):
     """
 
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
-    tolerance: float = eqx.field(static=True, default=1e-8)
+    tolerance: float | Float[Array, ""] = 1e-8
     max_steps: int = eqx.field(static=True, default=65536)
     samples: int = eqx.field(static=True, default=2001)
     progress: bool = eqx.field(static=True, default=False)

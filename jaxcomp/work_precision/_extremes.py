@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -24,6 +23,7 @@ from ..machine import Assembly, assembled, machine_of
 from ..mechanism import SliderCrank
 from ..motor import SlipLine
 from ..rotor import respond
+from ._friction import scaled
 from ._measure import median_time
 
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
@@ -149,10 +149,10 @@ def _steep_rods(compressor: Compressor):
 
 def _near_locking(compressor: Compressor):
     """Coefficients of friction that grow until the joints lock."""
-    if not any(name.endswith(".coefficient") for name in _paths(compressor.friction)):
+    if not scaled(compressor.friction, ".coefficient", 1.0)[1]:
         return
     for times in (2.0, 4.0, 8.0, 16.0, 32.0, 40.0, 64.0):
-        yield f"coefficients x {times:g}", _times(compressor, ".coefficient", times)
+        yield f"coefficients x {times:g}", scaled(compressor, ".coefficient", times)[0]
 
 
 def _near_stall(compressor: Compressor):
@@ -171,19 +171,27 @@ def _thin_films(compressor: Compressor):
     if not film_journals(compressor.friction):
         return
     for times in (0.5, 0.2, 0.1, 0.03, 0.01):
-        changed = _times(compressor, ".dynamic_viscosity", times)
+        changed = scaled(compressor, ".dynamic_viscosity", times)[0]
         yield f"viscosity x {times:g}", changed
 
 
 def _stiff_motors(compressor: Compressor):
     """Motors that give way ever less, through the same mean torque at the same mean speed."""
+    for slip in (0.1, 0.01, 1e-3, 1e-4):
+        driven = with_slip(compressor, slip)
+        if driven is not None:
+            yield f"slip {slip:g}", driven
+
+
+def with_slip(compressor: Compressor, slip: float) -> Compressor | None:
+    """The machine with a motor of a slip through its mean torque at its mean speed; `None` where it has
+    no periodic state."""
     orbit = solve_orbit(compressor, throw=False)
     if not bool(orbit.converged):
-        return
+        return None
     speed, torque = orbit.mean_speed, orbit.energy.motor_work / (2 * jnp.pi)
-    for slip in (0.1, 0.01, 1e-3, 1e-4):
-        motor = SlipLine(float(torque / (slip * speed)), float(speed * (1 + slip)))
-        yield f"slip {slip:g}", eqx.tree_at(lambda c: c.motor, compressor, motor)
+    motor = SlipLine(float(torque / (slip * speed)), float(speed * (1 + slip)))
+    return eqx.tree_at(lambda c: c.motor, compressor, motor)
 
 
 def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
@@ -195,7 +203,7 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
     speeds = np.linspace(*_SPEEDS, _COUNT) * top
     whole = loaded_rotor(assembly, jnp.asarray(speeds))
     loads = assembly.given_loads
-    bare = _times(whole, "damping", _LEAST_DAMPING)
+    bare = scaled(whole, "damping", _LEAST_DAMPING)[0]
     # a resonance: the highest of the peaks within the range, not an end of it
     sizes = _sizes(bare, loads, speeds)
     inner = sizes[1:-1]
@@ -207,7 +215,7 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
         worst, width = near[np.nanargmax(_sizes(bare, loads, near))], width / 20
     at = jnp.asarray([worst])
     for times in (1.0, 0.1, 1e-3, _LEAST_DAMPING):
-        model = _times(whole, "damping", times)
+        model = scaled(whole, "damping", times)[0]
         try:
             one, other = (respond(model, loads, at, solver=s) for s in ("structured", "dense"))
         except SolveFailed as failed:
@@ -238,17 +246,3 @@ FAMILIES: dict[str, Callable[[str, Assembly], Iterator[Extreme]]] = {
     "stiff motor": _of_the_crank(_stiff_motors),
     "near-singular response": _near_singular,
 }
-
-
-def _paths(tree: Any) -> list[str]:
-    return [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
-
-
-def _times(tree: Any, end: str, factor: float) -> Any:
-    """The tree with all numbers multiplied whose path ends so."""
-
-    def scale(path, leaf):
-        named = jax.tree_util.keystr(path).endswith(end)
-        return jnp.asarray(leaf) * factor if named else leaf
-
-    return jax.tree_util.tree_map_with_path(scale, tree)

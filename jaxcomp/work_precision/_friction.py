@@ -16,7 +16,7 @@ from .._fields import BadInput
 from ..crank import Collocation, solve_orbit
 from ._orbit import orbit_reference
 from ._report import Reference
-from ._study import Piece, Question, SolverProgram, Study, needs_crank
+from ._study import Question, Setting, SolverProgram, Study, needs_crank
 
 # From constant speed, without panel edges at load reversals: these would be placed on a solution that
 # has settled already.
@@ -34,55 +34,44 @@ def friction_study(question: Question, thorough: bool) -> Study:
     Raises:
         BadInput: a machine without coefficients of friction.
     """
-    needs_crank(question, "friction")
-    machine = question.compressor
-    assert machine is not None
-    if machine.friction is None or not _coefficients(machine.friction):
+    machine = needs_crank(question, "friction")
+    if not scaled(machine.friction, ".coefficient", 1.0)[1]:
         raise BadInput("friction", "without", "one with coefficients, for the study of its loops")
-    program = cache(lambda: SolverProgram(question, _SOLVER))
-    left = float(
-        np.max(np.abs(np.asarray(solve_orbit(machine, question.default_solver).loads.residual)))
-    )
-    pieces = tuple(
-        Piece(f"friction times {multiple:g}", partial(_rows, question, program, multiple))
-        for multiple in (_MULTIPLES if thorough else _MULTIPLES[:2])
-    )
-    words = f"passes of the friction; the joint loop itself leaves {left:.0e}"
-    return Study(partial(orbit_reference, question), pieces, words)
+    program = SolverProgram(question, _SOLVER)
+    left = np.max(np.abs(solve_orbit(machine, question.default_solver).loads.residual))
+    settings = []
+    for multiple in _MULTIPLES if thorough else _MULTIPLES[:2]:
+        design, _ = scaled(question.design, ".coefficient", multiple)
 
+        def reference(design=design):
+            value = program.at(design).value(_TOLERANCES[-1])
+            return Reference(value, value, ("the tightest tolerance", "the same"))
 
-def _rows(question: Question, program, multiple: float, reference: Reference):
-    del reference
-    scaled = program().at(_scaled(question.design, multiple))
-    tightest = scaled(_TOLERANCES[-1])
-    value = float("nan") if tightest.why else float(tightest.value)
-    own = Reference(value, value, ("the tightest tolerance", "the same"))
-    method = f"friction times {multiple:g}"
-    for tolerance in _TOLERANCES[:-1]:
-        row = scaled.row(
-            own, method, f"tolerance={tolerance:g}", tolerance, candidate=multiple == 1.0
-        )
-        yield (
-            row
-            if np.isfinite(row.error)
-            else row._replace(
-                error=float("inf"), why=row.why or f"at the tightest tolerance: {tightest.why}"
+        own = cache(reference)
+        settings += [
+            Setting(
+                f"friction times {multiple:g}",
+                f"tolerance={tolerance:g}",
+                lambda design=design, tolerance=tolerance: program.at(design).call(tolerance),
+                (-np.log10(tolerance),),
+                candidate=multiple == 1.0,
+                reference=own,
             )
-        )
+            for tolerance in _TOLERANCES[:-1]
+        ]
+    words = f"passes of the friction; the joint loop itself leaves {left:.0e}"
+    return Study(partial(orbit_reference, question), tuple(settings), words)
 
 
-def _coefficients(tree: Any) -> list[str]:
-    paths = jax.tree_util.tree_leaves_with_path(tree)
-    return [
-        name for path, _ in paths if (name := jax.tree_util.keystr(path)).endswith(".coefficient")
-    ]
-
-
-def _scaled(design, multiple: float):
-    """The design with all its coefficients of friction multiplied."""
+def scaled(tree: Any, end: str, factor: float) -> tuple[Any, int]:
+    """The tree with all numbers multiplied whose path ends so, and how many these are."""
+    count = 0
 
     def scale(path, leaf):
-        named = jax.tree_util.keystr(path).endswith(".coefficient")
-        return jnp.asarray(leaf) * multiple if named else leaf
+        nonlocal count
+        if not jax.tree_util.keystr(path).endswith(end):
+            return leaf
+        count += 1
+        return jnp.asarray(leaf) * factor
 
-    return jax.tree_util.tree_map_with_path(scale, design)
+    return jax.tree_util.tree_map_with_path(scale, tree), count

@@ -1,7 +1,8 @@
-r"""Derivatives: forward and reverse mode through the periodic state, beside differences.
+r"""Derivatives: forward and reverse mode through periodic state and response, beside differences.
 
 The reference is the implicit derivative of fine collocation, beside fourth-order differences of tight
-shooting: neither the solver nor the way to the derivative is shared.
+shooting: neither the solver nor the way to the derivative is shared. Of a rotor without a crank only the
+second holds.
 """
 
 from functools import cache, partial
@@ -13,9 +14,21 @@ import jax.numpy as jnp
 from .._fields import BadInput
 from ..crank import Collocation, Shooting
 from ..design import Chain, quantity, variable
-from ._measure import Program, compile_program
-from ._report import Reference, Row
-from ._study import Piece, Question, Solved, Study, answer, needs_crank
+from ._film import FILM_QUANTITIES, film_gradient_study
+from ._measure import compile_program
+from ._orbit import shooting
+from ._report import Reference
+from ._study import (
+    FINE_TOLERANCE,
+    TIGHT_TOLERANCE,
+    Call,
+    Question,
+    Setting,
+    Solved,
+    Study,
+    answer,
+    no_value,
+)
 
 # f' = sum(weight f(x + offset h))/h, of fourth order.
 _STENCIL = ((-2.0, 1 / 12), (-1.0, -2 / 3), (1.0, 2 / 3), (2.0, -1 / 12))
@@ -25,78 +38,78 @@ _MODES = ("forward", "reverse")
 
 
 def gradient_study(question: Question, thorough: bool) -> Study:
-    """Ways to the derivative of a quantity with respect to one variable.
+    """Ways to the derivative of a quantity with respect to one variable; of a film, to the load.
 
     Raises:
-        BadInput: no variable was named, or there is no crank.
+        BadInput: no variable was named, or one that does not change the quantity.
     """
-    needs_crank(question, "gradient")
+    if question.quantity in FILM_QUANTITIES:
+        return film_gradient_study(question, thorough)
     if question.variable is None:
         raise BadInput("variable", "none", "named for the study of gradients")
-    # one program of values serves all its differences
-    values = cache(partial(_values, question))
-
-    one = variable(question.design, question.variable)
+    one, crank = variable(question.design, question.variable), question.compressor is not None
 
     def reference():
-        solver = Collocation(nodes=24, reversals=question.load_reversals)
-        found = _derivative(question, solver, "forward")(
-            question.design, question.chain(solver, 1e-13)
-        )
+        fine = question.fine_solver if crank else None
+        found = _derivative(question, fine, "forward", FINE_TOLERANCE).run()
         if found.why:
-            raise BadInput("quantity", question.quantity, f"one with a value here: {found.why}")
+            raise no_value(question, found.why)
         slope = float(found.value)
         if slope == 0.0:
             bound = f"one that {question.variable} changes{_shaken(question)}"
             raise BadInput("quantity", question.quantity, bound)
-        solver = Shooting(diffrax.Dopri8(), reversals=question.load_reversals, output_nodes=24)
-        chain = question.chain(solver, 1e-9)
+        chain = question.chain(shooting(question) if crank else None, TIGHT_TOLERANCE)
         shot = compile_program(partial(_at, question), question.design, chain, _zero())
         step = _REFERENCE_STEP * _size(question)
         ends = [(w, shot(question.design, chain, jnp.asarray(o * step))) for o, w in _STENCIL]
         other = sum(w * float(end.value) for w, end in ends) / step
         methods = "collocation, 24 nodes, forward", "differences of shooting, Dopri8 at 1e-09"
-        return Reference(slope, other, methods)
+        return Reference(slope, other, methods if crank else ("forward", "differences"))
 
-    collocations = [question.default_solver, Collocation(nodes=32, reversals=0)]
-    solvers = [(solver, 1e-13) for solver in (collocations if thorough else collocations[:1])]
-    pieces = [
-        Piece(f"{mode} mode, {_words(solver)}", partial(_rows, question, solver, mode, tolerance))
-        for solver, tolerance in solvers
-        for mode in _MODES
-    ]
-    pieces += [
-        Piece(f"differences, {_words(s)}", partial(_difference_rows, question, values, s))
-        for s, _ in solvers
-    ]
-    if thorough:
+    solvers = [question.default_solver, Collocation(nodes=32, reversals=0)]
+    settings = []
+    for solver in (solvers if thorough else solvers[:1]) if crank else (None,):
+        settings += [
+            Setting(f"{mode} mode{_method(solver)}", f"{_words(solver)}",
+                    partial(_derivative, question, solver, mode, FINE_TOLERANCE))
+            for mode in _MODES
+        ]  # fmt: skip
+        program = cache(partial(_difference, question, solver))
+        settings += [
+            Setting("central differences", f"{_words(solver)} step={share:g}",
+                    partial(_difference_call, question, solver, program, share), candidate=False)
+            for share in _STEPS  # the best of which is known beside the reference only
+        ]  # fmt: skip
+    if thorough and crank:
         edges = question.load_reversals
         shots = {
             "reverse": Shooting(reversals=edges),
             "forward": Shooting(reversals=edges, adjoint=diffrax.ForwardMode()),
         }
-        pieces += [
-            Piece(f"{mode} mode, shooting", partial(_rows, question, solver, mode, 1e-7))
+        settings += [
+            Setting(f"{mode} mode{_method(solver)}", f"{_words(solver)} tolerance=1e-07",
+                    partial(_derivative, question, solver, mode, 1e-7))
             for mode, solver in shots.items()
-        ]
+        ]  # fmt: skip
     words = f"derivative with respect to {question.variable}{_shaken(question)}"
     name = f"d {question.quantity} / d {question.variable}"
-    unit = (
-        "/".join((quantity(question.quantity).unit or "1", one.unit))
-        if one.unit
-        else (quantity(question.quantity).unit)
-    )
-    return Study(reference, tuple(pieces), words, name=name, unit=unit)
+    unit = quantity(question.quantity).unit
+    unit = f"{unit or '1'}/{one.unit}" if one.unit else unit
+    return Study(reference, tuple(settings), words, name=name, unit=unit)
 
 
 def _shaken(question: Question) -> str:
     return "" if question.excitation is None else f", excitation '{question.excitation}'"
 
 
+def _method(solver) -> str:
+    return "" if solver is None else f", {_words(solver).split()[0]}"
+
+
 def _words(solver) -> str:
     if isinstance(solver, Collocation):
         return f"collocation nodes={solver.nodes} reversals={solver.reversals}"
-    return f"shooting {type(solver.solver).__name__}"
+    return "" if solver is None else f"shooting {type(solver.solver).__name__}"
 
 
 def _at(question: Question, design, chain: Chain, offset) -> Solved:
@@ -118,7 +131,7 @@ def _size(question: Question) -> float:
     return current if current > 0 else 1.0
 
 
-def _derivative(question: Question, solver, mode: str) -> Program:
+def _derivative(question: Question, solver, mode: str, tolerance: float) -> Call:
     def slope(design, chain):
         def value(offset):
             solved = _at(question, design, chain, offset)
@@ -128,28 +141,14 @@ def _derivative(question: Question, solver, mode: str) -> Program:
             found, solved = jax.grad(value, has_aux=True)(_zero())
         else:
             _, found, solved = jax.jvp(value, (_zero(),), (jnp.ones(()),), has_aux=True)
-        return solved._replace(value=found, ok=solved.ok & jnp.isfinite(found))
+        return solved._replace(value=found, passes=0)
 
-    return compile_program(slope, question.design, question.chain(solver, 1e-7))
-
-
-def _rows(question: Question, solver, mode: str, tolerance: float, reference: Reference):
-    program = _derivative(question, solver, mode)
     arguments = question.design, question.chain(solver, tolerance)
-    found = program(*arguments)
-    yield Row(
-        f"{mode} mode, {_words(solver).split()[0]}",
-        f"{_words(solver)} tolerance={tolerance:g}",
-        float("inf") if found.why else reference.error(float(found.value)),
-        program.timed(*arguments),
-        program.seconds,
-        None,
-        program.flops,
-        why=found.why,
-    )
+    program = compile_program(slope, *arguments)
+    return Call(program.on(*arguments), program)
 
 
-def _values(question: Question, solver) -> Program:
+def _difference(question: Question, solver):
     """A central difference with its two solutions side by side."""
 
     def difference(design, chain, step):
@@ -157,25 +156,11 @@ def _values(question: Question, solver) -> Program:
         solved = jax.vmap(lambda x: _at(question, design, chain, x))(ends)
         slope = (solved.value[1] - solved.value[0]) / (2 * step)
         worst = jax.tree.map(lambda x: x[jnp.argmin(solved.ok)], solved)  # the one that failed
-        return worst._replace(value=slope, ok=jnp.all(solved.ok))
+        return worst._replace(value=slope, passes=0, ok=jnp.all(solved.ok))
 
-    return compile_program(difference, question.design, question.chain(solver, 1e-7), _zero())
+    return compile_program(difference, question.design, question.chain(solver), _zero())
 
 
-def _difference_rows(question: Question, values, solver, reference: Reference):
-    program = values(solver)
-    for share in _STEPS:
-        step = jnp.asarray(share * _size(question))
-        arguments = question.design, question.chain(solver, 1e-13), step
-        found = program(*arguments)
-        yield Row(
-            "central differences",
-            f"{_words(solver)} step={share:g}",
-            float("inf") if found.why else reference.error(float(found.value)),
-            program.timed(*arguments),
-            program.seconds,
-            None,
-            program.flops,
-            why=found.why,
-            candidate=False,  # the best step is known beside the reference only
-        )
+def _difference_call(question: Question, solver, program, share: float) -> Call:
+    step = jnp.asarray(share * _size(question))
+    return Call(program().on(question.design, question.chain(solver), step), program())

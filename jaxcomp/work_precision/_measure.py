@@ -8,8 +8,8 @@ import equinox as eqx
 import jax
 import numpy as np
 
-# [s] A time is the median of the calls of this long, of three at least.
-_WATCHED = 0.15
+# [s] A time is the median of the calls of this long: of three at least, unless they take longer still.
+_WATCHED, _LONG = 0.15, 2.0
 _LEAST = 3
 
 
@@ -24,6 +24,7 @@ class Program:
         seconds: [s] to trace and to compile.
         flops: operations of the compiled program by XLA's count: the body of a loop counts once,
             however often it runs.
+        lines: of the program in StableHLO, before XLA's optimisation.
         memory: [bytes] of its intermediate results, or `None` where the backend does not tell.
         text: the program after XLA's optimisation.
     """
@@ -35,17 +36,23 @@ class Program:
             return function(*eqx.combine(arrays, rest))
 
         start = time.perf_counter()
-        self._compiled = jax.jit(plain).lower(arrays).compile()
+        lowered = jax.jit(plain).lower(arrays)
+        self._compiled = lowered.compile()
         self.seconds = time.perf_counter() - start
+        self.lines = lowered.as_text().count("\n")
 
     def __call__(self, *arguments: Any) -> Any:
         """The result for arguments of the same shapes; what is no array is that of the first."""
-        return self._compiled(eqx.filter(arguments, eqx.is_array))
+        return self.on(*arguments)()
+
+    def on(self, *arguments: Any) -> Callable[[], Any]:
+        """A call for these arguments."""
+        arrays = eqx.filter(arguments, eqx.is_array)
+        return lambda: self._compiled(arrays)
 
     def timed(self, *arguments: Any) -> float:
         """[s] median of several calls."""
-        arrays = eqx.filter(arguments, eqx.is_array)
-        return median_time(lambda: self._compiled(arrays))
+        return median_time(self.on(*arguments))
 
     @property
     def flops(self) -> float:
@@ -76,8 +83,10 @@ def median_time(call: Callable[[], Any]) -> float:
     """[s] median time of a call after a first one that does not count."""
     jax.block_until_ready(call())
     times: list[float] = []
-    while len(times) < _LEAST or sum(times) < _WATCHED:
+    total = 0.0
+    while total < _WATCHED or (len(times) < _LEAST and total < _LONG):
         start = time.perf_counter()
         jax.block_until_ready(call())
         times.append(time.perf_counter() - start)
+        total += times[-1]
     return float(np.median(times))

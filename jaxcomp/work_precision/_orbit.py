@@ -6,21 +6,29 @@ mechanism has.
 """
 
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 
 import diffrax
 
 from ..crank import Collocation, Shooting
 from ..cylinder import Cylinder
 from ._report import Reference
-from ._scipy import scipy_row
-from ._study import Piece, Question, SolverProgram, Study, needs_crank, needs_solver
+from ._scipy import scipy_setting
+from ._study import (
+    FINE_NODES,
+    OTHER_NODES,
+    TIGHT_TOLERANCE,
+    Question,
+    SolverProgram,
+    Study,
+    needs_crank,
+    needs_solver,
+)
 
 # Families of quantities of the rotor: they are asked for by the periodic states at several speeds.
 ROTOR_QUANTITIES = ("vibration", "balanced_vibration", "mount_force")
-
-_FINE_NODES = 24
-_FINE_TOLERANCE, _TIGHT_TOLERANCE = 1e-13, 1e-9
+# The two of a reference.
+METHODS = f"collocation, {FINE_NODES} nodes", f"shooting, Dopri8 at {TIGHT_TOLERANCE:g}"
 
 # Methods of diffrax: at a tight tolerance those of low order would take tens of thousands of steps.
 _EXPLICIT: dict[str, tuple[Callable[[], diffrax.AbstractSolver], tuple[float, ...]]] = {
@@ -53,81 +61,55 @@ def orbit_study(question: Question, thorough: bool) -> Study:
         question: of a machine with a crank.
         thorough: all methods, the implicit ones among them.
     """
-    needs_crank(question, "orbit")
-    methods = _DIFFRAX if thorough else {name: _DIFFRAX[name] for name in _ORDINARY}
-    shooting = cache(partial(_shooting, question))
-
-    pieces = [
-        Piece(f"collocation, {nodes} nodes", partial(_collocation_rows, question, nodes, located))
-        for located, counts in (_NODES if thorough else _ORDINARY_NODES).items()
-        for nodes in counts
-    ]
-    pieces += [
-        Piece(f"shooting, {name}", partial(_shooting_rows, shooting, name, tolerances))
-        for name, (_, tolerances) in methods.items()
-    ]
-    machine = question.compressor
-    assert machine is not None
-    if question.quantity.partition(".")[0] not in ROTOR_QUANTITIES and not isinstance(
-        machine.gas, Cylinder
-    ):
-        pieces += [
-            Piece(f"SciPy, {name}", partial(_scipy_rows, question, name, tolerances))
+    machine = needs_crank(question, "orbit")
+    shot = SolverProgram(question, shooting(question, "Dopri8"))
+    settings = []
+    for located, counts in (_NODES if thorough else _ORDINARY_NODES).items():
+        method = "collocation" if located else "collocation, reversals=0"
+        for nodes in counts:
+            solver = Collocation(nodes=nodes, reversals=question.load_reversals * located)
+            program = SolverProgram(question, solver)
+            settings += [
+                program.setting(method, f"nodes={nodes} tolerance={tol:g}", tol, nodes)
+                for tol in _TOLERANCES
+            ]
+    for name, (_, tolerances) in _DIFFRAX.items():
+        if thorough or name in _ORDINARY:
+            one = shot if name == "Dopri8" else SolverProgram(question, shooting(question, name))
+            settings += [
+                one.setting(f"shooting, {name}", f"tolerance={tol:g}", tol) for tol in tolerances
+            ]
+    of_rotor = question.quantity.partition(".")[0] in ROTOR_QUANTITIES
+    if not of_rotor and not isinstance(machine.gas, Cylinder):
+        settings += [
+            scipy_setting(question, name, tolerance)
             for name, tolerances in _SCIPY.items()
+            for tolerance in tolerances
             if thorough or name == "DOP853"
         ]
     words = "solvers of the periodic state, single designs"
-    return Study(
-        partial(orbit_reference, question, lambda: shooting("Dopri8")), tuple(pieces), words
-    )
+    return Study(partial(orbit_reference, question, shot), tuple(settings), words)
 
 
-def orbit_reference(
-    question: Question, shooting: Callable[[], SolverProgram] | None = None
-) -> Reference:
+def orbit_reference(question: Question, shot: SolverProgram | None = None) -> Reference:
     """The quantity by fine collocation, beside tight shooting.
 
     Args:
         question: of a machine with a crank.
-        shooting: the program by `diffrax.Dopri8`, if there is one already.
+        shot: the program by `diffrax.Dopri8`, if there is one already.
 
     Raises:
         BadInput: a quantity in which the solver has no part, or without a value.
     """
-    fine = Collocation(nodes=_FINE_NODES, reversals=question.load_reversals)
-    value = needs_solver(question, SolverProgram(question, fine), _FINE_TOLERANCE)
-    shot = _shooting(question, "Dopri8") if shooting is None else shooting()
-    methods = f"collocation, {_FINE_NODES} nodes", f"shooting, Dopri8 at {_TIGHT_TOLERANCE:g}"
-    return Reference(value, shot.value(_TIGHT_TOLERANCE), methods)
+    shot = SolverProgram(question, shooting(question)) if shot is None else shot
+    other = shot.value(TIGHT_TOLERANCE)
+    value = needs_solver(question, SolverProgram(question, question.fine_solver), other)
+    return Reference(value, other, METHODS)
 
 
-def _collocation_rows(question: Question, nodes: int, located: bool, reference: Reference):
-    reversals = question.load_reversals if located else 0
-    program = SolverProgram(question, Collocation(nodes=nodes, reversals=reversals))
-    method = "collocation" if located else "collocation, reversals=0"
-    for tolerance in _TOLERANCES:
-        setting = f"nodes={nodes} tolerance={tolerance:g}"
-        yield program.row(reference, method, setting, tolerance, nodes)
-
-
-def _shooting(question: Question, name: str) -> SolverProgram:
+def shooting(question: Question, name: str = "Dopri8") -> Shooting:
+    """The solver with a method of diffrax and outputs denser than those of the reference."""
     make, _ = _DIFFRAX[name]
-    solver = Shooting(
-        make(),
-        max_steps=_MAX_STEPS,
-        reversals=question.load_reversals,
-        output_nodes=_FINE_NODES,
+    return Shooting(
+        make(), max_steps=_MAX_STEPS, reversals=question.load_reversals, output_nodes=OTHER_NODES
     )
-    return SolverProgram(question, solver)
-
-
-def _shooting_rows(shooting, name: str, tolerances, reference: Reference):
-    program = shooting(name)
-    for tolerance in tolerances:
-        method = f"shooting, {name}"
-        yield program.row(reference, method, f"tolerance={tolerance:g}", tolerance)
-
-
-def _scipy_rows(question: Question, method: str, tolerances, reference: Reference):
-    for tolerance in tolerances:
-        yield scipy_row(question, method, tolerance, reference)

@@ -6,7 +6,7 @@ collocation, beside an eighth-order method with many steps.
 """
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import NamedTuple
 
 import diffrax
@@ -15,12 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
+from .._status import Status
 from ..compressor import Compressor, kink_angles
 from ..crank import Collocation, acceleration, solve_orbit
 from ._measure import compile_program
-from ._report import Order, Reference, Row, observed_order
-from ._study import Piece, Question, Study, needs_crank
+from ._report import Order, Reference, observed_order
+from ._study import Call, Question, Setting, Solved, Study, needs_crank
 
 _STEPS = (1, 2, 3, 4, 5, 6, 8, 16, 32, 64, 128)
 _MANY = 512
@@ -68,22 +68,14 @@ class _Stretch(NamedTuple):
 
 def order_study(question: Question, thorough: bool) -> Study:
     """Methods of diffrax by number of steps; errors are of the speed at the end of the stretch."""
-    needs_crank(question, "order")
-    if question.quantity != "mean_speed":
-        raise BadInput("quantity", question.quantity, "'mean_speed' for the study of orders")
-    machine = question.compressor
-    assert machine is not None
+    machine = needs_crank(question, "order")
     stretch = _longest_stretch(machine, question.load_reversals)
     names = tuple(_METHODS) if thorough else _ORDINARY
 
     def reference():
-        program = _program(machine, stretch, "Dopri8")
-        other = program(machine, stretch, jnp.asarray(_MANY))
-        return Reference(
-            float(stretch.last),
-            float(other[0]),
-            ("collocation, 24 nodes", f"Dopri8, {_MANY} steps"),
-        )
+        other = programs["Dopri8"]()(machine, stretch, jnp.asarray(_MANY))
+        methods = "collocation, 24 nodes", f"Dopri8, {_MANY} steps"
+        return Reference(float(stretch.last), float(other.value), methods)
 
     def orders(rows, reference):
         found = {}
@@ -97,22 +89,20 @@ def order_study(question: Question, thorough: bool) -> Study:
             found[name] = Order(_METHODS[name][0], order)
         return found
 
-    pieces = tuple(Piece(f"fixed steps, {n}", partial(_rows, machine, stretch, n)) for n in names)
+    programs = {name: cache(partial(_program, machine, stretch, name)) for name in names}
+
+    def make(name, steps):
+        program = programs[name]()
+        return Call(program.on(machine, stretch, jnp.asarray(steps)), program)
+
+    settings = tuple(
+        Setting(name, f"{steps} steps", partial(make, name, steps), (float(steps),))
+        for name in names
+        for steps in _STEPS
+    )
     ends = (np.rad2deg(float(x)) for x in (stretch.starts[0], stretch.high))
     words = "fixed steps from {:.0f} to {:.0f}°".format(*ends)
-    return Study(reference, pieces, words, orders)
-
-
-def _rows(machine, stretch, name, reference: Reference):
-    program = _program(machine, stretch, name)
-    for steps in _STEPS:
-        arguments = machine, stretch, jnp.asarray(steps)
-        value, ok = program(*arguments)
-        error = reference.error(float(value)) if bool(ok) else float("inf")
-        seconds = program.timed(*arguments)
-        row = Row(name, f"{steps} steps", error, seconds, program.seconds, steps, program.flops)
-        why = "" if bool(ok) else "the stages or the steps did not converge"
-        yield row._replace(tightness=(float(steps),), why=why)
+    return Study(reference, settings, words, orders)
 
 
 def _program(machine, stretch, name):
@@ -122,7 +112,8 @@ def _program(machine, stretch, name):
         """Of all starts, the last speed that is furthest off."""
         over = jax.vmap(lambda low, first: _integrate(machine, stretch, low, first, make(), steps))
         speeds, ended = over(stretch.starts, stretch.first)
-        return speeds[jnp.argmax(jnp.abs(speeds - stretch.last))], jnp.all(ended)
+        status = Status.where(jnp.all(ended), Status.converged, Status.not_converged)
+        return Solved(speeds[jnp.argmax(jnp.abs(speeds - stretch.last))], steps, True, status)
 
     return compile_program(worst, machine, stretch, jnp.asarray(_STEPS[0]))
 

@@ -1,7 +1,7 @@
 r"""What a study found: settings with error and time, and the reference they were judged by."""
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,13 +10,13 @@ class Reference(NamedTuple):
     """The converged value, by two methods that share nothing but the laws.
 
     Attributes:
-        value: [SI] of the first method.
+        value: [SI] of the first method: a number, or an array of several.
         other: [SI] of the second method.
         methods: what the two are.
     """
 
-    value: float
-    other: float
+    value: Any
+    other: Any
     methods: tuple[str, str]
 
     @property
@@ -27,10 +27,11 @@ class Reference(NamedTuple):
         """
         return max(self.error(self.other), float(np.finfo(float).eps))
 
-    def error(self, value: float) -> float:
-        """[-] relative to the reference value; absolute where that is zero."""
-        size = abs(self.value)
-        return abs(float(value) - self.value) / (size if size > 0 else 1.0)
+    def error(self, value: Any) -> float:
+        """[-] largest difference over the largest reference value; absolute where that is zero."""
+        size = float(np.max(np.abs(self.value)))
+        gap = float(np.max(np.abs(np.asarray(value) - self.value)))
+        return gap / (size if size > 0 else 1.0)
 
 
 class Row(NamedTuple):
@@ -49,6 +50,9 @@ class Row(NamedTuple):
         why: what went wrong where the error is infinite.
         candidate: whether it may be recommended: not with other numbers of the machine, and not where
             the best setting is only known beside the reference.
+        lines: [-] of the program in StableHLO; `None` where nothing is compiled.
+        floor: [-] of a reference of its own; `None` where it is judged by that of the report.
+        task: what it solves, in studies of several tasks: only settings of one task compete.
     """
 
     method: str
@@ -62,6 +66,9 @@ class Row(NamedTuple):
     tightness: tuple[float, ...] = ()
     why: str = ""
     candidate: bool = True
+    lines: int | None = None
+    floor: float | None = None
+    task: str = ""
 
     def at_least_as_tight(self, other: "Row") -> bool:
         """Whether this is the other setting or a tighter one of its family."""
@@ -82,6 +89,20 @@ class Order(NamedTuple):
     observed: float
 
 
+class Cost(NamedTuple):
+    """What the first calls of a program cost, as a user feels it.
+
+    Attributes:
+        first: [s] to trace, to compile and to run.
+        second: [s] of a warm call.
+        lines: [-] of the program in StableHLO.
+    """
+
+    first: float
+    second: float
+    lines: int
+
+
 class Report(NamedTuple):
     """Error against run time.
 
@@ -97,6 +118,8 @@ class Report(NamedTuple):
         march: errors of the default solver by an independent march of one revolution: of the speed, of
             the efficiency, the sum of the losses over the work of the motor, and the largest of the
             peak forces, relative; empty for studies without the crank.
+        calls: what the first and second call of the default solver cost: of the value, and of the value
+            with its gradient over all numbers of the machine; empty for studies of something else.
     """
 
     study: str
@@ -108,17 +131,32 @@ class Report(NamedTuple):
     orders: dict[str, Order]
     note: str
     march: dict[str, float] = {}  # noqa: RUF012  # a NamedTuple's default, which nobody changes
+    calls: dict[str, Cost] = {}  # noqa: RUF012
 
     @property
     def methods(self) -> tuple[str, ...]:
         """Names of the curves in the order of their first rows."""
         return tuple(dict.fromkeys(row.method for row in self.rows))
 
-    def claimed(self, row: Row) -> float:
-        """[-] the error of a row that can be claimed: its own, or the floor of the reference."""
-        return max(row.error, self.reference.floor)
+    @property
+    def tasks(self) -> dict[str, tuple[str, ...]]:
+        """Methods of each task."""
+        found: dict[str, dict[str, None]] = {}
+        for row in self.rows:
+            found.setdefault(row.task, {})[row.method] = None
+        return {task: tuple(methods) for task, methods in found.items()}
 
-    def cheapest(self, error: float, method: str | None = None) -> Row | None:
+    def claimed(self, row: Row) -> float:
+        """[-] the error of a row that can be claimed: its own, or the floor of its reference."""
+        return max(row.error, self.floor(row))
+
+    def floor(self, row: Row) -> float:
+        """[-] below which no error of a row is claimed."""
+        return self.reference.floor if row.floor is None else row.floor
+
+    def cheapest(
+        self, error: float, method: str | None = None, task: str | None = None
+    ) -> Row | None:
         """The fastest setting that reliably has at most this error; `None` for none.
 
         A setting counts only if every tighter one of its family has at most this error as well: a loose
@@ -128,9 +166,13 @@ class Report(NamedTuple):
         Args:
             error: [-] relative, that is allowed.
             method: name of one; absent: all that may be recommended.
+            task: that is solved; absent: any.
         """
         rows = [
-            row for row in self.rows if (row.candidate if method is None else row.method == method)
+            row
+            for row in self.rows
+            if (row.candidate if method is None else row.method == method)
+            and (task is None or row.task == task)
         ]
         good = [row for row in rows if self.claimed(row) <= error and self._holds(row, error)]
         return min(good, key=lambda row: row.seconds, default=None)

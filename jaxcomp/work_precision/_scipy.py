@@ -23,9 +23,7 @@ from ..crank import Energy, Orbit, acceleration, orbit_on_panels, panels
 from ..design import Chain, Found, quantity
 from ..mechanism import CrankState
 from ..motor import MeanSpeed
-from ._measure import median_time
-from ._report import Reference, Row
-from ._study import Question
+from ._study import Call, Question, Setting, Solved
 
 # Nodes on every panel at which speed and forces are reported, as many as the reference has.
 _NODES = 24
@@ -47,36 +45,23 @@ class _Laws(NamedTuple):
     quantity: Callable[..., Any]
 
 
-def scipy_row(question: Question, method: str, tolerance: float, reference: Reference) -> Row:
-    """Error and time of one tolerance.
+def scipy_setting(question: Question, method: str, tolerance: float) -> Setting:
+    """A setting of `solve_ivp`.
 
     Args:
         question: a quantity of the crank.
         method: of `solve_ivp`.
         tolerance: [-] relative tolerance of a step.
-        reference: what the error is relative to.
     """
-    machine = question.compressor
-    assert machine is not None
-    laws, edges = _laws(question), np.asarray(_edges(machine))
-    calls = 0
 
-    def find():
-        nonlocal calls
-        value, calls = _solve(machine, laws, edges, method, tolerance)
-        return value
+    def make():
+        machine = question.compressor
+        assert machine is not None
+        laws, edges = _laws(question), np.asarray(_edges(machine))
+        return Call(lambda: Solved(*_solve(machine, laws, edges, method, tolerance)))
 
-    setting, tightness = f"{method} rtol={tolerance:g}", (-np.log10(tolerance),)
-    row = Row(
-        "SciPy", setting, float("inf"), float("nan"), float("nan"), None, None, method, tightness
-    )
-    try:
-        value = find()
-    except RuntimeError as failed:
-        return row._replace(why=str(failed))
-    if not np.isfinite(value):
-        return row._replace(why="the revolution could not be integrated")
-    return row._replace(error=reference.error(value), seconds=median_time(find), passes=calls)
+    words, tightness = f"{method} rtol={tolerance:g}", (-np.log10(tolerance),)
+    return Setting("SciPy", words, make, tightness, method)
 
 
 def _edges(machine: Compressor):
