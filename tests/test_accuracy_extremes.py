@@ -11,7 +11,8 @@ from jaxcomp.cli import app
 from jaxcomp.cli._accuracy_result import extremes_result, extremes_tables
 from jaxcomp.plot import extreme_errors
 from jaxcomp.work_precision import extremes
-from jaxcomp.work_precision._extremes import FAMILIES, _times
+from jaxcomp.work_precision._extremes import FAMILIES
+from jaxcomp.work_precision._friction import scaled
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +81,8 @@ def test_unknown_families_are_refused():
 
 def test_only_the_numbers_named_are_multiplied():
     friction = load("mayekawa-wbhe").compressor.friction
-    twice = _times(friction, ".coefficient", 2.0)
+    twice, count = scaled(friction, ".coefficient", 2.0)
+    assert count == 4
     assert float(twice.wall.coefficient) == 2 * float(friction.wall.coefficient)
     assert float(twice.crank_pin.diameter) == float(friction.crank_pin.diameter)
 
