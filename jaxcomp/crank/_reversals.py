@@ -38,6 +38,8 @@ class _Brackets(NamedTuple):
 
     low: Float[Array, " k"]
     high: Float[Array, " k"]
+    lowest: Float[Array, " k"]  # where a better motion may still have them
+    highest: Float[Array, " k"]
     row: Int[Array, " k"]  # which quantity changes; -1 for a place not used
 
 
@@ -104,7 +106,7 @@ class OrbitProblem(AbstractFixedPoint):
             )
             return motion, reversals, brackets, report
 
-        nowhere = _Brackets(places, places, reversals.row)
+        nowhere = _Brackets(places, places, places, places, reversals.row)
         report = FixedPointReport(jnp.asarray(0), jnp.ones(()), jnp.asarray(False))
         motion, reversals, _, report = lax.fori_loop(
             0, 3, round_, (motion, reversals, nowhere, report)
@@ -160,18 +162,23 @@ class OrbitProblem(AbstractFixedPoint):
             # an unused place goes to the first edge, where it makes a panel of no width
             low = jnp.where(used, angle[panel, left], grid.edges[0])
             high = jnp.where(used, angle[panel, left + 1], grid.edges[0])
-            found.append(_Brackets(low, high, jnp.where(used, row + begin, -1).astype(int)))
+            # beyond a kink another reversal may lie
+            room = 0.3 * (high - low)
+            lowest = jnp.maximum(low - room, grid.edges[panel])
+            highest = jnp.minimum(high + room, grid.edges[panel + 1])
+            row = jnp.where(used, row + begin, -1).astype(int)
+            found.append(_Brackets(low, high, lowest, highest, row))
         return jax.tree.map(lambda *parts: jnp.concatenate(parts), *found)
 
 
 def _bisect(grid: Panels, marks: Float[Array, "q p s"], brackets: _Brackets):
     """Places, slopes and rows of the reversals, of the panel polynomials of what marks them.
 
-    The brackets are widened, since a better motion moves them a little.
+    A better motion moves them a little: a bracket that has lost its reversal is widened.
     """
-    room = 0.3 * (brackets.high - brackets.low)
     own = jnp.take(marks, jnp.maximum(brackets.row, 0), axis=0)
 
+    @jax.jit
     def value(angle):
         panel = grid.panel_of(angle)
         width = grid.width[panel]
@@ -191,18 +198,21 @@ def _bisect(grid: Panels, marks: Float[Array, "q p s"], brackets: _Brackets):
             jnp.where(left_side, at_high, here),
         )
 
-    low, high = brackets.low - room, brackets.high + room
-    start = (low, high, *jax.vmap(value)(jnp.stack([low, high])))
+    ends = jnp.stack([brackets.low, brackets.high])
+    lost = jnp.prod(value(ends), axis=0) > 0
+    ends = jnp.where(lost, jnp.stack([brackets.lowest, brackets.highest]), ends)
+    start = (*ends, *value(ends))
     low, high, at_low, at_high = lax.fori_loop(0, _HALVINGS, halve, start)
     rise, width = at_high - at_low, high - low
-    steep = (brackets.row >= 0) & (rise != 0) & (width > 0)
+    # a reversal that a better motion has lost, because it ran into a kink, is not used
+    steep = (brackets.row >= 0) & (rise != 0) & (width > 0) & (at_low * at_high <= 0)
     near = rise / jnp.where(steep, width, 1.0)
     places = low - jnp.where(steep, at_low / jnp.where(steep, near, 1.0), low - grid.edges[0])
     # The halvings may end on an edge of the panels, where the polynomials jump by their own error: the
     # slope there is that of the jump. A wider span tells the slope of the quantity; to the right, since
     # it is evaluated there, and two reversals at one place make it turn.
     span = 0.1 * (brackets.high - brackets.low)
-    beside, after = jax.vmap(value)(jnp.stack([places + 0.1 * span, places + span]))
+    beside, after = value(jnp.stack([places + 0.1 * span, places + span]))
     wide = (after - beside) / jnp.where(steep, 0.9 * span, 1.0)
     slope = jnp.where(jnp.sign(wide) == jnp.sign(near), wide, near)
     slope = jnp.where(steep, slope, 1.0)

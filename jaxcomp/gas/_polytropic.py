@@ -66,10 +66,12 @@ class PolytropicCycle(AbstractGas):
         volume = jnp.maximum(clearance + stroke.displaced, 1e-30 * stroke.swept)
         ratio = self.discharge_pressure / self.suction_pressure
         opening = ratio ** (1 / self.exponent)  # volume ratio at which the discharge valve opens
-        compressed = jnp.minimum(largest / volume, opening) ** self.exponent
+        compressed = jnp.minimum(largest / volume, opening)
         top = jnp.minimum(largest / jnp.maximum(clearance, 1e-30 * stroke.swept), opening)
-        expanded = jnp.maximum(top * clearance / volume, 1.0) ** self.exponent
-        return self.suction_pressure * jnp.where(stroke.inward > 0, compressed, expanded)
+        expanded = jnp.maximum(top * clearance / volume, 1.0)
+        return self.suction_pressure * (
+            jnp.where(stroke.inward > 0, compressed, expanded) ** self.exponent
+        )
 
     def valve_events(self, swept):
         clearance = self.clearance_ratio * swept

@@ -4,7 +4,9 @@ from abc import abstractmethod
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jax import lax
 from jaxtyping import Array, Float
 
 from .._fields import Part
@@ -33,6 +35,19 @@ class Vector(NamedTuple):
     def stacked(self) -> Float[Array, "2 *n"]:
         """As one array."""
         return jnp.stack(self)
+
+
+@jax.jit
+def crank_direction(angle: Float[Array, "*n"]) -> Vector:
+    """Unit vector along the crank: cosine and sine of the crank angle [rad].
+
+    They are written into an array: XLA computes what it can fuse once in each of the loops that use it,
+    and a dozen loops of an orbit use these.
+    """
+    both, origin = jnp.zeros((2, *angle.shape)), (0,) * angle.ndim
+    for row, values in enumerate((jnp.cos(angle), jnp.sin(angle))):
+        both = lax.dynamic_update_slice(both, values[None], (row, *origin))
+    return Vector(*both)
 
 
 class AbstractKinematics(eqx.Module):

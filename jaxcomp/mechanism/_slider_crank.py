@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, quantity, replaced
-from ._base import AbstractKinematics, AbstractMechanism, CrankState, Vector
+from ._base import AbstractKinematics, AbstractMechanism, CrankState, Vector, crank_direction
 
 
 class SliderCrank(AbstractMechanism):
@@ -213,7 +213,7 @@ def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
         angle: [rad] theta of the crank.
     """
     r, l, e = mechanism.crank_radius, mechanism.conrod_length, mechanism.offset
-    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    cosine, sine = crank_direction(angle)
     c, s = r * cosine, r * sine
     sin_tilt = (s - e) / l
     # the floor is reached only by a mechanism that cannot turn, which is reported elsewhere

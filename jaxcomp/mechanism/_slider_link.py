@@ -32,7 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity
-from ._base import AbstractKinematics, AbstractMechanism, Vector
+from ._base import AbstractKinematics, AbstractMechanism, Vector, crank_direction
 
 
 class SliderLink(AbstractMechanism):
@@ -128,7 +128,7 @@ class SliderLink(AbstractMechanism):
         return self.crank_product - self.plane_height * self.crank_unbalance
 
     def kinematics(self, angle):
-        cosine, sine = jnp.cos(angle), jnp.sin(angle)
+        cosine, sine = crank_direction(angle)
         along, across = self.crank_radius * cosine, self.crank_radius * sine
         return LinkMotion(cosine, sine, self.crown_to_link + along, -across, -along)
 
