@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ def write_results(
     curves: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> None:
     """Pictures, numbers, a report of both, and, where there is one, the scene as it was run.
+
+    Where plotly is installed, the pictures are on a page with hover and zoom as well.
 
     Args:
         folder: is made if it is missing.
@@ -44,6 +47,10 @@ def write_results(
         _write(folder / f"{name}.csv", csv_text(dict(columns)).encode())
     if scene is not None:
         _write(folder / "scene.toml", dump(scene).encode())
+    if figures and find_spec("plotly"):
+        from ..plot import interactive_page
+
+        _write(folder / "interactive.html", interactive_page(figures, folder.name).encode())
     page = report(result, tables, figures, scene, Made.now(command_line()))
     _write(folder / "report.html", page.encode())
 

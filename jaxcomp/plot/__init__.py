@@ -1,4 +1,11 @@
-"""Pictures: functions that return matplotlib figures and keep no state."""
+"""Pictures: functions that return matplotlib figures and keep no state.
+
+With the option `interactive=True` each of them returns figures of plotly with hover and zoom.
+"""
+
+import inspect as _inspect
+
+from matplotlib.figure import Figure as _Figure
 
 from ._accuracy import accuracy_figures as accuracy_figures
 from ._accuracy import extreme_errors as extreme_errors
@@ -14,6 +21,9 @@ from ._compared import compared_losses as compared_losses
 from ._film import film_coefficients as film_coefficients
 from ._film import film_figures as film_figures
 from ._film import film_pressure as film_pressure
+from ._interactive import interactive as interactive
+from ._interactive import interactive_page as interactive_page
+from ._interactive import offering_interactive as _offering_interactive
 from ._motion import Motion as Motion
 from ._motion import gif as gif
 from ._optimise import optimum_convergence as optimum_convergence
@@ -48,3 +58,9 @@ from ._tolerance import tolerance_figures as tolerance_figures
 from ._tolerance import tolerance_histogram as tolerance_histogram
 from ._tolerance import tornado as tornado
 from ._transient import transient_figure as transient_figure
+
+_FIGURES = (_Figure, dict[str, _Figure])
+for _name, _function in list(globals().items()):
+    if _inspect.isfunction(_function) and not _name.startswith("_"):
+        _draws = _inspect.signature(_function).return_annotation in _FIGURES
+        globals()[_name] = _offering_interactive(_function) if _draws else _function

@@ -2,10 +2,12 @@
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ..balancing import SHOWN_UNIT, Balance
-from ._style import INK, new_figure, new_polar_figure
+from ._style import INK, legend, legend_above, new_figure, new_polar_figure, note
 
+_PLANES = ("#0072B2", "#D55E00", "#009E73", "#56437F", "#E69F00", "#56B4E9")
 _BEFORE, _AFTER, _BAND = "#BBBBBB", "#0072B2", "#D55E00"
 
 
@@ -37,8 +39,9 @@ def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
         labels = [f"{system.rows[i].target}\n{system.rows[i].axis}" for i in rows]
         ax.set_xticks(place, labels, fontsize=7.5)
         ax.set_ylabel(f"{unit} at {speed * 30 / np.pi:.5g} rpm", fontsize=9, color=INK)
+        ax.set_xlim(-0.6, max(len(rows), 4) - 0.4)
         ax.set_ylim(bottom=0)
-    axes[0, 0].legend(frameon=False, fontsize=8)
+    legend_above(axes[0, 0])
     return figure
 
 
@@ -52,10 +55,12 @@ def balance_polar(balance: Balance) -> Figure:
     for number, (name, size, angle) in enumerate(
         zip(balance.influence.planes, sizes, angles, strict=True)
     ):
-        ax.annotate("", (angle, size), (0, 0),
-                    arrowprops={"arrowstyle": "->", "color": f"C{number}", "linewidth": 2})  # fmt: skip
-        ax.plot([angle], [size], "o", color=f"C{number}", markersize=4,
-                label=f"{name}: {size:.4g} at {np.rad2deg(angle):.1f}°")  # fmt: skip
+        label = f"{name}: {size:.4g} at {np.rad2deg(angle):.1f}°"
+        ax.plot([angle, angle], [0, size], "o-", color=_PLANES[number % len(_PLANES)], linewidth=2,
+                markersize=4, markevery=[1], label=label)  # fmt: skip
     ax.set_ylim(0, 1.1 * max(*sizes, 1e-12))
-    ax.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.08))
+    ax.yaxis.set_major_locator(MaxNLocator(4))
+    note(figure, "Angles with the rotation, from the crank pin; of measured runs, as those of the "
+         "trial weights.")  # fmt: skip
+    legend(ax, loc="upper center", bbox_to_anchor=(0.5, -0.08))
     return figure

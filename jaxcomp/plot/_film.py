@@ -17,7 +17,7 @@ from ..film import (
     coefficients_per_load,
     film_ratio,
 )
-from ._style import INK, legend, legend_above, new_figure, ylabel
+from ._style import INK, legend_above, new_figure, note, ylabel
 
 _ENTRIES = {"xx": "#0072B2", "xy": "#D55E00", "yx": "#009E73", "yy": "#56437F"}
 
@@ -52,11 +52,14 @@ def film_pressure(result: dict[str, Any], field: dict[str, Any]) -> Figure:
     pressure = np.asarray(field["pressure"]) / 1e6
     along = np.concatenate([-zeta[:0:-1], zeta]) * result["length"] / 2 * 1e3
     whole = np.concatenate([pressure[:, :0:-1], pressure], axis=1)
-    title = f"Film pressure, {result['model']}, eps = {result['eccentricity_ratio']:.4g}"
+    title = (
+        f"Film pressure, {result['model']}, eccentricity ratio {result['eccentricity_ratio']:.4g}"
+    )
     figure, axes = new_figure(2, 1, (7.2, 5.6), title)
     ax = axes[0, 0]
     if whole.max() > 0:
         shades = ax.contourf(angle, along, whole.T, levels=12, cmap="Blues")
+        shades.hover = angle, along, whole.T, "Pressure, MPa"  # pyright: ignore
         bar = figure.colorbar(shades, ax=ax, pad=0.01)
         bar.set_label("Pressure, MPa", fontsize=9)
         bar.ax.tick_params(labelsize=8.5)
@@ -81,17 +84,11 @@ def film_pressure(result: dict[str, Any], field: dict[str, Any]) -> Figure:
     thickness = gap * (1 - result["eccentricity_ratio"] * np.cos(np.radians(angle - closest)))
     other.plot(angle, thickness, color=INK, linewidth=1.1, linestyle="--")
     other.set_ylim(0, None)
-    ylabel(other, "Film thickness, µm (dashed)")
+    ylabel(other, "Film thickness, µm")
     for axis in axes[:, 0]:
-        axis.axvline(0, color="#AAAAAA", linewidth=0.8)
-        axis.axvline(closest, color="#D55E00", linewidth=0.9, linestyle=":")
-    ax.axvline(
-        closest,
-        color="#D55E00",
-        linewidth=0.9,
-        linestyle=":",
-        label="Line of centres (thinnest film)",
-    )
+        axis.axvline(0, color="#AAAAAA", linewidth=0.8, label="Load")
+        axis.axvline(closest, color="#D55E00", linewidth=0.9, linestyle=":", label="Thinnest film")
+    ax.plot([], [], "--", color=INK, linewidth=1.1, label="Film thickness")
     legend_above(ax)
     return figure
 
@@ -122,6 +119,7 @@ def film_coefficients(film: type[AbstractFilm], result: dict[str, Any]) -> Figur
         ax.set_yscale("log")
         ylabel(ax, name)
         legend_above(ax)
+    note(figure, "Dashed: negative, by magnitude. Dots: this bearing.")
     ax = axes[2, 0]
     ax.plot(number, np.asarray(eccentricity), color=INK, linewidth=1.5)
     if running is not None:
@@ -131,9 +129,7 @@ def film_coefficients(film: type[AbstractFilm], result: dict[str, Any]) -> Figur
             "o",
             color="#D55E00",
             markersize=5,
-            label="this bearing",
         )
-        legend(ax, loc="upper right")
     ax.set_xscale("log")
     ax.set_ylim(0, 1)
     ylabel(ax, "Eccentricity ratio")

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from ..design import Front, Optimum
-from ._style import INK, legend, new_figure, words, ylabel
+from ._style import INK, legend, new_figure, note, words, ylabel
 
 _SAMPLE, _BEST, _NOW, _BAD = "#9A9A9A", "#D55E00", "#009E73", "#CC79A7"
 _PATHS = ("#0072B2", "#56B4E9", "#E69F00", "#56437F", "#999933", "#AA4499", "#444444", "#009E73")
@@ -37,6 +37,7 @@ def optimum_convergence(optimum: Optimum) -> Figure:
             shown = np.where(np.isfinite(rows) & (rows > 0), rows, np.nan)
             ax.semilogy(steps, shown, "o-", color=_path(number), markersize=3, linewidth=1.1)
     ylabel(axes[0, 0], _label(f"|{optimum.objective_name} - best|", _unit(optimum), False))
+    note(figure, "Each colour is one start.")
     ylabel(axes[1, 0], "Projected slope")
     axes[1, 0].set_xlabel("Designs solved from this start", fontsize=9)
     return figure
@@ -53,7 +54,14 @@ def pareto_front(front: Front) -> Figure:
     ax.plot(sample[:, 1], sample[:, 0], ".", color=_SAMPLE, markersize=4, alpha=0.6,
             label=f"{len(sample)} samples")  # fmt: skip
     good = ~front.dominated
-    ax.plot(points[good, 1], points[good, 0], "o-", color=_PATHS[0], markersize=4.5, label="front")
+    ax.plot(
+        points[good, 1],
+        points[good, 0],
+        "o-",
+        color=_PATHS[0],
+        markersize=4.5,
+        label="Pareto front",
+    )
     if front.dominated.any():
         ax.plot(points[~good, 1], points[~good, 0], "x", color=_BAD, label="dominated")
     for place, name, shift in ((0, 0, 10), (len(points) - 1, 1, -12)):
@@ -106,6 +114,7 @@ def _line(optimum: Optimum) -> Figure:
     near = np.flatnonzero(sample.values[:, 0] == present)
     if near.size and sample.ok[near[0]]:
         _now(ax, present * scale, sample.objective[near[0]] * tall)
+    note(figure, "Each colour is one start; above its first design, below all of them.")
     below.invert_yaxis()
     below.set_xlabel(_label(variable.name, variable.unit), fontsize=9)
     ylabel(below, "Designs solved from this start")
@@ -139,6 +148,7 @@ def _plane(optimum: Optimum) -> Figure:
         path = (optimum.history.values[:, number] * scale).T
         ax.plot(*path, ".-", color=_path(number), linewidth=1.2, markersize=4)
         ax.plot(*path[:, 0], "o", color=_path(number), markersize=6, markeredgecolor="white")
+    note(figure, "Each colour is one start, from its large dot; the shade is of the samples.")
     _marks(ax, optimum, *(np.array(list(optimum.values.values())) * scale))
     now = np.asarray(optimum.problem.current)
     if np.all((now >= np.asarray(optimum.ranges.low)) & (now <= np.asarray(optimum.ranges.high))):
@@ -165,6 +175,7 @@ def _strips(optimum: Optimum) -> Figure:
         ax.set_ylim(low - 0.03 * (high - low), high + 0.03 * (high - low))
         ylabel(ax, _label(one.name, one.unit))
     axes[-1, 0].set_xlabel("Designs solved from this start", fontsize=9)
+    note(figure, "Each colour is one start; dashed: the optimum.")
     return figure
 
 

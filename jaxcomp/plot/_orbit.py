@@ -81,7 +81,7 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     ax.text(
         0.5,
         0.42,
-        f"Work on the gas\n{work:.4g} J per turn",
+        f"Work on the gas\n{work:.4g} J per revolution",
         transform=ax.transAxes,
         ha="center",
         fontsize=9,
@@ -100,7 +100,7 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     forces = {name: np.asarray(force) / scale for name, force in turn.loads.forces.items()}
     walls = {name: force for name, force in forces.items() if name == "wall"}
     figure, axes = new_figure(
-        2 if walls else 1, 1, (7.2, 5.6 if walls else 3.6), "Joint forces over one turn"
+        2 if walls else 1, 1, (7.2, 5.6 if walls else 3.6), "Joint forces over one revolution"
     )
     ax = axes[0, 0]
     for place, (name, force) in enumerate(forces.items()):
@@ -153,7 +153,7 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
 
 def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     """Crank speed and acceleration (Tsuji et al. 2012, Fig. 3 a and b)."""
-    figure, axes = new_figure(2, 1, (7.2, 5.2), "Crank motion over one turn")
+    figure, axes = new_figure(2, 1, (7.2, 5.2), "Crank motion over one revolution")
     angle, speed, rise = fine_turn(compressor, orbit).state
     degrees, speed, rise = over_turn(angle, speed * _RPM, rise)
     mean = float(orbit.mean_speed) * _RPM
@@ -195,7 +195,7 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     }
     if turn.loads.loss_torque:
         torques["friction"] = ("Friction", -turn.loads.total_loss_torque)
-    figure, ((ax,),) = new_figure(1, 1, (7.2, 4.2), "Torques on the crank over one turn")
+    figure, ((ax,),) = new_figure(1, 1, (7.2, 4.2), "Torques on the crank over one revolution")
     for name, (label, torque) in torques.items():
         degrees, values = over_turn(turn.state.angle, torque)
         ax.plot(degrees, values, color=colour(name), linewidth=1.5, label=label)
@@ -212,7 +212,9 @@ def loss_shares(orbit: Orbit) -> Figure:
     losses = dict(sorted(losses.items(), key=lambda item: item[1]))
     total, period = sum(losses.values()), float(orbit.period)
     efficiency = 100 * float(orbit.mechanical_efficiency)
-    title = f"Friction losses, {total:.4g} J per turn; mechanical efficiency {efficiency:.2f} %"
+    title = (
+        f"Friction losses, {total:.4g} J per revolution; mechanical efficiency {efficiency:.2f} %"
+    )
     figure, ((ax,),) = new_figure(1, 1, (7.2, 0.6 * len(losses) + 1.6), title)
     bars = ax.barh(
         [words(name) for name in losses],
@@ -228,7 +230,7 @@ def loss_shares(orbit: Orbit) -> Figure:
     ax.set_xlim(0, 1.45 * max([*losses.values(), 1e-12]))
     ax.grid(False, axis="y")
     ax.tick_params(axis="y", length=0)
-    ax.set_xlabel("Work lost, J per turn", fontsize=9)
+    ax.set_xlabel("Work lost, J per revolution", fontsize=9)
     return figure
 
 

@@ -8,7 +8,10 @@ from ..compressor import Compressor
 from ..crank import Orbit
 from ..mechanism import SliderLink
 from ._fine import fine_turn
-from ._style import INK, colour, crank_marks, new_polar_figure, words
+from ._style import INK, colour, crank_marks, new_polar_figure, note, words
+
+# Every 45 degrees; the others have the grid alone.
+_DIRECTIONS = ("to the\nhead", "", "across", "", "from the\nhead", "", "", "")
 
 
 def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
@@ -22,8 +25,9 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
     loads = _loads(compressor, {k: np.asarray(v) for k, v in turn.loads.forces.items()})
     largest = max(np.hypot(*load).max() for load in loads.values())
     unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
-    title = f"Bearing loads, {unit}; marks: crank angle from top dead centre"
-    figure, axes = new_polar_figure(len(loads) // 2, 2, title)
+    figure, axes = new_polar_figure(len(loads) // 2, 2, f"Bearing loads, {unit}")
+    note(figure, "Dots: every 45° of crank angle from top dead centre. Across: turned with the "
+         "rotation from the head.")  # fmt: skip
     degrees = np.rad2deg(np.asarray(turn.state.angle))
     for place, (ax, (name, load)) in enumerate(zip(axes.flat, loads.items(), strict=True)):
         size, tint = np.hypot(*load) / scale, colour(name, place)
@@ -34,6 +38,7 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
         ax.set_ylim(0, 1.08 * max(size.max(), 1e-12))
         ax.yaxis.set_major_locator(MaxNLocator(4))
         ax.set_rlabel_position(67.5)  # away from the loads, which lie along the cylinder
+        ax.set_xticks(np.linspace(0, 2 * np.pi, 8, endpoint=False), _DIRECTIONS)
         ax.set_title(words(name), fontsize=9.5, loc="left", color=INK)
     return figure
 

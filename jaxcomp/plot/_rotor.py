@@ -17,10 +17,12 @@ from ..rotor import (
     subset_names,
     subsets,
 )
-from ._style import INK, legend, legend_above, new_figure, ylabel
+from ._style import INK, legend, legend_above, new_figure, note, ylabel
 
 _LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444")
 _RPM = 30 / math.pi
+# What the shape of a motion shows.
+_SHADE = "Lines: at the instant of the largest. Dots: nodes. Shade: amplitude."
 _STEEL, _HOLLOW, _DISK = "#B8C7D6", "#FFFFFF", "#56437F"
 
 
@@ -57,8 +59,18 @@ def rotor_drawing(model: RotorModel) -> Figure:
         if style == "-":
             top = -height if max(ends) == 0.0 else max(ends)  # below the shaft
             ax.text(z, (top + min(ends)) / 2, f" {a}", fontsize=7.5, va="center", color=tint)
-    for label, tint, style in (("bearing or mount", "#D55E00", "-"), ("side pull", "#0072B2", ":")):
-        ax.plot([], [], color=tint, linestyle=style, label=label)
+    for present, label, look in (
+        (model.links, "bearing or mount", {"color": "#D55E00"}),
+        (model.side_pulls, "magnetic pull", {"color": "#0072B2", "linestyle": ":"}),
+        (model.disks, "disk, by its mass", {"color": _DISK, "linewidth": 2.4, "alpha": 0.7}),
+        (bodies, "centre of mass", {"color": INK, "marker": "o", "linestyle": ""}),
+    ):
+        if present:
+            ax.plot([], [], label=label, **look)
+    if any(patch.get_hatch() for patch in ax.patches):
+        label = "stiff, without mass"
+        ax.add_patch(Rectangle((0, 0), 0, 0, facecolor=_HOLLOW, edgecolor="#666666", linewidth=0.5,
+                               hatch="///", label=label))  # fmt: skip
     legend_above(ax)
     ax.grid(False)
     ax.set_xlabel("z, mm", fontsize=9)
@@ -88,6 +100,7 @@ def response_curves(result: Mapping[str, Any]) -> Figure:
         for speed in result["speeds"]:
             if rpm[0] <= speed * _RPM <= rpm[-1]:
                 ax.axvline(speed * _RPM, color="#AAAAAA", linewidth=0.8)
+                note(figure, "Grey lines: speeds of the tables.")
     axes[-1, 0].set_xlabel("Speed, rpm", fontsize=9)
     legend(axes[0, 0], ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
     return figure
@@ -102,6 +115,7 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
     speed = float(np.asarray(response.frequency).reshape(-1)[0]) * _RPM
     title = f"Deflection shape, {speed:.5g} cycles per minute"
     figure, axes = new_figure(2, 1, (7.2, 5.6), title)
+    note(figure, _SHADE)
     _shape(axes[:, 0], model, x * 1e6)
     for ax, axis in zip(axes[:, 0], "xy", strict=True):
         ylabel(ax, f"u{axis}, µm")
@@ -114,7 +128,7 @@ def mode_shapes(model: RotorModel, modes: DampedModes, result: Mapping[str, Any]
     """The first modes along z, x-plane and y-plane."""
     real = np.flatnonzero(np.isfinite(np.asarray(modes.eigenvalue)))[:6]
     rows = max(1, -(-len(real) // 2))
-    figure, axes = new_figure(rows, 2, (8.6, 1.0 + 1.9 * rows), "Mode shapes, plane of the largest")
+    figure, axes = new_figure(rows, 2, (8.6, 1.4 + 1.9 * rows), "Mode shapes")
     for ax in axes.flat[len(real) :]:
         ax.set_visible(False)
     for ax, i in zip(axes.flat, real, strict=False):
@@ -126,11 +140,13 @@ def mode_shapes(model: RotorModel, modes: DampedModes, result: Mapping[str, Any]
         text = f"{i + 1}: {hertz:.4g} Hz, damping {damping:.3g} %, {'xy'[plane]}"
         ax.set_title(text, fontsize=8.5, loc="left", color=INK)
         ax.set_yticks([0])
-    legend(axes[0, 0])
+    note(figure, f"{_SHADE} Each mode in the plane of its largest motion, x or y.")
+    handles = axes[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper left", ncols=5, frameon=False, fontsize=8.5)
     for ax in axes[-1]:
         ax.set_xlabel("z, mm", fontsize=9)
     if result["free"]:
-        figure.suptitle("Mode shapes without links, plane of the largest", fontsize=11, color=INK)
+        figure.suptitle("Mode shapes without links", fontsize=11, color=INK, x=0.01, ha="left")
     return figure
 
 
@@ -158,7 +174,9 @@ def response_orbits(result: Mapping[str, Any]) -> Figure:
         ylabel(ax, "y")
     for ax in axes[-1]:
         ax.set_xlabel("x", fontsize=9)
-    legend(axes[0, 0])
+    note(figure, "Dots: time zero of the phases.")
+    handles = axes[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper left", ncols=5, frameon=False, fontsize=8.5)
     return figure
 
 

@@ -29,6 +29,7 @@ from ._style import (
     legend,
     legend_above,
     new_figure,
+    note,
     over_turn,
     words,
     ylabel,
@@ -52,7 +53,8 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     left.axhline(0, color="#888888", linewidth=0.8)
     left.axvline(0, color="#888888", linewidth=0.8)
     left.set_aspect("equal", adjustable="datalim")
-    left.set_xlabel(f"Force along the cylinder, {unit} (marks: crank angle)", fontsize=9)
+    left.set_xlabel(f"Force along the cylinder, {unit} ", fontsize=9)
+    note(figure, "Dots: every 45° of crank angle from top dead centre.")
     ylabel(left, f"Force across, {unit}")
     for name, values, tint in zip("xyz", moment, _TINTS[1:], strict=False):
         if np.any(values):
@@ -85,8 +87,9 @@ def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspensio
         ax.tick_params(labelbottom=True)
         ax.set_xlabel(f"{'xyz'[a]}, µm", fontsize=9)
         ylabel(ax, f"{'xyz'[b]}, µm")
+    note(figure, "Dots: time zero of the orbit.")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower left", ncols=7, frameon=False, fontsize=8.5)
+    figure.legend(handles, labels, loc="outside upper left", ncols=7, frameon=False, fontsize=8.5)
     return figure
 
 
@@ -107,6 +110,7 @@ def free_body_errors(compressor: Compressor, orbit: Orbit, suspension: Suspensio
         tint = _TINTS[i % len(_TINTS)]
         ax.loglog(ratio[:-1], 100 * errors[:-1, i], color=tint, linewidth=1.5, label=words(name))
         ax.loglog(ratio[-1], 100 * errors[-1, i], "o", color=tint, fillstyle="none", markersize=7)
+    note(figure, "Rings: the suspension as it is.")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())

@@ -80,8 +80,15 @@ def crank_axis(ax: Axes, label: bool = True) -> None:
         ax.set_xlabel("Crank angle from top dead centre, degrees", fontsize=9)
 
 
+def note(figure: Figure, text: str) -> None:
+    """A line below the axes that says what marks and shades mean."""
+    figure.supxlabel(text, fontsize=8, color=INK, x=0.01, ha="left")
+
+
 def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
     """Dots on a closed curve every 45 degrees of crank angle, every other one with its number.
+
+    A number is left out where it would cover another one.
 
     Args:
         ax: plane or polar axes.
@@ -89,10 +96,13 @@ def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
         x, y: (n,) the curve.
         tint: its colour.
     """
-    for mark in range(0, 360, 45):
+    places = y * np.exp(1j * x) if ax.name == "polar" else x + 1j * y
+    apart, numbered = 0.12 * np.ptp([places.real, places.imag]), []
+    for mark in (0, 180, 90, 270, 45, 135, 225, 315):
         at = np.argmin(np.abs((degrees - mark + 180) % 360 - 180))
         ax.plot(x[at], y[at], "o", color=tint, markersize=3.2)
-        if mark % 90 == 0:
+        if mark % 90 == 0 and all(abs(places[at] - other) > apart for other in numbered):
+            numbered.append(places[at])
             ax.annotate(f"{mark}°", (x[at], y[at]), xytext=(3, 3), color=INK,
                         textcoords="offset points", fontsize=7.5)  # fmt: skip
 

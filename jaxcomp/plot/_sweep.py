@@ -72,6 +72,7 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
         if values.max() == values.min():
             levels = np.array([values.min() - 0.5, values.max() + 0.5])
         shades = ax.contourf(px, py, values, levels=levels, cmap="viridis")
+        shades.hover = px, py, values.filled(np.nan), z.label  # pyright: ignore
         lines = ax.contour(px, py, values, levels=levels, colors="white", linewidths=0.5)
         ax.clabel(lines, levels[::2], fontsize=7.5, fmt="%.4g")
         bar = figure.colorbar(shades, ax=ax, pad=0.01)

@@ -5,8 +5,9 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from .._shown import Shown, shown
+from ..design import spoken
 from ..tolerancing import Tolerances
-from ._style import INK, legend, new_figure, ylabel
+from ._style import INK, legend, new_figure, note, ylabel
 
 _BAR, _FIRST, _SECOND, _LIMIT, _LOW = "#9FC5E8", "#D55E00", "#56437F", "#CC0000", "#0072B2"
 # Bars of a tornado that still can be read.
@@ -54,13 +55,16 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         if moments is not None and moments.deviation[place] > 0:
             mean, wide = (m[place] * look.factor for m in (moments.mean, moments.deviation))
             bell = stats.norm.pdf(x, mean, wide)
-            ax.plot(x, bell, line, color=tint, linewidth=1.3, label=f"{word}, as a bell")
+            ax.plot(x, bell, line, color=tint, linewidth=1.3, label=f"normal, {word}")
     ax.axvline(
-        found.value[place] * look.factor, color=INK, linewidth=1.0, linestyle=":", label="as drawn"
+        found.value[place] * look.factor, color=INK, linewidth=1.0, linestyle=":", label="nominal"
     )
-    for share, at in zip((5, 95), np.percentile(values, (5, 95)), strict=True):
+    for at, side in zip(np.percentile(values, (5, 95)), ("right", "left"), strict=True):
         ax.plot([at, at], [0, 0.06 * top], color=INK, linewidth=1.4)
-        ax.annotate(f"{share} %", (at, 0.07 * top), fontsize=8, ha="center", color=INK)
+        share = "5" if side == "right" else "95"
+        ax.annotate(f"{share} %", (at, 0.07 * top), (-3 if side == "right" else 3, 0), fontsize=8,
+                    textcoords="offset points", ha=side, color=INK)  # fmt: skip
+    note(figure, "Short marks: 5 and 95 % of the machines lie below.")
     for one in found.reliability:
         if one.limit.quantity == name:
             _limit(ax, one, look, top)
@@ -104,7 +108,7 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
     place, look = found.names.index(name), _look(found, name)
     ranked = found.ranking(name)[:_ROWS]
     rows = [found.variables.index(variable) for variable, _ in ranked]
-    title = f"{title}: what moves {_small(look.words)}"
+    title = f"{title}: what changes {_small(look.words)}"
     figure, axes = new_figure(1, 1, (7.6, 1.6 + 0.36 * len(rows)), title)
     ax = axes[0, 0]
     mean = float(np.asarray(found.local.value)[place]) * look.factor
@@ -120,7 +124,9 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
     ax.annotate("of variance", (1.0, -0.62), xycoords=("axes fraction", "data"), fontsize=8,
                 ha="right", va="bottom", color=INK)  # fmt: skip
     ax.axvline(mean, color=INK, linewidth=0.9)
-    ax.set_yticks(y, [variable for variable, _ in ranked], fontsize=8.5)
+    design = found.problem.design
+    ax.set_yticks(y, [spoken(design, variable) for variable, _ in ranked], fontsize=8.5)
+    note(figure, f"Line: {_small(look.words)} of the mean machine.")
     ax.grid(False, axis="y")
     ax.set_ylim(len(rows) - 0.4, -0.9)
     ax.set_xlabel(look.label, fontsize=9)
