@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, get_args
 
 import equinox as eqx
 import jax
@@ -227,7 +227,7 @@ class Plots:
         for name, function in vars(plot).items():
             if inspect.isfunction(function):
                 for parameter in inspect.signature(function).parameters.values():
-                    if parameter.annotation is kind:
+                    if kind in (parameter.annotation, *get_args(parameter.annotation)):
                         found[name] = function, parameter.name
         return found
 

@@ -1,6 +1,8 @@
 r"""Numbers in the units in which people speak of them."""
 
 import math
+import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -72,3 +74,18 @@ def shown(name: str, unit: str, values) -> Shown:
         if size >= least and (size or unit.startswith("rad")):
             return Shown(words, name_of_unit, factor)
     return Shown(words, unit, 1.0)
+
+
+def rounded(value: float, digits: int) -> str:
+    """A number to so many digits, and to whole ones where it has more of them before the point."""
+    return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
+
+
+def behind(texts: Sequence[str]) -> list[int]:
+    """Characters that numbers without units need behind them, for the points to stand in a column."""
+    if not all(re.fullmatch(r"([<+±-]?[\d,]+(\.\d+)?)?", text) for text in texts):
+        return [0] * len(texts)
+    after = [len(text) - text.find(".") if "." in text else 0 for text in texts]
+    return [
+        max(after, default=0) - one if text else 0 for one, text in zip(after, texts, strict=True)
+    ]

@@ -298,7 +298,7 @@ def loaded_rotor(
             'given, such as load = ["80 N", "0 N"] along x and y; only a machine with a compressor and '
             "`loads.crank` has it from the crank"
         )
-        raise BadInput(f"rotor.links.{opened[0]}.law.load", "", bound)
+        raise BadInput(f"rotor.links.{opened[0]}.law.load", None, bound)
     speeds = jnp.maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
     if speeds.size > _LOADED:
         speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)

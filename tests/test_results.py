@@ -7,20 +7,26 @@ import numpy as np
 import pandas
 import pytest
 from helpers import machine
+from test_cylinder import golden, mechanism
 
 from jaxcomp import (
     BadInput,
+    Kloss,
     load,
     load_result,
     optimise,
     pareto,
     problem,
+    sensitivity,
+    simulate,
     solve_orbit,
     tolerance,
     within,
 )
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import Row
+from jaxcomp.cylinder import CycleOptions, solve_cycle
+from jaxcomp.design import Front
 from jaxcomp.rotor import (
     Disks,
     Link,
@@ -28,6 +34,7 @@ from jaxcomp.rotor import (
     RotorModel,
     ShaftElements,
     Unbalances,
+    campbell,
     damped_modes,
     respond,
     undamped_modes,
@@ -78,6 +85,26 @@ def orbit():
     return solve_orbit(machine())
 
 
+def front():
+    ends = (optimum(), optimum())
+    values = jnp.linspace(0.12, 0.14, 6).reshape(3, 2)
+    return Front(
+        ("swept_volume", "mechanical_efficiency"), ("m^3", ""), (True, False), tuple(ends[0].values),
+        np.asarray(values), np.asarray(values) ** 2, np.array([np.nan, 1 / 3, np.nan]),
+        ("converged",) * 3, np.array([False, False, True]), np.array([1e-3, 0.9]),
+        np.full((4, 2), np.pi), 1, ends, 7,
+    )  # fmt: skip
+
+
+def cycle():
+    options = CycleOptions(nodes=4, panels=8)  # coarse: what is kept is the same
+    return solve_cycle(golden("A"), mechanism(), 300.0, options, throw=False)
+
+
+def transient():
+    return simulate(machine(motor=Kloss(250.0, 0.3, 105.0)), 0.02)
+
+
 SMALL = {
     "response": response,
     "modes": lambda: undamped_modes(rotor(), 4),
@@ -85,6 +112,10 @@ SMALL = {
     "balance": balance,
     "optimum": optimum,
     "tolerances": tolerances,
+    "front": front,
+    "cycle": cycle,
+    "transient": transient,
+    "sensitivity": lambda: sensitivity(machine_of_tsuji(), ["swept_volume"]),
 }
 
 
@@ -110,7 +141,16 @@ def test_a_saved_result_loads_to_the_same_bits(result, tmp_path):
     result.save(tmp_path / "result.npz")
     again = load_result(tmp_path / "result.npz")
     assert type(again) is type(result)
+    for name in result.not_saved:  # what a solver kept for itself
+        assert getattr(again, name) is None
+        result = eqx.tree_at(lambda r, name=name: getattr(r, name), result, None)
     same_bits(result, again)
+
+
+def test_a_transient_from_a_file_says_what_it_lacks():
+    kept = eqx.tree_at(lambda r: r._dense, transient(), None)
+    with pytest.raises(BadInput, match="as `simulate` returned it"):
+        kept.at(0.01)
 
 
 def test_a_table_has_every_row_with_its_units(result, tmp_path):
@@ -192,6 +232,30 @@ def test_pictures_of_a_result_are_found_by_name(orbit):
     assert balance().plot.balance_bars().axes
     with pytest.raises(AttributeError, match=r"did you mean \"pv_diagram\""):
         orbit.plot.pv_digram  # noqa: B018
+
+
+def test_response_curves_and_campbell_diagram_are_pictures_of_results():
+    found = response()
+    axes = found.plot.response_curves().axes
+    assert len(axes) == 2  # orders
+    (line,) = (line for line in axes[0].lines if line.get_label() == "2")
+    np.testing.assert_allclose(line.get_xdata(), np.array([100, 300, 500]) * 30 / np.pi)
+    # a circular orbit about an isotropic rotor
+    sizes = 1e6 * np.abs(found.displacement[0, :, 1, 0])
+    np.testing.assert_allclose(line.get_ydata(), sizes, rtol=1e-9)
+    shown = found.plot.response_curves(nodes=[3]).axes[0].lines
+    assert [line.get_label() for line in shown] == ["3"]
+    with pytest.raises(BadInput, match="nodes"):
+        found.plot.response_curves(nodes=["third"])
+    speeds = [100.0, 200.0, 300.0]
+    modes = campbell(rotor(), jnp.array(speeds), 4)
+    ax = modes.plot.campbell_diagram(speeds).axes[0]
+    drawn = np.sort(
+        np.concatenate([line.get_ydata() for line in ax.lines if line.get_marker() != "None"])
+    )
+    np.testing.assert_allclose(drawn, np.sort(np.ravel(modes.frequency)) / (2 * np.pi))
+    with pytest.raises(BadInput, match="that `campbell` was given"):
+        modes.plot.campbell_diagram(speeds[:2])
 
 
 def test_a_machine_prints_values_with_units():

@@ -45,3 +45,34 @@ def test_no_number_and_no_word_is_cut(width):
 def test_a_table_with_room_stays_a_table():
     assert isinstance(fitted(made(), 120), Table)
     assert isinstance(fitted(made(), 20), str)
+
+
+def test_decimal_points_stand_below_each_other():
+    table = _table(None, "Node", "Amplitude", "Share", "Large", numbers=True)
+    for row in (
+        ("a", "52.4", "5 %", "1258"),
+        ("b", "0.397", "12.5 %", "3.25"),
+        ("c", "<0.01", "", ""),
+    ):
+        table.add_row(*row)
+    out = io.StringIO()
+    Console(file=out, width=60).print(fitted(table, 60))
+    head, _, *lines = [line for line in out.getvalue().splitlines() if line.strip()]
+    assert len({line.index(".") for line in lines}) == 1
+    assert lines[0].index("1258") + 4 == lines[1].index("3.25") + 1
+    # numbers with units and headers keep to the right
+    assert lines[0].index("%") == lines[1].index("%") == head.index("Share") + 4
+    assert head.index("Amplitude") + len("Amplitude") == lines[1].index("0.397") + 5
+
+
+def test_rows_that_become_lines_say_what_they_belong_to():
+    table = _table(None, "Node", "Amplitude of the harmonic", "Velocity of it", numbers=True)
+    for row in (("first", "1.5", "2"), ("", "0.25", "3")):
+        table.add_row(*row)
+    text = fitted(table, 20)
+    assert isinstance(text, str)
+    assert text.count("first") == 2
+    table = _table(None, "Losses, forces, dimensions", "Present value", "Optimum", numbers=True)
+    table.add_row("Efficiency", "92.2 %", "93.1 %")
+    table.add_row("Shaft power", "4.474 kW", "4.470 kW")
+    assert fitted(table, 20).count("Losses, forces") == 1

@@ -12,7 +12,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from .._shown import RPM
+from .._shown import RPM, rounded
 from .._status import SolveFailed, Status
 from ..balancing import (
     SHOWN_UNIT,
@@ -247,10 +247,14 @@ def balance_result(system: System, found: Balance) -> dict[str, Any]:
     }
 
 
+# [-] Of the vibration before: what is left below this is rounding.
+_NOTHING = 1e-9
+
+
 def shown(result: dict[str, Any]) -> tuple[str, float]:
     """Unit of the vibration in tables and pictures, and its factor."""
     unit = result["vibration_unit"]
-    return ("um", 1e6) if unit == "m" else (unit, 1.0)
+    return ("µm", 1e6) if unit == "m" else (unit, 1.0)
 
 
 def worse_sentence(result: dict[str, Any]) -> str:
@@ -260,7 +264,7 @@ def worse_sentence(result: dict[str, Any]) -> str:
     if not rows:
         return "No reading gets worse."
     most = max(rows, key=lambda row: row["after"] - row["before"])
-    ends = f"{most['before'] * factor:.3g} to {most['after'] * factor:.3g} {unit}"
+    ends = f"{rounded(most['before'] * factor, 3)} to {rounded(most['after'] * factor, 3)} {unit}"
     return (
         f"[yellow]Note:[/yellow] {len(rows)} of {len(result['rows'])} readings get worse; most of all "
         f"{escape(most['target'])} {most['axis']} at {most['speed'] * RPM:.5g} rpm, from {ends}."
@@ -273,13 +277,13 @@ def balance_tables(result: dict[str, Any]) -> list[Table | str]:
     with_radius = any(plane["radius"] is not None for plane in result["planes"])
     masses = _table(
         escape(f"{result['machine']}: corrections to add"),
-        *("Plane", unit, "deg"),
+        *("Plane", unit, "°"),
         *(("mm", "g") if with_radius else ()),
         numbers=True,
     )
     for plane in result["planes"]:
         size, place = plane["correction"] * factor, math.degrees(plane["phase"])
-        row = [escape(plane["name"]), f"{size:.4g}", f"{place:.1f}"]
+        row = [escape(plane["name"]), rounded(size, 4), f"{place:.1f}"]
         if with_radius:
             radius, mass = plane["radius"], plane["mass"]
             row.append("" if radius is None else f"{radius * 1e3:.4g}")
@@ -287,14 +291,14 @@ def balance_tables(result: dict[str, Any]) -> list[Table | str]:
         masses.add_row(*row)
     unit, factor = shown(result)
     rows = _table(
-        escape(f"Vibration at order 1, {unit}; +-: with 1 % and 1 deg of error in every plane"),
+        escape(f"Vibration at order 1, {unit}; ±: with 1 % and 1° of error in every plane"),
         "Target",
         "Axis",
         "rpm",
         "Before",
         "After",
         "Share",
-        "+-",
+        "±",
         numbers=True,
     )
     rows.columns[0].no_wrap = True
@@ -305,8 +309,8 @@ def balance_tables(result: dict[str, Any]) -> list[Table | str]:
             escape(row["target"]) if row["target"] != last else "",
             row["axis"],
             f"{row['speed'] * RPM:.5g}",
-            f"{row['before'] * factor:.3g}",
-            f"{row['after'] * factor:.3g}",
+            rounded(row["before"] * factor, 3),
+            rounded(row["after"] * factor if row["after"] > _NOTHING * row["before"] else 0.0, 3),
             f"{100 * row['after'] / row['before']:.0f} %" if row["before"] else "",
             f"{spread * factor:.2g}",
         )

@@ -79,13 +79,15 @@ def _counts(rows, name: str) -> dict[str, int]:
 
 def _commands(scene: Scene) -> list[str]:
     """The commands that have something to work on."""
-    out = [] if scene.compressor is None else ["run", "animate", "optimise", "sweep", "tolerance"]
+    design = ["compare", "sensitivity", "optimise", "sweep", "tolerance"]
+    out = [] if scene.compressor is None else ["run", "animate", *design]
     if "rotor" in scene.parts:
         loads = scene.parts.get("loads")
         out += ["modes"]
         out += ["respond"] if isinstance(loads, LoadCase) and loads.loads else []
-        out += ["balance"] if {"loads", "balancing"} <= set(scene.parts) else []
-    return out
+        if {"loads", "balancing"} <= set(scene.parts):
+            out += ["balance", *design[1:]]
+    return list(dict.fromkeys(out))
 
 
 def _follows(scene: Scene):

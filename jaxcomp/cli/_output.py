@@ -89,11 +89,14 @@ def show_results(
         return
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     from ._tables import fitted
 
     console = Console()
     for table in tables:
-        console.print(fitted(table, console.width) if isinstance(table, Table) else table)
+        typed = isinstance(table, Text) and bool(table.no_wrap)  # to be copied into a file
+        shown = fitted(table, console.width) if isinstance(table, Table) else table
+        console.print(shown, soft_wrap=typed)
     if out is not None:
         console.print(f"{written} are in {out}", soft_wrap=True, markup=False)

@@ -7,6 +7,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from .._shown import rounded
 from ._tables import _table
 
 _RPM = 30 / math.pi
@@ -47,7 +48,7 @@ def modes_tables(result: dict[str, Any], overdamped: bool = False) -> list[Table
 
 def _orbits(result, s):
     rpm = result["speeds"][s] * _RPM
-    title = f"{result['machine']} at {rpm:.5g} rpm: amplitudes and half axes in um, velocity in mm/s rms"
+    title = f"{result['machine']} at {rpm:.5g} rpm: amplitudes and half axes in µm, velocity in mm/s rms"
     columns = ("Node", "n", "x", "y", "Major", "Minor", "Whirl", "mm/s")
     table = _table(escape(title), *columns, numbers=True)
     table.columns[0].no_wrap = table.columns[6].no_wrap = True
@@ -90,7 +91,7 @@ def _peaks(result):
     curves = result["curves"]
     rpm = np.array(curves["speeds"]) * _RPM
     title = f"Largest major axis from {rpm[0]:.5g} to {rpm[-1]:.5g} rpm"
-    table = _table(title, "Node", "n", "um", "at rpm", numbers=True)
+    table = _table(title, "Node", "n", "µm", "at rpm", numbers=True)
     table.columns[0].no_wrap = True
     for name, orders in curves["major_axis"].items():
         for n, order in enumerate(result["orders"]):
@@ -116,7 +117,7 @@ def _modes(result, s, overdamped):
         table.add_row(
             str(i + 1),
             f"{w / (2 * math.pi):.5g}",
-            f"{w * _RPM:.5g}",
+            rounded(w * _RPM, 5),
             f"{100 * mode['damping_ratio']:.3g}",
             _whirl(mode["whirl"]),
             escape(mode["subset"]),
@@ -134,7 +135,11 @@ def _critical(result):
             hidden += 1  # no response has a peak there
             continue
         w = one["speed"]
-        cells = (f"{w * _RPM:.5g}", f"{w / (2 * math.pi):.5g}", f"{100 * one['damping_ratio']:.3g}")
+        cells = (
+            rounded(w * _RPM, 5),
+            f"{w / (2 * math.pi):.5g}",
+            f"{100 * one['damping_ratio']:.3g}",
+        )
         table.add_row(*cells)
     if hidden:
         table.caption = f"{hidden} more with a damping above 70 %, which gives no peak"

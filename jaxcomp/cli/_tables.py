@@ -7,9 +7,10 @@ from typing import Any
 from rich import box
 from rich.cells import cell_len
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
+from .._shown import behind
 from ..scene import Bundled, Row, Scene
 
 
@@ -162,6 +163,10 @@ def _table(title: str | None, *columns: str, numbers: bool = False) -> Table:
     return table
 
 
+# A header that is repeated before every row, where rows become lines.
+_SHORT = 12
+
+
 def _words(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
@@ -169,44 +174,69 @@ def _words(name: str) -> str:
 def fitted(table: Table, width: int) -> Table | str:
     """A table that no terminal of this width cuts: columns wrap between words and never in a number.
 
-    Where even that leaves no room, every row becomes lines of their own, one for each column.
+    Points of numbers stand below each other. Where even that leaves no room, every row becomes lines
+    of their own, one for each column.
 
     Args:
         table: made by `_table`.
         width: of the terminal, in characters.
     """
     headers = [Text.from_markup(str(column.header)).plain for column in table.columns]
-    cells = [[Text.from_markup(str(c)).plain for c in column.cells] for column in table.columns]
     wide, least = [], []
-    for column, header, texts in zip(table.columns, headers, cells, strict=True):
+    for column, header in zip(table.columns, headers, strict=True):
+        texts = _pointed(column)
         whole = column.justify == "right"
         pieces = [w for t in texts for w in ([t] if whole else t.split())] + header.split()
         least.append(max(map(cell_len, pieces), default=1))
         wide.append(max(map(cell_len, [*texts, header]), default=1))
     room = width - 2 - 2 * len(wide) - (len(wide) - 1)
-    if sum(wide) <= room:
-        return table
     if sum(least) > room:
         return _stacked(table, headers)
     over = sum(wide) - room
+    narrow = over > 0
     while over > 0:  # the widest column that can give way does
         place = max((i for i in range(len(wide)) if wide[i] > least[i]), key=lambda i: wide[i])
         wide[place] -= 1
         over -= 1
     for column, size in zip(table.columns, wide, strict=True):
-        column.min_width = column.max_width = size
-        column.no_wrap = False
+        if narrow:
+            column.min_width = column.max_width = size
+            column.no_wrap = False
+        for cell in column._cells if column.justify == "right" else ():
+            if isinstance(cell, Text):  # rich takes spaces off the end of what it sets to the right
+                cell.pad_left(size - cell_len(cell.plain))
+                cell.justify = "left"
     return table
+
+
+def _pointed(column: Column) -> list[str]:
+    """The texts of a column; numbers with spaces behind them that put their points in line."""
+    plain = [Text.from_markup(str(cell)).plain for cell in column.cells]
+    missing = behind(plain) if column.justify == "right" else [0]
+    if any(missing):
+        column._cells = [
+            Text.from_markup(str(cell) + count * " ")
+            for cell, count in zip(column.cells, missing, strict=True)
+        ]
+        return [cell.plain for cell in column._cells]
+    return plain
 
 
 def _stacked(table: Table, headers: list[str]) -> str:
     lines = [f"[bold]{table.title}[/bold]"] if table.title else []
+    short = len(headers[0]) <= _SHORT
+    if not short:
+        lines.append(f"[bold]{escape(headers[0])}[/bold]")
+    above = ""
     for row in zip(*(column.cells for column in table.columns), strict=True):
         if any(str(cell) for cell in row):
-            first, *others = map(str, row)
-            lines.append(f"[bold]{headers[0]}[/bold] {first}".strip() if headers[0] else first)
+            first, *others = (escape(c.plain) if isinstance(c, Text) else str(c) for c in row)
+            first = above = first or above  # an empty cell stands for the one above
+            lines.append(
+                f"[bold]{headers[0]}[/bold] {first}".strip() if short and headers[0] else first
+            )
             lines += [
-                f"  {escape(header)} {cell}".rstrip()
+                f"  {escape(header)} {cell.strip()}".rstrip()
                 for header, cell in zip(headers[1:], others, strict=True)
                 if cell
             ]

@@ -95,7 +95,13 @@ class Transient(Result, eqx.Module):
         return (work - gained) / size
 
     def at(self, time: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """Angle [rad] and speed [rad/s] at any time [s] up to the end, by dense output."""
+        """Angle [rad] and speed [rad/s] at any time [s] up to the end, by dense output.
+
+        Raises:
+            BadInput: a result that was read from a file, which has the listed instants alone.
+        """
+        if self._dense is None:
+            raise BadInput("transient", "read from a file", "as `simulate` returned it")
         y = self._dense.evaluate(jnp.minimum(time, self.end_time))
         return y["angle"], y["speed"] * self._scales[0]
 

@@ -76,7 +76,7 @@ class Sensitivity(Result):
         yield Data("number", "", np.array(self.numbers), ("number",))
         yield Data("part", "", np.array(self.parts), ("number",))
         yield Data("present", "", self.present, ("number",), "value in the SI unit beside it")
-        yield Data("unit", "", np.array(self.units), ("number",))
+        yield Data("unit", "", np.array([unit or "1" for unit in self.units]), ("number",))
         elasticity = self.elasticity
         for place, (name, unit) in enumerate(pairs):
             yield Data(f"elasticity.{name}", "", elasticity[place], ("number",))

@@ -60,7 +60,7 @@ def balance_polar(balance: Balance) -> Figure:
                 markersize=4, markevery=[1], label=label)  # fmt: skip
     ax.set_ylim(0, 1.1 * max(*sizes, 1e-12))
     ax.yaxis.set_major_locator(MaxNLocator(4))
-    note(figure, "Angles with the rotation, from the crank pin; of measured runs, as those of the "
+    note(figure, "Angles with the rotation, from the crank pin;\nof measured runs as those of the "
          "trial weights.")  # fmt: skip
     legend(ax, loc="upper center", bbox_to_anchor=(0.5, -0.08))
     return figure

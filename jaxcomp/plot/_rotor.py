@@ -8,12 +8,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from .._fields import BadInput
+from .._words import one_of
 from ..rotor import (
     DampedModes,
     Response,
     RotorModel,
     node_names,
     node_positions,
+    orbit,
     subset_names,
     subsets,
 )
@@ -80,12 +83,20 @@ def rotor_drawing(model: RotorModel) -> Figure:
     return figure
 
 
-def response_curves(result: Mapping[str, Any]) -> Figure:
+def response_curves(
+    result: Mapping[str, Any] | Response, nodes: Sequence[str | int] = ()
+) -> Figure:
     """Major axis of the orbits over the speed, one axes an order.
 
     Args:
-        result: of `jaxcomp respond` with its curves.
+        result: of `respond` over orders and speeds, or of `jaxcomp respond` with its curves.
+        nodes: of the response, by name; those that move most if absent.
+
+    Raises:
+        BadInput: a response without orders and speeds, or a node that it does not have.
     """
+    if isinstance(result, Response):
+        result = _curves_of(result, [str(node) for node in nodes])
     orders, curves = result["orders"], result["curves"]
     title = "Response over the speed"
     figure, axes = new_figure(len(orders), 1, (7.2, 1.2 + 2.3 * len(orders)), title)
@@ -93,7 +104,7 @@ def response_curves(result: Mapping[str, Any]) -> Figure:
     for n, order in enumerate(orders):
         ax = axes[n, 0]
         for i, (name, values) in enumerate(curves["major_axis"].items()):
-            y = np.array([np.nan if v is None else v for v in values[n]]) * 1e6
+            y = np.array(values[n], float) * 1e6
             dash = "-" if i < len(_LINES) else "--"
             ax.semilogy(rpm, y, dash, color=_LINES[i % 7], linewidth=1.3, label=name)
         ylabel(ax, f"Order {order}, µm")
@@ -104,6 +115,32 @@ def response_curves(result: Mapping[str, Any]) -> Figure:
     axes[-1, 0].set_xlabel("Speed, rpm", fontsize=9)
     legend(axes[0, 0], ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
     return figure
+
+
+def _curves_of(response: Response, nodes: Sequence[str]) -> dict[str, Any]:
+    x = np.asarray(response.displacement)
+    if x.ndim != 4:
+        raise BadInput(
+            "response", f"with {x.ndim - 2} axes", "over orders and speeds, as of `respond`"
+        )
+    size = np.asarray(orbit(response.displacement[..., 0], response.displacement[..., 1]).major)
+    size = np.where(np.asarray(response.ok)[..., None], size, np.nan)
+    known = list(response.nodes) or [str(number) for number in range(x.shape[-2])]
+    missing = [node for node in nodes if node not in known]
+    if missing:
+        raise BadInput("nodes", missing[0], one_of(missing[0], known))
+    most = np.argsort(-np.nanmax(size, axis=(0, 1)), kind="stable")[: len(_LINES)]
+    shown = nodes or [known[i] for i in sorted(most)]
+    spin = np.asarray(response.spin_speed)[0]
+    ratio = np.asarray(response.frequency)[:, -1] / spin[-1]
+    return {
+        "speeds": [],
+        "orders": np.round(ratio).astype(int).tolist(),
+        "curves": {
+            "speeds": spin,
+            "major_axis": {name: size[..., known.index(name)] for name in shown},
+        },
+    }
 
 
 def deflection_shape(model: RotorModel, response: Response) -> Figure:
@@ -142,7 +179,7 @@ def mode_shapes(model: RotorModel, modes: DampedModes, result: Mapping[str, Any]
         ax.set_yticks([0])
     note(figure, f"{_SHADE} Each mode in the plane of its largest motion, x or y.")
     handles = axes[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper left", ncols=5, frameon=False, fontsize=8.5)
+    figure.legend(*handles, loc="outside upper right", ncols=5, frameon=False, fontsize=8.5)
     for ax in axes[-1]:
         ax.set_xlabel("z, mm", fontsize=9)
     if result["free"]:
@@ -176,21 +213,37 @@ def response_orbits(result: Mapping[str, Any]) -> Figure:
         ax.set_xlabel("x", fontsize=9)
     note(figure, "Dots: time zero of the phases.")
     handles = axes[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper left", ncols=5, frameon=False, fontsize=8.5)
+    figure.legend(*handles, loc="outside upper right", ncols=5, frameon=False, fontsize=8.5)
     return figure
 
 
-def campbell_diagram(campbell: Mapping[str, Any]) -> Figure:
+def campbell_diagram(
+    campbell: Mapping[str, Any] | DampedModes, speeds: Sequence[float] = ()
+) -> Figure:
     """Frequencies over the speed with their whirl, the line of the speed, and what it meets.
 
     Args:
-        campbell: of `jaxcomp modes` with a range of speeds.
+        campbell: of `jaxcomp.rotor.campbell`, or of `jaxcomp modes` with a range of speeds, which has
+            the critical speeds as well.
+        speeds: [rad/s] of the modes, where they do not say them.
+
+    Raises:
+        BadInput: modes at one speed, or as many speeds as there are not.
     """
+    if isinstance(campbell, DampedModes):
+        if np.shape(campbell.whirl)[:-1] != np.shape(speeds) or np.ndim(speeds) != 1:
+            raise BadInput("speeds", np.shape(speeds), "those that `campbell` was given")
+        campbell = {
+            "speeds": speeds,
+            "frequency": campbell.frequency,
+            "whirl": campbell.whirl,
+            "damping_ratio": campbell.damping_ratio,
+            "critical_speeds": [],
+        }
     figure, ((ax,),) = new_figure(1, 1, (7.2, 4.8), "Campbell diagram")
     rpm = np.array(campbell["speeds"]) * _RPM
     hertz, whirl, damping = (
-        np.array([[np.nan if v is None else v for v in row] for row in campbell[key]])
-        for key in ("frequency", "whirl", "damping_ratio")
+        np.array(campbell[key], float) for key in ("frequency", "whirl", "damping_ratio")
     )
     hertz = hertz / (2 * np.pi)
     grid = np.broadcast_to(rpm[:, None], hertz.shape)

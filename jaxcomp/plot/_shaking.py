@@ -89,7 +89,7 @@ def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspensio
         ylabel(ax, f"{'xyz'[b]}, µm")
     note(figure, "Dots: time zero of the orbit.")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=7, frameon=False, fontsize=8.5)
+    figure.legend(handles, labels, loc="outside upper right", ncols=7, frameon=False, fontsize=8.5)
     return figure
 
 

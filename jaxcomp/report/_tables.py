@@ -8,6 +8,8 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from .._shown import behind
+
 _CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "doubt", "dim": "faint"}
 
 
@@ -52,11 +54,15 @@ def _table(table: Table) -> str:
         for side, column in zip(aligned, table.columns, strict=True)
     ]
     columns = [list(column.cells) for column in table.columns]
+    ends = [
+        behind([Text.from_markup(str(c)).plain for c in cells]) if column.justify == "right" else []
+        for column, cells in zip(table.columns, columns, strict=True)
+    ]
     body = []
     for number, row in enumerate(table.rows):
         cells = "".join(
-            f"<td{side}>{rich_html(cells[number])}</td>"
-            for side, cells in zip(aligned, columns, strict=True)
+            f"<td{side}>{rich_html(cells[number])}{_blank(end[number] if end else 0)}</td>"
+            for side, cells, end in zip(aligned, columns, ends, strict=True)
         )
         last = ' class="last"' if row.end_section else ""
         body.append(f"<tr{last}>{cells}</tr>")
@@ -64,6 +70,11 @@ def _table(table: Table) -> str:
         f"<thead><tr>{''.join(heads)}</tr></thead>" if any(c.header for c in table.columns) else ""
     )
     return f"{title}<table>{head}<tbody>{''.join(body)}</tbody></table>"
+
+
+def _blank(count: int) -> str:
+    """Room of so many characters behind a number, as wide as digits."""
+    return count * "\u2007"
 
 
 def _line(text: Any) -> str:

@@ -161,7 +161,7 @@ def _explained(part: type[Part], where: Places) -> Explained:
     for name, entry in entries(part).items():
         default, unit = "", ""
         if isinstance(entry, SubPart | PartTable):
-            bound, line = expected_section(entry), _heading(entry, name, where)
+            bound, line = expected_section(entry), _section(entry, name, where)
         elif isinstance(entry, Number | Option):
             default = "" if entry.required else default_text(part, name, entry).replace("...", "")
             bound = expected(entry) if isinstance(entry, Option) else str(entry.bound)
@@ -173,17 +173,27 @@ def _explained(part: type[Part], where: Places) -> Explained:
     kind = [f'type = "{where.kind}"'] if several else []
     # keys stand before sections, those that are needed before the others
     ordered = sorted(listed, key=lambda one: (one.example.startswith("["), not one.required))
-    lines = [one.example if one.required else f"#{one.example}" for one in ordered]
+    lines = [
+        one.example if one.required else "#" + one.example.replace("\n", "\n#") for one in ordered
+    ]
     text = "\n".join([where.titles[0], *kind, *lines])
     return Explained(where.kind, summary(part), where.titles, tuple(listed), text)
 
 
-def _heading(entry: SubPart | PartTable, name: str, where: Places) -> str:
-    """The heading of a section inside, or the name of a bearing where one may stand."""
-    if NamedBearing in choices(entry.classes).values():
+def _section(entry: SubPart | PartTable, name: str, where: Places) -> str:
+    """A section inside with what it needs, or the name of a bearing where one may stand."""
+    known = choices(entry.classes)
+    if NamedBearing in known.values():
         return f'{name} = ["NAME"]' if isinstance(entry, PartTable) else f'{name} = "NAME"'
     path = f"{where.titles[0].strip('[]')}.{name}"
-    return f"[[{path}]]" if isinstance(entry, PartTable) else f"[{path}]"
+    title = f"[[{path}]]" if isinstance(entry, PartTable) else f"[{path}]"
+    # rather one that a machine has
+    kind = next(
+        (kind for kind, part in known.items() if part in _from_machines()), next(iter(known))
+    )
+    inner = _explained(known[kind], Places(kind, (title,), frozenset())).example
+    lines = inner.splitlines()
+    return "\n".join(line for line in lines if entry.required or not line.startswith("#"))
 
 
 def expected_section(entry: SubPart | PartTable) -> str:
