@@ -214,16 +214,15 @@ def contact_arms(mechanism: SliderLink, angle: Float[Array, "*n"]) -> ContactArm
         mechanism: the geometry.
         angle: [rad] crank angle.
     """
-    radius = mechanism.crank_radius
-    # 1 - cos by the half angle, which keeps its digits near the dead centre
-    engaged = mechanism.cylinder_length - 2 * radius * jnp.sin(angle / 2) ** 2
+    radius, (cosine, sine) = mechanism.crank_radius, crank_direction(angle)
+    engaged = mechanism.cylinder_length - radius * (1 - cosine)
     # the floor is reached only by a piston that leaves its cylinder, which is reported elsewhere
     engaged = jnp.maximum(engaged, 1e-6 * mechanism.cylinder_length)
     return ContactArms(
         engaged,
         crown=jnp.broadcast_to(mechanism.crown_to_link, engaged.shape),
         edge=mechanism.crown_to_link - engaged,
-        slider=-mechanism.offset + radius * jnp.sin(angle),
+        slider=-mechanism.offset + radius * sine,
     )
 
 
