@@ -126,6 +126,12 @@ class Machine:
         return np.unique(places)
 
     # ---------------------------------------------------------------- balances
+    def main_moment(self, theta, speed, answer):
+        """Friction moment of the main journal, opposite to the speed."""
+        del theta, speed
+        coefficient, diameter = self.pins.get("main_journal", (0.0, 0.0))
+        return coefficient * diameter / 2 * np.hypot(answer[9], answer[10])
+
     def system(self, theta, speed):
         """Matrix over (alpha, Gx, Gy, beta, x; Tx, Ty, Sx, Sy, Qx, Qy, N) and the constant side."""
         r, l, b = self.crank_radius, self.conrod_length, self.conrod_centre
@@ -186,11 +192,11 @@ class Machine:
         )
         answer = inverse @ constant
         for _ in range(200):
-            _, _, _, _, _, tx, ty, sx, sy, qx, qy, n = answer
+            _, _, _, _, _, tx, ty, sx, sy, _, _, n = answer
             wall = self.wall * abs(n)
             on_small = swing * np.sign(speed) * moment("piston_pin", np.hypot(tx, ty))
             on_big = np.sign(speed * (1 - rod_rate)) * moment("crank_pin", np.hypot(sx, sy))
-            on_main = np.sign(speed) * moment("main_journal", np.hypot(qx, qy))
+            on_main = np.sign(speed) * self.main_moment(theta, speed, answer)
             right = constant.copy()
             right[3] -= sliding * wall
             right[2] += on_small + on_big
@@ -258,6 +264,7 @@ class Turn:
     level: float
     work: dict
     changes: list  # angles where the wall force changes its side
+    pieces: list = field(default_factory=list)  # (left, right, dense solution) between the kinks
 
 
 def orbit(machine: Machine, motor, mean_speed=None, guess=None, rtol=1e-11) -> Turn:
@@ -345,7 +352,8 @@ def orbit(machine: Machine, motor, mean_speed=None, guess=None, rtol=1e-11) -> T
             lowest, highest = min(lowest, value), max(highest, value)
     mean = 2 * np.pi / end[1]
     work = dict(zip(("motor", "gas", *names), end[2:], strict=True))
-    return Turn(work["gas"] / work["motor"], (highest - lowest) / mean, mean, level, work, changes)
+    fluctuation = (highest - lowest) / mean
+    return Turn(work["gas"] / work["motor"], fluctuation, mean, level, work, changes, pieces)
 
 
 def one_turn(machine: Machine, motor, angle, speed, rtol=1e-10):
@@ -391,7 +399,7 @@ def from_compressor(compressor) -> Machine:
         wall = 0.0 if friction.wall is None else float(friction.wall.coefficient)
         for name in ("piston_pin", "crank_pin", "main_journal"):
             law = getattr(friction, name)
-            if law is not None:
+            if hasattr(law, "coefficient"):
                 pins[name] = (float(law.coefficient), float(law.diameter))
     gravity = (0.0, 0.0) if compressor.gravity is None else tuple(map(float, compressor.gravity))
     has_gas = compressor.gas is not None

@@ -62,12 +62,15 @@ def test_table_names_the_cheapest_setting_and_the_floor(film):
     from jaxcomp.work_precision import Cost, Reference, Report, Row
 
     failed = Row("b", "two", np.inf, 1.0, 1.0, why="the joints lock")
-    made = Row("a", "one", 1e-4, 2e-3, 1.0), failed
+    made = Row("a", "one", 1e-4, 2e-3, 1.0, lines=5000), failed
     march = {"speed": 1e-8, "mechanical_efficiency": 2e-9, "losses": 3e-9, "peak_forces": 4e-7}
     values = Reference(1.0, 1.0 + 1e-6, ("x", "y"))
     calls = {"value": Cost(3.0, 2e-3, 5000), "value and gradient": Cost(20.0, 8e-3, 15000)}
     report = Report("orbit", "m", "q", "W", values, made, {}, "note", march, calls)
-    table, beside, reference, waits, why, marched, best = accuracy_tables(report, 1e-3)
+    table, programs, beside, reference, waits, why, marched, best = accuracy_tables(report, 1e-3)
+    assert [list(column.cells) for column in programs.columns[:3]] == [
+        ["a", "b"], ["1 s", "1 s"], ["5 k", ""]
+    ]  # fmt: skip
     cells = [list(column.cells) for column in waits.columns]
     assert cells == [["value", "value and gradient"], ["3 s", "20 s"], ["2 ms", "8 ms"],
                      ["5,000", "15,000"]]  # fmt: skip

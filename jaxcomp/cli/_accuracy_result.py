@@ -130,10 +130,7 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
         ("Setting", [row.setting.replace("tolerance=", "tol=") for row in report.rows]),
         ("Error", [_error(report, row) for row in report.rows]),
         ("Time", [_duration(row.seconds) for row in report.rows]),
-        ("Compile", [_duration(row.compile_seconds) for row in report.rows]),
-        ("Lines", ["" if row.lines is None else _count(row.lines) for row in report.rows]),
         ("Passes", ["" if row.passes is None else str(row.passes) for row in report.rows]),
-        ("Flops", ["" if row.flops is None else _count(row.flops) for row in report.rows]),
     ]
     columns = [(head, cells) for head, cells in columns if any(cells)]
     table = _table(title, *(head for head, _ in columns), numbers=True)
@@ -143,6 +140,7 @@ def accuracy_tables(report: Report, error: float) -> Iterator[Any]:
     for cells in zip(*(cells for _, cells in columns), strict=True):
         table.add_row(*cells)
     yield table
+    yield _programs(report)
     if report.orders:
         orders = _table(None, "Method", "Order", "Observed", numbers=True)
         for name, order in report.orders.items():
@@ -218,6 +216,18 @@ def _side_by_side(report: Report):
                 first = "" if best is None else f"[bold]{_duration(best)}[/bold]"
                 cells.append("" if own is None else first if own == best else _times(own / best))
             table.add_row(method, *cells)
+    return table
+
+
+def _programs(report: Report):
+    """What compiling takes, and how large the largest program of each method is."""
+    heads = ("Method", "Compiling", "Lines", "Operations")
+    table = _table("Largest program of each method", *heads, numbers=True)
+    for method in report.methods:
+        rows = [row for row in report.rows if row.method == method]
+        row = max(rows, key=lambda row: (row.lines or 0, row.flops or 0, row.compile_seconds))
+        counts = ("" if x is None else _count(x) for x in (row.lines, row.flops))
+        table.add_row(method, _duration(row.compile_seconds), *counts)
     return table
 
 
