@@ -190,9 +190,14 @@ def element(length, outer, inner, young, density, poisson):
         return np.array([[a, b, c, d], [b, e, -d, g], [c, -d, a, -b], [d, g, -b, e]])
 
     k = four(12, 6 * l, -12, 6 * l, (4 + f) * l**2, (2 - f) * l**2)
-    shift = four(13 / 35 + 7 * f / 10 + f**2 / 3, (11 / 210 + 11 * f / 120 + f**2 / 24) * l,
-                 9 / 70 + 3 * f / 10 + f**2 / 6, -(13 / 420 + 3 * f / 40 + f**2 / 24) * l,
-                 (1 / 105 + f / 60 + f**2 / 120) * l**2, -(1 / 140 + f / 60 + f**2 / 120) * l**2)  # fmt: skip
+    shift = four(
+        13 / 35 + 7 * f / 10 + f**2 / 3,
+        (11 / 210 + 11 * f / 120 + f**2 / 24) * l,
+        9 / 70 + 3 * f / 10 + f**2 / 6,
+        -(13 / 420 + 3 * f / 40 + f**2 / 24) * l,
+        (1 / 105 + f / 60 + f**2 / 120) * l**2,
+        -(1 / 140 + f / 60 + f**2 / 120) * l**2,
+    )
     turn = four(6 / 5, (1 / 10 - f / 2) * l, -6 / 5, (1 / 10 - f / 2) * l,
                 (2 / 15 + f / 6 + f**2 / 3) * l**2, (-1 / 30 - f / 6 + f**2 / 6) * l**2)  # fmt: skip
     k = k * young * second / (l**3 * (1 + f))
@@ -291,9 +296,9 @@ def displacement(scene, made: Hermetic, speed: float, forces, mean):
     for node, force in zip((crank.pin, crank.head, crank.wall), forces, strict=True):
         load += motion[node][:2].T @ force
     for table in loads.unbalances:
-        for node, size_, phase in zip(table.nodes, table.magnitude,
-                                      np.broadcast_to(table.phase, len(table.nodes)), strict=True):  # fmt: skip
-            turning = float(size_) * speed**2 * np.exp(1j * float(phase))
+        phases = np.broadcast_to(table.phase, len(table.nodes))
+        for node, amount, phase in zip(table.nodes, table.magnitude, phases, strict=True):
+            turning = float(amount) * speed**2 * np.exp(1j * float(phase))
             load += motion[node][:2].T @ (turning * np.array([1.0, -1j]))
     x = np.linalg.solve(k - speed**2 * m + 1j * speed * c, load)
     return {node: at @ x for node, at in motion.items()}
