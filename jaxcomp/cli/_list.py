@@ -25,10 +25,9 @@ def list_machines(
 
     Example: [bold]jaxcomp list mayekawa-wbhe[/bold], [bold]jaxcomp list fluids[/bold]
     """
-    from rich.console import Console
 
     from ..scene import describe, load, machines
-    from ._json import print_json
+    from ._output import show_results
     from ._start import start_jax
     from ._tables import fluid_table, machine_table, value_table
 
@@ -36,33 +35,27 @@ def list_machines(
         from ..fluid import fluid_data, fluids
 
         data = [fluid_data(name) for name in fluids()]
-        if as_json:
-            keys = ("name", "description", "source", "licence")
-            print_json({"fluids": [{key: fluid[key] for key in keys} for fluid in data]})
-        else:
-            Console().print(fluid_table(data))
+        keys = ("name", "description", "source", "licence")
+        found = {"fluids": [{key: fluid[key] for key in keys} for fluid in data]}
+        show_results(found, [fluid_table(data)], as_json, None)
         return
     if machine is None:
         known = machines()
-        if as_json:
-            print_json({"machines": [m._asdict() for m in known]})
-        else:
-            Console().print(machine_table(known))
+        found = {"machines": [m._asdict() for m in known]}
+        show_results(found, [machine_table(known)], as_json, None)
         return
     start_jax()
     scene = load(machine)
     rows = describe(scene)
-    if as_json:
-        values = {
-            row.path: {
-                "value": row.value.tolist() if hasattr(row.value, "tolist") else row.value,
-                "unit": row.unit,
-                "given": row.given,
-                "source": row.source,
-                "doc": row.doc,
-            }
-            for row in rows
+    values = {
+        row.path: {
+            "value": row.value.tolist() if hasattr(row.value, "tolist") else row.value,
+            "unit": row.unit,
+            "given": row.given,
+            "source": row.source,
+            "doc": row.doc,
         }
-        print_json({"name": scene.name, "description": scene.description, "values": values})
-    else:
-        Console().print(value_table(scene, rows))
+        for row in rows
+    }
+    found = {"name": scene.name, "description": scene.description, "values": values}
+    show_results(found, [value_table(scene, rows)], as_json, None)

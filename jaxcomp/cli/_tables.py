@@ -13,6 +13,9 @@ from rich.text import Text
 from .._shown import behind
 from ..scene import Bundled, Row, Scene
 
+# Characters of a value as it was given; JSON has all of it.
+_LONGEST = 120
+
 
 def machine_table(machines: Iterable[Bundled]) -> Table:
     """The bundled machines."""
@@ -40,6 +43,9 @@ def value_table(scene: Scene, rows: Sequence[Row]) -> Table:
     table.columns[0].no_wrap = True
     for row in rows:
         given = row.given if row.given is not None else f"{row.value} {row.unit}".strip()
+        given = str(given)
+        if len(given) > _LONGEST:
+            given = f"{given[: _LONGEST // 2]} ... {given[-_LONGEST // 2 :]}"
         table.add_row(*(escape(str(text)) for text in (row.path, given, row.source, row.doc)))
     return table
 
@@ -218,7 +224,7 @@ def _pointed(column: Column) -> list[str]:
             Text.from_markup(str(cell) + count * " ")
             for cell, count in zip(column.cells, missing, strict=True)
         ]
-        return [cell.plain for cell in column._cells]
+        return [Text.from_markup(str(cell)).plain for cell in column._cells]
     return plain
 
 

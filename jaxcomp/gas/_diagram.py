@@ -43,7 +43,8 @@ class CrankAngleTable(AbstractDiagram):
         rising = jnp.all(jnp.diff(self.angle) > 0)
         within = self.angle[-1] - self.angle[0] < 2 * jnp.pi
         return {
-            "a table with rising angles within one turn": rising & within,
+            "a table with rising angles within one turn, the first not again at the end": rising
+            & within,
             "a table of at least three points": jnp.asarray(self.angle.size > 2),
         }
 

@@ -56,8 +56,8 @@ def interactive(figure: Figure) -> Any:
         ) from None
     FigureCanvasAgg(figure).draw()  # lays the axes out
     width, height = figure.get_size_inches() * _INCH
-    legends = [ax.get_legend() for ax in figure.axes if ax.get_legend()] + figure.legends
-    wanted = {text.get_text() for legend in legends for text in legend.get_texts()}
+    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
+    wanted = {text.get_text() for legend in legends if legend for text in legend.get_texts()}
     made = _Made(go.Figure(), wanted)
     made.figure.update_layout(
         width=width + (_LEGEND if wanted else 0), height=height, template="none", font=_FONT,
@@ -93,7 +93,7 @@ def offering_interactive(function: Callable) -> Callable:
     )
 
     @functools.wraps(function)
-    def draw(*given, **options):
+    def _draw(*given, **options):
         wanted = options.pop("interactive", False)
         made = function(*given, **options)
         if not wanted:
@@ -102,13 +102,13 @@ def offering_interactive(function: Callable) -> Callable:
             return {name: interactive(figure) for name, figure in made.items()}
         return interactive(made)
 
-    draw.__doc__ = (
+    _draw.__doc__ = (
         f"{function.__doc__}\n    With `interactive=True`: figures of plotly, see `interactive`.\n"
     )
-    draw.__signature__ = signature.replace(  # pyright: ignore[reportAttributeAccessIssue]
+    _draw.__signature__ = signature.replace(  # pyright: ignore[reportAttributeAccessIssue]
         parameters=[*signature.parameters.values(), option]
     )
-    return draw
+    return _draw
 
 
 class _Made:
@@ -285,7 +285,8 @@ class _Made:
         )  # fmt: skip
 
     def _collection(self, ax: Axes, collection, place) -> None:
-        faces, edges = collection.get_facecolor(), collection.get_edgecolor()
+        faces: Any = collection.get_facecolor()
+        edges: Any = collection.get_edgecolor()
         if isinstance(collection, PathCollection):
             x, y = np.asarray(collection.get_offsets(), float).T
             size = float(np.sqrt(collection.get_sizes()[0])) * _POINT
@@ -295,7 +296,7 @@ class _Made:
                         marker=marker)  # fmt: skip
             return
         if isinstance(collection, QuadMesh):
-            corners = collection.get_coordinates()
+            corners: Any = collection.get_coordinates()
             cells = [
                 [corners[i, j], corners[i, j + 1], corners[i + 1, j + 1], corners[i + 1, j]]
                 for i in range(corners.shape[0] - 1)
@@ -306,7 +307,7 @@ class _Made:
             return
         segments = isinstance(collection, LineCollection) or not len(faces)
         for number, path in enumerate(collection.get_paths()):
-            pieces = path.to_polygons(closed_only=False)
+            pieces: list[Any] = list(path.to_polygons(closed_only=False))
             if not pieces:
                 continue
             if segments:
@@ -321,7 +322,7 @@ class _Made:
                 self._shape(ax, pieces, faces[number % len(faces)], edge, place)
                 self._listed(ax, collection, faces[0], place)
         if hasattr(collection, "hover"):
-            x, y, z, words = collection.hover
+            x, y, z, words = collection.hover  # pyright: ignore[reportAttributeAccessIssue]
             rows = ((ax.get_xlabel(), "x"), (ax.get_ylabel(), "y"), (words, "z"))
             hover = "<br>".join(f"{word}: %{{{name}:.5g}}" for word, name in rows)
             self.figure.add_trace(

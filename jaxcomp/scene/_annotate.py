@@ -31,6 +31,8 @@ _HOW = (
     "A machine for jaxcomp; `jaxcomp check` reads this file and tells all that is wrong with it.",
     'A value is a number, a text with any unit of the dimension in brackets ("50 mm", "1.5 in"), a '
     'list of them, or a table with its source: { value = "50 mm", source = "drawing 17" }.',
+    'Lists may come from a file beside this one, csv = "table.csv", with names and units in its header: '
+    "angle [deg],cylinder_pressure [bar].",
     "A key right behind # is optional and has this default; ... stands where there is none. What "
     "appears more than once is explained where it comes first.",
 )

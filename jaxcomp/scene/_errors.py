@@ -30,9 +30,9 @@ class SceneError(ValueError):
         super().__init__(visible(": ".join(part for part in (file, entry, problem) if part)))
 
     def in_file(self, file: str) -> "SceneError":
-        """The same complaints with the name of the file in front."""
+        """The same complaints with the name of the file in front, unless they name one."""
         others = [other.in_file(file) for other in self.others]
-        return SceneError(self.key, self.problem, self.value, file, others)
+        return SceneError(self.key, self.problem, self.value, self.file or file, others)
 
 
 def visible(text: str) -> str:

@@ -176,6 +176,13 @@ def _explained(part: type[Part], where: Places) -> Explained:
     lines = [
         one.example if one.required else "#" + one.example.replace("\n", "\n#") for one in ordered
     ]
+    columns = [
+        f"{name} [{entry.unit}]" if entry.unit else name
+        for name, entry in entries(part).items()
+        if isinstance(entry, Number) and entry.shape == (None,) and entry.required
+    ]
+    if len(columns) > 1:
+        lines.append(f'#csv = "table.csv" instead of the lists; its header: {",".join(columns)}')
     text = "\n".join([where.titles[0], *kind, *lines])
     return Explained(where.kind, summary(part), where.titles, tuple(listed), text)
 

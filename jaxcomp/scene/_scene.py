@@ -17,6 +17,7 @@ from .._words import did_you_mean, hint
 from ..compressor import Compressor
 from ..film import AbstractJournal, AbstractOil
 from ..machine import Assembly, Machine, assembled, correction_planes
+from ._csv import with_tables
 from ._dump import is_section, toml_text_like
 from ._errors import SceneError
 from ._read import MOST_HINTS, Reader, join
@@ -269,6 +270,7 @@ def _bundled() -> dict[str, Any]:
 
 def _scene(document: dict[str, Any], file: str, stale: Iterable[str] = (), text: str = "") -> Scene:
     try:
+        document = with_tables(document, Path(file).parent)
         check_tables(document)
         return _checked_scene(document, file, stale, text)
     except SceneError as error:

@@ -19,16 +19,13 @@ same sense, both with the rotation or both against it; so do the angles of the c
 may stand between the cells, with decimal commas in them.
 """
 
-import csv
 import dataclasses
-import io
 import os
-import re
-from collections.abc import Iterator
 
 import numpy as np
 
 from ..balancing import Influence, Row, trial_influence
+from ._csv import header_cell, read_cells
 from ._errors import SceneError
 from ._units import factor
 
@@ -42,8 +39,6 @@ _RUN_OUT = "run-out"
 _KEPT = {"yes": True, "no": False, "": False}
 # Bounds of what can be measured in any unit; beyond them squares and quotients leave the numbers.
 _SMALLEST, _LARGEST = 1e-30, 1e30
-_LARGEST_FILE = 4_000_000  # [bytes]
-_DECIMAL_COMMA = re.compile(r"\s*([-+]?\d*),(\d+)\s*")
 
 
 def read_measurements(path: str | os.PathLike) -> Influence:
@@ -54,34 +49,11 @@ def read_measurements(path: str | os.PathLike) -> Influence:
             dimension, a reading that is missing or given twice. It names file, line and column.
     """
     name = os.fspath(path)
-    try:
-        with open(path, encoding="utf-8-sig") as file:  # line ends of any kind
-            text = file.read(_LARGEST_FILE + 1)
-        if len(text) > _LARGEST_FILE:
-            raise SceneError("", f"is larger than {_LARGEST_FILE / 1e6:.0f} MB", file=name)
-        lines = [cells for cells in _cells(text) if any(cell.strip() for cell in cells)]
-    except csv.Error as error:
-        raise SceneError("", f"is no table: {error}", file=name) from None
-    except OSError as error:
-        raise SceneError("", f"cannot be read: {error.strerror}", file=name) from None
-    except UnicodeDecodeError:
-        raise SceneError("", "is no text in UTF-8", file=name) from None
+    lines = read_cells(path)
     try:
         return _measured(lines)
     except SceneError as error:
         raise error.in_file(name) from None
-
-
-def _cells(text: str) -> Iterator[list[str]]:
-    if ";" not in text.partition("\n")[0]:
-        return csv.reader(io.StringIO(text))
-    table = csv.reader(io.StringIO(text), delimiter=";")
-    return ([_decimal_point(cell) for cell in cells] for cells in table)
-
-
-def _decimal_point(cell: str) -> str:
-    number = _DECIMAL_COMMA.fullmatch(cell)
-    return f"{number[1]}.{number[2]}" if number else cell
 
 
 def _measured(lines) -> Influence:
@@ -175,13 +147,13 @@ def _take_off(readings, targets) -> None:
 def _header(cells) -> dict[str, str]:
     units = {}
     for cell in cells:
-        match = re.fullmatch(r"\s*(\w+)\s*(?:\[(.*)\])?\s*", cell)
-        name = match[1].lower() if match else cell
-        if match is None or name not in (*_COLUMNS, *_OPTIONAL):
+        known = header_cell(cell)
+        name = known[0].lower() if known else cell
+        if known is None or name not in (*_COLUMNS, *_OPTIONAL):
             raise SceneError(cell.strip(), f'is an unknown column; known are those of "{_EXAMPLE}"')
         if name in units:
             raise SceneError(name, "is there twice")
-        units[name] = (match[2] or "").strip()
+        units[name] = known[1]
     for name in _COLUMNS:
         if name not in units:
             raise SceneError(name, f'is a missing column; a header is "{_EXAMPLE}"')
