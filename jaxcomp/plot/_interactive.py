@@ -58,11 +58,14 @@ def interactive(figure: Figure) -> Any:
     width, height = figure.get_size_inches() * _INCH
     legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
     wanted = {text.get_text() for legend in legends if legend for text in legend.get_texts()}
+    heading = next(
+        (text for legend in legends if legend and (text := legend.get_title().get_text())), ""
+    )
     made = _Made(go.Figure(), wanted)
     made.figure.update_layout(
         width=width + (_LEGEND if wanted else 0), height=height, template="none", font=_FONT,
         margin={"l": 0, "r": _LEGEND if wanted else 0, "t": 0, "b": 0}, hovermode="closest",
-        barmode="overlay", legend={"x": 1.01, "y": 0.95, "font": {"size": 12}},
+        barmode="overlay", legend={"x": 1.01, "y": 0.95, "font": {"size": 12}, "title": heading},
     )  # fmt: skip
     for text in (figure.get_suptitle(), figure.get_supxlabel()):
         top = text == figure.get_suptitle()
@@ -150,7 +153,7 @@ class _Made:
         """A text at a place."""
         self.figure.add_annotation(
             text=text.replace("\n", "<br>"), x=x, y=y, xref=xref, yref=yref, showarrow=False,
-            font={"size": size}, **{"xanchor": "left", "yanchor": "middle"} | options,
+            **{"xanchor": "left", "yanchor": "middle", "font": {"size": size}} | options,
         )  # fmt: skip
 
     def _plane_axes(self, ax: Axes, key: str) -> str:
@@ -158,13 +161,11 @@ class _Made:
         below = next((k for a, k in self.axes.items() if np.allclose(a.get_position(), box)), None)
         options: dict[str, Any] = {}
         if below is not None:
-            x, options = below, {"overlaying": below.replace("x", "y"), "side": "right"}
+            x, options = below, {"overlaying": below.replace("x", "y")}
         self.axes.setdefault(ax, x)
         shown: dict[str, tuple[Any, Any]] = {"y": (ax.yaxis, (box.y0, box.y1))}
         if below is None:
             shown["x"] = ax.xaxis, (box.x0, box.x1)
-        elif ax.yaxis.get_ticks_position() != "right":
-            options.pop("side")
         for name, (axis, domain) in shown.items():
             log = axis.get_scale() == "log"
             limits = (
@@ -187,7 +188,10 @@ class _Made:
             if not any(t.get_visible() and t.get_text() for t in axis.get_ticklabels()):
                 look["showticklabels"] = False
             if name == "y":
-                look |= options
+                look |= {
+                    "side": "right" if axis.get_ticks_position() == "right" else "left",
+                    **options,
+                }
                 if ax.get_aspect() == 1.0:
                     look |= {"scaleanchor": x, "constrain": "domain"}
             for other, theirs in self.axes.items():
@@ -383,6 +387,7 @@ class _Made:
             words, *map(float, values), *_references(inside, place).values(), size,
             xanchor=text.get_ha(), yanchor=across.get(text.get_va(), text.get_va()),
             xshift=shift[0], yshift=shift[1], textangle=-text.get_rotation(),
+            font={"size": size, "color": _colour(text.get_color())},
         )  # fmt: skip
 
 

@@ -146,7 +146,9 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
         ax.axhline(0, color="#888888", linewidth=0.8)
         ax.set_title(words(name), fontsize=9.5, loc="left", color=INK)
         ylabel(ax, label)
-        crank_axis(ax, label=place >= len(curves) - columns)
+        lowest = place >= len(curves) - columns
+        crank_axis(ax, label=lowest)
+        ax.tick_params(labelbottom=lowest)
         ax.set_xticks(range(-180, 181, 90))
     return figure
 
