@@ -64,6 +64,7 @@ def test_speed_fluctuation_at_1000_rpm(as_printed):
 def test_fluctuation_falls_with_the_bore(as_printed):
     _, fluctuation, _ = as_printed
     assert np.all(np.diff(fluctuation[1]) > 0)
+    np.testing.assert_allclose(fluctuation[1, [0, -1]], [0.081, 0.122], atol=1e-3)
 
 
 def test_sentences_on_the_losses_of_fig_5a(as_printed):
@@ -86,6 +87,12 @@ def test_sentences_on_the_losses_of_fig_5a(as_printed):
     # "relatively large, while E_MT at the piston pin is comparatively small"
     others = np.min([loss[name] for name in ("crank_pin", "main_journal", "wall")], axis=0)
     assert np.all(loss["piston_pin"] < 0.25 * others)
+    # as the page of validation has them, at 100 and 180 mm
+    ends = {"piston_pin": [6, 16], "main_journal": [109, 268], "wall": [229, 69]}
+    for name, watts in ends.items():
+        np.testing.assert_allclose(loss[name][[0, -1]], watts, atol=0.6)
+    np.testing.assert_allclose(pin[3:5], [232.6, 233.4], atol=0.1)
+    assert total[3] == pytest.approx(499, abs=0.6)
 
 
 def test_figures_on_the_page_of_validation(as_printed):

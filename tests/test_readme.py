@@ -196,6 +196,22 @@ def test_tests_and_files_that_a_page_names_exist(page):
         assert (ROOT / file).exists(), file
 
 
+def test_every_row_of_the_page_of_validation_names_its_test():
+    tables = re.findall(r"(?:^\|.*\n)+", text_of("notebooks/validation.md"), re.M)
+    rows = 0
+    for table in tables:
+        head, _, *lines = table.splitlines()
+        assert head.endswith("| test |"), head
+        for line in lines:
+            cells = line.split("|")
+            assert len(cells) == len(head.split("|")), line
+            named = re.fullmatch(r".*`test_\w+\.py::test_\w+`", cells[-2].strip())
+            # what the page compares with nothing
+            assert named or "not compared" in line or "a limit" in line, line
+            rows += 1
+    assert rows > 80
+
+
 def test_figures_of_the_readme_stand_on_the_page_of_validation():
     table = text_of("README.md").split("## How far it agrees")[1].split("\n## ")[0]
     figures = re.findall(r"[\d.,]+ %|[\d.,]+ g mm|[\d.]+ W\b", table)
