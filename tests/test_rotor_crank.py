@@ -127,6 +127,11 @@ def test_hermetic_machine_has_the_printed_figures(scene):
     model, loads = scene.parts["rotor"], scene.parts["loads"]
     tables = model.shafts
     assert [len(t.nodes) for t in tables] == [2, 6, 6, 6, 11, 4, 6]  # 41 elements
+    # Table 1: rings, laminations, laminations with bars, laminations, cast iron (pin and arms massless)
+    moduli = [float(t.young_modulus[0]) * 1e-9 for t in tables]
+    assert moduli == pytest.approx([70, 5, 37.5, 5, 180, 180, 180])
+    densities = [float(t.density[0]) for t in tables]
+    assert densities == pytest.approx([2700, 7800, 5250, 7800, 7200, 0, 7200])
     rotor = sum(float(jnp.sum(shaft_mass(t))) for t in tables) + float(model.disks[0].mass.sum())
     # "Roughly" 3.5, 15 and 7 kg, 26 kg with piston and rod.
     assert rotor == pytest.approx(3.5, abs=1e-3)
