@@ -7,8 +7,9 @@ import pytest
 from helpers import read_json
 from typer.testing import CliRunner
 
-from jaxcomp import BadInput, load, problem, sensitivity
+from jaxcomp import BadInput, load, loads, problem, sensitivity
 from jaxcomp.cli import app
+from jaxcomp.design import spoken
 from jaxcomp.plot import sensitivity_bars
 
 
@@ -91,6 +92,14 @@ def test_bars_name_parts_values_and_directions(swept):
     assert "1 %" in ax.get_xlabel()
     with pytest.raises(BadInput, match="one of swept_volume"):
         sensitivity_bars(swept, "motor_power")
+
+
+def test_a_rotor_without_a_crank_is_shaken_by_its_unbalances():
+    text = CliRunner().invoke(app, ["new", "-", "--kind", "rotor"]).stdout
+    design = loads(text).machine
+    made = problem(design, ["rotor.disks.0.mass.0"], ["vibration"])  # traces what it asks for
+    assert made.units == ("m",)
+    assert spoken(design, "corrections.rotor.x") == "x of correction rotor"
 
 
 def test_the_command_writes_what_it_prints(tmp_path):

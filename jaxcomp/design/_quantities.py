@@ -161,8 +161,9 @@ def shaken_by(machine: Assembly, chain: Chain) -> Shaken:
     case = machine.loads
     if machine.rotor is None or case is None:
         raise BadInput("rotor", "absent", "given with loads and balancing planes")
-    chosen = chain.excitation or ("file" if case.forces else "crank")
-    if chosen == "crank" and (case.crank is None or machine.compressor is None):
+    alone = case.crank is None or machine.compressor is None
+    chosen = chain.excitation or ("file" if case.forces or alone else "crank")
+    if chosen == "crank" and alone:
         raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
     by_crank = chosen == "crank"
     return Shaken(by_crank, chain.solver, chain.orders, chain.left_out)

@@ -6,6 +6,8 @@ from ..machine import Machine
 
 # Steps that tell nothing beside what stands around them.
 _SILENT = ("rotor", "law", "loads", "balancing", "mechanism", "friction", "motor", "gas")
+# What a user gave a name to follows these.
+_NAMED = ("corrections", "bearings", "oils")
 _SAID = {
     "links": "link", "disks": "disk", "bodies": "body", "shafts": "shaft", "coefficient": "friction",
     "side_pulls": "magnetic pull", "unbalances": "unbalances", "corrections": "correction",
@@ -41,7 +43,7 @@ def spoken(design: Machine, path: str) -> str:
                 else:
                     word = f"at node {_node(nodes[index])}" if many else f"{index + 1}"
             words.append(word)
-        elif step not in _SILENT or len(steps) == 1:
+        elif step not in _SILENT or len(steps) == 1 or (number and steps[number - 1] in _NAMED):
             words.append(_SAID.get(step, step.replace("_", " ")))
         place = here
     if len(words) < 2:
