@@ -54,7 +54,8 @@ def sensitivity_tables(found: Sensitivity, rows: int) -> list[Table]:
             table.add_section()
         idle = len(found.numbers) - len(ranked)
         if idle:
-            table.caption = f"{idle} other numbers of the machine have no influence."
+            what = "number of the machine has" if idle == 1 else "numbers of the machine have"
+            table.caption = f"{idle} other {what} no influence."
             table.caption_justify = "left"
         tables.append(table)
     return tables
