@@ -39,6 +39,8 @@ from ._reversals import OrbitProblem
 # [-] Change of the duration of a revolution with twice the nodes beyond which it counts as not
 # resolved. Ordinary ones stay below 1e-5 with 8 nodes on a panel, and below 1e-4 with 5.
 _PERIOD_ERROR = 1e-3
+# A quadrature over a kink may be off by several times what twice the nodes change.
+_SAFETY = 5.0
 
 
 class Collocation(eqx.Module):
@@ -107,6 +109,18 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
     )
 
 
+def _energy_error(closure, now: Instant, acceleration, growth) -> Float[Array, ""]:
+    """[-] Error of the kinetic energy over its mean, by the torques at twice the nodes."""
+    slope = now.inertia * acceleration + 0.5 * now.inertia_1 * now.speed**2
+    gained, at_edges = now.grid.cumulative(
+        closure.torque(now) + now.conservative - now.loss - slope
+    )
+    error = jnp.max(gained) - jnp.min(gained)
+    if growth is not None:  # the level of the speed follows from the torques
+        error += jnp.abs(at_edges[-1] / lax.stop_gradient(growth))
+    return error / (jnp.mean(now.energy) * now.energy_scale)
+
+
 def loop_kinks(compressor: Compressor) -> int:
     """How many of the quantities that mark load reversals are kinks."""
     zero = jnp.zeros(())
@@ -151,23 +165,18 @@ def orbit_of_motion(
     if compressor.friction is not None:
         unknown = joints_of(loop, scales, both(nodes(motion.joints)))
     loads = loop.loads(unknown, True)
-    now = Instant(
-        grid,
-        scales.speed,
-        scales.energy,
-        nodes(at.inertia),
-        nodes(at.inertia_1),
-        nodes(at.conservative),
-        nodes(closure.law(compressor.motor, state.speed)),
-        nodes(loads.total_loss_torque),
-        nodes(state.speed),
-        motion.energy,
-        motion.first_energy,
-    )
+    law, loss = closure.law(compressor.motor, state.speed), loads.total_loss_torque
+    known_at = (at.inertia, at.inertia_1, at.conservative, law, loss, state.speed, energy)
+
+    def instant(grid, pick):
+        values = (pick(value) for value in known_at)
+        return Instant(grid, scales.speed, scales.energy, *values, motion.first_energy)
+
+    now, finer_now = instant(grid, nodes), instant(fine, finer)
     motor = closure.torque(now)
     period = grid.total(1 / now.speed)
     status = Status.where(report.settled, Status.converged, Status.not_converged)
-    resolved = jnp.abs(fine.total(1 / finer(state.speed)) - period) < _PERIOD_ERROR * period
+    resolved = jnp.abs(fine.total(1 / finer_now.speed) - period) < _PERIOD_ERROR * period
     status = Status.where(report.settled & ~resolved, Status.unresolved, status)
     growth = None
     if closure.needs_steepness:
@@ -179,8 +188,13 @@ def orbit_of_motion(
     status = Status.where(lowest <= ENERGY_FLOOR, Status.stalled, status)
     totals = {name: grid.total(nodes(loss)) for name, loss in loads.loss_torque.items()}
     account = Energy(grid.total(motor), -grid.total(now.conservative), totals)
+    # The error of the motion: the kinetic energy that the torques at the finer nodes add to it. All
+    # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
+    # force, change by as much as the large ones.
+    moved = _energy_error(closure, finer_now, finer(state.acceleration), growth)
+    moved *= lax.stop_gradient(account.total_loss)
     error = {
-        name: jnp.abs(fine.total(finer(loss)) - lax.stop_gradient(totals[name]))
+        name: _SAFETY * jnp.abs(fine.total(finer(loss)) - lax.stop_gradient(totals[name])) + moved
         for name, loss in loads.loss_torque.items()
     }
     return orbit_on_panels(

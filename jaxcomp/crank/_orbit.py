@@ -84,10 +84,10 @@ class Orbit(Result, eqx.Module):
         motor_torque: [N m] shape (n,).
         loads: forces and friction of the joints at the nodes.
         energy: work over the revolution.
-        loss_error: [J] estimated error of `energy.losses`, by joint: what twice the nodes change along
-            the same motion. The error of the motion is not in it (3e-6 of all losses at most, in 2,000
-            random machines), and at a load reversal that was not found it is up to five times too
-            small; `verification` has the true one.
+        loss_error: [J] estimated error of `energy.losses`, by joint: five times what twice the nodes
+            change, and what the torques there change in the motion. Their sum holds for each, but
+            where the two grids agree by chance over a load reversal that was not found (one in a
+            thousand random machines, up to six times); `verification` has the true one.
         peak_forces: [N] largest magnitude of the panel polynomials over the revolution, by joint.
         peak_error: [N] largest size of the highest two terms of these polynomials: an upper estimate
             of the error of the peaks.
