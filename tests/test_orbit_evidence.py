@@ -68,7 +68,7 @@ def test_the_error_of_coarse_losses_is_above_what_it_is():
         coarse = solve_orbit(machine(), Collocation(nodes=nodes, reversals=0), throw=False)
         error = abs(float(coarse.mechanical_efficiency - fine))
         # of the quadrature over a kink: it falls with the square of the nodes, and luckily now and then
-        assert 0.3 * error < float(coarse.efficiency_error) < 100 * error + 1e-6
+        assert error < float(coarse.efficiency_error) < 500 * error + 5e-6
 
 
 def test_peaks_are_those_of_the_curves_and_not_of_the_nodes():
