@@ -49,13 +49,16 @@ def work_precision_diagram(report: Report, error: float | None = None) -> Figure
         ax.plot(*points, linestyle="none", markersize=4, alpha=0.45, **look)
         ax.plot(*_points(report, report.curve(method)), linewidth=1.5, markersize=5, label=method,
                 **look)  # fmt: skip
+    ax.plot([], [], "o", color="#888888", markersize=4, alpha=0.45, label="other settings")
     _logarithmic(ax)
     floor = report.reference.floor
     low, high = ax.get_ylim()
     ax.set_ylim(min(low, floor / 3), high)
-    ax.axhspan(min(low, floor / 3), floor, color="#EEEEEE", zorder=0)
+    ax.axhspan(min(low, floor / 3), floor, color="#EEEEEE", zorder=0,
+               label="error of the reference")  # fmt: skip
     if error is not None:
-        ax.axhline(error, color="#888888", linewidth=0.9, linestyle="--", zorder=1)
+        ax.axhline(error, color="#888888", linewidth=0.9, linestyle="--", zorder=1,
+                   label="error wanted")  # fmt: skip
         best = report.cheapest(error)
         if best is not None:
             place = best.seconds * 1e3, report.claimed(best)
@@ -83,6 +86,7 @@ def order_diagram(report: Report) -> Figure:
             last = above[-1]
             ideal = errors[last] * (steps[last] / steps) ** order.expected
             ax.plot(steps, np.where(ideal > 1e-15, ideal, np.nan), ":", color=tint, linewidth=1.0)
+    ax.plot([], [], ":", color=INK, linewidth=1.0, label="slope of the order")
     _logarithmic(ax)
     ax.set_xlabel("Steps", fontsize=9)
     ylabel(ax, "Relative error of the speed at the end")
