@@ -136,11 +136,15 @@ def revolution_edges(kinks: Float[Array, " k"]) -> Float[Array, " k_plus_1"]:
 
 
 def initial_motion(known: Known, resolution: Resolution) -> Motion:
-    """Constant energy, and no place in use."""
+    """Constant energy, or constant speed if the motor holds it; and no place in use."""
     places = jnp.full(2 * resolution.reversals, known.edges[0])
     grid = resolution.panels_between(known.edges, places)
     friction = known.compressor.friction is not None
     energy = jnp.ones_like(grid.angle)
+    if closure_of(known.compressor.motor).needs_steepness:
+        # a steep torque curve bends within the swing of the speed that a constant energy has
+        inertia = instants(known.compressor, grid.angle).inertia
+        energy = 0.5 * inertia * known.scales.speed**2 / known.scales.energy
     joints = jnp.zeros(energy.size + places.size if friction else 0)
     return Motion(energy, jnp.zeros_like(energy), jnp.ones(()), joints, places)
 
