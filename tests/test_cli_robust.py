@@ -147,7 +147,7 @@ def test_a_full_disk_leaves_no_cut_report(tmp_path):
     result = {"machine": "m", "number": 1.0}
     write_results(tmp_path, {"one": figure}, result)
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    assert set(before) == {"one.png", "result.json", "report.html"}
+    assert set(before) == {"one.png", "interactive.html", "result.json", "report.html"}
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     # no file of more than 2 kB can be written, as little as on a disk with as much left
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, hard))

@@ -115,7 +115,8 @@ def _energy_error(closure, now: Instant, acceleration, growth) -> Float[Array, "
     gained, at_edges = now.grid.cumulative(
         closure.torque(now) + now.conservative - now.loss - slope
     )
-    error = jnp.max(gained) - jnp.min(gained)
+    revolution = now.grid.total(jnp.ones_like(gained))
+    error = now.grid.total(jnp.abs(gained - now.grid.total(gained) / revolution)) / revolution
     if growth is not None:  # the level of the speed follows from the torques
         error += jnp.abs(at_edges[-1] / lax.stop_gradient(growth))
     return error / (jnp.mean(now.energy) * now.energy_scale)
@@ -192,7 +193,7 @@ def orbit_of_motion(
     # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
     # force, change by as much as the large ones.
     moved = _energy_error(closure, finer_now, finer(state.acceleration), growth)
-    moved *= lax.stop_gradient(account.total_loss)
+    moved *= 2 * lax.stop_gradient(account.total_loss)
     error = {
         name: _SAFETY * jnp.abs(fine.total(finer(loss)) - lax.stop_gradient(totals[name])) + moved
         for name, loss in loads.loss_torque.items()

@@ -86,8 +86,8 @@ class Orbit(Result, eqx.Module):
         energy: work over the revolution.
         loss_error: [J] estimated error of `energy.losses`, by joint: five times what twice the nodes
             change, and what the torques there change in the motion. Their sum holds for each, but
-            where the two grids agree by chance over a load reversal that was not found (one in a
-            thousand random machines, up to six times); `verification` has the true one.
+            for one in a hundred random machines (up to 1.5 times too small) and one in two thousand,
+            with a load reversal that was not found (up to 15 times); `verification` has the true one.
         peak_forces: [N] largest magnitude of the panel polynomials over the revolution, by joint.
         peak_error: [N] largest size of the highest two terms of these polynomials: an upper estimate
             of the error of the peaks.

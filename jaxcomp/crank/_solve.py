@@ -26,7 +26,7 @@ _COARSE = 0.1
 # the work of the motor, beyond which nothing counts as solved: rounding, 1e-9 and 1e-7 are usual.
 _JOINT_RESIDUAL = 1e-6
 _ENERGY_RESIDUAL = 1e-5
-_LOSS_ERROR = 5e-3
+_LOSS_ERROR = 1e-2
 
 
 def solve_orbit(
