@@ -115,8 +115,8 @@ def _energy_error(closure, now: Instant, acceleration, growth) -> Float[Array, "
     gained, at_edges = now.grid.cumulative(
         closure.torque(now) + now.conservative - now.loss - slope
     )
-    revolution = now.grid.total(jnp.ones_like(gained))
-    error = now.grid.total(jnp.abs(gained - now.grid.total(gained) / revolution)) / revolution
+    mean = now.grid.total(gained) / (2 * jnp.pi)
+    error = now.grid.total(jnp.abs(gained - mean)) / (2 * jnp.pi)
     if growth is not None:  # the level of the speed follows from the torques
         error += jnp.abs(at_edges[-1] / lax.stop_gradient(growth))
     return error / (jnp.mean(now.energy) * now.energy_scale)

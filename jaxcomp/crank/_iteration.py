@@ -27,7 +27,7 @@ from ..compressor import Compressor, Instants, instants
 from ..friction import AbstractJointLoop, joint_loop, newton_step
 from ..mechanism import CrankState
 from ._closure import Instant, closure_of
-from ._panels import Panels, panels
+from ._panels import NO_WIDTH, Panels, panels
 
 # Kinetic energy over its mean below which the crank counts as stalled.
 ENERGY_FLOOR = 1e-6
@@ -328,5 +328,6 @@ def _carried(known: Known, resolution: Resolution, grid: Panels, places, values)
 
     _, shift = jax.jvp(angles, (before,), (after - before,))
     width = grid.width[:, None]
-    share = jnp.where(width > 1e-9, shift / jnp.where(width > 1e-9, width, 1.0), 0.0)
+    wide = width > NO_WIDTH
+    share = jnp.where(wide, shift / jnp.where(wide, width, 1.0), 0.0)
     return values + share * (values @ grid.rule.derivative.T)

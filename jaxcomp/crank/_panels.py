@@ -14,6 +14,9 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 from numpy.polynomial import legendre
 
+# [rad] Panels below hold no part of the revolution: edges that no load reversal needs lie on others.
+NO_WIDTH = 1e-9
+
 
 class Rule(NamedTuple):
     """Gauss-Legendre on [0, 1].
@@ -126,10 +129,6 @@ def panels(edges: Float[Array, " k"], nodes: int) -> Panels:
     return Panels(edges, edges[:-1, None] + width * rule.nodes, width * rule.weights, rule)
 
 
-# [rad] Panels below hold no part of the revolution: edges that no load reversal needs lie on others.
-_NO_WIDTH = 1e-9
-
-
 def highest(rule: Rule, width: Float[Array, " p"], values: Float[Array, "p s"]) -> Float[Array, ""]:
     """Largest value of the panel polynomials. Panels of no width do not count.
 
@@ -143,7 +142,7 @@ def highest(rule: Rule, width: Float[Array, " p"], values: Float[Array, "p s"]) 
     fixed = lax.stop_gradient(values)
     x = np.linspace(0.0, 1.0, 2 * rule.nodes.size + 1)
     samples = fixed @ rule.through(x).T
-    samples = jnp.where(lax.stop_gradient(width)[:, None] > _NO_WIDTH, samples, -jnp.inf)
+    samples = jnp.where(lax.stop_gradient(width)[:, None] > NO_WIDTH, samples, -jnp.inf)
     panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
     start = jnp.asarray(x)[column]
     derivative = rule.derivative

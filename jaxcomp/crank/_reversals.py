@@ -25,7 +25,7 @@ from ._iteration import (
     no_reversals,
     revolution,
 )
-from ._panels import Panels
+from ._panels import NO_WIDTH, Panels
 
 # Change at which the first solutions, which only place the reversals, are good enough.
 _PLACING = 1e-5
@@ -142,7 +142,7 @@ class OrbitProblem(AbstractFixedPoint):
         angle = grid.edges[:-1, None] + grid.width[:, None] * x
         at_ends = marks @ grid.rule.through(ends).T
         values = jnp.concatenate([at_ends[..., :1], marks, at_ends[..., 1:]], axis=-1)
-        changes = (values[..., 1:] * values[..., :-1] < 0) & (grid.width[:, None] > 1e-9)
+        changes = (values[..., 1:] * values[..., :-1] < 0) & (grid.width[:, None] > NO_WIDTH)
         count, loads = self.resolution.reversals, (marks.shape[0] - self.kinks) // 2
         along = slice(self.kinks, self.kinks + loads)
         # The magnitude turns within an angle of the load that is left over the rate of the other.
