@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tools import film_tables as generate
 
 from jaxcomp.film import (
     GroovedReynolds,
@@ -11,7 +12,6 @@ from jaxcomp.film import (
     load_number_at,
     reference_solution,
 )
-from jaxcomp.film import _generate as generate
 from jaxcomp.film import _reference as reference
 
 FAMILIES = [Reynolds, GroovedReynolds]

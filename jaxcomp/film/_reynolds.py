@@ -44,7 +44,7 @@ class AbstractTabulatedFilm(AbstractSolvedFilm):
 
     Args:
         length_ratio: [-] q = L/D.
-        table: arrays by name, as `python -m jaxcomp.film._generate` writes them; absent: those of
+        table: arrays by name, as `tests/tools/film_tables.py` writes them; absent: those of
             the package.
     """
 

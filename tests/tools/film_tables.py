@@ -1,18 +1,24 @@
-r"""Offline generation of the tables of `Reynolds` and `GroovedReynolds`.
+r"""Generate the tables of `Reynolds` and `GroovedReynolds` in `jaxcomp/film`.
 
-Run `python -m jaxcomp.film._generate` to write both data files anew (needs SciPy; some five
-minutes on one core), or with the name of one of them. Nothing else in the library imports this
-module. The film is solved by `_reference` on Chebyshev's points.
+Run `python tests/tools/film_tables.py` to write both data files anew (some five minutes on one core),
+or with the name of one of them. Reynolds' equation is solved by `jaxcomp.film._reference` on
+Chebyshev points.
 """
 
 import json
 import sys
 from pathlib import Path
 
+import jax
 import numpy as np
 
-from ._reference import GRIDS, Forces, groove_contact, solve_forces
-from ._reynolds import AbstractTabulatedFilm, GroovedReynolds, Reynolds, place_of
+from jaxcomp import film as films
+from jaxcomp.film import GroovedReynolds, Reynolds
+from jaxcomp.film._film import film_ratio, friction_at
+from jaxcomp.film._reference import GRIDS, Forces, groove_contact, solve_forces
+from jaxcomp.film._reynolds import AbstractTabulatedFilm, place_of
+
+DATA = Path(films.__file__).parent
 
 S_RANGE = (0.07, 1.0)  # s = sqrt(1 - eps), so eps up to 0.9951
 Q_RANGE = (0.1, 2.0)  # q = L/D
@@ -25,7 +31,7 @@ FAMILIES = (Reynolds, GroovedReynolds)
 
 
 def chebyshev_nodes(interval: tuple[float, float], n: int) -> np.ndarray:
-    """Chebyshev's points of the first kind on an interval."""
+    """Chebyshev points of the first kind on an interval."""
     points = np.polynomial.chebyshev.chebpts1(n)
     return 0.5 * (interval[0] + interval[1]) + 0.5 * (interval[1] - interval[0]) * points
 
@@ -80,10 +86,6 @@ def fit_friction(
     family: type[AbstractTabulatedFilm], table: dict, nodes: int = FRICTION_NODES
 ) -> np.ndarray:
     """The series P(u, ln q) of `friction_number`, from the solved part of the table."""
-    import jax
-
-    from ._film import film_ratio, friction_at
-
     u = chebyshev_nodes((0.0, 1.0), nodes)
     q = np.exp(chebyshev_nodes(tuple(table["ln_q_range"]), NODES[1]))
     empty = {**table, "friction": np.zeros((1, 1))}
@@ -99,7 +101,7 @@ def fit_friction(
 
 
 def main(names: list[str]) -> None:
-    """Solve, fit and write the tables next to this module."""
+    """Solve, fit and write the tables into the package."""
     for family in FAMILIES:
         if not names or family.__name__ in names:
             write_table(family, solve_table(family))
@@ -116,7 +118,7 @@ def write_table(family: type[AbstractTabulatedFilm], table: dict) -> None:
         parts.append(f'"{name}": {body}')
     text = "{\n" + ",\n".join(parts) + "\n}\n"
     json.loads(text)  # what cannot be read back is not written
-    Path(__file__).with_name(family.table_name).write_text(text)
+    (DATA / family.table_name).write_text(text)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Offline generation of the fluid data files from the equations of state kept by CoolProp.
+"""Generate the fluid data files of `jaxcomp/fluid/data` from the equations of state kept by CoolProp.
 
-Run `python -m jaxcomp.fluid._generate` to write all of `data/` anew; it needs CoolProp (the extra
-`coolprop`), which nothing else in the library imports. CoolProp carries the published coefficients
+Run `python tests/tools/fluid_data.py` to write all of them anew; it needs CoolProp (the extra
+`coolprop`). CoolProp carries the published coefficients
 of each equation under the MIT licence; here its several forms of ideal-gas terms are reduced to one:
 
     a0 = ln delta + lead[0] + lead[1] tau + log ln tau + sum n tau^t + sum n ln(c + d exp(theta tau)).
@@ -11,12 +11,15 @@ CoolProp's values; the largest misfit is kept with them.
 """
 
 import json
+import re
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-DATA = Path(__file__).parent / "data"
+from jaxcomp import fluid
+
+DATA = Path(fluid.__file__).parent / "data"
 # name: (CoolProp's name, what it is, publication of the equation of state)
 FLUIDS = {
     "R134a": ("R134a", "1,1,1,2-tetrafluoroethane", "Tillner-Roth, Baehr (1994), JPCRD 23, 657"),
@@ -124,7 +127,7 @@ def ancillary(curve: dict) -> dict:
 
 def transport(name: str, reducing: tuple[float, float], curve, limits: tuple[float, float]) -> dict:
     """Polynomials of viscosity and conductivity in T/T_r and rho/rho_r, of the gas."""
-    from CoolProp.CoolProp import PropsSI  # pyright: ignore[reportMissingImports]
+    from CoolProp.CoolProp import PropsSI
 
     low, high = max(limits[0], 220.0), min(limits[1], 500.0)
     temperatures = np.linspace(low, high, 40)
@@ -160,7 +163,7 @@ def _or_nan(function, *arguments) -> float:
 
 def fluid_data(name: str) -> dict:
     """Everything the library needs to know of a fluid."""
-    from CoolProp.CoolProp import PropsSI, get_fluid_param_string  # pyright: ignore[reportMissingImports]
+    from CoolProp.CoolProp import PropsSI, get_fluid_param_string
 
     source, what, publication = FLUIDS[name]
     raw = json.loads(get_fluid_param_string(source, "JSON"))[0]
@@ -216,8 +219,6 @@ def main() -> None:
 
 def _compact(text: str) -> str:
     """One row of numbers on one line."""
-    import re
-
     number = r"-?[\d.]+(?:e[+-]?\d+)?"
     return re.sub(
         rf"\[\s*({number}(?:,\s*{number})*)\s*\]",
