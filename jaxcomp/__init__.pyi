@@ -29,8 +29,8 @@ from .crank import TimeIntegration as TimeIntegration
 from .crank import Transient as Transient
 from .crank import simulate as simulate
 from .crank import solve_orbit as solve_orbit
-from .design import Chain as Chain
-from .design import Found as Found
+from .design import AnalysisOptions as AnalysisOptions
+from .design import DesignResult as DesignResult
 from .design import design_rules as design_rules
 from .design import optimise as optimise
 from .design import pareto as pareto

@@ -18,11 +18,11 @@ def machine():
     return load("mayekawa-wbhe")
 
 
-def chain():
+def fast_options():
     from jaxcomp import Collocation
-    from jaxcomp.design import Chain
+    from jaxcomp.design import AnalysisOptions
 
-    return Chain(Collocation(**FAST))
+    return AnalysisOptions(Collocation(**FAST))
 
 
 def small(**options):
@@ -31,7 +31,7 @@ def small(**options):
     from jaxcomp.sweeping import grid
 
     over = {"bore": grid(0.1, 0.15, 21), "motor.mean_speed": grid(60.0, 140.0, 10)}
-    return sweep(machine(), over, ["mechanical_efficiency"], chain=chain(), **options)
+    return sweep(machine(), over, ["mechanical_efficiency"], options=fast_options(), **options)
 
 
 def many(out, count=20_000, batch=256, **options):
@@ -40,7 +40,7 @@ def many(out, count=20_000, batch=256, **options):
     from jaxcomp.sweeping import normal, uniform
 
     over = {"bore": uniform(0.11, 0.15), "friction.wall.coefficient": normal(0.08, 0.01)}
-    options = {"chain": chain(), "samples": count, "seed": 3, "batch": batch} | options
+    options = {"options": fast_options(), "samples": count, "seed": 3, "batch": batch} | options
     return sweep(machine(), over, ["mechanical_efficiency"], out=out, **options)
 
 

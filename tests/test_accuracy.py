@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
-from jaxcomp.design import Chain
+from jaxcomp.design import AnalysisOptions
 from jaxcomp.film import eccentricity_ratio
 from jaxcomp.machine import machine_of
 from jaxcomp.work_precision import Reference, Report, Row
@@ -213,7 +213,7 @@ def test_hermetic_machine_beside_a_program_of_its_own_in_numpy_and_scipy():
     moved, turns = own.vibration(scene, made)
     names = ("mechanical_efficiency", "vibration", "loss_power.crank_pin", "loss_power.wall")
     design = machine_of(scene)
-    at = [float(v) for v in answer(design, Chain(excitation="crank"), names).value]
+    at = [float(v) for v in answer(design, AnalysisOptions(excitation="crank"), names).value]
     speed = float(scene.compressor.motor.mean_speed)
     turn, each = turns[speed], speed / (2 * np.pi)
     # films by tables of 1e-5 in the losses of the shaft, a fiftieth of the work: 3e-8 seen

@@ -11,7 +11,7 @@ from jaxcomp._fields import replaced
 from jaxcomp.balancing import least_squares, machine_influence
 from jaxcomp.coupling import at_speed, crank_loads, running_rotor
 from jaxcomp.design import (
-    Chain,
+    AnalysisOptions,
     problem,
     quantity_names,
     variable,
@@ -113,7 +113,7 @@ def test_quantities_are_those_of_the_solvers(mayekawa):
         "loss_power.wall", "peak_force.crank_pin", "swept_volume",
     ]  # fmt: skip
     assert {n for n in names if "." not in n} <= set(quantity_names(machine_of(mayekawa)))
-    one = problem(mayekawa, ["bore"], names, Chain(solver=FAST))
+    one = problem(mayekawa, ["bore"], names, AnalysisOptions(solver=FAST))
     answer = eqx.filter_jit(one)(jnp.array([0.12]))
     orbit = solve_orbit(with_bore(mayekawa.compressor, 0.12), FAST)
     expected = [
@@ -133,7 +133,9 @@ def test_quantities_are_those_of_the_solvers(mayekawa):
 
 
 def test_a_design_out_of_bounds_is_marked_and_finite(mayekawa):
-    one = problem(mayekawa, ["friction.wall.coefficient"], ["motor_power"], Chain(solver=FAST))
+    one = problem(
+        mayekawa, ["friction.wall.coefficient"], ["motor_power"], AnalysisOptions(solver=FAST)
+    )
     answers = jax.jit(jax.vmap(lambda x: one(x)))(jnp.array([[0.083], [-0.1], [40.0]]))
     assert answers.ok.tolist() == [True, False, False]  # the last one locks
     assert np.all(np.isfinite(answers.values))
@@ -143,7 +145,9 @@ def test_functions_serve_as_quantities(mayekawa):
     def twice_the_power(found):
         return 2 * found.orbit.motor_power
 
-    one = problem(mayekawa, ["bore"], ["motor_power", twice_the_power], Chain(solver=FAST))
+    one = problem(
+        mayekawa, ["bore"], ["motor_power", twice_the_power], AnalysisOptions(solver=FAST)
+    )
     power, twice = one(one.current).values
     assert float(twice) == pytest.approx(2 * float(power), rel=1e-14)
     assert one.names[1] == "twice_the_power"
@@ -153,9 +157,9 @@ def test_only_what_is_asked_for_is_computed(scene):
     """The size of the traced program: the crank alone has no trace of the rotor, nor the reverse."""
     count = lambda names, **how: len(  # noqa: E731
         str(
-            jax.make_jaxpr(problem(scene, ["mechanism.bore"], names, Chain(solver=FAST, **how)))(
-                jnp.array([0.05])
-            )
+            jax.make_jaxpr(
+                problem(scene, ["mechanism.bore"], names, AnalysisOptions(solver=FAST, **how))
+            )(jnp.array([0.05]))
         )
     )
     crank = count(["motor_power"])
@@ -215,7 +219,10 @@ def test_one_clearance_acts_on_friction_and_film_alike(scene):
     """Efficiency and vibration follow the clearance of one bearing, as differences say."""
     asked = ["mechanical_efficiency", "vibration", "loss_power.upper"]
     one = problem(
-        scene, ["bearings.upper.radial_clearance"], asked, Chain(solver=FAST, excitation="crank")
+        scene,
+        ["bearings.upper.radial_clearance"],
+        asked,
+        AnalysisOptions(solver=FAST, excitation="crank"),
     )
     here, h = one.current, 3e-4 * one.current
     values = eqx.filter_jit(lambda x: one(x).values)
@@ -240,7 +247,7 @@ def test_a_correction_mass_reaches_the_crank(scene):
     """Corrections load the main bearings: their loss and the efficiency follow, as differences say."""
     names = ["corrections.rotor-top.x", "corrections.counterweight.y"]
     asked = ["mechanical_efficiency", "loss_power.upper", "peak_shaking_force"]
-    one = problem(scene, names, asked, Chain(solver=FAST))
+    one = problem(scene, names, asked, AnalysisOptions(solver=FAST))
     here, h = jnp.array([2e-4, -1e-4]), 1e-7
     values = eqx.filter_jit(lambda x: one(x).values)
     slope = eqx.filter_jit(jax.jacfwd(lambda x: one(x).values))(here)
@@ -287,7 +294,7 @@ CHAIN = {
 @pytest.mark.parametrize("name", ["vibration", "balanced_vibration", "mount_force"])
 def test_gradient_from_geometry_to_the_housing_equals_differences(scene, name):
     """Through orbit, Fourier coefficients, bearing films and finite elements, in reverse mode."""
-    one = problem(scene, list(CHAIN), [name], Chain(solver=FAST, excitation="crank"))
+    one = problem(scene, list(CHAIN), [name], AnalysisOptions(solver=FAST, excitation="crank"))
     value = eqx.filter_jit(lambda x: one(x).values[0])
     here = np.array(one.current)
     slope = np.asarray(eqx.filter_jit(jax.grad(lambda x: one(x).values[0]))(jnp.array(here)))
@@ -306,7 +313,9 @@ def test_gradient_from_geometry_to_the_housing_equals_differences(scene, name):
 
 def test_derivative_through_the_whole_chain_along_one_direction(scene):
     """As the slow test, in forward mode along one mixed direction."""
-    one = problem(scene, list(CHAIN), ["vibration"], Chain(solver=FAST, excitation="crank"))
+    one = problem(
+        scene, list(CHAIN), ["vibration"], AnalysisOptions(solver=FAST, excitation="crank")
+    )
     here = one.current
     along = np.abs(np.array(here)) * np.array([1.0, -2, 1, 0.5, 1, -1, 2, -1, 0])
     along[-1] = 1e-3

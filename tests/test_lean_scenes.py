@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import Collocation, load
-from jaxcomp.design import Chain
+from jaxcomp.design import AnalysisOptions
 from jaxcomp.work_precision import compile_program, lean_program, lean_scenes
 
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -121,8 +121,8 @@ def test_a_law_that_is_left_out_is_not_traced(crank):
         changed = dataclasses.replace(machine, friction=friction)
         design = dataclasses.replace(crank[HELD].design, compressor=changed)
         # without panel edges at load reversals: the joint loop alone, in seconds
-        chain = Chain(Collocation(nodes=8, reversals=0))
-        costs.append(lean_program(crank[HELD]._replace(design=design, chain=chain)).flops)
+        options = AnalysisOptions(Collocation(nodes=8, reversals=0))
+        costs.append(lean_program(crank[HELD]._replace(design=design, options=options)).flops)
     assert costs[0] < costs[1] < costs[2]
 
 

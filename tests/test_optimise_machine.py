@@ -7,7 +7,7 @@ import pytest
 import scipy.optimize
 
 from jaxcomp import Collocation, load, optimise, problem
-from jaxcomp.design import Chain
+from jaxcomp.design import AnalysisOptions
 from jaxcomp.design._goal import goal_of, solved
 from jaxcomp.scene import with_value
 
@@ -25,7 +25,9 @@ def scene():
 
 def bore_problem(scene, rpm, solver=FAST):
     changed = with_value(scene, "motor.mean_speed", f"{rpm} rpm")
-    return problem(changed, {"bore": RANGE}, ["mechanical_efficiency"], Chain(solver=solver))
+    return problem(
+        changed, {"bore": RANGE}, ["mechanical_efficiency"], AnalysisOptions(solver=solver)
+    )
 
 
 def swept(made, bores):
@@ -95,7 +97,7 @@ def test_balance_of_a_rotor_is_least_squares():
     ]
     made = problem(
         scene, dict.fromkeys(names, (-3e-3, 3e-3)), ["vibration", "balanced_vibration"],
-        Chain(excitation="file"),
+        AnalysisOptions(excitation="file"),
     )  # fmt: skip
     found = optimise(made, starts=2, samples=16)
     assert found.status == "converged"

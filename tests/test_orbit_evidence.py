@@ -18,7 +18,7 @@ from jaxcomp import (
 )
 from jaxcomp._fields import replaced
 from jaxcomp.compressor import instants
-from jaxcomp.design import Chain, problem
+from jaxcomp.design import AnalysisOptions, problem
 
 # A valid machine whose crank-pin load all but vanishes: 93 N of 7800 N at 2.1 degrees.
 NEARLY_UNLOADED = {
@@ -93,7 +93,7 @@ def test_peaks_of_the_shaking_are_those_of_the_curves(name):
     """The nodes miss 1.9 % of the moment, which is largest where the gas begins to flow."""
     design = load("mayekawa-wbhe").machine
     default, fine = (
-        float(problem(design, {}, [name], Chain(solver))(jnp.zeros(0)).values[0])
+        float(problem(design, {}, [name], AnalysisOptions(solver))(jnp.zeros(0)).values[0])
         for solver in (Collocation(), Collocation(nodes=48, tolerance=1e-11))
     )
     # seen: 2e-10 and 6e-8

@@ -243,7 +243,7 @@ def test_mean_force_of_the_bundled_machine():
 @pytest.mark.slow
 def test_torsion_of_the_housing_stays_with_the_balance():
     from jaxcomp.coupling import crank_loads, running_rotor
-    from jaxcomp.design import Chain, balanced_design
+    from jaxcomp.design import AnalysisOptions, balanced_design
     from jaxcomp.machine import assembled
     from jaxcomp.rotor import node_index, respond
     from jaxcomp.scene import with_value
@@ -251,7 +251,10 @@ def test_torsion_of_the_housing_stays_with_the_balance():
     scene = with_value(load("hermetic-68cc"), "rotor.dof", 6)
     speed = jnp.asarray(100 * np.pi)
     x, torsion, phase, points = [], [], [], []
-    for machine in (scene.machine, balanced_design(scene.machine, Chain(excitation="crank"))):
+    for machine in (
+        scene.machine,
+        balanced_design(scene.machine, AnalysisOptions(excitation="crank")),
+    ):
         assembly = assembled(machine)
         rotor, forces = running_rotor(assembly, crank_loads(assembly, speed, (1,)))
         found = np.asarray(respond(rotor, forces, speed[None], (1,)).displacement)[0, 0]

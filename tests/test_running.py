@@ -6,7 +6,7 @@ import pytest
 
 from jaxcomp import BadInput, Collocation, damped_modes, load, respond, rotor, rotor_at
 from jaxcomp.coupling import crank_loads, loaded_rotor, running_rotor
-from jaxcomp.design import Chain, Found
+from jaxcomp.design import AnalysisOptions, DesignResult
 from jaxcomp.scene import with_value
 
 SPEEDS = jnp.array([300.0, 340.0])
@@ -35,7 +35,7 @@ def test_response_to_the_forces_of_the_scene_counts_corrections(scene):
     machine.corrections["rotor-top"] = jnp.array([3e-4, 1e-4])
     at = scene.assembly.balancing.speeds
     found = respond(machine, orders=(1,)).checked()
-    target = Found(machine, Chain(excitation="file")).vibration.targets[:, 0]
+    target = DesignResult(machine, AnalysisOptions(excitation="file")).vibration.targets[:, 0]
     node = rotor.node_index(scene.assembly.rotor, scene.assembly.balancing.targets[0].node)
     np.testing.assert_allclose(found.displacement[0, :, node, 0], target[:, 0], rtol=1e-7)
     bare = respond(scene, orders=(1,)).checked()

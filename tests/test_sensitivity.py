@@ -94,7 +94,7 @@ def test_bars_name_parts_values_and_directions(swept):
         sensitivity_bars(swept, "motor_power")
 
 
-def test_a_rotor_without_a_crank_is_shaken_by_its_unbalances():
+def test_a_rotor_without_a_crank_is_rotor_excitation_its_unbalances():
     text = CliRunner().invoke(app, ["new", "-", "--kind", "rotor"]).stdout
     design = loads(text).machine
     made = problem(design, ["rotor.disks.0.mass.0"], ["vibration"])  # traces what it asks for

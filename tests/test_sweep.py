@@ -18,7 +18,7 @@ from scipy.stats import qmc
 
 from jaxcomp import BadInput, Collocation, open_sweep, sweep
 from jaxcomp._shown import shown
-from jaxcomp.design import Chain, problem
+from jaxcomp.design import AnalysisOptions, problem
 from jaxcomp.sweeping import (
     best_design,
     grid,
@@ -66,7 +66,9 @@ def blocks(path):
 
 
 def test_every_design_is_the_problem_at_its_coordinates(machine, small):
-    asked = problem(machine, list(small.coords), ["mechanical_efficiency"], sweep_runs.chain())
+    asked = problem(
+        machine, list(small.coords), ["mechanical_efficiency"], sweep_runs.fast_options()
+    )
     one = jax.jit(lambda values: asked(values))
     for place in ((0, 0), (20, 9), (7, 3)):
         there = small.isel(bore=place[0], **{"motor.mean_speed": place[1]})
@@ -82,7 +84,9 @@ def test_every_design_is_the_problem_at_its_coordinates(machine, small):
 def test_published_optimum_bores_are_found(machine):
     """Tsuji et al. (2012), Figs 5c and 6: 120, 130, 140 mm at 800, 1000, 1200 rpm."""
     over = {"bore": grid(0.1, 0.18, 9), "motor.mean_speed": np.array([800, 1000, 1200]) * RPM}
-    found = sweep(machine, over, chain=Chain(Collocation(nodes=10, reversals=0, tolerance=1e-5)))
+    found = sweep(
+        machine, over, options=AnalysisOptions(Collocation(nodes=10, reversals=0, tolerance=1e-5))
+    )
     top = ridge(found, "mechanical_efficiency")
     np.testing.assert_allclose(top.along, [0.12, 0.13, 0.14], rtol=1e-12)
     # printed to three digits; the machine was fitted to them to 0.05 per cent points
@@ -98,19 +102,23 @@ def test_coordinates_carry_units(small):
 
 def test_failed_designs_are_marked_and_spoil_no_other(machine):
     over = {"friction.wall.coefficient": [0.083, 0.1, 40.0]}
-    found = sweep(machine, over, ["mechanical_efficiency", "motor_power"], chain=sweep_runs.chain())
+    found = sweep(
+        machine, over, ["mechanical_efficiency", "motor_power"], options=sweep_runs.fast_options()
+    )
     assert found.ok.values.tolist() == [True, True, False]
     assert np.isnan(found.mechanical_efficiency.values).tolist() == [False, False, True]
     assert np.isnan(found.motor_power.values[2])
     good = {"friction.wall.coefficient": [0.083, 0.1]}
-    alone = sweep(machine, good, ["mechanical_efficiency", "motor_power"], chain=sweep_runs.chain())
+    alone = sweep(
+        machine, good, ["mechanical_efficiency", "motor_power"], options=sweep_runs.fast_options()
+    )
     for name in alone.data_vars:
         np.testing.assert_array_equal(found[name][:2], alone[name])
 
 
 def test_block_of_failures_alone_is_kept_as_a_result(machine, tmp_path):
     over = {"friction.wall.coefficient": [40.0, 50.0]}
-    found = sweep(machine, over, chain=sweep_runs.chain(), out=tmp_path / "out", batch=1)
+    found = sweep(machine, over, options=sweep_runs.fast_options(), out=tmp_path / "out", batch=1)
     assert not found.ok.values.any()
     assert len(blocks(tmp_path / "out")) == 2
 
@@ -241,7 +249,7 @@ OTHERS = {
     "values": ({"over": {"bore": [0.12, 0.14]}}, "other values of the variables"),
     "variable": ({"over": {"mechanism.bore": [0.12, 0.13]}}, "variables bore where this one has"),
     "quantity": ({"quantities": ["motor_power"]}, "quantities swept_volume"),
-    "chain": ({"chain": Chain(Collocation(nodes=6))}, "chain "),
+    "options": ({"options": AnalysisOptions(Collocation(nodes=6))}, "options "),
 }
 
 
@@ -249,7 +257,7 @@ OTHERS = {
 def test_store_of_another_sweep_is_refused(machine, tmp_path, case):
     out = tmp_path / "out"
     first = {"over": {"bore": [0.12, 0.13]}, "quantities": ["swept_volume"], "scene": machine}
-    first["chain"] = sweep_runs.chain()
+    first["options"] = sweep_runs.fast_options()
     sweep(**first, out=out)
     changed, words = OTHERS[case]
     if "scene" in changed:
@@ -299,7 +307,7 @@ def test_a_damaged_store_is_refused_or_mended(machine, tmp_path, case):
     damage, words = DAMAGES[case]
     out = tmp_path / "out"
     asked = {"over": {"bore": [0.12, 0.13]}, "quantities": ["swept_volume"], "scene": machine}
-    asked["chain"] = sweep_runs.chain()
+    asked["options"] = sweep_runs.fast_options()
     whole = sweep(**asked, out=out).load()
     damage(out)
     if case == "value gone":

@@ -12,7 +12,7 @@ import pytest
 from scipy.stats.mstats import hdquantiles
 
 from jaxcomp import BadInput, Collocation, load, optimise, problem, robust, tolerance, within
-from jaxcomp.design import Chain, Found, balanced_design, prepared, quantity
+from jaxcomp.design import AnalysisOptions, DesignResult, balanced_design, prepared, quantity
 from jaxcomp.machine import machine_of
 from jaxcomp.tolerancing import scatter_of
 
@@ -29,7 +29,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def balanced(scene):
-    return balanced_design(machine_of(scene), Chain())
+    return balanced_design(machine_of(scene), AnalysisOptions())
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_balance_is_that_of_least_squares(balanced):
 
 def test_known_response_is_the_response(study, balanced):
     made = study.problem
-    assert made.chain.known is not None
+    assert made.options.known is not None
     plain = problem(balanced, list(study.variables), list(study.names))
     x = made.current * (1 + 0.05 * jnp.linspace(-1, 1, len(study.variables)))
     a, b = eqx.filter_jit(made)(x), eqx.filter_jit(plain)(x)
@@ -64,7 +64,7 @@ def test_rotor_that_changes_is_not_taken_for_known(balanced):
             made = problem(balanced, [name, COUNTERWEIGHT[0]], ["vibration"])
         except BadInput:
             continue
-        assert prepared(made).chain.known is None
+        assert prepared(made).options.known is None
     only = problem(balanced, ["mechanism.bore"], ["swept_volume"])
     assert prepared(only) is only
 
@@ -114,7 +114,7 @@ def test_robust_objective_is_that_of_its_machines(scene):
     """Mean and deviation, and the quantile of Harrell and Davis as SciPy has it."""
     volume = {"mechanism.bore": within(2e-3), "mechanism.crank_radius": within(0.1, relative=True)}
     design = machine_of(scene)
-    found = Found(design, Chain())
+    found = DesignResult(design, AnalysisOptions())
     one = robust(scene, "swept_volume", volume, sigmas=2.0, samples=32)
     values = np.asarray(one.sample(found))
     nominal = [design.compressor.mechanism.bore, design.compressor.mechanism.crank_radius]
@@ -158,13 +158,15 @@ def test_robust_balance_is_the_ridge_of_its_scatter(balanced):
         for axis in "xy"
     }
     made = prepared(problem(balanced, ranges, [objective]))
-    assert made.chain.known is not None
+    assert made.options.known is not None
     best = optimise(made, samples=16, starts=1, max_steps=60, tolerance=1e-7)
 
     bare = eqx.tree_at(
         lambda d: d.corrections, balanced, {name: jnp.zeros(2) for name in balanced.corrections}
     )
-    matrix, initial = (np.asarray(part) for part in Found(bare, Chain()).influence.weighted)
+    matrix, initial = (
+        np.asarray(part) for part in DesignResult(bare, AnalysisOptions()).influence.weighted
+    )
     normal = matrix.conj().T @ matrix
     normal += deviation**2 * np.diag(np.diag(normal))
     right = np.linalg.solve(normal, -matrix.conj().T @ initial)
@@ -182,10 +184,18 @@ def test_robust_balance_is_the_ridge_of_its_scatter(balanced):
 def test_tolerance_of_one_clearance_needs_no_correlation(scene):
     """The bearing stands once: its clearance scatters loss and vibration together."""
     name = "bearings.upper.radial_clearance"
-    chain = Chain(solver=Collocation(nodes=6, reversals=0, tolerance=1e-10), excitation="crank")
+    options = AnalysisOptions(
+        solver=Collocation(nodes=6, reversals=0, tolerance=1e-10), excitation="crank"
+    )
     asked = ["mechanical_efficiency", "vibration"]
     found = tolerance(
-        scene, {name: within(1e-6)}, asked, chain=chain, samples=256, curvature=None, progress=False
+        scene,
+        {name: within(1e-6)},
+        asked,
+        options=options,
+        samples=256,
+        curvature=None,
+        progress=False,
     )
     slope = found.local.slope[:, 0]
     np.testing.assert_allclose(found.first_order.deviation, abs(slope) * 1e-6 / 3, rtol=1e-9)

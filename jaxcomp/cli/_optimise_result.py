@@ -88,7 +88,7 @@ def comparison(found: Optimum) -> list[dict[str, Any]]:
     crank = {n for n in names if n not in plain and not n.startswith("vibration.")}
     if problem.design.compressor is None or not crank:
         return []
-    rows = compared(problem.design, found.design, problem.chain)
+    rows = compared(problem.design, found.design, problem.options)
     return [
         {"name": one.name, "unit": one.unit, "present": one.before, "optimum": one.after}
         for one in rows

@@ -12,7 +12,7 @@ import typer
 
 from .._waits import progress_of, spinner
 from ..crank import Collocation
-from ..design import Chain, Problem, Search, optimise, pareto, problem, quantity, variable
+from ..design import AnalysisOptions, Problem, Search, optimise, pareto, problem, quantity, variable
 from ..machine import Machine, machine_of
 from ..scene.tolerances import tolerances_of
 from ..tolerancing import Robust, robust
@@ -144,7 +144,9 @@ def _problem(asked: Asked, *others: str) -> tuple[Any, Problem]:
         quantities = [_robust(asked, design) if asked.scatter else asked.objective]
     else:
         quantities = list(assignments(asked.targets, "--target"))
-    return scene, problem(design, ranges, [*quantities, *others], Chain(SOLVERS[asked.accuracy]))
+    return scene, problem(
+        design, ranges, [*quantities, *others], AnalysisOptions(SOLVERS[asked.accuracy])
+    )
 
 
 def _maximise(asked: Asked) -> bool | None:

@@ -47,7 +47,7 @@ def sensitivity(
     Example: [bold]jaxcomp sensitivity mayekawa-wbhe --quantity mechanical_efficiency --out result[/bold]
     """
     from .._waits import spinner
-    from ..design import Chain
+    from ..design import AnalysisOptions
     from ..design import sensitivity as study
     from ..plot import sensitivity_figures
     from ._arguments import changed_scene
@@ -59,10 +59,10 @@ def sensitivity(
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
-    chain = Chain(SOLVERS[accuracy.value], excitation and excitation.value)
+    options = AnalysisOptions(SOLVERS[accuracy.value], excitation and excitation.value)
     asked = list(dict.fromkeys(quantity or default_quantities(scene)))
     with spinner("Solving (the first time it is compiled as well) ..."):
-        found = study(scene, asked, chain=chain)
+        found = study(scene, asked, options=options)
     if not found.ok:
         raise CommandError(
             f"{machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"

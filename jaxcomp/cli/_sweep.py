@@ -93,7 +93,7 @@ def sweep(
     from ._arguments import changed_scene
     from ._output import show_results, write_results
     from ._start import start_jax
-    from ._sweep_options import axes_of, chain_of, default_quantities, start_devices
+    from ._sweep_options import analysis_options, axes_of, default_quantities, start_devices
     from ._sweep_result import sweep_columns, sweep_result, sweep_tables
 
     start_devices(devices)
@@ -115,7 +115,7 @@ def sweep(
             samples=samples,
             sampling=sampling.value.replace("-", "_"),
             seed=seed,
-            chain=chain_of(scene, nodes, reversals, tolerance),
+            options=analysis_options(scene, nodes, reversals, tolerance),
             out=None if out is None else out / "sweep.zarr",
             batch=batch,
             devices=devices,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..crank import Collocation
-from ..design import Chain, variable, variable_names
+from ..design import AnalysisOptions, variable, variable_names
 from ..machine import machine_of
 from ..scene import Scene, did_you_mean, to_si
 from ..sweeping import grid, log_grid, log_uniform, normal, uniform
@@ -38,13 +38,15 @@ def default_quantities(scene: Scene) -> list[str]:
     return ["mechanical_efficiency"] if scene.compressor is not None else ["vibration"]
 
 
-def chain_of(scene: Scene, nodes, reversals, tolerance) -> Chain:
+def analysis_options(scene: Scene, nodes, reversals, tolerance) -> AnalysisOptions:
     """How designs are worked out, with the options of the solver that were given."""
     given = {"nodes": nodes, "reversals": reversals, "tolerance": tolerance}
     given = {name: value for name, value in given.items() if value is not None}
     if not given or scene.compressor is None:
-        return Chain()
-    return Chain(Collocation(**{"reversals": scene.compressor.mechanism.load_reversals} | given))
+        return AnalysisOptions()
+    return AnalysisOptions(
+        Collocation(**{"reversals": scene.compressor.mechanism.load_reversals} | given)
+    )
 
 
 def axes_of(scene: Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:

@@ -109,7 +109,7 @@ def tolerance(
     if samples < 16:
         raise CommandError(f"--samples {samples}: must be >= 16")
     from .._waits import spinner
-    from ..design import Chain
+    from ..design import AnalysisOptions
     from ._arguments import changed_scene
     from ._optimise_search import SOLVERS
     from ._output import show_results, write_results
@@ -125,8 +125,8 @@ def tolerance(
     start_devices(None)
     start_jax()
     scene = changed_scene(machine, sets or (), designs or ())
-    chain = Chain(SOLVERS[accuracy.value], excitation and excitation.value)
-    asked = asked_tolerances(scene, chain, balanced, vary, tolerances, correlate, quantity, limit)
+    options = AnalysisOptions(SOLVERS[accuracy.value], excitation and excitation.value)
+    asked = asked_tolerances(scene, options, balanced, vary, tolerances, correlate, quantity, limit)
     from ..tolerancing import tolerance as study
 
     with spinner("Solving (the first time it is compiled as well) ..."):
@@ -136,7 +136,7 @@ def tolerance(
             asked.quantities,
             correlations=asked.correlations,
             limits=asked.limits,
-            chain=chain,
+            options=options,
             samples=samples,
             sampling=sampling.value.replace("-", "_"),
             seed=seed,

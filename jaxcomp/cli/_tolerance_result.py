@@ -9,7 +9,7 @@ import numpy as np
 from rich.markup import escape
 
 from .._shown import shown
-from ..design import Chain, balanced_design, quantity, spoken
+from ..design import AnalysisOptions, balanced_design, quantity, spoken
 from ..machine import Machine, machine_of
 from ..scene import Scene, to_si
 from ..scene.tolerances import read_tolerance_file, tolerances_of
@@ -40,7 +40,7 @@ class Asked(NamedTuple):
 
 def asked_tolerances(
     scene: Scene,
-    chain: Chain,
+    options: AnalysisOptions,
     balanced: bool,
     vary,
     file: Path | None,
@@ -57,7 +57,7 @@ def asked_tolerances(
     if balanced:
         if not design.corrections:
             raise CommandError("--balanced: needs a scene with balancing planes")
-        design = balanced_design(design, chain)
+        design = balanced_design(design, options)
     if file is not None:
         texts, pairs = read_tolerance_file(file)
     # what is typed comes last, and so counts where both fit

@@ -19,8 +19,8 @@ from ._problem import Answer as Answer
 from ._problem import Problem as Problem
 from ._problem import prepared as prepared
 from ._problem import problem as problem
-from ._quantities import Chain as Chain
-from ._quantities import Found as Found
+from ._quantities import AnalysisOptions as AnalysisOptions
+from ._quantities import DesignResult as DesignResult
 from ._quantities import Quantity as Quantity
 from ._quantities import balanced_design as balanced_design
 from ._quantities import quantity as quantity

@@ -8,7 +8,7 @@ import numpy as np
 from .._fields import quantities, subparts
 from ..crank import Orbit, solve_orbit
 from ..machine import Machine, assembled
-from ._quantities import Chain
+from ._quantities import AnalysisOptions
 
 
 class Compared(NamedTuple):
@@ -26,14 +26,16 @@ class Compared(NamedTuple):
     after: float
 
 
-def compared(before: Machine, after: Machine, chain: Chain | None = None) -> list[Compared]:
+def compared(
+    before: Machine, after: Machine, options: AnalysisOptions | None = None
+) -> list[Compared]:
     """What the crank of two designs gives, then the numbers of the compressor in which they differ.
 
     Args:
         before, after: machines with a compressor, of the same parts.
-        chain: how a design is worked out.
+        options: of the analysis of a design.
     """
-    solver = None if chain is None else chain.solver
+    solver = None if options is None else options.solver
     machines = (before, after)
     orbits = [solve_orbit(assembled(one).compressor, solver, throw=False) for one in machines]
     rows = beside(machines, orbits)

@@ -112,7 +112,7 @@ def goal_of(
         limits += _sides(asked, place(asked), interval)
     kept = tuple(v._replace(low=v.bound.low, high=v.bound.high) for v in problem.variables)
     # Without the ranges, which are the optimiser's business: another range compiles nothing anew.
-    made = Problem(problem.design, kept, tuple(quantities), problem.chain)
+    made = Problem(problem.design, kept, tuple(quantities), problem.options)
     eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(kept),), float))
     return Goal(prepared(made), main, sign, targets, tuple(limits))
 
@@ -120,7 +120,7 @@ def goal_of(
 @eqx.filter_jit
 def _answers(problem: Problem, points):
     backwards = isinstance(
-        problem.chain.solver, Shooting
+        problem.options.solver, Shooting
     )  # diffrax's checkpoints run backwards only
     # Each direction costs about one more solution, forwards by variable and backwards by quantity.
     backwards |= len(problem.variables) > 4 * len(problem.quantities)

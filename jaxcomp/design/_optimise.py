@@ -52,8 +52,8 @@ def optimise(
 
     Args:
         problem: whose variables all have ranges.
-        objective: a quantity by name, a function of a `Found`, or values to meet by quantity (least
-            squares, each miss in spreads of its quantity); the first of the problem if absent.
+        objective: a quantity by name, a function of a `DesignResult`, or values to meet by quantity
+            (least squares, each miss in spreads of its quantity); the first of the problem if absent.
         maximise: whether to make it large; if absent what `Quantity.better` says, small for functions.
         constraints: [SI] (low, high) by quantity, `None` for an open end, twice the same for a value
             to be met.

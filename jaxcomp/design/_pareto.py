@@ -105,7 +105,7 @@ def pareto(
 
     Args:
         problem: whose variables all have ranges.
-        objectives: two quantities, by name or as functions of a `Found`.
+        objectives: two quantities, by name or as functions of a `DesignResult`.
         maximise: for each, as in `optimise`.
         constraints: [SI] as in `optimise`.
         points: of the front, with both ends; a front without conflict has one.
@@ -127,7 +127,7 @@ def pareto(
     ranges, method = ranges_of(problem.variables), method_of(METHODS[0])
     asked = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
     # all quantities in one order, so that one program serves both ends and the front
-    problem = Problem(problem.design, problem.variables, tuple(asked), problem.chain)
+    problem = Problem(problem.design, problem.variables, tuple(asked), problem.options)
     goals = [
         goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)
     ]

@@ -11,10 +11,10 @@ from jaxtyping import Array, Bool, Float
 from .._fields import BadInput
 from ..machine import Machine, assembled, machine_of
 from ._design import Variable, variable
-from ._quantities import Chain, Found, quantity, shaken_by
+from ._quantities import AnalysisOptions, DesignResult, quantity, rotor_excitation
 from ._vibration import known_response
 
-Asked = str | Callable[[Found], Float[Array, ""]]
+Asked = str | Callable[[DesignResult], Float[Array, ""]]
 
 
 def name_of(asked: Asked) -> str:
@@ -27,7 +27,7 @@ def unit_of(asked: Asked) -> str:
     return quantity(asked).unit if isinstance(asked, str) else ""
 
 
-def value_of(asked: Asked, found: Found) -> Float[Array, ""]:
+def value_of(asked: Asked, found: DesignResult) -> Float[Array, ""]:
     """[SI] A quantity of what is found."""
     return (quantity(asked).value if isinstance(asked, str) else asked)(found)
 
@@ -54,14 +54,14 @@ class Problem(eqx.Module):
     Attributes:
         design: as it stands.
         variables: the numbers that change; static.
-        quantities: names of `quantity`, or functions of a `Found`; static.
-        chain: how a design is worked out.
+        quantities: names of `quantity`, or functions of a `DesignResult`; static.
+        options: of the analysis of a design.
     """
 
     design: Machine
     variables: tuple[Variable, ...] = eqx.field(static=True)
     quantities: tuple[Asked, ...] = eqx.field(static=True)
-    chain: Chain
+    options: AnalysisOptions
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -94,7 +94,7 @@ class Problem(eqx.Module):
         Raises:
             BadInput: a quantity that the scene does not have.
         """
-        found = Found(self.designed(values), self.chain)
+        found = DesignResult(self.designed(values), self.options)
         out = [value_of(asked, found) for asked in self.quantities]
         inside = jnp.asarray(True)
         for number, one in enumerate(self.variables):
@@ -107,15 +107,15 @@ def problem(
     scene: Any,
     variables: Sequence[str] | dict[str, tuple[float | None, float | None]],
     quantities: Sequence[Asked],
-    chain: Chain | None = None,
+    options: AnalysisOptions | None = None,
 ) -> Problem:
     """A problem on a scene.
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
         variables: names, or ranges in SI units by name; see `Variable`.
-        quantities: see `quantity_names`; functions of a `Found` as well.
-        chain: how a design is worked out.
+        quantities: see `quantity_names`; or functions of a `DesignResult`.
+        options: of the analysis of a design.
 
     Raises:
         BadInput: an unknown variable or quantity, or an impossible range.
@@ -136,7 +136,7 @@ def problem(
     if not quantities:
         raise BadInput("quantities", "none", "at least one")
     chosen = tuple(variable(design, name, *ends) for name, ends in ranges.items())
-    made = Problem(design, chosen, tuple(quantities), chain or Chain())
+    made = Problem(design, chosen, tuple(quantities), options or AnalysisOptions())
     # Refuses what the scene does not have before anything is compiled.
     eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(chosen),), float))
     return made
@@ -156,15 +156,15 @@ def prepared(problem: Problem) -> Problem:
     """
     shaking = ("vibration", "mount_force")
     asked = any(not isinstance(q, str) or q.startswith(shaking) for q in problem.quantities)
-    if problem.chain.known is not None:
+    if problem.options.known is not None:
         return problem
     if not asked or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
         return problem
-    shaken = shaken_by(assembled(problem.design), problem.chain)
-    kept = _LOADS if shaken.by_crank else (*_LOADS, "loads.forces.")
+    excitation = rotor_excitation(assembled(problem.design), problem.options)
+    kept = _LOADS if excitation.by_crank else (*_LOADS, "loads.forces.")
     names = [v.name for v in problem.variables]
     names += [name for q in problem.quantities for name in getattr(q, "changes", ())]
     if not all(name.startswith(kept) for name in names):
         return problem
-    known = known_response(problem.design, shaken)
-    return eqx.tree_at(lambda p: p.chain.known, problem, known, is_leaf=lambda x: x is None)
+    known = known_response(problem.design, excitation)
+    return eqx.tree_at(lambda p: p.options.known, problem, known, is_leaf=lambda x: x is None)

@@ -17,7 +17,7 @@ from ..machine import Assembly, Machine, assembled
 from ..shaking import Wrench, shaking_wrench
 from ._vibration import (
     KnownResponse,
-    Shaken,
+    RotorExcitation,
     Vibration,
     all_crank_loads,
     known_vibration,
@@ -26,8 +26,8 @@ from ._vibration import (
 )
 
 
-class Chain(eqx.Module):
-    """How a design is worked out; everything here is fixed while numbers change.
+class AnalysisOptions(eqx.Module):
+    """Options of the analysis of a design; they are fixed while numbers change.
 
     Attributes:
         solver: of the periodic state. Absent: collocation, with a panel edge for each load reversal
@@ -56,18 +56,18 @@ class Chain(eqx.Module):
             raise BadInput("orders", str(self.orders), "whole numbers from 1")
 
 
-class Found:
-    """What is known of one design; every item is worked out when it is first read.
+class DesignResult:
+    """Results of one design, computed on first access.
 
-    A function `f(found) -> number` serves as a quantity of a `Study` beside the named ones.
+    A function `f(result) -> number` serves as a quantity of a `Study` beside the named ones.
 
     Attributes:
         design: the design.
-        chain: how it is worked out.
+        options: of the analysis.
     """
 
-    def __init__(self, design: Machine, chain: Chain):
-        self.design, self.chain = design, chain
+    def __init__(self, design: Machine, options: AnalysisOptions):
+        self.design, self.options = design, options
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -84,27 +84,27 @@ class Found:
         compressor = self.assembly.compressor
         if compressor is None:
             raise BadInput("compressor", "absent", "given, for a quantity of the crank")
-        return solve_orbit(compressor, self.chain.solver, throw=False)
+        return solve_orbit(compressor, self.options.solver, throw=False)
 
     @cached_property
     def wrench(self) -> Wrench:
-        """Shaking force and moment over the turn."""
+        """Shaking force and moment over the revolution."""
         assert self.assembly.compressor is not None
         return shaking_wrench(self.assembly.compressor.mechanism, self.orbit.state)
 
     @cached_property
     def crank_loads(self) -> CrankLoads:
         """What the crank does to the rotor at the balancing speeds; it is solved once at each."""
-        shaken = self._shaken()
-        orders = tuple(dict.fromkeys((*shaken.orders, 1)))
-        return all_crank_loads(self.assembly, shaken._replace(orders=orders))
+        excitation = self._excitation()
+        orders = tuple(dict.fromkeys((*excitation.orders, 1)))
+        return all_crank_loads(self.assembly, excitation._replace(orders=orders))
 
     @cached_property
     def vibration(self) -> Vibration:
         """Harmonic response of the rotor at the speeds of its balancing planes."""
-        if self.chain.known is not None:
-            return known_vibration(self.assembly, self._shaken(), self.chain.known)
-        return vibration_of(self.assembly, self.crank_loads, self.chain.orders)
+        if self.options.known is not None:
+            return known_vibration(self.assembly, self._excitation(), self.options.known)
+        return vibration_of(self.assembly, self.crank_loads, self.options.orders)
 
     @cached_property
     def influence(self) -> Influence:
@@ -115,7 +115,7 @@ class Found:
 
     @property
     def ok(self) -> Bool[Array, ""]:
-        """Whether all that was worked out so far can be relied on."""
+        """Whether all that was computed so far can be relied on."""
         good = jnp.asarray(True)
         if self.design.compressor is not None:
             good &= admissible(self.design.compressor)
@@ -135,16 +135,16 @@ class Found:
         places = places_of(self.assembly)
         return jnp.stack([jnp.asarray(t.weight) for t in places.targets for _ in t.axes])
 
-    def _shaken(self) -> Shaken:
-        return shaken_by(self.assembly, self.chain)
+    def _excitation(self) -> RotorExcitation:
+        return rotor_excitation(self.assembly, self.options)
 
 
-def balanced_design(design: Machine, chain: Chain) -> Machine:
+def balanced_design(design: Machine, options: AnalysisOptions) -> Machine:
     """The design with the corrections in all planes that least squares at order 1 ask for."""
     bare = eqx.tree_at(
         lambda d: d.corrections, design, {name: jnp.zeros(2) for name in design.corrections}
     )
-    influence = Found(bare, chain).influence
+    influence = DesignResult(bare, options).influence
     correction = least_squares(influence).correction
     both = jnp.stack([correction.real, correction.imag], -1)
     return eqx.tree_at(
@@ -152,7 +152,7 @@ def balanced_design(design: Machine, chain: Chain) -> Machine:
     )
 
 
-def shaken_by(machine: Assembly, chain: Chain) -> Shaken:
+def rotor_excitation(machine: Assembly, options: AnalysisOptions) -> RotorExcitation:
     """What shakes the rotor of a design.
 
     Raises:
@@ -162,11 +162,11 @@ def shaken_by(machine: Assembly, chain: Chain) -> Shaken:
     if machine.rotor is None or case is None:
         raise BadInput("rotor", "absent", "given with loads and balancing planes")
     alone = case.crank is None or machine.compressor is None
-    chosen = chain.excitation or ("file" if case.forces or alone else "crank")
+    chosen = options.excitation or ("file" if case.forces or alone else "crank")
     if chosen == "crank" and alone:
         raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
     by_crank = chosen == "crank"
-    return Shaken(by_crank, chain.solver, chain.orders, chain.left_out)
+    return RotorExcitation(by_crank, options.solver, options.orders, options.left_out)
 
 
 class Quantity(NamedTuple):
@@ -184,10 +184,10 @@ class Quantity(NamedTuple):
     unit: str
     better: str
     doc: str
-    value: Callable[[Found], Float[Array, ""]]
+    value: Callable[[DesignResult], Float[Array, ""]]
 
 
-def _mean_square(found: Found, rows=slice(None)) -> Float[Array, ""]:
+def _mean_square(found: DesignResult, rows=slice(None)) -> Float[Array, ""]:
     amplitude = found.vibration.targets[..., rows]
     weight = found.weights[rows]
     return jnp.sum((weight * jnp.abs(amplitude)) ** 2) / (amplitude.shape[0] * jnp.sum(weight**2))
@@ -209,7 +209,7 @@ def _orbit_quantities():
     }
 
 
-def _largest(found: Found, vector) -> Float[Array, ""]:
+def _largest(found: DesignResult, vector) -> Float[Array, ""]:
     return jnp.sqrt(found.orbit.largest(jnp.sum(vector**2, axis=0)))
 
 
@@ -290,7 +290,7 @@ def quantity(name: str) -> Quantity:
     return Quantity(name, unit, better, doc, lambda found: _member(found, family, member))
 
 
-def _member(found: Found, family: str, member: str):
+def _member(found: DesignResult, family: str, member: str):
     if family == "vibration":
         places = places_of(found.assembly)
         numbers = [
@@ -312,7 +312,7 @@ def _member(found: Found, family: str, member: str):
     return known[member]
 
 
-def _balanced(found: Found):
+def _balanced(found: DesignResult):
     influence = found.influence
     left = influence.weight * influence.vibration(least_squares(influence).correction)
     return jnp.sqrt(jnp.sum(jnp.abs(left) ** 2) / jnp.sum(influence.weight**2))

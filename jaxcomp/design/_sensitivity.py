@@ -16,7 +16,7 @@ from .._shown import RPM, Shown, shown
 from ..machine import Machine, machine_of
 from ._design import given_numbers
 from ._problem import Asked, name_of, unit_of, value_of
-from ._quantities import Chain, Found
+from ._quantities import AnalysisOptions, DesignResult
 from ._spoken import spoken
 
 # [-] An elasticity below this is rounding.
@@ -164,7 +164,7 @@ class Influence(NamedTuple):
 
 
 def sensitivity(
-    scene: Any, quantities: Sequence[Asked] | None = None, *, chain: Chain | None = None
+    scene: Any, quantities: Sequence[Asked] | None = None, *, options: AnalysisOptions | None = None
 ) -> Sensitivity:
     """How much quantities change with every number of a machine, by one reverse pass.
 
@@ -172,9 +172,9 @@ def sensitivity(
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
-        quantities: see `quantity_names`; functions of a `Found` as well. Mechanical efficiency if
+        quantities: see `quantity_names`; or functions of a `DesignResult`. Mechanical efficiency if
             absent.
-        chain: how a design is worked out.
+        options: of the analysis of a design.
 
     Raises:
         BadInput: an unknown quantity, or one that the machine does not have.
@@ -187,7 +187,7 @@ def sensitivity(
     crank radius 50 mm +1 % per %
     """
     design, asked = machine_of(scene), tuple(quantities or ("mechanical_efficiency",))
-    value, ok, slope = _solved(design, asked, chain or Chain())
+    value, ok, slope = _solved(design, asked, options or AnalysisOptions())
     rows, slope = list(given_numbers(design)), jax.device_get(slope)
     rises = [np.tensordot(one.at(slope), one.weight, one.weight.ndim) for one in rows]
     return Sensitivity(
@@ -205,13 +205,13 @@ def sensitivity(
 
 @eqx.filter_jit
 def _solved(
-    design: Machine, asked: tuple[Asked, ...], chain: Chain
+    design: Machine, asked: tuple[Asked, ...], options: AnalysisOptions
 ) -> tuple[Float[np.ndarray, " quantities"], Bool[np.ndarray, ""], Machine]:
     """Values [SI], whether they hold, and their derivatives in the place of every number."""
     moving, fixed = eqx.partition(design, eqx.is_inexact_array)
 
     def values(moving):
-        found = Found(eqx.combine(moving, fixed), chain)
+        found = DesignResult(eqx.combine(moving, fixed), options)
         out = jnp.stack([jnp.asarray(value_of(one, found), float) for one in asked])
         return out, (out, found.ok & jnp.all(jnp.isfinite(out)))
 

@@ -73,8 +73,8 @@ class KnownResponse(eqx.Module):
     nodes: tuple[int, ...] = eqx.field(static=True)
 
 
-class Shaken(NamedTuple):
-    """What shakes the rotor, see `Chain`."""
+class RotorExcitation(NamedTuple):
+    """What shakes the rotor, see `AnalysisOptions`."""
 
     by_crank: bool
     solver: Collocation | Shooting | None
@@ -82,7 +82,7 @@ class Shaken(NamedTuple):
     left_out: tuple[str, ...]
 
 
-def all_crank_loads(machine: Assembly, shaken: Shaken) -> CrankLoads:
+def all_crank_loads(machine: Assembly, excitation: RotorExcitation) -> CrankLoads:
     """What the crank does to the rotor at the speeds of the balancing planes, along a leading axis.
 
     Raises:
@@ -96,10 +96,10 @@ def all_crank_loads(machine: Assembly, shaken: Shaken) -> CrankLoads:
         return crank_loads(
             machine,
             speed,
-            shaken.orders,
-            shaken.solver,
-            crank=shaken.by_crank,
-            left_out=shaken.left_out,
+            excitation.orders,
+            excitation.solver,
+            crank=excitation.by_crank,
+            left_out=excitation.left_out,
         )
 
     return jax.vmap(at)(places.speeds)
@@ -135,10 +135,12 @@ def vibration_of(machine: Assembly, crank: CrankLoads, orders: tuple[int, ...]) 
     return _vibration(*jax.vmap(at)(crank, places.speeds))
 
 
-def known_vibration(machine: Assembly, shaken: Shaken, known: KnownResponse) -> Vibration:
+def known_vibration(
+    machine: Assembly, excitation: RotorExcitation, known: KnownResponse
+) -> Vibration:
     """The same for a machine whose rotor and fixed forces are those of `known_response`."""
-    loads = machine.unbalances if shaken.by_crank else machine.given_loads
-    read = _superposed(known, machine, loads, shaken.orders)
+    loads = machine.unbalances if excitation.by_crank else machine.given_loads
+    read = _superposed(known, machine, loads, excitation.orders)
     return _vibration(read, known.ok)
 
 
@@ -148,7 +150,7 @@ def _vibration(read: Read, ok) -> Vibration:
 
 
 @eqx.filter_jit
-def known_response(design: Machine, shaken: Shaken) -> KnownResponse:
+def known_response(design: Machine, excitation: RotorExcitation) -> KnownResponse:
     """What unit loads do to the rotor of a design, on all nodes whose loads may change.
 
     With the crank's own forces these stay as they are while corrections and unbalances change: what
@@ -160,7 +162,7 @@ def known_response(design: Machine, shaken: Shaken) -> KnownResponse:
     assert rotor is not None
     names = [node for table in case.unbalances for node in table.nodes]
     names += [plane.node for plane in places.planes]
-    if not shaken.by_crank:
+    if not excitation.by_crank:
         names += [node for f in case.forces for node in (f.node, f.reaction) if node is not None]
     nodes = tuple(sorted({node_index(rotor, name) for name in names}))
     units = np.zeros((len(nodes), rotor.dof, len(node_names(rotor)), rotor.dof))
@@ -174,17 +176,17 @@ def known_response(design: Machine, shaken: Shaken) -> KnownResponse:
             answer = jax.vmap(jax.vmap(lambda f: harmonic_response(loaded, f, speed, n * speed)))
             return answer(jnp.asarray(units, complex))
 
-        answers = [of_order(n) for n in shaken.orders]
+        answers = [of_order(n) for n in excitation.orders]
         reads = [_read(loaded, places, answer) for answer in answers]
         unit = jax.tree.map(lambda *a: jnp.stack(a), *reads)
         ok &= jnp.all(jnp.stack([answer.ok for answer in answers]))
-        if not shaken.by_crank:  # all forces are loads that may change
+        if not excitation.by_crank:  # all forces are loads that may change
             return unit, jax.tree.map(lambda a: jnp.zeros_like(a[:, 0, 0]), unit), ok
-        response = respond(loaded, crank.forces, speed[None], shaken.orders)
+        response = respond(loaded, crank.forces, speed[None], excitation.orders)
         fixed = jax.tree.map(lambda a: a[:, 0], _read(loaded, places, response))
         return unit, fixed, ok & jnp.all(response.ok)
 
-    unit, fixed, ok = jax.vmap(at)(all_crank_loads(machine, shaken), places.speeds)
+    unit, fixed, ok = jax.vmap(at)(all_crank_loads(machine, excitation), places.speeds)
     return KnownResponse(unit, fixed, ok, nodes)
 
 

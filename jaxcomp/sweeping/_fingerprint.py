@@ -31,7 +31,7 @@ def fingerprint(problem: Problem, points: Any) -> dict[str, Any]:
         "variables": list(points.axes),
         "designs": _short(described),
         "quantities": [_asked(one) for one in problem.quantities],
-        "chain": _text(problem.chain),
+        "options": _text(problem.options),
     }
 
 

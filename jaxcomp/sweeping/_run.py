@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from .._fields import BadInput
 from .._waits import progress_of
-from ..design import Chain, Problem, prepared, problem, quantity
+from ..design import AnalysisOptions, Problem, prepared, problem, quantity
 from ..design._problem import Asked, name_of
 from ._axes import Distribution, as_values
 from ._fingerprint import fingerprint
@@ -49,7 +49,7 @@ def sweep(
     samples: int | None = None,
     sampling: Literal["sobol", "latin_hypercube", "random"] = "sobol",
     seed: int = 0,
-    chain: Chain | None = None,
+    options: AnalysisOptions | None = None,
     out: str | Path | None = None,
     batch: int | None = None,
     width: int | None = None,
@@ -73,14 +73,14 @@ def sweep(
     done yet; all of them must see the folder `out`.
 
     Args:
-        scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, which has its quantities and chain.
+        scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, which has its own quantities and options.
         over: values [SI] of each variable by name (see `Variable`), for a grid; or a distribution
             each (`uniform`, `log_uniform`, `normal`), for samples. Set in this order.
-        quantities: see `quantity_names`; functions of a `Found` as well.
+        quantities: see `quantity_names`; or functions of a `DesignResult`.
         samples: how many designs to draw, for distributions.
         sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
         seed: of the samples.
-        chain: how a design is worked out.
+        options: of the analysis of a design.
         out: folder of a zarr store; in memory alone if absent.
         batch: designs in a block, at most. Absent: as in the store, or 8192.
         width: designs that a device works out in step. Absent: as in the store, or 32 on a CPU.
@@ -105,7 +105,7 @@ def sweep(
      [92.4 91.4 90.2]]
     """
     points = _points(over, samples, sampling, seed)
-    asked = _problem(scene, points, quantities, chain)
+    asked = _problem(scene, points, quantities, options)
     there = None if out is None else stored_header(Path(out))
     layout = _layout(points, batch, there)
     local = chosen_devices(devices)
@@ -174,10 +174,10 @@ def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
     return SamplePoints(scattered, samples, sampling, seed)
 
 
-def _problem(scene, points, quantities, chain) -> Problem:
+def _problem(scene, points, quantities, options) -> Problem:
     if isinstance(scene, Problem):
-        if quantities is not None or chain is not None:
-            raise BadInput("quantities", "given twice", "left to the `Problem`, as is the chain")
+        if quantities is not None or options is not None:
+            raise BadInput("quantities", "given twice", "left to the `Problem`, as are the options")
         names = tuple(variable.name for variable in scene.variables)
         if tuple(points.axes) != names:
             raise BadInput("over", ", ".join(points.axes), f"{', '.join(names)}, in this order")
@@ -191,7 +191,7 @@ def _problem(scene, points, quantities, chain) -> Problem:
         quantities = quantities or ("mechanical_efficiency",)
         _refuse_clashes(points, [name_of(q) for q in quantities])
         ends = {name: _ends(axis) for name, axis in points.axes.items()}
-        made = problem(scene, ends, quantities, chain)
+        made = problem(scene, ends, quantities, options)
     return made
 
 

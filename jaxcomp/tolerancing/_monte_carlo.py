@@ -107,7 +107,7 @@ def solved_rows(problem: Problem, rows, values_of=lambda rows: rows, progress=Fa
         progress: show a bar.
     """
     devices = jax.local_devices()
-    width = default_width(devices) if problem.chain.known is None else _WIDE
+    width = default_width(devices) if problem.options.known is None else _WIDE
     start, waiting, done = block_program(problem, width, devices), deque(), []
     with progress_of("Drawing machines", len(rows), unit="machines", show=progress) as shown:
 

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from scipy.stats import beta
 
 from .._fields import BadInput
-from ..design import Found, variable
+from ..design import DesignResult, variable
 from ..design._problem import Asked, name_of, value_of
 from ..machine import machine_of
 from ._monte_carlo import drawn_normals
@@ -44,7 +44,7 @@ class Robust:
         self.__name__ = name
         self.changes = tuple(one.name for one in variables)
 
-    def __call__(self, found: Found) -> Float[Array, ""]:
+    def __call__(self, found: DesignResult) -> Float[Array, ""]:
         """[SI] NaN if a machine of the scatter cannot be solved."""
         values = self.sample(found)
         if self._weights is None:
@@ -53,7 +53,7 @@ class Robust:
             return jnp.mean(values) + self._sigmas * spread
         return jnp.sort(values) @ jnp.asarray(self._weights)
 
-    def sample(self, found: Found) -> Float[Array, " samples"]:
+    def sample(self, found: DesignResult) -> Float[Array, " samples"]:
         """[SI] The quantity of every machine of the scatter."""
         nominal = jnp.stack([jnp.asarray(v.current(found.design), float) for v in self._variables])
 
@@ -61,7 +61,7 @@ class Robust:
             design = found.design
             for number, value in enumerate(self._scatter.at(nominal, normals)):
                 design = self._variables[number].apply(design, value)
-            machine = Found(design, found.chain)
+            machine = DesignResult(design, found.options)
             value = value_of(self._asked, machine)
             return jnp.where(machine.ok, value, jnp.nan)
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from .._fields import BadInput
 from .._results import Data, Result
 from .._shown import shown
-from ..design import Chain, Problem, prepared, problem
+from ..design import AnalysisOptions, Problem, prepared, problem
 from ..design._problem import Asked, name_of
 from ._local import Curvature, Local, Moments, first_order, local, second_order, shares
 from ._monte_carlo import Sampled, Sampling, sampled, solved_rows
@@ -130,7 +130,7 @@ def tolerance(
     *,
     correlations: Correlations | None = None,
     limits: Mapping[str, tuple[float | None, float | None]] | None = None,
-    chain: Chain | None = None,
+    options: AnalysisOptions | None = None,
     samples: int = 16384,
     sampling: Sampling = "sobol",
     seed: int = 0,
@@ -142,11 +142,11 @@ def tolerance(
     Args:
         scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, whose variables are the scattered ones.
         tolerances: of each variable by name, see `within` and `Variable`. Names set in this order.
-        quantities: see `quantity_names`; functions of a `Found` as well. Efficiency if absent.
+        quantities: see `quantity_names`; or functions of a `DesignResult`. Efficiency if absent.
         correlations: [-] of the deviations of two variables, by pairs of names.
         limits: [SI] (low, high) by quantity, `None` for an open end: the probability of breaking
             each is worked out.
-        chain: how a design is worked out.
+        options: of the analysis of a design.
         samples: machines of the Monte Carlo.
         sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
         seed: of the samples.
@@ -159,7 +159,7 @@ def tolerance(
     """
     scatter = scatter_of(tolerances, correlations)
     limits = limits or {}
-    made = _problem(scene, scatter, quantities, limits, chain)
+    made = _problem(scene, scatter, quantities, limits, options)
     nominal = np.asarray(made.current)
     check_nominal(scatter, nominal)
     _check_bounds(made, scatter, nominal)
@@ -187,10 +187,10 @@ def tolerance(
     )
 
 
-def _problem(scene, scatter, quantities, limits, chain) -> Problem:
+def _problem(scene, scatter, quantities, limits, options) -> Problem:
     if isinstance(scene, Problem):
-        if quantities is not None or chain is not None:
-            raise BadInput("quantities", "given twice", "left to the `Problem`, as is the chain")
+        if quantities is not None or options is not None:
+            raise BadInput("quantities", "given twice", "left to the `Problem`, as are the options")
         names = tuple(one.name for one in scene.variables)
         if tuple(scatter.tolerances) != names:
             given = ", ".join(scatter.tolerances)
@@ -201,7 +201,7 @@ def _problem(scene, scatter, quantities, limits, chain) -> Problem:
         return scene
     asked = list(quantities or (() if limits else ("mechanical_efficiency",)))
     asked += [name for name in limits if name not in [name_of(q) for q in asked]]
-    return problem(scene, list(scatter.tolerances), asked, chain)
+    return problem(scene, list(scatter.tolerances), asked, options)
 
 
 def _check_bounds(made: Problem, scatter: Scatter, nominal) -> None:

@@ -148,13 +148,13 @@ def first_calls(question: Question) -> dict[str, Cost]:
 
     Of the value, and of the value with its gradient over all numbers of the machine.
     """
-    arguments = question.design, question.chain(None)
+    arguments = question.design, question.options(None)
 
-    def value(design, chain):
-        return answer(design, chain, question.quantity).value
+    def value(design, options):
+        return answer(design, options, question.quantity).value
 
-    def gradient(design, chain):
-        return eqx.filter_value_and_grad(value)(design, chain)
+    def gradient(design, options):
+        return eqx.filter_value_and_grad(value)(design, options)
 
     found = {}
     for name, function in (("value", value), ("value and gradient", gradient)):

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ..balancing import Influence, bounded, least_squares, min_max
-from ..design import Found
+from ..design import DesignResult
 from ._measure import compile_program
 from ._report import Reference
 from ._study import Call, Question, Setting, Solved, Study, needs_rotor, no_value
@@ -32,13 +32,13 @@ def balancing_study(question: Question, thorough: bool) -> Study:
     """
     needs_rotor(question, "balancing")
 
-    def influence_of(design, chain):
-        found = Found(design, chain)
+    def influence_of(design, options):
+        found = DesignResult(design, options)
         return found.influence, found.ok
 
     @cache
     def influence() -> Influence:
-        arguments = question.design, question.chain(None)
+        arguments = question.design, question.options(None)
         found, ok = eqx.filter_jit(influence_of)(*arguments)
         if not bool(ok):
             raise no_value(question, "the response is not to be relied on")

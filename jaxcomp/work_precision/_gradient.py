@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from .._fields import BadInput
 from ..crank import Collocation, Shooting
-from ..design import Chain, quantity, variable
+from ..design import AnalysisOptions, quantity, variable
 from ._film import FILM_QUANTITIES, film_gradient_study
 from ._measure import compile_program
 from ._orbit import shooting
@@ -58,10 +58,10 @@ def gradient_study(question: Question, thorough: bool) -> Study:
         if slope == 0.0:
             bound = f"one that {question.variable} changes{_shaken(question)}"
             raise BadInput("quantity", question.quantity, bound)
-        chain = question.chain(shooting(question) if crank else None, TIGHT_TOLERANCE)
-        shot = compile_program(partial(_at, question), question.design, chain, _zero())
+        options = question.options(shooting(question) if crank else None, TIGHT_TOLERANCE)
+        shot = compile_program(partial(_at, question), question.design, options, _zero())
         step = _REFERENCE_STEP * _size(question)
-        ends = [(w, shot(question.design, chain, jnp.asarray(o * step))) for o, w in _STENCIL]
+        ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
         other = sum(w * float(end.value) for w, end in ends) / step
         methods = "collocation, 24 nodes, forward", "differences of shooting, Dopri8 at 1e-09"
         return Reference(slope, other, methods if crank else ("forward", "differences"))
@@ -112,12 +112,12 @@ def _words(solver) -> str:
     return "" if solver is None else f"shooting {type(solver.solver).__name__}"
 
 
-def _at(question: Question, design, chain: Chain, offset) -> Solved:
+def _at(question: Question, design, options: AnalysisOptions, offset) -> Solved:
     """The quantity with the variable moved by an offset."""
     assert question.variable is not None
     one = variable(question.design, question.variable)
     moved = one.apply(design, jnp.asarray(one.current(design), float) + offset)
-    return answer(moved, chain, question.quantity)
+    return answer(moved, options, question.quantity)
 
 
 def _zero():
@@ -132,9 +132,9 @@ def _size(question: Question) -> float:
 
 
 def _derivative(question: Question, solver, mode: str, tolerance: float) -> Call:
-    def slope(design, chain):
+    def slope(design, options):
         def value(offset):
-            solved = _at(question, design, chain, offset)
+            solved = _at(question, design, options, offset)
             return solved.value, solved
 
         if mode == "reverse":
@@ -143,7 +143,7 @@ def _derivative(question: Question, solver, mode: str, tolerance: float) -> Call
             _, found, solved = jax.jvp(value, (_zero(),), (jnp.ones(()),), has_aux=True)
         return solved._replace(value=found, passes=0)
 
-    arguments = question.design, question.chain(solver, tolerance)
+    arguments = question.design, question.options(solver, tolerance)
     program = compile_program(slope, *arguments)
     return Call(program.on(*arguments), program)
 
@@ -151,16 +151,16 @@ def _derivative(question: Question, solver, mode: str, tolerance: float) -> Call
 def _difference(question: Question, solver):
     """A central difference with its two solutions side by side."""
 
-    def difference(design, chain, step):
+    def difference(design, options, step):
         ends = jnp.stack([-step, step])
-        solved = jax.vmap(lambda x: _at(question, design, chain, x))(ends)
+        solved = jax.vmap(lambda x: _at(question, design, options, x))(ends)
         slope = (solved.value[1] - solved.value[0]) / (2 * step)
         worst = jax.tree.map(lambda x: x[jnp.argmin(solved.ok)], solved)  # the one that failed
         return worst._replace(value=slope, passes=0, ok=jnp.all(solved.ok))
 
-    return compile_program(difference, question.design, question.chain(solver), _zero())
+    return compile_program(difference, question.design, question.options(solver), _zero())
 
 
 def _difference_call(question: Question, solver, program, share: float) -> Call:
     step = jnp.asarray(share * _size(question))
-    return Call(program().on(question.design, question.chain(solver), step), program())
+    return Call(program().on(question.design, question.options(solver), step), program())

@@ -13,7 +13,7 @@ import equinox as eqx
 from .._fields import BadInput
 from ..compressor import Compressor
 from ..coupling import loaded_rotor
-from ..design import Chain
+from ..design import AnalysisOptions
 from ..film import JournalBearing
 from ..friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
 from ..machine import Machine, assembled, machine_of
@@ -57,13 +57,13 @@ class LeanScene(NamedTuple):
     Attributes:
         name: what it has.
         design: the machine.
-        chain: how it is worked out.
+        options: of the analysis.
         quantity: what is asked.
     """
 
     name: str
     design: Machine
-    chain: Chain
+    options: AnalysisOptions
     quantity: str
 
 
@@ -101,7 +101,7 @@ def lean_program(one: LeanScene) -> Program:
     """The compiled program of a scene."""
 
     def value(design):
-        solved = answer(design, one.chain, one.quantity)
+        solved = answer(design, one.options, one.quantity)
         return solved.value, solved.ok
 
     return compile_program(value, one.design)
@@ -137,7 +137,7 @@ def _crank_scenes(design: Machine):
         ladder["fluctuating speed, film journals"] = _filmed_machine(machine)
     for name, made in ladder.items():
         alone = Machine(made)
-        yield LeanScene(f"crank: {name}", alone, Chain(), _CRANK)
+        yield LeanScene(f"crank: {name}", alone, AnalysisOptions(), _CRANK)
 
 
 def _rotor_scenes(design: Machine):
@@ -163,12 +163,12 @@ def _rotor_scenes(design: Machine):
         )
         if shaken == "file":
             alone = Machine(None, parts, design.corrections)
-            yield LeanScene(name, alone, Chain(excitation="file"), "vibration")
+            yield LeanScene(name, alone, AnalysisOptions(excitation="file"), "vibration")
     full = {"rotor": dataclasses.replace(model, dof=6), "loads": case, "balancing": places}
     whole = f"{len(model.bodies) + 1} subsets, six degrees of freedom"
     if shaken == "file":
         alone = Machine(None, full, design.corrections)
-        yield LeanScene(f"rotor: {whole}", alone, Chain(excitation="file"), "vibration")
+        yield LeanScene(f"rotor: {whole}", alone, AnalysisOptions(excitation="file"), "vibration")
     if case.crank is not None and design.compressor is not None:
         full["rotor"] = dataclasses.replace(whole_model, dof=6)
         made = Machine(
@@ -179,7 +179,7 @@ def _rotor_scenes(design: Machine):
             design.oils,
         )
         name = f"all: {whole}, shaken by the crank"
-        yield LeanScene(name, made, Chain(excitation="crank"), "vibration")
+        yield LeanScene(name, made, AnalysisOptions(excitation="crank"), "vibration")
 
 
 def _changed(machine: Compressor, **parts) -> Compressor:

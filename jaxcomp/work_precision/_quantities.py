@@ -8,7 +8,7 @@ from functools import cache
 import equinox as eqx
 import numpy as np
 
-from ..design import Chain, Found, quantity, quantity_names
+from ..design import AnalysisOptions, DesignResult, quantity, quantity_names
 from ..machine import Machine
 from ._orbit import METHODS, shooting
 from ._report import Reference
@@ -72,7 +72,7 @@ def known_quantities(design: Machine) -> tuple[str, ...]:
     """Names of all quantities of a machine, joint by joint."""
 
     def joints(design):
-        orbit = Found(design, Chain()).orbit
+        orbit = DesignResult(design, AnalysisOptions()).orbit
         return {"loss_power": orbit.energy.losses, "peak_force": orbit.peak_forces,
                 "mean_force": orbit.mean_forces}  # fmt: skip
 

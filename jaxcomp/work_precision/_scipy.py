@@ -20,7 +20,7 @@ from .._implicit import FixedPointReport
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..crank import Energy, Orbit, acceleration, orbit_on_panels, panels
-from ..design import Chain, Found, quantity
+from ..design import AnalysisOptions, DesignResult, quantity
 from ..mechanism import CrankState
 from ..motor import MeanSpeed
 from ._study import Call, Question, Setting, Solved
@@ -85,7 +85,7 @@ def _laws(question: Question) -> _Laws:
 
     @jax.jit
     def value(speed, level, accounts):
-        found = Found(question.design, Chain())
+        found = DesignResult(question.design, AnalysisOptions())
         found.orbit = _orbit(machine, speed, level, accounts)
         return jnp.asarray(quantity(question.quantity).value(found), float)
 

@@ -19,7 +19,7 @@ from .._fields import BadInput
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
 from ..crank import Collocation, Shooting
-from ..design import Chain, Found, quantity
+from ..design import AnalysisOptions, DesignResult, quantity
 from ..machine import Assembly, Machine, assembled
 from ._measure import Program, compile_program, median_time
 from ._report import Order, Reference, Row
@@ -37,7 +37,7 @@ class Question(NamedTuple):
         design: the machine.
         quantity: name of a `jaxcomp.design.quantity`.
         variable: name of a variable, for studies in which one changes.
-        excitation: what shakes the rotor: "crank" or "file"; see `Chain`.
+        excitation: what shakes the rotor: "crank" or "file"; see `AnalysisOptions`.
         orders: of the spin speed that count in vibrations.
     """
 
@@ -73,11 +73,13 @@ class Question(NamedTuple):
         machine = self.compressor
         return 0 if machine is None else machine.mechanism.load_reversals
 
-    def chain(self, solver: Collocation | Shooting | None, tolerance: float = 1e-13) -> Chain:
+    def options(
+        self, solver: Collocation | Shooting | None, tolerance: float = 1e-13
+    ) -> AnalysisOptions:
         """The solvers of a design, with the tolerance as an array; `None` for the defaults."""
         if solver is not None:
             solver = eqx.tree_at(lambda s: s.tolerance, solver, jnp.asarray(tolerance, float))
-        return Chain(solver, self.excitation, self.orders)
+        return AnalysisOptions(solver, self.excitation, self.orders)
 
 
 class Call(NamedTuple):
@@ -189,9 +191,9 @@ def measured(setting: Setting, reference: Reference) -> Row:
     return row._replace(flops=program.flops / setting.share, lines=program.lines)
 
 
-def answer(design: Machine, chain: Chain, names: str | tuple[str, ...]) -> Solved:
+def answer(design: Machine, options: AnalysisOptions, names: str | tuple[str, ...]) -> Solved:
     """A quantity of a design by a chain of solvers, or several."""
-    found = Found(design, chain)
+    found = DesignResult(design, options)
     several = (names,) if isinstance(names, str) else names
     values = [jnp.asarray(quantity(name).value(found), float) for name in several]
     value = values[0] if isinstance(names, str) else jnp.stack(values)
@@ -247,8 +249,8 @@ class SolverProgram:
         return Setting(method, words, lambda: self.call(tolerance), tight, **options)
 
     def _arguments(self, tolerance):
-        chain = self.question.chain(self._solver, tolerance)
-        return self.question.design, chain, self._names
+        options = self.question.options(self._solver, tolerance)
+        return self.question.design, options, self._names
 
 
 def no_value(question: Question, why: str) -> BadInput:

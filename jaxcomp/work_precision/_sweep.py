@@ -60,8 +60,8 @@ def sweep_study(question: Question, thorough: bool) -> Study:
     judged = np.linspace(0, _DESIGNS - 1, _JUDGED).astype(int)
 
     def asked(solver, tolerance) -> Problem:
-        chain = question.chain(solver, tolerance)
-        return prepared(problem(question.design, [one.name], [question.quantity], chain))
+        options = question.options(solver, tolerance)
+        return prepared(problem(question.design, [one.name], [question.quantity], options))
 
     def values(solver, tolerance):
         made, at = asked(solver, tolerance), jnp.asarray(rows[judged])
@@ -122,7 +122,7 @@ def tolerance_study(question: Question, thorough: bool) -> Study:
         raise BadInput("variable", pattern, "a pattern that fits a number other than zero")
     scatter = scatter_of({name: within(_WITHIN, relative=True) for name in names})
     solver = None if question.compressor is None else Collocation(nodes=10, reversals=0)
-    made = prepared(problem(design, names, [question.quantity], question.chain(solver, 1e-5)))
+    made = prepared(problem(design, names, [question.quantity], question.options(solver, 1e-5)))
     nominal = np.asarray(made.current)
     sign = -1 if quantity(question.quantity).better == "more" else 1  # side of the rejects
 

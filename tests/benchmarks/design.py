@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from jaxcomp import load
-from jaxcomp.design import Chain, problem
+from jaxcomp.design import AnalysisOptions, problem
 
 REPEAT = 40
 ASKED = {
@@ -29,7 +29,9 @@ def main(machine: str) -> None:
     scene = load(machine)
     print(f"{machine:42s}{'least':>10s}{'median':>10s}{'first call':>12s}")
     for name, (quantities, excitation) in ASKED.items():
-        one = problem(scene, ["mechanism.conrod_length"], quantities, Chain(excitation=excitation))
+        one = problem(
+            scene, ["mechanism.conrod_length"], quantities, AnalysisOptions(excitation=excitation)
+        )
         call = jax.jit(lambda x, one=one: one(x))
         times = []
         for _ in range(REPEAT + 1):

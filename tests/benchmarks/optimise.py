@@ -21,7 +21,7 @@ import scipy.optimize
 
 from jaxcomp import Collocation, load, optimise, problem
 from jaxcomp.cli._start import quick_compiles
-from jaxcomp.design import Chain
+from jaxcomp.design import AnalysisOptions
 from jaxcomp.scene import with_value
 
 RANGE = (0.100, 0.160)
@@ -61,7 +61,7 @@ def bores():
         for rpm in (800, 1000, 1200):
             changed = with_value(scene, "motor.mean_speed", f"{rpm} rpm")
             made = problem(
-                changed, {"bore": RANGE}, ["mechanical_efficiency"], Chain(solver=solver)
+                changed, {"bore": RANGE}, ["mechanical_efficiency"], AnalysisOptions(solver=solver)
             )
             print(f"\n{rpm} rpm, {name} solver")
             line("", "bore, mm", "efficiency", "designs", "time, ms", "first call, s")

@@ -57,9 +57,9 @@ def ranges():
 
 def fast(nodes=10):
     from jaxcomp import Collocation
-    from jaxcomp.design import Chain
+    from jaxcomp.design import AnalysisOptions
 
-    return Chain(Collocation(nodes=nodes, reversals=0, tolerance=1e-5))
+    return AnalysisOptions(Collocation(nodes=nodes, reversals=0, tolerance=1e-5))
 
 
 def errors(machine, found):
@@ -67,12 +67,14 @@ def errors(machine, found):
     import jax
 
     from jaxcomp import Collocation
-    from jaxcomp.design import Chain, problem
+    from jaxcomp.design import AnalysisOptions, problem
 
     picks = np.linspace(0, found.sizes["sample"] - 1, CHECKED).astype(int)
     some = found.isel(sample=picks)
     names = list(ranges())
-    exact = problem(machine, names, ["mechanical_efficiency"], Chain(Collocation(nodes=16)))
+    exact = problem(
+        machine, names, ["mechanical_efficiency"], AnalysisOptions(Collocation(nodes=16))
+    )
     rows = np.stack([some[name].values for name in names], -1)
     best = jax.jit(lambda rows: jax.lax.map(exact, rows))(rows).values[:, 0]
     return np.abs(some.mechanical_efficiency.values - np.asarray(best)), rows, np.asarray(best)
@@ -93,7 +95,7 @@ def rates(machine, count):
             (16, CORES, True),
         ):
             go = lambda n, out, nodes=nodes, devices=devices: sweep(  # noqa: E731
-                machine, ranges(), ["mechanical_efficiency"], samples=n, chain=fast(nodes),
+                machine, ranges(), ["mechanical_efficiency"], samples=n, options=fast(nodes),
                 devices=devices, out=out, progress=False,
             )  # fmt: skip
             go(20_000, None)  # compiles for every device
@@ -147,7 +149,7 @@ def grow(quantity, count):
 
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
-        sweep(load("mayekawa-wbhe"), ranges(), [quantity], samples=count, chain=fast(5),
+        sweep(load("mayekawa-wbhe"), ranges(), [quantity], samples=count, options=fast(5),
               out=Path(folder) / "out", progress=False)  # fmt: skip
         seconds = time.perf_counter() - start
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, seconds)

@@ -19,7 +19,7 @@ def timed(call):
     return found, time.perf_counter() - start
 
 
-def report(name, scene, tolerances, quantity, limit, chain, samples):
+def report(name, scene, tolerances, quantity, limit, options, samples):
     from jaxcomp import tolerance
     from jaxcomp.tolerancing._monte_carlo import sampled
 
@@ -29,7 +29,7 @@ def report(name, scene, tolerances, quantity, limit, chain, samples):
             tolerances,
             [quantity],
             limits={quantity: limit},
-            chain=chain,
+            options=options,
             samples=4096,
             progress=False,
         )
@@ -66,7 +66,7 @@ def main():
 
     jax.config.update("jax_num_cpu_devices", CORES)
     from jaxcomp import Collocation, load, within
-    from jaxcomp.design import Chain, balanced_design
+    from jaxcomp.design import AnalysisOptions, balanced_design
     from jaxcomp.machine import machine_of
 
     print(f"jax {jax.__version__}, {CORES} cores, load {os.getloadavg()[0]:.1f}")
@@ -74,19 +74,19 @@ def main():
         f"friction.{joint}.coefficient": within(0.2, relative=True)
         for joint in ("wall", "piston_pin", "crank_pin", "main_journal")
     }
-    chain = Chain(Collocation(nodes=10, reversals=0, tolerance=1e-5))
+    options = AnalysisOptions(Collocation(nodes=10, reversals=0, tolerance=1e-5))
     report(
         "efficiency of the machine of Tsuji et al.", load("mayekawa-wbhe"), friction,
-        "mechanical_efficiency", (0.9, None), chain, given.samples,
+        "mechanical_efficiency", (0.9, None), options, given.samples,
     )  # fmt: skip
-    balanced = balanced_design(machine_of(load("hermetic-68cc")), Chain())
+    balanced = balanced_design(machine_of(load("hermetic-68cc")), AnalysisOptions())
     masses = [f"loads.unbalances.0.magnitude.{i}" for i in range(2)]
     masses += [f"loads.unbalances.1.magnitude.{i}" for i in range(4)]
     masses += [f"corrections.{plane}.magnitude" for plane in balanced.corrections]
     report(
         "vibration of the balanced hermetic machine", balanced,
         {name: within(0.05, relative=True) for name in masses}, "vibration", (None, 8e-6),
-        Chain(), given.samples,
+        AnalysisOptions(), given.samples,
     )  # fmt: skip
 
 
