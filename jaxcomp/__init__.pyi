@@ -16,6 +16,8 @@ from . import sweeping as sweeping
 from . import tolerancing as tolerancing
 from . import work_precision as work_precision
 from ._fields import BadInput as BadInput
+from ._registry import Quantity as Quantity
+from ._registry import register_quantity as register_quantity
 from ._results import load_result as load_result
 from ._status import SolveFailed as SolveFailed
 from ._status import Status as Status

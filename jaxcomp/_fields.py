@@ -47,6 +47,14 @@ class BadInput(ValueError):
         return BadInput(f"{where}.{self.field}", self.value, self.bound)
 
 
+class MissingPart(BadInput):
+    """A quantity that needs a part which the machine does not have."""
+
+    def __init__(self, quantity: str, part: str):
+        super().__init__(quantity, "absent", part)
+        self.args = (f"Quantity '{quantity}' needs {part}; this scene has none.",)
+
+
 class Bound(NamedTuple):
     """An interval, open or closed on either side."""
 

@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ._registry import registered_quantity
+
 # [rpm] in 1 rad/s
 RPM = 30 / math.pi
-# Pure numbers that people give in per cent.
+# Endings of pure numbers that people give in per cent, beside the quantities of the registry.
 _SHARES = ("efficiency", "fluctuation", "clearance_ratio")
 # Sizes from which on a unit is used, the largest first.
 _UNITS = {
@@ -52,6 +54,15 @@ class Shown(NamedTuple):
         return f"{value * self.factor:.{digits}g} {self.unit}".strip()
 
 
+def spelled(name: str) -> tuple[str, bool]:
+    """The words of a variable or quantity, and whether it is shown in per cent as a pure number."""
+    last = name.rpartition(".")[2]
+    one = registered_quantity(name) or registered_quantity(last)
+    percent = one.percent if one else last.endswith(_SHARES)
+    words = one.words if one and one.words and one.name == name else re.sub(r"[._-]", " ", name)
+    return words[:1].upper() + words[1:], percent
+
+
 def shown(name: str, unit: str, values) -> Shown:
     """The unit that suits the size of some values.
 
@@ -60,13 +71,9 @@ def shown(name: str, unit: str, values) -> Shown:
         unit: SI unit of the values.
         values: [SI], of any shape; those that are not finite do not count.
     """
-    # what the motor draws is not modelled
-    name = "shaft_power" if name == "motor_power" else name
-    words = name.replace(".", " ").replace("_", " ").replace("-", " ")
-    words = words[:1].upper() + words[1:]
+    words, percent = spelled(name)
     if not unit:
-        share = any(name.split(".")[-1].endswith(word) for word in _SHARES)
-        return Shown(words, "%" if share else "", 100.0 if share else 1.0)
+        return Shown(words, "%" if percent else "", 100.0 if percent else 1.0)
     values = np.abs(np.asarray(values, dtype=float))
     values = values[np.isfinite(values)]
     size = values.max() if values.size else 0.0

@@ -385,12 +385,12 @@ def test_only_settings_of_one_task_compete():
 @pytest.mark.parametrize("name", MACHINES)
 def test_every_quantity_of_a_problem_is_known_by_its_full_name(name):
     from jaxcomp import problem
-    from jaxcomp.design import quantity_names
+    from jaxcomp.design import available_quantities
 
     design = machine_of(load(name))
     names = known_quantities(design)
     assert {n.partition(".")[0] for n in names} == {
-        n.partition(".")[0] for n in quantity_names(design)
+        n.partition(".")[0] for n in available_quantities(design)
     }
     assert not [n for n in names if "<" in n]
     problem(design, ["mechanism.crank_radius"], names)  # all are quantities

@@ -46,7 +46,7 @@ def test_figures_are_those_of_the_machines_alone(found):
             assert rows[f"peak_force.{joint}"][place] == pytest.approx(float(peak), **close)
         for joint, mean in orbit.mean_forces.items():
             assert rows[f"mean_force.{joint}"][place] == pytest.approx(float(mean), **close)
-        assert rows["shaft_power"][place] == pytest.approx(float(orbit.motor_power), **close)
+        assert rows["motor_power"][place] == pytest.approx(float(orbit.motor_power), **close)
     assert "speed_fluctuation" in rows
 
 

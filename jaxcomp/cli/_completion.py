@@ -10,15 +10,9 @@ from typing import Any
 
 import typer
 
+from .._registry import DESIGN_RULES, registered
+
 _MACHINES = Path(__file__).parents[1] / "machines"
-# The names of `jaxcomp.design`, without its import.
-QUANTITIES = (
-    *("mechanical_efficiency", "motor_power", "gas_power", "friction_power", "speed_fluctuation"),
-    *("mean_speed", "joint_margin", "swept_volume", "peak_shaking_force", "peak_shaking_moment"),
-    *("vibration", "balanced_vibration", "mount_force"),
-    *("loss_power.", "peak_force.", "mean_force.", "vibration."),
-)
-RULES = ("bore", "stroke_bore_ratio", "offset", "piston_clearance")
 
 
 def complete_machine(incomplete: str) -> list[tuple[str, str]]:
@@ -47,19 +41,21 @@ def complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
     return [f"{path}=" for path in paths if path.startswith(incomplete)]
 
 
-def complete_variable(ctx: typer.Context, incomplete: str) -> list[str]:
+def complete_variable(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """`NAME=` of the design rules, and of the values as for `--set`."""
-    return [*complete_rule(incomplete), *complete_path(ctx, incomplete)]
+    paths = [(path, "") for path in complete_path(ctx, incomplete)]
+    return [*complete_rule(incomplete), *paths]
 
 
-def complete_rule(incomplete: str) -> list[str]:
+def complete_rule(incomplete: str) -> list[tuple[str, str]]:
     """`NAME=` of the design rules."""
-    return [f"{rule}=" for rule in RULES if rule.startswith(incomplete)]
+    return [(f"{name}=", doc) for name, doc in DESIGN_RULES.items() if name.startswith(incomplete)]
 
 
-def complete_quantity(incomplete: str) -> list[str]:
-    """What can be asked of a design; those ending in a point want a joint or a target."""
-    return [name for name in QUANTITIES if name.startswith(incomplete)]
+def complete_quantity(incomplete: str) -> list[tuple[str, str]]:
+    """The quantities of the registry; those ending in a point want a joint or a target."""
+    names = ((one.name.partition("<")[0], one.doc) for one in registered())
+    return [(name, doc) for name, doc in names if name.startswith(incomplete)]
 
 
 def _tables(file: Path) -> dict[str, Any]:

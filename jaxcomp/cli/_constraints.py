@@ -8,7 +8,7 @@ from ..scene import SceneError, to_si
 from ._arguments import entry
 from ._errors import CommandError
 
-# No quantity without a unit gets there: efficiencies, margins and fluctuations are shares.
+# No quantity that is shown in per cent gets there.
 _LARGEST_SHARE = 2.0
 _BOUND = re.compile(r"\s*([\w.-]+)\s*(<=|>=|=)\s*(.+?)\s*")
 
@@ -43,9 +43,9 @@ def value_of(name: str, text: str, option: str) -> float:
         CommandError, SceneError, BadInput: what cannot be read, no such quantity, or a share that
             was meant in per cent.
     """
-    unit = quantity(name).unit
-    value = si(text, unit, option)
-    if not unit and abs(value) > _LARGEST_SHARE:
+    one = quantity(name)
+    value = si(text, one.unit, option)
+    if one.percent and abs(value) > _LARGEST_SHARE:
         raise CommandError(f'{option}: {text} would be {100 * value:g} %; is "{text} %" meant?')
     return value
 

@@ -6,24 +6,25 @@ from typing import Any
 
 import typer
 
+from .._registry import registered
 from .._results import with_unit
 
+# Keys that are no quantities of the registry, which has the units of those.
 _BY_UNIT = {
+    "": ("vibration",),  # of a suspended block, by what is measured
     "J": ("motor_work", "gas_work", "losses", "kinetic_energy_gained"),
-    "W": ("motor_power", "gas_power", "friction_power", "loss_power"),
-    "N": ("mean_forces", "peak_forces", "peak_shaking_force", "load"),
-    "N m": ("peak_shaking_moment", "friction_torque", "bush_torque"),
+    "N": ("mean_forces", "peak_forces", "load"),
+    "N m": ("friction_torque", "bush_torque"),
     "s": ("period", "seconds", "end_time", "time_of_highest_speed", "time", "power_off"),
     "m": (
         "stroke", "length", "diameter", "clearance", "minimum_film", "major_axis", "minor_axis",
         "position", "rms", "peak", "free_body", "radius", "largest_before", "largest_after",
     ),
-    "m^3": ("swept_volume",),
     "m^3/s": ("side_flow",),
     "rad": ("phase", "before_phase", "after_phase", "inclination", "attitude_angle", "angle",
         "end_angle"),
     "rad/s": (
-        "mean_speed", "lowest_speed", "highest_speed", "speed", "speeds", "frequency", "growth",
+        "lowest_speed", "highest_speed", "speed", "speeds", "frequency", "growth",
         "natural_frequencies", "measured", "end_speed",
     ),
     "Pa": ("peak_pressure",),
@@ -36,6 +37,11 @@ _BY_UNIT = {
 _UNITS = {key: unit for unit, keys in _BY_UNIT.items() for key in keys}
 # Directions, whose unit follows from what they are a direction of: of ux, uy, uz, and of rotations.
 _DIRECTIONS = {"amplitude": ("m", "rad"), "phase": ("rad", "rad"), "links": ("N", "N m")}
+
+
+def _unit_of(key: str) -> str:
+    known = (one.unit for one in registered() if key in (one.name, one.family))
+    return _UNITS[key] if key in _UNITS else next(known, "")
 
 
 def keyed(result: Any, of: str = "", units: dict[str, str] | None = None) -> Any:
@@ -55,7 +61,7 @@ def keyed(result: Any, of: str = "", units: dict[str, str] | None = None) -> Any
     units = (units or {}) | _own_units(result)
     out = {}
     for key, value in result.items():
-        unit = "" if "unit" in result else units.get(key, _UNITS.get(key, ""))
+        unit = "" if "unit" in result else units.get(key, _unit_of(key))
         if of in _DIRECTIONS and key[:2] in ("ux", "uy", "uz", "th"):
             unit = _DIRECTIONS[of][key.startswith("th")]
         by_name = isinstance(value, dict)

@@ -8,7 +8,7 @@ import numpy as np
 from rich.markup import escape
 
 from .._shown import shown
-from ..design import Front, Optimum, compared
+from ..design import Front, Optimum, compared, quantity
 from ..design._design import CORRECTIONS
 from ..scene import Scene, with_machine
 from ._compare_result import beside_table
@@ -83,10 +83,8 @@ def comparison(found: Optimum) -> list[dict[str, Any]]:
     Objectives that need no periodic state are compared by themselves.
     """
     problem = found.problem
-    plain = {"swept_volume", "vibration", "balanced_vibration", "mount_force"}
-    names = {one if isinstance(one, str) else "" for one in problem.quantities}
-    crank = {n for n in names if n not in plain and not n.startswith("vibration.")}
-    if problem.design.compressor is None or not crank:
+    crank = (not isinstance(q, str) or "orbit" in quantity(q).needs for q in problem.quantities)
+    if problem.design.compressor is None or not any(crank):
         return []
     rows = compared(problem.design, found.design, problem.options)
     return [

@@ -9,43 +9,24 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._registry import Quantity, registered
 from .._status import Status
 from ..compressor import Compressor
 from ..crank import Orbit, film_thickness
+from ..design import AnalysisOptions, DesignResult
 from ..gas import PolytropicCycle
+from ..machine import Assembly, Machine
 from ..scene import Scene
-from ..shaking import shaking_wrench
 
-_ORDER = (
-    "mechanical_efficiency",
-    "motor_work",
-    "gas_work",
-    "losses",
-    "speed_fluctuation",
-    "mean_speed",
-    "lowest_speed",
-    "highest_speed",
-    "period",
-    "motor_power",
-    "gas_power",
-    "friction_power",
-    "mean_forces",
-    "peak_forces",
-    "peak_shaking_force",
-    "peak_shaking_moment",
-    "stroke",
-    "swept_volume",
-    "energy_residual",
-    "residual",
-    "resolution",
-    "joint_margin",
-)
+# Families of quantities whose keys were there before.
+_KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
 
 
 def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
     """The orbit in numbers. The keys are stable; new ones may join them."""
-    found = jax.tree.map(float, jax.device_get(_numbers(scene.as_compressor(), orbit)))
-    numbers = {key: found[key] for key in _ORDER}  # a compiled function hands its keys out sorted
+    known = tuple(one for one in registered() if set(one.needs) <= {"orbit", "compressor"})
+    found = _numbers(scene.machine, scene.assembly, orbit, known)
+    values, numbers = jax.tree.map(float, jax.device_get(found))
     total = sum(numbers["losses"].values())
     share = {name: loss / total if total else 0.0 for name, loss in numbers["losses"].items()}
     power = {name: loss / numbers["period"] for name, loss in numbers["losses"].items()}
@@ -53,6 +34,8 @@ def run_result(scene: Scene, orbit: Orbit) -> dict[str, Any]:
         "machine": scene.name,
         "file": scene.file,
         "version": version("jaxcomp"),
+        # a compiled function returns its keys sorted
+        **{_KEYS.get(one.family, one.family or one.name): values[one.name] for one in known},
         **numbers,
         "loss_power": power,
         "loss_share": share,
@@ -105,10 +88,14 @@ def _remarks(machine: Compressor) -> Iterator[str]:
 
 
 @eqx.filter_jit
-def _numbers(compressor: Compressor, orbit: Orbit) -> dict[str, Any]:
+def _numbers(
+    machine: Machine, assembly: Assembly, orbit: Orbit, known: tuple[Quantity, ...]
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
-    energy = orbit.energy
-    wrench = shaking_wrench(compressor.mechanism, orbit.state)
+    result = DesignResult(machine, AnalysisOptions())
+    result.assembly, result.orbit = assembly, orbit
+    energy, compressor = orbit.energy, assembly.compressor
+    assert compressor is not None
     # every joint that carries a force and could have friction has an entry; without a law it loses
     # nothing
     friction = compressor.friction
@@ -117,27 +104,15 @@ def _numbers(compressor: Compressor, orbit: Orbit) -> dict[str, Any]:
         for name in orbit.loads.forces
         if friction is None or getattr(friction, name, friction) is None
     }
-    return {
-        "mechanical_efficiency": orbit.mechanical_efficiency,
+    return {one.name: one.value(result) for one in known}, {
         "motor_work": energy.motor_work,
         "gas_work": energy.gas_work,
         "losses": {**joints, **energy.losses},
-        "speed_fluctuation": orbit.speed_fluctuation,
-        "mean_speed": orbit.mean_speed,
         "lowest_speed": orbit.lowest_speed,
         "highest_speed": orbit.highest_speed,
         "period": orbit.period,
-        "motor_power": orbit.motor_power,
-        "gas_power": energy.gas_work / orbit.period,
-        "friction_power": energy.total_loss / orbit.period,
-        "mean_forces": orbit.mean_forces,
-        "peak_forces": orbit.peak_forces,
-        "peak_shaking_force": jnp.sqrt(orbit.largest(jnp.sum(wrench.force**2, axis=0))),
-        "peak_shaking_moment": jnp.sqrt(orbit.largest(jnp.sum(wrench.moment**2, axis=0))),
         "stroke": compressor.mechanism.stroke,
-        "swept_volume": compressor.mechanism.swept_volume,
         "energy_residual": energy.residual,
         "residual": orbit.residual,
         "resolution": orbit.resolution,
-        "joint_margin": orbit.margin,
     }

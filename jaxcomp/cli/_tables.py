@@ -1,6 +1,5 @@
 """Tables on the terminal."""
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -10,9 +9,12 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from .._shown import behind
+from .._registry import registered
+from .._shown import RPM, behind, shown
 from ..scene import Bundled, Row, Scene
 
+# Quantities that the other tables of a run have.
+_IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
 # Characters of a value as it was given; JSON has all of it.
 _LONGEST = 120
 
@@ -69,23 +71,29 @@ def _summary(scene: Scene, result: dict[str, Any]) -> Table:
     bore = getattr(scene.as_compressor().mechanism, "bore", None)
     if bore is not None:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
-        table.add_row("Bore x stroke", size, f"{result['swept_volume'] * 1e6:.5g} cm3 swept")
-    rpm = 30 / math.pi
+        volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
+        table.add_row("Bore x stroke", size, f"{volume} swept")
+    low, high = (f"{RPM * result[f'{end}_speed']:.5g}" for end in ("lowest", "highest"))
+    notes = {
+        "mean_speed": f"{result['mean_speed']:.5g} rad/s",
+        "speed_fluctuation": f"{low} to {high} rpm",
+    }
     meaningless = any("no efficiency" in remark for remark in result["remarks"])
-    efficiency = "none" if meaningless else f"{100 * result['mechanical_efficiency']:.2f} %"
-    table.add_row("[bold]Mechanical efficiency", f"[bold]{efficiency}", "gas work over motor work")
-    large = abs(result["motor_power"]) >= 1e3
-    for name in ("motor", "gas", "friction"):
-        watts = result[f"{name}_power"]
-        work = watts * result["period"]
-        power = f"{watts / 1e3:.4g} kW" if large else f"{watts:.4g} W"
-        word = "shaft" if name == "motor" else name  # what the motor draws is not modelled
-        table.add_row(f"{word.capitalize()} power", power, f"{work:.5g} J per revolution")
-    speed = result["mean_speed"]
-    table.add_row("Mean speed", f"{speed * rpm:.5g} rpm", f"{speed:.5g} rad/s")
-    low, high = result["lowest_speed"] * rpm, result["highest_speed"] * rpm
-    fluctuation = f"{100 * result['speed_fluctuation']:.2f} %"
-    table.add_row("Speed fluctuation", fluctuation, f"{low:.5g} to {high:.5g} rpm")
+    for one in registered():
+        if one.name not in result or one.name in _IN_OTHER_TABLES:
+            continue
+        value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
+        look = shown(
+            one.name, one.unit, [value, result["motor_power"]] if one.unit == "W" else value
+        )
+        text = f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
+        if one.unit == "W":
+            text, note = look.text(value, 4), f"{value * result['period']:.5g} J per revolution"
+        if one.name == "mechanical_efficiency":
+            text = "[bold]none" if meaningless else f"[bold]{text}"
+        table.add_row(
+            f"[bold]{look.words}" if "[bold]" in text else escape(look.words), text, escape(note)
+        )
     return table
 
 

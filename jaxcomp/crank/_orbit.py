@@ -1,12 +1,14 @@
 """The periodic state of the crank, its energy account and its evidence."""
 
 from collections.abc import Iterator
-from typing import ClassVar
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._registry import Quantity, registered
 from .._results import Data, Result
 from .._status import Status
 from ..cylinder import Cycle
@@ -131,17 +133,12 @@ class Orbit(Result, eqx.Module):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
-        energy, at = self.energy, self.table_dims
-        yield Data("mechanical_efficiency", "", self.mechanical_efficiency)
-        yield Data("shaft_power", "W", self.motor_power)
-        yield Data("gas_power", "W", energy.gas_work / self.period)
-        for name, work in energy.losses.items():
-            yield Data(f"loss_power.{name}", "W", work / self.period)
-        yield Data("mean_speed", "rad/s", self.mean_speed)
-        yield Data("speed_fluctuation", "", self.speed_fluctuation)
-        for name, force in self.peak_forces.items():
-            yield Data(f"peak_force.{name}", "N", force)
-        yield Data("energy_residual", "", energy.residual)
+        at = self.table_dims
+        known = tuple(one for one in registered() if one.needs == ("orbit",))
+        for one, value in zip(known, _values(self, known), strict=True):
+            for name, single in value.items() if one.family else [(None, value)]:
+                yield Data(f"{one.family}.{name}" if name else one.name, one.unit, single)
+        yield Data("energy_residual", "", self.energy.residual)
         yield Data("residual", "", self.residual)
         if self.verification is not None:
             error = self.verification.efficiency_error
@@ -194,6 +191,21 @@ class Orbit(Result, eqx.Module):
         return self.energy.motor_work / self.period
 
     @property
+    def gas_power(self) -> Float[Array, ""]:
+        """[W] Indicated power."""
+        return self.energy.gas_work / self.period
+
+    @property
+    def loss_power(self) -> dict[str, Float[Array, ""]]:
+        """[W] Friction power by joint."""
+        return {name: work / self.period for name, work in self.energy.losses.items()}
+
+    @property
+    def friction_power(self) -> Float[Array, ""]:
+        """[W] Friction power of all joints."""
+        return self.energy.total_loss / self.period
+
+    @property
     def margin(self) -> Float[Array, ""]:
         """[-] smallest slope of the joint loop over the turn; joints lock where it reaches zero."""
         assert self.loads.margin is not None
@@ -220,6 +232,18 @@ class Orbit(Result, eqx.Module):
         shape = (-1, self.panel_nodes)
         width = jnp.sum(self.weight.reshape(shape), axis=1)
         return highest(gauss(self.panel_nodes), width, values.reshape(shape))
+
+
+@eqx.filter_jit
+def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> list[Any]:
+    """The quantities of an orbit, or of a batch of them."""
+
+    def read(orbit):
+        return [one.value(SimpleNamespace(orbit=orbit)) for one in quantities]
+
+    for _ in range(jnp.ndim(orbit.mean_speed)):
+        read = eqx.filter_vmap(read)
+    return read(orbit)
 
 
 def _magnitude(force):

@@ -1,5 +1,13 @@
 """Design variables and the rules that keep a machine consistent while they change; studies."""
 
+from .._registry import Quantity as Quantity
+from .._registry import register_quantity as register_quantity
+from .._registry import registered as registered
+from ._analysis import AnalysisOptions as AnalysisOptions
+from ._analysis import DesignResult as DesignResult
+from ._analysis import available_quantities as available_quantities
+from ._analysis import balanced_design as balanced_design
+from ._analysis import quantity as quantity
 from ._compared import Beside as Beside
 from ._compared import Compared as Compared
 from ._compared import beside as beside
@@ -19,12 +27,6 @@ from ._problem import Answer as Answer
 from ._problem import Problem as Problem
 from ._problem import prepared as prepared
 from ._problem import problem as problem
-from ._quantities import AnalysisOptions as AnalysisOptions
-from ._quantities import DesignResult as DesignResult
-from ._quantities import Quantity as Quantity
-from ._quantities import balanced_design as balanced_design
-from ._quantities import quantity as quantity
-from ._quantities import quantity_names as quantity_names
 from ._rules import DesignRule as DesignRule
 from ._rules import design_rules as design_rules
 from ._rules import with_bore as with_bore

@@ -8,7 +8,7 @@ import numpy as np
 from .._fields import quantities, subparts
 from ..crank import Orbit, solve_orbit
 from ..machine import Machine, assembled
-from ._quantities import AnalysisOptions
+from ._analysis import AnalysisOptions
 
 
 class Compared(NamedTuple):
@@ -84,8 +84,6 @@ def _figures(orbit: Orbit) -> Iterator[tuple[str, tuple[str, float]]]:
     for one in orbit.described():
         if not one.dims:
             yield one.name, (one.unit, float(one.values))
-    for joint, force in orbit.mean_forces.items():
-        yield f"mean_force.{joint}", ("N", float(force))
 
 
 def _dimensions(machine: Machine) -> Iterator[tuple[str, tuple[str, float]]]:

@@ -12,8 +12,8 @@ from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
 from ..crank import Shooting
+from ._analysis import quantity
 from ._problem import Asked, Problem, name_of, prepared
-from ._quantities import quantity
 
 Interval = tuple[float | None, float | None]
 Wanted = Asked | Mapping[Asked, float]

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, MissingPart
 from ..machine import Machine, assembled, machine_of
+from ._analysis import AnalysisOptions, DesignResult, quantity, rotor_excitation
 from ._design import Variable, variable
-from ._quantities import AnalysisOptions, DesignResult, quantity, rotor_excitation
 from ._vibration import known_response
 
 Asked = str | Callable[[DesignResult], Float[Array, ""]]
@@ -28,8 +28,17 @@ def unit_of(asked: Asked) -> str:
 
 
 def value_of(asked: Asked, found: DesignResult) -> Float[Array, ""]:
-    """[SI] A quantity of what is found."""
-    return (quantity(asked).value if isinstance(asked, str) else asked)(found)
+    """[SI] A quantity of a design.
+
+    Raises:
+        BadInput: one that needs a part which the design does not have.
+    """
+    if not isinstance(asked, str):
+        return asked(found)
+    one = quantity(asked)
+    if missing := one.missing(found.design):
+        raise MissingPart(one.name, missing)
+    return one.value(found)
 
 
 class Answer(NamedTuple):
@@ -114,7 +123,7 @@ def problem(
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
         variables: names, or ranges in SI units by name; see `Variable`.
-        quantities: see `quantity_names`; or functions of a `DesignResult`.
+        quantities: see `available_quantities`; or functions of a `DesignResult`.
         options: of the analysis of a design.
 
     Raises:
@@ -154,8 +163,9 @@ def prepared(problem: Problem) -> Problem:
     A quantity that is a function, and that changes the design it is given, has to name the variables
     it changes in an attribute `changes`.
     """
-    shaking = ("vibration", "mount_force")
-    asked = any(not isinstance(q, str) or q.startswith(shaking) for q in problem.quantities)
+    asked = any(
+        not isinstance(q, str) or "vibration" in quantity(q).needs for q in problem.quantities
+    )
     if problem.options.known is not None:
         return problem
     if not asked or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import ANY, POSITIVE, BadInput, Bound, is_traced, replaced
+from .._registry import DESIGN_RULES
 from ..compressor import Compressor
 from ..machine import Machine
 from ..mechanism import SliderCrank, SliderLink
@@ -146,28 +147,28 @@ design_rules: dict[str, DesignRule] = {
         lambda machine: _ruled(machine).bore,
         "m",
         POSITIVE,
-        "piston diameter at fixed displacement and crank ratio (Tsuji et al. 2012, Eq. 6)",
+        DESIGN_RULES["bore"],
     ),
     "stroke_bore_ratio": DesignRule(
         with_stroke_bore_ratio,
         lambda machine: _ratio(machine),
         "",
         POSITIVE,
-        "twice the crank radius over the bore, at fixed displacement",
+        DESIGN_RULES["stroke_bore_ratio"],
     ),
     "offset": DesignRule(
         with_offset,
         lambda machine: _ruled(machine).offset,
         "m",
         ANY,
-        "cylinder axis at y = offset from the crank axis",
+        DESIGN_RULES["offset"],
     ),
     "piston_clearance": DesignRule(
         with_piston_clearance,
         lambda machine: _film(machine).radial_clearance,
         "m",
         POSITIVE,
-        "radial, of the piston's oil film (no leakage)",
+        DESIGN_RULES["piston_clearance"],
     ),
 }
 

@@ -14,9 +14,9 @@ from .._fields import BadInput
 from .._results import Data, Result
 from .._shown import RPM, Shown, shown
 from ..machine import Machine, machine_of
+from ._analysis import AnalysisOptions, DesignResult
 from ._design import given_numbers
 from ._problem import Asked, name_of, unit_of, value_of
-from ._quantities import AnalysisOptions, DesignResult
 from ._spoken import spoken
 
 # [-] An elasticity below this is rounding.
@@ -172,7 +172,7 @@ def sensitivity(
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
-        quantities: see `quantity_names`; or functions of a `DesignResult`. Mechanical efficiency if
+        quantities: see `available_quantities`; or functions of a `DesignResult`. Mechanical efficiency if
             absent.
         options: of the analysis of a design.
 

@@ -45,13 +45,11 @@ def figures_of(machine: Any, solver: Collocation | None = None) -> Figures:
         solver: of the periodic state, as `solve_orbit` takes it.
     """
     orbit = solve_orbit(compressor_of(machine), solver, throw=False)
-    energy, period = orbit.energy, orbit.period
-    loss = {name: work / period for name, work in energy.losses.items()}
     return Figures(
         orbit.mechanical_efficiency,
         orbit.motor_power,
-        energy.gas_work / period,
-        loss,
+        orbit.gas_power,
+        orbit.loss_power,
         orbit.mean_speed,
         orbit.margin,
         orbit.status,

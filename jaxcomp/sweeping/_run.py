@@ -76,7 +76,7 @@ def sweep(
         scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, which has its own quantities and options.
         over: values [SI] of each variable by name (see `Variable`), for a grid; or a distribution
             each (`uniform`, `log_uniform`, `normal`), for samples. Set in this order.
-        quantities: see `quantity_names`; or functions of a `DesignResult`.
+        quantities: see `available_quantities`; or functions of a `DesignResult`.
         samples: how many designs to draw, for distributions.
         sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
         seed: of the samples.

@@ -142,7 +142,8 @@ def tolerance(
     Args:
         scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, whose variables are the scattered ones.
         tolerances: of each variable by name, see `within` and `Variable`. Names set in this order.
-        quantities: see `quantity_names`; or functions of a `DesignResult`. Efficiency if absent.
+        quantities: see `available_quantities`; or functions of a `DesignResult`. Efficiency
+            if absent.
         correlations: [-] of the deviations of two variables, by pairs of names.
         limits: [SI] (low, high) by quantity, `None` for an open end: the probability of breaking
             each is worked out.

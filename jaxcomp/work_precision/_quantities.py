@@ -5,10 +5,9 @@ All quantities come from one program a solver, so that the time is that of all o
 
 from functools import cache
 
-import equinox as eqx
 import numpy as np
 
-from ..design import AnalysisOptions, DesignResult, quantity, quantity_names
+from ..design import available_quantities, quantity
 from ..machine import Machine
 from ._orbit import METHODS, shooting
 from ._report import Reference
@@ -70,16 +69,4 @@ def quantities_study(question: Question, thorough: bool) -> Study:
 
 def known_quantities(design: Machine) -> tuple[str, ...]:
     """Names of all quantities of a machine, joint by joint."""
-
-    def joints(design):
-        orbit = DesignResult(design, AnalysisOptions()).orbit
-        return {"loss_power": orbit.energy.losses, "peak_force": orbit.peak_forces,
-                "mean_force": orbit.mean_forces}  # fmt: skip
-
-    members = {} if design.compressor is None else eqx.filter_eval_shape(joints, design)
-    names = []
-    for name in quantity_names(design):
-        family, _, member = name.partition(".")
-        more = members[family] if member == "<joint>" else [member]
-        names += [f"{family}.{one}" if one else family for one in more]
-    return tuple(names)
+    return tuple(available_quantities(design, members=True))

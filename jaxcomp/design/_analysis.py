@@ -1,15 +1,16 @@
-r"""What a design is judged by: named quantities, each computed only if it is asked for."""
+r"""The analysis of one design: its options, and results that are computed on first access."""
 
-from collections.abc import Callable
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, admissible
-from .._words import hint, one_of
+from .._registry import Quantity, registered, registered_quantity
+from .._words import one_of
 from ..balancing import Influence, flexibilities, influence_of, least_squares
 from ..coupling import CrankLoads
 from ..crank import Collocation, Orbit, Shooting, solve_orbit
@@ -130,6 +131,40 @@ class DesignResult:
         return good
 
     @property
+    def peak_shaking_force(self) -> Float[Array, ""]:
+        """[N] Largest over the revolution."""
+        return self._largest(self.wrench.force)
+
+    @property
+    def peak_shaking_moment(self) -> Float[Array, ""]:
+        """[N m] Largest over the revolution."""
+        return self._largest(self.wrench.moment)
+
+    @property
+    def vibration_of_all(self) -> Float[Array, ""]:
+        """[m] Weighted root mean square amplitude of all targets."""
+        return self._root_mean_square()
+
+    @property
+    def vibration_of_targets(self) -> dict[str, Float[Array, ""]]:
+        """[m] Root mean square amplitude by target."""
+        names = np.array([t.name for t in places_of(self.assembly).targets for _ in t.axes])
+        rows = {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
+        return {name: self._root_mean_square(place) for name, place in rows.items()}
+
+    @property
+    def balanced_vibration(self) -> Float[Array, ""]:
+        """[m] `vibration_of_all` at order 1 after the least-squares correction of this design."""
+        influence = self.influence
+        left = influence.weight * influence.vibration(least_squares(influence).correction)
+        return jnp.sqrt(jnp.sum(jnp.abs(left) ** 2) / jnp.sum(influence.weight**2))
+
+    @property
+    def mount_force(self) -> Float[Array, ""]:
+        """[N] Root mean square, over the speeds, of the lateral force into the ground."""
+        return jnp.sqrt(jnp.mean(jnp.sum(self.vibration.mount_force**2, -1)))
+
+    @property
     def weights(self) -> Float[Array, " rows"]:
         """[-] of the rows of `vibration.targets`."""
         places = places_of(self.assembly)
@@ -137,6 +172,14 @@ class DesignResult:
 
     def _excitation(self) -> RotorExcitation:
         return rotor_excitation(self.assembly, self.options)
+
+    def _largest(self, vector) -> Float[Array, ""]:
+        return jnp.sqrt(self.orbit.largest(jnp.sum(vector**2, axis=0)))
+
+    def _root_mean_square(self, rows=slice(None)) -> Float[Array, ""]:
+        amplitude, weight = self.vibration.targets[..., rows], self.weights[rows]
+        square = jnp.sum((weight * jnp.abs(amplitude)) ** 2)
+        return jnp.sqrt(square / (amplitude.shape[0] * jnp.sum(weight**2)))
 
 
 def balanced_design(design: Machine, options: AnalysisOptions) -> Machine:
@@ -169,150 +212,35 @@ def rotor_excitation(machine: Assembly, options: AnalysisOptions) -> RotorExcita
     return RotorExcitation(by_crank, options.solver, options.orders, options.left_out)
 
 
-class Quantity(NamedTuple):
-    """A named quantity.
-
-    Attributes:
-        name: as typed.
-        unit: SI unit.
-        better: "more" or "less", which way a design improves; "" where neither.
-        doc: one line.
-        value: from what is known of a design.
-    """
-
-    name: str
-    unit: str
-    better: str
-    doc: str
-    value: Callable[[DesignResult], Float[Array, ""]]
-
-
-def _mean_square(found: DesignResult, rows=slice(None)) -> Float[Array, ""]:
-    amplitude = found.vibration.targets[..., rows]
-    weight = found.weights[rows]
-    return jnp.sum((weight * jnp.abs(amplitude)) ** 2) / (amplitude.shape[0] * jnp.sum(weight**2))
-
-
-def _orbit_quantities():
-    table = [
-        ("mechanical_efficiency", "", "more", "gas over motor work", lambda o: o.mechanical_efficiency),
-        ("motor_power", "W", "less", "at the shaft", lambda o: o.motor_power),
-        ("gas_power", "W", "", "indicated", lambda o: o.energy.gas_work / o.period),
-        ("friction_power", "W", "less", "of all joints", lambda o: o.energy.total_loss / o.period),
-        ("speed_fluctuation", "", "less", "(highest - lowest)/mean", lambda o: o.speed_fluctuation),
-        ("mean_speed", "rad/s", "", "of the crank", lambda o: o.mean_speed),
-        ("joint_margin", "", "more", "against self-locking", lambda o: o.margin),
-    ]  # fmt: skip
-    return {
-        name: Quantity(name, unit, better, doc, lambda found, read=read: read(found.orbit))
-        for name, unit, better, doc, read in table
-    }
-
-
-def _largest(found: DesignResult, vector) -> Float[Array, ""]:
-    return jnp.sqrt(found.orbit.largest(jnp.sum(vector**2, axis=0)))
-
-
-_PLAIN = _orbit_quantities() | {
-    q.name: q
-    for q in (
-        Quantity(
-            "swept_volume", "m^3", "", "of one stroke",
-            lambda f: f.assembly.compressor.mechanism.swept_volume,
-        ),
-        Quantity(
-            "peak_shaking_force", "N", "less", "largest over the turn",
-            lambda f: _largest(f, f.wrench.force),
-        ),
-        Quantity(
-            "peak_shaking_moment", "N m", "less", "largest over the turn",
-            lambda f: _largest(f, f.wrench.moment),
-        ),
-        Quantity(
-            "vibration", "m", "less",
-            "weighted root mean square amplitude of all targets, with the corrections",
-            lambda f: jnp.sqrt(_mean_square(f)),
-        ),
-        Quantity(
-            "balanced_vibration", "m", "less",
-            "the same at order 1 after the least-squares corrections for this design",
-            lambda f: _balanced(f),
-        ),
-        Quantity(
-            "mount_force", "N", "less",
-            "root mean square, over the speeds, of the lateral force into the ground",
-            lambda f: jnp.sqrt(jnp.mean(jnp.sum(f.vibration.mount_force**2, -1))),
-        ),
-    )
-}  # fmt: skip
-
-_FAMILIES = {
-    "loss_power": ("W", "less", "friction power of this joint"),
-    "peak_force": ("N", "less", "largest force of this joint over the turn"),
-    "mean_force": ("N", "less", "mean magnitude of this joint's force over crank angle"),
-    "vibration": ("m", "less", "root mean square amplitude of this target"),
-}
-
-
-def quantity_names(design: Machine) -> dict[str, str]:
-    """What `Study` can be asked for, with a line on each; families as `loss_power.<joint>`."""
-    names = {}
-    for name, entry in _PLAIN.items():
-        rotor = name in ("vibration", "balanced_vibration", "mount_force")
-        if (
-            ("rotor" in design.parts and "balancing" in design.parts)
-            if rotor
-            else design.compressor
-        ):
-            names[name] = entry.doc
-    if design.compressor is not None:
-        for family in ("loss_power", "peak_force", "mean_force"):
-            names[f"{family}.<joint>"] = _FAMILIES[family][2]
-    if "vibration" in names:
-        for target in design.parts["balancing"].targets:  # pyright: ignore[reportAttributeAccessIssue]
-            names[f"vibration.{target.name}"] = _FAMILIES["vibration"][2]
-    return names
-
-
 def quantity(name: str) -> Quantity:
-    """A quantity by name.
+    """A quantity by name, see `available_quantities`.
 
     Raises:
         BadInput: no such quantity.
     """
-    if name in _PLAIN:
-        return _PLAIN[name]
-    family, _, member = name.partition(".")
-    if family not in _FAMILIES or not member:
-        raise BadInput("quantity", name, f"one of {', '.join(_PLAIN)}, or <family>.<member> of "
-                       f"{', '.join(_FAMILIES)}{hint(name, _PLAIN)}")  # fmt: skip
-    unit, better, doc = _FAMILIES[family]
-    return Quantity(name, unit, better, doc, lambda found: _member(found, family, member))
+    found = registered_quantity(name)
+    if found is None or "<" in name:
+        names = [one.name for one in registered()]
+        raise BadInput("quantity", name, one_of(name, names))
+    return found
 
 
-def _member(found: DesignResult, family: str, member: str):
-    if family == "vibration":
-        places = places_of(found.assembly)
-        numbers = [
-            number
-            for number, name in enumerate(t.name for t in places.targets for _ in t.axes)
-            if name == member
-        ]
-        if not numbers:
-            names = [target.name for target in places.targets]
-            raise BadInput("vibration", member, one_of(member, names))
-        return jnp.sqrt(_mean_square(found, jnp.array(numbers)))
-    orbit = found.orbit
-    if family == "loss_power":
-        known = {name: work / orbit.period for name, work in orbit.energy.losses.items()}
-    else:
-        known = orbit.peak_forces if family == "peak_force" else orbit.mean_forces
-    if member not in known:
-        raise BadInput(family, member, one_of(member, known))
-    return known[member]
+def available_quantities(design: Machine, members: bool = False) -> dict[str, Quantity]:
+    """The quantities that a design has, by name.
 
+    Args:
+        design: the machine.
+        members: list every joint and target by itself; families as `loss_power.<joint>` otherwise.
+    """
+    known = {one.name: one for one in registered() if not one.missing(design)}
+    families = [one for one in known.values() if one.family]
+    if not members or not families:
+        return known
 
-def _balanced(found: DesignResult):
-    influence = found.influence
-    left = influence.weight * influence.vibration(least_squares(influence).correction)
-    return jnp.sqrt(jnp.sum(jnp.abs(left) ** 2) / jnp.sum(influence.weight**2))
+    def values(design):
+        found = DesignResult(design, AnalysisOptions())
+        return {one.name: one.value(found) for one in families}
+
+    joints = eqx.filter_eval_shape(values, design)
+    every = [f"{one.family}.{member}" for one in families for member in joints[one.name]]
+    return {name: quantity(name) for name in (*(n for n in known if "<" not in n), *every)}

@@ -1,0 +1,195 @@
+"""The registry of quantities: what a design is judged by, and how each is computed and shown.
+
+Every command, study, table, picture and the completion of the shell take from here what they list.
+The module imports nothing of the package and no JAX, so that a key press in the shell need not wait:
+a quantity reads attributes of the results of a design, where the physics stands.
+"""
+
+import re
+import sys
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+# Sections of a scene that a computed result needs, and sections in words.
+_RESULTS = {"orbit": ("compressor",), "vibration": ("rotor", "balancing")}
+_WORDS = {"compressor": "a compressor", "rotor": "a rotor", "balancing": "balancing planes"}
+_FAMILY = re.compile(r"(.*\.)<(\w+)>")
+
+
+class Quantity(NamedTuple):
+    """A named quantity of a design.
+
+    Attributes:
+        name: as it is typed; "peak_force.<joint>" stands for one quantity for each joint.
+        unit: SI unit, "" for a pure number.
+        better: "more" or "less", the direction in which a design improves; "" where neither.
+        doc: one sentence.
+        value: from the results of a design (`jaxcomp.DesignResult`), in the SI unit; for a family all
+            values by name.
+        needs: results that `value` uses, "orbit" (the periodic state of the crank) or "vibration"
+            (the response of the rotor), and sections of a scene, as "compressor" or "rotor".
+        percent: whether a pure number is shown in per cent.
+        words: its name in tables and pictures, where the name itself does not say it well.
+    """
+
+    name: str
+    unit: str
+    better: str
+    doc: str
+    value: Callable[[Any], Any]
+    needs: tuple[str, ...] = ("orbit",)
+    percent: bool = False
+    words: str = ""
+
+    @property
+    def family(self) -> str:
+        """What stands before the name of a member, as `peak_force`; "" for a single quantity."""
+        match = _FAMILY.fullmatch(self.name)
+        return match[1][:-1] if match else ""
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Sections of a scene that this quantity needs."""
+        return tuple(dict.fromkeys(s for one in self.needs for s in _RESULTS.get(one, (one,))))
+
+    def missing(self, machine: Any) -> str:
+        """What this quantity needs and a machine has not, in words; "" if nothing.
+
+        Args:
+            machine: of the type `jaxcomp.Machine`.
+        """
+        for section in self.sections:
+            if (
+                machine.compressor is None
+                if section == "compressor"
+                else section not in machine.parts
+            ):
+                return _WORDS.get(section, f"a section [{section}]")
+        return ""
+
+
+_BUILT_IN = (
+    Quantity("mechanical_efficiency", "", "more", "Gas work over motor work.",
+             lambda r: r.orbit.mechanical_efficiency, percent=True),
+    Quantity("motor_power", "W", "less", "Mean power at the shaft.",
+             lambda r: r.orbit.motor_power, words="Shaft power"),
+    Quantity("gas_power", "W", "", "Indicated power: mean power that the piston gives to the gas.",
+             lambda r: r.orbit.gas_power),
+    Quantity("friction_power", "W", "less", "Mean friction power of all joints together.",
+             lambda r: r.orbit.friction_power),
+    Quantity("loss_power.<joint>", "W", "less", "Mean friction power of a joint.",
+             lambda r: r.orbit.loss_power),
+    Quantity("mean_speed", "rad/s", "", "Mean speed of the crank.", lambda r: r.orbit.mean_speed),
+    Quantity("speed_fluctuation", "", "less", "Highest less lowest speed of the crank over the mean.",
+             lambda r: r.orbit.speed_fluctuation, percent=True),
+    Quantity("peak_force.<joint>", "N", "less", "Largest force of a joint over the revolution.",
+             lambda r: r.orbit.peak_forces),
+    Quantity("mean_force.<joint>", "N", "less", "Magnitude of a joint's force, mean over crank angle.",
+             lambda r: r.orbit.mean_forces),
+    Quantity("joint_margin", "", "more", "Margin against self-locking: 1 without friction, locks at 0.",
+             lambda r: r.orbit.margin),
+    Quantity("swept_volume", "m^3", "", "Volume that the piston displaces in one stroke.",
+             lambda r: r.assembly.compressor.mechanism.swept_volume, ("compressor",)),
+    Quantity("peak_shaking_force", "N", "less", "Largest shaking force over the revolution.",
+             lambda r: r.peak_shaking_force, ("orbit", "compressor")),
+    Quantity("peak_shaking_moment", "N m", "less", "Largest shaking moment over the revolution.",
+             lambda r: r.peak_shaking_moment, ("orbit", "compressor")),
+    Quantity("vibration", "m", "less",
+             "Weighted root mean square amplitude of all targets, with the correction masses.",
+             lambda r: r.vibration_of_all, ("vibration",)),
+    Quantity("vibration.<target>", "m", "less", "Root mean square amplitude of a target.",
+             lambda r: r.vibration_of_targets, ("vibration",)),
+    Quantity("balanced_vibration", "m", "less",
+             "Vibration at order 1 after the least-squares correction of this design.",
+             lambda r: r.balanced_vibration, ("rotor", "balancing")),
+    Quantity("mount_force", "N", "less",
+             "Root mean square, over the speeds, of the lateral force into the ground.",
+             lambda r: r.mount_force, ("vibration",)),
+)  # fmt: skip
+_registered: dict[str, Quantity] = {one.name: one for one in _BUILT_IN}
+
+# Design variables that change a machine as a whole, with what they keep; see `jaxcomp.design_rules`.
+DESIGN_RULES = {
+    "bore": "Piston diameter at fixed displacement and crank ratio (Tsuji et al. 2012, Eq. 6).",
+    "stroke_bore_ratio": "Twice the crank radius over the bore, at fixed displacement.",
+    "offset": "Cylinder axis at y = offset from the crank axis.",
+    "piston_clearance": "Radial clearance of the piston's oil film (no leakage).",
+}
+
+
+def registered() -> tuple[Quantity, ...]:
+    """All quantities, families as one."""
+    return tuple(_registered.values())
+
+
+def registered_quantity(name: str) -> Quantity | None:
+    """A quantity by its name, of a family by that of a member; `None` if there is none."""
+    if name in _registered:
+        return _registered[name]
+    family, _, member = name.partition(".")
+    whole = next((one for one in registered() if member and one.family == family), None)
+    return None if whole is None else whole._replace(name=name, value=_Member(whole, member))
+
+
+class _Member(NamedTuple):
+    """One value of a family."""
+
+    whole: Quantity
+    member: str
+
+    def __call__(self, result: Any) -> Any:
+        values = self.whole.value(result)
+        if self.member not in values:
+            from ._fields import BadInput
+            from ._words import one_of
+
+            raise BadInput(self.whole.family, self.member, one_of(self.member, values))
+        return values[self.member]
+
+
+def register_quantity(
+    name: str,
+    value: Callable[[Any], Any],
+    *,
+    unit: str = "",
+    better: str = "",
+    doc: str = "",
+    needs: tuple[str, ...] = ("orbit",),
+    percent: bool = False,
+) -> Quantity:
+    """Add a quantity, which studies, commands, tables and pictures then know by its name.
+
+    A name of one's own may be given anew; compiled programs are dropped then.
+
+    Args:
+        name: letters, digits and underscores; with ".<joint>" or the like behind it, `value` returns
+            a dictionary with a value for each joint.
+        value: from the results of a design; of JAX operations, for derivatives.
+        unit: SI unit, "" for a pure number.
+        better: "more", "less" or "".
+        doc: one sentence.
+        needs: see `Quantity`.
+        percent: whether a pure number is shown in per cent.
+
+    Raises:
+        BadInput: a name that is built in or cannot be typed, or another word for `better`.
+
+    Example::
+
+        register_quantity("specific_loss", lambda r: r.orbit.friction_power / r.orbit.gas_power,
+                          better="less", doc="Friction power over indicated power.", percent=True)
+    """
+    from ._fields import BadInput
+
+    if any(one.name == name for one in _BUILT_IN):
+        raise BadInput("name", name, "another one: this quantity is built in")
+    if not re.fullmatch(r"[A-Za-z]\w*(\.<\w+>)?", name):
+        raise BadInput("name", name, "letters, digits and underscores, with .<joint> for a family")
+    if better not in ("more", "less", ""):
+        raise BadInput("better", better, '"more", "less" or ""')
+    if percent and unit:
+        raise BadInput("percent", unit, "left out, for a quantity with a unit")
+    if name in _registered and "jax" in sys.modules:
+        sys.modules["jax"].clear_caches()  # programs with what the name meant before
+    _registered[name] = Quantity(name, unit, better, doc, value, needs, percent)
+    return _registered[name]
