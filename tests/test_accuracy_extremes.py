@@ -8,11 +8,10 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, Collocation, load, solve_orbit
 from jaxcomp.cli import app
-from jaxcomp.cli._accuracy_result import extremes_result, extremes_tables
+from jaxcomp.cli._accuracy import extremes_tables, rows_result
 from jaxcomp.plot import extreme_errors
 from jaxcomp.work_precision import extremes
-from jaxcomp.work_precision._extremes import FAMILIES
-from jaxcomp.work_precision._friction import scaled
+from jaxcomp.work_precision._extremes import FAMILIES, scaled
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +61,7 @@ def test_table_picture_and_result_have_every_case(cases):
     table, _, *words = extremes_tables(cases, "m")
     assert table.row_count == len(cases)
     assert len(words) == sum(not case.good for case in cases) > 0
-    result = extremes_result(cases, "m")
+    result = rows_result("extremes", "m", cases)
     assert json.dumps(result, allow_nan=False)
     assert [row["setting"] for row in result["rows"]] == [case.setting for case in cases]
     labels = [t.get_text() for t in extreme_errors(cases, "m").axes[0].get_yticklabels()]

@@ -58,11 +58,11 @@ def test_folder_has_picture_and_result(film, folder):
 
 
 def test_table_names_the_cheapest_setting_and_the_floor(film):
-    from jaxcomp.cli._accuracy_result import accuracy_tables
-    from jaxcomp.work_precision import Cost, Reference, Report, Row
+    from jaxcomp.cli._accuracy import accuracy_tables
+    from jaxcomp.work_precision import Cost, Measurement, Reference, Report
 
-    failed = Row("b", "two", np.inf, 1.0, 1.0, why="the joints lock")
-    made = Row("a", "one", 1e-4, 2e-3, 1.0, lines=5000), failed
+    failed = Measurement("b", "two", np.inf, 1.0, 1.0, why="the joints lock")
+    made = Measurement("a", "one", 1e-4, 2e-3, 1.0, lines=5000), failed
     march = {"speed": 1e-8, "mechanical_efficiency": 2e-9, "losses": 3e-9, "peak_forces": 4e-7}
     values = Reference(1.0, 1.0 + 1e-6, ("x", "y"))
     calls = {"value": Cost(3.0, 2e-3, 5000), "value and gradient": Cost(20.0, 8e-3, 15000)}
@@ -90,7 +90,7 @@ def test_table_names_the_cheapest_setting_and_the_floor(film):
         (("--error", "2"), "--error 2: must be > 0 and < 1"),
         (("--variable", "bore"), "--variable bore: has no meaning without --study gradient"),
         (("--study", "scenes", "--quantity", "x"), "--quantity x: has no meaning"),
-        (("--study", "mesh"), "it needs a rotor with its planes"),
+        (("--study", "response"), "it needs a rotor with its planes"),
         (("--quantity", "eficiency"), "quantity"),
     ],
 )
@@ -107,7 +107,7 @@ def test_help_shows_an_example():
 
 
 def test_costs_are_shown_from_the_barest_up():
-    from jaxcomp.cli._accuracy_result import costs_result, costs_tables
+    from jaxcomp.cli._accuracy import costs_tables, rows_result
     from jaxcomp.plot import scene_cost_bars
     from jaxcomp.work_precision import SceneCost
 
@@ -116,7 +116,7 @@ def test_costs_are_shown_from_the_barest_up():
     )
     table, _ = costs_tables(costs, "m")
     assert list(table.columns[1].cells) == ["10", "40"]
-    assert [row["flops"] for row in costs_result(costs, "m")["rows"]] == [10.0, 40.0]
+    assert [row["flops"] for row in rows_result("scenes", "m", costs)["rows"]] == [10.0, 40.0]
     figure = scene_cost_bars(costs, "m")
     widths = [bar.get_width() for bar in figure.axes[0].patches]
     assert widths == [10.0, 40.0]

@@ -9,7 +9,7 @@ import pytest
 
 from jaxcomp import Collocation, load
 from jaxcomp.design import AnalysisOptions
-from jaxcomp.work_precision import compile_program, lean_program, lean_scenes
+from jaxcomp.work_precision import Program, lean_program, lean_scenes
 
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -80,7 +80,7 @@ def bare(crank):
 
 @pytest.fixture(scope="module")
 def hand(crank):
-    return compile_program(by_hand, crank[BARE].design.compressor)
+    return Program(by_hand, crank[BARE].design.compressor)
 
 
 def test_barest_scene_has_no_inner_solve_and_no_elements(bare):

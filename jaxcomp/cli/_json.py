@@ -1,6 +1,7 @@
 """JSON whose keys carry the SI unit of what they hold, as `mean_speed [rad/s]`."""
 
 import json
+import math
 import sys
 from typing import Any
 
@@ -42,6 +43,22 @@ _DIRECTIONS = {"amplitude": ("m", "rad"), "phase": ("rad", "rad"), "links": ("N"
 def _unit_of(key: str) -> str:
     known = (one.unit for one in registered() if key in (one.name, one.family))
     return _UNITS[key] if key in _UNITS else next(known, "")
+
+
+def plain(value: Any) -> Any:
+    """Lists, dictionaries and numbers for JSON; of complex numbers the magnitudes.
+
+    A number that is not finite becomes `None`.
+    """
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, complex):
+        value = abs(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def keyed(result: Any, of: str = "", units: dict[str, str] | None = None) -> Any:

@@ -1,11 +1,20 @@
 """Arguments that several commands declare alike."""
 
+import enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ._completion import complete_machine, complete_path, complete_rule
+
+
+class Excitation(enum.StrEnum):
+    """Forces on the rotor."""
+
+    file = "file"
+    crank = "crank"
+
 
 Machine = Annotated[
     str,
@@ -43,4 +52,11 @@ Out = Annotated[
 ]
 OutWithoutScene = Annotated[
     Path | None, typer.Option(help="Folder for report.html, pictures and result.json.")
+]
+ExcitationOption = Annotated[
+    Excitation | None,
+    typer.Option(
+        help="Forces on the rotor: those of the file, or of the crank's periodic state. If absent, the "
+        "crank where the machine joins it to the rotor."
+    ),
 ]

@@ -1,6 +1,6 @@
 """Tables on the terminal."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rich import box
@@ -174,6 +174,30 @@ def _table(title: str | None, *columns: str, numbers: bool = False) -> Table:
     table = Table(title=title, box=box.SIMPLE_HEAD, title_style="bold", title_justify="left")
     for place, column in enumerate(columns):
         table.add_column(column, justify="right" if numbers and place else "left")
+    return table
+
+
+def column_table(
+    title: str | None, columns: Mapping[str, Iterable[Any]], texts: int = 1, keep: bool = False
+) -> Table:
+    """A table from its columns; columns without any entry are left out.
+
+    Args:
+        title: plain text above it.
+        columns: by header; `None` and `False` are empty cells.
+        texts: how many columns from the left hold texts; the others are set to the right.
+        keep: whether columns without any entry are kept.
+    """
+    cells = {
+        head: ["" if cell is None or cell is False else str(cell) for cell in column]
+        for head, column in columns.items()
+    }
+    cells = {head: column for head, column in cells.items() if keep or any(column)}
+    table = _table(title and escape(title), *cells, numbers=True)
+    for column in table.columns[1:texts]:
+        column.justify = "left"
+    for row in zip(*cells.values(), strict=True):
+        table.add_row(*row)
     return table
 
 

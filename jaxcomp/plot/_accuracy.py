@@ -76,8 +76,11 @@ def order_diagram(report: Report) -> Figure:
     ax = axes[0, 0]
     for place, (method, order) in enumerate(report.orders.items()):
         rows = [row for row in report.rows if row.method == method and row.error > 0]
-        rows = [row for row in rows if np.isfinite(row.error) and row.passes]
-        steps, errors = np.array([row.passes for row in rows]), np.array([r.error for r in rows])
+        rows = [row for row in rows if np.isfinite(row.error) and row.iterations]
+        steps, errors = (
+            np.array([row.iterations for row in rows]),
+            np.array([r.error for r in rows]),
+        )
         tint, mark = _TINTS[place % len(_TINTS)], _MARKS[place % len(_MARKS)]
         label = f"{method}: order {order.expected}, found {order.observed:.2f}"
         ax.plot(steps, errors, color=tint, marker=mark, markersize=4, label=label)
@@ -128,7 +131,7 @@ def scene_cost_bars(costs: Sequence[SceneCost], title: str) -> Figure:
         title: of the picture.
     """
     size = (8.6, 1.2 + 0.36 * len(costs))
-    figure, axes = new_figure(1, 2, size, f"{title}: what each part costs", share=False)
+    figure, axes = new_figure(1, 2, size, f"{title}: cost of each part", share=False)
     place = np.arange(len(costs))[::-1]
     columns = (
         ("Operations of the program", [cost.flops for cost in costs], _TINTS[0]),

@@ -1,6 +1,7 @@
-"""Error against run time of every solver, and what each part of a scene costs."""
+"""Error against run time of every solver, and the cost of each part of a scene."""
 
 from ._accuracy import STUDIES as STUDIES
+from ._accuracy import StudyKind as StudyKind
 from ._accuracy import accuracy as accuracy
 from ._extremes import Extreme as Extreme
 from ._extremes import extremes as extremes
@@ -10,10 +11,9 @@ from ._lean import lean_program as lean_program
 from ._lean import lean_scenes as lean_scenes
 from ._lean import scene_costs as scene_costs
 from ._measure import Program as Program
-from ._measure import compile_program as compile_program
 from ._measure import median_time as median_time
 from ._report import Cost as Cost
+from ._report import Measurement as Measurement
 from ._report import Order as Order
 from ._report import Reference as Reference
 from ._report import Report as Report
-from ._report import Row as Row

@@ -1,4 +1,4 @@
-r"""`accuracy`: error against run time of whatever works a quantity out."""
+r"""`accuracy`: error against run time of the solvers of a quantity."""
 
 import time
 from collections.abc import Callable
@@ -12,116 +12,118 @@ from ..crank import solve_orbit
 from ..design import quantity
 from ..machine import Machine, machine_of
 from ..rotor import LoadCase
-from ._balancing import balancing_study
 from ._film import FILM_QUANTITIES, film_study
-from ._friction import friction_study
 from ._gradient import gradient_study
-from ._measure import compile_program
-from ._orbit import ROTOR_QUANTITIES, orbit_study
+from ._measure import Program
+from ._orbit import orbit_study, quantities_study
 from ._order import order_study
-from ._quantities import quantities_study
-from ._report import Cost, Report, Row
-from ._response import harmonics_study, mesh_study, response_study
-from ._study import Question, Study, answer, measured
-from ._sweep import sweep_study, tolerance_study
+from ._report import Cost, Measurement, Report
+from ._response import response_study
+from ._study import ROTOR_QUANTITIES, Question, Study, answer, measured
 from ._transient import transient_study
 
 
-class Kind(NamedTuple):
-    """A study by its word.
+class StudyKind(NamedTuple):
+    """A kind of study.
 
     Attributes:
+        name: of the study.
         make: from question and thoroughness to the study.
-        quantity: what the errors are of if nothing is said.
-        unit: of that quantity where it is the only one; `None` where another may be asked for.
-        varies: whether a variable has a meaning, and the one that is taken if none is named.
+        quantity: of which the errors are, if none is named.
+        unit: of that quantity where it is the only one; `None` where others may be named.
+        varies: whether a variable may be named.
+        variable: the one that is taken if none is named.
+        needs: part that the machine must have.
+        verified: whether an independent integration verifies the default solver of the crank.
     """
 
+    name: str
     make: Callable[[Question, bool], Study]
     quantity: str = "mechanical_efficiency"
     unit: str | None = None
-    varies: tuple[bool, str | None] = (False, None)
+    varies: bool = False
+    variable: str | None = None
+    needs: Literal["crank", "rotor"] | None = None
+    verified: bool = False
 
 
-# By the word a user types.
-STUDIES: dict[str, Kind] = {
-    "orbit": Kind(orbit_study),
-    "quantities": Kind(quantities_study, "all", ""),
-    "gradient": Kind(gradient_study, varies=(True, None)),
-    "sweep": Kind(sweep_study, varies=(True, "mechanism.crank_radius")),
-    "tolerance": Kind(tolerance_study, varies=(True, None)),
-    "simulate": Kind(transient_study, "speed", "rad/s"),
-    "response": Kind(response_study, "displacement", "m"),
-    "harmonics": Kind(harmonics_study, "vibration"),
-    "mesh": Kind(mesh_study, "vibration"),
-    "balancing": Kind(balancing_study, "objective", "m"),
-    "film": Kind(film_study, "friction_number"),
-    "friction": Kind(friction_study),
-    "order": Kind(order_study, "mean_speed", "rad/s"),
+STUDIES = {
+    kind.name: kind
+    for kind in (
+        StudyKind("orbit", orbit_study, needs="crank", verified=True),
+        StudyKind("quantities", quantities_study, "all", "", needs="crank", verified=True),
+        StudyKind("gradient", gradient_study, varies=True, verified=True),
+        StudyKind("simulate", transient_study, "speed", "rad/s", needs="crank"),
+        StudyKind("response", response_study, "displacement", "m", needs="rotor"),
+        StudyKind("film", film_study, "friction_number"),
+        StudyKind("order", order_study, "mean_speed", "rad/s", needs="crank"),
+    )
 }
-_OF_THE_CRANK = ("orbit", "gradient", "friction", "quantities")
 
 
 def accuracy(
     scene: Any,
     quantity_name: str | None = None,
-    study: str = "orbit",
+    study: str | StudyKind = "orbit",
     *,
     variable: str | None = None,
     excitation: Literal["crank", "file"] | None = None,
     thorough: bool = False,
-    tell: Callable[[str, int, int], None] | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> Report:
     """Measure error against run time.
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
-        quantity_name: what the errors are of: any name of `jaxcomp.design.quantity`; for films one of
+        quantity_name: of which the errors are: any name of `jaxcomp.design.quantity`; for films one of
             "friction_number", "stiffness" and "damping". Absent: what suits the study.
-        study: a word of `STUDIES`.
-        variable: what to differentiate by, for the study of gradients, or what varies in sweeps; any
-            name of `jaxcomp.design.variable`; for the study of tolerances a pattern of such names.
-        excitation: what shakes the rotor, for its quantities: the periodic state of the crank or the
-            forces of the scene. Absent: the crank where the scene joins it to the rotor, so that the
+        study: a name of `STUDIES`, or a kind of study of your own.
+        variable: to differentiate by, for the study of gradients; any name of
+            `jaxcomp.design.variable`.
+        excitation: forces on the rotor, for its quantities: those of the crank's periodic state or
+            those of the scene. Absent: the crank where the scene joins it to the rotor, so that the
             solver of the crank has a part in the answer.
-        thorough: all methods and settings instead of the more telling ones.
-        tell: called before each setting with its name, its number and how many there are.
+        thorough: all methods and settings instead of the more instructive ones.
+        progress: called before each setting with its name, its number and how many there are.
 
     Returns:
-        Every setting with its error and time, the reference, and, for studies of the crank, what an
-        independent march of one revolution says of the default solver and what its first calls cost.
+        Every setting with its error and time, the reference, and, for studies of the crank, the errors
+        of the default solver by an independent integration of one revolution, and the time of its
+        first calls.
 
     Raises:
         BadInput: an unknown study, quantity or variable, one that the scene does not have, or one
             that nothing in the study changes.
     """
-    if study not in STUDIES:
-        raise BadInput("study", study, f"one of {', '.join(STUDIES)}")
-    kind, design = STUDIES[study], machine_of(scene)
+    if not isinstance(study, StudyKind):
+        if study not in STUDIES:
+            raise BadInput("study", study, f"one of {', '.join(STUDIES)}")
+        study = STUDIES[study]
+    kind, design = study, machine_of(scene)
     name = quantity_name or kind.quantity
     if kind.unit is not None and name != kind.quantity:
-        raise BadInput("quantity", name, f"'{kind.quantity}' for the study '{study}'")
-    of_film = study in ("film", "gradient") and name in FILM_QUANTITIES
+        raise BadInput("quantity", name, f"'{kind.quantity}' for the study '{kind.name}'")
+    of_film = kind.name in ("film", "gradient") and name in FILM_QUANTITIES
     unit = kind.unit if kind.unit is not None else "" if of_film else quantity(name).unit
-    may_vary, usual = kind.varies
-    if variable is not None and (not may_vary or of_film):
-        raise BadInput("variable", variable, f"absent for the study '{study}' of {name}")
+    if variable is not None and (not kind.varies or of_film):
+        raise BadInput("variable", variable, f"absent for the study '{kind.name}' of {name}")
     if excitation is None:
-        excitation = _excitation(design, name, study)
-    question = Question(design, name, variable or usual, excitation)
+        excitation = _excitation(design, name, kind)
+    question = Question(design, name, variable or kind.variable, excitation)
+    _check_parts(question, kind)
     plan = kind.make(question, thorough)
-    tell = tell or (lambda words, number, total: None)
+    progress = progress or (lambda label, number, total: None)
     total = len(plan.settings) + 1
-    of_crank = study in _OF_THE_CRANK and design.compressor is not None and not of_film
-    tell("reference", 0, total)
-    calls = first_calls(question) if of_crank and study != "quantities" else {}
+    verified = kind.verified and design.compressor is not None and not of_film
+    progress("reference", 0, total)
+    calls = first_calls(question) if verified and kind.name != "quantities" else {}
     reference = plan.reference()
-    rows: list[Row] = []
+    rows: list[Measurement] = []
     for number, setting in enumerate(plan.settings, 1):
-        tell(f"{setting.method}, {setting.words}", number, total)
+        progress(f"{setting.method}, {setting.label}", number, total)
         rows.append(measured(setting, reference))
     return Report(
-        study,
+        kind.name,
         getattr(scene, "name", "design"),
         plan.name or name,
         unit if plan.unit is None else plan.unit,
@@ -129,14 +131,29 @@ def accuracy(
         tuple(rows),
         plan.orders(rows, reference),
         plan.note,
-        _march(question) if of_crank else {},
+        _verification(question) if verified else {},
         calls,
     )
 
 
-def _excitation(design: Machine, name: str, study: str) -> Literal["crank", "file"] | None:
-    """What shakes the rotor if nothing is said; `None` for quantities of the crank."""
-    of_rotor = name.partition(".")[0] in ROTOR_QUANTITIES or study in ("balancing", "quantities")
+def _check_parts(question: Question, kind: StudyKind) -> None:
+    """Raise unless the machine has what the study needs."""
+    made = question.assembly
+    if kind.needs == "crank" and made.compressor is None:
+        bound = "one that a scene without compressor has, such as 'response'"
+        raise BadInput("study", kind.name, bound)
+    if kind.needs == "rotor" and None in (made.rotor, made.loads, made.balancing):
+        bound = "one that the scene has: it needs a rotor with its planes"
+        raise BadInput("study", kind.name, bound)
+
+
+def _excitation(
+    design: Machine, name: str, kind: StudyKind | None = None
+) -> Literal["crank", "file"] | None:
+    """Forces on the rotor if none are named; `None` for quantities of the crank."""
+    of_rotor = name.partition(".")[0] in ROTOR_QUANTITIES
+    if kind is not None:
+        of_rotor |= kind.needs == "rotor" or kind.name == "quantities"
     case = design.parts.get("loads")
     if not of_rotor or not isinstance(case, LoadCase):
         return None
@@ -144,7 +161,7 @@ def _excitation(design: Machine, name: str, study: str) -> Literal["crank", "fil
 
 
 def first_calls(question: Question) -> dict[str, Cost]:
-    """What the default solver costs at the first and at the second call.
+    """Times of the first and the second call of the default solver.
 
     Of the value, and of the value with its gradient over all numbers of the machine.
     """
@@ -158,7 +175,7 @@ def first_calls(question: Question) -> dict[str, Cost]:
 
     found = {}
     for name, function in (("value", value), ("value and gradient", gradient)):
-        program = compile_program(function, *arguments)
+        program = Program(function, *arguments)
         run = program.on(*arguments)
         start = time.perf_counter()
         jax.block_until_ready(run())
@@ -167,8 +184,8 @@ def first_calls(question: Question) -> dict[str, Cost]:
     return found
 
 
-def _march(question: Question) -> dict[str, float]:
-    """Errors of the default solver by an independent march of one revolution."""
+def _verification(question: Question) -> dict[str, float]:
+    """Errors of the default solver by an independent integration of one revolution."""
     machine = question.compressor
     assert machine is not None
     orbit = solve_orbit(machine, question.default_solver, verify=True)

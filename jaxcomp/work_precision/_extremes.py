@@ -1,8 +1,8 @@
-r"""A machine driven to its extremes: what the solvers still give there, and what they say of it.
+r"""Solve a machine at its extremes: values with their errors, or the reason why there is none.
 
 Each family moves numbers of the machine, step by step, towards a place where the equations become
 stiff, singular or impossible. The default solver gives value and status, an independent march of one
-revolution its error; of the rotor, two linear solvers judge each other.
+revolution its error; of the rotor, two linear solvers are compared.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -23,7 +24,6 @@ from ..machine import Assembly, assembled, machine_of
 from ..mechanism import SliderCrank
 from ..motor import SlipLine
 from ..rotor import respond
-from ._friction import scaled
 from ._measure import median_time
 
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
@@ -39,7 +39,7 @@ class Extreme(NamedTuple):
     Attributes:
         family: what is extreme about it.
         setting: what was moved, and how far.
-        status: how the solver ended, in words.
+        status: of the solver, as a sentence.
         value: [-] mechanical efficiency; of a response [m] its largest displacement.
         error: [-] of the value: by the march, or the difference of the two linear solvers.
         speed_error: [-] of the speed by the march, relative to the mean; `None` for a response.
@@ -67,14 +67,14 @@ class Extreme(NamedTuple):
 def extremes(
     scene: Any,
     families: Iterable[str] | None = None,
-    tell: Callable[[str, int, int], None] | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Extreme, ...]:
     """Solve a machine at its extremes.
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
-        families: words of `FAMILIES`; absent: all that the machine has.
-        tell: called before each family with its name, its number and how many there are.
+        families: names in `FAMILIES`; absent: all that the machine has.
+        progress: called before each family with its name, its number and how many there are.
 
     Returns:
         Every case, by family, from mild to extreme. A case without a solution has a status that says
@@ -83,15 +83,15 @@ def extremes(
     Raises:
         BadInput: a family that does not exist.
     """
-    asked = tuple(FAMILIES) if families is None else tuple(families)
-    for name in asked:
+    names = tuple(FAMILIES) if families is None else tuple(families)
+    for name in names:
         if name not in FAMILIES:
             raise BadInput("family", name, f"one of {', '.join(FAMILIES)}")
     assembly = assembled(machine_of(scene))
-    tell = tell or (lambda words, number, total: None)
+    progress = progress or (lambda label, number, total: None)
     found: list[Extreme] = []
-    for number, name in enumerate(asked):
-        tell(name, number, len(asked))
+    for number, name in enumerate(names):
+        progress(name, number, len(names))
         found += FAMILIES[name](name, assembly)
     return tuple(found)
 
@@ -134,7 +134,7 @@ def _solved(family: str, setting: str, compressor: Compressor) -> Extreme:
 
 
 def _steep_rods(compressor: Compressor):
-    """Rods so short that they stand nearly across; mass and its place along the rod stay."""
+    """Connecting rods hardly longer than the crank; mass and relative centre of mass stay."""
     mechanism = compressor.mechanism
     if not isinstance(mechanism, SliderCrank):
         return
@@ -156,7 +156,7 @@ def _near_locking(compressor: Compressor):
 
 
 def _near_stall(compressor: Compressor):
-    """Cranks so light that they all but halt at the end of the compression."""
+    """Crank inertias so small that the crank all but stalls at the end of the compression."""
     for times in (0.3, 0.1, 0.03, 0.01, 3e-3):
         changed = eqx.tree_at(
             lambda c: c.mechanism.crank_inertia,
@@ -176,7 +176,7 @@ def _thin_films(compressor: Compressor):
 
 
 def _stiff_motors(compressor: Compressor):
-    """Motors that give way ever less, through the same mean torque at the same mean speed."""
+    """Motors of ever smaller slip, through the same mean torque at the same mean speed."""
     for slip in (0.1, 0.01, 1e-3, 1e-4):
         driven = with_slip(compressor, slip)
         if driven is not None:
@@ -225,10 +225,10 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
         value = float(jnp.max(jnp.abs(one.displacement)))
         gap = float(jnp.max(jnp.abs(one.displacement - other.displacement))) / value
         good = bool(jnp.all(one.ok))
-        words = Status[Status.converged] if good else "the response is not to be relied on"
+        status = Status[Status.converged] if good else "the response is not to be relied on"
         seconds = median_time(lambda model=model, at=at: respond(model, loads, at))
         setting = f"damping x {times:g}, {worst * 30 / np.pi:.1f} rpm"
-        yield Extreme(name, setting, words, value, gap if good else float("inf"), None, None, None,
+        yield Extreme(name, setting, status, value, gap if good else float("inf"), None, None, None,
                       seconds)  # fmt: skip
 
 
@@ -236,6 +236,20 @@ def _sizes(model, loads, speeds) -> np.ndarray:
     """[m] Largest displacement at each speed [rad/s]."""
     found = respond(model, loads, jnp.asarray(speeds))
     return np.asarray(jnp.max(jnp.abs(found.displacement[0]), axis=(-2, -1)))  # of order 1
+
+
+def scaled(tree: Any, end: str, factor: float) -> tuple[Any, int]:
+    """The tree with all numbers multiplied whose path ends so, and how many these are."""
+    count = 0
+
+    def scale(path, leaf):
+        nonlocal count
+        if not jax.tree_util.keystr(path).endswith(end):
+            return leaf
+        count += 1
+        return jnp.asarray(leaf) * factor
+
+    return jax.tree_util.tree_map_with_path(scale, tree), count
 
 
 FAMILIES: dict[str, Callable[[str, Assembly], Iterator[Extreme]]] = {

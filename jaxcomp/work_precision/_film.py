@@ -2,7 +2,7 @@ r"""Journal bearings: table and closed formulas beside finite volumes for Reynol
 
 At every film of the machine: the journals of its joints under their mean force, and the bearings of its
 rotor under their static load at the highest of the balancing speeds; without any, at a plain bearing
-and one with two axial grooves of L/D = 0.5 at eps = 0.65. Each is judged beside its own finite-volume
+and one with two axial grooves of L/D = 0.5 at eps = 0.65. Each is compared with its own finite-volume
 solution on 960 x 64 cells; the Richardson extrapolation of that shares the two finest grids with it, so
 that the second method is the solution that stops one grid earlier.
 """
@@ -22,7 +22,7 @@ from ..crank import Collocation, solve_orbit
 from ..friction import film_journals
 from ..machine import Machine, assembled
 from ..rotor import LoadedFilm, RotorModel
-from ._measure import compile_program
+from ._measure import Program
 from ._report import Reference
 from ._study import Call, Question, Setting, Study
 
@@ -40,13 +40,13 @@ class Place(NamedTuple):
     """Where the film is studied.
 
     Attributes:
-        words: which bearing.
+        label: which bearing.
         length_ratio: [-] L/D.
         eccentricity: [-] eps.
         grooved: whether it has two axial grooves.
     """
 
-    words: str
+    label: str
     length_ratio: float
     eccentricity: float
     grooved: bool = False
@@ -75,16 +75,16 @@ def film_study(question: Question, thorough: bool) -> Study:
 
         own = cache(reference)
         settings += [
-            Setting(f"finite volumes, {place.words}", "{} x {} cells".format(*_GRIDS[count - 1]),
+            Setting(f"finite volumes, {place.label}", "{} x {} cells".format(*_GRIDS[count - 1]),
                     partial(_grid_call, place, name, count), (float(count),), reference=own,
-                    task=place.words)
+                    task=place.label)
             for count in ((2, 3, 4) if thorough else (2, 3))
             if count > 2 or not place.grooved  # the grooves are found one grid earlier
         ]  # fmt: skip
         settings += [
-            Setting(f"{model.__name__}, {place.words}", f"eps={place.eccentricity:.3g}",
+            Setting(f"{model.__name__}, {place.label}", f"eps={place.eccentricity:.3g}",
                     partial(_model_call, solved, _of_load(model, place, name)), share=_BATCH,
-                    reference=own, task=place.words)
+                    reference=own, task=place.label)
             for model in place.models
             if name == "friction_number" or issubclass(model, films.AbstractSolvedFilm)
         ]  # fmt: skip
@@ -132,8 +132,8 @@ def film_gradient_study(question: Question, thorough: bool) -> Study:
         method = f"central differences, {place.models[0].__name__}"
         settings.append(Setting(method, f"step={share:g}", partial(_model_call, solved, difference),
                                 share=_BATCH, candidate=False))  # fmt: skip
-    words = f"derivative with respect to the load number, {place.words}"
-    return Study(reference, tuple(settings), words, name=f"d {name} / d load_number", unit="")
+    note = f"derivative with respect to the load number, {place.label}"
+    return Study(reference, tuple(settings), note, name=f"d {name} / d load_number", unit="")
 
 
 def film_places(design: Machine) -> tuple[Place, ...]:
@@ -155,7 +155,7 @@ def film_places(design: Machine) -> tuple[Place, ...]:
                 name = f"rotor {'-'.join(map(str, link.nodes))}"
                 found[name] = _place(name, link.law.bearing, load, speed)
     places = [place for place in found.values() if place is not None]
-    return tuple(sorted(places, key=lambda p: (p.words.startswith("rotor "), -p.eccentricity)))
+    return tuple(sorted(places, key=lambda p: (p.label.startswith("rotor "), -p.eccentricity)))
 
 
 def _place(name: str, bearing: films.JournalBearing, load, speed) -> Place | None:
@@ -199,6 +199,6 @@ def _of_load(model, place: Place, name: str) -> Callable[[Any], Any]:
 def _model_call(solved: Callable[[int], films.FilmSolution], value) -> Call:
     """A function of the load number, over a batch of points at the same place."""
     load = jnp.full(_BATCH, solved(4).load_number)
-    program = compile_program(jax.vmap(value), load)
+    program = Program(jax.vmap(value), load)
     over = program.on(load)
     return Call(lambda: over()[0], program)

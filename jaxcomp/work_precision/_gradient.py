@@ -15,7 +15,7 @@ from .._fields import BadInput
 from ..crank import Collocation, Shooting
 from ..design import AnalysisOptions, quantity, variable
 from ._film import FILM_QUANTITIES, film_gradient_study
-from ._measure import compile_program
+from ._measure import Program
 from ._orbit import shooting
 from ._report import Reference
 from ._study import (
@@ -56,10 +56,10 @@ def gradient_study(question: Question, thorough: bool) -> Study:
             raise no_value(question, found.why)
         slope = float(found.value)
         if slope == 0.0:
-            bound = f"one that {question.variable} changes{_shaken(question)}"
+            bound = f"one that {question.variable} changes{_excited(question)}"
             raise BadInput("quantity", question.quantity, bound)
         options = question.options(shooting(question) if crank else None, TIGHT_TOLERANCE)
-        shot = compile_program(partial(_at, question), question.design, options, _zero())
+        shot = Program(partial(_at, question), question.design, options, _zero())
         step = _REFERENCE_STEP * _size(question)
         ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
         other = sum(w * float(end.value) for w, end in ends) / step
@@ -70,13 +70,13 @@ def gradient_study(question: Question, thorough: bool) -> Study:
     settings = []
     for solver in (solvers if thorough else solvers[:1]) if crank else (None,):
         settings += [
-            Setting(f"{mode} mode{_method(solver)}", f"{_words(solver)}",
+            Setting(f"{mode} mode{_method(solver)}", _label(solver),
                     partial(_derivative, question, solver, mode, FINE_TOLERANCE))
             for mode in _MODES
         ]  # fmt: skip
         program = cache(partial(_difference, question, solver))
         settings += [
-            Setting("central differences", f"{_words(solver)} step={share:g}",
+            Setting("central differences", f"{_label(solver)} step={share:g}",
                     partial(_difference_call, question, solver, program, share), candidate=False)
             for share in _STEPS  # the best of which is known beside the reference only
         ]  # fmt: skip
@@ -87,26 +87,26 @@ def gradient_study(question: Question, thorough: bool) -> Study:
             "forward": Shooting(reversals=edges, adjoint=diffrax.ForwardMode()),
         }
         settings += [
-            Setting(f"{mode} mode{_method(solver)}", f"{_words(solver)} tolerance=1e-07",
+            Setting(f"{mode} mode{_method(solver)}", f"{_label(solver)} tolerance=1e-07",
                     partial(_derivative, question, solver, mode, 1e-7))
             for mode, solver in shots.items()
         ]  # fmt: skip
-    words = f"derivative with respect to {question.variable}{_shaken(question)}"
+    note = f"derivative with respect to {question.variable}{_excited(question)}"
     name = f"d {question.quantity} / d {question.variable}"
     unit = quantity(question.quantity).unit
     unit = f"{unit or '1'}/{one.unit}" if one.unit else unit
-    return Study(reference, tuple(settings), words, name=name, unit=unit)
+    return Study(reference, tuple(settings), note, name=name, unit=unit)
 
 
-def _shaken(question: Question) -> str:
+def _excited(question: Question) -> str:
     return "" if question.excitation is None else f", excitation '{question.excitation}'"
 
 
 def _method(solver) -> str:
-    return "" if solver is None else f", {_words(solver).split()[0]}"
+    return "" if solver is None else f", {_label(solver).split()[0]}"
 
 
-def _words(solver) -> str:
+def _label(solver) -> str:
     if isinstance(solver, Collocation):
         return f"collocation nodes={solver.nodes} reversals={solver.reversals}"
     return "" if solver is None else f"shooting {type(solver.solver).__name__}"
@@ -141,10 +141,10 @@ def _derivative(question: Question, solver, mode: str, tolerance: float) -> Call
             found, solved = jax.grad(value, has_aux=True)(_zero())
         else:
             _, found, solved = jax.jvp(value, (_zero(),), (jnp.ones(()),), has_aux=True)
-        return solved._replace(value=found, passes=0)
+        return solved._replace(value=found, iterations=0)
 
     arguments = question.design, question.options(solver, tolerance)
-    program = compile_program(slope, *arguments)
+    program = Program(slope, *arguments)
     return Call(program.on(*arguments), program)
 
 
@@ -156,9 +156,9 @@ def _difference(question: Question, solver):
         solved = jax.vmap(lambda x: _at(question, design, options, x))(ends)
         slope = (solved.value[1] - solved.value[0]) / (2 * step)
         worst = jax.tree.map(lambda x: x[jnp.argmin(solved.ok)], solved)  # the one that failed
-        return worst._replace(value=slope, passes=0, ok=jnp.all(solved.ok))
+        return worst._replace(value=slope, iterations=0, ok=jnp.all(solved.ok))
 
-    return compile_program(difference, question.design, question.options(solver), _zero())
+    return Program(difference, question.design, question.options(solver), _zero())
 
 
 def _difference_call(question: Question, solver, program, share: float) -> Call:

@@ -1,6 +1,6 @@
-r"""Lean scenes: what each part of a machine costs, from the barest to the fullest.
+r"""Lean scenes: cost of each part of a machine, from the barest scene to the fullest.
 
-A part that is left out is not traced, so that what is left costs what it costs alone. Operations are
+A part that is left out is not traced, so that the rest costs what it costs alone. Operations are
 those of the compiled program, in which the body of a loop counts once.
 """
 
@@ -19,7 +19,7 @@ from ..friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
 from ..machine import Machine, assembled, machine_of
 from ..motor import ConstantSpeed
 from ..rotor import BalancingPlanes, Link, LoadCase, RotorModel, TargetPlane
-from ._measure import Program, compile_program
+from ._measure import Program
 from ._study import answer
 
 # The film journals that stand in for the scene's own where it has none: usual proportions.
@@ -32,13 +32,13 @@ class SceneCost(NamedTuple):
 
     Attributes:
         name: what it has.
-        quantity: what is asked of it.
+        quantity: that is computed.
         value: [SI]
         flops: [-] operations of the compiled program, loop bodies counted once.
         loops: loops in the compiled program.
         compile_seconds: [s]
         seconds: [s] median of several warm calls.
-        memory: [bytes] of intermediate results, `None` where the backend does not tell.
+        memory: [bytes] of intermediate results, `None` where the backend does not report it.
     """
 
     name: str
@@ -52,13 +52,13 @@ class SceneCost(NamedTuple):
 
 
 class LeanScene(NamedTuple):
-    """A scene to be priced: a design, how it is worked out, and what is asked of it.
+    """A scene whose cost is measured: a design, its solvers, and a quantity.
 
     Attributes:
         name: what it has.
         design: the machine.
         options: of the analysis.
-        quantity: what is asked.
+        quantity: that is computed.
     """
 
     name: str
@@ -68,18 +68,18 @@ class LeanScene(NamedTuple):
 
 
 def scene_costs(
-    ladder: Sequence[LeanScene], tell: Callable[[str, int, int], None] | None = None
+    ladder: Sequence[LeanScene], progress: Callable[[str, int, int], None] | None = None
 ) -> tuple[SceneCost, ...]:
     """Compile and run scenes.
 
     Args:
         ladder: of `lean_scenes`, or some of them.
-        tell: called before each scene with its name, its number and how many there are.
+        progress: called before each scene with its name, its number and how many there are.
     """
-    tell = tell or (lambda words, number, total: None)
+    progress = progress or (lambda label, number, total: None)
     costs = []
     for number, one in enumerate(ladder):
-        tell(one.name, number, len(ladder))
+        progress(one.name, number, len(ladder))
         costs.append(_cost(one))
     return tuple(costs)
 
@@ -104,7 +104,7 @@ def lean_program(one: LeanScene) -> Program:
         solved = answer(design, one.options, one.quantity)
         return solved.value, solved.ok
 
-    return compile_program(value, one.design)
+    return Program(value, one.design)
 
 
 def _cost(one: LeanScene) -> SceneCost:
@@ -150,7 +150,7 @@ def _rotor_scenes(design: Machine):
         and places.planes
     ):
         return
-    shaken = "file" if case.forces else "crank"
+    excitation = "file" if case.forces else "crank"
     model, whole_model = loaded_rotor(made, places.speeds), model
     # one target that every scene has: the first plane of the rotor
     first = places.planes[0]
@@ -161,12 +161,12 @@ def _rotor_scenes(design: Machine):
         name = (
             "rotor: alone, its bearings on the ground" if not kept else f"rotor: {kept + 1} subsets"
         )
-        if shaken == "file":
+        if excitation == "file":
             alone = Machine(None, parts, design.corrections)
             yield LeanScene(name, alone, AnalysisOptions(excitation="file"), "vibration")
     full = {"rotor": dataclasses.replace(model, dof=6), "loads": case, "balancing": places}
     whole = f"{len(model.bodies) + 1} subsets, six degrees of freedom"
-    if shaken == "file":
+    if excitation == "file":
         alone = Machine(None, full, design.corrections)
         yield LeanScene(f"rotor: {whole}", alone, AnalysisOptions(excitation="file"), "vibration")
     if case.crank is not None and design.compressor is not None:
@@ -178,7 +178,7 @@ def _rotor_scenes(design: Machine):
             design.bearings,
             design.oils,
         )
-        name = f"all: {whole}, shaken by the crank"
+        name = f"all: {whole}, excited by the crank"
         yield LeanScene(name, made, AnalysisOptions(excitation="crank"), "vibration")
 
 

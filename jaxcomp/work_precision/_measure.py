@@ -1,4 +1,4 @@
-r"""What a function costs: to compile, to run, in operations and in memory."""
+r"""Cost of a function: to compile, to run, in operations and in memory."""
 
 import time
 from collections.abc import Callable
@@ -14,18 +14,18 @@ _LEAST = 3
 
 
 class Program:
-    """A compiled function, with what it took to compile it.
+    """A function compiled for the shapes of its arguments, with the cost of compiling it.
 
     Args:
-        function: to be compiled.
-        arguments: of one call; arrays among them may change from call to call, in their values.
+        function: of pytrees, to be compiled.
+        *arguments: an example: values of its arrays may change from call to call, all else is fixed.
 
     Attributes:
         seconds: [s] to trace and to compile.
         flops: operations of the compiled program by XLA's count: the body of a loop counts once,
             however often it runs.
         lines: of the program in StableHLO, before XLA's optimisation.
-        memory: [bytes] of its intermediate results, or `None` where the backend does not tell.
+        memory: [bytes] of its intermediate results, or `None` where the backend does not report it.
         text: the program after XLA's optimisation.
     """
 
@@ -67,16 +67,6 @@ class Program:
     @property
     def text(self) -> str:
         return self._compiled.as_text() or ""
-
-
-def compile_program(function: Callable[..., Any], *arguments: Any) -> Program:
-    """Compile a function for the shapes of these arguments.
-
-    Args:
-        function: of pytrees; arrays in them may change from call to call, all else is fixed.
-        *arguments: an example.
-    """
-    return Program(function, *arguments)
 
 
 def median_time(call: Callable[[], Any]) -> float:

@@ -5,44 +5,45 @@ two share the laws and nothing else. Both place panel edges or stops at as many 
 mechanism has.
 """
 
-from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 
 import diffrax
+import numpy as np
 
+from .._fields import BadInput
 from ..crank import Collocation, Shooting
 from ..cylinder import Cylinder
+from ..design import available_quantities, quantity
+from ..machine import Machine
 from ._report import Reference
 from ._scipy import scipy_setting
 from ._study import (
     FINE_NODES,
+    FINE_TOLERANCE,
     OTHER_NODES,
+    ROTOR_QUANTITIES,
     TIGHT_TOLERANCE,
+    Call,
     Question,
+    Setting,
     SolverProgram,
     Study,
-    needs_crank,
-    needs_solver,
+    without_error,
 )
 
-# Families of quantities of the rotor: they are asked for by the periodic states at several speeds.
-ROTOR_QUANTITIES = ("vibration", "balanced_vibration", "mount_force")
-# The two of a reference.
+# The two methods of a reference.
 METHODS = f"collocation, {FINE_NODES} nodes", f"shooting, Dopri8 at {TIGHT_TOLERANCE:g}"
 
 # Methods of diffrax: at a tight tolerance those of low order would take tens of thousands of steps.
-_EXPLICIT: dict[str, tuple[Callable[[], diffrax.AbstractSolver], tuple[float, ...]]] = {
-    "Heun": (diffrax.Heun, (1e-1, 1e-2, 1e-3)),
-    "Bosh3": (diffrax.Bosh3, (1e-1, 1e-2, 1e-3, 1e-4)),
-    "Dopri5": (diffrax.Dopri5, (1e-2, 1e-3, 1e-5, 1e-7, 1e-9)),
-    "Tsit5": (diffrax.Tsit5, (1e-2, 1e-3, 1e-5, 1e-7, 1e-9)),
-    "Dopri8": (diffrax.Dopri8, (1e-2, 1e-3, 1e-5, 1e-7, 1e-9)),
+_DIFFRAX = {
+    "Heun": (1e-1, 1e-2, 1e-3),
+    "Bosh3": (1e-1, 1e-2, 1e-3, 1e-4),
+    "Dopri5": (1e-2, 1e-3, 1e-5, 1e-7, 1e-9),
+    "Tsit5": (1e-2, 1e-3, 1e-5, 1e-7, 1e-9),
+    "Dopri8": (1e-2, 1e-3, 1e-5, 1e-7, 1e-9),
+    "Kvaerno3": (1e-1, 1e-2, 1e-3),
+    "Kvaerno5": (1e-2, 1e-3, 1e-5),
 }
-_IMPLICIT: dict[str, tuple[Callable[[], diffrax.AbstractSolver], tuple[float, ...]]] = {
-    "Kvaerno3": (diffrax.Kvaerno3, (1e-1, 1e-2, 1e-3)),
-    "Kvaerno5": (diffrax.Kvaerno5, (1e-2, 1e-3, 1e-5)),
-}
-_DIFFRAX = _EXPLICIT | _IMPLICIT
 # Compiling takes most of the time of a study, above all that of implicit methods.
 _ORDINARY = ("Tsit5", "Dopri8")
 _MAX_STEPS = 65536
@@ -61,8 +62,9 @@ def orbit_study(question: Question, thorough: bool) -> Study:
         question: of a machine with a crank.
         thorough: all methods, the implicit ones among them.
     """
-    machine = needs_crank(question, "orbit")
-    shot = SolverProgram(question, shooting(question, "Dopri8"))
+    machine = question.compressor
+    assert machine is not None
+    shot = SolverProgram(question, shooting(question))
     settings = []
     for located, counts in (_NODES if thorough else _ORDINARY_NODES).items():
         method = "collocation" if located else "collocation, reversals=0"
@@ -73,7 +75,7 @@ def orbit_study(question: Question, thorough: bool) -> Study:
                 program.setting(method, f"nodes={nodes} tolerance={tol:g}", tol, nodes)
                 for tol in _TOLERANCES
             ]
-    for name, (_, tolerances) in _DIFFRAX.items():
+    for name, tolerances in _DIFFRAX.items():
         if thorough or name in _ORDINARY:
             one = shot if name == "Dopri8" else SolverProgram(question, shooting(question, name))
             settings += [
@@ -87,8 +89,8 @@ def orbit_study(question: Question, thorough: bool) -> Study:
             for tolerance in tolerances
             if thorough or name == "DOP853"
         ]
-    words = "solvers of the periodic state, single designs"
-    return Study(partial(orbit_reference, question, shot), tuple(settings), words)
+    note = "solvers of the periodic state, single designs"
+    return Study(partial(orbit_reference, question, shot), tuple(settings), note)
 
 
 def orbit_reference(question: Question, shot: SolverProgram | None = None) -> Reference:
@@ -99,17 +101,70 @@ def orbit_reference(question: Question, shot: SolverProgram | None = None) -> Re
         shot: the program by `diffrax.Dopri8`, if there is one already.
 
     Raises:
-        BadInput: a quantity in which the solver has no part, or without a value.
+        BadInput: a quantity without a value, or one in which the solver has no part: the loosest
+            tolerance and the other method give the same number, so that no setting has an error.
     """
     shot = SolverProgram(question, shooting(question)) if shot is None else shot
+    fine = SolverProgram(question, question.fine_solver)
     other = shot.value(TIGHT_TOLERANCE)
-    value = needs_solver(question, SolverProgram(question, question.fine_solver), other)
+    value, loose = fine.value(FINE_TOLERANCE), float(fine.call(0.1).run().value)
+    if without_error(value, loose, other):
+        excited = question.excitation is not None
+        cause = f" (with the excitation '{question.excitation}')" if excited else ""
+        bound = f"one that the solver of the periodic state has a part in{cause}"
+        raise BadInput("quantity", question.quantity, bound)
     return Reference(value, other, METHODS)
 
 
 def shooting(question: Question, name: str = "Dopri8") -> Shooting:
     """The solver with a method of diffrax and outputs denser than those of the reference."""
-    make, _ = _DIFFRAX[name]
     return Shooting(
-        make(), max_steps=_MAX_STEPS, reversals=question.load_reversals, output_nodes=OTHER_NODES
+        getattr(diffrax, name)(),
+        max_steps=_MAX_STEPS,
+        reversals=question.load_reversals,
+        output_nodes=OTHER_NODES,
     )
+
+
+def quantities_study(question: Question, thorough: bool) -> Study:
+    """Every quantity of the machine by the default solver, each relative to its own reference.
+
+    All quantities come from one program a solver, so that the time is that of all of them together.
+    """
+    del thorough
+    names = known_quantities(question.design)
+    default, fine = (SolverProgram(question, s, names) for s in (None, question.fine_solver))
+
+    @cache
+    def values():
+        """By the fine solver, at a loose tolerance, and by shooting."""
+        shot = SolverProgram(question, shooting(question), names)
+        return (fine.value(FINE_TOLERANCE), np.asarray(fine.call(0.1).run().value),
+                shot.value(TIGHT_TOLERANCE))  # fmt: skip
+
+    def reference(place):
+        value, loose, other = (row[place] for row in values())
+        if without_error(value, loose, other):
+            raise RuntimeError("the solver of the periodic state has no part in it")
+        return Reference(value, other, METHODS)
+
+    def call(place):
+        def run():
+            found = all_of_them()
+            return found._replace(value=found.value[place])
+
+        all_of_them = default.call().run
+        return Call(run, default.program)
+
+    settings = tuple(
+        Setting(name, f"[{quantity(name).unit or '-'}]", partial(call, place),
+                reference=cache(partial(reference, place)), task=name)
+        for place, name in enumerate(names)
+    )  # fmt: skip
+    note = "every quantity by the default solver"
+    return Study(partial(reference, 0), settings, note, name=names[0])
+
+
+def known_quantities(design: Machine) -> tuple[str, ...]:
+    """Names of all quantities of a machine, joint by joint."""
+    return tuple(available_quantities(design, members=True))

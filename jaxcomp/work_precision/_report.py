@@ -1,4 +1,4 @@
-r"""What a study found: settings with error and time, and the reference they were judged by."""
+r"""Results of a study: settings with error and time, and the reference they are compared with."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -34,7 +34,7 @@ class Reference(NamedTuple):
         return gap / (size if size > 0 else 1.0)
 
 
-class Row(NamedTuple):
+class Measurement(NamedTuple):
     """One setting of one method.
 
     Attributes:
@@ -43,7 +43,7 @@ class Row(NamedTuple):
         error: [-] relative to the reference; infinite where the solver did not converge.
         seconds: [s] median of several warm calls.
         compile_seconds: [s] of the program it runs, which other settings of the method may share.
-        passes: iterations, Newton steps or steps, as the method counts them; `None` for none.
+        iterations: Newton steps, time steps or calls, as the method counts them; `None` for none.
         flops: [-] operations of the program, loop bodies counted once; `None` where nothing is compiled.
         family: settings of one method that are ordered among each other.
         tightness: what makes a setting of its family tighter than another; empty where none is.
@@ -51,8 +51,8 @@ class Row(NamedTuple):
         candidate: whether it may be recommended: not with other numbers of the machine, and not where
             the best setting is only known beside the reference.
         lines: [-] of the program in StableHLO; `None` where nothing is compiled.
-        floor: [-] of a reference of its own; `None` where it is judged by that of the report.
-        task: what it solves, in studies of several tasks: only settings of one task compete.
+        floor: [-] of a reference of its own; `None` where that of the report is used.
+        task: problem that it solves, in studies of several: only settings of one task compete.
     """
 
     method: str
@@ -60,7 +60,7 @@ class Row(NamedTuple):
     error: float
     seconds: float
     compile_seconds: float
-    passes: int | None = None
+    iterations: int | None = None
     flops: float | None = None
     family: str = ""
     tightness: tuple[float, ...] = ()
@@ -70,7 +70,7 @@ class Row(NamedTuple):
     floor: float | None = None
     task: str = ""
 
-    def at_least_as_tight(self, other: "Row") -> bool:
+    def at_least_as_tight(self, other: "Measurement") -> bool:
         """Whether this is the other setting or a tighter one of its family."""
         if (self.method, self.family) != (other.method, other.family) or not other.tightness:
             return False
@@ -90,7 +90,7 @@ class Order(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """What the first calls of a program cost, as a user feels it.
+    """Time of the first and of the second call of a program.
 
     Attributes:
         first: [s] to trace, to compile and to run.
@@ -114,7 +114,7 @@ class Report(NamedTuple):
         reference: what they are relative to.
         rows: every setting.
         orders: by method, in a study of fixed steps; empty elsewhere.
-        note: one line on what is to be had from the study.
+        note: one line on what the study varies.
         march: errors of the default solver by an independent march of one revolution: of the speed, of
             the efficiency, the sum of the losses over the work of the motor, and the largest of the
             peak forces, relative; empty for studies without the crank.
@@ -127,7 +127,7 @@ class Report(NamedTuple):
     quantity: str
     unit: str
     reference: Reference
-    rows: tuple[Row, ...]
+    rows: tuple[Measurement, ...]
     orders: dict[str, Order]
     note: str
     march: dict[str, float] = {}  # noqa: RUF012  # a NamedTuple's default, which nobody changes
@@ -146,17 +146,17 @@ class Report(NamedTuple):
             found.setdefault(row.task, {})[row.method] = None
         return {task: tuple(methods) for task, methods in found.items()}
 
-    def claimed(self, row: Row) -> float:
+    def claimed(self, row: Measurement) -> float:
         """[-] the error of a row that can be claimed: its own, or the floor of its reference."""
         return max(row.error, self.floor(row))
 
-    def floor(self, row: Row) -> float:
+    def floor(self, row: Measurement) -> float:
         """[-] below which no error of a row is claimed."""
         return self.reference.floor if row.floor is None else row.floor
 
     def cheapest(
         self, error: float, method: str | None = None, task: str | None = None
-    ) -> Row | None:
+    ) -> Measurement | None:
         """The fastest setting that reliably has at most this error; `None` for none.
 
         A setting counts only if every tighter one of its family has at most this error as well: a loose
@@ -177,7 +177,7 @@ class Report(NamedTuple):
         good = [row for row in rows if self.claimed(row) <= error and self._holds(row, error)]
         return min(good, key=lambda row: row.seconds, default=None)
 
-    def _holds(self, row: Row, error: float) -> bool:
+    def _holds(self, row: Measurement, error: float) -> bool:
         return all(
             self.claimed(other) <= error
             for other in self.rows
@@ -195,12 +195,12 @@ class Report(NamedTuple):
                 )
         return found
 
-    def curve(self, method: str) -> tuple[Row, ...]:
+    def curve(self, method: str) -> tuple[Measurement, ...]:
         """The settings of a method that no other setting of it beats in both error and time."""
         return tuple(_unbeaten(row for row in self.rows if row.method == method))
 
 
-def _unbeaten(rows: Iterable[Row]):
+def _unbeaten(rows: Iterable[Measurement]):
     best = np.inf
     for row in sorted(rows, key=lambda row: (row.seconds, row.error)):
         if row.error < best:

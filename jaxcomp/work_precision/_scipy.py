@@ -1,13 +1,11 @@
 r"""The periodic state the plain way: `scipy.integrate.solve_ivp` over the compiled law.
 
-One turn is integrated over crank angle between the kinks that geometry and gas give; load reversals
-in mid-stroke are met unprepared. `scipy.optimize.root` finds the speed at the top dead centre (and
-the level of the motor torque) for which the turn ends as it began.
+One revolution is integrated over crank angle between the kinks that geometry and gas give; load reversals
+within a stroke are met unprepared. `scipy.optimize.root` finds the speed at the top dead centre (and
+the level of the motor torque) for which the revolution ends as it began.
 """
 
-from collections.abc import Callable
 from itertools import pairwise
-from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,28 +19,17 @@ from .._status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..crank import Energy, Orbit, acceleration, orbit_on_panels, panels
 from ..design import AnalysisOptions, DesignResult, quantity
+from ..machine import Machine
 from ..mechanism import CrankState
 from ..motor import MeanSpeed
 from ._study import Call, Question, Setting, Solved
 
 # Nodes on every panel at which speed and forces are reported, as many as the reference has.
 _NODES = 24
-# Angles of a turn at constant speed, from which the first level of torque is taken.
+# Angles of a revolution at constant speed, from which the first level of torque is taken.
 _ANGLES = 256
-# Turns that the search for the periodic state may integrate; it takes 8 to 12 as a rule.
-_TURNS = 25
-
-
-class _Laws(NamedTuple):
-    """Compiled functions of one machine.
-
-    Attributes:
-        rate: (angle, low, high, state, level) to the rates of speed, time and the accounts.
-        quantity: (speed at the nodes, level, accounts) to the value asked for.
-    """
-
-    rate: Callable[..., Any]
-    quantity: Callable[..., Any]
+# Revolutions that the search for the periodic state may integrate; it takes 8 to 12 as a rule.
+_REVOLUTIONS = 25
 
 
 def scipy_setting(question: Question, method: str, tolerance: float) -> Setting:
@@ -53,15 +40,18 @@ def scipy_setting(question: Question, method: str, tolerance: float) -> Setting:
         method: of `solve_ivp`.
         tolerance: [-] relative tolerance of a step.
     """
+    machine = question.compressor
+    assert machine is not None
 
-    def make():
-        machine = question.compressor
-        assert machine is not None
-        laws, edges = _laws(question), np.asarray(_edges(machine))
-        return Call(lambda: Solved(*_solve(machine, laws, edges, method, tolerance)))
+    def prepare():
+        laws, edges = (
+            _laws(question.design, machine, question.quantity),
+            np.asarray(_edges(machine)),
+        )
+        return Call(lambda: Solved(*_solve(machine, *laws, edges, method, tolerance)))
 
-    words, tightness = f"{method} rtol={tolerance:g}", (-np.log10(tolerance),)
-    return Setting("SciPy", words, make, tightness, method)
+    label = f"{method} rtol={tolerance:g}"
+    return Setting("SciPy", label, prepare, (-np.log10(tolerance),), method)
 
 
 def _edges(machine: Compressor):
@@ -69,9 +59,8 @@ def _edges(machine: Compressor):
     return jnp.append(kinks, kinks[0] + 2 * jnp.pi)
 
 
-def _laws(question: Question) -> _Laws:
-    machine = question.compressor
-    assert machine is not None
+def _laws(design: Machine, machine: Compressor, name: str):
+    """Compiled functions: rates of speed, time and accounts; the value from the accounts."""
 
     @jax.jit
     def rate(angle, low, high, state, level):
@@ -85,26 +74,26 @@ def _laws(question: Question) -> _Laws:
 
     @jax.jit
     def value(speed, level, accounts):
-        found = DesignResult(question.design, AnalysisOptions())
+        found = DesignResult(design, AnalysisOptions())
         found.orbit = _orbit(machine, speed, level, accounts)
-        return jnp.asarray(quantity(question.quantity).value(found), float)
+        return jnp.asarray(quantity(name).value(found), float)
 
-    return _Laws(rate, value)
+    return rate, value
 
 
-def _solve(machine: Compressor, laws: _Laws, edges, method: str, tolerance: float):
-    """The quantity, and how often the law was asked for it."""
+def _solve(machine: Compressor, rate, value, edges, method: str, tolerance: float):
+    """The quantity, and the number of evaluations of the law."""
     scale = float(machine.motor.speed_guess)
     holds_speed = isinstance(machine.motor, MeanSpeed)
-    size = np.asarray(laws.rate(edges[0], edges[0], edges[1], np.array([scale, 0.0]), 1.0)).size
+    size = np.asarray(rate(edges[0], edges[0], edges[1], np.array([scale, 0.0]), 1.0)).size
     calls = 0
 
-    def turn(unknowns, first_level, accounts=False):
+    def revolution(unknowns, first_level, accounts=False):
         nonlocal calls
         level = first_level * unknowns[1] if holds_speed else 1.0
         state = np.zeros(size if accounts else 2)
         state[0] = unknowns[0] * scale
-        # works of a turn are measured against the motor's, times against the period
+        # works of a revolution are measured against the motor's, times against the period
         unit = np.full(state.size, max(abs(first_level), 1e-12))
         unit[:2] = scale, 1 / scale
         speeds = []
@@ -113,9 +102,9 @@ def _solve(machine: Compressor, laws: _Laws, edges, method: str, tolerance: floa
                 speeds.append(np.full(_NODES, state[0]))
                 continue
             done = solve_ivp(
-                lambda angle, y, low=low, high=high: np.asarray(
-                    laws.rate(angle, low, high, y, level)
-                )[: y.size],
+                lambda angle, y, low=low, high=high: np.asarray(rate(angle, low, high, y, level))[
+                    : y.size
+                ],
                 (low, high),
                 state,
                 method=method,
@@ -133,33 +122,33 @@ def _solve(machine: Compressor, laws: _Laws, edges, method: str, tolerance: floa
         return state, level, speeds
 
     def gap(unknowns, first_level):
-        end, _, _ = turn(unknowns, first_level)
+        end, _, _ = revolution(unknowns, first_level)
         gaps = [end[0] / scale - unknowns[0]]
         if holds_speed:
             gaps.append(end[1] * scale / (2 * np.pi) - 1)
         return gaps
 
-    first_level = _first_level(laws, edges, scale)
+    first_level = _first_level(rate, edges, scale)
     start = np.ones(2) if holds_speed else np.ones(1)
     # The gap carries the error of the integration: its differences need a step well above that, and
     # the search must not go on below it.
-    options = {"eps": max(1e-8, tolerance**0.5), "maxfev": _TURNS}
+    options = {"eps": max(1e-8, tolerance**0.5), "maxfev": _REVOLUTIONS}
     found = root(gap, start, first_level, tol=0.1 * tolerance, options=options)
-    end, level, speeds = turn(found.x, first_level, accounts=True)
-    return float(laws.quantity(np.stack(speeds), level, end[1:])), calls
+    end, level, speeds = revolution(found.x, first_level, accounts=True)
+    return float(value(np.stack(speeds), level, end[1:])), calls
 
 
-def _first_level(laws: _Laws, edges, scale: float) -> float:
+def _first_level(rate, edges, scale: float) -> float:
     """Level of the motor torque that carries losses and gas at constant speed."""
     angles = np.linspace(edges[0], edges[-1], _ANGLES, endpoint=False)
-    at = jax.vmap(laws.rate, (0, None, None, None, None))
+    at = jax.vmap(rate, (0, None, None, None, None))
     rates = np.asarray(at(angles, edges[0], edges[-1], np.array([scale, 0.0]), 1.0))
     works = rates[:, 2:].sum(0)
     return float(works[1:].sum() / works[0])
 
 
 def _orbit(machine: Compressor, speed, level, accounts) -> Orbit:
-    """The orbit from the speed at the nodes of each panel and the accounts of the turn."""
+    """The orbit from the speed at the nodes of each panel and the accounts of the revolution."""
     grid = panels(_edges(machine), _NODES)
     motor = level * machine.motor.torque(speed)
     over = jax.vmap(jax.vmap(lambda a, w, m: acceleration(machine, a, w, m)[0]))
@@ -168,7 +157,9 @@ def _orbit(machine: Compressor, speed, level, accounts) -> Orbit:
     losses = dict(zip(loads.loss_torque, accounts[3:], strict=True))
     energy = Energy(accounts[1], accounts[2], losses)
     report = FixedPointReport(jnp.asarray(0), jnp.asarray(0.0), jnp.asarray(True))
-    error = {name: jnp.zeros(()) for name in losses}  # of the tolerance, which SciPy does not tell
+    error = {
+        name: jnp.zeros(()) for name in losses
+    }  # of the tolerance, which SciPy does not report
     orbit = orbit_on_panels(
         grid,
         instants(machine, grid.angle),

@@ -1,7 +1,7 @@
-r"""What the studies share: the question, its answer by a chain of solvers, and how a setting is measured.
+r"""Parts that all studies share: the question, its answer by a solver, and measuring a setting.
 
-A study is a reference and a list of settings. A setting makes a call that gives the quantity, or several
-values of it; the call is run, timed, and its error taken relative to the reference.
+A study is a reference and a list of settings. A setting prepares a call that gives the quantity, or
+several values of it; the call is run, timed, and its error taken relative to the reference.
 """
 
 import math
@@ -21,13 +21,15 @@ from ..compressor import Compressor
 from ..crank import Collocation, Shooting
 from ..design import AnalysisOptions, DesignResult, quantity
 from ..machine import Assembly, Machine, assembled
-from ._measure import Program, compile_program, median_time
-from ._report import Order, Reference, Row
+from ._measure import Program, median_time
+from ._report import Measurement, Order, Reference
 
 # Of the reference.
 FINE_NODES, FINE_TOLERANCE, TIGHT_TOLERANCE = 24, 1e-13, 1e-9
 # Nodes of its second method, at other places: what both read off their nodes shows the difference.
 OTHER_NODES = 37
+# Families of quantities of the rotor: they need the periodic states at several speeds.
+ROTOR_QUANTITIES = ("vibration", "balanced_vibration", "mount_force")
 
 
 class Question(NamedTuple):
@@ -37,7 +39,7 @@ class Question(NamedTuple):
         design: the machine.
         quantity: name of a `jaxcomp.design.quantity`.
         variable: name of a variable, for studies in which one changes.
-        excitation: what shakes the rotor: "crank" or "file"; see `AnalysisOptions`.
+        excitation: forces on the rotor: those of the "crank" or of the "file"; see `AnalysisOptions`.
         orders: of the spin speed that count in vibrations.
     """
 
@@ -69,7 +71,7 @@ class Question(NamedTuple):
 
     @property
     def load_reversals(self) -> int:
-        """Of the mechanism, in mid-stroke."""
+        """Of the mechanism, within a stroke."""
         machine = self.compressor
         return 0 if machine is None else machine.mechanism.load_reversals
 
@@ -99,17 +101,17 @@ class Setting(NamedTuple):
 
     Attributes:
         method: name of the curve it belongs to.
-        words: what is particular to it.
-        make: prepares its call, and compiles what is not compiled yet.
-        tightness, family, candidate: as in `Row`.
+        label: what is particular to it.
+        prepare: makes its call, and compiles what is not compiled yet.
+        tightness, family, candidate: as in `Measurement`.
         share: results of one call: times and operations are of one.
         reference: what its error is relative to, if that is another one than the study's.
-        task: as in `Row`.
+        task: as in `Measurement`.
     """
 
     method: str
-    words: str
-    make: Callable[[], Call]
+    label: str
+    prepare: Callable[[], Call]
     tightness: tuple[float, ...] = ()
     family: str = ""
     candidate: bool = True
@@ -125,30 +127,30 @@ class Study(NamedTuple):
         reference: finds the converged value.
         settings: to be tried.
         note: one line on what is varied.
-        orders: of fixed-step methods, from all rows.
+        orders: of fixed-step methods, from all measurements.
         name, unit: of what the errors are of, if that is not the quantity itself.
     """
 
     reference: Callable[[], Reference]
     settings: tuple[Setting, ...]
     note: str = ""
-    orders: Callable[[list[Row], Reference], dict[str, Order]] = lambda rows, reference: {}
+    orders: Callable[[list[Measurement], Reference], dict[str, Order]] = lambda rows, reference: {}
     name: str | None = None
     unit: str | None = None
 
 
 class Solved(NamedTuple):
-    """A quantity of a design, or another result with its evidence.
+    """A value with the status of the solvers that gave it.
 
     Attributes:
         value: [SI]
-        passes: of the crank's solver; 0 where none ran at the design's own speed.
-        ok: whether it can be relied on.
+        iterations: of the crank's solver; 0 where none ran at the design's own speed.
+        ok: whether all solvers converged.
         status: of the periodic state.
     """
 
     value: Any
-    passes: Any = 0
+    iterations: Any = 0
     ok: Any = True
     status: Status = Status.converged
 
@@ -162,16 +164,16 @@ class Solved(NamedTuple):
         return "" if np.all(np.isfinite(self.value)) else "the value is not finite"
 
 
-def measured(setting: Setting, reference: Reference) -> Row:
-    """The row of a setting."""
-    row = Row(setting.method, setting.words, math.inf, math.nan, math.nan,
-              family=setting.family, tightness=setting.tightness, candidate=setting.candidate,
-              task=setting.task)  # fmt: skip
+def measured(setting: Setting, reference: Reference) -> Measurement:
+    """Error and time of a setting."""
+    row = Measurement(setting.method, setting.label, math.inf, math.nan, math.nan,
+                      family=setting.family, tightness=setting.tightness,
+                      candidate=setting.candidate, task=setting.task)  # fmt: skip
     try:
         if setting.reference is not None:
             reference = setting.reference()
             row = row._replace(floor=reference.floor)
-        call = setting.make()
+        call = setting.prepare()
         start = time.perf_counter()
         found = jax.block_until_ready(call.run())
         first = time.perf_counter() - start
@@ -183,7 +185,7 @@ def measured(setting: Setting, reference: Reference) -> Row:
         error=math.inf if solved.why else reference.error(solved.value),
         seconds=seconds / setting.share,
         compile_seconds=max(first - seconds, 0.0) if program is None else program.seconds,
-        passes=int(solved.passes) or None,
+        iterations=int(solved.iterations) or None,
         why=solved.why,
     )
     if program is None:
@@ -192,15 +194,15 @@ def measured(setting: Setting, reference: Reference) -> Row:
 
 
 def answer(design: Machine, options: AnalysisOptions, names: str | tuple[str, ...]) -> Solved:
-    """A quantity of a design by a chain of solvers, or several."""
+    """A quantity of a design by its solvers, or several."""
     found = DesignResult(design, options)
     several = (names,) if isinstance(names, str) else names
     values = [jnp.asarray(quantity(name).value(found), float) for name in several]
     value = values[0] if isinstance(names, str) else jnp.stack(values)
-    passes, status = jnp.asarray(0), Status.converged
+    iterations, status = jnp.asarray(0), Status.converged
     if "orbit" in found.__dict__:
-        passes, status = found.orbit.iterations, found.orbit.status
-    return Solved(value, passes, found.ok, status)
+        iterations, status = found.orbit.iterations, found.orbit.status
+    return Solved(value, iterations, found.ok, status)
 
 
 class SolverProgram:
@@ -218,13 +220,7 @@ class SolverProgram:
     @cached_property
     def program(self) -> Program:
         """Compiled when it is first needed."""
-        return compile_program(answer, *self._arguments(1e-7))
-
-    def at(self, design: Machine) -> "SolverProgram":
-        """The same program for a design with other numbers."""
-        other = SolverProgram(self.question._replace(design=design), self._solver)
-        other.program = self.program
-        return other
+        return Program(answer, *self._arguments(1e-7))
 
     def call(self, tolerance: float = 1e-13) -> Call:
         """The quantity at a tolerance."""
@@ -242,11 +238,11 @@ class SolverProgram:
         return np.asarray(found.value)[()]
 
     def setting(
-        self, method: str, words: str, tolerance: float, *tightness: float, **options: Any
+        self, method: str, label: str, tolerance: float, *tightness: float, **options: Any
     ) -> Setting:
         """A setting of a tolerance; whatever else makes it tighter than its family is `tightness`."""
         tight = (-math.log10(tolerance), *tightness)
-        return Setting(method, words, lambda: self.call(tolerance), tight, **options)
+        return Setting(method, label, lambda: self.call(tolerance), tight, **options)
 
     def _arguments(self, tolerance):
         options = self.question.options(self._solver, tolerance)
@@ -258,30 +254,6 @@ def no_value(question: Question, why: str) -> BadInput:
     return BadInput("quantity", question.quantity, f"one with a value here: {why}")
 
 
-def needs_crank(question: Question, study: str) -> Compressor:
-    """The compressor, for a study of the crank's solvers.
-
-    Raises:
-        BadInput: a scene without one.
-    """
-    machine = question.compressor
-    if machine is None:
-        raise BadInput("study", study, "one that a scene without compressor has, such as 'mesh'")
-    return machine
-
-
-def needs_rotor(question: Question, study: str) -> Assembly:
-    """The machine put together, for a study of its rotor.
-
-    Raises:
-        BadInput: a scene without rotor, loads or balancing planes.
-    """
-    made = question.assembly
-    if made.rotor is None or made.loads is None or made.balancing is None:
-        raise BadInput("study", study, "one that the scene has: it needs a rotor with its planes")
-    return made
-
-
 # [-] Two values that differ by less are the same number: of one program, and of two methods.
 ROUNDING, ROUNDINGS = 1e-15, 1e-12
 
@@ -290,19 +262,3 @@ def without_error(value: float, loose: float, other: float) -> bool:
     """Whether neither the tolerance of the solver nor another method changes a value."""
     same = abs(value - loose) <= ROUNDING * abs(value)
     return bool(same and abs(value - other) <= ROUNDINGS * abs(value))
-
-
-def needs_solver(question: Question, program: SolverProgram, other: float) -> float:
-    """The value [SI] at a tight tolerance, of a quantity in which the solver has a part.
-
-    Raises:
-        BadInput: the loosest tolerance gives the same number, and the other method as well: no setting
-            has an error to report.
-    """
-    value, loose = program.value(FINE_TOLERANCE), float(program.call(0.1).run().value)
-    if without_error(value, loose, other):
-        shaken = question.excitation is not None
-        cause = f" (with the excitation '{question.excitation}')" if shaken else ""
-        bound = f"one that the solver of the periodic state has a part in{cause}"
-        raise BadInput("quantity", question.quantity, bound)
-    return value

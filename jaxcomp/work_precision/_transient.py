@@ -17,17 +17,17 @@ from .._fields import BadInput
 from ..compressor import Compressor
 from ..crank import TimeIntegration, acceleration, simulate
 from ._extremes import with_slip
-from ._measure import compile_program
+from ._measure import Program
 from ._report import Reference
-from ._study import Call, Question, Setting, Solved, Study, needs_crank
+from ._study import Call, Question, Setting, Solved, Study
 
 _SLIP, _REVOLUTIONS, _INSTANTS = 0.1, 3.0, 201
-_METHODS = {
-    "Tsit5": (diffrax.Tsit5, (1e-3, 1e-5, 1e-7, 1e-9)),
-    "Dopri8": (diffrax.Dopri8, (1e-3, 1e-5, 1e-7, 1e-9)),
-    "Bosh3": (diffrax.Bosh3, (1e-2, 1e-3, 1e-4)),
-    "Kvaerno3": (diffrax.Kvaerno3, (1e-2, 1e-3, 1e-4)),
-    "Kvaerno5": (diffrax.Kvaerno5, (1e-3, 1e-5, 1e-7)),
+_DIFFRAX = {
+    "Tsit5": (1e-3, 1e-5, 1e-7, 1e-9),
+    "Dopri8": (1e-3, 1e-5, 1e-7, 1e-9),
+    "Bosh3": (1e-2, 1e-3, 1e-4),
+    "Kvaerno3": (1e-2, 1e-3, 1e-4),
+    "Kvaerno5": (1e-3, 1e-5, 1e-7),
 }
 _ORDINARY = ("Tsit5", "Dopri8", "Kvaerno5")
 _SCIPY = (1e-5, 1e-7)
@@ -38,27 +38,25 @@ def transient_study(question: Question, thorough: bool) -> Study:
     """Methods of the time integration.
 
     Raises:
-        BadInput: no crank, or neither a torque law nor a periodic state to make one from.
+        BadInput: neither a torque law nor a periodic state to make one from.
     """
-    machine = needs_crank(question, "simulate")
-    if machine.motor.closes != "torque":
-        machine = with_slip(machine, _SLIP)
-        if machine is None:
-            raise BadInput("motor", type(needs_crank(question, "simulate").motor).__name__,
-                           "a torque law over speed, for a machine without a periodic state")  # fmt: skip
+    given = question.compressor
+    assert given is not None
+    machine = given if given.motor.closes == "torque" else with_slip(given, _SLIP)
+    if machine is None:
+        bound = "a torque law over speed, for a machine without a periodic state"
+        raise BadInput("motor", type(given.motor).__name__, bound)
     duration = _REVOLUTIONS * 2 * np.pi / float(machine.motor.speed_guess)
 
     @cache
     def program(name):
-        make, _ = _METHODS[name]
-
         def speeds(machine, tolerance):
-            options = TimeIntegration(make(), tolerance, 1 << 17, _INSTANTS)
+            options = TimeIntegration(getattr(diffrax, name)(), tolerance, 1 << 17, _INSTANTS)
             found = simulate(machine, jnp.asarray(duration), until_rest=False, options=options,
                              throw=False)  # fmt: skip
             return Solved(found.state.speed, found.steps, True, found.status)
 
-        return compile_program(speeds, machine, jnp.asarray(1e-5))
+        return Program(speeds, machine, jnp.asarray(1e-5))
 
     def call(name, tolerance):
         return Call(program(name).on(machine, jnp.asarray(tolerance)), program(name))
@@ -72,7 +70,7 @@ def transient_study(question: Question, thorough: bool) -> Study:
 
     settings = [
         Setting(name, f"tolerance={tol:g}", partial(call, name, tol), (-np.log10(tol),))
-        for name, (_, tolerances) in _METHODS.items()
+        for name, tolerances in _DIFFRAX.items()
         if thorough or name in _ORDINARY
         for tol in tolerances
     ]
@@ -81,7 +79,7 @@ def transient_study(question: Question, thorough: bool) -> Study:
                 lambda tol=tol: Call(partial(_by_scipy, machine, duration, tol)), (-np.log10(tol),))
         for tol in _SCIPY
     ]  # fmt: skip
-    note = f"run-up from rest, {_REVOLUTIONS:g} revolutions' time"
+    note = f"run-up from rest over the time of {_REVOLUTIONS:g} revolutions"
     return Study(reference, tuple(settings), note)
 
 

@@ -16,14 +16,14 @@ SETTINGS = [(nodes, reversals, tol) for nodes, reversals in ((8, 0), (32, 0), (8
 def measured(name):
     """Efficiency and seconds of every setting, and of the reference, in the precision of this process."""
     from jaxcomp import Collocation, load, solve_orbit
-    from jaxcomp.work_precision import compile_program
+    from jaxcomp.work_precision import Program
 
     machine = load(name).compressor
 
     def one(nodes, reversals, tolerance):
         reversals = machine.mechanism.load_reversals if reversals is None else reversals
         solver = Collocation(nodes, reversals, tolerance=tolerance)
-        program = compile_program(
+        program = Program(
             lambda m: solve_orbit(m, solver, throw=False).mechanical_efficiency, machine
         )
         return float(program(machine)), program.timed(machine)
