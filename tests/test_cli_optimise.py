@@ -1,4 +1,4 @@
-"""`jaxcomp optimise`: the optimum, the front, what it writes, resuming, and its refusals."""
+"""`jaxcomp optimise`: the optimum, the Pareto front, what it writes, and its refusals."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,6 @@ def test_files_and_the_scene_as_optimised(optimum):
         "result.json",
         "report.html",
         "scene.toml",
-        "search.npz",
     ):
         assert (out / name).stat().st_size > 500
     scene = load(out / "scene.toml")
@@ -74,43 +73,20 @@ def test_files_and_the_scene_as_optimised(optimum):
     assert efficiency == pytest.approx(result["objective"]["value"], abs=1e-9)
 
 
-def test_search_is_resumed(optimum, tmp_path):
-    whole, _ = optimum
-    same = (*BORE, *SMALL, "--set", "motor.mean_speed=1200rpm")
-    part = found(*same, "--steps", "3", "--out", tmp_path)
-    assert part["status"] == "step limit"
-    again = found(*same, "--resume", tmp_path / "search.npz")
-    assert again["variables"] == whole["variables"]
-    assert again["history"] == whole["history"]
-    other = run(*BORE, *SMALL, "--resume", tmp_path / "search.npz")
-    assert other.exit_code == 2
-    assert "is of a search with sets = ['motor.mean_speed=1200rpm'], not []" in other.stderr
-    (tmp_path / "broken.npz").write_text("nothing")
-    broken = run(*same, "--resume", tmp_path / "broken.npz")
-    assert broken.exit_code == 2
-    assert "is no file of a search" in broken.stderr
-
-
-def test_interrupted_search_is_kept(monkeypatch, tmp_path, optimum):
-    whole, _ = optimum
-    same = (*BORE, *SMALL, "--set", "motor.mean_speed=1200rpm")
-
+def test_interrupted_search_ends_in_a_word(monkeypatch, optimum):
     def interrupted(*arguments, callback, **options):
-        def stop(search):
-            callback(search)
-            if search.stage == "descent" and search.done == 2:
+        def stop(stage, done, total):
+            callback(stage, done, total)
+            if (stage, done) == ("descent", 2):
                 raise KeyboardInterrupt
 
         return optimise(*arguments, callback=stop, **options)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(work, "optimise", interrupted)
-        result = run(*same, "--out", tmp_path)
-        assert result.exit_code == 130
-        assert f"--resume {tmp_path / 'search.npz'}" in result.stderr
-        assert "nothing was kept" in run(*same).stderr
-    again = found(*same, "--resume", tmp_path / "search.npz")
-    assert again["variables"] == whole["variables"]
+    monkeypatch.setattr(work, "optimise", interrupted)
+    result = run(*BORE, *SMALL, "--set", "motor.mean_speed=1200rpm")
+    assert result.exit_code == 130
+    assert "stopped" in result.stderr
+    assert result.stdout == ""
 
 
 def test_tables_show_optimum_starts_and_evidence():
@@ -221,7 +197,6 @@ REFUSED = {
     "front with itself": ([*BORE, "--pareto", "mechanical_efficiency"], "two different quantities"),
     "least squares of one": ([*BORE, "--method", "least-squares"], "without targets"),
     "no start": (["mayekawa-wbhe", *BORE[1:3], "--starts", "0"], "`starts` must be >= 1"),
-    "no file": ([*BORE, "--resume", "nowhere.npz"], "nowhere.npz"),
     "unknown machine": (["mayekawa", *BORE[1:]], "did you mean"),
 }
 

@@ -1,7 +1,6 @@
 """`jaxcomp optimise`: the best design of a machine by gradients, and the front of two objectives."""
 
 import enum
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,9 +11,9 @@ from ._options import AsJson, Machine, Out, Sets
 
 
 class Method(enum.StrEnum):
-    """How the starts move."""
+    """The optimiser."""
 
-    bfgs = "bfgs"
+    slsqp = "slsqp"
     least_squares = "least-squares"
     adam = "adam"
 
@@ -99,10 +98,21 @@ def optimise(
     sets: Sets = None,
     method: Annotated[
         Method | None,
-        typer.Option(help="BFGS (default), Levenberg-Marquardt (default with --target), or Adam."),
+        typer.Option(
+            help="slsqp keeps constraints, least-squares is for targets without constraints, adam is of "
+            "first order; the one that suits if absent."
+        ),
     ] = None,
-    starts: Annotated[int, typer.Option(help="Starts, spread over the ranges.")] = 8,
-    max_steps: Annotated[int, typer.Option("--steps", help="Largest number of steps.")] = 100,
+    starts: Annotated[
+        int,
+        typer.Option(
+            help="Number of starts: the best design of the coarse sample, the present one, and others "
+            "spread over the ranges."
+        ),
+    ] = 8,
+    max_steps: Annotated[
+        int, typer.Option("--steps", help="Largest number of designs solved from each start.")
+    ] = 100,
     tolerance: Annotated[
         float, typer.Option(help="Of the slope that is left, in spreads of the objective.")
     ] = 1e-5,
@@ -114,10 +124,6 @@ def optimise(
         Accuracy,
         typer.Option(help="fast: efficiency to 1e-5, compiles three times as fast."),
     ] = Accuracy.fine,
-    resume: Annotated[
-        Path | None,
-        typer.Option(help="Go on with the search.npz that --out has left, with more --steps."),
-    ] = None,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -136,8 +142,8 @@ def optimise(
         raise CommandError("--variable: is missing; e.g. --variable bore=100mm:160mm")
     if targets and (objective or maximise is not None):
         raise CommandError("--target: takes neither --objective nor --maximise beside it")
-    if pareto and (targets or resume or method):
-        name = "--target" if targets else "--resume" if resume else "--method"
+    if pareto and (targets or method):
+        name = "--target" if targets else "--method"
         raise CommandError(f"--pareto: takes no {name} beside it")
     if scatter and targets:
         raise CommandError("--scatter: takes no --target beside it")
@@ -157,7 +163,7 @@ def optimise(
         targets=tuple(targets or ()),
         maximise=maximise,
         constraints=tuple(constraints or ()),
-        method=(method or (Method.least_squares if targets else Method.bfgs)).value,
+        method=method and method.value,
         starts=starts,
         samples=samples,
         seed=seed,
@@ -170,4 +176,4 @@ def optimise(
     if pareto:
         searched_front(asked, pareto, points, max_steps, as_json, out)
     else:
-        searched_optimum(asked, max_steps, resume, as_json, out)
+        searched_optimum(asked, max_steps, as_json, out)

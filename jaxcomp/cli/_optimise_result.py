@@ -61,7 +61,6 @@ def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds:
         "stationarity": found.stationarity,
         "verdict": found.verdict,
         "local": found.local,
-        "descents": found.descents,
         "agreeing": found.agreeing,
         "starts": [one._asdict() for one in found.starts],
         "sample": {
@@ -130,7 +129,7 @@ def optimum_tables(result: dict[str, Any]) -> list:
     goal = result["objective"]
     way = (
         "met targets"
-        if goal["name"] == "misses"
+        if goal["name"] == "residuals"
         else ("highest" if goal["maximised"] else "lowest")
     )
     title = escape(f"{result['machine']}: {way} {_words(goal['name']).lower()}")

@@ -1,24 +1,21 @@
-"""The work behind `jaxcomp optimise`: reading what is asked, searching with a sign of life, writing."""
+"""The work behind `jaxcomp optimise`: reading the problem, searching, writing."""
 
-import json
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-import typer
-
 from .._waits import progress_of, spinner
 from ..crank import Collocation
-from ..design import AnalysisOptions, Problem, Search, optimise, pareto, problem, quantity, variable
+from ..design import AnalysisOptions, Problem, optimise, pareto, problem, quantity, variable
+from ..design._optimise import Callback
 from ..machine import Machine, machine_of
 from ..scene.tolerances import tolerances_of
 from ..tolerancing import Robust, robust
 from ._arguments import assignments, changed_scene, with_one_unit
 from ._constraints import bounds_of, si, value_of
-from ._errors import STOPPED, CommandError
+from ._errors import CommandError
 from ._optimise_result import (
     comparison,
     front_result,
@@ -31,13 +28,10 @@ from ._output import show_results, write_results
 
 # Of the periodic state by `--accuracy`; the fine one is chosen by the design.
 SOLVERS = {"fast": Collocation(nodes=12, reversals=0, tolerance=1e-10), "fine": None}
-SEARCH_FILE = "search.npz"
-# [s] between two writings of the search
-_EVERY = 5.0
 
 
 class Asked(NamedTuple):
-    """What was typed; a search can be resumed with the same only."""
+    """What was typed."""
 
     machine: str
     sets: tuple[str, ...]
@@ -46,7 +40,7 @@ class Asked(NamedTuple):
     targets: tuple[str, ...]
     maximise: bool | None
     constraints: tuple[str, ...]
-    method: str
+    method: str | None
     starts: int
     samples: int
     seed: int
@@ -57,15 +51,14 @@ class Asked(NamedTuple):
     quantile: float | None = None
 
 
-def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: Path | None) -> None:
+def searched_optimum(asked: Asked, max_steps: int, as_json: bool, out: Path | None) -> None:
     """Search for an optimum, write and show it."""
     begun = time.perf_counter()
-    kept = None if resume is None else _read(resume, asked)
     scene, made = _problem(asked)
     goals = {}
     for name, text in assignments(asked.targets, "--target").items():
         goals[name] = value_of(name, text, f"--target {name}")
-    with _watch(out, asked) as callback:
+    with _progress() as callback:
         found = optimise(
             made,
             goals or made.quantities[0],
@@ -78,7 +71,6 @@ def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: P
             samples=asked.samples,
             seed=asked.seed,
             callback=callback,
-            resume=kept,
         )
     with spinner("Comparing with the present design ..."):
         beside = comparison(found)
@@ -94,7 +86,6 @@ def searched_optimum(asked: Asked, max_steps: int, resume, as_json: bool, out: P
             write_results(
                 out, optimum_figures(found), result, new, tables, {"designs": found.columns()}
             )
-            _write(out, asked, found.search)
     show_results(
         result, tables, as_json, out, "Report, pictures, designs, result and optimised scene"
     )
@@ -104,7 +95,7 @@ def searched_front(asked: Asked, other: str, points: int, max_steps, as_json, ou
     """Trace a front, write and show it."""
     begun = time.perf_counter()
     scene, made = _problem(asked, other)
-    with _watch(None, asked) as callback:
+    with _progress() as callback:
         found = pareto(
             made,
             (made.quantities[0], other),
@@ -171,49 +162,12 @@ def _robust(asked: Asked, design: Machine) -> Robust:
 
 
 @contextmanager
-def _watch(out: Path | None, asked: Asked) -> Iterator[Any]:
-    """A bar on standard error, and the search in a file now and then and when it is interrupted."""
-    last: dict[str, Any] = {"search": None, "time": time.perf_counter()}
+def _progress() -> Iterator[Callback]:
+    """A bar on standard error."""
     with progress_of("Compiling and sampling") as progress:
 
-        def callback(search: Search) -> None:
-            words = "Sampling the ranges" if search.stage == "sample" else "Descending, steps"
-            progress.at(search.done, search.total, words)
-            if search.stage == "descent" and out is not None:
-                last["search"] = search
-                if time.perf_counter() - last["time"] > _EVERY:
-                    _write(out, asked, search)
-                    last["time"] = time.perf_counter()
+        def callback(stage: str, done: int, total: int) -> None:
+            words = "Sampling the ranges" if stage == "sample" else "Searching, designs a start"
+            progress.at(done, total, words)
 
-        try:
-            yield callback
-        except KeyboardInterrupt:
-            if out is None or last["search"] is None:
-                typer.echo("stopped; nothing was kept", err=True)
-            else:
-                _write(out, asked, last["search"])
-                typer.echo(f"stopped; go on with --resume {out / SEARCH_FILE}", err=True)
-            raise typer.Exit(STOPPED) from None
-
-
-def _write(folder: Path, asked: Asked, search: Search) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    part = folder / f"{SEARCH_FILE}.part"
-    with part.open("wb") as file:
-        np.savez_compressed(file, asked=np.array(json.dumps(asked._asdict())), **search.kept())  # pyright: ignore
-    part.replace(folder / SEARCH_FILE)  # whole or not at all, also if the power fails
-
-
-def _read(path: Path, asked: Asked) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path) as file:
-            kept = {name: file[name] for name in file.files}
-        before = json.loads(str(kept.pop("asked")))
-    except (ValueError, KeyError, EOFError) as error:
-        raise CommandError(f"--resume {path}: is no file of a search ({error})") from None
-    for name, value in json.loads(json.dumps(asked._asdict())).items():
-        if before.get(name) != value:
-            raise CommandError(
-                f"--resume {path}: is of a search with {name} = {before.get(name)}, not {value}"
-            )
-    return kept
+        yield callback

@@ -33,7 +33,6 @@ from ._rules import with_bore as with_bore
 from ._rules import with_offset as with_offset
 from ._rules import with_piston_clearance as with_piston_clearance
 from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
-from ._search import Search as Search
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
 from ._spoken import spoken as spoken

@@ -16,7 +16,7 @@ from ._analysis import quantity
 from ._problem import Asked, Problem, name_of, prepared
 
 Interval = tuple[float | None, float | None]
-Wanted = Asked | Mapping[Asked, float]
+Objective = Asked | Mapping[Asked, float]
 
 
 class Limit(NamedTuple):
@@ -55,7 +55,7 @@ class Goal(NamedTuple):
     @property
     def name(self) -> str:
         """Of the objective."""
-        return "misses" if self.objective is None else self.problem.names[self.objective]
+        return "residuals" if self.objective is None else self.problem.names[self.objective]
 
     @property
     def unit(self) -> str:
@@ -79,7 +79,7 @@ class Goal(NamedTuple):
 
 def goal_of(
     problem: Problem,
-    objective: Wanted | None,
+    objective: Objective | None,
     maximise: bool | None,
     constraints: Mapping[Asked, Interval] | None,
 ) -> Goal:

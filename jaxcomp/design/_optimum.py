@@ -1,7 +1,7 @@
 """What a search found: the optimum and the evidence that it is one."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -10,10 +10,9 @@ from jaxtyping import Bool, Float
 
 from .._results import Data, Result
 from ..machine import Machine
-from ._lane import STATUS
+from ._descent import BETTER, FEASIBLE, Descent, Point, Scaled
 from ._problem import Problem
-from ._search import BETTER, FEASIBLE, Frame, Search, agreeing, lane_merit, merit
-from ._transform import Ranges
+from ._ranges import Ranges
 
 
 class Constrained(NamedTuple):
@@ -45,8 +44,9 @@ class Start(NamedTuple):
         objective: [SI] there.
         violation: [-] of the worst constraint.
         stationarity: [-] projected slope, see `Optimum`.
-        status: "converged", "no better step" (the line search found none although the slope is not
-            small: a kink, or solutions too rough), "step limit" or "no feasible design".
+        status: "converged", "no better step" (none was found although the slope is not small: a
+            kink, the edge of what can be solved, or solutions too rough), "step limit", "no feasible
+            design" or "start not solvable".
         steps: solved designs.
         agrees: whether it ended within a thousandth of each range of the best one.
     """
@@ -62,7 +62,7 @@ class Start(NamedTuple):
 
 
 class History(NamedTuple):
-    """Accepted designs, step by step; a start that has ended stands still.
+    """The best design so far from each start, after each solved design; at the end its last one.
 
     Attributes:
         values: [SI] (steps, starts, variables).
@@ -97,6 +97,13 @@ class Sample(NamedTuple):
     feasible: Bool[np.ndarray, " n"]
     best: int | None
 
+    def starts(self, count: int) -> Float[np.ndarray, "starts variables"]:
+        """[SI] The best design, and the first of the others that can be solved."""
+        places = np.flatnonzero(self.ok)
+        if self.best is not None:
+            places = np.concatenate([[self.best], places[places != self.best]])
+        return self.values[places[:count]]
+
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Optimum(Result):
@@ -107,15 +114,15 @@ class Optimum(Result):
         ranges: of the variables.
         design: the best design.
         values: [SI] by variable.
-        objective: [SI] there; with targets half the sum of the squared misses, in spreads.
-        objective_name: the quantity; "misses" with targets.
+        objective: [SI] there; with targets half the sum of the squared residuals, in spreads.
+        objective_name: the quantity; "residuals" with targets.
         maximised: whether the objective was made large.
         quantities: [SI] all quantities of the problem there, by name.
         status: as in `Start`, of the best start.
         feasible: whether it keeps all constraints, to a hundred-thousandth of their spread; if not, it
             breaks them least.
-        stationarity: [-] largest change of the Lagrangian, in spreads of the objective over the sample,
-            that the slope promises over the range of a variable, where a bound does not forbid it.
+        stationarity: [-] largest slope of the Lagrangian over the range of a variable, in spreads of
+            the objective over the sample, where no bound forbids to follow it.
         gradient: [SI] of the objective by variable, at the optimum.
         at_bound: variables that ended on a bound of their range, with "low" or "high".
         constraints: each side.
@@ -123,10 +130,8 @@ class Optimum(Result):
         history: of all starts.
         sample: what the optimum was compared with.
         verdict: the comparison in words.
-        local: whether a sample remained better than the optimum.
-        descents: above one if a sample was better than all starts at first.
+        local: whether a sample is better than the optimum, which only starts that are given allow.
         evaluations: designs solved (each with its derivatives) in the descent; the sample's are beside.
-        search: what `optimise(resume=...)` takes; files of `save` leave it out.
     """
 
     problem: Problem
@@ -148,12 +153,9 @@ class Optimum(Result):
     sample: Sample
     verdict: str
     local: bool
-    descents: int
     evaluations: int
-    search: Search
 
     table_dims: ClassVar[tuple[str, ...]] = ("sample",)
-    not_saved: ClassVar[tuple[str, ...]] = ("search",)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has the sample it was compared with."""
@@ -177,112 +179,106 @@ class Optimum(Result):
         return sum(start.agrees for start in self.starts)
 
 
-def optimum_of(frame: Frame, search: Search) -> Optimum:
-    """Read the result of a search that has ended."""
-    goal, lanes = frame.goal, search.lanes
-    assert lanes is not None
-    assert search.begins is not None
-    scale, problem = np.asarray(frame.numbers.scale), goal.problem
-    values = np.asarray(frame.ranges.inside(lanes.free))
-    found = np.asarray(lanes.at.values)
-    objective, violation = goal.value(found, scale), goal.violation(found, scale)
-    status = np.asarray(lanes.status)
-    reached = lane_merit(frame, search)
-    # without a feasible start, the one that breaks the constraints least
-    solved = np.asarray(lanes.at.ok)
-    lost = not np.isfinite(reached).any()
-    best = int(np.argmin(np.where(solved, violation, np.inf) if lost else reached))
-    same = agreeing(values, best, frame.ranges)
+def optimum_of(scaled: Scaled, sample: Sample, descents: Sequence[Descent]) -> Optimum:
+    """The result of starts that have ended."""
+    goal, ranges = scaled.goal, scaled.ranges
+    problem = goal.problem
+    ends = [one.best for one in descents]
+    best = min(range(len(ends)), key=lambda n: (not ends[n].ok, ends[n].rank))
+    end, values = ends[best], ranges.values(ends[best].share)
+    shares = np.stack([point.share for point in ends])
+    agrees = np.max(np.abs(shares - end.share), axis=1) <= 1e-3
     starts = tuple(
-        Start(*row)
-        for row in zip(
-            search.begins, values, objective.tolist(), violation.tolist(),
-            np.asarray(lanes.stationarity).tolist(), [STATUS[s] for s in status],
-            np.asarray(lanes.steps).tolist(), same.tolist(), strict=True,
+        Start(
+            start=one.begin,
+            values=ranges.values(point.share),
+            objective=_objective(scaled, point),
+            violation=point.violation,
+            stationarity=point.stationarity,
+            status=one.status,
+            steps=len(one.points),
+            agrees=bool(same),
         )
-    )  # fmt: skip
-    sample = sample_of(frame, search)
-    verdict, local = _compared(frame, search, sample, reached[best])
+        for one, point, same in zip(descents, ends, agrees, strict=True)
+    )
+    feasible = end.ok and end.violation <= 10 * FEASIBLE
+    verdict, local = _compared(scaled, sample, end, feasible)
     names = [one.name for one in problem.variables]
-    slope = np.asarray(lanes.at.slope)[best]
-    row = _slope(goal, found[best], slope, scale)
-    share = (values[best] - np.asarray(frame.ranges.low)) / np.asarray(frame.ranges.width)
-    ends = {"low": share < 1e-4, "high": share > 1 - 1e-4}
-    at_bound = {n: end for end, hit in ends.items() for n, on in zip(names, hit, strict=True) if on}
+    gradient = scaled.unit * end.gradient / ranges.width
+    sides = {"low": end.share < 1e-4, "high": end.share > 1 - 1e-4}
     return Optimum(
         problem=problem,
-        ranges=frame.ranges,
-        design=problem.designed(jnp.asarray(values[best])),
-        values=dict(zip(names, values[best].tolist(), strict=True)),
-        objective=float(objective[best]),
+        ranges=ranges,
+        design=problem.designed(jnp.asarray(values)),
+        values=dict(zip(names, values.tolist(), strict=True)),
+        objective=starts[best].objective,
         objective_name=goal.name,
         maximised=goal.sign < 0,
-        quantities=dict(zip(problem.names, found[best].tolist(), strict=True)),
+        quantities=dict(zip(problem.names, end.values.tolist(), strict=True)),
         status=starts[best].status,
-        feasible=not lost,
-        stationarity=starts[best].stationarity,
-        gradient=dict(zip(names, row.tolist(), strict=True)),
-        at_bound=at_bound,
-        constraints=_constrained(frame, lanes, best),
+        feasible=feasible,
+        stationarity=end.stationarity,
+        gradient=dict(zip(names, gradient.tolist(), strict=True)),
+        at_bound={
+            name: side for side, on in sides.items() for name in np.array(names)[on].tolist()
+        },
+        constraints=_constrained(scaled, end),
         starts=starts,
-        history=History(*(np.stack(search.history[name]) for name in History._fields)),
+        history=_history(scaled, descents),
         sample=sample,
         verdict=verdict,
         local=local,
-        descents=search.rounds,
-        evaluations=search.evaluations,
-        search=search,
+        evaluations=sum(start.steps for start in starts),
     )
 
 
-def sample_of(frame: Frame, search: Search) -> Sample:
-    """The sample of a search, judged."""
-    assert search.found is not None
-    found, ok = np.asarray(search.found.values), np.asarray(search.found.ok)
-    worth = merit(frame, found, ok)
-    best = int(np.argmin(worth)) if np.isfinite(worth).any() else None
-    objective = frame.goal.value(found, np.asarray(frame.numbers.scale))
-    return Sample(search.sample, found, objective, ok, np.isfinite(worth), best)
+def _objective(scaled: Scaled, point: Point) -> float:
+    """[SI] of a design; NaN if it could not be solved."""
+    return float(scaled.goal.value(point.values, scaled.scale)) if point.ok else np.nan
 
 
-def _compared(frame: Frame, search: Search, sample: Sample, reached: float) -> tuple[str, bool]:
+def _history(scaled: Scaled, descents: Sequence[Descent]) -> History:
+    count = max(len(one.points) for one in descents)
+    paths = [one.path + [one.best] * (count - len(one.path)) for one in descents]
+    column = lambda of: np.array([[of(p) for p in row] for row in zip(*paths, strict=True)])  # noqa: E731
+    tried = [[p.ok for p in one.points] + [True] * (count - len(one.points)) for one in descents]
+    return History(
+        values=scaled.ranges.values(column(lambda point: point.share)),
+        objective=column(lambda point: _objective(scaled, point)),
+        violation=column(lambda point: point.violation),
+        stationarity=column(lambda point: point.stationarity),
+        ok=np.array(tried).T,
+    )
+
+
+def _compared(scaled: Scaled, sample: Sample, end: Point, feasible: bool) -> tuple[str, bool]:
     count = len(sample.ok)
-    if not np.isfinite(reached):
-        if sample.best is None:
-            return f"no start and none of {count} samples keeps all constraints", False
+    if sample.best is None:
+        kept = "no better design among" if feasible else "no start and none of"
+        return f"{kept} {count} samples" + ("" if feasible else " keeps all constraints"), False
+    if not feasible:
         return f"no start keeps all constraints, but one of {count} samples does", True
-    worth = merit(frame, sample.quantities, sample.ok)
-    if np.min(worth) < reached - BETTER:
-        assert sample.best is not None
-        value = sample.objective[sample.best]
+    value = sample.objective[sample.best]
+    if (_objective(scaled, end) - value) / scaled.unit > BETTER:
         return f"a local optimum: one of {count} samples is better, {value:.7g}", True
-    again = ""
-    if search.rounds > 1:
-        again = f" (after {search.rounds - 1} more descent from samples that were better)"
-    return f"no better design among {count} samples{again}", False
+    return f"no better design among {count} samples", False
 
 
-def _slope(goal, found, slope, scale):
-    """(variables,) of the objective."""
-    if goal.objective is not None:
-        return slope[goal.objective]
-    rows = [(found[i] - v) / scale[i] ** 2 * slope[i] for i, v in goal.targets]
-    return np.sum(rows, axis=0)
-
-
-def _constrained(frame: Frame, lanes, best: int) -> tuple[Constrained, ...]:
-    goal, scale = frame.goal, np.asarray(frame.numbers.scale)
+def _constrained(scaled: Scaled, end: Point) -> tuple[Constrained, ...]:
     out = []
-    for row, limit in enumerate(goal.limits):
-        value = float(lanes.at.values[best, limit.place])
-        pressure = float(lanes.multipliers[best, row])
-        over = (value - limit.bound) / scale[limit.place]
-        over = over * limit.side if limit.side else abs(over)
-        # L = sign f/s_f + mu side (q - bound)/s_q, so d f/d bound = sign s_f mu side/s_q
-        unit = 1.0 if goal.objective is None else goal.sign * scale[goal.objective]
-        multiplier = -unit * pressure * (limit.side or 1) / scale[limit.place]
-        side = {1: "upper", -1: "lower", 0: "equal"}[limit.side]
-        active = limit.side == 0 or pressure > 0
-        out.append(Constrained(limit.name, side, limit.bound, value, active, float(multiplier),
-                               max(float(over), 0.0) if over > FEASIBLE else 0.0))  # fmt: skip
+    for limit, over, pressure in zip(scaled.goal.limits, end.limits, end.multipliers, strict=True):
+        # L = f/unit + mu side (q - bound)/scale, so d f/d bound = -unit mu side/scale
+        multiplier = -scaled.unit * pressure * (limit.side or 1) / scaled.scale[limit.place]
+        broken = float(over if limit.side else abs(over))
+        out.append(
+            Constrained(
+                name=limit.name,
+                side={1: "upper", -1: "lower", 0: "equal"}[limit.side],
+                bound=limit.bound,
+                value=float(end.values[limit.place]),
+                active=limit.side == 0 or bool(pressure > 0),
+                multiplier=float(multiplier),
+                violation=broken if broken > 10 * FEASIBLE else 0.0,
+            )
+        )
     return tuple(out)

@@ -1,4 +1,4 @@
-"""The front between two objectives: what one costs in terms of the other."""
+"""The Pareto front of two objectives: what one costs in terms of the other."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping
@@ -10,25 +10,12 @@ from jaxtyping import Bool, Float
 from .._fields import BadInput
 from .._results import Data, Result
 from .._status import SolveFailed, Status
-from ._goal import Goal, Interval, Limit, goal_of, solved
-from ._lane import STATUS
-from ._methods import METHODS, method_of
-from ._optimise import first_starts
+from ._descent import BETTER, Descent, Scaled, method_of
+from ._goal import Interval, Limit, goal_of, solved
+from ._optimise import Callback, descend, present_design, sample_of, solved_sample, spreads
 from ._optimum import Optimum, optimum_of
 from ._problem import Asked, Problem
-from ._search import (
-    BETTER,
-    Callback,
-    Frame,
-    Search,
-    begin,
-    descend,
-    merit,
-    numbers_of,
-    sampled,
-    search_all,
-)
-from ._transform import ranges_of, scattered
+from ._ranges import even_sample, ranges_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -124,50 +111,79 @@ def pareto(
         raise BadInput("starts", starts, ">= 1")
     if len(objectives) != 2 or objectives[0] == objectives[1]:
         raise BadInput("objectives", str(objectives), "two different quantities")
-    ranges, method = ranges_of(problem.variables), method_of(METHODS[0])
+    ranges = ranges_of(problem.variables)
     asked = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
     # all quantities in one order, so that one program serves both ends and the front
     problem = Problem(problem.design, problem.variables, tuple(asked), problem.options)
     goals = [
         goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)
     ]
-    first = first_starts(problem, ranges)
-    space = np.asarray(scattered(ranges, max(samples, starts), seed))
-    known = sampled(goals[0], np.concatenate([first, space]), batch, callback)
-    assert known.found is not None
-    good = np.flatnonzero(known.found.ok)
-    if not good.size:
-        raise SolveFailed(Status.not_converged, f"none of {len(known.sample)} designs was solved")
+    method = method_of("slsqp", goals[0])
+    space = even_sample(ranges, max(samples, starts), seed)
+    designs = np.concatenate([present_design(problem, ranges), space])
+    found = solved_sample(goals[0], designs, batch, callback)
+    scaled = [Scaled(goal, ranges, spreads(found), tolerance) for goal in goals]
+
+    def searched(begin: list[tuple[Scaled, np.ndarray]]) -> list[Descent]:
+        descents = [Descent(*one, max_steps) for one in begin]
+        descend(descents, method, batch, callback)
+        return descents
+
     ends = []
-    for goal in goals:
-        numbers = numbers_of(goal, known.found, tolerance)
-        frame, search = Frame(goal, method, ranges, numbers, batch), _fresh(known)
-        begin(frame, search, known.sample[good[:starts]])
-        search_all(frame, search, max_steps, callback)
-        ends.append(optimum_of(frame, search))
+    for one in scaled:
+        sample = sample_of(one, designs, found)
+        descents = searched([(one, start) for start in sample.starts(starts)])
+        ends.append(optimum_of(one, sample, descents))
         if not ends[-1].feasible:
             raise SolveFailed(Status.not_converged, ends[-1].verdict)
-    front = [_end(end, goals) for end in ends]
-    evaluations = sum(end.evaluations for end in ends)
-    width = np.ptp([point.objectives for point in front], axis=0)
-    spread = np.asarray(numbers_of(goals[0], known.found, tolerance).scale)
-    if width[1] <= BETTER * spread[goals[1].objective]:
-        front, points = front[:1], 2
-    # Levels of one objective leave bare where the other one is steep: half the points have a level of
-    # the second objective, the others of the first.
-    for held, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
-        if count:
-            main, other = goals[1 - held], goals[held]
-            limit = Limit(other.name, other.objective, other.sign, 0.0)
-            goal = Goal(main.problem, main.objective, main.sign, (), (*main.limits, limit))
-            frame = Frame(goal, method, ranges, numbers_of(goal, known.found, tolerance), batch)
-            levels = np.linspace(*(p.objectives[held] for p in front[:2]), count + 2)[1:-1]
-            found, search = _at_levels(
-                frame, levels, known, front[held].values, max_steps, callback
-            )
-            front += found if held else [point.swapped() for point in found]
-            evaluations += search.evaluations
-    return _front(problem, goals, ends, front, known, spread, batch, evaluations)
+    names = [goal.name for goal in goals]
+    front = [
+        _Point(
+            np.array(list(end.values.values())),
+            np.array([end.quantities[name] for name in names]),
+            np.nan,
+            end.status,
+        )
+        for end in ends
+    ]
+    places = [goal.objective for goal in goals]
+    scale = scaled[0].scale[places]
+    between = []
+    if abs(front[0].objectives[1] - front[1].objectives[1]) > BETTER * scale[1]:
+        between = _levels(scaled, front, points)
+    else:
+        front = front[:1]
+    begin = []
+    for one, end in between:
+        sample = sample_of(one, designs, found)
+        begin.append((one, end if sample.best is None else sample.values[sample.best]))
+    descents = searched(begin) if begin else []
+    front += [_between(one, places) for one in descents]
+    signs = np.array([goal.sign for goal in goals])
+    # from the best of the first objective to the best of the second
+    front.sort(key=lambda point: -signs[1] * point.objectives[1])
+    values, reached, exchange = (np.array(c) for c in list(zip(*front, strict=True))[:3])
+    now = solved(problem, problem.current[None], batch)
+    present = np.where(np.asarray(now.ok)[0], np.asarray(now.values)[0, places], np.nan)
+    sample = ends[0].sample.quantities[ends[0].sample.feasible][:, places]
+    shown = signs * reached / scale
+    beats = np.all((signs * sample / scale)[:, None] < shown - BETTER, axis=-1)
+    return Front(
+        names=(names[0], names[1]),
+        units=(goals[0].unit, goals[1].unit),
+        maximised=(goals[0].sign < 0, goals[1].sign < 0),
+        variables=tuple(one.name for one in problem.variables),
+        values=values,
+        objectives=reached,
+        exchange=exchange,
+        status=tuple(point.status for point in front),
+        dominated=dominated(shown, BETTER),
+        present=present,
+        sample=sample,
+        beaten_by=int(np.any(beats, axis=1).sum()),
+        ends=(ends[0], ends[1]),
+        evaluations=sum(end.evaluations for end in ends) + sum(len(d.points) for d in descents),
+    )
 
 
 class _Point(NamedTuple):
@@ -178,79 +194,33 @@ class _Point(NamedTuple):
     exchange: float
     status: str
 
-    def swapped(self) -> "_Point":
-        """With the objectives in the other order."""
-        slope = 1 / self.exchange if self.exchange else np.nan
-        return self._replace(objectives=self.objectives[::-1], exchange=slope)
+
+def _levels(scaled, front, points: int) -> list[tuple[Scaled, np.ndarray]]:
+    """Goals with one objective held at even levels between the ends, and the end that keeps them.
+
+    Levels of one objective leave bare where the other one is steep: half the points have a level of
+    the second objective, the others of the first.
+    """
+    out = []
+    for held, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
+        main, other = scaled[1 - held], scaled[held].goal
+        for level in np.linspace(*(p.objectives[held] for p in front), count + 2)[1:-1]:
+            limit = Limit(other.name, other.objective, other.sign, float(level))
+            goal = main.goal._replace(limits=(*main.goal.limits, limit))
+            out.append((main._replace(goal=goal), front[held].values))
+    return out
 
 
-def _fresh(known: Search) -> Search:
-    return dataclasses.replace(known, done=0, evaluations=0, history={})
-
-
-def _end(end: Optimum, goals) -> _Point:
-    objectives = np.array([end.quantities[goal.name] for goal in goals])
-    return _Point(np.array(list(end.values.values())), objectives, np.nan, end.status)
-
-
-def _at_levels(frame: Frame, levels, known: Search, spare, max_steps, callback):
-    """Points with the last limit of the goal at some levels, all searched at once."""
-    goal, found = frame.goal, known.found
-    assert found is not None
-    assert goal.objective is not None
-    *fixed, last = goal.limits
-    starts = []
-    for level in levels:
-        # the best sample that keeps this level, or the end that does
-        here = goal._replace(limits=(*fixed, last._replace(bound=float(level))))
-        worth = merit(frame._replace(goal=here), np.asarray(found.values), np.asarray(found.ok))
-        kept = np.isfinite(worth).any()
-        starts.append(known.sample[np.argmin(worth)] if kept else spare)
-    bounds = np.array([[*(one.bound for one in fixed), level] for level in levels])
-    search = _fresh(known)
-    begin(frame, search, np.stack(starts), bounds)
-    descend(frame, search, max_steps, callback)
-    lanes = search.lanes
-    assert lanes is not None
-    scale = np.asarray(frame.numbers.scale)
-    # L = sign f/s_f + mu side (q - bound)/s_q
-    pressure = np.asarray(lanes.multipliers)[:, -1]
-    exchange = -goal.sign * last.side * pressure * scale[goal.objective] / scale[last.place]
-    objectives = np.asarray(lanes.at.values)[:, [goal.objective, last.place]]
-    words = [STATUS[s] for s in np.asarray(lanes.status)]
-    values = np.asarray(frame.ranges.inside(lanes.free))
-    return [_Point(*row) for row in zip(values, objectives, exchange, words, strict=True)], search
-
-
-def _front(problem, goals, ends, points, known: Search, spread, batch, evaluations) -> Front:
-    places = [goal.objective for goal in goals]
-    scale = spread[places]
-    signs = np.array([goal.sign for goal in goals])
-    # from the best of the first objective to the best of the second
-    points = sorted(points, key=lambda point: -signs[1] * point.objectives[1])
-    values, objectives, exchange = (np.array(c) for c in list(zip(*points, strict=True))[:3])
-    shown = signs * objectives / scale
-    now = solved(problem, problem.current[None], batch)
-    present = np.where(np.asarray(now.ok)[0], np.asarray(now.values)[0, places], np.nan)
-    kept = ends[0].sample.feasible
-    sample = ends[0].sample.quantities[kept][:, places]
-    beats = np.all((signs * sample / scale)[:, None] < shown - BETTER, axis=-1)
-    return Front(
-        names=(goals[0].name, goals[1].name),
-        units=(goals[0].unit, goals[1].unit),
-        maximised=(goals[0].sign < 0, goals[1].sign < 0),
-        variables=tuple(one.name for one in problem.variables),
-        values=values,
-        objectives=objectives,
-        exchange=exchange,
-        status=tuple(point.status for point in points),
-        dominated=dominated(shown, BETTER),
-        present=present,
-        sample=sample,
-        beaten_by=int(np.any(beats, axis=1).sum()),
-        ends=(ends[0], ends[1]),
-        evaluations=evaluations,
-    )
+def _between(descent: Descent, places) -> _Point:
+    """A point of the front whose last limit holds the other objective."""
+    scaled, end = descent.scaled, descent.best
+    limit = scaled.goal.limits[-1]
+    # L = f/unit + mu side (q - level)/scale
+    slope = -scaled.unit * limit.side * end.multipliers[-1] / scaled.scale[limit.place]
+    if scaled.goal.objective == places[1]:
+        slope = 1 / slope if slope else np.nan
+    values = scaled.ranges.values(end.share)
+    return _Point(values, end.values[places], slope, descent.status)
 
 
 def dominated(shown: np.ndarray, margin: float) -> np.ndarray:

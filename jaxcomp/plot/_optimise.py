@@ -189,7 +189,7 @@ def _now(ax, x, y) -> None:
 
 
 def _title(optimum: Optimum) -> str:
-    if optimum.objective_name == "misses":
+    if optimum.objective_name == "residuals":
         return "Targets met by least squares"
     return f"{'Highest' if optimum.maximised else 'Lowest'} {words(optimum.objective_name).lower()}"
 

@@ -1,7 +1,7 @@
 """The optimal bore by gradients beside a sweep of 0.1 mm: designs solved, times, and where they end.
 
     python tests/benchmarks/optimise.py             # the bore at three speeds (Tsuji et al. 2012, Fig. 6)
-    python tests/benchmarks/optimise.py --bounds    # how a bounded variable is best made a free one
+    python tests/benchmarks/optimise.py --tasks     # constraints, targets, several variables, a rotor
 
 Times are warm, the best of three; the first call with its compilation stands apart. A start solves
 designs with their derivative, which costs the second column of times more than a design of the sweep.
@@ -11,13 +11,12 @@ of 256 designs to compare with.
 
 import argparse
 import time
+from collections import Counter
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
-import scipy.optimize
 
 from jaxcomp import Collocation, load, optimise, problem
 from jaxcomp.cli._start import quick_compiles
@@ -82,73 +81,70 @@ def bores():
             print(f"{'':30}{found.agreeing} of 8 agree; {found.verdict}")
 
 
-def rosenbrock(x):
-    return jnp.sum(100 * (x[1:] - x[:-1] ** 2) ** 2 + (1 - x[:-1]) ** 2)
+MASSES = "mechanism.piston_mass", "mechanism.conrod_mass"
+UNBALANCE, ROD, INERTIA = (
+    "mechanism.crank_unbalance", "mechanism.conrod_length", "mechanism.crank_inertia",
+)  # fmt: skip
+FLUCTUATION, FORCE = "speed_fluctuation", "peak_force.crank_pin"
 
 
-def bowl(x):
-    return jnp.sum((x - jnp.array([3.0, -0.2, 0.4])) ** 2 * jnp.array([1.0, 10.0, 3.0])) / 2
+def rosenbrock(found):
+    mechanism = found.design.compressor.mechanism
+    x, y = mechanism.piston_mass, mechanism.conrod_mass
+    return 100 * (y - x**2) ** 2 + (1 - x) ** 2
 
 
-CASES = {
-    "Rosenbrock, free": (rosenbrock, 2, -2.0, 2.0),
-    "Rosenbrock, one bound holds": (rosenbrock, 2, -2.0, 0.5),
-    "Rosenbrock of 4, one holds": (rosenbrock, 4, -1.0, 0.8),
-    "bowl, two bounds hold": (bowl, 3, 0.0, 1.0),
-}
-COORDINATES = {
-    "sigmoid": (jax.nn.sigmoid, lambda u: jnp.log(u / (1 - u))),
-    "sine": (lambda t: (1 + jnp.sin(t)) / 2, lambda u: jnp.arcsin(2 * u - 1)),
-}
-
-
-def bounds(starts=32, tolerance=1e-6, limit=500):
-    """Evaluations to a projected slope of 1e-6, median and largest of all starts."""
-    line("", "", "median", "largest", "converged", widths=(30, 12, 12, 12, 12))
-    for name, (function, number, low, high) in CASES.items():
-        shares = np.random.default_rng(0).uniform(0.02, 0.98, (starts, number))
-        scale = np.std([float(function(low + (high - low) * u)) for u in shares])
-        goal = lambda u, f=function, a=low, b=high, s=scale: f(a + (b - a) * u) / s  # noqa: E731
-        both = jax.jit(jax.value_and_grad(goal))
-        found = [
-            scipy.optimize.minimize(
-                lambda u, g=both: [np.asarray(a) for a in g(u)], u, jac=True, method="L-BFGS-B",
-                bounds=[(0, 1)] * number, options={"ftol": 1e-15, "gtol": tolerance},
-            )
-            for u in shares
-        ]  # fmt: skip
-        counts = [one.nfev for one in found]
-        good = sum(one.success for one in found)
-        line(name, "projected", np.median(counts), max(counts), f"{good} of {starts}")
-        for kind, (inside, outside) in COORDINATES.items():
-            solver = optx.BFGS(0.0, 0.0)
-
-            def descent(share, goal=goal, inside=inside, outside=outside, solver=solver):
-                fn = lambda t, _: (goal(inside(t)), None)  # noqa: E731
-                shape = jax.ShapeDtypeStruct((), float)
-                start = outside(share)
-                state = solver.init(fn, start, None, {}, shape, None, frozenset())
-
-                def going_on(carry):
-                    return (carry[3] > tolerance) & (carry[2] < limit)
-
-                def advance(carry):
-                    t, state, count, _ = carry
-                    t, state, _ = solver.step(fn, t, None, {}, state, frozenset())
-                    u = inside(t)
-                    slope = u - jnp.clip(u - jax.grad(goal)(u), 0, 1)
-                    return t, state, count + 1, jnp.max(jnp.abs(slope))
-
-                begun = (start, state, jnp.asarray(0), jnp.asarray(jnp.inf))
-                return jax.lax.while_loop(going_on, advance, begun)[2:]
-
-            counts, slope = jax.jit(jax.vmap(descent))(jnp.asarray(shares))
-            good = int((slope <= tolerance).sum())
-            line("", kind, np.median(counts), int(counts.max()), f"{good} of {starts}")
+def tasks():
+    """Searches of several kinds: designs solved with derivatives, time, and where they end."""
+    reciprocating, hermetic = load("mayekawa-wbhe"), load("hermetic-68cc")
+    crank = AnalysisOptions(solver=SOLVERS["fast"])
+    four = {"bore": RANGE, UNBALANCE: (-0.8, 0.0), ROD: (0.2, 0.4), INERTIA: (0.1, 0.4)}
+    planes = [plane.name for plane in hermetic.parts["balancing"].planes]
+    corrections = {
+        f"corrections.{plane}.{axis}": (-3e-3, 3e-3) for plane in planes for axis in "xy"
+    }
+    efficiency = "mechanical_efficiency"
+    pair = problem(
+        reciprocating, {"bore": RANGE, UNBALANCE: (-0.8, 0.0)}, [efficiency, FLUCTUATION], crank
+    )
+    many = problem(reciprocating, four, [efficiency, FLUCTUATION, FORCE], crank)
+    masses = problem(reciprocating, dict.fromkeys(MASSES, (0.0, 3.0)), [rosenbrock])
+    balance = problem(hermetic, corrections, ["vibration"], AnalysisOptions(excitation="file"))
+    targets = {FLUCTUATION: 0.08, FORCE: 12e3}
+    least = {"method": "least-squares"}
+    cases = {
+        "Rosenbrock": (masses, {}),
+        "efficiency by 2, 1 constraint": (pair, {"constraints": {FLUCTUATION: (None, 0.1)}}),
+        "efficiency by 4": (many, {}),
+        "efficiency by 4, 2 constraints": (
+            many, {"constraints": {FLUCTUATION: (None, 0.08), FORCE: (None, 12e3)}},
+        ),
+        "efficiency by 4, 1 equality": (many, {"constraints": {FLUCTUATION: (0.08, 0.08)}}),
+        "2 targets by 4": (many, {"objective": targets, **least}),
+        "2 targets out of reach": (many, {"objective": {FLUCTUATION: 0.03, FORCE: 2e3}, **least}),
+        "vibration by 4 corrections": (balance, {}),
+    }  # fmt: skip
+    line(
+        "",
+        "objective",
+        "violation",
+        "designs",
+        "time, ms",
+        "agree",
+        widths=(34, 16, 12, 12, 12, 10),
+    )
+    for name, (made, options) in cases.items():
+        found, warm, _ = timed(lambda made=made, options=options: optimise(made, **options))
+        best = min(found.starts, key=lambda one: not one.agrees)
+        ends = Counter(one.status for one in found.starts)
+        line(name, f"{found.objective:.9g}", f"{best.violation:.1e}", found.evaluations,
+             f"{1e3 * warm:.0f}", f"{found.agreeing} of {len(found.starts)}",
+             "  " + ", ".join(f"{count} {word}" for word, count in ends.items()),
+             widths=(34, 16, 12, 12, 12, 10, 0))  # fmt: skip
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bounds", action="store_true")
+    parser.add_argument("--tasks", action="store_true")
     quick_compiles()  # as the command line starts JAX
-    bounds() if parser.parse_args().bounds else bores()
+    tasks() if parser.parse_args().tasks else bores()
