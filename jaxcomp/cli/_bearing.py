@@ -1,7 +1,6 @@
 """`jaxcomp bearing`: position, friction, stiffness and damping of one journal bearing."""
 
 import enum
-import functools
 import math
 from typing import Annotated, Any
 
@@ -25,6 +24,17 @@ class Model(enum.StrEnum):
     loaded_petroff = "loaded-petroff"
 
 
+_CLASSES = {
+    Model.reynolds: "Reynolds",
+    Model.grooved: "GroovedReynolds",
+    Model.guembel: "Guembel",
+    Model.ocvirk: "Ocvirk",
+    Model.fit: "ExplicitFit",
+    Model.petroff: "Petroff",
+    Model.loaded_petroff: "LoadedPetroff",
+}
+
+
 @reports_errors
 def bearing(
     length: Annotated[str, typer.Option(help="Length of the bearing, such as '20 mm'.")],
@@ -39,7 +49,7 @@ def bearing(
     speed: Annotated[str, typer.Option(help="Speed of the journal, such as 3000rpm.")],
     load: Annotated[str, typer.Option(help="Load on the journal, such as '2 kN'.")],
     model: Annotated[
-        Model, typer.Option(help="Film model; each says where it stops being right.")
+        Model, typer.Option(help="Film model; the output states its limits.")
     ] = Model.reynolds,
     as_json: AsJson = False,
     out: OutWithoutScene = None,
@@ -49,25 +59,38 @@ def bearing(
     Example: [bold]jaxcomp bearing --length 20mm --diameter 40mm --clearance 30um --viscosity "VG 46
     at 60 degC" --speed 3000rpm --load 2kN[/bold]
     """
-    from rich.markup import escape
-
+    from .. import film as films
     from .._waits import spinner
     from ..scene import to_si
-    from ._bearing_tables import bearing_tables
-    from ._output import show_results, write_results
+    from ._output import hand_out
     from ._start import start_jax
 
-    def number(name: str, text: str, unit: str) -> float:
-        return float(to_si(text, unit, f"--{name}"))
-
-    given = {
-        "length": number("length", length, "m"),
-        "diameter": number("diameter", diameter, "m"),
-        "clearance": number("clearance", clearance, "m"),
-        "viscosity": float(to_si(viscosity, "Pa s", "--viscosity")),
-        "speed": number("speed", speed, "rad/s"),
-        "load": number("load", load, "N"),
+    texts = {
+        "length": (length, "m"),
+        "diameter": (diameter, "m"),
+        "clearance": (clearance, "m"),
+        "viscosity": (viscosity, "Pa s"),
+        "speed": (speed, "rad/s"),
+        "load": (load, "N"),
     }
+    given = {name: float(to_si(text, unit, f"--{name}")) for name, (text, unit) in texts.items()}
+    film_type = getattr(films, _CLASSES[model])
+    _check(given, model, film_type.length_ratio_range)
+    start_jax()
+    with spinner("Solving the film (the first time it is compiled as well) ..."):
+        result, field = bearing_result(film_type, str(model), given)
+
+    def figures():
+        from ..plot import film_figures
+
+        return film_figures(film_type, result, field)
+
+    tables = bearing_tables(result)
+    hand_out(result, tables, as_json, out, figures, written="Report, pictures and result")
+
+
+def _check(given: dict[str, float], model: str, ratios: tuple[float, float]) -> None:
+    size = {name: f"--{name} {value:.6g}" for name, value in given.items()}
     for name, unit in (
         ("length", "m"),
         ("diameter", "m"),
@@ -75,55 +98,46 @@ def bearing(
         ("viscosity", "Pa s"),
     ):
         if given[name] <= 0:
-            raise CommandError(f"--{name} {_short(given[name])} {unit}: must be > 0 {unit}")
+            raise CommandError(f"{size[name]} {unit}: must be > 0 {unit}")
     if given["speed"] == 0:
         raise CommandError("--speed 0 rad/s: must not be 0 rad/s; a film needs motion")
     if given["load"] < 0:
-        raise CommandError(f"--load {_short(given['load'])} N: must be >= 0 N")
-    if given["clearance"] >= given["diameter"] / 2:
+        raise CommandError(f"{size['load']} N: must be >= 0 N")
+    radius, ratio = given["diameter"] / 2, given["length"] / given["diameter"]
+    if given["clearance"] >= radius:
         raise CommandError(
-            f"--clearance {_short(given['clearance'])} m: must be < {_short(given['diameter'] / 2)} m, "
-            "the radius of the journal"
+            f"{size['clearance']} m: must be < {radius:.6g} m, the radius of the journal"
         )
-    start_jax()
-    film = _models()[model]
-    low, high = film.length_ratio_range
-    ratio = given["length"] / given["diameter"]
+    low, high = ratios
     if not low * (1 - 1e-12) <= ratio <= high * (1 + 1e-12):
         raise CommandError(
-            f"--length {_short(given['length'])} m: length/diameter must be {low:g} to {high:g} for "
-            f"the model {model}, but is {_short(ratio)}"
+            f"{size['length']} m: length/diameter must be {low:g} to {high:g} for "
+            f"the model {model}, but is {ratio:.6g}"
         )
-    with spinner("Solving the film (the first time it is compiled as well) ..."):
-        result, field = bearing_result(film, str(model), given)
-    tables = [*bearing_tables(result), escape(f"{model}: {film.limits}")]
-    if out is not None:
-        from ..plot import film_figures
-
-        with spinner("Drawing ..."):
-            write_results(out, film_figures(film, result, field), result, tables=tables)
-    show_results(result, tables, as_json, out, "Report, pictures and result")
 
 
 def bearing_result(film_type, model: str, given: dict[str, float]) -> tuple[dict[str, Any], Any]:
-    """What a bearing does, as plain numbers in SI units, and its pressure field.
+    """Operating point of a bearing as plain numbers in SI units, and its pressure field.
 
     The keys are stable; new ones may join them. A number that the model does not give, or that is
     infinite (the Sommerfeld number at no load), is None.
     """
-    import jax
+    import equinox as eqx
     import numpy as np
 
-    from ..film import JournalBearing
+    from .. import film as films
+    from ._json import plain
 
-    radius, gap, speed = given["diameter"] / 2, given["clearance"], abs(given["speed"])
-    part = JournalBearing(given["diameter"], given["length"], gap, given["viscosity"], film_type)
-    found = _program()(part, np.float64(given["load"]), np.float64(speed))
-    found = {name: np.asarray(value).tolist() for name, value in jax.device_get(found).items()}
-    unit = given["viscosity"] * speed / (gap / radius) ** 2  # [Pa] of pressure
-    field = _field(film_type, found)
-    peak = None if field is None else field["peak"] * unit
-    flow = None if field is None else field["flow"]
+    speed, sign = abs(given["speed"]), math.copysign(1.0, given["speed"])
+    part = films.JournalBearing(
+        given["diameter"], given["length"], given["clearance"], given["viscosity"], film_type
+    )
+    found = eqx.filter_jit(films.operating_point)(
+        part, np.float64(given["load"]), np.float64(speed)
+    )
+    field, point = films.pressure_field(part, found, speed), plain(found._asdict())
+    friction, bush = point.pop("friction_torque"), point.pop("bush_torque")
+    state = ("eccentricity_ratio", "attitude_angle", "sommerfeld_number", "phi_p", "phi_t")
     result = {
         "model": model,
         "limits": film_type.limits,
@@ -131,162 +145,71 @@ def bearing_result(film_type, model: str, given: dict[str, float]) -> tuple[dict
         **given,
         "length_ratio": float(part.length_ratio),
         "clearance_ratio": float(part.clearance_ratio),
-        **{
-            name: found.get(name)
-            for name in ("eccentricity_ratio", "attitude_angle", "sommerfeld_number", "phi_p")
-        },
-        "phi_t": found["phi_t"],
-        "friction_torque": math.copysign(found["friction_torque"], given["speed"]),
-        "friction_power": found["friction_torque"] * speed,
-        "bush_torque": _signed(found.get("bush_torque"), given["speed"]),
-        "minimum_film": found.get("minimum_film"),
-        "peak_pressure": peak,
-        "side_flow": None if flow is None else flow * gap * radius * speed * given["length"],
-        **{
-            name: found.get(name)
-            for name in (
-                "stiffness",
-                "damping",
-                "dimensionless_stiffness",
-                "dimensionless_damping",
-                "critical_mass",
-                "whirl_ratio",
-            )
-        },
+        **{name: point.pop(name) for name in state},
+        "friction_torque": sign * friction,
+        "friction_power": friction * speed,
+        "bush_torque": None if bush is None else sign * bush,
+        "minimum_film": point.pop("minimum_film"),
+        "peak_pressure": None if field is None else field.peak_pressure,
+        "side_flow": None if field is None else field.side_flow,
+        **{name: _complete(value) for name, value in point.items()},
     }
-    if field is not None:
-        # [MPa] over the angle from the load and the place along the bearing, for the picture
-        field = {**field, "pressure": field["pressure"] * unit}
-    return {name: _finite(value) for name, value in result.items()}, field
+    return result, field
 
 
-@functools.cache
-def _program():
-    import equinox as eqx
+def _complete(value: Any) -> Any:
+    """`None` in place of a matrix of which an entry is missing."""
+    missing = isinstance(value, list) and any(entry is None for row in value for entry in row)
+    return None if missing else value
 
-    return eqx.filter_jit(_numbers)
 
+def bearing_tables(result: dict[str, Any]):
+    """Position and friction, then stiffness and damping; what a model does not give is left out."""
+    from rich.markup import escape
 
-def _numbers(part, load, speed) -> dict[str, Any]:
-    """Everything that the model gives, in one compiled program."""
-    import jax.numpy as jnp
+    from .._shown import RPM
+    from ._tables import row_table
 
-    from ..film import (
-        AbstractCarryingFilm,
-        AbstractSolvedFilm,
-        bush_moment,
-        coefficients_per_load,
-        film_ratio,
-        film_state,
-        friction_moment,
-        load_number,
-        prepare,
-        stability_threshold,
-        stiffness_damping,
+    size = f"{result['length'] * 1e3:.4g} x {result['diameter'] * 1e3:.4g} mm"
+    rows = [
+        ("Viscosity", "viscosity", 1e3, "mPa s", "in the film"),
+        ("Speed", "speed", RPM, "rpm", f"{result['speed']:.5g} rad/s"),
+        ("Load", "load", 1.0, "N", ""),
+        ("Eccentricity ratio", "eccentricity_ratio", 1.0, "", "e/c"),
+        ("Attitude angle", "attitude_angle", 180 / math.pi, "°", "load to e_r"),
+        ("Load number Phi_p", "phi_p", 1.0, "", "W psi^2/(eta omega L D), rad/s"),
+        ("Sommerfeld number S", "sommerfeld_number", 1.0, "", "1/(2 pi Phi_p), rev/s"),
+        ("Friction number Phi_T", "phi_t", 1.0, "", "pi at no load"),
+        ("Friction torque", "friction_torque", 1.0, "N m", f"{result['friction_power']:.5g} W"),
+        ("Minimum film", "minimum_film", 1e6, "µm", "compare with the roughness"),
+        ("Peak pressure", "peak_pressure", 1e-6, "MPa", ""),
+        ("Side flow", "side_flow", 6e7, "cm3/min", "out of both ends"),
+        ("Largest stable mass", "critical_mass", 1.0, "kg", "rigid rotor, of one bearing"),
+    ]
+    yield row_table(
+        f"Journal bearing {size}, L/D = {result['length_ratio']:.4g}, {result['model']}",
+        ("Running state", "", ""),
+        (
+            (name, f"{result[key] * scale:.5g} {unit}".strip(), remark)
+            for name, key, scale, unit, remark in rows
+            if result[key] is not None
+        ),
+        texts=3,
     )
-
-    still = {"rest_speed": 0.0}
-    part = prepare(part)
-    film, gap = part.film, part.bearing.radial_clearance
-    number = load_number(part, load, speed, **still)
-    out = {
-        "phi_p": number,
-        "sommerfeld_number": 1 / (2 * jnp.pi * number),
-        "phi_t": film.friction_number(number),
-        "friction_torque": friction_moment(part, load, speed, **still),
+    matrices = {
+        "K, N/m": result["stiffness"],
+        "C, N s/m": result["damping"],
+        "c K/W": result["dimensionless_stiffness"],
+        "c omega C/W": result["dimensionless_damping"],
     }
-    if isinstance(film, AbstractCarryingFilm):
-        x = film_ratio(film, number)
-        out |= {
-            "eccentricity_ratio": x / (1 + x),
-            "minimum_film_ratio": 1 / (1 + x),
-            "minimum_film": gap / (1 + x),
-        }
-    if isinstance(film, AbstractSolvedFilm):
-        stiffness, damping = stiffness_damping(part, jnp.stack([load, 0.0 * load]), speed, **still)
-        per_load = coefficients_per_load(film, number)
-        threshold = stability_threshold(film, number)
-        out |= {
-            "attitude_angle": film_state(film, number).attitude_angle,
-            "bush_torque": bush_moment(part, load, speed, **still),
-            "stiffness": stiffness,
-            "damping": damping,
-            "dimensionless_stiffness": per_load.stiffness,
-            "dimensionless_damping": per_load.damping,
-            "critical_mass": threshold.critical_mass * load / (gap * speed**2),
-            "whirl_ratio": threshold.whirl_ratio,
-            "film_ratio": x,
-            "length_ratio": part.bearing.length_ratio,
-        }
-    return out
-
-
-# Closer than this the film is solved at this gap; pressure grows with its power -1.5 (thin zone).
-_CLOSEST = 1e-4
-_GRIDS = ((60, 8), (120, 16), (240, 32))
-
-
-def _field(film_type, found) -> dict[str, Any] | None:
-    """Pressure over eta omega/psi^2 where the model has one, peak and side flow."""
-    import numpy as np
-
-    from ..film import GroovedReynolds, Guembel, Ocvirk, Reynolds, reference_solution
-
-    if film_type not in (Reynolds, GroovedReynolds, Guembel, Ocvirk):
-        return None
-    ratio, closeness = found["length_ratio"], found["minimum_film_ratio"]
-    held = max(closeness, _CLOSEST)
-    closer = (held / closeness) ** 1.5
-    eps = found["eccentricity_ratio"] if held == closeness else 1 - held
-    options = {
-        Guembel: {"cavitation": "guembel"},
-        GroovedReynolds: {"grooved": True},
-    }.get(film_type, {})
-    solved = reference_solution(eps, ratio, coefficients=False, grids=_GRIDS, **options)
-    pressure, peak, flow = solved.pressure * closer, solved.peak_pressure * closer, solved.side_flow
-    if film_type is Ocvirk:
-        x = found["film_ratio"]
-        # the largest pressure lies where (1 + eps cos) cos = -3 eps sin^2
-        e = x / (1 + x)
-        top = np.arccos(np.clip((1 - np.sqrt(1 + 24 * e**2)) / (4 * e) if e else 0.0, -1, 1))
-        film = Ocvirk(ratio)
-        pressure = np.asarray(film.pressure(x, solved.theta[:, None], solved.zeta))
-        peak = float(film.pressure(x, top, 0.0))
-        flow = e  # all oil between the thickest and the thinnest film leaves through the ends
-    return {
-        "angle": np.degrees(solved.theta - np.pi + found["attitude_angle"]),
-        "zeta": solved.zeta,
-        "pressure": pressure,
-        "peak": peak,
-        "flow": flow,
-    }
-
-
-def _models() -> dict[Model, Any]:
-    from .. import film
-
-    return {
-        Model.reynolds: film.Reynolds,
-        Model.grooved: film.GroovedReynolds,
-        Model.guembel: film.Guembel,
-        Model.ocvirk: film.Ocvirk,
-        Model.fit: film.ExplicitFit,
-        Model.petroff: film.Petroff,
-        Model.loaded_petroff: film.LoadedPetroff,
-    }
-
-
-def _signed(value: float | None, speed: float) -> float | None:
-    return None if value is None else math.copysign(1.0, speed) * value
-
-
-def _finite(value: Any) -> Any:
-    """None in place of what has a number that is not finite."""
-    if isinstance(value, list):
-        flat = [entry for row in value for entry in (row if isinstance(row, list) else [row])]
-        return value if all(map(math.isfinite, flat)) else None
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _short(value: float) -> str:
-    return f"{value:.6g}"
+    if matrices["K, N/m"] is not None:
+        yield row_table(
+            "Stiffness and damping: x along the load, y 90 degrees ahead with rotation",
+            ("", "xx", "xy", "yx", "yy"),
+            (
+                (name, *(f"{entry:.4g}" for row in matrix for entry in row))
+                for name, matrix in matrices.items()
+                if matrix is not None
+            ),
+        )
+    yield escape(f"{result['model']}: {result['limits']}")

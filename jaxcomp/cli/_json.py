@@ -8,7 +8,6 @@ from typing import Any
 import typer
 
 from .._registry import registered
-from .._results import with_unit
 
 # Keys that are no quantities of the registry, which has the units of those.
 _BY_UNIT = {
@@ -86,7 +85,9 @@ def keyed(result: Any, of: str = "", units: dict[str, str] | None = None) -> Any
             unit = ""
         inside = key if key in _DIRECTIONS else of
         # what is listed by name beneath a unit has that unit
-        out[with_unit(key, unit)] = value if by_name and unit else keyed(value, inside, units)
+        out[f"{key} [{unit}]" if unit else key] = (
+            value if by_name and unit else keyed(value, inside, units)
+        )
     return out
 
 

@@ -1,22 +1,54 @@
-"""How every command hands out what it found: a folder, JSON or tables."""
+"""Output of every command: a folder, JSON or tables."""
 
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from .._results import csv_text
-from ..scene import Scene, dump
 from ._command_line import command_line
 from ._json import json_text, print_json
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+
+def hand_out(
+    result: dict[str, Any],
+    tables: Iterable[Any],
+    as_json: bool,
+    out: Path | None,
+    figures: Callable[[], Mapping[str, Any]],
+    scene: "Scene | None" = None,
+    curves: Mapping[str, Mapping[str, Any]] | None = None,
+    written: str = "Report, pictures, curves, result and scene",
+) -> None:
+    """Write the folder of a command if one is named, and print JSON or tables.
+
+    Args:
+        result: of which JSON is made.
+        tables: what `rich` prints, one after the other.
+        as_json: whether JSON is printed instead of tables.
+        out: folder for the files; `None` for none.
+        figures: draws the pictures, by name.
+        scene: as it was run; `None` where there is none.
+        curves: as in `write_results`.
+        written: names of the kinds of files in the folder.
+    """
+    tables = list(tables)
+    if out is not None:
+        from .._waits import spinner
+
+        with spinner("Drawing ..."):
+            write_results(out, figures(), result, scene, tables, curves)
+    show_results(result, tables, as_json, out, written)
 
 
 def write_results(
     folder: Path,
     figures: Mapping[str, Any],
     result: dict[str, Any],
-    scene: Scene | None = None,
+    scene: "Scene | None" = None,
     tables: Iterable[Any] = (),
     curves: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> None:
@@ -28,11 +60,13 @@ def write_results(
         folder: is made if it is missing.
         figures: figures of matplotlib, or the bytes of a GIF, by name.
         result: what JSON prints.
-        scene: what was worked on.
+        scene: as it was run.
         tables: what the terminal shows; the report shows the numbers of `result` without them.
         curves: columns with their units, by the name of the CSV file that takes them.
     """
+    from .._results import csv_text
     from ..report import Made, report
+    from ..scene import dump
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():
@@ -75,14 +109,14 @@ def show_results(
     out: Path | None,
     written: str = "Report, pictures, curves, result and scene",
 ) -> None:
-    """One JSON object, or the tables and a word on where the files are.
+    """Print one JSON object, or the tables and the folder of the files.
 
     Args:
         result: what JSON prints.
-        tables: what `rich` prints, one after the other; not asked for with JSON.
-        as_json: which of the two.
+        tables: what `rich` prints, one after the other.
+        as_json: whether JSON is printed.
         out: folder that was written, if any.
-        written: what was written there.
+        written: names of the kinds of files there.
     """
     if as_json:
         print_json(result)

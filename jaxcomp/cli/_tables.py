@@ -177,28 +177,41 @@ def _table(title: str | None, *columns: str, numbers: bool = False) -> Table:
     return table
 
 
+def row_table(
+    title: str | None, heads: Sequence[str], rows: Iterable[Sequence[Any]], texts: int = 1
+) -> Table:
+    """A table from its rows.
+
+    Args:
+        title: plain text above it.
+        heads: of the columns.
+        rows: cells in the markup of rich; `None` and `False` are empty ones. An empty row separates.
+        texts: how many columns from the left hold texts; the others are set to the right.
+    """
+    table = _table(title and escape(title), *heads, numbers=True)
+    for column in table.columns[1:texts]:
+        column.justify = "left"
+    for row in rows:
+        if row:
+            table.add_row(*("" if cell is None or cell is False else str(cell) for cell in row))
+        else:
+            table.add_section()
+    return table
+
+
 def column_table(
     title: str | None, columns: Mapping[str, Iterable[Any]], texts: int = 1, keep: bool = False
 ) -> Table:
     """A table from its columns; columns without any entry are left out.
 
     Args:
-        title: plain text above it.
-        columns: by header; `None` and `False` are empty cells.
-        texts: how many columns from the left hold texts; the others are set to the right.
+        title, texts: as in `row_table`.
+        columns: cells by header.
         keep: whether columns without any entry are kept.
     """
-    cells = {
-        head: ["" if cell is None or cell is False else str(cell) for cell in column]
-        for head, column in columns.items()
-    }
+    cells = {head: list(column) for head, column in columns.items()}
     cells = {head: column for head, column in cells.items() if keep or any(column)}
-    table = _table(title and escape(title), *cells, numbers=True)
-    for column in table.columns[1:texts]:
-        column.justify = "left"
-    for row in zip(*cells.values(), strict=True):
-        table.add_row(*row)
-    return table
+    return row_table(title, tuple(cells), zip(*cells.values(), strict=True), texts)
 
 
 # A header that is repeated before every row, where rows become lines.

@@ -38,6 +38,10 @@ from ._oil import AbstractOil as AbstractOil
 from ._oil import GradedOil as GradedOil
 from ._oil import Oil as Oil
 from ._oil import iso_vg_viscosity as iso_vg_viscosity
+from ._operating import OperatingPoint as OperatingPoint
+from ._operating import PressureField as PressureField
+from ._operating import operating_point as operating_point
+from ._operating import pressure_field as pressure_field
 from ._petroff import LoadedPetroff as LoadedPetroff
 from ._petroff import Petroff as Petroff
 from ._reference import FilmSolution as FilmSolution

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from ..film import (
     AbstractFilm,
     AbstractSolvedFilm,
+    PressureField,
     coefficients_per_load,
     film_ratio,
 )
@@ -23,7 +24,7 @@ _ENTRIES = {"xx": "#0072B2", "xy": "#D55E00", "yx": "#009E73", "yy": "#56437F"}
 
 
 def film_figures(
-    film: type[AbstractFilm], result: dict[str, Any], field: dict[str, Any] | None
+    film: type[AbstractFilm], result: dict[str, Any], field: PressureField | None
 ) -> dict[str, Figure]:
     """All pictures by name; those that the film model does not give are left out.
 
@@ -40,16 +41,15 @@ def film_figures(
     return figures
 
 
-def film_pressure(result: dict[str, Any], field: dict[str, Any]) -> Figure:
+def film_pressure(result: dict[str, Any], field: PressureField) -> Figure:
     """Pressure over the unrolled bearing, and along its mid-plane with the film thickness.
 
     Args:
         result: the numbers of the bearing in SI units.
-        field: `angle` [degrees] (n,) from the load with rotation, `zeta` (m,) from the mid-plane to
-            the end, `pressure` [Pa] (n, m).
+        field: pressure over angle and length.
     """
-    angle, zeta = np.asarray(field["angle"]), np.asarray(field["zeta"])
-    pressure = np.asarray(field["pressure"]) / 1e6
+    angle, zeta = np.degrees(field.angle), field.zeta
+    pressure = field.pressure / 1e6
     along = np.concatenate([-zeta[:0:-1], zeta]) * result["length"] / 2 * 1e3
     whole = np.concatenate([pressure[:, :0:-1], pressure], axis=1)
     title = (

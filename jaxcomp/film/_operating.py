@@ -1,0 +1,171 @@
+r"""Operating point of a journal bearing under a steady load, and the pressure in its film."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._bearing import (
+    JournalBearing,
+    bush_moment,
+    friction_moment,
+    load_number,
+    prepare,
+    stiffness_damping,
+)
+from ._film import (
+    AbstractCarryingFilm,
+    AbstractSolvedFilm,
+    coefficients_per_load,
+    film_ratio,
+    film_state,
+    stability_threshold,
+)
+from ._guembel import Guembel
+from ._ocvirk import Ocvirk
+from ._reference import reference_solution
+from ._reynolds import GroovedReynolds, Reynolds
+
+# [-] Least film thickness over the clearance at which the pressure field is solved. The pressure of a
+# thinner film follows from its growth with the power -1.5 of the thickness.
+_LEAST_THICKNESS = 1e-4
+_GRIDS = ((60, 8), (120, 16), (240, 32))
+
+
+class OperatingPoint(NamedTuple):
+    """Steady state of a bearing; what the film model does not give is `None`.
+
+    Stiffness and damping have the axes x along the load on the journal and y, x turned by 90 degrees
+    with rotation.
+
+    Attributes:
+        phi_p: [-] load number $W\\psi^2/(\\eta\\omega L D)$.
+        sommerfeld_number: [-] $1/(2\\pi\\Phi_p)$; infinite without a load.
+        phi_t: [-] friction number.
+        friction_torque: [N m] on the journal.
+        eccentricity_ratio: [-] e/c.
+        minimum_film: [m]
+        attitude_angle: [rad] from the load line to the line of centres.
+        bush_torque: [N m] on the bush.
+        stiffness: [N/m] (2, 2)
+        damping: [N s/m] (2, 2)
+        dimensionless_stiffness: [-] (2, 2) times c/W.
+        dimensionless_damping: [-] (2, 2) times c omega/W.
+        critical_mass: [kg] largest stable mass of a rigid rotor, of one bearing.
+        whirl_ratio: [-] whirl frequency at the limit of stability over the speed.
+    """
+
+    phi_p: Float[Array, ""]
+    sommerfeld_number: Float[Array, ""]
+    phi_t: Float[Array, ""]
+    friction_torque: Float[Array, ""]
+    eccentricity_ratio: Float[Array, ""] | None = None
+    minimum_film: Float[Array, ""] | None = None
+    attitude_angle: Float[Array, ""] | None = None
+    bush_torque: Float[Array, ""] | None = None
+    stiffness: Float[Array, "2 2"] | None = None
+    damping: Float[Array, "2 2"] | None = None
+    dimensionless_stiffness: Float[Array, "2 2"] | None = None
+    dimensionless_damping: Float[Array, "2 2"] | None = None
+    critical_mass: Float[Array, ""] | None = None
+    whirl_ratio: Float[Array, ""] | None = None
+
+
+class PressureField(NamedTuple):
+    """Pressure of a film over its ring and half its length.
+
+    Attributes:
+        angle: [rad] (n,) from the load with rotation.
+        zeta: [-] (m,) from the mid-plane (0) to the end (1) of the bearing.
+        pressure: [Pa] (n, m)
+        peak_pressure: [Pa]
+        side_flow: [m^3/s] through both ends.
+    """
+
+    angle: np.ndarray
+    zeta: np.ndarray
+    pressure: np.ndarray
+    peak_pressure: float
+    side_flow: float
+
+
+def operating_point(
+    bearing: JournalBearing, load: Float[Array, ""], speed: Float[Array, ""]
+) -> OperatingPoint:
+    """Position, friction, stiffness and damping of a bearing under a steady load.
+
+    Args:
+        bearing: with its film model.
+        load: [N] on the journal, >= 0.
+        speed: [rad/s] of the journal, > 0.
+    """
+    still = {"rest_speed": 0.0}
+    load, speed = jnp.asarray(load, float), jnp.asarray(speed, float)
+    part = prepare(bearing)
+    film, gap = part.film, part.bearing.radial_clearance
+    number = load_number(part, load, speed, **still)
+    point = OperatingPoint(
+        phi_p=number,
+        sommerfeld_number=1 / (2 * jnp.pi * number),
+        phi_t=film.friction_number(number),
+        friction_torque=friction_moment(part, load, speed, **still),
+    )
+    if isinstance(film, AbstractCarryingFilm):
+        x = film_ratio(film, number)
+        point = point._replace(eccentricity_ratio=x / (1 + x), minimum_film=gap / (1 + x))
+    if isinstance(film, AbstractSolvedFilm):
+        stiffness, damping = stiffness_damping(part, jnp.stack([load, 0.0 * load]), speed, **still)
+        per_load = coefficients_per_load(film, number)
+        threshold = stability_threshold(film, number)
+        point = point._replace(
+            attitude_angle=film_state(film, number).attitude_angle,
+            bush_torque=bush_moment(part, load, speed, **still),
+            stiffness=stiffness,
+            damping=damping,
+            dimensionless_stiffness=per_load.stiffness,
+            dimensionless_damping=per_load.damping,
+            critical_mass=threshold.critical_mass * load / (gap * speed**2),
+            whirl_ratio=threshold.whirl_ratio,
+        )
+    return point
+
+
+def pressure_field(
+    bearing: JournalBearing, point: OperatingPoint, speed: float
+) -> PressureField | None:
+    """Pressure of the film at an operating point, by finite volumes, or by Ocvirk's closed form.
+
+    The films of `Petroff` and the explicit fit have none. Not differentiable.
+
+    Args:
+        bearing: with its film model.
+        point: of `operating_point`.
+        speed: [rad/s] of the journal, > 0.
+    """
+    if bearing.model not in (Reynolds, GroovedReynolds, Guembel, Ocvirk):
+        return None
+    assert point.minimum_film is not None
+    assert point.attitude_angle is not None
+    gap, length, radius = (float(x) for x in (bearing.radial_clearance, bearing.length,
+                                              bearing.diameter / 2))  # fmt: skip
+    unit = float(bearing.dynamic_viscosity) * speed / (gap / radius) ** 2
+    thickness = float(point.minimum_film) / gap
+    solved_at = max(thickness, _LEAST_THICKNESS)
+    eps = 1 - solved_at if solved_at > thickness else float(point.eccentricity_ratio)
+    options = {Guembel: {"cavitation": "guembel"}, GroovedReynolds: {"grooved": True}}
+    solved = reference_solution(eps, float(bearing.length_ratio), coefficients=False, grids=_GRIDS,
+                                **options.get(bearing.model, {}))  # fmt: skip
+    growth = (solved_at / thickness) ** 1.5
+    pressure, peak, flow = solved.pressure * growth, solved.peak_pressure * growth, solved.side_flow
+    if bearing.model is Ocvirk:
+        film, e = Ocvirk(float(bearing.length_ratio)), float(point.eccentricity_ratio)
+        x = e / thickness
+        # the largest pressure lies where (1 + eps cos) cos = -3 eps sin^2
+        top = np.arccos(np.clip((1 - np.sqrt(1 + 24 * e**2)) / (4 * e) if e else 0.0, -1, 1))
+        pressure = np.asarray(film.pressure(x, solved.theta[:, None], solved.zeta))
+        peak = float(film.pressure(x, top, 0.0))
+        flow = e  # all oil between the thickest and the thinnest film leaves through the ends
+    angle = solved.theta - np.pi + float(point.attitude_angle)
+    side_flow = flow * gap * radius * speed * length
+    return PressureField(angle, solved.zeta, pressure * unit, float(peak * unit), float(side_flow))
