@@ -157,8 +157,7 @@ def test_march_that_does_not_end_says_what_to_take():
 
 
 def test_result_and_report_show_what_the_march_found(pair):
-    from jaxcomp.cli._result import run_result
-    from jaxcomp.cli._tables import result_tables
+    from jaxcomp.cli._run import run_result, run_tables
     from jaxcomp.report._checks import checks
 
     coarse, _ = pair
@@ -167,7 +166,7 @@ def test_result_and_report_show_what_the_march_found(pair):
     shown = result["verification"]
     # errors of the orbit: its values less those of the march
     assert shown["losses"]["wall"] == -float(coarse.verification.loss_error["wall"])
-    last = result_tables(scene, result)[-1]
+    *_, last = run_tables(scene, result)
     assert "Mechanical efficiency" in list(last.columns[0].cells)
     check = {c.name: c for c in checks(result)}["Errors by an independent march"]
     assert check.good

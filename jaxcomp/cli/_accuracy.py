@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ._arguments import changed_scene
 from ._completion import complete_quantity
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, ExcitationOption, Machine, Out, Sets
+from ._output import show_results, write_results
+from ._start import quick_compiles
+from ._tables import column_table
 
 if TYPE_CHECKING:
     from ..work_precision import Extreme, Measurement, Report, SceneCost
@@ -96,9 +100,6 @@ def accuracy(
         raise CommandError(f"--quantity {quantity}: {without}")
     from .. import plot, work_precision
     from .._waits import progress_of, spinner
-    from ._arguments import changed_scene
-    from ._output import show_results, write_results
-    from ._start import quick_compiles
 
     quick_compiles()  # nothing is kept, so that compile times are those of a first call
     scene = changed_scene(machine, sets or (), ())
@@ -183,7 +184,6 @@ def rows_result(study: str, scene: str, rows: Sequence[Any]) -> dict[str, Any]:
 
 def costs_tables(costs: Sequence["SceneCost"], scene: str) -> Iterator[Any]:
     """Cost of each scene, and how operations and loops are counted."""
-    from ._tables import column_table
 
     table = column_table(
         f"{scene}: cost of each part",
@@ -204,7 +204,6 @@ def costs_tables(costs: Sequence["SceneCost"], scene: str) -> Iterator[Any]:
 
 def extremes_tables(cases: Sequence["Extreme"], scene: str) -> Iterator[Any]:
     """Every case, and the status of those without a value."""
-    from ._tables import column_table
 
     def numbers(values, form):
         return [v is not None and math.isfinite(v) and f"{v:{form}}" for v in values]
@@ -236,7 +235,6 @@ def extremes_tables(cases: Sequence["Extreme"], scene: str) -> Iterator[Any]:
 
 def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
     """Every setting, the methods at equal error, orders, and the recommendation."""
-    from ._tables import column_table
 
     reference, rows = report.reference, report.rows
     table = column_table(
@@ -323,7 +321,6 @@ def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
 
 def _side_by_side(report: "Report"):
     """The time of the fastest method for an error, and the ratio to it of the others."""
-    from ._tables import column_table
 
     def cells(at):
         for methods in report.tasks.values():

@@ -5,9 +5,13 @@ import math
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, OutWithoutScene
+from ._output import hand_out
+from ._start import start_jax
+from ._tables import row_table
 
 FRAME = "x along the load on the journal, y = x turned by 90 degrees with rotation"
 
@@ -62,8 +66,6 @@ def bearing(
     from .. import film as films
     from .._waits import spinner
     from ..scene import to_si
-    from ._output import hand_out
-    from ._start import start_jax
 
     texts = {
         "length": (length, "m"),
@@ -165,10 +167,8 @@ def _complete(value: Any) -> Any:
 
 def bearing_tables(result: dict[str, Any]):
     """Position and friction, then stiffness and damping; what a model does not give is left out."""
-    from rich.markup import escape
 
     from .._shown import RPM
-    from ._tables import row_table
 
     size = f"{result['length'] * 1e3:.4g} x {result['diameter'] * 1e3:.4g} mm"
     rows = [

@@ -12,7 +12,8 @@ from ..design import Front, Optimum, compared, quantity
 from ..design._design import CORRECTIONS
 from ..scene import Scene, with_machine
 from ._compare_result import beside_table
-from ._tables import _table, _words
+from ._tables import _table
+from ._tables import words as _words
 
 
 def optimised_scene(scene: Scene, optimum: Optimum) -> tuple[Scene, list[str]]:

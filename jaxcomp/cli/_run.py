@@ -1,13 +1,32 @@
 """`jaxcomp run`: the periodic state of a machine, its efficiency, losses, forces, vibration, pictures."""
 
 import enum
-from pathlib import Path
-from typing import Annotated
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
+from .._registry import registered
+from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Designs, Machine, Out, Sets
+from ._output import hand_out
+from ._start import start_jax
+from ._tables import row_table, words
+
+if TYPE_CHECKING:
+    from ..compressor import Compressor
+    from ..crank import Orbit
+    from ..scene import Scene
+
+# Families of quantities whose keys were there before.
+_KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
+# Quantities that the other tables of a run have.
+_IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
+# Harmonics of the vibration, and instants of a revolution at which its peak is looked for.
+_HARMONICS, _INSTANTS = 12, 360
 
 
 class Solver(enum.StrEnum):
@@ -25,8 +44,8 @@ def run(
     solver: Annotated[
         Solver,
         typer.Option(
-            help="Collocation of the whole turn, or shooting with diffrax: an independent check that "
-            "compiles longer."
+            help="Collocation of the whole revolution, or shooting with diffrax: an independent check "
+            "that compiles longer."
         ),
     ] = Solver.collocation,
     tolerance: Annotated[
@@ -50,49 +69,347 @@ def run(
     """
     if tolerance is not None and not 0 < tolerance < 1:
         raise CommandError(f"--tolerance {tolerance:g}: must be > 0 and < 1")
+    from .. import crank
     from .._waits import spinner
-    from ..crank import solve_orbit
-    from ._arguments import assignments, changed_scene
-    from ._output import show_results
-    from ._result import run_result
-    from ._start import start_jax
-    from ._tables import result_tables
-    from ._vibration import vibration_result, vibration_table
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
-    method = _method(scene.as_compressor().mechanism, solver, tolerance)
+    compressor = scene.as_compressor()
+    given = {} if tolerance is None else {"tolerance": tolerance}
+    kind = crank.Shooting if solver is Solver.shooting else crank.Collocation
+    method = kind(reversals=compressor.mechanism.load_reversals, **given)
     with spinner("Solving the periodic state (the first time it is compiled as well) ..."):
-        verify = verify or out is not None
-        orbit = solve_orbit(scene.as_compressor(), method, verify=verify)
+        orbit = crank.solve_orbit(compressor, method, verify=verify or out is not None)
         result = run_result(scene, orbit)
         if "suspension" in scene.parts:
             result["vibration"] = vibration_result(scene, orbit)
     result["tolerance"] = method.tolerance
     result["set"] = assignments(sets or (), "--set")
     result["design"] = assignments(designs or (), "--design")
-    tables = result_tables(scene, result)
+
+    def figures():
+        from ..plot import orbit_figures
+
+        return orbit_figures(compressor, orbit, scene.parts.get("suspension"))
+
+    curves = None if out is None else {"curves": orbit_curves(scene, orbit)}
+    hand_out(result, run_tables(scene, result), as_json, out, figures, scene, curves)
+
+
+def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
+    """The orbit in numbers. The keys are stable; new ones may join them."""
+    from importlib.metadata import version
+
+    import equinox as eqx
+    import jax
+
+    from .._status import Status
+
+    known = tuple(one for one in registered() if set(one.needs) <= {"orbit", "compressor"})
+    found = eqx.filter_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
+    values, numbers = jax.tree.map(float, jax.device_get(found))
+    total = sum(numbers["losses"].values())
+    share = {name: loss / total if total else 0.0 for name, loss in numbers["losses"].items()}
+    power = {name: loss / numbers["period"] for name, loss in numbers["losses"].items()}
+    return {
+        "machine": scene.name,
+        "file": scene.file,
+        "version": version("jaxcomp"),
+        # a compiled function returns its keys sorted
+        **{_KEYS.get(one.family, one.family or one.name): values[one.name] for one in known},
+        **numbers,
+        "loss_power": power,
+        "loss_share": share,
+        "iterations": int(orbit.iterations),
+        "converged": bool(orbit.converged),
+        "status": Status[orbit.status],
+        "solver": orbit.solver,
+        **({} if orbit.verification is None else {"verification": _verification(orbit)}),
+        "remarks": list(_remarks(scene.as_compressor())),
+    }
+
+
+def _verification(orbit: "Orbit") -> dict[str, Any]:
+    """Errors by an independent integration: the orbit's value less that of the integration."""
+    import jax
+
+    from .._status import Status
+
+    march = orbit.verification
+    assert march is not None
+    errors = {
+        "speed": march.speed_error,
+        "period": -march.period_error,
+        "mechanical_efficiency": -march.efficiency_error,
+        "losses": {name: -error for name, error in march.loss_error.items()},
+        "peak_forces": {name: -error for name, error in march.peak_error.items()},
+        "closure": march.closure,
+    }
+    ended = {"steps": int(march.steps), "status": Status[march.status]}
+    return jax.tree.map(float, errors) | ended
+
+
+def orbit_curves(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
+    """Everything over the revolution, by name and unit; the films of the journals as well."""
+    import numpy as np
+
+    from ..crank import film_thickness
+
+    columns = orbit.columns()
+    for name, thickness in film_thickness(scene.as_compressor(), orbit).items():
+        columns[f"film_thickness.{name} [m]"] = np.asarray(thickness)
+    return {"crank_angle [deg]": np.rad2deg(columns["crank_angle [rad]"]), **columns}
+
+
+def _remarks(machine: "Compressor") -> Iterator[str]:
+    """Reasons why numbers of a result do not mean what their names say."""
+    from ..gas import PolytropicCycle
+
+    if machine.friction is None:
+        yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
+    if machine.gas is None:
+        yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."
+    elif isinstance(machine.gas, PolytropicCycle) and not bool(machine.gas.delivers):
+        yield (
+            "No gas flows: with this clearance the compression never reaches the discharge pressure, and "
+            "no efficiency has a meaning."
+        )
+
+
+def _numbers(machine, assembly, orbit: "Orbit", known) -> tuple[dict[str, Any], dict[str, Any]]:
+    """All numbers at once: one compiled program instead of dozens of small ones."""
+    from ..design import AnalysisOptions, DesignResult
+
+    result = DesignResult(machine, AnalysisOptions())
+    result.assembly, result.orbit = assembly, orbit
+    energy, compressor = orbit.energy, assembly.compressor
+    assert compressor is not None
+    # every joint that carries a force and could have friction has an entry; without a law it loses
+    # nothing
+    friction = compressor.friction
+    joints = {
+        name: 0.0
+        for name in orbit.loads.forces
+        if friction is None or getattr(friction, name, friction) is None
+    }
+    return {one.name: one.value(result) for one in known}, {
+        "motor_work": energy.motor_work,
+        "gas_work": energy.gas_work,
+        "losses": {**joints, **energy.losses},
+        "lowest_speed": orbit.lowest_speed,
+        "highest_speed": orbit.highest_speed,
+        "period": orbit.period,
+        "stroke": compressor.mechanism.stroke,
+        "energy_residual": energy.residual,
+        "residual": orbit.residual,
+        "resolution": orbit.resolution,
+    }
+
+
+def run_tables(scene: "Scene", result: dict[str, Any]) -> Iterator[Any]:
+    """Efficiency and power, losses, joint forces, residuals, verification, vibration."""
+
+    yield _summary(scene, result)
+    yield from (f"[yellow]Note:[/yellow] {escape(remark)}" for remark in result["remarks"])
+    yield _losses(result)
+    yield _forces(result)
+    yield _convergence(result)
+    if "verification" in result:
+        yield _verified(result)
     if "vibration" in result:
-        tables.append(vibration_table(result["vibration"]))
-    if out is not None:
-        with spinner("Drawing ..."):
-            _write(out, scene, orbit, result, tables)
-    show_results(result, tables, as_json, out)
+        yield _vibration(result["vibration"])
 
 
-def _method(mechanism, solver: Solver, tolerance: float | None):
-    from ..crank import Collocation, Shooting
+def _summary(scene: "Scene", result: dict[str, Any]):
 
-    options = {"reversals": mechanism.load_reversals}
-    if tolerance is not None:
-        options["tolerance"] = tolerance
-    return {"shooting": Shooting, "collocation": Collocation}[solver](**options)
+    from .._shown import RPM, shown
+
+    changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
+    title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")
+    rows = []
+    bore = getattr(scene.as_compressor().mechanism, "bore", None)
+    if bore is not None:
+        size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
+        volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
+        rows.append(("Bore x stroke", size, f"{volume} swept"))
+    low, high = (f"{RPM * result[f'{end}_speed']:.5g}" for end in ("lowest", "highest"))
+    notes = {
+        "mean_speed": f"{result['mean_speed']:.5g} rad/s",
+        "speed_fluctuation": f"{low} to {high} rpm",
+    }
+    meaningless = any("no efficiency" in remark for remark in result["remarks"])
+    for one in registered():
+        if one.name not in result or one.name in _IN_OTHER_TABLES:
+            continue
+        value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
+        look = shown(
+            one.name, one.unit, [value, result["motor_power"]] if one.unit == "W" else value
+        )
+        text = f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
+        if one.unit == "W":
+            text, note = look.text(value, 4), f"{value * result['period']:.5g} J per revolution"
+        if one.name == "mechanical_efficiency":
+            text = "[bold]none" if meaningless else f"[bold]{text}"
+        words = f"[bold]{look.words}" if "[bold]" in text else escape(look.words)
+        rows.append((words, text, escape(note)))
+    return row_table(title, ("Periodic state", "", ""), rows, texts=3)
 
 
-def _write(folder: Path, scene, orbit, result, tables) -> None:
-    from ..plot import orbit_figures
-    from ._output import write_results
-    from ._result import orbit_curves
+def _losses(result: dict[str, Any]):
 
-    figures = orbit_figures(scene.as_compressor(), orbit, scene.parts.get("suspension"))
-    write_results(folder, figures, result, scene, tables, {"curves": orbit_curves(scene, orbit)})
+    motor, total = result["motor_work"], sum(result["losses"].values())
+
+    def row(name, loss, power, share):
+        of_motor = f"{100 * loss / motor:.2f} %" if motor else ""
+        return name, f"{loss:.4g}", f"{power:.4g}", share, of_motor
+
+    rows = [
+        row(
+            words(name),
+            loss,
+            result["loss_power"][name],
+            f"{100 * result['loss_share'][name]:.1f} %",
+        )
+        for name, loss in sorted(result["losses"].items(), key=lambda item: -item[1])
+    ]
+    whole = row("Total", total, result["friction_power"], "100.0 %" if total else "")
+    heads = ("Friction loss", "J per revolution", "W", "Share of losses", "Of motor work")
+    return row_table(None, heads, [*rows, (), whole])
+
+
+def _forces(result: dict[str, Any]):
+
+    large = max(result["peak_forces"].values(), default=0.0) >= 1e3
+    unit, scale = ("kN", 1e3) if large else ("N", 1.0)
+    rows = [
+        (words(name), f"{result['mean_forces'][name] / scale:.4g}", f"{peak / scale:.4g}")
+        for name, peak in result["peak_forces"].items()
+    ]
+    shaking = ("Shaking force", "", f"{result['peak_shaking_force'] / scale:.4g}")
+    heads = ("Joint force", f"Mean, {unit}", f"Peak, {unit}")
+    return row_table(None, heads, [*rows, (), shaking])
+
+
+def _convergence(result: dict[str, Any]):
+
+    resolution = "of the speed; the error of the fluctuation is smaller"
+    closure = "motor work that is neither gas work nor loss"
+    rows = (
+        ("Solver", result["solver"], f"tolerance {result['tolerance']:.2g}"),
+        ("Iterations", result["iterations"], result["status"]),
+        ("Residual", f"{result['residual']:.1e}", "periodicity or collocation equations"),
+        ("Resolution", f"{result['resolution']:.1e}", resolution),
+        ("Energy closure", f"{result['energy_residual']:.1e}", closure),
+        ("Joint margin", f"{result['joint_margin']:.4f}", "1 without friction, locks at 0"),
+    )
+    return row_table(None, ("Convergence", "", ""), rows, texts=3)
+
+
+def _verified(result: dict[str, Any]):
+    """Errors that the independent integration of a revolution found, each beside its value."""
+
+    march = result["verification"]
+
+    def row(name, value, error, unit):
+        share = f"{abs(error / value):.1e}" if value else ""
+        return name, f"{value:.6g} {unit}".strip(), f"{error:.1e} {unit}".strip(), share
+
+    speed, key = march["speed"], "mechanical_efficiency"
+    rows = [
+        ("Speed, largest", "", f"{speed * result['mean_speed']:.1e} rad/s", f"{speed:.1e}"),
+        row("Mechanical efficiency", result[key], march[key], ""),
+        *(
+            row(f"{words(name)}, loss", result["losses"][name], error, "J")
+            for name, error in march["losses"].items()
+        ),
+        *(
+            row(f"{words(name)}, peak", result["peak_forces"][name], error, "N")
+            for name, error in march["peak_forces"].items()
+        ),
+    ]
+    heads = ("Independent march of a revolution", "Value", "Error", "Relative")
+    return row_table(None, heads, rows)
+
+
+def vibration_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
+    """Settled vibration in SI units; lists run over x, y, z or the six degrees of freedom.
+
+    Amplitudes are those of the first harmonic. `free_body` is the approximation without springs and
+    `free_body_error` its error over the amplitude.
+    """
+    import equinox as eqx
+    import jax
+    import jax.numpy as jnp
+
+    from ..shaking import Suspension, block_points
+
+    suspension = scene.parts["suspension"]
+    assert isinstance(suspension, Suspension)
+    places = block_points(suspension)
+    points = jnp.stack(list(places.values()))
+    mechanism = scene.as_compressor().mechanism
+    found = eqx.filter_jit(_vibrations)(mechanism, orbit, suspension, points)
+    found = jax.tree.map(lambda x: x.tolist(), jax.device_get(found))
+    keys = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
+    return {
+        "harmonics": _HARMONICS,
+        "natural_frequencies": found["natural_frequencies"],
+        "block_amplitude": found["block_amplitude"],
+        "block_rms": found["block_rms"],
+        "points": {
+            name: {key: found[key][i] for key in keys} for i, name in enumerate(places)
+        },
+    }  # fmt: skip
+
+
+def _vibration(vibration: dict[str, Any]):
+    """Amplitudes of the points, the free-body approximation and its error."""
+
+    hertz = ", ".join(f"{w / (2 * math.pi):.3g}" for w in vibration["natural_frequencies"])
+    rows = []
+    for name, point in vibration["points"].items():
+        micrometres = [*point["amplitude"], point["peak"], *point["free_body"]]
+        error = f"{100 * point['free_body_error']:.2g} %"
+        rows.append((words(name), *(f"{1e6 * value:.3g}" for value in micrometres), error))
+    title = f"First harmonic on springs of {hertz} Hz, and as a free body"
+    heads = ("µm", "x", "y", "z", "Peak", "Free x", "y", "z", "Error")
+    table = row_table(title, heads, rows)
+    table.columns[0].no_wrap = True
+    return table
+
+
+def _vibrations(mechanism, orbit: "Orbit", suspension, points) -> dict[str, Any]:
+    import jax
+    import jax.numpy as jnp
+
+    from ..shaking import (
+        free_body_error,
+        free_body_response,
+        harmonic_response,
+        natural_frequencies,
+        orbit_load,
+        point_motion,
+    )
+
+    load = orbit_load(mechanism, orbit, suspension, _HARMONICS)
+    block, free = harmonic_response(suspension, load), free_body_response(suspension, load)
+    time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
+
+    def at(point):
+        motion = point_motion(suspension, block, point)
+        excursion = jnp.linalg.norm(motion.at(time), axis=0)
+        return {
+            "position": point,
+            "amplitude": jnp.abs(motion.amplitude[:, 0]),
+            "rms": jnp.linalg.norm(motion.rms),
+            "peak": jnp.max(excursion),
+            "free_body": jnp.abs(point_motion(suspension, free, point).amplitude[:, 0]),
+            "free_body_error": free_body_error(suspension, load, point)[0],
+        }
+
+    return {
+        "natural_frequencies": natural_frequencies(suspension),
+        "block_amplitude": jnp.abs(block.amplitude[:, 0]),
+        "block_rms": block.rms,
+        **jax.vmap(at)(points),
+    }

@@ -141,7 +141,7 @@ def _table_of(result: dict[str, Any]):
 
     from rich.markup import escape
 
-    from ._tables import _table, _words
+    from ._tables import _table, words
 
     table = _table(escape(f"{result['machine']} in time"), "Motion", "", "")
     rpm = 30 / math.pi
@@ -155,7 +155,7 @@ def _table_of(result: dict[str, Any]):
     table.add_row("Work of the motor", f"{result['motor_work']:.5g} J", "since the start")
     table.add_row("Work on the gas", f"{result['gas_work']:.5g} J", "")
     for name, loss in result["losses"].items():
-        table.add_row(f"{_words(name)}, friction", f"{loss:.4g} J", "")
+        table.add_row(f"{words(name)}, friction", f"{loss:.4g} J", "")
     table.add_row("Gained by the motion", f"{result['kinetic_energy_gained']:.5g} J", "")
     closure = f"{result['energy_residual']:.1e}"
     table.add_row("Energy closure", closure, "work that is none of these, over the work done")

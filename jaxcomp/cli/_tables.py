@@ -1,7 +1,7 @@
 """Tables on the terminal."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.cells import cell_len
@@ -9,17 +9,14 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from .._registry import registered
-from .._shown import RPM, behind, shown
-from ..scene import Bundled, Row, Scene
+if TYPE_CHECKING:
+    from ..scene import Bundled, Row, Scene
 
-# Quantities that the other tables of a run have.
-_IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
 # Characters of a value as it was given; JSON has all of it.
 _LONGEST = 120
 
 
-def machine_table(machines: Iterable[Bundled]) -> Table:
+def machine_table(machines: Iterable["Bundled"]) -> Table:
     """The bundled machines."""
     table = _table("Bundled machines", "Name", "Description")
     table.columns[0].no_wrap = True
@@ -38,7 +35,7 @@ def fluid_table(fluids: Iterable[dict[str, Any]]) -> Table:
     return table
 
 
-def value_table(scene: Scene, rows: Sequence[Row]) -> Table:
+def value_table(scene: "Scene", rows: Sequence["Row"]) -> Table:
     """Every value of a scene with its source."""
     title = escape(f"{scene.name}: {scene.description}")
     table = _table(title, "Value", "Given", "Source", "Meaning")
@@ -49,124 +46,6 @@ def value_table(scene: Scene, rows: Sequence[Row]) -> Table:
         if len(given) > _LONGEST:
             given = f"{given[: _LONGEST // 2]} ... {given[-_LONGEST // 2 :]}"
         table.add_row(*(escape(str(text)) for text in (row.path, given, row.source, row.doc)))
-    return table
-
-
-def result_tables(scene: Scene, result: dict[str, Any]) -> list[Table | str]:
-    """Efficiency and power, losses, joint forces, evidence."""
-    return [
-        _summary(scene, result),
-        *(f"[yellow]Note:[/yellow] {escape(remark)}" for remark in result["remarks"]),
-        _losses(result),
-        _forces(result),
-        _evidence(result),
-        *([_verification(result)] if "verification" in result else []),
-    ]
-
-
-def _summary(scene: Scene, result: dict[str, Any]) -> Table:
-    changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
-    title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")
-    table = _table(escape(title), "Periodic state", "", "")
-    bore = getattr(scene.as_compressor().mechanism, "bore", None)
-    if bore is not None:
-        size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
-        volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
-        table.add_row("Bore x stroke", size, f"{volume} swept")
-    low, high = (f"{RPM * result[f'{end}_speed']:.5g}" for end in ("lowest", "highest"))
-    notes = {
-        "mean_speed": f"{result['mean_speed']:.5g} rad/s",
-        "speed_fluctuation": f"{low} to {high} rpm",
-    }
-    meaningless = any("no efficiency" in remark for remark in result["remarks"])
-    for one in registered():
-        if one.name not in result or one.name in _IN_OTHER_TABLES:
-            continue
-        value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
-        look = shown(
-            one.name, one.unit, [value, result["motor_power"]] if one.unit == "W" else value
-        )
-        text = f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
-        if one.unit == "W":
-            text, note = look.text(value, 4), f"{value * result['period']:.5g} J per revolution"
-        if one.name == "mechanical_efficiency":
-            text = "[bold]none" if meaningless else f"[bold]{text}"
-        table.add_row(
-            f"[bold]{look.words}" if "[bold]" in text else escape(look.words), text, escape(note)
-        )
-    return table
-
-
-def _losses(result: dict[str, Any]) -> Table:
-    names = ("Friction loss", "J per revolution", "W", "Share of losses", "Of motor work")
-    table = _table(None, *names, numbers=True)
-    motor = result["motor_work"]
-    for name, loss in sorted(result["losses"].items(), key=lambda item: -item[1]):
-        table.add_row(
-            _words(name),
-            f"{loss:.4g}",
-            f"{result['loss_power'][name]:.4g}",
-            f"{100 * result['loss_share'][name]:.1f} %",
-            f"{100 * loss / motor:.2f} %" if motor else "",
-        )
-    total = sum(result["losses"].values())
-    table.add_section()
-    table.add_row(
-        "Total",
-        f"{total:.4g}",
-        f"{result['friction_power']:.4g}",
-        "100.0 %" if total else "",
-        f"{100 * total / motor:.2f} %" if motor else "",
-    )
-    return table
-
-
-def _forces(result: dict[str, Any]) -> Table:
-    large = max(result["peak_forces"].values(), default=0.0) >= 1e3
-    unit, scale = ("kN", 1e3) if large else ("N", 1.0)
-    table = _table(None, "Joint force", f"Mean, {unit}", f"Peak, {unit}", numbers=True)
-    for name, peak in result["peak_forces"].items():
-        mean = result["mean_forces"][name]
-        table.add_row(_words(name), f"{mean / scale:.4g}", f"{peak / scale:.4g}")
-    table.add_section()
-    table.add_row("Shaking force", "", f"{result['peak_shaking_force'] / scale:.4g}")
-    return table
-
-
-def _evidence(result: dict[str, Any]) -> Table:
-    table = _table(None, "Evidence", "", "")
-    table.add_row("Solver", result["solver"], f"tolerance {result['tolerance']:.2g}")
-    table.add_row("Iterations", str(result["iterations"]), result["status"])
-    table.add_row("Residual", f"{result['residual']:.1e}", "periodicity or collocation equations")
-    resolution = "of the speed; the error of the fluctuation is smaller"
-    table.add_row("Resolution", f"{result['resolution']:.1e}", resolution)
-    closure = f"{result['energy_residual']:.1e}"
-    table.add_row("Energy closure", closure, "motor work that is neither gas work nor loss")
-    table.add_row("Joint margin", f"{result['joint_margin']:.4f}", "1 without friction, locks at 0")
-    return table
-
-
-def _verification(result: dict[str, Any]) -> Table:
-    """Errors that the independent march of a revolution found, each beside its value."""
-    march = result["verification"]
-    names = ("Independent march of a revolution", "Value", "Error", "Relative")
-    table = _table(None, *names, numbers=True)
-
-    def add(name, value, error, unit):
-        share = f"{abs(error / value):.1e}" if value else ""
-        table.add_row(name, f"{value:.6g} {unit}".strip(), f"{error:.1e} {unit}".strip(), share)
-
-    speed = result["mean_speed"]
-    table.add_row(
-        "Speed, largest", "", f"{march['speed'] * speed:.1e} rad/s", f"{march['speed']:.1e}"
-    )
-    add(
-        "Mechanical efficiency", result["mechanical_efficiency"], march["mechanical_efficiency"], ""
-    )
-    for name, error in march["losses"].items():
-        add(f"{_words(name)}, loss", result["losses"][name], error, "J")
-    for name, error in march["peak_forces"].items():
-        add(f"{_words(name)}, peak", result["peak_forces"][name], error, "N")
     return table
 
 
@@ -218,7 +97,8 @@ def column_table(
 _SHORT = 12
 
 
-def _words(name: str) -> str:
+def words(name: str) -> str:
+    """A name of the code as words."""
     return name.replace("_", " ").capitalize()
 
 
@@ -262,6 +142,8 @@ def fitted(table: Table, width: int) -> Table | str:
 
 def _pointed(column: Column) -> list[str]:
     """The texts of a column; numbers with spaces behind them that put their points in line."""
+    from .._shown import behind  # with NumPy, which help does not need
+
     plain = [Text.from_markup(str(cell)).plain for cell in column.cells]
     missing = behind(plain) if column.justify == "right" else [0]
     if any(missing):
