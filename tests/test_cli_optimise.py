@@ -47,7 +47,7 @@ def test_optimum_and_its_evidence(optimum):
     assert result["verdict"] == "no better design among 33 samples"
     assert result["agreeing"] == 8
     assert result["evaluations"] == sum(start["steps"] for start in result["starts"])
-    assert len(result["history"]["objective"]) == max(s["steps"] for s in result["starts"])
+    assert all(len(start["objectives"]) == start["steps"] for start in result["starts"])
 
 
 def test_files_and_the_scene_as_optimised(optimum):

@@ -76,10 +76,10 @@ def test_locked_joints_are_rejected_and_not_fatal(scene):
     made = dataclasses.replace(made, variables=(bore,))
     found = optimise(made, maximise=False, samples=64)
     assert 0 < found.sample.ok.sum() < len(found.sample.ok)
-    assert not found.history.ok.all()
+    assert not np.concatenate([start.solved for start in found.starts]).all()
     # every design that was accepted can be solved, and the last is as good as any that can
     kept = goal_of(made, None, False, None).problem
-    accepted = found.history.values[:, :, 0].ravel()
+    accepted = np.concatenate([start.path[:, 0] for start in found.starts])
     assert np.all(np.asarray(solved(kept, np.unique(accepted)[:, None], 8).ok))
     assert not found.local
     assert found.objective <= found.sample.objective[found.sample.ok].min() + 1e-5

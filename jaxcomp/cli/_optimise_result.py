@@ -70,10 +70,6 @@ def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds:
         },
         "evaluations": found.evaluations,
         "seconds": seconds,
-        "history": {
-            "values": found.history.values, "objective": found.history.objective,
-            "violation": found.history.violation, "stationarity": found.history.stationarity,
-        },
     })  # fmt: skip
 
 

@@ -10,8 +10,10 @@ Numerical Optimization, 2nd ed., ch. 12). The multipliers at a design are those 
 smallest, so that they and the test of convergence do not depend on the optimiser.
 """
 
+import dataclasses
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
 from typing import NamedTuple
 
 import jax
@@ -41,45 +43,6 @@ _ROUGH = 1e3
 _FAILED = 1e3
 
 
-class Point(NamedTuple):
-    """A solved design.
-
-    Attributes:
-        share: [-] (variables,) of the ranges.
-        values, slope: [SI] (quantities,) and (quantities, variables).
-        ok: whether it could be solved; if not, what follows means nothing.
-        objective, gradient: [-] f and its derivative (variables,).
-        residuals, residuals_slope: [-] with targets, f being half the sum of the squared residuals.
-        limits, limits_slope: [-] g (limits,) and its derivatives (limits, variables).
-        violation: [-] of the worst constraint.
-        multipliers: [-] (limits,)
-        stationarity: [-] largest slope of L over a range that no bound holds.
-    """
-
-    share: Float[np.ndarray, " variables"]
-    values: Float[np.ndarray, " quantities"]
-    slope: Float[np.ndarray, "quantities variables"]
-    ok: bool
-    objective: float
-    gradient: Float[np.ndarray, " variables"]
-    residuals: Float[np.ndarray, " targets"]
-    residuals_slope: Float[np.ndarray, "targets variables"]
-    limits: Float[np.ndarray, " limits"]
-    limits_slope: Float[np.ndarray, "limits variables"]
-    violation: float
-    multipliers: Float[np.ndarray, " limits"]
-    stationarity: float
-
-    @property
-    def rank(self) -> tuple[float, float]:
-        """Lower is better: first the violation, then the objective."""
-        return max(self.violation, 10 * FEASIBLE), self.objective
-
-    def optimal(self, tolerance: float) -> bool:
-        """Whether it keeps the constraints and has no slope left."""
-        return self.ok and self.violation <= FEASIBLE and self.stationarity <= tolerance
-
-
 class Scaled(NamedTuple):
     """A goal with the scales of its numbers.
 
@@ -101,49 +64,123 @@ class Scaled(NamedTuple):
         place = self.goal.objective
         return 1.0 if place is None else self.goal.sign * float(self.scale[place])
 
-    def point(self, share, values, slope, ok) -> Point:
-        """A design with its quantities [SI], dimensionless."""
-        goal = self.goal
-        values, slope = (np.where(ok, a, 0.0) for a in (values, slope))
-        shown, steep = values / self.scale, slope * self.ranges.width / self.scale[:, None]
-        places = [place for place, _ in goal.targets]
-        residuals = shown[places] - [v / self.scale[i] for i, v in goal.targets]
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Point:
+    """A solved design.
+
+    Attributes:
+        scaled: the goal.
+        share: [-] (variables,) of the ranges.
+        values: [SI] (quantities,)
+        ok: whether it could be solved; if not, no other number means anything.
+        slope: [SI] (quantities, variables)
+    """
+
+    scaled: Scaled
+    share: Float[np.ndarray, " variables"]
+    values: Float[np.ndarray, " quantities"]
+    ok: bool
+    slope: Float[np.ndarray, "quantities variables"]
+
+    def _slope_of(self, places) -> np.ndarray:
+        """[-] Derivatives of quantities in spreads by shares."""
+        width, scale = self.scaled.ranges.width, self.scaled.scale
+        return self.slope[places] * width / scale[places, None]
+
+    @cached_property
+    def residuals(self) -> Float[np.ndarray, " targets"]:
+        """[-] (targets,) whose squares add up to 2 f."""
+        targets = self.scaled.goal.targets
+        return np.array([(self.values[i] - v) / self.scaled.scale[i] for i, v in targets])
+
+    @cached_property
+    def residuals_slope(self) -> Float[np.ndarray, "targets variables"]:
+        """[-] (targets, variables)"""
+        return self._slope_of([place for place, _ in self.scaled.goal.targets])
+
+    @cached_property
+    def f(self) -> float:
+        """[-] The objective; infinite if the design could not be solved."""
+        goal = self.scaled.goal
+        if not self.ok:
+            return np.inf
         if goal.objective is None:
-            objective, gradient = residuals @ residuals / 2, residuals @ steep[places]
-        else:
-            objective, gradient = (
-                goal.sign * shown[goal.objective],
-                goal.sign * steep[goal.objective],
-            )
-        at = [limit.place for limit in goal.limits]
-        side = np.array([limit.side or 1 for limit in goal.limits], float)
-        equal = np.array([limit.side == 0 for limit in goal.limits], bool)
-        limits = side * (
-            shown[at] - [limit.bound / self.scale[limit.place] for limit in goal.limits]
-        )
-        limits_slope = side[:, None] * steep[at]
-        broken = np.where(equal, np.abs(limits), limits)
-        multipliers = _multipliers(share, gradient, limits, limits_slope, equal)
-        uphill = gradient + multipliers @ limits_slope
-        left = np.max(np.abs(share - np.clip(share - uphill, 0.0, 1.0)))
-        return Point(
-            share, values, slope, bool(ok), float(objective), gradient, residuals, steep[places],
-            limits, limits_slope, float(np.max(broken, initial=0.0)), multipliers, float(left),
-        )  # fmt: skip
+            return float(self.residuals @ self.residuals / 2)
+        return float(self.values[goal.objective]) / self.scaled.unit
 
+    @cached_property
+    def gradient(self) -> Float[np.ndarray, " variables"]:
+        """[-] (variables,) of f."""
+        goal = self.scaled.goal
+        if goal.objective is None:
+            return self.residuals @ self.residuals_slope
+        return goal.sign * self._slope_of([goal.objective])[0]
 
-def _multipliers(share, gradient, limits, slope, equal) -> np.ndarray:
-    """(limits,) for which the slope of L is smallest; those of the bounds are found beside them."""
-    out = np.zeros(len(limits))
-    active = equal | (limits >= -10 * FEASIBLE)
-    if active.any():
-        unit = np.eye(len(share))
-        columns = np.concatenate([slope[active], -unit[share <= _LEAST], unit[share >= 1 - _LEAST]])
-        least = np.zeros(len(columns))
-        least[: active.sum()][equal[active]] = -np.inf
-        found = lsq_linear(columns.T, -gradient, (least, np.inf), method="bvls")
-        out[active] = found.x[: active.sum()]
-    return out
+    @property
+    def objective(self) -> float:
+        """[SI] or, with targets, f."""
+        place = self.scaled.goal.objective
+        if not self.ok:
+            return np.nan
+        return self.f if place is None else float(self.values[place])
+
+    @cached_property
+    def limits(self) -> Float[np.ndarray, " limits"]:
+        """[-] (limits,) g."""
+        scale = self.scaled.scale
+        pairs = [(self.values[one.place] - one.bound, one) for one in self.scaled.goal.limits]
+        return np.array([(one.side or 1) * away / scale[one.place] for away, one in pairs])
+
+    @cached_property
+    def limits_slope(self) -> Float[np.ndarray, "limits variables"]:
+        """[-] (limits, variables)"""
+        limits = self.scaled.goal.limits
+        side = np.array([one.side or 1 for one in limits], float)
+        return side[:, None] * self._slope_of([one.place for one in limits])
+
+    @cached_property
+    def violation(self) -> float:
+        """[-] of the worst constraint."""
+        broken = np.where(self.scaled.goal.equalities, np.abs(self.limits), self.limits)
+        return float(np.max(broken, initial=0.0))
+
+    @cached_property
+    def multipliers(self) -> Float[np.ndarray, " limits"]:
+        """[-] (limits,) for which the slope of L is smallest; those of bounds are found beside them."""
+        out, equal = np.zeros(len(self.limits)), self.scaled.goal.equalities
+        active = equal | (self.limits >= -10 * FEASIBLE)
+        if active.any():
+            unit, at = np.eye(len(self.share)), self.share
+            bounds = -unit[at <= _LEAST], unit[at >= 1 - _LEAST]
+            columns = np.concatenate([self.limits_slope[active], *bounds])
+            least = np.zeros(len(columns))
+            least[: active.sum()][equal[active]] = -np.inf
+            found = lsq_linear(columns.T, -self.gradient, (least, np.inf), method="bvls")
+            out[active] = found.x[: active.sum()]
+        return out
+
+    @cached_property
+    def stationarity(self) -> float:
+        """[-] Largest slope of L over a range that no bound holds."""
+        uphill = self.gradient + self.multipliers @ self.limits_slope
+        return float(np.max(np.abs(self.share - np.clip(self.share - uphill, 0.0, 1.0))))
+
+    @property
+    def feasible(self) -> bool:
+        """Whether it could be solved and keeps the constraints."""
+        return self.ok and self.violation <= 10 * FEASIBLE
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Lower is better: first the violation, then the objective."""
+        return (max(self.violation, 10 * FEASIBLE) if self.ok else np.inf), self.f
+
+    @property
+    def optimal(self) -> bool:
+        """Whether it keeps the constraints and has no slope left."""
+        kept = self.ok and self.violation <= FEASIBLE
+        return kept and self.stationarity <= self.scaled.tolerance
 
 
 class _Ended(Exception):
@@ -164,16 +201,15 @@ class Descent:
     """
 
     def __init__(self, scaled: Scaled, start: Float[np.ndarray, " variables"], max_steps: int):
-        self.scaled, self.begin, self.max_steps = scaled, start, max_steps
+        self.scaled, self.start, self.max_steps = scaled, start, max_steps
         self.points: list[Point] = []
         self.path: list[Point] = []
-        self._known: dict[bytes, Point] = {}
 
     def run(self, method: "Method", evaluate: Evaluate) -> None:
         """Move until the optimiser, or the test of convergence, ends the search."""
         self._evaluate = evaluate
         with suppress(_Ended):
-            method(self, self.scaled.ranges.shares(self.begin))
+            method(self, self.scaled.ranges.shares(self.start))
 
     @property
     def best(self) -> Point:
@@ -183,17 +219,15 @@ class Descent:
     @property
     def status(self) -> str:
         """How it ended; see `Start`."""
-        best, tolerance = self.best, self.scaled.tolerance
-        limited = len(self.points) >= self.max_steps
+        best, limited = self.best, len(self.points) >= self.max_steps
         if not best.ok:
             return "start not solvable"
-        if best.violation > 10 * FEASIBLE:
-            return "step limit" if limited else "no feasible design"
-        if best.stationarity <= tolerance:
+        if best.optimal:
             return "converged"
-        if limited:
-            return "step limit"
-        return "converged" if best.stationarity <= _ROUGH * tolerance else "no better step"
+        if limited or not best.feasible:
+            return "step limit" if limited else "no feasible design"
+        smooth = best.stationarity <= _ROUGH * self.scaled.tolerance
+        return "converged" if smooth else "no better step"
 
     def at(self, share: Float[np.ndarray, " variables"]) -> Point:
         """The design at shares of the ranges, solved once.
@@ -201,21 +235,18 @@ class Descent:
         Raises:
             _Ended: where the search is to end here, or before the design is solved.
         """
-        key = share.tobytes()
-        if key in self._known:
-            return self._known[key]
-        if len(self.points) >= self.max_steps:
+        for point in reversed(self.points):
+            if np.array_equal(point.share, share):
+                return point
+        close = self.path and np.max(np.abs(share - self.best.share)) < _LEAST
+        if close or len(self.points) >= self.max_steps:
             raise _Ended
-        if self.path and np.max(np.abs(share - self.best.share)) < _LEAST:
-            raise _Ended
-        share = np.array(share)
-        values, ok, slope = self._evaluate(self.scaled.ranges.values(share))
-        point = self._known[key] = self.scaled.point(share, values, slope, ok)
+        solved = self._evaluate(self.scaled.ranges.values(share))
+        point = Point(self.scaled, np.array(share), *solved)
         self.points.append(point)
         best = self.best if self.path else point
-        limit = best.rank[0], best.rank[1] + BETTER
-        optimal = point.optimal(self.scaled.tolerance) and point.rank < limit
-        if optimal or (point.ok and point.rank < best.rank):
+        optimal = point.optimal and point.rank < (best.rank[0], best.rank[1] + BETTER)
+        if optimal or point.rank < best.rank:
             best = point
         self.path.append(best)
         if optimal or not best.ok:
@@ -225,7 +256,7 @@ class Descent:
     def value(self, share) -> float:
         """[-] the objective; a high value where the design cannot be solved."""
         point = self.at(share)
-        return point.objective if point.ok else self.best.objective + _FAILED
+        return point.f if point.ok else self.best.f + _FAILED
 
     def near(self, share) -> Point:
         """The design, or the best one so far if it cannot be solved."""
@@ -238,8 +269,7 @@ Method = Callable[[Descent, Float[np.ndarray, " variables"]], None]
 
 def _slsqp(descent: Descent, start) -> None:
     """Sequential quadratic programming (Kraft 1988), for bounds and constraints."""
-    limits = descent.scaled.goal.limits
-    equal = np.array([limit.side == 0 for limit in limits], bool)
+    equal = descent.scaled.goal.equalities
     kinds = {"eq": equal, "ineq": ~equal}
     constraints = [
         {

@@ -62,19 +62,10 @@ class Goal(NamedTuple):
         """SI unit of the objective."""
         return "" if self.objective is None else self.problem.units[self.objective]
 
-    def value(self, values: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """The objective (..) of quantities (.., quantities); with targets half the sum of squares."""
-        if self.objective is not None:
-            return values[..., self.objective]
-        return sum(0.5 * ((values[..., i] - v) / scale[i]) ** 2 for i, v in self.targets)  # pyright: ignore[reportReturnType]
-
-    def violation(self, values: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """[-] by how much the worst constraint is broken (..), in scales of its quantity."""
-        worst = np.zeros(values.shape[:-1])
-        for limit in self.limits:
-            over = (values[..., limit.place] - limit.bound) / scale[limit.place]
-            worst = np.maximum(worst, over * limit.side if limit.side else np.abs(over))
-        return worst
+    @property
+    def equalities(self) -> Bool[np.ndarray, " limits"]:
+        """(limits,) which are values to be met."""
+        return np.array([limit.side == 0 for limit in self.limits], bool)
 
 
 def goal_of(

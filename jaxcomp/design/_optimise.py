@@ -14,7 +14,7 @@ from jaxtyping import ArrayLike, Float
 
 from .._fields import BadInput
 from .._status import SolveFailed, Status
-from ._descent import FEASIBLE, Descent, Method, Scaled, method_of
+from ._descent import Descent, Method, Point, Scaled, method_of
 from ._goal import Goal, Interval, Objective, Solved, goal_of, solved
 from ._optimum import Optimum, Sample, optimum_of
 from ._problem import Asked, Problem
@@ -143,11 +143,13 @@ def spreads(found: Solved) -> Float[np.ndarray, " quantities"]:
 
 def sample_of(scaled: Scaled, points, found: Solved) -> Sample:
     """A solved sample, judged."""
-    goal, values, ok = scaled.goal, np.asarray(found.values), np.asarray(found.ok)
-    objective = goal.value(values, scaled.scale)
-    feasible = ok & (goal.violation(values, scaled.scale) <= 10 * FEASIBLE)
-    worth = np.where(feasible, goal.sign * objective, np.inf)
+    values, ok = np.asarray(found.values), np.asarray(found.ok)
+    rows = zip(points, values, ok, np.asarray(found.slope), strict=True)
+    designs = [Point(scaled, *row) for row in rows]
+    feasible = np.array([one.feasible for one in designs])
+    worth = np.array([one.f if one.feasible else np.inf for one in designs])
     best = int(np.argmin(worth)) if feasible.any() else None
+    objective = np.array([one.objective for one in designs])
     return Sample(points, values, objective, ok, feasible, best)
 
 

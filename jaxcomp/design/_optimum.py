@@ -49,6 +49,10 @@ class Start(NamedTuple):
             design" or "start not solvable".
         steps: solved designs.
         agrees: whether it ended within a thousandth of each range of the best one.
+        path: [SI] (steps, variables) the best design so far, after each solved one.
+        objectives: [SI] (steps,) there.
+        slopes: [-] (steps,) stationarity there.
+        solved: (steps,) whether the design that was tried could be solved.
     """
 
     start: Float[np.ndarray, " variables"]
@@ -59,23 +63,10 @@ class Start(NamedTuple):
     status: str
     steps: int
     agrees: bool
-
-
-class History(NamedTuple):
-    """The best design so far from each start, after each solved design; at the end its last one.
-
-    Attributes:
-        values: [SI] (steps, starts, variables).
-        objective: [SI] (steps, starts).
-        violation, stationarity: [-] (steps, starts).
-        ok: (steps, starts) whether the design that was tried could be solved.
-    """
-
-    values: Float[np.ndarray, "steps starts variables"]
-    objective: Float[np.ndarray, "steps starts"]
-    violation: Float[np.ndarray, "steps starts"]
-    stationarity: Float[np.ndarray, "steps starts"]
-    ok: Bool[np.ndarray, "steps starts"]
+    path: Float[np.ndarray, "steps variables"]
+    objectives: Float[np.ndarray, " steps"]
+    slopes: Float[np.ndarray, " steps"]
+    solved: Bool[np.ndarray, " steps"]
 
 
 class Sample(NamedTuple):
@@ -127,7 +118,6 @@ class Optimum(Result):
         at_bound: variables that ended on a bound of their range, with "low" or "high".
         constraints: each side.
         starts: how each start ended.
-        history: of all starts.
         sample: what the optimum was compared with.
         verdict: the comparison in words.
         local: whether a sample is better than the optimum, which only starts that are given allow.
@@ -149,7 +139,6 @@ class Optimum(Result):
     at_bound: dict[str, str]
     constraints: tuple[Constrained, ...]
     starts: tuple[Start, ...]
-    history: History
     sample: Sample
     verdict: str
     local: bool
@@ -183,26 +172,9 @@ def optimum_of(scaled: Scaled, sample: Sample, descents: Sequence[Descent]) -> O
     """The result of starts that have ended."""
     goal, ranges = scaled.goal, scaled.ranges
     problem = goal.problem
-    ends = [one.best for one in descents]
-    best = min(range(len(ends)), key=lambda n: (not ends[n].ok, ends[n].rank))
-    end, values = ends[best], ranges.values(ends[best].share)
-    shares = np.stack([point.share for point in ends])
-    agrees = np.max(np.abs(shares - end.share), axis=1) <= 1e-3
-    starts = tuple(
-        Start(
-            start=one.begin,
-            values=ranges.values(point.share),
-            objective=_objective(scaled, point),
-            violation=point.violation,
-            stationarity=point.stationarity,
-            status=one.status,
-            steps=len(one.points),
-            agrees=bool(same),
-        )
-        for one, point, same in zip(descents, ends, agrees, strict=True)
-    )
-    feasible = end.ok and end.violation <= 10 * FEASIBLE
-    verdict, local = _compared(scaled, sample, end, feasible)
+    best = min(descents, key=lambda one: one.best.rank)
+    end, values = best.best, ranges.values(best.best.share)
+    verdict, local = _compared(scaled, sample, end)
     names = [one.name for one in problem.variables]
     gradient = scaled.unit * end.gradient / ranges.width
     sides = {"low": end.share < 1e-4, "high": end.share > 1 - 1e-4}
@@ -211,63 +183,61 @@ def optimum_of(scaled: Scaled, sample: Sample, descents: Sequence[Descent]) -> O
         ranges=ranges,
         design=problem.designed(jnp.asarray(values)),
         values=dict(zip(names, values.tolist(), strict=True)),
-        objective=starts[best].objective,
+        objective=end.objective,
         objective_name=goal.name,
         maximised=goal.sign < 0,
         quantities=dict(zip(problem.names, end.values.tolist(), strict=True)),
-        status=starts[best].status,
-        feasible=feasible,
+        status=best.status,
+        feasible=end.feasible,
         stationarity=end.stationarity,
         gradient=dict(zip(names, gradient.tolist(), strict=True)),
         at_bound={
             name: side for side, on in sides.items() for name in np.array(names)[on].tolist()
         },
-        constraints=_constrained(scaled, end),
-        starts=starts,
-        history=_history(scaled, descents),
+        constraints=_constrained(end),
+        starts=tuple(_start(one, end) for one in descents),
         sample=sample,
         verdict=verdict,
         local=local,
-        evaluations=sum(start.steps for start in starts),
+        evaluations=sum(len(one.points) for one in descents),
     )
 
 
-def _objective(scaled: Scaled, point: Point) -> float:
-    """[SI] of a design; NaN if it could not be solved."""
-    return float(scaled.goal.value(point.values, scaled.scale)) if point.ok else np.nan
-
-
-def _history(scaled: Scaled, descents: Sequence[Descent]) -> History:
-    count = max(len(one.points) for one in descents)
-    paths = [one.path + [one.best] * (count - len(one.path)) for one in descents]
-    column = lambda of: np.array([[of(p) for p in row] for row in zip(*paths, strict=True)])  # noqa: E731
-    tried = [[p.ok for p in one.points] + [True] * (count - len(one.points)) for one in descents]
-    return History(
-        values=scaled.ranges.values(column(lambda point: point.share)),
-        objective=column(lambda point: _objective(scaled, point)),
-        violation=column(lambda point: point.violation),
-        stationarity=column(lambda point: point.stationarity),
-        ok=np.array(tried).T,
+def _start(descent: Descent, best: Point) -> Start:
+    end, path, ranges = descent.best, descent.path, descent.scaled.ranges
+    return Start(
+        start=descent.start,
+        values=ranges.values(end.share),
+        objective=end.objective,
+        violation=end.violation,
+        stationarity=end.stationarity,
+        status=descent.status,
+        steps=len(descent.points),
+        agrees=bool(np.max(np.abs(end.share - best.share)) <= 1e-3),
+        path=ranges.values(np.stack([point.share for point in path])),
+        objectives=np.array([point.objective for point in path]),
+        slopes=np.array([point.stationarity for point in path]),
+        solved=np.array([point.ok for point in descent.points]),
     )
 
 
-def _compared(scaled: Scaled, sample: Sample, end: Point, feasible: bool) -> tuple[str, bool]:
-    count = len(sample.ok)
-    if sample.best is None:
-        kept = "no better design among" if feasible else "no start and none of"
-        return f"{kept} {count} samples" + ("" if feasible else " keeps all constraints"), False
-    if not feasible:
-        return f"no start keeps all constraints, but one of {count} samples does", True
-    value = sample.objective[sample.best]
-    if (_objective(scaled, end) - value) / scaled.unit > BETTER:
-        return f"a local optimum: one of {count} samples is better, {value:.7g}", True
-    return f"no better design among {count} samples", False
+def _compared(scaled: Scaled, sample: Sample, end: Point) -> tuple[str, bool]:
+    among = f"{len(sample.ok)} samples"
+    if sample.best is None and not end.feasible:
+        return f"no start and none of {among} keeps all constraints", False
+    if sample.best is not None:
+        value = float(sample.objective[sample.best])
+        if not end.feasible:
+            return f"no start keeps all constraints, but one of {among} does", True
+        if (end.objective - value) / scaled.unit > BETTER:
+            return f"a local optimum: one of {among} is better, {value:.7g}", True
+    return f"no better design among {among}", False
 
 
-def _constrained(scaled: Scaled, end: Point) -> tuple[Constrained, ...]:
-    out = []
+def _constrained(end: Point) -> tuple[Constrained, ...]:
+    scaled, out = end.scaled, []
     for limit, over, pressure in zip(scaled.goal.limits, end.limits, end.multipliers, strict=True):
-        # L = f/unit + mu side (q - bound)/scale, so d f/d bound = -unit mu side/scale
+        # L = f + mu side (q - bound)/scale, so d f/d bound = -mu side/scale
         multiplier = -scaled.unit * pressure * (limit.side or 1) / scaled.scale[limit.place]
         broken = float(over if limit.side else abs(over))
         out.append(
