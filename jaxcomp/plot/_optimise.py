@@ -4,13 +4,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
+from .._shown import Shown, shown
 from ..design import Front, Optimum
 from ._style import INK, legend, new_figure, note, words, ylabel
 
 _SAMPLE, _BEST, _NOW, _BAD = "#9A9A9A", "#D55E00", "#009E73", "#CC79A7"
+_STEPS = "Designs solved from this start"
 _PATHS = ("#0072B2", "#56B4E9", "#E69F00", "#56437F", "#999933", "#AA4499", "#444444", "#009E73")
-# what SI values are shown in
-_SHOWN = {"m": (1e3, "mm"), "rad/s": (30 / np.pi, "rpm"), "m^3": (1e6, "cm³"), "N": (1e-3, "kN")}
 
 
 def optimum_figures(optimum: Optimum) -> dict[str, Figure]:
@@ -26,31 +26,32 @@ def optimum_path(optimum: Optimum) -> Figure:
 
 def optimum_convergence(optimum: Optimum) -> Figure:
     """Distance from the best objective and projected slope by step, for every start."""
-    history, best = optimum.history, optimum.objective
     figure, axes = new_figure(2, 1, (6.4, 5.4), f"Convergence: {_title(optimum)}")
+    goal = _objective(optimum)
     for number, start in enumerate(optimum.starts):
-        steps = np.arange(1, min(start.steps, len(history.ok)) + 1)
-        away = np.abs(history.objective[: len(steps), number] - best)
-        for ax, rows in zip(
-            axes[:, 0], (away, history.stationarity[: len(steps), number]), strict=True
-        ):
-            shown = np.where(np.isfinite(rows) & (rows > 0), rows, np.nan)
-            ax.semilogy(steps, shown, "o-", color=_path(number), markersize=3, linewidth=1.1)
-    ylabel(axes[0, 0], _label(f"|{optimum.objective_name} - best|", _unit(optimum), False))
+        away = np.abs(start.objectives - optimum.objective) * goal.factor
+        for ax, rows in zip(axes[:, 0], (away, start.slopes), strict=True):
+            known = np.where(np.isfinite(rows) & (rows > 0), rows, np.nan)
+            steps = np.arange(1, start.steps + 1)
+            ax.semilogy(steps, known, "o-", color=_path(number), markersize=3, linewidth=1.1)
+    ylabel(axes[0, 0], f"Distance from the best, {goal.unit}".rstrip(", "))
     note(figure, "Each colour is one start.")
     ylabel(axes[1, 0], "Projected slope")
-    axes[1, 0].set_xlabel("Designs solved from this start", fontsize=9)
+    axes[1, 0].set_xlabel(_STEPS, fontsize=9)
     return figure
 
 
 def pareto_front(front: Front) -> Figure:
     """The front with both ends and the present design, over the sample."""
-    names = [_label(name, unit) for name, unit in zip(front.names, front.units, strict=True)]
     title = f"Pareto front: {words(front.names[0]).lower()} and {words(front.names[1]).lower()}"
     figure, axes = new_figure(1, 1, (6.6, 4.8), title)
     ax = axes[0, 0]
-    scale = np.array([_scale(unit)[0] for unit in front.units])
-    sample, points = front.sample * scale, front.objectives * scale
+    rows = zip(front.names, front.units, front.objectives.T, strict=True)
+    looks = [shown(*row) for row in rows]
+    scale = np.array([look.factor for look in looks])
+    sample, points, present = (
+        a * scale for a in (front.sample, front.objectives, np.asarray(front.present))
+    )
     ax.plot(sample[:, 1], sample[:, 0], ".", color=_SAMPLE, markersize=4, alpha=0.6,
             label=f"{len(sample)} samples")  # fmt: skip
     good = ~front.dominated
@@ -71,18 +72,16 @@ def pareto_front(front: Front) -> Figure:
         text = f"{most} {words(front.names[name]).lower()}"
         ax.annotate(text, at, (0, shift), textcoords="offset points", fontsize=8, color=INK,
                     ha="center", va="center")  # fmt: skip
-    if np.all(np.isfinite(front.present)):
-        ax.plot(
-            *(front.present * scale)[::-1], "D", color=_NOW, markersize=6, label="present design"
-        )
-    _room(ax, np.concatenate([points, (front.present * scale)[None]]))
-    ax.set_xlabel(names[1], fontsize=9)
-    ylabel(ax, names[0])
+    if np.all(np.isfinite(present)):
+        _present(ax, *present[::-1])
+    _limits(ax, np.concatenate([points, present[None]]))
+    ax.set_xlabel(looks[1].label, fontsize=9)
+    ylabel(ax, looks[0].label)
     legend(ax, loc="best")
     return figure
 
 
-def _room(ax, points) -> None:
+def _limits(ax, points) -> None:
     """Limits around the front and the present design: a wide sample would press them flat."""
     points = points[np.all(np.isfinite(points), axis=1)]
     low, high = points.min(axis=0), points.max(axis=0)
@@ -93,98 +92,95 @@ def _room(ax, points) -> None:
 
 def _line(optimum: Optimum) -> Figure:
     figure, axes = new_figure(2, 1, (6.6, 6.0), _title(optimum))
-    (ax, below), sample, history = axes[:, 0], optimum.sample, optimum.history
-    variable = optimum.problem.variables[0]
-    scale, tall = _scale(variable.unit)[0], _scale(_unit(optimum))[0]
+    (ax, below), sample = axes[:, 0], optimum.sample
+    (variable,), goal = _variables(optimum), _objective(optimum)
     order = np.argsort(sample.values[:, 0])
     order = order[sample.ok[order]]
-    x, y = sample.values[order, 0] * scale, sample.objective[order] * tall
+    x, y = sample.values[order, 0] * variable.factor, sample.objective[order] * goal.factor
     ax.plot(x, y, color=_SAMPLE, linewidth=1.4, label=f"{len(order)} samples")
     broken = ~sample.feasible[order]
     if broken.any():
         ax.plot(x[broken], y[broken], ".", color=_BAD, markersize=5, label="breaks a constraint")
     for number, start in enumerate(optimum.starts):
-        path = history.values[: start.steps, number, 0] * scale
-        value = history.objective[: start.steps, number] * tall
+        path = start.path[:, 0] * variable.factor
+        value = start.objectives * goal.factor
         ax.plot(path[:1], value[:1], "o", color=_path(number), markersize=5)
         below.plot(path, np.arange(1, len(path) + 1), "o-", color=_path(number), markersize=3.5,
                    linewidth=1.1)  # fmt: skip
-    _marks(ax, optimum, next(iter(optimum.values.values())) * scale, optimum.objective * tall)
+    (best,) = optimum.values.values()
+    _best(ax, optimum, best * variable.factor, optimum.objective * goal.factor)
     present = np.asarray(optimum.problem.current)[0]
     near = np.flatnonzero(sample.values[:, 0] == present)
     if near.size and sample.ok[near[0]]:
-        _now(ax, present * scale, sample.objective[near[0]] * tall)
-    note(figure, "Each colour is one start; above its first design, below all of them.")
+        _present(ax, present * variable.factor, sample.objective[near[0]] * goal.factor)
+    note(figure, "Each colour is one start; above its first design, below the best so far.")
     below.invert_yaxis()
-    below.set_xlabel(_label(variable.name, variable.unit), fontsize=9)
-    ylabel(below, "Designs solved from this start")
-    ylabel(ax, _label(optimum.objective_name, _unit(optimum)))
+    below.set_xlabel(variable.label, fontsize=9)
+    ylabel(below, _STEPS)
+    ylabel(ax, goal.label)
     legend(ax, loc="best")
     return figure
 
 
 def _plane(optimum: Optimum) -> Figure:
     figure, axes = new_figure(1, 1, (6.8, 5.0), _title(optimum))
-    ax, sample = axes[0, 0], optimum.sample
-    variables = optimum.problem.variables
-    scale = np.array([_scale(one.unit)[0] for one in variables])
-    tall = _scale(_unit(optimum))[0]
+    ax, sample, ranges = axes[0, 0], optimum.sample, optimum.ranges
+    looks, goal = _variables(optimum), _objective(optimum)
+    scale = np.array([look.factor for look in looks])
     places = sample.values * scale
     if sample.ok.sum() >= 4:
         # neighbours in shares of the ranges: in units of their own one variable dwarfs the other
-        mesh = Triangulation(*(sample.values[sample.ok] / np.asarray(optimum.ranges.width)).T)
+        mesh = Triangulation(*ranges.shares(sample.values[sample.ok]).T)
         corners = Triangulation(*places[sample.ok].T, triangles=mesh.triangles)
-        filled = ax.tricontourf(corners, sample.objective[sample.ok] * tall, 16, cmap="Greys",
-                                alpha=0.75)  # fmt: skip
+        filled = ax.tricontourf(corners, sample.objective[sample.ok] * goal.factor, 16,
+                                cmap="Greys", alpha=0.75)  # fmt: skip
         bar = figure.colorbar(filled, ax=ax)
-        bar.set_label(_label(optimum.objective_name, _unit(optimum)), fontsize=9)
+        bar.set_label(goal.label, fontsize=9)
         bar.ax.tick_params(labelsize=8)
     out = sample.ok & ~sample.feasible
     if out.any():
         ax.plot(*places[out].T, ".", color=_BAD, markersize=4, label="breaks a constraint")
     if (~sample.ok).any():
         ax.plot(*places[~sample.ok].T, "x", color=_BAD, markersize=4, label="cannot be solved")
-    for number in range(len(optimum.starts)):
-        path = (optimum.history.values[:, number] * scale).T
+    for number, start in enumerate(optimum.starts):
+        path = (start.path * scale).T
         ax.plot(*path, ".-", color=_path(number), linewidth=1.2, markersize=4)
         ax.plot(*path[:, 0], "o", color=_path(number), markersize=6, markeredgecolor="white")
     note(figure, "Each colour is one start, from its large dot; the shade is of the samples.")
-    _marks(ax, optimum, *(np.array(list(optimum.values.values())) * scale))
+    _best(ax, optimum, *(np.array(list(optimum.values.values())) * scale))
     now = np.asarray(optimum.problem.current)
-    if np.all((now >= np.asarray(optimum.ranges.low)) & (now <= np.asarray(optimum.ranges.high))):
-        _now(ax, *(now * scale))
-    ax.set_xlabel(_label(variables[0].name, variables[0].unit), fontsize=9)
-    ylabel(ax, _label(variables[1].name, variables[1].unit))
+    if ranges.contain(now[None])[0]:
+        _present(ax, *(now * scale))
+    ax.set_xlabel(looks[0].label, fontsize=9)
+    ylabel(ax, looks[1].label)
     legend(ax, loc="upper left", bbox_to_anchor=(0, -0.12), ncols=3)
     return figure
 
 
 def _strips(optimum: Optimum) -> Figure:
-    variables = optimum.problem.variables
-    size = (6.6, 1.6 * len(variables) + 0.6)
-    figure, axes = new_figure(len(variables), 1, size, _title(optimum))
-    for place, (ax, one) in enumerate(zip(axes[:, 0], variables, strict=True)):
-        scale = _scale(one.unit)[0]
+    looks, ranges = _variables(optimum), optimum.ranges
+    size = (6.6, 1.6 * len(looks) + 0.6)
+    figure, axes = new_figure(len(looks), 1, size, _title(optimum))
+    best = list(optimum.values.values())
+    for place, (ax, look) in enumerate(zip(axes[:, 0], looks, strict=True)):
         for number, start in enumerate(optimum.starts):
-            rows = optimum.history.values[: start.steps, number, place] * scale
-            ax.plot(np.arange(1, len(rows) + 1), rows, color=_path(number), linewidth=1.1)
-        ax.axhline(optimum.values[one.name] * scale, color=_BEST, linewidth=1, linestyle="--")
-        low, high = (
-            np.asarray(end)[place] * scale for end in (optimum.ranges.low, optimum.ranges.high)
-        )
+            steps = np.arange(1, start.steps + 1)
+            ax.plot(steps, start.path[:, place] * look.factor, color=_path(number), linewidth=1.1)
+        ax.axhline(best[place] * look.factor, color=_BEST, linewidth=1, linestyle="--")
+        low, high = (end[place] * look.factor for end in ranges)
         ax.set_ylim(low - 0.03 * (high - low), high + 0.03 * (high - low))
-        ylabel(ax, _label(one.name, one.unit))
-    axes[-1, 0].set_xlabel("Designs solved from this start", fontsize=9)
+        ylabel(ax, look.label)
+    axes[-1, 0].set_xlabel(_STEPS, fontsize=9)
     note(figure, "Each colour is one start; dashed: the optimum.")
     return figure
 
 
-def _marks(ax, optimum: Optimum, x, y) -> None:
+def _best(ax, optimum: Optimum, x, y) -> None:
     ax.plot(x, y, "*", color=_BEST, markersize=14, markeredgecolor="white", zorder=5, linestyle="",
             label=f"optimum, {optimum.agreeing} of {len(optimum.starts)} starts")  # fmt: skip
 
 
-def _now(ax, x, y) -> None:
+def _present(ax, x, y) -> None:
     ax.plot(x, y, "D", color=_NOW, markersize=6, zorder=4, linestyle="", label="present design")
 
 
@@ -194,20 +190,16 @@ def _title(optimum: Optimum) -> str:
     return f"{'Highest' if optimum.maximised else 'Lowest'} {words(optimum.objective_name).lower()}"
 
 
-def _unit(optimum: Optimum) -> str:
+def _objective(optimum: Optimum) -> Shown:
     problem = optimum.problem
     units = dict(zip(problem.names, problem.units, strict=True))
-    return units.get(optimum.objective_name, "")
+    name = optimum.objective_name
+    return shown(name, units.get(name, ""), optimum.sample.objective)
 
 
-def _scale(unit: str) -> tuple[float, str]:
-    return _SHOWN.get(unit, (1.0, unit))
-
-
-def _label(name: str, unit: str, capital: bool = True) -> str:
-    shown = _scale(unit)[1]
-    name = words(name) if capital else name.replace("_", " ")
-    return f"{name}, {shown}" if shown else name
+def _variables(optimum: Optimum) -> list[Shown]:
+    variables, values = optimum.problem.variables, optimum.sample.values.T
+    return [shown(one.name, one.unit, row) for one, row in zip(variables, values, strict=True)]
 
 
 def _path(number: int) -> str:
