@@ -151,29 +151,29 @@ def optimise(
         raise CommandError("--sigmas and --quantile: need --scatter")
     if sigmas is not None and quantile is not None:
         raise CommandError("--sigmas: takes no --quantile beside it")
-    from ._optimise_search import Asked, searched_front, searched_optimum
+    from ._optimise_search import searched
     from ._start import start_jax
 
     start_jax()
-    asked = Asked(
-        machine=machine,
-        sets=tuple(sets or ()),
-        variables=tuple(variables),
-        objective=None if targets else (objective or "mechanical_efficiency"),
-        targets=tuple(targets or ()),
-        maximise=maximise,
-        constraints=tuple(constraints or ()),
-        method=method and method.value,
-        starts=starts,
-        samples=samples,
-        seed=seed,
-        tolerance=tolerance,
-        accuracy=accuracy.value,
-        scatter=tuple(scatter or ()),
-        sigmas=sigmas,
-        quantile=quantile,
-    )
-    if pareto:
-        searched_front(asked, pareto, points, max_steps, as_json, out)
-    else:
-        searched_optimum(asked, max_steps, as_json, out)
+    asked = {
+        "machine": machine,
+        "sets": sets or [],
+        "variables": variables,
+        "objective": None if targets else (objective or "mechanical_efficiency"),
+        "targets": targets or [],
+        "maximise": maximise,
+        "constraints": constraints or [],
+        "pareto": pareto,
+        "points": points,
+        "scatter": scatter or [],
+        "sigmas": sigmas,
+        "quantile": quantile,
+        "method": method and method.value,
+        "starts": starts,
+        "max_steps": max_steps,
+        "tolerance": tolerance,
+        "samples": samples,
+        "seed": seed,
+        "accuracy": accuracy.value,
+    }
+    searched(asked, as_json, out)
