@@ -45,7 +45,7 @@ def compare(
     from .._status import SolveFailed
     from .._waits import spinner
     from ..crank import solve_orbit
-    from ..design import beside
+    from ..design import compared_designs
     from ..plot import compared_losses
     from ._compare_result import beside_table
     from ._output import show_results, write_results
@@ -60,7 +60,8 @@ def compare(
                 orbits.append(solve_orbit(scene.as_compressor()))
             except SolveFailed as error:
                 raise CommandError(f"{label}: {error}") from None
-    rows = [one._asdict() for one in beside([one.machine for one in scenes.values()], orbits)]
+    designs = [one.machine for one in scenes.values()]
+    rows = [one._asdict() for one in compared_designs(designs, orbits)]
     result: dict[str, Any] = {
         "machines": [
             {"label": label, "machine": scene.name, "file": scene.file}

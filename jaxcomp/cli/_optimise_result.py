@@ -1,19 +1,20 @@
 """Results of `jaxcomp optimise`: JSON, tables, and the scene as optimised."""
 
-import math
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from rich.markup import escape
+from rich.table import Table
 
 from .._shown import shown
-from ..design import Front, Optimum, compared, quantity
+from ..crank import solve_orbit
+from ..design import Front, Optimum, compared_designs, quantity
 from ..design._design import CORRECTIONS
+from ..machine import assembled
 from ..scene import Scene, with_machine
 from ._compare_result import beside_table
-from ._tables import _table
-from ._tables import words as _words
+from ._json import plain
+from ._tables import row_table
 
 
 def optimised_scene(scene: Scene, optimum: Optimum) -> tuple[Scene, list[str]]:
@@ -31,21 +32,20 @@ def optimised_scene(scene: Scene, optimum: Optimum) -> tuple[Scene, list[str]]:
 def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds: float) -> dict:
     """JSON of an optimum."""
     problem, sample = found.problem, found.sample
-    low, high = (np.asarray(end).tolist() for end in (found.ranges.low, found.ranges.high))
     present = np.asarray(problem.current).tolist()
     now = np.flatnonzero(np.all(sample.values == np.array(present), axis=1))
     before = float(sample.objective[now[0]]) if now.size and sample.ok[now[0]] else None
     units = dict(zip(problem.names, problem.units, strict=True))
     variables = [
         {
-            "name": one.name, "unit": one.unit, "low": low[i], "high": high[i],
+            "name": one.name, "unit": one.unit, "low": found.ranges.low[i], "high": found.ranges.high[i],
             "present": present[i], "value": found.values[one.name],
             "gradient": found.gradient[one.name], "at_bound": found.at_bound.get(one.name),
         }
         for i, one in enumerate(problem.variables)
     ]  # fmt: skip
     best = None if sample.best is None else float(sample.objective[sample.best])
-    return _finite({
+    return plain({
         "machine": scene.name,
         "asked": asked,
         "variables": variables,
@@ -82,10 +82,14 @@ def comparison(found: Optimum) -> list[dict[str, Any]]:
     crank = (not isinstance(q, str) or "orbit" in quantity(q).needs for q in problem.quantities)
     if problem.design.compressor is None or not any(crank):
         return []
-    rows = compared(problem.design, found.design, problem.options)
+    designs = problem.design, found.design
+    orbits = [
+        solve_orbit(assembled(one).compressor, problem.options.solver, throw=False)
+        for one in designs
+    ]
     return [
-        {"name": one.name, "unit": one.unit, "present": one.before, "optimum": one.after}
-        for one in rows
+        {"name": one.name, "unit": one.unit, "present": one.values[0], "optimum": one.values[1]}
+        for one in compared_designs(designs, orbits)
     ]
 
 
@@ -101,7 +105,7 @@ def front_result(scene: Scene, asked: dict[str, Any], front: Front, seconds: flo
         for i in range(len(front.values))
     ]  # fmt: skip
     units = [one.unit for one in front.ends[0].problem.variables]
-    return _finite({
+    return plain({
         "machine": scene.name,
         "asked": asked,
         "objectives": [
@@ -121,100 +125,99 @@ def front_result(scene: Scene, asked: dict[str, Any], front: Front, seconds: flo
     })  # fmt: skip
 
 
-def optimum_tables(result: dict[str, Any]) -> list:
-    """Variables, objective, constraints, starts, evidence."""
-    goal = result["objective"]
-    way = (
-        "met targets"
-        if goal["name"] == "residuals"
-        else ("highest" if goal["maximised"] else "lowest")
-    )
-    title = escape(f"{result['machine']}: {way} {_words(goal['name']).lower()}")
-    table = _table(title, "", "Present", "Optimum", "Range", "")
-    for one in result["variables"]:
-        unit = one["unit"]
-        ends = f"{_shown(one['low'], unit)} to {_shown(one['high'], unit)}"
-        note = f"on its {one['at_bound']} bound" if one["at_bound"] else ""
-        table.add_row(escape(one["name"]), _shown(one["present"], unit),
-                      f"[bold]{_shown(one['value'], unit)}", ends, note)  # fmt: skip
-    before = "" if goal["present"] is None else _shown(goal["present"], goal["unit"], 6)
-    table.add_row(
-        _words(goal["name"]), before, f"[bold]{_shown(goal['value'], goal['unit'], 6)}", "", ""
-    )
-    tables = [table]
+def optimum_tables(result: dict[str, Any]) -> list[Table]:
+    """Variables and objective, comparison with the present design, constraints, starts, search."""
+    goal, variables = result["objective"], result["variables"]
+    way = "highest" if goal["maximised"] else "lowest"
+    way = "met targets" if goal["name"] == "residuals" else way
+    name = shown(goal["name"], goal["unit"], goal["value"]).words
+    rows = [
+        (
+            escape(one["name"]),
+            _text(one, one["present"]),
+            f"[bold]{_text(one, one['value'])}",
+            f"{_text(one, one['low'])} to {_text(one, one['high'])}",
+            one["at_bound"] and f"on its {one['at_bound']} bound",
+        )
+        for one in variables
+    ]
+    rows += [
+        (),
+        (name, _text(goal, goal["present"], 6), f"[bold]{_text(goal, goal['value'], 6)}", "", ""),
+    ]
+    title = f"{result['machine']}: {way} {name.lower()}"
+    tables = [row_table(title, ("", "Present", "Optimum", "Range", ""), rows)]
     if result.get("comparison"):
         rows = [{**one, "values": [one["present"], one["optimum"]]} for one in result["comparison"]]
         tables.append(beside_table(rows, ["Present", "Optimum"]))
     if result["constraints"]:
-        table = _table(None, "Constraint", "Value", "Bound", "", "Objective per unit of the bound")
-        for one in result["constraints"]:
-            sign = {"upper": "<=", "lower": ">=", "equal": "="}[one["side"]]
-            state = "broken" if one["violation"] else ("active" if one["active"] else "slack")
-            per = f"{one['multiplier']:.4g} per {one['unit'] or 'one'}" if one["active"] else ""
-            table.add_row(escape(one["name"]), _shown(one["value"], one["unit"]),
-                          f"{sign} {_shown(one['bound'], one['unit'])}", state, per)  # fmt: skip
-        tables.append(table)
-    table = _table(None, "Start", "Objective", "Designs solved", "Ended", "")
-    for one in result["starts"]:
-        units = [v["unit"] for v in result["variables"]]
-        begun = ", ".join(_shown(x, u) for x, u in zip(one["start"], units, strict=True))
-        same = "at the optimum" if one["agrees"] else "elsewhere"
-        value = "" if one["objective"] is None else _shown(one["objective"], goal["unit"], 6)
-        table.add_row(begun, value, str(one["steps"]), one["status"], same)
-    tables.append(table)
-    table = _table(None, "Evidence", "")
-    table.add_row("Ended", result["status"])
-    table.add_row("Slope left", f"{result['stationarity'] or 0:.1e} of the objective's spread")
-    table.add_row("Compared", result["verdict"])
-    table.add_row("Starts that agree", f"{result['agreeing']} of {len(result['starts'])}")
-    count = f"{result['evaluations']} with derivatives, {result['sample']['count']} in the sample"
-    table.add_row("Designs solved", count)
-    table.add_row("Time", f"{result['seconds']:.1f} s")
-    return [*tables, table]
+        signs = {"upper": "<=", "lower": ">=", "equal": "="}
+        rows = [
+            (
+                escape(one["name"]),
+                _text(one, one["value"]),
+                f"{signs[one['side']]} {_text(one, one['bound'])}",
+                "broken" if one["violation"] else "active" if one["active"] else "slack",
+                one["active"] and f"{one['multiplier']:.4g} per {one['unit'] or 'one'}",
+            )
+            for one in result["constraints"]
+        ]
+        heads = ("Constraint", "Value", "Bound", "", "Objective per unit of the bound")
+        tables.append(row_table(None, heads, rows))
+    rows = [
+        (
+            ", ".join(_text(*pair) for pair in zip(variables, one["start"], strict=True)),
+            _text(goal, one["objective"], 6),
+            one["steps"],
+            one["status"],
+            "at the optimum" if one["agrees"] else "elsewhere",
+        )
+        for one in result["starts"]
+    ]
+    tables.append(row_table(None, ("Start", "Objective", "Designs solved", "Ended", ""), rows))
+    rows = [
+        ("Ended", result["status"]),
+        ("Slope left", f"{result['stationarity'] or 0:.1e} of the objective's spread"),
+        ("Compared", result["verdict"]),
+        ("Starts that agree", f"{result['agreeing']} of {len(result['starts'])}"),
+        (
+            "Designs solved",
+            f"{result['evaluations']} with derivatives, {result['sample']['count']} in the sample",
+        ),
+        ("Time", f"{result['seconds']:.1f} s"),
+    ]
+    return [*tables, row_table(None, ("Search", ""), rows, texts=2)]
 
 
-def front_tables(result: dict[str, Any]) -> list:
-    """The points of the front, and the evidence."""
-    first, second = result["objectives"]
-    names = [one["name"] for one in result["variables"]]
-    title = f"{result['machine']}: {_words(first['name'])} against {_words(second['name']).lower()}"
-    heads = [_words(first["name"]), _words(second["name"]), *names, "Exchange", ""]
-    table = _table(escape(title), *heads)
-    for point in result["points"]:
-        row = [_shown(point["objectives"][o["name"]], o["unit"], 6) for o in (first, second)]
-        row += [_shown(point["values"][v["name"]], v["unit"]) for v in result["variables"]]
-        exchange = "" if point["exchange"] is None else f"{point['exchange']:.3g}"
-        table.add_row(*row, exchange, "dominated" if point["dominated"] else point["status"])
-    now = [result["present"][o["name"]] for o in (first, second)]
-    if None not in now:
-        texts = [_shown(x, o["unit"], 6) for x, o in zip(now, (first, second), strict=True)]
-        table.add_section()
-        table.add_row(*texts, *[""] * len(names), "", "present design")
-    evidence = _table(None, "Evidence", "")
-    count = sum(p["dominated"] for p in result["points"])
-    evidence.add_row("Dominated points", str(count))
-    beaten = f"{result['beaten_by']} of {result['sample']['feasible']}"
-    evidence.add_row("Samples better than the front", beaten)
-    evidence.add_row("Exchange", "change of the first objective per unit of the second, SI")
-    evidence.add_row(
-        "Designs solved", f"{result['evaluations']}, {result['sample']['count']} in the sample"
-    )
-    evidence.add_row("Time", f"{result['seconds']:.1f} s")
-    return [table, evidence]
+def front_tables(result: dict[str, Any]) -> list[Table]:
+    """The points of the front, and how they were found."""
+    both, variables = result["objectives"], result["variables"]
+    names = [shown(one["name"], one["unit"], 1.0).words for one in both]
+    rows = [
+        (
+            *(_text(one, point["objectives"][one["name"]], 6) for one in both),
+            *(_text(one, point["values"][one["name"]]) for one in variables),
+            "" if point["exchange"] is None else f"{point['exchange']:.3g}",
+            "dominated" if point["dominated"] else point["status"],
+        )
+        for point in result["points"]
+    ]
+    now = [_text(one, result["present"][one["name"]], 6) for one in both]
+    if all(now):
+        rows += [(), (*now, *[""] * len(variables), "", "present design")]
+    heads = (*names, *(escape(one["name"]) for one in variables), "Exchange", "")
+    title = f"{result['machine']}: {names[0]} against {names[1].lower()}"
+    count = result["sample"]
+    search = [
+        ("Dominated points", sum(point["dominated"] for point in result["points"])),
+        ("Samples better than the front", f"{result['beaten_by']} of {count['feasible']}"),
+        ("Exchange", "change of the first objective per unit of the second, SI"),
+        ("Designs solved", f"{result['evaluations']}, {count['count']} in the sample"),
+        ("Time", f"{result['seconds']:.1f} s"),
+    ]
+    return [row_table(title, heads, rows), row_table(None, ("Search", ""), search, texts=2)]
 
 
-def _shown(value: float, unit: str, digits: int = 5) -> str:
-    return shown("", unit, value).text(value, digits)
-
-
-def _finite(value: Any) -> Any:
-    """Plain lists and numbers, `None` for what is not finite."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | jnp.ndarray):
-        value = value.tolist()
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def _text(one: dict[str, Any], value: float | None, digits: int = 5) -> str:
+    """A value [SI] of something with a name and a unit; empty if there is none."""
+    return "" if value is None else shown(one["name"], one["unit"], value).text(value, digits)

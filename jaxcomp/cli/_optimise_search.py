@@ -9,7 +9,6 @@ from ..crank import Collocation
 from ..design import (
     AnalysisOptions,
     Front,
-    Optimum,
     Problem,
     optimise,
     pareto,
@@ -18,7 +17,6 @@ from ..design import (
     variable,
 )
 from ..machine import Machine, machine_of
-from ..scene import Scene
 from ..scene.tolerances import tolerances_of
 from ..tolerancing import Robust, robust
 from ._arguments import assignments, changed_scene, with_one_unit
@@ -32,7 +30,7 @@ from ._optimise_result import (
     optimum_result,
     optimum_tables,
 )
-from ._output import show_results, write_results
+from ._output import hand_out
 
 # Of the periodic state by `--accuracy`; the fine one is chosen by the design.
 SOLVERS = {"fast": Collocation(nodes=12, reversals=0, tolerance=1e-10), "fine": None}
@@ -71,36 +69,24 @@ def searched(asked: dict[str, Any], as_json: bool, out: Path | None) -> None:
             }
             options |= {"maximise": _maximise(asked), "method": asked["method"]}
             found = optimise(made, targets or main, **options)
-    show = _show_front if isinstance(found, Front) else _show_optimum
-    show(scene, asked, found, time.perf_counter() - begun, as_json, out)
+    seconds = time.perf_counter() - begun
 
+    def figures():
+        from ..plot import optimum_figures, pareto_front
 
-def _show_optimum(scene: Scene, asked, found: Optimum, seconds: float, as_json, out) -> None:
-    result = optimum_result(scene, asked, found, seconds)
-    with spinner("Comparing with the present design ..."):
-        result["comparison"] = comparison(found)
-    tables = list(optimum_tables(result))
-    if out is not None:
-        from ..plot import optimum_figures
+        return {"pareto": pareto_front(found)} if other else optimum_figures(found)
 
-        with spinner("Drawing ..."):
-            new, result["not_in_scene"] = optimised_scene(scene, found)
-            curves = {"designs": found.columns()}
-            write_results(out, optimum_figures(found), result, new, tables, curves)
-    written = "Report, pictures, designs, result and optimised scene"
-    show_results(result, tables, as_json, out, written)
-
-
-def _show_front(scene: Scene, asked, found: Front, seconds: float, as_json, out) -> None:
-    result = front_result(scene, asked, found, seconds)
-    tables = list(front_tables(result))
-    if out is not None:
-        from ..plot import pareto_front
-
-        with spinner("Drawing ..."):
-            figures, curves = {"pareto": pareto_front(found)}, {"front": found.columns()}
-            write_results(out, figures, result, scene, tables, curves)
-    show_results(result, tables, as_json, out, "Report, picture, result and scene")
+    if isinstance(found, Front):
+        result, tables = front_result(scene, asked, found, seconds), front_tables
+        curves, written = "front", "Report, picture, result and scene"
+    else:
+        result, tables = optimum_result(scene, asked, found, seconds), optimum_tables
+        curves, written = "designs", "Report, pictures, designs, result and optimised scene"
+        with spinner("Comparing with the present design ..."):
+            result["comparison"] = comparison(found)
+        scene, result["not_in_scene"] = optimised_scene(scene, found)
+    columns = {curves: found.columns()}
+    hand_out(result, tables(result), as_json, out, figures, scene, columns, written)
 
 
 def _problem(asked: dict[str, Any], design: Machine, others: list[str]) -> Problem:

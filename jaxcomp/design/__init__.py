@@ -8,10 +8,8 @@ from ._analysis import DesignResult as DesignResult
 from ._analysis import available_quantities as available_quantities
 from ._analysis import balanced_design as balanced_design
 from ._analysis import quantity as quantity
-from ._compared import Beside as Beside
-from ._compared import Compared as Compared
-from ._compared import beside as beside
-from ._compared import compared as compared
+from ._compared import ComparedQuantity as ComparedQuantity
+from ._compared import compared_designs as compared_designs
 from ._design import Variable as Variable
 from ._design import variable as variable
 from ._design import variable_names as variable_names

@@ -6,43 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .._fields import quantities, subparts
-from ..crank import Orbit, solve_orbit
-from ..machine import Machine, assembled
-from ._analysis import AnalysisOptions
+from ..crank import Orbit
+from ..machine import Machine
 
 
-class Compared(NamedTuple):
-    """A quantity or dimension of two designs.
-
-    Attributes:
-        name: of the quantity, or the path of the dimension.
-        unit: SI unit.
-        before, after: [SI]
-    """
-
-    name: str
-    unit: str
-    before: float
-    after: float
-
-
-def compared(
-    before: Machine, after: Machine, options: AnalysisOptions | None = None
-) -> list[Compared]:
-    """What the crank of two designs gives, then the numbers of the compressor in which they differ.
-
-    Args:
-        before, after: machines with a compressor, of the same parts.
-        options: of the analysis of a design.
-    """
-    solver = None if options is None else options.solver
-    machines = (before, after)
-    orbits = [solve_orbit(assembled(one).compressor, solver, throw=False) for one in machines]
-    rows = beside(machines, orbits)
-    return [Compared(one.name, one.unit, *one.values) for one in rows if None not in one.values]  # pyright: ignore[reportArgumentType]
-
-
-class Beside(NamedTuple):
+class ComparedQuantity(NamedTuple):
     """A quantity or dimension of several designs.
 
     Attributes:
@@ -56,7 +24,9 @@ class Beside(NamedTuple):
     values: tuple[float | None, ...]
 
 
-def beside(machines: Sequence[Machine], orbits: Sequence[Orbit]) -> list[Beside]:
+def compared_designs(
+    machines: Sequence[Machine], orbits: Sequence[Orbit]
+) -> list[ComparedQuantity]:
     """What the cranks of some designs give, then the numbers of the compressor in which they differ.
 
     Args:
@@ -69,13 +39,13 @@ def beside(machines: Sequence[Machine], orbits: Sequence[Orbit]) -> list[Beside]
     return figures + [row for row in dimensions if len(set(row.values)) > 1]
 
 
-def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[Beside]:
+def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[ComparedQuantity]:
     """One row for each name, in the order in which they come first, all `loss_power` together."""
     names = {name: unit for table in tables for name, (unit, _) in table.items()}
     families = list(dict.fromkeys(name.partition(".")[0] for name in names))
     names = dict(sorted(names.items(), key=lambda one: families.index(one[0].partition(".")[0])))
     return [
-        Beside(name, unit, tuple(t[name][1] if name in t else None for t in tables))
+        ComparedQuantity(name, unit, tuple(t[name][1] if name in t else None for t in tables))
         for name, unit in names.items()
     ]
 
