@@ -13,7 +13,7 @@ from ..plot import Motion, balance_motion, mechanism_motion
 from ..rotor import BalancingPlanes, LoadCase, Unbalances, respond
 from ..scene import Scene
 from ._errors import CommandError
-from ._speeds import rotor_of, single_speeds
+from ._rotor import points_and_range, rotor_of
 from ._tables import _table
 
 
@@ -40,8 +40,8 @@ def balancing_motion(scene: Scene, speed: str | None, frames: int) -> tuple[Moti
     places, case = scene.parts["balancing"], scene.parts["loads"]
     assert isinstance(places, BalancingPlanes)
     if not isinstance(case, LoadCase) or not case.loads:
-        raise CommandError(f"{scene.file}: loads: is missing; nothing shakes this rotor")
-    speeds = single_speeds([speed] if speed else (), scene)
+        raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
+    speeds, _ = points_and_range(scene, [speed] if speed else None, None)
     model, at = rotor_of(scene, speeds), jnp.asarray(speeds)
     found = least_squares(direct_influence(model, case.loads, places, at))
     masses = Unbalances(

@@ -47,7 +47,10 @@ def balance(
     ] = None,
     speeds: Annotated[
         str | None,
-        typer.Option(metavar="N,N", help="Speeds, e.g. 3000rpm,3600rpm; the scene's if absent."),
+        typer.Option(
+            metavar="SPEEDS",
+            help="Speeds, e.g. 3000rpm,3600rpm or 3000rpm:3600rpm:7; the scene's if absent.",
+        ),
     ] = None,
     method: Annotated[
         Method, typer.Option(help="Weighted sum of squares, or the largest vibration.")

@@ -78,7 +78,7 @@ def model_system(
         CommandError: no planes, no loads, or no crank forces to take.
     """
     from ._arguments import changed_scene
-    from ._speeds import rotor_of, single_speeds
+    from ._rotor import rotor_of, scene_speeds, speeds_of
 
     scene = changed_scene(str(name), sets, ())
     model = rotor_of(scene)
@@ -87,8 +87,7 @@ def model_system(
         raise CommandError(f"{scene.file}: balancing: is missing; `balance` needs it")
     if not isinstance(case, LoadCase):
         raise CommandError(f"{scene.file}: loads: is missing; `balance` needs it")
-    texts = [text.strip() for text in speeds.split(",")] if speeds else ()
-    at = single_speeds(texts, scene)
+    at = speeds_of(speeds) if speeds else scene_speeds(scene)
     if crank and case.crank is None:
         raise CommandError(f"{scene.file}: loads.crank: is missing; --excitation crank needs it")
     influence = machine_influence(scene, jnp.asarray(at), crank=crank, left_out=tuple(left_out))

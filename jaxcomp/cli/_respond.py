@@ -1,32 +1,36 @@
 """`jaxcomp respond`: harmonic response of rotor, crankcase and housing to unbalances and forces."""
 
-from pathlib import Path
-from typing import Annotated
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
+from rich.markup import escape
 
+import jaxcomp as jc
+
+from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
+from ._json import plain
 from ._options import AsJson, Machine, Out, Sets
+from ._output import hand_out
+from ._rotor import Speed, Speeds, header, points_and_range, pull_row, rotor_of, whirl
+from ._start import start_jax
+from ._tables import RPM, row_table
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..rotor import Response, RotorModel
+    from ..scene import Scene
 
 
 @reports_errors
 def respond(
     machine: Machine,
     sets: Sets = None,
-    speed: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--speed",
-            metavar="SPEED",
-            help="Speed to solve, e.g. 3000rpm; those of the scene if absent. May be repeated.",
-        ),
-    ] = None,
-    speeds: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FROM:TO:COUNT", help="Range for response curves, e.g. 600rpm:6000rpm:200."
-        ),
-    ] = None,
+    speed: Speed = None,
+    speeds: Speeds = None,
     orders: Annotated[
         str | None,
         typer.Option(metavar="N,N,...", help="Orders of the speed; all that are loaded if absent."),
@@ -34,7 +38,7 @@ def respond(
     node: Annotated[
         list[str] | None,
         typer.Option(
-            "--node", help="Node to report; the target planes (or all) if absent. May be repeated."
+            "--node", help="Node to report; the target planes (or all) if absent. Repeatable."
         ),
     ] = None,
     as_json: AsJson = False,
@@ -46,51 +50,273 @@ def respond(
     result[/bold]
     """
     from .._waits import spinner
-    from ..rotor import LoadCase
-    from ._arguments import assignments, changed_scene
-    from ._output import show_results
-    from ._rotor_result import Watched, curve_result, respond_result, watched_nodes, whole_orders
-    from ._rotor_tables import response_tables
-    from ._speeds import rotor_of, single_speeds, speed_range
-    from ._start import start_jax
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
     rotor_of(scene)
     case = scene.parts.get("loads")
-    if not isinstance(case, LoadCase) or not case.loads:
-        raise CommandError(f"{scene.file}: loads: is missing; nothing shakes this rotor")
-    loads = case.loads
-    wanted = whole_orders(orders, loads)
-    points = single_speeds(speed or (), scene)
-    range_ = None if speeds is None else speed_range(speeds)
+    if not isinstance(case, jc.rotor.LoadCase) or not case.loads:
+        raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
+    wanted = whole_orders(orders, case.loads)
+    points, range_ = points_and_range(scene, speed, speeds)
     model = rotor_of(scene, points, range_)
-    watched: Watched = watched_nodes(scene, model, node or ())
+    watched = watched_nodes(scene, model, node or ())
     with spinner("Solving (the first time it is compiled as well) ..."):
-        result, response = respond_result(scene, model, loads, points, wanted, watched)
+        result, response = respond_result(scene, model, case.loads, points, wanted, watched)
         if range_ is not None:
-            result["curves"] = curve_result(model, loads, range_, wanted, watched)
+            result["curves"] = curve_result(model, case.loads, range_, wanted, watched)
     result["set"] = assignments(sets or (), "--set")
-    tables = response_tables(result)
-    if out is not None:
-        with spinner("Drawing ..."):
-            _write(out, scene, model, response, result, tables)
-    show_results(result, tables, as_json, out)
+
+    def figures():
+        drawn = {
+            "rotor": jc.plot.rotor_drawing(model),
+            "shape": jc.plot.deflection_shape(model, response),
+            "orbits": jc.plot.response_orbits(result),
+        }
+        return drawn | ({"curves": jc.plot.response_curves(result)} if "curves" in result else {})
+
+    curves = {"response": response_columns(result)}
+    if "curves" in result:
+        curves["curves"] = curve_columns(result)
+    hand_out(result, response_tables(result), as_json, out, figures, scene, curves)
 
 
-def _write(folder: Path, scene, model, response, result, tables) -> None:
-    from ..plot import deflection_shape, response_curves, response_orbits, rotor_drawing
-    from ._output import write_results
-    from ._rotor_result import curve_columns, response_columns
+class Watched(NamedTuple):
+    """Nodes whose motion is reported.
 
-    figures = {
-        "rotor": rotor_drawing(model),
-        "shape": deflection_shape(model, response),
-        "orbits": response_orbits(result),
+    Attributes:
+        name: of the target, or of the node.
+        node: number in the model's list.
+        base: number of the node relative to which the motion is, -1 for the ground.
+    """
+
+    name: tuple[str, ...]
+    node: tuple[int, ...]
+    base: tuple[int, ...]
+
+
+def whole_orders(text: str | None, loads: Sequence) -> tuple[int, ...]:
+    """The orders of `--orders`, or all that are loaded but the mean.
+
+    Raises:
+        CommandError: no whole numbers above zero.
+    """
+    if text is None:
+        from ..running import loaded_orders
+
+        return loaded_orders(tuple(loads))
+    numbers = [word.strip() for word in text.split(",")]
+    if not all(word.isdigit() and int(word) > 0 for word in numbers):
+        raise CommandError(f'--orders {text}: must be whole numbers above zero, such as "1,2"')
+    return tuple(dict.fromkeys(int(word) for word in numbers))
+
+
+def watched_nodes(scene: "Scene", model: "RotorModel", given: Sequence[str]) -> Watched:
+    """The nodes of `--node`, or the target planes, or all nodes.
+
+    Raises:
+        CommandError: a node that the model does not have.
+    """
+    names = jc.rotor.node_names(model)
+    places = {str(name): i for i, name in enumerate(names)}
+    for name in given:
+        if name not in places:
+            hint = jc.scene.did_you_mean(name, places)
+            raise CommandError(f"--node {name}: is no node{hint}")
+    planes = scene.parts.get("balancing")
+    if given or planes is None:
+        picked = tuple(dict.fromkeys(given)) or tuple(places)
+        return Watched(picked, tuple(places[name] for name in picked), (-1,) * len(picked))
+    targets = planes.targets  # pyright: ignore[reportAttributeAccessIssue]
+    base = [t.relative_to for t in targets]
+    return Watched(
+        tuple(f"{t.name} ({t.node}{f' from {t.relative_to}' if t.relative_to else ''})"
+              for t in targets),
+        tuple(names.index(t.node) for t in targets),
+        tuple(-1 if b is None else names.index(b) for b in base),
+    )  # fmt: skip
+
+
+def respond_result(
+    scene: "Scene",
+    model: "RotorModel",
+    loads: tuple,
+    speeds: "np.ndarray",
+    orders: tuple[int, ...],
+    watched: Watched,
+) -> tuple[dict[str, Any], "Response"]:
+    """Motions and mount forces at single speeds; the keys are stable, new ones may join them."""
+    import numpy as np
+
+    try:
+        response = jc.rotor.respond(model, loads, speeds, orders).checked()
+    except jc.rotor.SingularResponse as error:
+        raise CommandError(f"{scene.file}: {error}") from None
+    forces = np.abs(jc.rotor.transmitted_forces(model, response))
+    axes = jc.rotor.AXES[model.dof]
+    links = {
+        _link_name(scene, i, link.nodes): {
+            axis: forces[:, :, i, k] for k, axis in enumerate(axes) if axis in link.axes
+        }
+        for i, link in enumerate(model.links)
     }
+    motion = _relative(response, watched)
+    ellipse = jc.rotor.orbit(motion[..., 0], motion[..., 1])
+    motion = np.asarray(motion)
+    nodes = {
+        name: {
+            "amplitude": {a: np.abs(motion[:, :, i, k]) for k, a in enumerate(axes)},
+            "phase": {a: np.angle(motion[:, :, i, k]) for k, a in enumerate(axes)},
+            "major_axis": ellipse.major[..., i],
+            "minor_axis": ellipse.minor[..., i],
+            "inclination": ellipse.inclination[..., i],
+        }
+        for i, name in enumerate(watched.name)
+    }
+    result = {
+        **header(scene, model),
+        "speeds": speeds,
+        "orders": orders,
+        "axes": axes,
+        "nodes": nodes,
+        "links": {name: forces for name, forces in links.items() if forces},
+        "correction": np.max(response.correction),
+        "status": "ok",
+    }
+    return plain(result), response
+
+
+def curve_result(
+    model: "RotorModel",
+    loads: tuple,
+    speeds: "np.ndarray",
+    orders: tuple[int, ...],
+    watched: Watched,
+) -> dict[str, Any]:
+    """Major axes of the orbits over a range of speeds; `null` where there is no response."""
+    import numpy as np
+
+    response = jc.rotor.respond(model, loads, speeds, orders)
+    motion = _relative(response, watched)
+    major = np.asarray(jc.rotor.orbit(motion[..., 0], motion[..., 1]).major)
+    major = np.where(np.asarray(response.ok)[..., None], major, np.nan)
+    curves = {name: major[..., i] for i, name in enumerate(watched.name)}
+    return plain({"speeds": speeds, "major_axis": curves})
+
+
+def response_columns(result: dict[str, Any]) -> dict[str, Any]:
+    """Amplitudes, phases and axes of the orbits of the watched nodes, a row for each order and speed."""
+    import numpy as np
+
+    order, speed = (
+        x.ravel() for x in np.meshgrid(result["orders"], result["speeds"], indexing="ij")
+    )
+    columns: dict[str, Any] = {"order": order, "speed [rad/s]": speed}
+    for name, motion in result["nodes"].items():
+        for axis, amplitude in motion["amplitude"].items():
+            unit = "rad" if axis.startswith("th") else "m"
+            columns[f"{name}.{axis}.amplitude [{unit}]"] = np.ravel(amplitude)
+            columns[f"{name}.{axis}.phase [rad]"] = np.ravel(motion["phase"][axis])
+        for key in ("major_axis", "minor_axis"):
+            columns[f"{name}.{key} [m]"] = np.ravel(motion[key])
+    return columns
+
+
+def curve_columns(result: dict[str, Any]) -> dict[str, Any]:
+    """Major axes of the orbits over the range of speeds, a column for each node and order."""
+    curves = result["curves"]
+    return {"speed [rad/s]": curves["speeds"]} | {
+        f"{name}.order_{order}.major_axis [m]": values
+        for name, orders in curves["major_axis"].items()
+        for order, values in zip(result["orders"], orders, strict=True)
+    }
+
+
+def response_tables(result: dict[str, Any]) -> Iterator[Any]:
+    """Orbits of the watched nodes, mount forces, peaks of the curves, convergence."""
+    for place in range(len(result["speeds"])):
+        yield _orbits(result, place)
+    yield _links(result)
     if "curves" in result:
-        figures["curves"] = response_curves(result)
-    tabled = {"response": response_columns(result)}
-    if "curves" in result:
-        tabled["curves"] = curve_columns(result)
-    write_results(folder, figures, result, scene, tables, tabled)
+        yield _peaks(result)
+    solver = ("Solver", result["status"], f"last correction {result['correction']:.1e}")
+    yield row_table(None, ("Convergence", "", ""), [solver, *pull_row(result)], texts=3)
+
+
+def _orbits(result, s):
+    rpm = result["speeds"][s] * RPM
+    rows = []
+    for name, motion in result["nodes"].items():
+        for n, order in enumerate(result["orders"]):
+            x, y = (motion["amplitude"][a][n][s] for a in ("ux", "uy"))
+            major, minor = motion["major_axis"][n][s], motion["minor_axis"][n][s]
+            velocity = order * result["speeds"][s] * math.hypot(x, y) / math.sqrt(2)
+            rows.append(
+                (
+                    escape(name) if n == 0 else "",
+                    order,
+                    *(_short(v * 1e6) for v in (x, y, major, abs(minor))),
+                    whirl(minor / major if major else 0.0),
+                    _short(1e3 * velocity),
+                )
+            )
+    title = f"{result['machine']} at {rpm:.5g} rpm: amplitudes and half axes in µm, velocity in mm/s rms"
+    table = row_table(title, ("Node", "n", "x", "y", "Major", "Minor", "Whirl", "mm/s"), rows)
+    table.columns[0].no_wrap = table.columns[6].no_wrap = True
+    table.columns[6].min_width = len("backward")
+    return table
+
+
+def _short(value: float) -> str:
+    """Three digits in five characters, so that the table fits a narrow terminal; JSON has all."""
+    if not value >= 0.01:
+        return "<0.01" if value > 0 else "0"
+    return f"{value:.3g}" if value >= 0.1 else f"{value:.3f}"
+
+
+def _links(result):
+    rows = []
+    for name, axes in result["links"].items():
+        for n, order in enumerate(result["orders"]):
+            for s, speed in enumerate(result["speeds"]):
+                values = [f"{axes[a][n][s]:.4g}" if a in axes else "" for a in result["axes"]]
+                first = escape(name) if n == s == 0 else ""
+                rows.append((first, order, f"{speed * RPM:.5g}", *values))
+    table = row_table(None, ("Link, N and N m", "n", "rpm", *result["axes"]), rows)
+    table.columns[0].no_wrap = True
+    return table
+
+
+def _peaks(result):
+    rpm = [speed * RPM for speed in result["curves"]["speeds"]]
+    rows = []
+    for name, orders in result["curves"]["major_axis"].items():
+        for n, order in enumerate(result["orders"]):
+            known = [
+                (value, at) for value, at in zip(orders[n], rpm, strict=True) if value is not None
+            ]
+            if known:
+                value, at = max(known)
+                first = escape(name) if n == 0 else ""
+                rows.append((first, order, f"{value * 1e6:.4g}", f"{at:.5g}"))
+    title = f"Largest major axis from {rpm[0]:.5g} to {rpm[-1]:.5g} rpm"
+    table = row_table(title, ("Node", "n", "µm", "at rpm"), rows)
+    table.columns[0].no_wrap = True
+    return table
+
+
+def _relative(response: "Response", watched: Watched):
+    """(orders, speeds, watched, dof) motion relative to the bases."""
+    import jax.numpy as jnp
+
+    x = response.displacement
+    ground = jnp.concatenate([x, jnp.zeros_like(x[..., :1, :])], -2)
+    return ground[..., jnp.array(watched.node), :] - ground[..., jnp.array(watched.base), :]
+
+
+def _link_name(scene: "Scene", number: int, nodes) -> str:
+    """A link by its number in the file and its nodes; a film by the name of its bearing as well."""
+    law = scene.parts["rotor"].links[number].law  # pyright: ignore[reportAttributeAccessIssue]
+    bearing = getattr(getattr(law, "bearing", None), "name", "")
+    name = f"{number}: {nodes[0]} to {'ground' if nodes[1] is None else nodes[1]}"
+    return f"{name}, {bearing}" if bearing else name

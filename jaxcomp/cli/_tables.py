@@ -1,5 +1,6 @@
 """Tables on the terminal."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,8 @@ from rich.text import Text
 if TYPE_CHECKING:
     from ..scene import Bundled, Row, Scene
 
+# [rpm] in 1 rad/s
+RPM = 30 / math.pi
 # Characters of a value as it was given; JSON has all of it.
 _LONGEST = 120
 

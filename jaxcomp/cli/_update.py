@@ -49,7 +49,7 @@ def update(
     from .._waits import spinner
     from ._arguments import assignments, changed_scene
     from ._output import show_results, write_results
-    from ._speeds import rotor_of
+    from ._rotor import rotor_of
     from ._start import start_jax
     from ._update_result import read_frequencies, update_result, update_tables
 
