@@ -29,6 +29,7 @@ class Quantity(NamedTuple):
         needs: results that `value` uses, "orbit" (the periodic state of the crank) or "vibration"
             (the response of the rotor), and sections of a scene, as "compressor" or "rotor".
         percent: whether a pure number is shown in per cent.
+        members: names of a family's members in a machine; found by tracing `value` if absent.
         words: its name in tables and pictures, where the name itself does not say it well.
     """
 
@@ -39,6 +40,7 @@ class Quantity(NamedTuple):
     value: Callable[[Any], Any]
     needs: tuple[str, ...] = ("orbit",)
     percent: bool = False
+    members: Callable[[Any], list[str]] | None = None
     words: str = ""
 
     @property
@@ -98,7 +100,8 @@ _BUILT_IN = (
              "Weighted root mean square amplitude of all targets, with the correction masses.",
              lambda r: r.vibration_of_all, ("vibration",)),
     Quantity("vibration.<target>", "m", "less", "Root mean square amplitude of a target.",
-             lambda r: r.vibration_of_targets, ("vibration",)),
+             lambda r: r.vibration_of_targets, ("vibration",),
+             members=lambda machine: [t.name for t in machine.parts["balancing"].targets]),
     Quantity("balanced_vibration", "m", "less",
              "Vibration at order 1 after the least-squares correction of this design.",
              lambda r: r.balanced_vibration, ("rotor", "balancing")),

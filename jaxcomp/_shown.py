@@ -83,6 +83,13 @@ def shown(name: str, unit: str, values) -> Shown:
     return Shown(words, unit, 1.0)
 
 
+def units_of(unit: str, percent: bool = False) -> str:
+    """The units in which values of an SI unit are shown, as `kW, W`."""
+    if percent:
+        return "%"
+    return ", ".join(name for _, _, name in _UNITS.get(unit, ((0.0, 1.0, unit),)))
+
+
 def rounded(value: float, digits: int) -> str:
     """A number to so many digits, and to whole ones where it has more of them before the point."""
     return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"

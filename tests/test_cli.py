@@ -165,10 +165,10 @@ def test_frictionless_joints_lose_nothing():
             "must be a cycle with discharge_pressure > suction_pressure",
         ),
         (["run", "mayekawa-wbhe", "--design", "bore=-1mm"], "`bore` must be > 0, but is -0.001"),
-        (["run", "mayekawa-wbhe", "--design", "bore=12"], "--design bore = 12: lacks its unit"),
+        (["run", "mayekawa-wbhe", "--design", "bore=12"], "bore = 12: lacks its unit"),
         (
             ["run", "mayekawa-wbhe", "--design", "bor=1mm"],
-            'no design variable; did you mean "bore"?',
+            'no design rule; did you mean "bore"?',
         ),
         (["run", "mayekawa-wbhe", "--tolerance", "0"], "--tolerance 0: must be > 0 and < 1"),
         (["run", "mayekawa-wbhe", "--tolerance", "nan"], "--tolerance nan: must be > 0 and < 1"),

@@ -89,7 +89,7 @@ def test_tables_and_files(tmp_path):
         (("--vary", f"{BORE}=1 mm"), "must be written like"),
         (("--vary", f"{BORE}=+-1 kg"), "another dimension"),
         (("--vary", f"{BORE}=+-200 mm"), "at every limit of tolerance"),
-        (("--vary", "friction.*.speed=+-1 %"), "fits no number"),
+        (("--vary", "friction.*.speed=+-1 %"), "must be a pattern that fits a number"),
         ((*VARY, "--limit", "swept_volume=1 m^3"), "QUANTITY<=VALUE"),
         ((*VARY, "--limit", "swept_vol<=1 m^3"), "swept_volume"),
         ((*VARY, "--limit", "mechanical_efficiency>=94.5"), 'is "94.5 %" meant?'),

@@ -73,7 +73,7 @@ def test_patterns_stand_for_single_numbers():
     assert found[masses[1]].high == pytest.approx(0.02)  # the last text counts
     assert found[masses[0]].high == pytest.approx(0.05)
     assert found["corrections.rotor-top.angle"].high == pytest.approx(DEGREE)
-    with pytest.raises(SceneError, match=r"friction\.\*\.speed.*fits no number"):
+    with pytest.raises(BadInput, match=r"friction\.\*\.speed.*pattern that fits a number"):
         tolerances_of(design, {"friction.*.speed": "+-1 %"})
     with pytest.raises(BadInput, match=r"mechanism\.bored"):
         tolerances_of(design, {"mechanism.bored": "+-1 %"})

@@ -1,12 +1,14 @@
 """Balancing for any differentiable objective, by gradients."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import optax
 from jaxtyping import Array, Bool, Complex, Float, Int
+
+if TYPE_CHECKING:
+    import optax
 
 
 class Descent(NamedTuple):
@@ -34,7 +36,7 @@ def descend(
     *,
     tolerance: float = 1e-9,
     max_steps: int = 2000,
-    optimiser: optax.GradientTransformation | None = None,
+    optimiser: "optax.GradientTransformation | None" = None,
 ) -> Descent:
     """Make an objective of the corrections small.
 
@@ -47,6 +49,8 @@ def descend(
         max_steps: after which to stop.
         optimiser: of optax; L-BFGS with a line search if absent.
     """
+    import optax
+
     method = optax.lbfgs() if optimiser is None else optimiser
     scale = jnp.asarray(scale, float)
 

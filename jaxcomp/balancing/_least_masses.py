@@ -12,7 +12,6 @@ from typing import NoReturn
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.optimize import linprog
 
 from .._fields import BadInput
 from .._status import SolveFailed, Status
@@ -52,6 +51,8 @@ def least_masses(
         BadInput: a limit, cost or bound that is not positive.
         SolveFailed: no correction reaches the limit; the message has the lowest that one does.
     """
+    from scipy.optimize import linprog  # a third of a second, for those who need it
+
     rows, planes = influence.matrix.shape
     limits = np.broadcast_to(np.asarray(limit, float), rows)
     costs = np.broadcast_to(np.asarray(1.0 if cost is None else cost, float), planes)

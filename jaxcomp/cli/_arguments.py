@@ -1,4 +1,4 @@
-"""Arguments that several commands share: `--set path=value` and `--design name=value`."""
+"""Arguments that several commands share: `--set path=value`."""
 
 import re
 import tomllib
@@ -53,27 +53,15 @@ def entry(text: str) -> Any:
         return text
 
 
-def changed_scene(name_or_path: str, sets: Sequence[str], designs: Sequence[str]):
-    """Load a scene, set values, then apply the rules of design variables.
+def changed_scene(name_or_path: str, sets: Sequence[str], designs: Sequence[str] = ()):
+    """Load a scene and set values: entries of its file, then design rules and correction masses.
 
     Raises:
-        CommandError, SceneError, BadInput: what cannot be read, set or designed.
+        CommandError, SceneError, BadInput: what cannot be read or set.
     """
-    from .. import scene as scenes
-    from ..design import design_rules, variable_names
+    from ..scene import load, with_values
 
-    scene = scenes.load(name_or_path)
-    changes = {path: entry(text) for path, text in assignments(sets, "--set").items()}
-    if changes:
-        scene = scenes.with_values(scene, changes, source="set on the command line")
-    for name, text in assignments(designs, "--design").items():
-        if name not in design_rules:
-            known = [rule for rule in variable_names(scene.machine) if rule in design_rules]
-            hint = scenes.did_you_mean(name, known)
-            raise CommandError(f"--design {name}={text}: is no design variable{hint}")
-        rule = design_rules[name]
-        given = entry(text)
-        value = scenes.to_si(text if given is None else given, rule.unit, f"--design {name}")
-        machine = rule.apply(scene.machine, value)
-        scene = scenes.with_machine(scene, machine, f"design rule, {name} = {text}")
-    return scene
+    texts = {**assignments(sets, "--set"), **assignments(designs, "--design")}
+    changes = {path: entry(text) for path, text in texts.items()}
+    scene = load(name_or_path)
+    return with_values(scene, changes, "set on the command line") if changes else scene

@@ -78,21 +78,17 @@ def compare(
 
 def _scenes(machines, variants, sets) -> dict[str, Any]:
     """The designs by what tells them apart."""
-    from ..design import design_rules
     from ._arguments import assignments, changed_scene
 
     found = {}
     for place, machine in enumerate(machines, 1):
-        scene = changed_scene(machine, sets, ())
+        scene = changed_scene(machine, sets)
         label = f"{scene.name} ({place})" if scene.name in found else scene.name
         found[label] = scene
     for text in variants:
         (name,) = assignments([text], "--with")
         if text in found:
             raise CommandError(f"--with {text}: is given twice")
-        if name in design_rules:
-            found[text] = changed_scene(machines[0], sets, [text])
-        else:
-            kept = [one for one in sets if one.partition("=")[0].strip() != name]
-            found[text] = changed_scene(machines[0], [*kept, text], ())
+        kept = [one for one in sets if one.partition("=")[0].strip() != name]
+        found[text] = changed_scene(machines[0], [*kept, text])
     return found

@@ -37,7 +37,10 @@ def complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
     if not given or "=" in incomplete:
         return []
     file = _MACHINES / f"{given}.toml"
-    paths = _paths(_tables(file if file.exists() else Path(given)))
+    tables = _tables(file if file.exists() else Path(given))
+    planes = [row.get("name") for row in tables.get("balancing", {}).get("planes", ())]
+    corrections = (f"corrections.{p}.{c}" for p in planes for c in ("x", "y", "magnitude", "angle"))
+    paths = [*_paths(tables), *corrections]
     return [f"{path}=" for path in paths if path.startswith(incomplete)]
 
 

@@ -10,6 +10,7 @@ from ..design import (
     AnalysisOptions,
     Front,
     Problem,
+    by_name,
     optimise,
     pareto,
     problem,
@@ -91,7 +92,7 @@ def searched(asked: dict[str, Any], as_json: bool, out: Path | None) -> None:
 
 def _problem(asked: dict[str, Any], design: Machine, others: list[str]) -> Problem:
     ranges = {}
-    for name, text in assignments(asked["variables"], "--variable").items():
+    for name, text in by_name(design, assignments(asked["variables"], "--variable")).items():
         unit = variable(design, name).unit
         low, colon, high = text.partition(":")
         if not colon:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ._completion import complete_machine, complete_path, complete_rule
+from ._completion import complete_machine, complete_rule, complete_variable
 
 
 class Excitation(enum.StrEnum):
@@ -27,9 +27,10 @@ Sets = Annotated[
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help="Set a value of the scene, e.g. motor.mean_speed=800rpm; `none` takes an optional one "
-        "away. Repeatable.",
-        autocompletion=complete_path,
+        help="Set a value of the scene (motor.mean_speed=800rpm, or a pattern such as "
+        "friction.*.coefficient=0.1; `none` takes an optional one away), a design rule (bore=120mm at "
+        "fixed displacement) or a correction mass (corrections.PLANE.x). Repeatable.",
+        autocompletion=complete_variable,
     ),
 ]
 Designs = Annotated[
@@ -37,7 +38,7 @@ Designs = Annotated[
     typer.Option(
         "--design",
         metavar="NAME=VALUE",
-        help="Set a design variable by its rule, e.g. bore=120mm at fixed displacement. Repeatable.",
+        help="The same as --set, for design rules. Repeatable.",
         autocompletion=complete_rule,
     ),
 ]

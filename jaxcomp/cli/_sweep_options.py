@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..crank import Collocation
-from ..design import AnalysisOptions, variable, variable_names
+from ..design import AnalysisOptions, by_name, variable
 from ..machine import machine_of
-from ..scene import Scene, did_you_mean, to_si
+from ..scene import Scene, to_si
 from ..sweeping import grid, log_grid, log_uniform, normal, uniform
 from ._arguments import assignments, with_one_unit
 from ._errors import CommandError
@@ -55,18 +55,9 @@ def axes_of(scene: Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]
     Raises:
         CommandError, SceneError, BadInput: an unknown variable, or values that cannot be read.
     """
-    design = machine_of(scene)
-    known = variable_names(design)
-    axes = {}
-    for name, text in assignments(texts, "--over").items():
-        option = f"--over {name}={text}"
-        if name not in known:
-            try:
-                variable(design, name)  # an entry of a list, which the names leave out
-            except ValueError:
-                hint = did_you_mean(name, known)
-                raise CommandError(f"{option}: {name} is no number of this scene{hint}") from None
-        one = variable(design, name)
+    design, axes = machine_of(scene), {}
+    for name, text in by_name(design, assignments(texts, "--over")).items():
+        option, one = f"--over {name}={text}", variable(design, name)
         axes[name] = _axis(text, one.unit, option, sampled)
         ends = axes[name].ends if sampled else (float(min(axes[name])), float(max(axes[name])))
         for end in ends:

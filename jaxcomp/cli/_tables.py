@@ -10,6 +10,9 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
+from .._registry import Quantity
+from .._shown import behind, shown, units_of
+
 if TYPE_CHECKING:
     from ..scene import Bundled, Row, Scene
 
@@ -35,6 +38,26 @@ def fluid_table(fluids: Iterable[dict[str, Any]]) -> Table:
     for fluid in fluids:
         texts = (fluid["description"], fluid["source"])
         table.add_row(f"[bold]{fluid['name']}[/bold]", *map(escape, texts))
+    return table
+
+
+def quantity_table(quantities: Mapping[str, Quantity], title: str) -> Table:
+    """Quantities with the units in which they are shown."""
+    table = _table(escape(title), "Quantity", "Unit", "Better", "Needs", "Meaning")
+    table.columns[0].no_wrap = True
+    for name, one in quantities.items():
+        texts = (units_of(one.unit, one.percent), one.better, ", ".join(one.sections), one.doc)
+        table.add_row(f"[bold]{escape(name)}[/bold]", *map(escape, texts))
+    return table
+
+
+def variable_table(title: str, variables: Mapping[str, dict[str, Any]]) -> Table:
+    """The numbers that studies can change."""
+    table = _table(escape(title), "Variable", "Value", "Bound, SI", "Meaning")
+    table.columns[0].no_wrap = True
+    for name, one in variables.items():
+        value = shown(name, one["unit"], one["value"]).text(one["value"])
+        table.add_row(*(escape(s) for s in (name, value, one["bound"], one["doc"])))
     return table
 
 
@@ -145,7 +168,6 @@ def fitted(table: Table, width: int) -> Table | str:
 
 def _pointed(column: Column) -> list[str]:
     """The texts of a column; numbers with spaces behind them that put their points in line."""
-    from .._shown import behind  # with NumPy, which help does not need
 
     plain = [Text.from_markup(str(cell)).plain for cell in column.cells]
     missing = behind(plain) if column.justify == "right" else [0]

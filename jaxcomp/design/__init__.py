@@ -10,7 +10,11 @@ from ._analysis import balanced_design as balanced_design
 from ._analysis import quantity as quantity
 from ._compared import ComparedQuantity as ComparedQuantity
 from ._compared import compared_designs as compared_designs
+from ._design import CORRECTIONS as CORRECTIONS
 from ._design import Variable as Variable
+from ._design import by_name as by_name
+from ._design import list_length as list_length
+from ._design import matching as matching
 from ._design import variable as variable
 from ._design import variable_names as variable_names
 from ._drive import DriveComparison as DriveComparison

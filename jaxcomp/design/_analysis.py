@@ -233,14 +233,18 @@ def available_quantities(design: Machine, members: bool = False) -> dict[str, Qu
         members: list every joint and target by itself; families as `loss_power.<joint>` otherwise.
     """
     known = {one.name: one for one in registered() if not one.missing(design)}
-    families = [one for one in known.values() if one.family]
-    if not members or not families:
+    if not members:
         return known
+    traced = [one for one in known.values() if one.family and one.members is None]
 
     def values(design):
-        found = DesignResult(design, AnalysisOptions())
-        return {one.name: one.value(found) for one in families}
+        found = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))
+        return {one.name: one.value(found) for one in traced}
 
-    joints = eqx.filter_eval_shape(values, design)
-    every = [f"{one.family}.{member}" for one in families for member in joints[one.name]]
-    return {name: quantity(name) for name in (*(n for n in known if "<" not in n), *every)}
+    found = eqx.filter_eval_shape(values, design) if traced else {}
+    out = {}
+    for one in known.values():
+        names = one.members(design) if one.members else found.get(one.name, ())
+        out |= {f"{one.family}.{n}": quantity(f"{one.family}.{n}") for n in names}
+        out |= {} if one.family else {one.name: one}
+    return out

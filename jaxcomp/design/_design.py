@@ -1,8 +1,9 @@
 r"""The numbers of a machine that a study changes, by name."""
 
 import dataclasses
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,6 +14,8 @@ from .._fields import ANY, NONNEGATIVE, BadInput, Bound, Part, quantities
 from .._words import hint
 from ..machine import OF_ROTOR, Machine, follows_rotor
 from ._rules import design_rules
+
+_Given = TypeVar("_Given")
 
 CORRECTIONS = "corrections"
 # Sections of named parts.
@@ -120,6 +123,46 @@ def variable_names(design: Machine) -> list[str]:
         for plane in design.corrections
         for axis in ("x", "y", *_POLAR)
     ]
+
+
+def matching(design: Machine, path: str) -> list[str]:
+    """Names of the numbers that a path stands for.
+
+    A pattern, in which `*` stands for any part of a name, fits single numbers, the entries of lists,
+    or else lists as a whole; any other path stands for itself.
+
+    Raises:
+        BadInput: it fits none.
+    """
+    if not any(sign in path for sign in "*?["):
+        variable(design, path)  # raises what is no number
+        return [path]
+    out = []
+    for name in variable_names(design):
+        entries = [f"{name}.{n}" for n in range(list_length(design, name))]
+        fitting = [entry for entry in entries if fnmatchcase(entry, path)]
+        out += fitting or ([name] if fnmatchcase(name, path) else [])
+    if not out:
+        meant = hint(path, variable_names(design))
+        raise BadInput(path, path, f"a pattern that fits a number of this machine{meant}")
+    return out
+
+
+def by_name(design: Machine, given: Mapping[str, _Given]) -> dict[str, _Given]:
+    """What is given by path or pattern, by name of the number; where several fit, the last counts.
+
+    Raises:
+        BadInput: see `matching`.
+    """
+    return {name: value for path, value in given.items() for name in matching(design, path)}
+
+
+def list_length(design: Machine, name: str) -> int:
+    """Entries of a list of numbers; 0 for a number."""
+    if name in design_rules or name.startswith(f"{CORRECTIONS}."):
+        return 0
+    value = _walk(design, name.split("."))
+    return len(value) if jnp.ndim(value) else 0
 
 
 def _follows(design: Machine, name: str) -> bool:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 from .._fields import BadInput, MissingPart
 from ..machine import Machine, assembled, machine_of
 from ._analysis import AnalysisOptions, DesignResult, quantity, rotor_excitation
-from ._design import Variable, variable
+from ._design import Variable, by_name, variable
 from ._vibration import known_response
 
 Asked = str | Callable[[DesignResult], Float[Array, ""]]
@@ -122,7 +122,7 @@ def problem(
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
-        variables: names, or ranges in SI units by name; see `Variable`.
+        variables: names or patterns, or ranges in SI units by these; see `Variable` and `matching`.
         quantities: see `available_quantities`; or functions of a `DesignResult`.
         options: of the analysis of a design.
 
@@ -139,12 +139,10 @@ def problem(
     0.02042
     """
     design = machine_of(scene)
-    ranges = (
-        variables if isinstance(variables, dict) else {name: (None, None) for name in variables}
-    )
+    ranges = variables if isinstance(variables, dict) else dict.fromkeys(variables, (None, None))
     if not quantities:
         raise BadInput("quantities", "none", "at least one")
-    chosen = tuple(variable(design, name, *ends) for name, ends in ranges.items())
+    chosen = tuple(variable(design, n, *ends) for n, ends in by_name(design, ranges).items())
     made = Problem(design, chosen, tuple(quantities), options or AnalysisOptions())
     # Refuses what the scene does not have before anything is compiled.
     eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(chosen),), float))

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from .._fields import BadInput, Part
+from .._registry import DESIGN_RULES
 from .._words import did_you_mean, hint
 from ..compressor import Compressor
 from ..film import AbstractJournal, AbstractOil
@@ -23,6 +25,7 @@ from ._errors import SceneError
 from ._read import MOST_HINTS, Reader, join
 from ._schema import entries
 from ._toml import check_tables, toml_tables
+from ._units import to_si
 from ._write import set_value, updated
 
 # Sections beside those of the compressor: name of the section, class of its part (which may be
@@ -179,12 +182,45 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
         changes: value by dotted path, all set before anything is checked. A value is a number, a
             text with a unit, a list, a table (a whole section) or `None`, which takes an optional
             value or part away. A new `type` keeps those keys of its section that the new class
-            knows as well.
+            knows as well. A path may be a pattern (see `jaxcomp.design.matching`). Design rules and
+            correction masses are set after the others, in their order.
         source: what the scene records as the source of these values.
 
     Raises:
         SceneError: an unknown path, or as `load`.
+        BadInput: a pattern that fits no number, or a design rule that is not made for the machine.
     """
+    from ..design import by_name, variable  # only who changes a scene needs the studies
+
+    designed = {path: value for path, value in changes.items() if _is_designed(path)}
+    given = {path: value for path, value in changes.items() if path not in designed}
+    if given:
+        scene = _with_entries(scene, given, source)
+    for name, value in by_name(scene.machine, designed).items():
+        one = variable(scene.machine, name)
+        machine = one.apply(scene.machine, to_si(value, one.unit, name))
+        scene = with_machine(scene, machine, f"design rule, {name} = {value}")
+    return scene
+
+
+def _is_designed(path: str) -> bool:
+    return path in DESIGN_RULES or path.startswith("corrections.")
+
+
+def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scene:
+    """A copy of a scene with other entries of its file."""
+    from ..design import matching
+
+    known = {*entries(Compressor), *_HEADER, *SECTIONS, *NAMED}
+    for path in changes:
+        if "." not in path and path not in known:
+            near = did_you_mean(path, {*known, *DESIGN_RULES})
+            raise SceneError(path, f"is no section and no design rule{near}", file=scene.file)
+    changes = {
+        name: value
+        for path, value in changes.items()
+        for name in (matching(scene.machine, path) if "*" in path else [path])
+    }
     document = copy.deepcopy(dict(scene.document))
     stale: set[str] = set()
     try:
@@ -193,7 +229,7 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
             stale |= set_value(document, path, changes[path], source)
     except SceneError as error:
         raise error.in_file(scene.file) from None
-    return _scene(document, scene.file, stale - set(changes), scene.text)
+    return _scene(document, scene.file, stale - set(changes), scene.text, scene.machine.corrections)
 
 
 def with_value(scene: Scene, path: str, value: Any, source: str = "set by the user") -> Scene:
@@ -213,7 +249,7 @@ def with_machine(scene: Scene, machine: Machine, source: str) -> Scene:
 
     Args:
         scene: the scene.
-        machine: with the same sections; its corrections, which a file does not hold, are left out.
+        machine: with the same sections; a file does not hold its corrections.
         source: what the scene records as the source of the values that differ.
 
     Raises:
@@ -229,7 +265,7 @@ def with_machine(scene: Scene, machine: Machine, source: str) -> Scene:
             table = dict(document[section])
             table[name] = updated(table[name], getattr(old, section)[name], part, source)
             document[section] = table
-    return _scene(document, scene.file, text=scene.text)
+    return _scene(document, scene.file, text=scene.text, corrections=machine.corrections)
 
 
 def imported(part: type[Part] | str) -> type[Part]:
@@ -268,16 +304,28 @@ def _bundled() -> dict[str, Any]:
     return {f.name[:-5]: f for f in folder.iterdir() if f.name.endswith(".toml")}
 
 
-def _scene(document: dict[str, Any], file: str, stale: Iterable[str] = (), text: str = "") -> Scene:
+def _scene(
+    document: dict[str, Any],
+    file: str,
+    stale: Iterable[str] = (),
+    text: str = "",
+    corrections: Mapping[str, Array] | None = None,
+) -> Scene:
     try:
         document = with_tables(document, Path(file).parent)
         check_tables(document)
-        return _checked_scene(document, file, stale, text)
+        return _checked_scene(document, file, stale, text, corrections or {})
     except SceneError as error:
         raise error.in_file(file) from None
 
 
-def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str], text: str) -> Scene:
+def _checked_scene(
+    document: dict[str, Any],
+    file: str,
+    stale: Iterable[str],
+    text: str,
+    corrections: Mapping[str, Array],
+) -> Scene:
     reader, own = Reader(stale), entries(Compressor)
     for key in _HEADER:
         if not isinstance(document.get(key, ""), str):
@@ -309,7 +357,8 @@ def _checked_scene(document: dict[str, Any], file: str, stale: Iterable[str], te
     for name, part in parts.items():
         _check_beside(name, part, parts)
     planes = correction_planes(parts.get("balancing"))
-    machine = Machine(compressor, parts, {name: jnp.zeros(2) for name in planes}, **named)
+    masses = {name: corrections.get(name, jnp.zeros(2)) for name in planes}
+    machine = Machine(compressor, parts, masses, **named)
     default_name = Path(file).stem or "machine"
     found = Scene(
         document.get("name", default_name),

@@ -19,13 +19,12 @@ A file of them is TOML, with names as in `jaxcomp.design.Variable`; `*` stands f
     value = 0.3
 """
 
-import fnmatch
 import os
 import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..design import variable, variable_names
+from ..design import by_name, variable
 from ..machine import Machine
 from ..tolerancing import Within, within
 from ._errors import SceneError
@@ -99,16 +98,13 @@ def tolerances_of(design: Machine, texts: Mapping[str, str]) -> dict[str, Within
         texts: as written, by name or pattern; where several fit the last one counts.
 
     Raises:
-        SceneError: a name or pattern that fits nothing, or a text that cannot be read.
+        BadInput: a name or pattern that fits nothing.
+        SceneError: a text that cannot be read.
     """
-    out: dict[str, Within] = {}
-    for name, text in texts.items():
-        names = _matching(design, name)
-        if not names:
-            raise SceneError(name, "fits no number of this scene")
-        for one in names:
-            out[one] = read_tolerance(text, variable(design, one).unit, one)
-    return out
+    return {
+        name: read_tolerance(text, variable(design, name).unit, name)
+        for name, text in by_name(design, texts).items()
+    }
 
 
 def read_tolerance_file(path: str | os.PathLike) -> ToleranceFile:
@@ -151,29 +147,3 @@ def _file(tables: Mapping[str, Any]) -> ToleranceFile:
             raise SceneError(f"{key}.between", "must be two names", between)
         pairs[(str(between[0]), str(between[1]))] = float(to_si(value, "", f"{key}.value"))
     return ToleranceFile(dict(given), pairs)
-
-
-def _matching(design: Machine, pattern: str) -> list[str]:
-    """Names that fit a pattern: of single numbers, of lists by their entries, else as a whole."""
-    if not any(sign in pattern for sign in "*?["):
-        variable(design, pattern)  # refuses what is no number
-        return [pattern]
-    out = []
-    for name in variable_names(design):
-        if fnmatch.fnmatchcase(f"{name}.0", pattern):
-            entries = _entries(design, name)
-            out += [entry for entry in entries if fnmatch.fnmatchcase(entry, pattern)]
-            if entries:
-                continue
-        if fnmatch.fnmatchcase(name, pattern):
-            out.append(name)
-    return out
-
-
-def _entries(design: Machine, name: str) -> list[str]:
-    entries: list[str] = []
-    while True:
-        try:
-            entries.append(variable(design, f"{name}.{len(entries)}").name)
-        except ValueError:
-            return entries

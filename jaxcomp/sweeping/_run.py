@@ -13,8 +13,9 @@ from jaxtyping import Float
 
 from .._fields import BadInput
 from .._waits import progress_of
-from ..design import AnalysisOptions, Problem, prepared, problem, quantity
+from ..design import AnalysisOptions, Problem, by_name, prepared, problem, quantity
 from ..design._problem import Asked, name_of
+from ..machine import machine_of
 from ._axes import Distribution, as_values
 from ._fingerprint import fingerprint
 from ._plan import Column, Plan
@@ -74,8 +75,9 @@ def sweep(
 
     Args:
         scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, which has its own quantities and options.
-        over: values [SI] of each variable by name (see `Variable`), for a grid; or a distribution
-            each (`uniform`, `log_uniform`, `normal`), for samples. Set in this order.
+        over: values [SI] of each variable by name or pattern (see `Variable`, `matching`), for a
+            grid; or a distribution each (`uniform`, `log_uniform`, `normal`), for samples. Set in
+            this order.
         quantities: see `available_quantities`; or functions of a `DesignResult`.
         samples: how many designs to draw, for distributions.
         sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
@@ -104,6 +106,8 @@ def sweep(
     [[92.5 91.3 89.7]
      [92.4 91.4 90.2]]
     """
+    if over and not isinstance(scene, Problem):
+        over = by_name(machine_of(scene), over)
     points = _points(over, samples, sampling, seed)
     asked = _problem(scene, points, quantities, options)
     there = None if out is None else stored_header(Path(out))

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from scipy.stats import beta
 
 from .._fields import BadInput
-from ..design import DesignResult, variable
+from ..design import DesignResult, by_name, variable
 from ..design._problem import Asked, name_of, value_of
 from ..machine import machine_of
 from ._monte_carlo import drawn_normals
@@ -105,8 +105,9 @@ def robust(
     tail = 1 / (samples + 1)
     if quantile is not None and not tail <= quantile <= 1 - tail:
         raise BadInput("quantile", quantile, f">= {tail:.3g} and <= {1 - tail:.3g} for {samples}")
-    scatter = scatter_of(tolerances, correlations)
     design = machine_of(scene)
+    tolerances = by_name(design, tolerances)
+    scatter = scatter_of(tolerances, correlations)
     variables = tuple(variable(design, name) for name in tolerances)
     normals = drawn_normals(list(tolerances), samples, "sobol", seed)
     measure = f"mean {sigmas:+g} sigma" if quantile is None else f"{quantile:g} quantile"

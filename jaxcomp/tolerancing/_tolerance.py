@@ -11,8 +11,9 @@ from jaxtyping import Float
 from .._fields import BadInput
 from .._results import Data, Result
 from .._shown import shown
-from ..design import AnalysisOptions, Problem, prepared, problem
+from ..design import AnalysisOptions, Problem, by_name, prepared, problem
 from ..design._problem import Asked, name_of
+from ..machine import machine_of
 from ._local import Curvature, Local, Moments, first_order, local, second_order, shares
 from ._monte_carlo import Sampled, Sampling, sampled, solved_rows
 from ._reliability import Limit, Reliability, reliability
@@ -141,7 +142,8 @@ def tolerance(
 
     Args:
         scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, whose variables are the scattered ones.
-        tolerances: of each variable by name, see `within` and `Variable`. Names set in this order.
+        tolerances: of each variable by name or pattern, see `within`, `Variable` and `matching`. Set
+            in this order.
         quantities: see `available_quantities`; or functions of a `DesignResult`. Efficiency
             if absent.
         correlations: [-] of the deviations of two variables, by pairs of names.
@@ -158,6 +160,8 @@ def tolerance(
         BadInput: an unknown variable or quantity, a tolerance that takes a variable out of its
             bounds, correlations that cannot be, or an option that makes no sense.
     """
+    if not isinstance(scene, Problem):
+        tolerances = by_name(machine_of(scene), tolerances)
     scatter = scatter_of(tolerances, correlations)
     limits = limits or {}
     made = _problem(scene, scatter, quantities, limits, options)

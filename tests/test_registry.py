@@ -1,0 +1,150 @@
+"""One registry of quantities and one language of paths, seen from every place that uses them."""
+
+import numpy as np
+import pytest
+from helpers import read_json
+from typer.testing import CliRunner
+
+from jaxcomp import BadInput, load, problem, register_quantity, solve_orbit, sweep
+from jaxcomp import _registry as registry
+from jaxcomp._shown import shown
+from jaxcomp.cli import app
+from jaxcomp.cli._completion import complete_quantity
+from jaxcomp.design import available_quantities, by_name, matching, variable
+from jaxcomp.scene import SceneError, with_values
+
+FAST = ["--solver-nodes", "5", "--solver-reversals", "0", "--solver-tolerance", "1e-5"]
+
+
+def invoke(*arguments):
+    result = CliRunner().invoke(app, [*map(str, arguments)], env={"COLUMNS": "160"})
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+@pytest.fixture
+def friction_share(monkeypatch):
+    """A quantity of the user, for this test alone."""
+    monkeypatch.setattr(registry, "_registered", dict(registry._registered))
+    return register_quantity(
+        "friction_share",
+        lambda result: result.orbit.friction_power / result.orbit.gas_power,
+        better="less",
+        doc="Friction power over indicated power.",
+        percent=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def mayekawa():
+    return load("mayekawa-wbhe")
+
+
+def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, mayekawa, tmp_path):
+    """In run with its report, sweep, optimise, completion and list, in the unit that people use."""
+    orbit = solve_orbit(mayekawa.as_compressor())
+    share = float(orbit.friction_power / orbit.gas_power)
+    percent = f"{100 * share:.2f} %"
+    assert dict(complete_quantity("friction_s")) == {"friction_share": friction_share.doc}
+    assert available_quantities(mayekawa.machine)["friction_share"] == friction_share
+    assert [float(one.values) for one in orbit.described() if one.name == "friction_share"] == [
+        pytest.approx(share, rel=1e-14)
+    ]
+    text = invoke("run", "mayekawa-wbhe", "--out", tmp_path / "run")
+    assert percent in text
+    report = (tmp_path / "run" / "report.html").read_text()
+    assert percent in report
+    assert "Friction share" in report
+    written = read_json((tmp_path / "run" / "result.json").read_text())
+    assert written["friction_share"] == pytest.approx(share, rel=1e-14)
+    over = ("--over", "bore=120mm,130mm", "--quantity", "friction_share")
+    text = invoke("sweep", "mayekawa-wbhe", *over, *FAST)
+    assert "Friction share, %" in text
+    assert f"{100 * share:.3g}" in text  # the second bore is that of the machine
+    text = invoke(
+        "optimise", "mayekawa-wbhe", "--variable", "bore=120mm:130mm", "--objective",
+        "friction_share", "--accuracy", "fast", "--starts", 1, "--steps", 2, "--samples", 4,
+    )  # fmt: skip
+    assert "lowest friction share" in text
+    assert f"{100 * share:.3g}" in text  # of the present design
+    assert "Friction power over indicated power." in invoke("list", "--quantities")
+
+
+def test_names_that_cannot_be_registered_are_refused(friction_share):
+    def value(result):
+        return result.orbit.margin
+
+    for name, words, options in (
+        ("motor_power", "built in", {}),
+        ("two words", "letters, digits", {}),
+        ("a", '"more", "less"', {"better": "higher"}),
+        ("a", "unit", {"unit": "W", "percent": True}),
+    ):
+        with pytest.raises(BadInput, match=words):
+            register_quantity(name, value, **options)
+    again = register_quantity("friction_share", value)
+    assert registry.registered_quantity("friction_share") == again != friction_share
+
+
+def test_a_name_that_is_registered_anew_is_compiled_anew(friction_share, mayekawa):
+    def first():
+        return float(sweep(mayekawa, {"bore": [0.12]}, ["friction_share"], progress=False)
+                     .friction_share[0])  # fmt: skip
+
+    before = first()
+    register_quantity("friction_share", lambda r: 2 * r.orbit.friction_power / r.orbit.gas_power)
+    assert first() == pytest.approx(2 * before, rel=1e-12)
+
+
+def test_efficiencies_and_fluctuations_are_shown_in_per_cent():
+    for name in ("mechanical_efficiency", "speed_fluctuation", "mean.mechanical_efficiency"):
+        assert shown(name, "", 0.9).text(0.9) == "90 %"
+    assert shown("joint_margin", "", 0.9).text(0.9) == "0.9"
+    assert shown("motor_power", "W", 5000.0).label == "Shaft power, kW"
+
+
+def test_one_language_of_paths(mayekawa):
+    """The same names in `problem`, `sweep`, `with_values` and on the command line."""
+    coefficients = matching(mayekawa.machine, "friction.*.coefficient")
+    assert coefficients == [f"friction.{joint}.coefficient" for joint in
+                            ("wall", "piston_pin", "crank_pin", "main_journal")]  # fmt: skip
+    made = problem(mayekawa, ["bore", "friction.*.coefficient"], ["swept_volume"])
+    assert [one.name for one in made.variables] == ["bore", *coefficients]
+    given = by_name(mayekawa.machine, {"friction.*.coefficient": 1, "friction.wall.coefficient": 2})
+    assert list(given.values()) == [2, 1, 1, 1]  # the last that fits counts
+    changed = with_values(mayekawa, {"friction.*.coefficient": 0.1, "bore": "120 mm"})
+    values = [
+        float(variable(changed.machine, name).current(changed.machine)) for name in made_names(made)
+    ]
+    assert values == [pytest.approx(0.12), *[0.1] * 4]
+    assert changed.sources["mechanism.bore"] == "design rule, bore = 120 mm"
+    once = sweep(mayekawa, {"mechanism.bor?": [0.1, 0.13]}, ["swept_volume"], progress=False)
+    assert once.dims == ("mechanism.bore",) or list(once.dims) == ["mechanism.bore"]
+
+
+def made_names(made):
+    return [one.name for one in made.variables]
+
+
+def test_a_correction_mass_is_set_like_any_other_number():
+    scene = load("hermetic-68cc")
+    plane = next(iter(scene.machine.corrections))
+    masses = {f"corrections.{plane}.x": "3 g*mm", f"corrections.{plane}.y": "-1 g*mm"}
+    changed = with_values(scene, {**masses, "mechanism.piston_mass": "0.1 kg"})
+    np.testing.assert_allclose(changed.machine.corrections[plane], [3e-6, -1e-6], rtol=1e-12)
+    later = with_values(changed, {"mechanism.piston_mass": "0.12 kg"})
+    np.testing.assert_allclose(later.machine.corrections[plane], [3e-6, -1e-6], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("bor", 'did you mean "bore"'),
+        ("mechanism.boar", 'did you mean "bore"'),
+        ("friction.*.coeficient", 'did you mean "friction'),
+        ("corrections.top.x", "corrections.top.x"),
+    ],
+)
+def test_an_unknown_path_names_the_nearest(mayekawa, path, words):
+    with pytest.raises((BadInput, SceneError), match=words):
+        with_values(mayekawa, {path: "120 mm"})
