@@ -209,12 +209,13 @@ def _is_designed(path: str) -> bool:
 
 def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scene:
     """A copy of a scene with other entries of its file."""
-    from ..design import matching
+    from ..design import matching, variable_names
 
     known = {*entries(Compressor), *_HEADER, *SECTIONS, *NAMED}
     for path in changes:
-        if "." not in path and path not in known:
-            near = did_you_mean(path, {*known, *DESIGN_RULES})
+        if "." not in path and path not in known and not any(_places(scene.document, path)):
+            names = known | ({*DESIGN_RULES} & {*variable_names(scene.machine)})
+            near = did_you_mean(path, names)
             raise SceneError(path, f"is no section and no design rule{near}", file=scene.file)
     changes = {
         name: value
