@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, loads, problem, sensitivity
 from jaxcomp.cli import app
-from jaxcomp.design import spoken
+from jaxcomp.design import variable_label
 from jaxcomp.plot import sensitivity_bars
 
 
@@ -99,7 +99,7 @@ def test_a_rotor_without_a_crank_is_rotor_excitation_its_unbalances():
     design = loads(text).machine
     made = problem(design, ["rotor.disks.0.mass.0"], ["vibration"])  # traces what it asks for
     assert made.units == ("m",)
-    assert spoken(design, "corrections.rotor.x") == "x of correction rotor"
+    assert variable_label(design, "corrections.rotor.x") == "x of correction rotor"
 
 
 def test_the_command_writes_what_it_prints(tmp_path):

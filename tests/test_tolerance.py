@@ -390,6 +390,6 @@ def test_tolerances_that_keep_the_rejects_down_are_those_of_the_normal_distribut
     ],
 )
 def test_parts_have_names_and_not_paths(path, words):
-    from jaxcomp.design import spoken
+    from jaxcomp.design import variable_label
 
-    assert spoken(load("hermetic-68cc").machine, path) == words
+    assert variable_label(load("hermetic-68cc").machine, path) == words

@@ -9,7 +9,7 @@ import numpy as np
 from rich.markup import escape
 
 from .._shown import shown
-from ..design import AnalysisOptions, balanced_design, quantity, spoken
+from ..design import AnalysisOptions, balanced_design, quantity, variable_label
 from ..machine import Machine, machine_of
 from ..scene import Scene, to_si
 from ..scene.tolerances import read_tolerance_file, tolerances_of
@@ -209,7 +209,9 @@ def tolerance_sentences(found: Tolerances, result: dict[str, Any]) -> Iterator[s
     for one in result.get("permitted", ()):
         all_of_them = len(one["variables"]) == len(found.variables)
         whose = (
-            "all tolerances" if all_of_them else f"that of {spoken(design, one['variables'][0])}"
+            "all tolerances"
+            if all_of_them
+            else f"that of {variable_label(design, one['variables'][0])}"
         )
         if not np.isfinite(one["factor"] or np.nan):
             yield f"Changing {whose} does not bring the rejects down so far."
@@ -225,10 +227,10 @@ def _causes(found: Tolerances, design, name: str) -> str:
     ranked = [(one, share) for one, share in found.ranking(name) if np.isfinite(share)]
     if not ranked:
         return ""
-    causes = [f"{spoken(design, one)} {100 * min(share, 1):.0f} %" for one, share in ranked[:3]
+    causes = [f"{variable_label(design, one)} {100 * min(share, 1):.0f} %" for one, share in ranked[:3]
               if share > 0.05 or one == ranked[0][0]]  # fmt: skip
     causes[0] = (
-        f"{spoken(design, ranked[0][0])} causes {100 * min(ranked[0][1], 1):.0f} % of the variance"
+        f"{variable_label(design, ranked[0][0])} causes {100 * min(ranked[0][1], 1):.0f} % of the variance"
     )
     text = ", ".join(causes)
     return f"{text[:1].upper()}{text[1:]}."
@@ -282,7 +284,7 @@ def _contributors(found: Tolerances, name: str):
     ends = (f"Low limit, {look.unit}", f"High limit, {look.unit}") if look.unit else ("Low", "High")
     table = _table(title, "Variable", "Share of variance", *ends, numbers=True)
     design = found.problem.design
-    ranked = [(spoken(design, one), one, share) for one, share in found.ranking(name)]
+    ranked = [(variable_label(design, one), one, share) for one, share in found.ranking(name)]
     # a name is broken where it would leave the numbers no room in 80 columns
     table.columns[0].no_wrap = max(len(words) for words, _, _ in ranked[:_ROWS]) <= 45
     table.columns[0].overflow = "fold"

@@ -37,7 +37,7 @@ from ._rules import with_piston_clearance as with_piston_clearance
 from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
-from ._spoken import spoken as spoken
+from ._labels import variable_label as variable_label
 from ._study import Figures as Figures
 from ._study import design_study as design_study
 from ._study import figures_of as figures_of

@@ -17,7 +17,7 @@ from ..machine import Machine, machine_of
 from ._analysis import AnalysisOptions, DesignResult
 from ._design import given_numbers
 from ._problem import Asked, name_of, unit_of, value_of
-from ._spoken import spoken
+from ._labels import variable_label
 
 # [-] An elasticity below this is rounding.
 _ROUNDING = 1e-12
@@ -195,7 +195,10 @@ def sensitivity(
         tuple(unit_of(one) for one in asked),
         np.asarray(value),
         tuple(one.name for one in rows),
-        tuple(spoken(design, one.name) + (", all values" if one.factor else "") for one in rows),
+        tuple(
+            variable_label(design, one.name) + (", all values" if one.factor else "")
+            for one in rows
+        ),
         tuple(one.unit for one in rows),
         np.array([one.value for one in rows]),
         np.stack(rises, -1),

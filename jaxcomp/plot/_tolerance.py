@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from .._shown import Shown, shown
-from ..design import spoken
+from ..design import variable_label
 from ..tolerancing import Tolerances
 from ._style import INK, legend, new_figure, note, ylabel
 
@@ -125,7 +125,7 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
                 ha="right", va="bottom", color=INK)  # fmt: skip
     ax.axvline(mean, color=INK, linewidth=0.9)
     design = found.problem.design
-    ax.set_yticks(y, [spoken(design, variable) for variable, _ in ranked], fontsize=8.5)
+    ax.set_yticks(y, [variable_label(design, variable) for variable, _ in ranked], fontsize=8.5)
     note(figure, f"Line: {_small(look.words)} of the mean machine.")
     ax.grid(False, axis="y")
     ax.set_ylim(len(rows) - 0.4, -0.9)

@@ -1,0 +1,82 @@
+"""Labels of variables for people: `stiffness x of link springs to seats` for a path of the scene."""
+
+from typing import Any
+
+from ..machine import Machine
+
+# Steps of a path that are left out beside what stands around them.
+_LEFT_OUT = ("rotor", "law", "loads", "balancing", "mechanism", "friction", "motor", "gas")
+# Sections whose parts have names that the user gave.
+_NAMED = ("corrections", "bearings", "oils")
+_WORDS = {
+    "links": "link", "disks": "disk", "bodies": "body", "shafts": "shaft", "coefficient": "friction",
+    "side_pulls": "magnetic pull", "unbalances": "unbalances", "corrections": "correction",
+    "bearings": "bearing", "oils": "oil", "targets": "target", "planes": "plane",
+}  # fmt: skip
+_DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")
+
+
+def variable_label(design: Machine, path: str) -> str:
+    """What a variable is, in words: `conrod length`, `stiffness x of link springs to seats`.
+
+    Args:
+        design: whose number it is.
+        path: name of a variable, see `Variable`.
+    """
+    steps = path.split(".")
+    places: list[Any] = [_section(design, steps[0])]
+    for step in steps:
+        places.append(_inside(places[-1], step))
+    if path.startswith("loads.unbalances.") and steps[-1].isdigit():
+        what = "unbalance" if steps[-2] == "magnitude" else f"{steps[-2]} of the unbalance"
+        return f"{what} at node {_node(places[-3].nodes[int(steps[-1])])}"
+    # the number is an entry of the last step with a name; what stands before is the part
+    name = max((i for i, step in enumerate(steps) if not step.isdigit()), default=0)
+    part = []
+    for number, step in enumerate(steps[:name]):
+        if step.isdigit():
+            part.append(_part(places[number + 1], step))
+        elif step not in _LEFT_OUT or (number and steps[number - 1] in _NAMED):
+            part.append(_word(step))
+    entry = [_word(steps[name]), *(str(int(step) + 1) for step in steps[name + 1 :])]
+    if len(entry) > 1:
+        index, nodes = int(steps[-1]), getattr(places[-3], "nodes", ())
+        if "law" in steps and index < len(_DIRECTIONS):
+            entry[-1] = _DIRECTIONS[index]
+        elif isinstance(nodes, tuple) and index < len(nodes):
+            entry[-1] = f"at node {_node(nodes[index])}"
+    return " of ".join(" ".join(words) for words in (entry, part) if words)
+
+
+def _word(step: str) -> str:
+    return _WORDS.get(step, step.replace("_", " "))
+
+
+def _section(design: Machine, first: str) -> Any:
+    if first not in design.parts and first not in _NAMED:
+        return design.compressor
+    return design.parts | {name: getattr(design, name) for name in _NAMED}
+
+
+def _inside(place: Any, step: str) -> Any:
+    if isinstance(place, dict):
+        return place.get(step)
+    if step.isdigit():
+        return place[int(step)] if isinstance(place, tuple) and int(step) < len(place) else None
+    return getattr(place, step, None)
+
+
+def _part(part: Any, step: str) -> str:
+    """A part of a list by its name or its nodes, or by its number from 1."""
+    name, nodes = getattr(part, "name", None), getattr(part, "nodes", None)
+    if isinstance(name, str):
+        return name
+    if isinstance(nodes, tuple) and len(nodes) == 2 and not isinstance(nodes[0], tuple):
+        return f"{_node(nodes[0])} to {_node(nodes[1])}"
+    return str(int(step) + 1)
+
+
+def _node(node: Any) -> str:
+    if node is None:
+        return "ground"
+    return " to ".join(map(_node, node)) if isinstance(node, tuple) else str(node)
