@@ -26,7 +26,7 @@ from jaxcomp import (
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import Row
 from jaxcomp.cylinder import CycleOptions, solve_cycle
-from jaxcomp.design import Front
+from jaxcomp.design import ParetoFront
 from jaxcomp.rotor import (
     Disks,
     Link,
@@ -88,7 +88,7 @@ def orbit():
 def front():
     ends = (optimum(), optimum())
     values = jnp.linspace(0.12, 0.14, 6).reshape(3, 2)
-    return Front(
+    return ParetoFront(
         ("swept_volume", "mechanical_efficiency"), ("m^3", ""), (True, False), tuple(ends[0].values),
         np.asarray(values), np.asarray(values) ** 2, np.array([np.nan, 1 / 3, np.nan]),
         ("converged",) * 3, np.array([False, False, True]), np.array([1e-3, 0.9]),

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from .._shown import shown
 from ..crank import solve_orbit
-from ..design import Front, Optimum, compared_designs, quantity
+from ..design import Optimum, ParetoFront, compared_designs, quantity
 from ..design._design import CORRECTIONS
 from ..machine import assembled
 from ..scene import Scene, with_machine
@@ -93,7 +93,7 @@ def comparison(found: Optimum) -> list[dict[str, Any]]:
     ]
 
 
-def front_result(scene: Scene, asked: dict[str, Any], front: Front, seconds: float) -> dict:
+def front_result(scene: Scene, asked: dict[str, Any], front: ParetoFront, seconds: float) -> dict:
     """JSON of a front."""
     points = [
         {

@@ -8,7 +8,7 @@ from .._waits import progress_of, spinner
 from ..crank import Collocation
 from ..design import (
     AnalysisOptions,
-    Front,
+    ParetoFront,
     Problem,
     by_name,
     optimise,
@@ -77,7 +77,7 @@ def searched(asked: dict[str, Any], as_json: bool, out: Path | None) -> None:
 
         return {"pareto": pareto_front(found)} if other else optimum_figures(found)
 
-    if isinstance(found, Front):
+    if isinstance(found, ParetoFront):
         result, tables = front_result(scene, asked, found, seconds), front_tables
         curves, written = "front", "Report, picture, result and scene"
     else:

@@ -230,7 +230,8 @@ def _causes(found: Tolerances, design, name: str) -> str:
     causes = [f"{variable_label(design, one)} {100 * min(share, 1):.0f} %" for one, share in ranked[:3]
               if share > 0.05 or one == ranked[0][0]]  # fmt: skip
     causes[0] = (
-        f"{variable_label(design, ranked[0][0])} causes {100 * min(ranked[0][1], 1):.0f} % of the variance"
+        f"{variable_label(design, ranked[0][0])} causes "
+        f"{100 * min(ranked[0][1], 1):.0f} % of the variance"
     )
     text = ", ".join(causes)
     return f"{text[:1].upper()}{text[1:]}."

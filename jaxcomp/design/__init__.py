@@ -21,9 +21,10 @@ from ._drive import DriveComparison as DriveComparison
 from ._drive import RodDrive as RodDrive
 from ._drive import compare_drives as compare_drives
 from ._drive import rod_driven as rod_driven
+from ._labels import variable_label as variable_label
 from ._optimise import optimise as optimise
 from ._optimum import Optimum as Optimum
-from ._pareto import Front as Front
+from ._pareto import ParetoFront as ParetoFront
 from ._pareto import pareto as pareto
 from ._problem import Answer as Answer
 from ._problem import Problem as Problem
@@ -37,7 +38,6 @@ from ._rules import with_piston_clearance as with_piston_clearance
 from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
-from ._labels import variable_label as variable_label
 from ._study import Figures as Figures
 from ._study import design_study as design_study
 from ._study import figures_of as figures_of

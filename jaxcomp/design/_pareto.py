@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,7 +11,7 @@ from .._fields import BadInput
 from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ._descent import BETTER, Descent, Scaled, method_of
-from ._goal import Interval, Limit, goal_of, solved
+from ._goal import Goal, Interval, Limit, goal_of, solved
 from ._optimise import Callback, descend, present_design, sample_of, solved_sample, spreads
 from ._optimum import Optimum, optimum_of
 from ._problem import Asked, Problem
@@ -19,7 +19,7 @@ from ._ranges import even_sample, ranges_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Front(Result):
+class ParetoFront(Result):
     """Designs of which none is better in both objectives.
 
     The first is the best in the first objective, the last in the second; between them the first
@@ -87,7 +87,7 @@ def pareto(
     seed: int = 0,
     batch: int = 8,
     callback: Callback | None = None,
-) -> Front:
+) -> ParetoFront:
     """Trace the front of two objectives by gradients; all its points move at once.
 
     Args:
@@ -129,98 +129,80 @@ def pareto(
         descend(descents, method, batch, callback)
         return descents
 
-    ends = []
+    ends, front = [], []
     for one in scaled:
         sample = sample_of(one, designs, found)
         descents = searched([(one, start) for start in sample.starts(starts)])
         ends.append(optimum_of(one, sample, descents))
+        front.append(min(descents, key=lambda one: one.best.rank))
         if not ends[-1].feasible:
             raise SolveFailed(Status.not_converged, ends[-1].verdict)
-    names = [goal.name for goal in goals]
-    front = [
-        _Point(
-            np.array(list(end.values.values())),
-            np.array([end.quantities[name] for name in names]),
-            np.nan,
-            end.status,
-        )
-        for end in ends
-    ]
+    evaluations = sum(end.evaluations for end in ends)
     places = [goal.objective for goal in goals]
-    scale = scaled[0].scale[places]
-    between = []
-    if abs(front[0].objectives[1] - front[1].objectives[1]) > BETTER * scale[1]:
-        between = _levels(scaled, front, points)
+    signs, scale = np.array([goal.sign for goal in goals]), scaled[0].scale[places]
+    if abs(np.subtract(*(one.best.values[places[1]] for one in front))) > BETTER * scale[1]:
+        between = searched(_between(ends, front, points))
+        evaluations += sum(len(one.points) for one in between)
+        front += between
     else:
         front = front[:1]
-    begin = []
-    for one, end in between:
-        sample = sample_of(one, designs, found)
-        begin.append((one, end if sample.best is None else sample.values[sample.best]))
-    descents = searched(begin) if begin else []
-    front += [_between(one, places) for one in descents]
-    signs = np.array([goal.sign for goal in goals])
     # from the best of the first objective to the best of the second
-    front.sort(key=lambda point: -signs[1] * point.objectives[1])
-    values, reached, exchange = (np.array(c) for c in list(zip(*front, strict=True))[:3])
+    front.sort(key=lambda one: -signs[1] * one.best.values[places[1]])
+    reached = np.array([one.best.values[places] for one in front])
     now = solved(problem, problem.current[None], batch)
-    present = np.where(np.asarray(now.ok)[0], np.asarray(now.values)[0, places], np.nan)
     sample = ends[0].sample.quantities[ends[0].sample.feasible][:, places]
     shown = signs * reached / scale
     beats = np.all((signs * sample / scale)[:, None] < shown - BETTER, axis=-1)
-    return Front(
-        names=(names[0], names[1]),
+    return ParetoFront(
+        names=(goals[0].name, goals[1].name),
         units=(goals[0].unit, goals[1].unit),
         maximised=(goals[0].sign < 0, goals[1].sign < 0),
         variables=tuple(one.name for one in problem.variables),
-        values=values,
+        values=np.array([ranges.values(one.best.share) for one in front]),
         objectives=reached,
-        exchange=exchange,
-        status=tuple(point.status for point in front),
+        exchange=np.array([_exchange(one, goals) for one in front]),
+        status=tuple(one.status for one in front),
         dominated=dominated(shown, BETTER),
-        present=present,
+        present=np.asarray(now.values)[0, places] if now.ok[0] else np.full(2, np.nan),
         sample=sample,
         beaten_by=int(np.any(beats, axis=1).sum()),
         ends=(ends[0], ends[1]),
-        evaluations=sum(end.evaluations for end in ends) + sum(len(d.points) for d in descents),
+        evaluations=evaluations,
     )
 
 
-class _Point(NamedTuple):
-    """A point of the front under construction; `exchange` is NaN at an end."""
-
-    values: np.ndarray
-    objectives: np.ndarray
-    exchange: float
-    status: str
-
-
-def _levels(scaled, front, points: int) -> list[tuple[Scaled, np.ndarray]]:
-    """Goals with one objective held at even levels between the ends, and the end that keeps them.
+def _between(ends, front: list[Descent], points: int) -> list[tuple[Scaled, np.ndarray]]:
+    """Goals with one objective held at even levels between the ends, and where to begin.
 
     Levels of one objective leave bare where the other one is steep: half the points have a level of
     the second objective, the others of the first.
     """
     out = []
     for held, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
-        main, other = scaled[1 - held], scaled[held].goal
-        for level in np.linspace(*(p.objectives[held] for p in front), count + 2)[1:-1]:
-            limit = Limit(other.name, other.objective, other.sign, float(level))
-            goal = main.goal._replace(limits=(*main.goal.limits, limit))
-            out.append((main._replace(goal=goal), front[held].values))
+        main, other, sample = front[1 - held].scaled, front[held].scaled.goal, ends[1 - held].sample
+        name, place, sign = other.name, other.objective, other.sign
+        for level in np.linspace(*(one.best.values[place] for one in front), count + 2)[1:-1]:
+            limits = *main.goal.limits, Limit(name, place, sign, float(level))
+            # the best sample that keeps this level, or the end that does
+            kept = sample.feasible & (sign * (sample.quantities[:, place] - level) <= 0)
+            best = np.argmin(np.where(kept, sample.objective / main.unit, np.inf))
+            end = main.ranges.values(front[held].best.share)
+            start = sample.values[best] if kept.any() else end
+            out.append((main._replace(goal=main.goal._replace(limits=limits)), start))
     return out
 
 
-def _between(descent: Descent, places) -> _Point:
-    """A point of the front whose last limit holds the other objective."""
+def _exchange(descent: Descent, goals: list[Goal]) -> float:
+    """[SI] Slope of the front at one of its points, from the multiplier of its last limit."""
     scaled, end = descent.scaled, descent.best
+    if any(scaled.goal is one for one in goals):  # an end
+        return np.nan
     limit = scaled.goal.limits[-1]
-    # L = f/unit + mu side (q - level)/scale
+    # L = f + mu side (q - level)/scale
     slope = -scaled.unit * limit.side * end.multipliers[-1] / scaled.scale[limit.place]
-    if scaled.goal.objective == places[1]:
-        slope = 1 / slope if slope else np.nan
-    values = scaled.ranges.values(end.share)
-    return _Point(values, end.values[places], slope, descent.status)
+    if slope == 0:
+        return np.nan
+    return slope if scaled.goal.objective == goals[0].objective else 1 / slope
 
 
 def dominated(shown: np.ndarray, margin: float) -> np.ndarray:

@@ -16,8 +16,8 @@ from .._shown import RPM, Shown, shown
 from ..machine import Machine, machine_of
 from ._analysis import AnalysisOptions, DesignResult
 from ._design import given_numbers
-from ._problem import Asked, name_of, unit_of, value_of
 from ._labels import variable_label
+from ._problem import Asked, name_of, unit_of, value_of
 
 # [-] An elasticity below this is rounding.
 _ROUNDING = 1e-12

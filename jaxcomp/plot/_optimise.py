@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from .._shown import Shown, shown
-from ..design import Front, Optimum
+from ..design import Optimum, ParetoFront
 from ._style import INK, legend, new_figure, note, words, ylabel
 
 _SAMPLE, _BEST, _NOW, _BAD = "#9A9A9A", "#D55E00", "#009E73", "#CC79A7"
@@ -41,7 +41,7 @@ def optimum_convergence(optimum: Optimum) -> Figure:
     return figure
 
 
-def pareto_front(front: Front) -> Figure:
+def pareto_front(front: ParetoFront) -> Figure:
     """The front with both ends and the present design, over the sample."""
     title = f"Pareto front: {words(front.names[0]).lower()} and {words(front.names[1]).lower()}"
     figure, axes = new_figure(1, 1, (6.6, 4.8), title)
