@@ -52,7 +52,7 @@ def optimise(
             to be met.
         starts: how many: the best design of the sample, the present one, and others spread evenly; or
             designs (starts, variables) in SI units.
-        method: "slsqp" (SciPy; keeps constraints), "least-squares" (SciPy's trust region, for targets
+        method: "slsqp" (SciPy; keeps constraints), "least-squares" (SciPy's dogbox, for targets
             without constraints), "adam", or a gradient transformation of Optax, which moves shares of
             the ranges; if absent the first of these that suits.
         max_steps: largest number of designs solved from each start.

@@ -2,6 +2,7 @@
 
     python tests/benchmarks/optimise.py             # the bore at three speeds (Tsuji et al. 2012, Fig. 6)
     python tests/benchmarks/optimise.py --tasks     # constraints, targets, several variables, a rotor
+    python tests/benchmarks/optimise.py --methods   # the same by other methods
 
 Times are warm, the best of three; the first call with its compilation stands apart. A start solves
 designs with their derivative, which costs the second column of times more than a design of the sweep.
@@ -17,8 +18,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.optimize
 
-from jaxcomp import Collocation, load, optimise, problem
+from jaxcomp import Collocation, load, optimise, pareto, problem
 from jaxcomp.cli._start import quick_compiles
 from jaxcomp.design import AnalysisOptions
 from jaxcomp.scene import with_value
@@ -85,7 +87,9 @@ MASSES = "mechanism.piston_mass", "mechanism.conrod_mass"
 UNBALANCE, ROD, INERTIA = (
     "mechanism.crank_unbalance", "mechanism.conrod_length", "mechanism.crank_inertia",
 )  # fmt: skip
-FLUCTUATION, FORCE = "speed_fluctuation", "peak_force.crank_pin"
+EFFICIENCY, FLUCTUATION, FORCE = (
+    "mechanical_efficiency", "speed_fluctuation", "peak_force.crank_pin",
+)  # fmt: skip
 
 
 def rosenbrock(found):
@@ -94,57 +98,109 @@ def rosenbrock(found):
     return 100 * (y - x**2) ** 2 + (1 - x) ** 2
 
 
-def tasks():
-    """Searches of several kinds: designs solved with derivatives, time, and where they end."""
+def cases():
+    """Problems with the options of their search, by name."""
     reciprocating, hermetic = load("mayekawa-wbhe"), load("hermetic-68cc")
-    crank = AnalysisOptions(solver=SOLVERS["fast"])
-    four = {"bore": RANGE, UNBALANCE: (-0.8, 0.0), ROD: (0.2, 0.4), INERTIA: (0.1, 0.4)}
+    options = AnalysisOptions(solver=SOLVERS["fast"])
     planes = [plane.name for plane in hermetic.parts["balancing"].planes]
     corrections = {
         f"corrections.{plane}.{axis}": (-3e-3, 3e-3) for plane in planes for axis in "xy"
     }
-    efficiency = "mechanical_efficiency"
-    pair = problem(
-        reciprocating, {"bore": RANGE, UNBALANCE: (-0.8, 0.0)}, [efficiency, FLUCTUATION], crank
-    )
-    many = problem(reciprocating, four, [efficiency, FLUCTUATION, FORCE], crank)
+    two = {"bore": RANGE, UNBALANCE: (-0.8, 0.0)}
+    four = two | {ROD: (0.2, 0.4), INERTIA: (0.1, 0.4)}
+    pair = problem(reciprocating, two, [EFFICIENCY, FLUCTUATION], options)
+    many = problem(reciprocating, four, [EFFICIENCY, FLUCTUATION, FORCE], options)
     masses = problem(reciprocating, dict.fromkeys(MASSES, (0.0, 3.0)), [rosenbrock])
     balance = problem(hermetic, corrections, ["vibration"], AnalysisOptions(excitation="file"))
-    targets = {FLUCTUATION: 0.08, FORCE: 12e3}
-    least = {"method": "least-squares"}
-    cases = {
+    smooth, kinked = {EFFICIENCY: 0.95, FLUCTUATION: 0.03}, {FLUCTUATION: 0.03, FORCE: 2e3}
+    return {
         "Rosenbrock": (masses, {}),
         "efficiency by 2, 1 constraint": (pair, {"constraints": {FLUCTUATION: (None, 0.1)}}),
         "efficiency by 4": (many, {}),
         "efficiency by 4, 2 constraints": (
-            many, {"constraints": {FLUCTUATION: (None, 0.08), FORCE: (None, 12e3)}},
+            many, {"constraints": {FLUCTUATION: (None, 0.05), FORCE: (None, 9.5e3)}},
         ),
         "efficiency by 4, 1 equality": (many, {"constraints": {FLUCTUATION: (0.08, 0.08)}}),
-        "2 targets by 4": (many, {"objective": targets, **least}),
-        "2 targets out of reach": (many, {"objective": {FLUCTUATION: 0.03, FORCE: 2e3}, **least}),
+        "2 targets by 4": (many, {"objective": {FLUCTUATION: 0.08, FORCE: 12e3}}),
+        "2 targets out of reach": (many, {"objective": smooth}),
+        "2 targets, one of a peak": (many, {"objective": kinked}),
         "vibration by 4 corrections": (balance, {}),
     }  # fmt: skip
-    line(
-        "",
-        "objective",
-        "violation",
-        "designs",
-        "time, ms",
-        "agree",
-        widths=(34, 16, 12, 12, 12, 10),
-    )
-    for name, (made, options) in cases.items():
-        found, warm, _ = timed(lambda made=made, options=options: optimise(made, **options))
-        best = min(found.starts, key=lambda one: not one.agrees)
-        ends = Counter(one.status for one in found.starts)
-        line(name, f"{found.objective:.9g}", f"{best.violation:.1e}", found.evaluations,
-             f"{1e3 * warm:.0f}", f"{found.agreeing} of {len(found.starts)}",
-             "  " + ", ".join(f"{count} {word}" for word, count in ends.items()),
-             widths=(34, 16, 12, 12, 12, 10, 0))  # fmt: skip
+
+
+WIDTHS = (34, 16, 11, 9, 10, 9, 0)
+
+
+def row(name, function):
+    found, warm, _ = timed(function)
+    violation = min(one.violation for one in found.starts if one.agrees)
+    ends = Counter(one.status for one in found.starts)
+    line(name, f"{found.objective:.9g}", f"{violation:.0e}", found.evaluations, f"{1e3 * warm:.0f}",
+         f"{found.agreeing} of {len(found.starts)}",
+         "  " + ", ".join(f"{count} {word}" for word, count in ends.items()), widths=WIDTHS)  # fmt: skip
+
+
+def tasks():
+    """Searches of several kinds: designs solved with derivatives, time, and where they end."""
+    line("", "objective", "violation", "designs", "time, ms", "agree", widths=WIDTHS)
+    for name, (made, options) in cases().items():
+        targets = isinstance(options.get("objective"), dict)
+        options = options | ({"method": "least-squares"} if targets else {})
+        row(name, lambda made=made, options=options: optimise(made, **options))
+    made = cases()["efficiency by 2, 1 constraint"][0]
+    front, warm, _ = timed(lambda: pareto(made, (EFFICIENCY, FLUCTUATION)))
+    print(f"front of {len(front.values)} points: {front.evaluations} designs, {1e3 * warm:.0f} ms, "
+          f"{Counter(front.status)}, {front.beaten_by} samples better")  # fmt: skip
+
+
+def other(name, **options):
+    """A method of `scipy.optimize.minimize` in the place of the one that `optimise` takes."""
+
+    def method(descent, start):
+        equal = descent.scaled.goal.equalities
+        limits = scipy.optimize.NonlinearConstraint(
+            lambda u: descent.near(u).limits, np.where(equal, 0.0, -np.inf), 0.0,
+            jac=lambda u: descent.near(u).limits_slope,
+        )  # fmt: skip
+        scipy.optimize.minimize(
+            descent.value, start, jac=lambda u: descent.near(u).gradient, method=name,
+            bounds=[(0, 1)] * len(start), constraints=[limits] if len(equal) else [], options=options,
+        )  # fmt: skip
+
+    return method
+
+
+def methods():
+    """The same searches by other methods."""
+    from jaxcomp.design import _optimise
+
+    choose = _optimise.method_of
+    others = {
+        "trust-constr": other("trust-constr", gtol=1e-12, xtol=1e-12),
+        "L-BFGS-B": other("L-BFGS-B", ftol=0.0, gtol=0.0),
+    }
+    line("", "objective", "violation", "designs", "time, ms", "agree", widths=WIDTHS)
+    for name, (made, options) in cases().items():
+        print(name)
+        named = ["slsqp"]
+        named += ["adam"] if "constraints" not in options else []
+        named += ["least-squares"] if "objective" in options else []
+        for method in named:
+            row(
+                method,
+                lambda m=made, o=options, n=method: optimise(m, method=n, max_steps=300, **o),
+            )
+        for method, function in others.items():
+            if method == "trust-constr" or "constraints" not in options:
+                _optimise.method_of = lambda *_, function=function: function
+                row(method, lambda m=made, o=options: optimise(m, max_steps=300, **o))
+                _optimise.method_of = choose
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--tasks", action="store_true")
+    for option in ("--tasks", "--methods"):
+        parser.add_argument(option, action="store_true")
+    asked = parser.parse_args()
     quick_compiles()  # as the command line starts JAX
-    tasks() if parser.parse_args().tasks else bores()
+    (tasks if asked.tasks else methods if asked.methods else bores)()
