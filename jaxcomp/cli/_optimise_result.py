@@ -45,6 +45,7 @@ def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds:
         for i, one in enumerate(problem.variables)
     ]  # fmt: skip
     best = None if sample.best is None else float(sample.objective[sample.best])
+    alike = "quantities status feasible stationarity verdict local agreeing evaluations".split()
     return plain({
         "machine": scene.name,
         "asked": asked,
@@ -53,22 +54,13 @@ def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds:
             "name": found.objective_name, "unit": units.get(found.objective_name, ""),
             "maximised": found.maximised, "present": before, "value": found.objective,
         },
-        "quantities": found.quantities,
-        "constraints": [
-            one._asdict() | {"unit": units[one.name]} for one in found.constraints
-        ],
-        "status": found.status,
-        "feasible": found.feasible,
-        "stationarity": found.stationarity,
-        "verdict": found.verdict,
-        "local": found.local,
-        "agreeing": found.agreeing,
+        "constraints": [one._asdict() | {"unit": units[one.name]} for one in found.constraints],
+        **{name: getattr(found, name) for name in alike},
         "starts": [one._asdict() for one in found.starts],
         "sample": {
             "count": len(sample.ok), "solved": int(sample.ok.sum()),
             "feasible": int(sample.feasible.sum()), "best_objective": best,
         },
-        "evaluations": found.evaluations,
         "seconds": seconds,
     })  # fmt: skip
 
