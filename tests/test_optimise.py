@@ -234,6 +234,18 @@ def test_start_that_fails_is_a_status_and_spoils_no_other(scene):
     assert found.values[X] == pytest.approx(2, abs=0.1)
 
 
+def test_starts_that_all_fail_are_a_status(scene):
+    found = optimise(
+        asked(scene, broken, 0.0, 2.5),
+        starts=[[2.4, 1.0], [2.2, 0.5]],
+        constraints={total: (2.0, 2.0)},
+    )
+    assert found.status == "start not solvable"
+    assert not found.feasible
+    assert np.isnan(found.objective)
+    assert found.verdict == "no start and none of 258 samples keeps all constraints"
+
+
 def test_a_failing_design_on_the_way_does_not_keep_from_the_optimum(scene):
     """A band that cannot be solved, beyond the optimum at (3, 0.7), meets the first long steps."""
 

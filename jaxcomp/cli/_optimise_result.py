@@ -45,7 +45,10 @@ def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds:
         for i, one in enumerate(problem.variables)
     ]  # fmt: skip
     best = None if sample.best is None else float(sample.objective[sample.best])
-    alike = "quantities status feasible stationarity verdict local agreeing evaluations".split()
+    alike = (
+        "quantities", "status", "feasible", "stationarity", "verdict", "local", "agreeing",
+        "evaluations",
+    )  # fmt: skip
     return plain({
         "machine": scene.name,
         "asked": asked,

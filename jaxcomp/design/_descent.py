@@ -150,7 +150,7 @@ class Point:
         """[-] (limits,) for which the slope of L is smallest; those of bounds are found beside them."""
         out, equal = np.zeros(len(self.limits)), self.scaled.goal.equalities
         active = equal | (self.limits >= -10 * FEASIBLE)
-        if active.any():
+        if self.ok and active.any():
             unit, at = np.eye(len(self.share)), self.share
             bounds = -unit[at <= _LEAST], unit[at >= 1 - _LEAST]
             columns = np.concatenate([self.limits_slope[active], *bounds])
@@ -235,6 +235,7 @@ class Descent:
         Raises:
             _Ended: where the search is to end here, or before the design is solved.
         """
+        share = np.clip(share, 0.0, 1.0)  # SciPy's steps reach beyond a bound by a rounding
         for point in reversed(self.points):
             if np.array_equal(point.share, share):
                 return point
@@ -242,7 +243,7 @@ class Descent:
         if close or len(self.points) >= self.max_steps:
             raise _Ended
         solved = self._evaluate(self.scaled.ranges.values(share))
-        point = Point(self.scaled, np.array(share), *solved)
+        point = Point(self.scaled, share, *solved)
         self.points.append(point)
         best = self.best if self.path else point
         optimal = point.optimal and point.rank < (best.rank[0], best.rank[1] + BETTER)

@@ -5,6 +5,7 @@ derivatives, a batch at a time, for the sample of the whole range and for every 
 the objective and the constraints, offers the starts, and is what the result is compared with.
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -169,4 +170,7 @@ def descend(
             callback("descent", done, most)
         return list(zip(*(np.asarray(column) for column in found), strict=True))
 
-    run_together([partial(one.run, method) for one in descents], solve)
+    with warnings.catch_warnings():
+        # which they are by a rounding
+        warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
+        run_together([partial(one.run, method) for one in descents], solve)
