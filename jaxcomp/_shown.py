@@ -29,6 +29,8 @@ _UNITS = {
     "kg": ((0.1, 1.0, "kg"), (0.0, 1e3, "g")),
     "kg m": ((0.1, 1.0, "kg m"), (0.0, 1e6, "g mm")),
 }
+# Units of small changes.
+_SMALL = ("mm", "g mm", "g", "°", "rpm")
 
 
 class Shown(NamedTuple):
@@ -88,6 +90,12 @@ def units_of(unit: str, percent: bool = False) -> str:
     if percent:
         return "%"
     return ", ".join(name for _, _, name in _UNITS.get(unit, ((0.0, 1.0, unit),)))
+
+
+def small_unit(unit: str) -> tuple[str, float]:
+    """The unit of small changes and of corrections, with the factor from the SI unit to it."""
+    others = ((name, factor) for _, factor, name in _UNITS.get(unit, ()) if name in _SMALL)
+    return next(others, (unit, 1.0))
 
 
 def rounded(value: float, digits: int) -> str:

@@ -286,7 +286,7 @@ def displacement(scene, made: Hermetic, speed: float, forces, mean):
         kept = [i for i, axis in enumerate(link.axes) if axis in AXES]
         axes = [link.axes[i] for i in kept]
         join(link.nodes, axes, *(np.diag([float(v[i]) for i in kept]) for v in (k_all, c_all)))
-    for pull in rotor.side_pulls:
+    for pull in rotor.magnetic_pulls:
         each = -float(pull.stiffness) / len(pull.nodes) * np.eye(2)
         for pair in pull.nodes:
             join(pair, AXES[:2], each, 0 * each)

@@ -11,12 +11,12 @@ from jaxcomp.rotor import (
     ConstantLaw,
     Disks,
     Link,
+    MagneticPull,
     PeriodicForce,
     PointMasses,
     ProportionalDamping,
     RigidBody,
     RotorModel,
-    SidePull,
     SpeedTable,
     Unbalances,
     diagonal,
@@ -89,7 +89,7 @@ def machine(dof=4, *, symmetric=False, mount=2e4, tilt=True):
         Link(("h4", None), isotropic(mount, 10.0, size=3), ("ux", "uy", "uz")),
         Link((9, "c8"), isotropic(2e5, 20.0, size=3), ("uz", "thz", "ux")),
     )
-    pull = SidePull(((2, "s2"), (4, "s4")), 4e5, [0.4, 0.6])
+    pull = MagneticPull(((2, "s2"), (4, "s4")), 4e5, [0.4, 0.6])
     return RotorModel(
         (rotor, housing),
         (disks,),

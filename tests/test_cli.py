@@ -15,7 +15,7 @@ from jaxcomp.cli._arguments import assignments, entry
 from jaxcomp.cli._errors import CommandError
 from jaxcomp.cli._start import keeps_programs
 from jaxcomp.design import with_bore
-from jaxcomp.scene import doubts, load, with_value
+from jaxcomp.scene import implausible_values, load, with_value
 
 REQUIRED = {
     "mechanical_efficiency": float,
@@ -101,7 +101,7 @@ def test_a_machine_that_delivers_nothing_has_no_efficiency(change, remark):
         checked = read_json(invoke("check", "mayekawa-wbhe", "--json").stdout)
         assert not [d for d in checked["unusual"] if "discharge valve" in d["what"]]
         scene = with_value(load("mayekawa-wbhe"), "gas.clearance_ratio", 2)
-        assert [d for d in doubts(scene) if "without a discharge valve" in d.what]
+        assert [d for d in implausible_values(scene) if "without a discharge valve" in d.what]
 
 
 def test_table_shows_efficiency_losses_forces_and_evidence():

@@ -13,7 +13,7 @@ from jaxcomp._registry import DESIGN_RULES
 from jaxcomp.cli import app
 from jaxcomp.cli._completion import complete_machine
 from jaxcomp.design import design_rules
-from jaxcomp.scene import SceneError, doubts, load, loads, start, with_value
+from jaxcomp.scene import SceneError, implausible_values, load, loads, start, with_value
 
 # Five faults in four sections; everything else is as `jaxcomp new` writes it.
 FAULTS = {
@@ -111,7 +111,7 @@ def test_an_unusual_value_is_pointed_at_but_no_error():
     result = invoke("check", "mayekawa-wbhe")
     assert result.exit_code == 0
     assert "conrod_centre over rod length is 0.000286" in " ".join(result.stdout.split())
-    assert doubts(load("mayekawa-wbhe-rod-centre")) == ()
+    assert implausible_values(load("mayekawa-wbhe-rod-centre")) == ()
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_an_unusual_value_is_pointed_at_but_no_error():
 )
 def test_slips_of_a_unit_are_pointed_at(path, value):
     scene = with_value(loads(start("slider-crank", "m")), path, value)
-    found = [doubt.path for doubt in doubts(scene)]
+    found = [doubt.path for doubt in implausible_values(scene)]
     assert bool(found) == (value != "1450 rad/s")
     assert all(path.startswith(name) or name == "gas" for name in found)
 

@@ -9,7 +9,7 @@ from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
-from jaxcomp.scene import SECTIONS, describe, doubts, loads, start, starts
+from jaxcomp.scene import SECTIONS, describe, implausible_values, loads, start, starts
 from jaxcomp.scene._schema import entries
 
 KINDS = list(starts())
@@ -30,7 +30,7 @@ def test_file_is_written_valid_and_usual(kind, tmp_path):
     assert result.exit_code == 0, result.stderr
     scene = loads(file.read_text(), "pump.toml")
     assert scene.name == "pump"
-    assert doubts(scene) == ()
+    assert implausible_values(scene) == ()
     given = [row for row in describe(scene) if row.given is not None and row.unit]
     assert given
     assert {row.source for row in given} == {"example value, to be replaced"}

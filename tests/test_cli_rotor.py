@@ -396,7 +396,7 @@ def test_modes_hanging_free():
     result = invoke("modes", "hermetic-68cc", "--free", "--undamped", "--speed", "0rpm", "--json")
     assert result.exit_code == 0, result.stderr
     found = read_json(result.stdout)
-    assert found["side_pull_limit"] is None
+    assert found["magnetic_pull_limit"] is None
     assert found["free"]
     rotor = load("hermetic-68cc").parts["rotor"]
     alone = RotorModel(rotor.shafts, rotor.disks)  # four rigid motions, then pairs

@@ -15,18 +15,18 @@ import pytest
 from jaxcomp.rotor import (
     Disks,
     Link,
+    MagneticPull,
     PointMasses,
     RotorModel,
-    SidePull,
     Unbalances,
     damped_modes,
     harmonic_response,
     isotropic,
+    magnetic_pull_limit,
     matrices,
     nodal_load,
     respond,
     shaft_line,
-    side_pull_limit,
     undamped_modes,
 )
 
@@ -173,17 +173,17 @@ def test_response_grows_to_the_pole_by_its_law_and_is_flagged_on_it():
 
 
 @pytest.mark.slow
-def test_beyond_the_limit_of_the_side_pull_nothing_looks_stable():
+def test_beyond_the_limit_of_the_magnetic_pull_nothing_looks_stable():
     shaft = line(8)
     pulled = lambda k: RotorModel(  # noqa: E731
         shaft.shafts, (Disks((4,), [3.0], [1e-3], [2e-3]),), links=shaft.links,
-        side_pulls=(SidePull(((4, None),), k),),
+        magnetic_pulls=(MagneticPull(((4, None),), k),),
     )  # fmt: skip
     stiffness = 1 / sag(0.5, 0.02, 1e6)
-    assert float(side_pull_limit(pulled(1e5))) * 1e5 == pytest.approx(stiffness, rel=1e-9)
+    assert float(magnetic_pull_limit(pulled(1e5))) * 1e5 == pytest.approx(stiffness, rel=1e-9)
     for share in (0.5, 0.999, 1.001, 2.0, 100.0):
         model = pulled(share * stiffness)
-        limit, stable = float(side_pull_limit(model)), share < 1
+        limit, stable = float(magnetic_pull_limit(model)), share < 1
         assert limit == pytest.approx(1 / share, rel=1e-9)
         assert (float(damped_modes(model, 10.0, 4).growth) < 0) == stable, share
         # static response pulls the other way beyond the limit: finite, and with the sign that says so

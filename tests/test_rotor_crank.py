@@ -13,10 +13,10 @@ from jaxcomp.rotor import (
     CrankNodes,
     RotorModel,
     load_vector,
+    magnetic_pull_limit,
     node_index,
     respond,
     shaft_mass,
-    side_pull_limit,
     undamped_modes,
 )
 from jaxcomp.scene import with_value
@@ -169,7 +169,7 @@ def _polar(model):
 
 def test_hermetic_machine_is_stable_and_softly_hung(scene):
     model = loaded_rotor(scene.assembly, jnp.array([314.0]))
-    assert float(side_pull_limit(model, 314.0)) > 2
+    assert float(magnetic_pull_limit(model, 314.0)) > 2
     hertz = np.asarray(undamped_modes(model, 9, spin_speed=314.0).frequency) / (2 * np.pi)
     # two bodies with four rigid motions each, below 50 Hz; the fitted springs bring the highest to 49.6
     assert np.all(hertz[:8] < 50)

@@ -15,12 +15,12 @@ from jaxcomp.rotor import (
     damped_modes,
     harmonic_response,
     isotropic,
+    magnetic_pull_limit,
     mode_derivatives,
     node_names,
     orbit,
     respond,
     shaft_line,
-    side_pull_limit,
     undamped_modes,
 )
 
@@ -41,7 +41,7 @@ GROUPS = {
     "bearing K": lambda p: p[0].links[1].law.stiffness,
     "mount K": lambda p: p[0].links[4].law.stiffness,
     "mount C": lambda p: p[0].links[4].law.damping,
-    "side pull": lambda p: p[0].side_pulls[0].stiffness,
+    "magnetic pull": lambda p: p[0].magnetic_pulls[0].stiffness,
     "body mass": lambda p: p[0].bodies[0].mass,
     "body inertia": lambda p: p[0].bodies[0].inertia,
     "body arms": lambda p: p[0].bodies[0].arm,
@@ -246,14 +246,14 @@ def test_damped_eigenvalues_and_vectors():
     np.testing.assert_allclose(slopes @ direction, difference, rtol=3e-6, atol=1e-7)
 
 
-def test_side_pull_limit_is_where_the_stiffness_becomes_singular():
+def test_magnetic_pull_limit_is_where_the_stiffness_becomes_singular():
     model = machine()
-    limit = side_pull_limit(model)
-    pull = lambda m: m.side_pulls[0].stiffness  # noqa: E731
+    limit = magnetic_pull_limit(model)
+    pull = lambda m: m.magnetic_pulls[0].stiffness  # noqa: E731
     for factor, held in ((0.999, True), (1.001, False)):
         square = undamped_modes(eqx.tree_at(pull, model, pull(model) * limit * factor), 2).square
         assert bool(square[0] > 0) == held
-    slope = jax.grad(lambda k: side_pull_limit(eqx.tree_at(pull, model, k)))(pull(model))
+    slope = jax.grad(lambda k: magnetic_pull_limit(eqx.tree_at(pull, model, k)))(pull(model))
     # The limit on the whole pull is fixed, so that the factor goes with its inverse.
     assert float(slope) == pytest.approx(-float(limit / pull(model)), rel=1e-9)
 

@@ -22,6 +22,7 @@ from jaxcomp.rotor import (
     harmonic_response,
     isotropic,
     load_vector,
+    magnetic_pull_limit,
     matrices,
     nodal_load,
     node_index,
@@ -31,7 +32,6 @@ from jaxcomp.rotor import (
     relative_displacement,
     respond,
     shaft_line,
-    side_pull_limit,
     total_load,
     transmitted_forces,
     undamped_modes,
@@ -82,8 +82,8 @@ HARD = {
     "stiff bearing": lambda: scaled(lambda m: m.links[1].law.stiffness, 1e7),
     "soft mounts": lambda: scaled(lambda m: m.links[4].law.stiffness, 1e-6),
     "all massless": lambda: scaled(lambda m: m.shafts[0].density, 0.0),
-    "side pull near its limit": lambda: scaled(
-        lambda m: m.side_pulls[0].stiffness, 0.9999 * float(side_pull_limit(machine()))
+    "magnetic pull near its limit": lambda: scaled(
+        lambda m: m.magnetic_pulls[0].stiffness, 0.9999 * float(magnetic_pull_limit(machine()))
     ),
 }
 

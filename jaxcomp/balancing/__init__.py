@@ -3,7 +3,6 @@
 `jaxcomp.scene.measurements` reads the coefficients from a table of measured vibration.
 """
 
-from ._balance import SHOWN_UNIT as SHOWN_UNIT
 from ._balance import Balance as Balance
 from ._classical import PlanePair as PlanePair
 from ._classical import classical_balance as classical_balance

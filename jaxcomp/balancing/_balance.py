@@ -12,10 +12,6 @@ from .._results import Data, Result
 from .._status import Status
 from ._influence import Influence
 
-# Unit and factor for tables and pictures, by the SI unit of a correction: an unbalance, or a mass where
-# trial weights were weighed and all sat at one radius.
-SHOWN_UNIT = {"kg m": ("g mm", 1e6), "kg": ("g", 1e3)}
-
 
 def balance(
     influence: Influence,

@@ -12,10 +12,9 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from .._shown import RPM, rounded
+from .._shown import RPM, rounded, small_unit
 from .._status import SolveFailed, Status
 from ..balancing import (
-    SHOWN_UNIT,
     Balance,
     Influence,
     PlanePair,
@@ -272,7 +271,7 @@ def worse_sentence(result: dict[str, Any]) -> str:
 
 def balance_tables(result: dict[str, Any]) -> list[Table | str]:
     """Corrections, vibration before and after, evidence."""
-    unit, factor = SHOWN_UNIT[result["correction_unit"]]
+    unit, factor = small_unit(result["correction_unit"])
     with_radius = any(plane["radius"] is not None for plane in result["planes"])
     masses = _table(
         escape(f"{result['machine']}: corrections to add"),

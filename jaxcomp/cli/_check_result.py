@@ -11,7 +11,7 @@ from ..design import design_rules, variable_names
 from ..gas import PolytropicCycle
 from ..machine import machine_of
 from ..rotor import AXES, LoadCase, RotorModel, node_names, subset_names, subsets
-from ..scene import Scene, SceneError, describe, doubts
+from ..scene import Scene, SceneError, describe, implausible_values
 from ..shaking import Suspension, natural_frequencies
 from ._tables import _table
 
@@ -42,7 +42,7 @@ def check_result(scene: Scene) -> dict[str, Any]:
             dict(zip(("what", "value", "unit"), row, strict=True)) for row in _follows(scene)
         ],
         "commands": _commands(scene),
-        "unusual": [doubt._asdict() for doubt in doubts(scene)],
+        "unusual": [doubt._asdict() for doubt in implausible_values(scene)],
     }
 
 

@@ -127,7 +127,7 @@ def rotor_of(scene: "Scene", *speeds: "np.ndarray | None") -> "RotorModel":
 def header(scene: "Scene", model: "RotorModel", free: bool = False) -> dict[str, Any]:
     """What the results of rotors have in common."""
     # hanging free a rotor has no bearings that could hold it against the magnetic pull
-    pulled = model.side_pulls and not free
+    pulled = model.magnetic_pulls and not free
     groups = zip(jc.rotor.subset_names(model), jc.rotor.subsets(model), strict=True)
     return {
         "machine": scene.name,
@@ -135,14 +135,14 @@ def header(scene: "Scene", model: "RotorModel", free: bool = False) -> dict[str,
         "version": version("jaxcomp"),
         "degrees_of_freedom": model.dof,
         "subsets": {name: [str(node) for node in group] for name, group in groups},
-        "side_pull_limit": float(jc.rotor.side_pull_limit(model)) if pulled else None,
+        "magnetic_pull_limit": float(jc.rotor.magnetic_pull_limit(model)) if pulled else None,
     }
 
 
 def pull_row(result: dict[str, Any]):
     """The limit of the unbalanced magnetic pull, for the table of convergence or stability."""
-    if result["side_pull_limit"] is not None:
-        yield "Magnetic pull", f"{result['side_pull_limit']:.4g}", "times it is unstable"
+    if result["magnetic_pull_limit"] is not None:
+        yield "Magnetic pull", f"{result['magnetic_pull_limit']:.4g}", "times it is unstable"
 
 
 def whirl(share: float) -> str:

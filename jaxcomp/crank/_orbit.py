@@ -18,7 +18,7 @@ from ._panels import gauss, highest
 
 
 class Energy(eqx.Module):
-    """Work over one turn [J] (Tsuji et al. 2012, Eqs 2, 3 and 5).
+    """Work over one revolution [J] (Tsuji et al. 2012, Eqs 2, 3 and 5).
 
     Attributes:
         motor_work: [J] put in by the motor.
@@ -75,11 +75,11 @@ class Verification(eqx.Module):
 
 
 class Orbit(Result, eqx.Module):
-    """One turn of the periodic state, at n quadrature nodes in rising crank angle.
+    """One revolution of the periodic state, at n quadrature nodes in rising crank angle.
 
     Attributes:
         state: crank angle [rad], speed [rad/s], acceleration [rad/s^2], shape (n,).
-        weight: [rad] quadrature weights over the turn, shape (n,).
+        weight: [rad] quadrature weights over the revolution, shape (n,).
         time: [s] since the first dead centre, shape (n,).
         pressure: [Pa] in the cylinder, shape (n,); `None` without gas.
         gas_torque: [N m] on the crank, of gas and weights, shape (n,).
@@ -93,8 +93,8 @@ class Orbit(Result, eqx.Module):
         peak_forces: [N] largest magnitude of the panel polynomials over the revolution, by joint.
         peak_error: [N] largest size of the highest two terms of these polynomials: an upper estimate
             of the error of the peaks.
-        mean_speed: [rad/s] one turn over its duration.
-        lowest_speed, highest_speed: [rad/s] extremes within the turn.
+        mean_speed: [rad/s] one revolution over its duration.
+        lowest_speed, highest_speed: [rad/s] extremes within the revolution.
         status: how the solver ended, a member of `Status`.
         residual: [-] what is left of the periodicity or of the collocation equations.
         resolution: [-] size of the highest two terms of the speed's polynomials over the swing of the
@@ -207,7 +207,7 @@ class Orbit(Result, eqx.Module):
 
     @property
     def margin(self) -> Float[Array, ""]:
-        """[-] smallest slope of the joint loop over the turn; joints lock where it reaches zero."""
+        """[-] smallest slope of the joint loop over the revolution; joints lock where it reaches zero."""
         assert self.loads.margin is not None
         return jnp.min(self.loads.margin)
 

@@ -37,7 +37,7 @@ _BESIDE = 2e-7
 # machine of Tsuji et al. the load of the piston pin turns round within 6e-5 rad.
 _CLOSING = 6
 
-# [-] Gap reported of a turn that could not be integrated.
+# [-] Gap reported of a revolution that could not be integrated.
 _LOST = 1e6
 
 
@@ -46,7 +46,7 @@ class Shooting(eqx.Module):
 
     Attributes:
         solver: any explicit or implicit solver of diffrax.
-        tolerance: [-] wanted of the energy closure of the turn. A step is allowed a thousandth of
+        tolerance: [-] wanted of the energy closure of the revolution. A step is allowed a thousandth of
             it, in units of the mean speed, of the period and of the mean kinetic energy: places
             where a load changes its side are met unprepared, and there the error estimate of a step
             is too hopeful. Derivatives converge after the values; measured on the machine of Tsuji et
@@ -57,7 +57,7 @@ class Shooting(eqx.Module):
             `diffrax.ForwardMode()` serves forward mode.
         reversals: how many load reversals in mid-stroke the steps avoid to cross; 0 looks for none.
         max_newton: Newton steps on the periodicity condition.
-        max_steps: steps of one turn.
+        max_steps: steps of one revolution.
         output_nodes: nodes on every panel at which forces and speed are reported.
     """
 

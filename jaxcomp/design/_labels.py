@@ -10,7 +10,7 @@ _LEFT_OUT = ("rotor", "law", "loads", "balancing", "mechanism", "friction", "mot
 _NAMED = ("corrections", "bearings", "oils")
 _WORDS = {
     "links": "link", "disks": "disk", "bodies": "body", "shafts": "shaft", "coefficient": "friction",
-    "side_pulls": "magnetic pull", "unbalances": "unbalances", "corrections": "correction",
+    "magnetic_pulls": "magnetic pull", "unbalances": "unbalances", "corrections": "correction",
     "bearings": "bearing", "oils": "oil", "targets": "target", "planes": "plane",
 }  # fmt: skip
 _DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from .._fields import BadInput
 from .._results import Data, Result
-from .._shown import RPM, Shown, shown
+from .._shown import Shown, shown, small_unit
 from ..machine import Machine, machine_of
 from ._analysis import AnalysisOptions, DesignResult
 from ._design import given_numbers
@@ -21,13 +21,6 @@ from ._problem import Asked, name_of, unit_of, value_of
 
 # [-] An elasticity below this is rounding.
 _ROUNDING = 1e-12
-# Units in which numbers that are zero, and angles, are changed, with their size in SI.
-_SMALL = {
-    "m": ("mm", 1e-3),
-    "kg m": ("g mm", 1e-6),
-    "rad": ("°", np.pi / 180),
-    "rad/s": ("rpm", 1 / RPM),
-}
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -149,8 +142,8 @@ class Influence(NamedTuple):
         """The number with the unit that suits it."""
         if self.part.endswith("all values"):
             return "as given"
-        if not self.present and self.unit in _SMALL:
-            return f"0 {_SMALL[self.unit][0]}"
+        if not self.present:
+            return f"0 {small_unit(self.unit)[0]}".strip()
         return shown(self.number, self.unit, self.present).text(self.present)
 
     @property
@@ -158,9 +151,9 @@ class Influence(NamedTuple):
         """What a rise of the number by 1 %, or by one unit, changes."""
         if self.relative:
             return f"{self.elasticity:+.3g} % per %"
-        unit, size = _SMALL.get(self.unit, (self.unit or "unit", 1.0))
-        rise = f"{self.derivative * size * self.quantity.factor:+.3g} {self.quantity.unit}"
-        return f"{rise.rstrip()} per {unit}"
+        unit, factor = small_unit(self.unit)
+        rise = f"{self.derivative / factor * self.quantity.factor:+.3g} {self.quantity.unit}"
+        return f"{rise.rstrip()} per {unit or 'unit'}"
 
 
 def sensitivity(

@@ -35,8 +35,8 @@ class Vibration(NamedTuple):
     Attributes:
         targets: [m], [rad] (speeds, orders, rows) complex amplitudes; the rows are the targets and
             their axes in the order of the scene.
-        mount_force: [N] (speeds, orders) largest lateral force, over the turn, that the links to the
-            ground pass on, each link added in amplitude.
+        mount_force: [N] (speeds, orders) largest lateral force, over the revolution, that the links to
+            the ground pass on, each link added in amplitude.
         ok: (speeds,) whether the periodic state and the responses can be relied on.
     """
 

@@ -146,7 +146,7 @@ def check_oil(part) -> None:
 
 
 class PreparedBearing(NamedTuple):
-    """A bearing with its film model worked out for its L/D, to be used many times.
+    """A bearing with its film model computed for its L/D, to be used many times.
 
     Attributes:
         bearing: the bearing.

@@ -286,7 +286,7 @@ def film_end(grid: Grid, p: np.ndarray, film: np.ndarray) -> np.ndarray:
 
 
 def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> np.ndarray:
-    """Slopes of the forces over eps (first row) and over the turn 2 v/eps of the wedge (second).
+    """Slopes of the forces over eps (first row) and over the revolution 2 v/eps of the wedge (second).
 
     Columns F_r and F_t; of the pressure and of the pressure over eps. The pad stays where it is
     against the line of centres.

@@ -29,13 +29,15 @@ class CrankAngleTable(AbstractDiagram):
 
     Args:
         back_pressure: [Pa] absolute, behind the piston.
-        angle: [rad] (n,) rising, within one turn.
+        angle: [rad] (n,) rising, within one revolution.
         cylinder_pressure: [Pa] (n,) absolute, at those angles.
     """
 
     kind: ClassVar[str] = "crank_angle_table"
 
-    angle: Float[Array, " n"] = quantity("rad", ANY, shape=(None,), doc="rising, within one turn")
+    angle: Float[Array, " n"] = quantity(
+        "rad", ANY, shape=(None,), doc="rising, within one revolution"
+    )
     cylinder_pressure: Float[Array, " n"] = quantity("Pa", NONNEGATIVE, shape=(None,))
     back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
 
@@ -43,7 +45,7 @@ class CrankAngleTable(AbstractDiagram):
         rising = jnp.all(jnp.diff(self.angle) > 0)
         within = self.angle[-1] - self.angle[0] < 2 * jnp.pi
         return {
-            "a table with rising angles within one turn, the first not again at the end": rising
+            "a table with rising angles within one revolution, the first not again at the end": rising
             & within,
             "a table of at least three points": jnp.asarray(self.angle.size > 2),
         }

@@ -1,4 +1,4 @@
-"""The mechanism over one turn, with its forces as arrows, for both drives.
+"""The mechanism over one revolution, with its forces as arrows, for both drives.
 
 Drawn to scale: crank circle, rod or link, bore and, with a polytropic cycle, the clearance. Assumed
 is what no model has: the length of the piston, the size of pins. The frames are even in time, so that
@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
+from .._shown import RPM
 from ..compressor import Compressor
 from ..crank import Orbit
 from ..mechanism import SliderCrank, SliderLink
@@ -54,7 +55,7 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     Args:
         compressor: with a slider-crank or a slider-link.
         orbit: its periodic state.
-        frames: pictures of the turn, even in time.
+        frames: pictures of the revolution, even in time.
     """
     turn = fine_turn(compressor, orbit)
     angles = _even_in_time(turn, frames)
@@ -92,7 +93,7 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
         degrees = (np.rad2deg(angles[frame % frames]) + 180) % 360 - 180
         speed = np.interp(angles[frame % frames], turn.state.angle, turn.state.speed)
         told.set_text(
-            f"{round(degrees):d}° from top dead centre, {speed * 30 / np.pi:.0f} rpm; "
+            f"{round(degrees):d}° from top dead centre, {speed * RPM:.0f} rpm; "
             f"the longest arrow is {largest / scale:.3g} {unit}"
         )
         mark.set_xdata([degrees, degrees])
@@ -102,7 +103,7 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
 
 
 def sketch(compressor: Compressor, turn: FineTurn, angle: float) -> Sketch:
-    """The mechanism at a crank angle [rad], with the forces of the turn there.
+    """The mechanism at a crank angle [rad], with the forces of the revolution there.
 
     Raises:
         TypeError: a mechanism that nobody has drawn yet.
@@ -182,7 +183,7 @@ def _even_in_time(turn: FineTurn, frames: int) -> np.ndarray:
 
 
 def _magnitudes(ax: Axes, turn: FineTurn, compressor, tips, scale, unit):
-    """Magnitudes over the turn, in the colours of the arrows; returns the mark of the instant."""
+    """Magnitudes over the revolution, in the colours of the arrows; returns the mark of the instant."""
     forces = {name: np.hypot(*np.asarray(force)) for name, force in turn.loads.forces.items()}
     if compressor.gas is not None and turn.pressure is not None:
         excess = np.asarray(turn.pressure) - float(compressor.gas.behind_piston)

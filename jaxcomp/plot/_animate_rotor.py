@@ -2,7 +2,7 @@
 
 The plane of x and z: shafts as lines through their nodes, rigid bodies as boxes around theirs, both
 moved by their displacement along x times a factor that the picture names; the rest position stays in
-grey. Only what follows the speed once a turn is shown, which is what correction masses act on.
+grey. Only what follows the speed once a revolution is shown, which is what correction masses act on.
 """
 
 import math
@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
+from .._shown import RPM
 from ..rotor import Response, RotorModel, node_names, node_positions, subset_names, subsets
 from ._motion import Motion
 from ._style import INK, new_figure
@@ -28,14 +29,14 @@ def balance_motion(
     Args:
         model: rotor, crankcase and housing.
         before, after: responses of all nodes at order 1; their first speed is shown.
-        frames: pictures of the turn.
+        frames: pictures of the revolution.
     """
     moved = [_first(response)[:, 0] for response in (before, after)]
     places = node_positions(model)
     at = 1e3 * np.array([places[node] for node in node_names(model)])  # mm
     largest = [1e3 * np.abs(motion).max() for motion in moved]  # mm
     factor = _round(_SHARE * np.ptp(at[:, 2]) / max(largest[0], 1e-9))
-    rpm = float(np.asarray(before.frequency).reshape(-1)[0]) * 30 / math.pi
+    rpm = float(np.asarray(before.frequency).reshape(-1)[0]) * RPM
     title = f"Vibration along x at {rpm:.5g} rpm, {factor:,.0f} times exaggerated"
     figure, axes = new_figure(1, 2, (8.4, 4.6), title)
     pictures = []

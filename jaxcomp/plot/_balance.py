@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..balancing import SHOWN_UNIT, Balance
+from .._shown import RPM, small_unit
+from ..balancing import Balance
 from ._style import INK, legend, legend_above, new_figure, new_polar_figure, note
 
 _PLANES = ("#0072B2", "#D55E00", "#009E73", "#56437F", "#E69F00", "#56B4E9")
@@ -38,7 +39,7 @@ def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
                     label="with 1 % and 1° of error in every plane")  # fmt: skip
         labels = [f"{system.rows[i].target}\n{system.rows[i].axis}" for i in rows]
         ax.set_xticks(place, labels, fontsize=7.5)
-        ax.set_ylabel(f"{unit} at {speed * 30 / np.pi:.5g} rpm", fontsize=9, color=INK)
+        ax.set_ylabel(f"{unit} at {speed * RPM:.5g} rpm", fontsize=9, color=INK)
         ax.set_xlim(-0.6, max(len(rows), 4) - 0.4)
         ax.set_ylim(bottom=0)
     legend_above(axes[0, 0])
@@ -47,7 +48,7 @@ def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
 
 def balance_polar(balance: Balance) -> Figure:
     """Size and place of the corrections, seen along the shaft; 0 is the crank pin's direction."""
-    unit, factor = SHOWN_UNIT[balance.influence.trial]
+    unit, factor = small_unit(balance.influence.trial)
     correction = np.asarray(balance.correction)
     sizes, angles = np.abs(correction) * factor, np.angle(correction)
     figure, axes = new_polar_figure(1, 1, f"Corrections to add, {unit}")

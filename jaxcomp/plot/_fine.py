@@ -1,4 +1,4 @@
-"""One turn at many more angles than a solver needs, so that curves look as smooth as they are."""
+"""One revolution at many more angles than a solver needs, so that curves look as smooth as they are."""
 
 from typing import NamedTuple
 

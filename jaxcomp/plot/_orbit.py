@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
+from .._shown import RPM
 from ..compressor import Compressor
 from ..crank import Orbit, journal_rates
 from ..friction import MainBearings, SliderCrankFriction
@@ -29,13 +30,11 @@ from ._style import (
     ylabel,
 )
 
-_RPM = 30 / np.pi
-
 
 def orbit_figures(
     compressor: Compressor, orbit: Orbit, suspension: Suspension | None = None
 ) -> dict[str, Figure]:
-    """All pictures of a turn by name; those of absent parts are left out."""
+    """All pictures of a revolution by name; those of absent parts are left out."""
     figures = {}
     if orbit.pressure is not None:
         figures["pv_diagram"] = pv_diagram(compressor, orbit)
@@ -157,12 +156,12 @@ def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     """Crank speed and acceleration (Tsuji et al. 2012, Fig. 3 a and b)."""
     figure, axes = new_figure(2, 1, (7.2, 5.2), "Crank motion over one revolution")
     angle, speed, rise = fine_turn(compressor, orbit).state
-    degrees, speed, rise = over_turn(angle, speed * _RPM, rise)
-    mean = float(orbit.mean_speed) * _RPM
+    degrees, speed, rise = over_turn(angle, speed * RPM, rise)
+    mean = float(orbit.mean_speed) * RPM
     ax = axes[0, 0]
     ax.plot(degrees, speed, color=colour("motor"), linewidth=1.7)
     ax.axhline(mean, color=INK, linewidth=0.9, linestyle="--", label=f"Mean {mean:.5g} rpm")
-    low, high = float(orbit.lowest_speed) * _RPM, float(orbit.highest_speed) * _RPM
+    low, high = float(orbit.lowest_speed) * RPM, float(orbit.highest_speed) * RPM
     fluctuation = 100 * float(orbit.speed_fluctuation)
     ax.axhspan(
         low,

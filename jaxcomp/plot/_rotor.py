@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from .._fields import BadInput
+from .._shown import RPM
 from .._words import one_of
 from ..rotor import (
     DampedModes,
@@ -23,7 +24,6 @@ from ..rotor import (
 from ._style import INK, legend, legend_above, new_figure, note, ylabel
 
 _LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444")
-_RPM = 30 / math.pi
 # What the shape of a motion shows.
 _SHADE = "Lines: at the instant of the largest. Dots: nodes. Shade: amplitude."
 _STEEL, _HOLLOW, _DISK = "#B8C7D6", "#FFFFFF", "#56437F"
@@ -54,7 +54,7 @@ def rotor_drawing(model: RotorModel) -> Figure:
         ax.plot([z.min(), z.max()], [ground, ground], color=INK, linewidth=1)
         ax.text(z.min(), ground, "ground ", ha="right", va="center", fontsize=8.5, color=INK)
     pairs = [(link.nodes, "#D55E00", "-") for link in model.links]
-    pairs += [(pair, "#0072B2", ":") for pull in model.side_pulls for pair in pull.nodes]
+    pairs += [(pair, "#0072B2", ":") for pull in model.magnetic_pulls for pair in pull.nodes]
     for (a, b), tint, style in pairs:
         z = places[a][2] * 1e3
         ends = rows.get(a, 0.0), ground if b is None else rows.get(b, 0.0)
@@ -64,7 +64,7 @@ def rotor_drawing(model: RotorModel) -> Figure:
             ax.text(z, (top + min(ends)) / 2, f" {a}", fontsize=7.5, va="center", color=tint)
     for present, label, look in (
         (model.links, "bearing or mount", {"color": "#D55E00"}),
-        (model.side_pulls, "magnetic pull", {"color": "#0072B2", "linestyle": ":"}),
+        (model.magnetic_pulls, "magnetic pull", {"color": "#0072B2", "linestyle": ":"}),
         (model.disks, "disk, by its mass", {"color": _DISK, "linewidth": 2.4, "alpha": 0.7}),
         (bodies, "centre of mass", {"color": INK, "marker": "o", "linestyle": ""}),
     ):
@@ -100,7 +100,7 @@ def response_curves(
     orders, curves = result["orders"], result["curves"]
     title = "Response over the speed"
     figure, axes = new_figure(len(orders), 1, (7.2, 1.2 + 2.3 * len(orders)), title)
-    rpm = np.array(curves["speeds"]) * _RPM
+    rpm = np.array(curves["speeds"]) * RPM
     for n, order in enumerate(orders):
         ax = axes[n, 0]
         for i, (name, values) in enumerate(curves["major_axis"].items()):
@@ -109,8 +109,8 @@ def response_curves(
             ax.semilogy(rpm, y, dash, color=_LINES[i % 7], linewidth=1.3, label=name)
         ylabel(ax, f"Order {order}, µm")
         for speed in result["speeds"]:
-            if rpm[0] <= speed * _RPM <= rpm[-1]:
-                ax.axvline(speed * _RPM, color="#AAAAAA", linewidth=0.8)
+            if rpm[0] <= speed * RPM <= rpm[-1]:
+                ax.axvline(speed * RPM, color="#AAAAAA", linewidth=0.8)
                 note(figure, "Grey lines: speeds of the tables.")
     axes[-1, 0].set_xlabel("Speed, rpm", fontsize=9)
     legend(axes[0, 0], ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
@@ -149,7 +149,7 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
     The first speed and order of the response are shown.
     """
     x = np.asarray(response.displacement).reshape(-1, *response.displacement.shape[-2:])[0]
-    speed = float(np.asarray(response.frequency).reshape(-1)[0]) * _RPM
+    speed = float(np.asarray(response.frequency).reshape(-1)[0]) * RPM
     title = f"Deflection shape, {speed:.5g} cycles per minute"
     figure, axes = new_figure(2, 1, (7.2, 5.6), title)
     note(figure, _SHADE)
@@ -192,7 +192,7 @@ def response_orbits(result: Mapping[str, Any]) -> Figure:
     nodes = dict(list(result["nodes"].items())[:12])
     columns = min(4, len(nodes))
     rows = -(-len(nodes) // columns)
-    rpm = result["speeds"][0] * _RPM
+    rpm = result["speeds"][0] * RPM
     figure, axes = new_figure(rows, columns, (2.2 * columns + 0.6, 2.3 * rows + 0.8),
                               f"Orbits at {rpm:.5g} rpm, µm")  # fmt: skip
     turn = np.linspace(0, 2 * np.pi, 181)
@@ -241,7 +241,7 @@ def campbell_diagram(
             "critical_speeds": [],
         }
     figure, ((ax,),) = new_figure(1, 1, (7.2, 4.8), "Campbell diagram")
-    rpm = np.array(campbell["speeds"]) * _RPM
+    rpm = np.array(campbell["speeds"]) * RPM
     hertz, whirl, damping = (
         np.array(campbell[key], float) for key in ("frequency", "whirl", "damping_ratio")
     )
@@ -269,7 +269,7 @@ def campbell_diagram(
         figure.suptitle(f"Campbell diagram; {above} modes lie above", fontsize=11, color=INK, x=0.01,
                         ha="left")  # fmt: skip
     peaks = [
-        c["speed"] * _RPM
+        c["speed"] * RPM
         for c in campbell["critical_speeds"]
         if c["damping_ratio"] <= math.sqrt(0.5)
     ]

@@ -41,7 +41,7 @@ _INSTANTS = 361
 
 
 def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
-    """Locus of the shaking force on the block, and its moments over the turn."""
+    """Locus of the shaking force on the block, and its moments over the revolution."""
     turn = fine_turn(compressor, orbit)
     force, moment = (np.asarray(x) for x in _wrench(compressor.mechanism, turn.state))
     large = np.abs(force).max() >= 1e3

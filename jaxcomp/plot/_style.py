@@ -121,10 +121,10 @@ def legend_above(ax: Axes) -> None:
 
 
 def over_turn(angle, *curves):
-    """Order curves from -180 to 180 degrees and close the turn at both ends.
+    """Order curves from -180 to 180 degrees and close the revolution at both ends.
 
     Args:
-        angle: [rad] (n,) nodes in rising order within one turn from the top dead centre.
+        angle: [rad] (n,) nodes in rising order within one revolution from the top dead centre.
         curves: (n,) values at the nodes.
 
     Returns:

@@ -3,10 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from .._shown import RPM
 from ..crank import Transient
 from ._style import INK, colour, legend_above, new_figure, words, ylabel
-
-_RPM = 30 / np.pi
 
 
 def transient_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
@@ -22,7 +21,7 @@ def transient_figure(transient: Transient, name: str, power_off: float | None = 
     figure, axes = new_figure(2, 1, (7.4, 5.6), title)
     time, energy = np.asarray(transient.time), transient.energy
     above, below = axes[:, 0]
-    above.plot(time, np.asarray(transient.state.speed) * _RPM, color=colour("motor"), linewidth=1.0)
+    above.plot(time, np.asarray(transient.state.speed) * RPM, color=colour("motor"), linewidth=1.0)
     ylabel(above, "Crank speed, rpm")
     curves = {
         "motor": energy.motor_work,

@@ -21,9 +21,9 @@ from ._links import Clamped as Clamped
 from ._links import ConstantLaw as ConstantLaw
 from ._links import Link as Link
 from ._links import LinkLaw as LinkLaw
+from ._links import MagneticPull as MagneticPull
 from ._links import Mount as Mount
 from ._links import Pinned as Pinned
-from ._links import SidePull as SidePull
 from ._links import SpeedTable as SpeedTable
 from ._links import diagonal as diagonal
 from ._links import isotropic as isotropic
@@ -63,7 +63,7 @@ from ._response import transmitted_forces as transmitted_forces
 from ._shaft import ShaftElements as ShaftElements
 from ._shaft import shaft_mass as shaft_mass
 from ._shaft import shaft_polar_inertia as shaft_polar_inertia
-from ._stability import side_pull_limit as side_pull_limit
+from ._stability import magnetic_pull_limit as magnetic_pull_limit
 from ._system import System as System
 from ._system import prepare as prepare
 from ._updating import Update as Update

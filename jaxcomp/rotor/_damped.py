@@ -101,7 +101,7 @@ def damped_modes(
         model: the model, or the `System` prepared from it.
         spin_speed: [rad/s] W.
         count: number of modes.
-        free: leave out all links and side pulls.
+        free: leave out all links and magnetic pulls.
         damping: false leaves out all damping, so that Im lambda are the whirl frequencies.
 
     Raises:

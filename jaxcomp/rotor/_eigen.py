@@ -58,7 +58,7 @@ def pencil(
             jnp.isfinite(jnp.linalg.cholesky(_scaled(kf + shift * mf)[0]))
         )
 
-    # A negative stiffness (side pull beyond its limit) needs a larger shift.
+    # A negative stiffness (magnetic pull beyond its limit) needs a larger shift.
     s, _ = jax.lax.while_loop(fails, lambda state: (state[0] * 30, state[1] + 1), (s, 0))
     matrix, weight = _scaled(k + s * m)
     lower = jnp.linalg.cholesky(matrix)

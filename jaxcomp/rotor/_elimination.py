@@ -126,7 +126,7 @@ def factorise(z: "Operator") -> Factor:
     layout, b = z.system.layout, len(z.system.layout.border)
     assert z.system.places is not None
     places = at_speed(layout, z.system.places, z.coefficients)
-    segment, last, border = _eliminate(layout, places, _side_pulls(layout, z))
+    segment, last, border = _eliminate(layout, places, _magnetic_pulls(layout, z))
     inner, cross, reach, kept = [], [], [], []
     for lane, (free, keep) in _kinds(layout):
         order, f = np.concatenate([free, keep]), len(free)
@@ -243,8 +243,8 @@ def _held(layout):
     return out.reshape(b * b, 4, -1)
 
 
-def _side_pulls(layout, z):
-    """Border rows and blocks of the side pulls, which are isotropic and so stay within the lanes."""
+def _magnetic_pulls(layout, z):
+    """Border rows and blocks of the magnetic pulls, which are isotropic and so stay within the lanes."""
     b, count = len(layout.border), len(z.system.model.links)
     place = np.full(layout.n + 1, -1)
     place[layout.border] = np.arange(b)

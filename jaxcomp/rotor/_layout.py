@@ -34,7 +34,7 @@ class Layout:
         n: number of nodes.
         dof: degrees of freedom of a node.
         pairs: (e, 2) nodes of all shaft elements in the order of the tables.
-        links: (l, 2) nodes of the links, then of the pairs of the side pulls; n for the ground.
+        links: (l, 2) nodes of the links, then of the pairs of the magnetic pulls; n for the ground.
         centres: centre nodes of the bodies.
         slaved: (node, centre) of the nodes of bodies, in the order of the bodies.
         ties: coordinates that follow others: slaved nodes, and what held links hold.
@@ -43,7 +43,7 @@ class Layout:
             stiffness and inertia by construction.
         moving: (n, planes, 2) the same in the order of the planes.
         border: the border nodes.
-        touched: (b, planes, 2) whether links or bodies act on that coordinate; a side pull does not
+        touched: (b, planes, 2) whether links or bodies act on that coordinate; a magnetic pull does not
             count, because it is isotropic and stays within the whirl lanes.
         loose: (b, planes, 2) coordinates without any stiffness and inertia by construction.
         segment: (m, c) interior nodes.
@@ -99,7 +99,7 @@ def layout_of(model: "RotorModel | System") -> Layout:
     number = {name: i for i, name in enumerate(names)}
     pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.pairs)
     links = [(link.nodes, link.axes, link.held) for link in model.links]
-    links += [(pair, (), False) for pull in model.side_pulls for pair in pull.nodes]
+    links += [(pair, (), False) for pull in model.magnetic_pulls for pair in pull.nodes]
     link_axes = tuple(
         (tuple(number.get(node, len(names)) for node in nodes), tuple(axes), held)
         for nodes, axes, held in links

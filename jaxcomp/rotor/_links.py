@@ -1,4 +1,4 @@
-r"""Links between two nodes or a node and the ground: bearings, suspensions, grommets, side pull.
+r"""Links between two nodes or a node and the ground: bearings, suspensions, grommets, magnetic pull.
 
 A link acts on the relative motion d = x_a - x_b of some axes of its two nodes with the force
 K(W) d + C(W) d' on node b (and its opposite on node a). The law behind K and C is any object with
@@ -217,7 +217,7 @@ class Link(Part):
             raise BadInput("axes", str(self.axes), f"{size} axes, as the matrices of `law` have")
 
 
-class SidePull(Part):
+class MagneticPull(Part):
     """Unbalanced magnetic pull between stator and rotor: a negative isotropic radial stiffness.
 
     Args:
@@ -276,7 +276,7 @@ def diagonal(stiffness, damping) -> ConstantLaw:
     return ConstantLaw(jnp.diag(jnp.asarray(stiffness)), jnp.diag(jnp.asarray(damping)))
 
 
-def side_pull_stiffness(pull: SidePull) -> Float[Array, " n"]:
+def magnetic_pull_stiffness(pull: MagneticPull) -> Float[Array, " n"]:
     """[N/m] Negative radial stiffness of each pair."""
     n = len(pull.nodes)
     share = jnp.full(n, 1 / n) if pull.share is None else pull.share

@@ -39,7 +39,7 @@ def matrices(
     Args:
         model: the model, or the `System` prepared from it.
         spin_speed: [rad/s] at which the links are evaluated.
-        with_links: false leaves out bearings, mounts, pins and side pull (free-free).
+        with_links: false leaves out bearings, mounts, pins and magnetic pull (free-free).
     """
     model = model if with_links else released(model)
     return _matrices(model, jnp.asarray(spin_speed, float), with_links)

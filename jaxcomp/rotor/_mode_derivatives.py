@@ -46,7 +46,7 @@ def mode_derivatives(
         direction: a model of the same construction whose numbers are the direction's components;
             zero where nothing changes.
         count: number of modes; the last cluster must be complete.
-        free: leave out all links and side pulls.
+        free: leave out all links and magnetic pulls.
     """
     if free:
         model, direction = released(model), released(direction)  # pyright: ignore[reportAssignmentType]

@@ -11,7 +11,7 @@ from ._bodies import RigidBody
 from ._conventions import AXES
 from ._damping import ModalDamping, ProportionalDamping
 from ._inertia import Disks, PointMasses
-from ._links import Link, SidePull
+from ._links import Link, MagneticPull
 from ._shaft import Node, ShaftElements
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class RotorModel(Part):
         disks: tables of rigid disks.
         masses: tables of point masses.
         links: bearings, suspensions, grommets.
-        side_pulls: magnetic pull between rotor and stator.
+        magnetic_pulls: unbalanced magnetic pull between rotor and stator.
         bodies: rigid bodies.
         damping: proportional or modal damping of the structure.
         dof: degrees of freedom of a node, 4 (lateral) or 6 (with axial and torsion).
@@ -45,7 +45,7 @@ class RotorModel(Part):
     disks: tuple[Disks, ...] = ()
     masses: tuple[PointMasses, ...] = ()
     links: tuple[Link, ...] = ()
-    side_pulls: tuple[SidePull, ...] = ()
+    magnetic_pulls: tuple[MagneticPull, ...] = ()
     bodies: tuple[RigidBody, ...] = ()
     damping: ProportionalDamping | ModalDamping | None = None
     dof: int = eqx.field(static=True, default=4)
@@ -82,7 +82,7 @@ class RotorModel(Part):
         bodies = {node for body in self.bodies for node in (body.centre, *body.nodes)}
         inertias = {n for table in (*self.disks, *self.masses) for n in table.nodes}
         ends = [n for link in self.links for n in link.nodes]
-        ends += [n for pull in self.side_pulls for pair in pull.nodes for n in pair]
+        ends += [n for pull in self.magnetic_pulls for pair in pull.nodes for n in pair]
         for name in ("disks", "masses"):
             for number, table in enumerate(getattr(self, name)):
                 for node in set(table.nodes) - shafts - bodies - set(ends):
@@ -95,11 +95,11 @@ class RotorModel(Part):
                 if ends.count(node) == 1:
                     bound = "a node of a shaft, disk, mass, body or another link"
                     raise BadInput(f"links.{number}.nodes", node, bound)
-        for number, pull in enumerate(self.side_pulls):
+        for number, pull in enumerate(self.magnetic_pulls):
             for node in {n for pair in pull.nodes for n in pair} - held:
                 if ends.count(node) == 1:
                     bound = "a node of a shaft, disk, mass, body or link"
-                    raise BadInput(f"side_pulls.{number}.nodes", node, bound)
+                    raise BadInput(f"magnetic_pulls.{number}.nodes", node, bound)
 
     def _check_lengths(self):
         """Elements between the same two nodes have one length, and one direction."""
@@ -165,7 +165,7 @@ def _mentioned(model: RotorModel) -> tuple[Node, ...]:
         seen.update(dict.fromkeys(table.nodes))
     for link in model.links:
         seen.update(dict.fromkeys(link.nodes))
-    for pull in model.side_pulls:
+    for pull in model.magnetic_pulls:
         for pair in pull.nodes:
             seen.update(dict.fromkeys(pair))
     for body in model.bodies:

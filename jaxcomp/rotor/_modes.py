@@ -22,7 +22,7 @@ class Modes(Result, eqx.Module):
     """Undamped modes, lowest first.
 
     Attributes:
-        square: [rad2/s2] (m,) eigenvalues w^2; negative where side pull exceeds the stiffness, not a
+        square: [rad2/s2] (m,) eigenvalues w^2; negative where magnetic pull exceeds the stiffness, not a
             number if a number of the model is out of bounds, which only traced values can be.
         shape: [1/sqrt(kg)] (m, nodes, dof) with unit modal mass.
     """
@@ -76,7 +76,7 @@ def undamped_modes(
         model: the model, or the `System` prepared from it.
         count: number of modes.
         spin_speed: [rad/s] at which the links are evaluated.
-        free: leave out all links and side pulls (free-free).
+        free: leave out all links and magnetic pulls (free-free).
 
     Raises:
         BadInput: more modes than the model has degrees of freedom.

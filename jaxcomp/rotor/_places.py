@@ -71,5 +71,5 @@ def subset_names(model: RotorModel) -> tuple[str, ...]:
 
 def _linked(model):
     pairs = [link.nodes for link in model.links]
-    pairs += [pair for pull in model.side_pulls for pair in pull.nodes]
+    pairs += [pair for pull in model.magnetic_pulls for pair in pull.nodes]
     return [pair for pair in pairs if pair[1] is not None]

@@ -227,7 +227,7 @@ def receptance(
 def transmitted_forces(model: RotorModel, response: Response) -> Complex[Array, "*batch links dof"]:
     """[N], [N m] Force of each link on its second node or the ground, K d + C d' or the reaction.
 
-    The links come first, in the model's order, then the pairs of the side pulls. The response has
+    The links come first, in the model's order, then the pairs of the magnetic pulls. The response has
     to hold all nodes.
     """
 

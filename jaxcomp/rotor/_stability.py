@@ -1,4 +1,4 @@
-r"""Static stability limit of the magnetic side pull."""
+r"""Static stability limit of the unbalanced magnetic pull."""
 
 import equinox as eqx
 import jax
@@ -11,28 +11,28 @@ from ._matrices import matrices
 from ._model import RotorModel
 
 
-def side_pull_limit(model: RotorModel, spin_speed: Float[Array, ""] = 0.0) -> Float[Array, ""]:
-    r"""[-] Factor on the side pull at which the model becomes statically unstable.
+def magnetic_pull_limit(model: RotorModel, spin_speed: Float[Array, ""] = 0.0) -> Float[Array, ""]:
+    r"""[-] Factor on the magnetic pull at which the model becomes statically unstable.
 
     The smallest s with K_0 - s K_pull singular, K_0 the symmetric stiffness without the pull: one
     over the largest eigenvalue of K_pull in the metric of K_0. Below one the model as it stands is
-    unstable. Not a number if the model without side pull is not held.
+    unstable. Not a number if the model without magnetic pull is not held.
 
     Args:
-        model: the model, with side pull.
+        model: the model, with magnetic pull.
         spin_speed: [rad/s] at which the links are evaluated.
 
     Raises:
-        BadInput: there is no side pull.
+        BadInput: there is no magnetic pull.
     """
-    if not model.side_pulls:
-        raise BadInput("side_pulls", "()", "at least one side pull")
+    if not model.magnetic_pulls:
+        raise BadInput("magnetic_pulls", "()", "at least one magnetic pull")
     return _limit(model, jnp.asarray(spin_speed, float))
 
 
 @eqx.filter_jit
 def _limit(model, spin_speed):
-    pulls = lambda m: [pull.stiffness for pull in m.side_pulls]  # noqa: E731
+    pulls = lambda m: [pull.stiffness for pull in m.magnetic_pulls]  # noqa: E731
     without = eqx.tree_at(pulls, model, [jnp.zeros_like(v) for v in pulls(model)])
     k0 = matrices(without, spin_speed).stiffness
     k = matrices(model, spin_speed).stiffness

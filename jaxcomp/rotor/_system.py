@@ -26,7 +26,7 @@ from ._damping import ModalDamping, ProportionalDamping
 from ._elimination import Places, sort_places
 from ._inertia import disk_matrices, point_matrices
 from ._layout import Layout, layout_of
-from ._links import Link, diagonal, side_pull_stiffness
+from ._links import Link, diagonal, magnetic_pull_stiffness
 from ._model import RotorModel
 from ._shaft import Node, element_matrices
 from ._ties import body_arms, reaction_matrix, tie_matrices
@@ -175,7 +175,7 @@ _BAR = np.array([[0.0, -1.0, 0.0, 1.0], [-1.0, 0.0, 1.0, 0.0]])
 def link_matrices(
     system: System, spin_speed: Float[Array, ""]
 ) -> tuple[Float[Array, "l dof dof"], Float[Array, "l dof dof"]]:
-    """Stiffness and damping of all links, then of the side pulls, at a spin speed [rad/s]."""
+    """Stiffness and damping of all links, then of the magnetic pulls, at a spin speed [rad/s]."""
     dof, values, places, used = system.dof, [], [], 0
     order, signs = coordinates(dof)
     for link, (k, c) in zip(system.model.links, _laws(system.model.links, spin_speed), strict=True):
@@ -194,7 +194,10 @@ def link_matrices(
     both = take(table.T, np.where(at < 0, used, at)) * (signs[:, None] * signs)[..., None]
     lateral = np.zeros((dof, dof, 2))
     lateral[[0, 2], [0, 2], 0] = 1.0
-    pulls = [side_pull_stiffness(p)[:, None, None, None] * lateral for p in system.model.side_pulls]
+    pulls = [
+        magnetic_pull_stiffness(p)[:, None, None, None] * lateral
+        for p in system.model.magnetic_pulls
+    ]
     both = jnp.concatenate([both, *pulls])
     return both[..., 0], both[..., 1]
 
@@ -281,7 +284,7 @@ class Operator(NamedTuple):
 
     Attributes:
         system: the speed-independent part.
-        stiffness: (l, dof, dof) of links and side pulls at the spin speed.
+        stiffness: (l, dof, dof) of links and magnetic pulls at the spin speed.
         damping: (l, dof, dof)
         frequency: [rad/s] w.
         spin_speed: [rad/s] W.
@@ -295,7 +298,7 @@ class Operator(NamedTuple):
 
     @property
     def links(self) -> Complex[Array, "l dof dof"]:
-        """K + i w C of links and side pulls."""
+        """K + i w C of links and magnetic pulls."""
         return self.stiffness + 1j * self.frequency * self.damping
 
     @property

@@ -10,8 +10,8 @@ from ._errors import visible as visible
 from ._explain import Explained as Explained
 from ._explain import explained as explained
 from ._explain import part_places as part_places
-from ._plausible import Doubt as Doubt
-from ._plausible import doubts as doubts
+from ._plausible import ImplausibleValue as ImplausibleValue
+from ._plausible import implausible_values as implausible_values
 from ._scene import NAMED as NAMED
 from ._scene import SECTIONS as SECTIONS
 from ._scene import Bundled as Bundled

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._fields import Part, subparts
+from .._shown import RPM
 from ..gas import PolytropicCycle
 from ..mechanism import SliderCrank
 from ._describe import Row, describe
@@ -17,7 +18,7 @@ from ._read import join
 from ._scene import Scene
 
 
-class Doubt(NamedTuple):
+class ImplausibleValue(NamedTuple):
     """A value out of the usual range.
 
     Attributes:
@@ -32,7 +33,7 @@ class Doubt(NamedTuple):
 
 
 # SI, by the last name of the path. Zero is left alone: it switches an effect off.
-_RPM = np.pi / 30
+_RPM = 1 / RPM
 _VALUES: dict[str, tuple[float, float, str]] = {
     "bore": (5e-3, 1.0, "5 mm to 1 m"),
     "crank_radius": (1e-3, 0.5, "1 mm to 0.5 m"),
@@ -90,24 +91,24 @@ _FLOW: tuple[_Ratio, ...] = (
 )
 
 
-def doubts(scene: Scene) -> tuple[Doubt, ...]:
+def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
     """What is unusual in a scene, in the order of its parts."""
-    rows = [doubt for row in describe(scene) for doubt in _of_value(row)]
+    rows = [one for row in describe(scene) for one in _of_value(row)]
     machine = scene.machine
     roots = {} if machine.compressor is None else {"": machine.compressor}
-    roots |= {f"bearings.{name}": one for name, one in machine.bearings.items()}
+    roots |= {f"bearings.{name}": part for name, part in machine.bearings.items()}
     crank = getattr(machine.parts.get("loads"), "crank", None)
     from_crank = crank is not None and machine.compressor is not None
     ratios = [
-        doubt
+        one
         for root, tree in {**roots, **machine.parts}.items()
         for path, part in subparts(tree)
-        for doubt in _of_part(join(root, path).rstrip("."), part, from_crank)
+        for one in _of_part(join(root, path).rstrip("."), part, from_crank)
     ]
     return tuple(rows + ratios)
 
 
-def _of_value(row: Row) -> Iterator[Doubt]:
+def _of_value(row: Row) -> Iterator[ImplausibleValue]:
     key = row.path.split(".")[-1]
     if key not in _VALUES or (not row.unit and key not in ("clearance_ratio", "coefficient")):
         return
@@ -115,10 +116,10 @@ def _of_value(row: Row) -> Iterator[Doubt]:
     sizes = np.abs(np.asarray(row.value, float))
     if np.any((sizes > 0) & ((sizes < low) | (sizes > high))):
         given = row.given if row.given is not None else f"{row.value} {row.unit}"
-        yield Doubt(row.path, f"{given}", usual)
+        yield ImplausibleValue(row.path, f"{given}", usual)
 
 
-def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[Doubt]:
+def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleValue]:
     ratios: tuple[_Ratio, ...] = ()
     if isinstance(part, SliderCrank):
         ratios = _SLIDER_CRANK
@@ -128,10 +129,10 @@ def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[Doubt]:
         ratios = _CYCLE + (_FLOW if isinstance(part, PolytropicCycle) else ())
     # the film of a rotor's link, by its kind: a compressor alone does not import the rotor
     if getattr(part, "kind", "") == "film" and getattr(part, "load", 0) is None and not from_crank:
-        yield Doubt(
+        yield ImplausibleValue(
             join(path, "load"), "absent, without a crank to take it from", '["80 N", "0 N"]'
         )
     for what, ratio, low, high in ratios:
         value = float(ratio(part))
         if value != 0 and not low <= abs(value) <= high:
-            yield Doubt(path, f"{what} is {value:.3g}", f"{low:g} to {high:g}")
+            yield ImplausibleValue(path, f"{what} is {value:.3g}", f"{low:g} to {high:g}")

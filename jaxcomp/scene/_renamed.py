@@ -13,6 +13,7 @@ _KEYS: dict[tuple[str, str], str] = {
         "CrankNodes",
         "bearings",
     ): "found by itself: every link of type film takes part in the statics",
+    ("RotorModel", "side_pulls"): '"magnetic_pulls"',
     ("CrankNodes", "bearing_share"): "found by itself, by the statics of the shaft",
 } | {
     ("LoadedFilm", key): _BEARING

@@ -24,6 +24,7 @@ import os
 
 import numpy as np
 
+from .._shown import RPM
 from ..balancing import Influence, Row, trial_influence
 from ._csv import header_cell, read_cells
 from ._errors import SceneError
@@ -114,7 +115,7 @@ def _measured(lines) -> Influence:
     _take_off(readings, {target for target, _ in keys})
     for run in trials:
         for target, speed in set(keys) ^ set(readings[run]):
-            at = f"{target} at {speed * 30 / np.pi:.6g} rpm"
+            at = f"{target} at {speed * RPM:.6g} rpm"
             raise SceneError("run", f'"{run}" and "{_INITIAL}" must both read {at}')
     influence = trial_influence(
         np.array([readings[_INITIAL][k] for k in keys]),

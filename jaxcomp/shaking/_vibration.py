@@ -57,7 +57,7 @@ def harmonics(
     duration: Float[Array, " t"],
     count: int = 8,
 ) -> Harmonics:
-    r"""Harmonics of a wrench over one turn, about the mass centre of the block.
+    r"""Harmonics of a wrench over one revolution, about the mass centre of the block.
 
     With an `orbit` of `solve_orbit` that is `time=orbit.time` and
     `duration=orbit.weight / orbit.state.speed`.

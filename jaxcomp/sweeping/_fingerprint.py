@@ -22,7 +22,7 @@ def fingerprint(problem: Problem, points: Any) -> dict[str, Any]:
     is not looked at.
 
     Args:
-        problem: as it is worked out; its machine counts with every bit of its numbers.
+        problem: as it is computed; its machine counts with every bit of its numbers.
         points: the designs.
     """
     described = points.described()

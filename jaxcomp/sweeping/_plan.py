@@ -32,7 +32,7 @@ class Plan(NamedTuple):
     Attributes:
         points: the designs.
         layout: how they are cut into blocks.
-        width: designs that are worked out in step.
+        width: designs that are computed in step.
         variables, quantities: their headings, in the order of their columns.
         fingerprint: see `fingerprint`.
         about: versions and the like, which are kept and not compared.

@@ -121,7 +121,7 @@ class SamplePoints:
 
 
 class Layout(NamedTuple):
-    """How the designs are cut into blocks, of which each is worked out and stored at once.
+    """How the designs are cut into blocks, of which each is computed and stored at once.
 
     Attributes:
         shape: of all designs.

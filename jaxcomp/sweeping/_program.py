@@ -1,4 +1,4 @@
-r"""One compiled program that works out a block of designs, on every device of this process.
+r"""One compiled program that computes a block of designs, on every device of this process.
 
 A block is cut into groups of a fixed width, and handfuls of groups go to whichever device is free.
 A device works them off in a loop whose length is known only when it runs, so that its program has
@@ -36,7 +36,7 @@ Worked: TypeAlias = Callable[
 
 
 def default_width(devices: Sequence[Device]) -> int:
-    """Designs that are worked out in step on one device."""
+    """Designs that are computed in step on one device."""
     return _WIDTH.get(devices[0].platform, _WIDTH_ELSEWHERE)
 
 

@@ -60,7 +60,7 @@ def sweep(
 ) -> "xarray.Dataset":
     """The quantities of all designs of a grid, or of samples.
 
-    The designs are worked out in blocks of one shape, each shared by all devices of this process
+    The designs are computed in blocks of one shape, each shared by all devices of this process
     and written as soon as it is done, so that memory does not grow with their number. Results are
     the same to the last bit whatever the number of devices and processes, and however often the
     sweep was stopped: run it again with the same `out` and it goes on.
@@ -85,7 +85,7 @@ def sweep(
         options: of the analysis of a design.
         out: folder of a zarr store; in memory alone if absent.
         batch: designs in a block, at most. Absent: as in the store, or 8192.
-        width: designs that a device works out in step. Absent: as in the store, or 32 on a CPU.
+        width: designs that a device computes in step. Absent: as in the store, or 32 on a CPU.
         devices: how many devices of this process, or which; all if absent.
         part: (i, n) for the i-th of n processes. Absent: as `jax.distributed` knows it.
         progress: show a bar on standard error, if that is a terminal.

@@ -55,7 +55,7 @@ class InMemory:
         self._rows = {c.name: np.empty(shape) for c in plan.variables if plan.sampled}
 
     def has(self, number: int) -> bool:
-        """Nothing is there before it is worked out."""
+        """Nothing is there before it is computed."""
         del number
         return False
 

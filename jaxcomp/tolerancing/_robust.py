@@ -1,4 +1,4 @@
-r"""Robust objectives: what a machine is worth when it comes out of production, not as drawn.
+r"""Robust objectives: what a machine is worth with production tolerances, not at its nominal values.
 
 The scatter is the same few machines at every design (sample average approximation), so that the
 objective is a smooth function of the design and the optimisers serve as they are.

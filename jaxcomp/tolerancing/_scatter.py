@@ -41,7 +41,7 @@ class Scatter(NamedTuple):
         """[SI] Values of the variables.
 
         Args:
-            nominal: [SI] as drawn.
+            nominal: [SI] nominal values.
             normals: [-] u.
         """
         z = normals @ self.root.T

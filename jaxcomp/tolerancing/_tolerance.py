@@ -31,9 +31,9 @@ class Tolerances(Result):
     Attributes:
         problem: the quantities as functions of the scattered variables.
         scatter: of the variables, in the order of the problem.
-        nominal: [SI] (variables,) as drawn.
+        nominal: [SI] (variables,) nominal values.
         deviation: [SI] (variables,) standard deviations of the variables.
-        value: [SI] (quantities,) of the machine as drawn.
+        value: [SI] (quantities,) of the nominal machine.
         local: value, slope and curvature at the mean machine.
         first_order, second_order: moments from these; the second `None` without curvature.
         shares: [-] (quantities, variables) of the variance, from the highest order known.
@@ -148,7 +148,7 @@ def tolerance(
             if absent.
         correlations: [-] of the deviations of two variables, by pairs of names.
         limits: [SI] (low, high) by quantity, `None` for an open end: the probability of breaking
-            each is worked out.
+            each is computed.
         options: of the analysis of a design.
         samples: machines of the Monte Carlo.
         sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
@@ -231,7 +231,7 @@ def _limits(limits, made: Problem) -> list[Limit]:
 
 
 def _one_at_a_time(made: Problem, scatter: Scatter, nominal):
-    """Quantities as drawn, and with each variable in turn at both limits."""
+    """Nominal quantities, and with each variable in turn at both limits."""
     ends, mean = np.asarray(scatter.limits(nominal)), np.asarray(scatter.mean(nominal))
     n = len(nominal)
     points = np.tile(mean, (2, n, 1))

@@ -214,10 +214,10 @@ def _grounded(model: RotorModel, case: LoadCase, kept: int) -> tuple[RotorModel,
         if any(node is not None for node in nodes):
             links.append(_relinked(link, nodes))
     pulls = tuple(
-        pull for pull in model.side_pulls if not gone & {n for pair in pull.nodes for n in pair}
+        pull for pull in model.magnetic_pulls if not gone & {n for pair in pull.nodes for n in pair}
     )
     lean = dataclasses.replace(
-        model, links=tuple(links), side_pulls=pulls, bodies=model.bodies[:kept], nodes=None
+        model, links=tuple(links), magnetic_pulls=pulls, bodies=model.bodies[:kept], nodes=None
     )
     forces = tuple(
         dataclasses.replace(force, reaction=None) if force.reaction in gone else force

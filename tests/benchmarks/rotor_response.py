@@ -45,16 +45,16 @@ def rotor_41():
 
 
 def machine_65():
-    """Rotor of 41 nodes, crankcase line of 24, side pull on six pairs, rigid housing below."""
+    """Rotor of 41 nodes, crankcase line of 24, magnetic pull on six pairs, rigid housing below."""
     import jax.numpy as jnp
 
     from jaxcomp.rotor import (
         ConstantLaw,
         Disks,
         Link,
+        MagneticPull,
         RigidBody,
         RotorModel,
-        SidePull,
         diagonal,
         isotropic,
         shaft_line,
@@ -82,7 +82,7 @@ def machine_65():
         7.0,
         jnp.diag(jnp.array([0.1, 0.1, 0.06])),
     )
-    pull = SidePull(tuple(zip(range(3, 9), range(51, 57), strict=True)), 3e5)
+    pull = MagneticPull(tuple(zip(range(3, 9), range(51, 57), strict=True)), 3e5)
     disks = Disks((10, 20, 32), [0.5, 0.3, 0.2], [1e-4] * 3, [2e-4] * 3)
     return RotorModel((rotor, case), (disks,), (), tuple(links), (pull,), (housing,))
 
