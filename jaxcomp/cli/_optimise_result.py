@@ -45,7 +45,7 @@ def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds:
         for i, one in enumerate(problem.variables)
     ]  # fmt: skip
     best = None if sample.best is None else float(sample.objective[sample.best])
-    alike = (
+    same = (
         "quantities", "status", "feasible", "stationarity", "verdict", "local", "agreeing",
         "evaluations",
     )  # fmt: skip
@@ -58,7 +58,7 @@ def optimum_result(scene: Scene, asked: dict[str, Any], found: Optimum, seconds:
             "maximised": found.maximised, "present": before, "value": found.objective,
         },
         "constraints": [one._asdict() | {"unit": units[one.name]} for one in found.constraints],
-        **{name: getattr(found, name) for name in alike},
+        **{name: getattr(found, name) for name in same},
         "starts": [one._asdict() for one in found.starts],
         "sample": {
             "count": len(sample.ok), "solved": int(sample.ok.sum()),

@@ -117,7 +117,7 @@ def present_design(problem: Problem, ranges: Ranges) -> Float[np.ndarray, "n var
 
 
 def solved_sample(goal: Goal, points, batch: int, callback: Callback | None) -> Solved:
-    """The sample, some designs at a time.
+    """Solve the sample, some designs at a time.
 
     Raises:
         SolveFailed: none of them can be solved.
@@ -143,7 +143,7 @@ def spreads(found: Solved) -> Float[np.ndarray, " quantities"]:
 
 
 def sample_of(scaled: Scaled, points, found: Solved) -> Sample:
-    """A solved sample, judged."""
+    """A solved sample with its objective and whether it keeps the constraints."""
     values, ok = np.asarray(found.values), np.asarray(found.ok)
     rows = zip(points, values, ok, np.asarray(found.slope), strict=True)
     designs = [Point(scaled, *row) for row in rows]

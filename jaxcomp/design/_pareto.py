@@ -112,9 +112,9 @@ def pareto(
     if len(objectives) != 2 or objectives[0] == objectives[1]:
         raise BadInput("objectives", str(objectives), "two different quantities")
     ranges = ranges_of(problem.variables)
-    asked = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
+    quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
     # all quantities in one order, so that one program serves both ends and the front
-    problem = Problem(problem.design, problem.variables, tuple(asked), problem.options)
+    problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)
     goals = [
         goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)
     ]

@@ -131,8 +131,8 @@ def cases():
 WIDTHS = (34, 16, 11, 9, 10, 9, 0)
 
 
-def row(name, function):
-    found, warm, _ = timed(function)
+def row(name, function, repeat=3):
+    found, warm, _ = timed(function, repeat=repeat)
     violation = min(one.violation for one in found.starts if one.agrees)
     ends = Counter(one.status for one in found.starts)
     line(name, f"{found.objective:.9g}", f"{violation:.0e}", found.evaluations, f"{1e3 * warm:.0f}",
@@ -185,15 +185,15 @@ def methods():
         named = ["slsqp"]
         named += ["adam"] if "constraints" not in options else []
         named += ["least-squares"] if "objective" in options else []
+        limit = {"max_steps": 300}
         for method in named:
-            row(
-                method,
-                lambda m=made, o=options, n=method: optimise(m, method=n, max_steps=300, **o),
-            )
+            own = options | limit | {"method": method}
+            row(method, lambda made=made, own=own: optimise(made, **own), repeat=1)
         for method, function in others.items():
             if method == "trust-constr" or "constraints" not in options:
                 _optimise.method_of = lambda *_, function=function: function
-                row(method, lambda m=made, o=options: optimise(m, max_steps=300, **o))
+                own = options | limit
+                row(method, lambda made=made, own=own: optimise(made, **own), repeat=1)
                 _optimise.method_of = choose
 
 
