@@ -20,7 +20,6 @@ import jax
 import numpy as np
 import optax
 from jaxtyping import Float
-from scipy.optimize import least_squares, lsq_linear, minimize
 
 from .._fields import BadInput
 from ._goal import Goal
@@ -156,6 +155,8 @@ class Point:
             columns = np.concatenate([self.limits_slope[active], *bounds])
             least = np.zeros(len(columns))
             least[: active.sum()][equal[active]] = -np.inf
+            from scipy.optimize import lsq_linear  # half a second, for those who search
+
             found = lsq_linear(columns.T, -self.gradient, (least, np.inf), method="bvls")
             out[active] = found.x[: active.sum()]
         return out
@@ -283,6 +284,8 @@ def _slsqp(descent: Descent, start) -> None:
     ]
     steep = np.max(np.abs(descent.near(start).gradient))
     gain = min(1.0, _FIRST / max(steep, 1e-300))
+    from scipy.optimize import minimize  # half a second, for those who search
+
     minimize(
         lambda u: gain * descent.value(u),
         start,
@@ -304,6 +307,8 @@ def _least_squares(descent: Descent, start) -> None:
     slope = lambda u: descent.at(u).residuals_slope  # noqa: E731
     small = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-14)  # the test of convergence is `at`'s
     # SciPy's "trf" stays off the bounds, and took 800 designs where this takes 279.
+    from scipy.optimize import least_squares  # half a second, for those who search
+
     least_squares(residuals, start, jac=slope, bounds=(0, 1), method="dogbox", **small)
 
 

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import qmc
 
 from .._fields import BadInput
 from ._design import Variable
@@ -60,5 +59,7 @@ def ranges_of(variables: tuple[Variable, ...]) -> Ranges:
 
 def even_sample(ranges: Ranges, count: int, seed: int) -> Float[np.ndarray, "count variables"]:
     """[SI] Designs of a scrambled Sobol sequence, of which the first few are spread evenly as well."""
+    from scipy.stats import qmc  # a second, for those who draw
+
     engine = qmc.Sobol(len(ranges.low), rng=seed)
     return ranges.values(engine.random_base2(math.ceil(math.log2(count)))[:count])
