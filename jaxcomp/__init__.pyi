@@ -5,6 +5,7 @@ from . import design as design
 from . import film as film
 from . import friction as friction
 from . import gas as gas
+from . import machine as machine
 from . import mechanism as mechanism
 from . import motor as motor
 from . import plot as plot

@@ -96,7 +96,7 @@ def respond(
         return _shaken_by_crank(made, speeds, orders or (1,), options)
     loads = own if loads is None else loads
     if not loads:
-        raise BadInput("loads", "absent", "given: nothing shakes this rotor")
+        raise BadInput("loads", "absent", "given: nothing excites this rotor")
     model = loaded_rotor(made, speeds)
     return rotor.respond(model, loads, speeds, orders or loaded_orders(loads), **options)
 

@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import solve_orbit
 from jaxcomp.cli import app
-from jaxcomp.cli._compare_result import beside_table
+from jaxcomp.cli._tables import beside_table
 from jaxcomp.plot import compared_losses
 from jaxcomp.scene import load, with_value
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import load
 from jaxcomp.cli import app
-from jaxcomp.cli._sweep_options import axes_of
+from jaxcomp.cli._sweep import axes_of
 
 RUNNER = CliRunner()
 FAST = ["--solver-nodes", "5", "--solver-reversals", "0", "--solver-tolerance", "1e-5"]

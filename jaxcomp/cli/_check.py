@@ -1,9 +1,21 @@
 """`jaxcomp check`: what a scene file holds, or everything that is wrong with it."""
 
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
 import typer
+from rich.markup import escape
+
+import jaxcomp as jc
 
 from ._errors import reports_errors, show_error
 from ._options import AsJson, Machine
+from ._output import show_results
+from ._start import start_jax
+from ._tables import _table
 
 
 @reports_errors
@@ -18,10 +30,7 @@ def check(
     Example: [bold]jaxcomp check my-machine.toml[/bold]
     """
     from ..scene import SceneError, load
-    from ._check_result import check_result, check_tables, error_result
     from ._json import print_json
-    from ._output import show_results
-    from ._start import start_jax
 
     start_jax()
     try:
@@ -37,3 +46,125 @@ def check(
         raise typer.Exit(2) from None
     result = check_result(scene)
     show_results(result, check_tables(result), as_json, None)
+
+
+def error_result(file: str, errors: Sequence[jc.scene.SceneError]) -> dict[str, Any]:
+    """All errors of a file; the keys are stable."""
+    rows = [{"key": e.key, "value": _plain(e.value), "problem": e.problem} for e in errors]
+    return {"file": file, "ok": False, "errors": rows}
+
+
+def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
+    """Parts, what follows from them, commands that take the scene, and unusual values."""
+    rows = jc.scene.describe(scene)
+    words = {row.path[: -len(".type")]: row.value for row in rows if row.path.endswith(".type")}
+    names = [name for name in scene.document if isinstance(scene.document[name], dict | list)]
+    numbers = [row for row in rows if not row.path.endswith(".type")]
+    return {
+        "machine": scene.name,
+        "description": scene.description,
+        "file": scene.file,
+        "ok": True,
+        "parts": {
+            name: {"type": words.get(name, ""), **_counts(numbers, name)}
+            for name in names
+            if any(row.path.startswith(f"{name}.") for row in numbers)
+        },
+        "follows": [
+            dict(zip(("what", "value", "unit"), row, strict=True)) for row in _follows(scene)
+        ],
+        "commands": _commands(scene),
+        "unusual": [doubt._asdict() for doubt in jc.scene.implausible_values(scene)],
+    }
+
+
+def check_tables(result: dict[str, Any]):
+    """Tables of `check_result`."""
+    title = escape(f"{result['machine']}: {result['description']}")
+    parts = _table(title, "Part", "Type", "Values", "By default", "Without source", numbers=True)
+    parts.columns[1].justify = "left"
+    for name, part in result["parts"].items():
+        counts = [str(part[key]) for key in ("values", "defaults", "without_source")]
+        parts.add_row(name, part["type"], *counts)
+    yield parts
+    follows = _table(None, "What follows", "", "")
+    for row in result["follows"]:
+        value = row["value"] if isinstance(row["value"], str) else f"{row['value']:.5g}"
+        follows.add_row(*map(escape, (row["what"], value, row["unit"])))
+    yield follows
+    for doubt in result["unusual"]:
+        text = escape(f"{doubt['path']}: {doubt['what']}, usual is {doubt['usual']}")
+        yield f"[yellow]unusual[/yellow]  {text}"
+    verdict = "valid" if not result["unusual"] else "valid; look at the unusual values again"
+    yield f"[green]{verdict}[/green]; for jaxcomp {', '.join(result['commands'])}"
+
+
+def _counts(rows, name: str) -> dict[str, int]:
+    own = [row for row in rows if row.path.startswith(f"{name}.")]
+    given = [row for row in own if row.given is not None]
+    return {
+        "values": len(own),
+        "defaults": len(own) - len(given),
+        "without_source": sum(not row.source for row in given),
+    }
+
+
+def _commands(scene: jc.scene.Scene) -> list[str]:
+    """The commands that have something to work on."""
+    design = ["compare", "sensitivity", "optimise", "sweep", "tolerance"]
+    out = [] if scene.compressor is None else ["run", "animate", *design]
+    if "rotor" in scene.parts:
+        loads = scene.parts.get("loads")
+        out += ["modes"]
+        out += ["respond"] if isinstance(loads, jc.rotor.LoadCase) and loads.loads else []
+        if {"loads", "balancing"} <= set(scene.parts):
+            out += ["balance", *design[1:]]
+    return list(dict.fromkeys(out))
+
+
+def _follows(scene: jc.scene.Scene):
+    """(what, value, unit) in the units of a drawing."""
+    names = jc.design.variable_names(jc.machine.machine_of(scene))
+    rules = ", ".join(name for name in names if name in jc.design.design_rules)
+    yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
+    if scene.compressor is not None:
+        mechanism, gas = scene.compressor.mechanism, scene.compressor.gas
+        yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
+        yield "Swept volume", 1e6 * float(mechanism.swept_volume), "cm3"
+        bore = getattr(mechanism, "bore", None)
+        if bore is not None:
+            yield "Stroke over bore", float(mechanism.stroke / bore), ""
+        ratio = getattr(mechanism, "conrod_ratio", None)
+        if ratio is not None:
+            yield "Crank radius over rod length", float(ratio), ""
+        if isinstance(gas, jc.gas.PolytropicCycle):
+            yield "Pressure ratio", float(gas.discharge_pressure / gas.suction_pressure), ""
+        speed = float(scene.compressor.motor.speed_guess)
+        yield "Speed, about", speed * 30 / math.pi, "rpm"
+        yield "Mean piston speed, about", float(mechanism.stroke) * speed / math.pi, "m/s"
+        yield "Degrees of freedom of the crank", 1, ""
+    model = scene.parts.get("rotor")
+    if isinstance(model, jc.rotor.RotorModel):
+        count = len(jc.rotor.node_names(model))
+        slaved = sum(len(body.nodes) for body in model.bodies)
+        yield "Nodes of the rotor model", count, f"{slaved} of them fixed to rigid bodies"
+        conditions = [axis for link in model.links if link.held for axis in link.axes]
+        held = sum(axis in jc.rotor.AXES[model.dof] for axis in conditions)
+        less = f", less {held} of pinned and clamped links" if held else ""
+        yield (
+            "Degrees of freedom",
+            (count - slaved) * model.dof - held,
+            f"{model.dof} a free node{less}",
+        )
+        for name, group in zip(jc.rotor.subset_names(model), jc.rotor.subsets(model), strict=True):
+            nodes = ", ".join(str(node) for node in group)
+            yield f"Subset {name}", nodes if len(nodes) <= 60 else f"{nodes[:57]}...", "nodes"
+    block = scene.parts.get("suspension")
+    if isinstance(block, jc.shaking.Suspension):
+        hertz = jc.shaking.natural_frequencies(block) / (2 * math.pi)
+        text = ", ".join(f"{f:.3g}" for f in hertz)
+        yield "Block on its springs, 6 degrees of freedom", text, "Hz"
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, str | int | float | bool | None) else str(value)

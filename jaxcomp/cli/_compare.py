@@ -4,9 +4,13 @@ from typing import Annotated, Any
 
 import typer
 
+from ._arguments import assignments, changed_scene
 from ._completion import complete_machine, complete_variable
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, OutWithoutScene, Sets
+from ._output import show_results, write_results
+from ._start import start_jax
+from ._tables import beside_table
 
 
 @reports_errors
@@ -47,9 +51,6 @@ def compare(
     from ..crank import solve_orbit
     from ..design import compared_designs
     from ..plot import compared_losses
-    from ._compare_result import beside_table
-    from ._output import show_results, write_results
-    from ._start import start_jax
 
     start_jax(once=True)
     scenes = _scenes(machines, variants or (), sets or ())
@@ -78,8 +79,6 @@ def compare(
 
 def _scenes(machines, variants, sets) -> dict[str, Any]:
     """The designs by what tells them apart."""
-    from ._arguments import assignments, changed_scene
-
     found = {}
     for place, machine in enumerate(machines, 1):
         scene = changed_scene(machine, sets)

@@ -12,9 +12,8 @@ from ..design import Optimum, ParetoFront, compared_designs, quantity
 from ..design._design import CORRECTIONS
 from ..machine import assembled
 from ..scene import Scene, with_machine
-from ._compare_result import beside_table
 from ._json import plain
-from ._tables import row_table
+from ._tables import beside_table, row_table
 
 
 def optimised_scene(scene: Scene, optimum: Optimum) -> tuple[Scene, list[str]]:

@@ -1,14 +1,23 @@
 """`jaxcomp sensitivity`: how much quantities change with every number of a machine."""
 
-from typing import Annotated
+from __future__ import annotations
+
+from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
+from rich.table import Table
 
-from ._balance import Excitation
+import jaxcomp as jc
+
+from ._arguments import changed_scene
 from ._completion import complete_quantity
 from ._errors import CommandError, reports_errors
 from ._optimise import Accuracy
-from ._options import AsJson, Designs, Machine, Out, Sets
+from ._options import AsJson, Designs, Excitation, Machine, Out, Sets
+from ._output import show_results, write_results
+from ._start import start_jax
+from ._tables import _table
 
 
 @reports_errors
@@ -50,12 +59,8 @@ def sensitivity(
     from ..design import AnalysisOptions
     from ..design import sensitivity as study
     from ..plot import sensitivity_figures
-    from ._arguments import changed_scene
     from ._optimise_search import SOLVERS
-    from ._output import show_results, write_results
-    from ._sensitivity_result import sensitivity_result, sensitivity_tables
-    from ._start import start_jax
-    from ._sweep_options import default_quantities
+    from ._sweep import default_quantities
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
@@ -72,3 +77,56 @@ def sensitivity(
         figures = sensitivity_figures(found, scene.name)
         write_results(out, figures, result, scene, tables, {"sensitivity": found.columns()})
     show_results(result, tables, as_json, out)
+
+
+def sensitivity_result(found: jc.design.Sensitivity, machine: str) -> dict[str, Any]:
+    """The answer in SI units, the largest influence first. The keys are stable."""
+    return {
+        "machine": machine,
+        "quantities": [
+            {
+                "name": name,
+                "unit": unit,
+                "value": float(value),
+                "numbers": [
+                    {
+                        "name": one.number,
+                        "words": one.part,
+                        "unit": one.unit,
+                        "value": one.present,
+                        "elasticity": one.elasticity if one.relative else None,
+                        "derivative": one.derivative,
+                    }
+                    for one in found.ranking(name)
+                ],
+            }
+            for name, unit, value in zip(
+                found.quantities, found.quantity_units, found.value, strict=True
+            )
+        ],
+    }
+
+
+def sensitivity_tables(found: jc.design.Sensitivity, rows: int) -> list[Table]:
+    """For each quantity the numbers with the largest influence."""
+    from .._shown import shown
+
+    tables = []
+    for name, unit, value in zip(found.quantities, found.quantity_units, found.value, strict=True):
+        look, ranked = shown(name, unit, value), found.ranking(name)
+        title = f"{look.words} {look.text(float(value))}: its change with every number"
+        table = _table(title, "Number", "Value", "Change", numbers=True)
+        for part in (True, False):
+            kind = [one for one in ranked if one.relative is part]
+            for one in kind[:rows]:
+                table.add_row(escape(one.part), one.value, one.change)
+            if len(kind) > rows:
+                table.add_row(f"and {len(kind) - rows} more with less", "", "")
+            table.add_section()
+        idle = len(found.numbers) - len(ranked)
+        if idle:
+            what = "number of the machine has" if idle == 1 else "numbers of the machine have"
+            table.caption = f"{idle} other {what} no influence."
+            table.caption_justify = "left"
+        tables.append(table)
+    return tables

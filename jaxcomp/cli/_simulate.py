@@ -5,9 +5,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 
+from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Designs, Machine, Out, Sets
+from ._output import show_results, write_results
+from ._start import start_jax
+from ._tables import _table, words
 
 
 class Method(enum.StrEnum):
@@ -69,9 +74,6 @@ def simulate(
     from ..crank import TimeIntegration
     from ..crank import simulate as integrate
     from ..scene import to_si
-    from ._arguments import assignments, changed_scene
-    from ._output import show_results, write_results
-    from ._start import start_jax
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
@@ -138,10 +140,6 @@ def _result(scene, found) -> dict[str, Any]:
 
 def _table_of(result: dict[str, Any]):
     import math
-
-    from rich.markup import escape
-
-    from ._tables import _table, words
 
     table = _table(escape(f"{result['machine']} in time"), "Motion", "", "")
     rpm = 30 / math.pi

@@ -1,21 +1,32 @@
-"""`jaxcomp tolerance`: what the scatter of production does to efficiency, loads and vibration."""
+"""`jaxcomp tolerance`: effect of production tolerances on efficiency, loads and vibration."""
+
+from __future__ import annotations
 
 import enum
+import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 
-from ._balance import Excitation
+import jaxcomp as jc
+
+from ._arguments import assignments, changed_scene, entry
 from ._completion import complete_quantity, complete_variable
 from ._errors import CommandError, reports_errors
+from ._json import plain
 from ._optimise import Accuracy
-from ._options import AsJson, Designs, Machine, Out, Sets
-from ._sweep import Sampling
+from ._options import AsJson, Designs, ExcitationOption, Machine, Out, Sets
+from ._output import hand_out
+from ._start import start_jax
+from ._sweep import Sampling, default_quantities, start_devices
+from ._tables import row_table
 
 
 class Curvature(enum.StrEnum):
-    """Where the second order comes from."""
+    """Source of the second derivatives."""
 
     differences = "differences"
     exact = "exact"
@@ -47,8 +58,8 @@ def tolerance(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="What is asked, e.g. motor_power; efficiency, or "
-            "vibration of a rotor, if absent. Repeatable.",
+            help="Quantity, e.g. motor_power; efficiency, or vibration of a rotor, if absent. "
+            "Repeatable.",
             autocompletion=complete_quantity,
         ),
     ] = None,
@@ -56,7 +67,7 @@ def tolerance(
         list[str] | None,
         typer.Option(
             metavar="QUANTITY<=VALUE",
-            help="Limit, with <= or >=, whose probability of being broken is asked. Repeatable.",
+            help="Limit, with <= or >=; the probability of breaking it is computed. Repeatable.",
         ),
     ] = None,
     rejects: Annotated[
@@ -69,15 +80,13 @@ def tolerance(
     sets: Sets = None,
     designs: Designs = None,
     balanced: Annotated[
-        bool, typer.Option("--balanced", help="Of the machine with its least-squares balance.")
+        bool,
+        typer.Option("--balanced", help="Apply the least-squares balance to the machine first."),
     ] = False,
-    excitation: Annotated[
-        Excitation | None,
-        typer.Option(help="What shakes a rotor: forces of the file, or of the crank."),
-    ] = None,
-    samples: Annotated[int, typer.Option(help="Machines of the Monte Carlo.")] = 16384,
-    sampling: Annotated[Sampling, typer.Option(help="How they are drawn.")] = Sampling.sobol,
-    seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
+    excitation: ExcitationOption = None,
+    samples: Annotated[int, typer.Option(help="Number of Monte Carlo samples.")] = 16384,
+    sampling: Annotated[Sampling, typer.Option(help="Sampling method.")] = Sampling.sobol,
+    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     curvature: Annotated[
         Curvature,
         typer.Option(help="Second order by differences of slopes, by exact derivatives, or not."),
@@ -89,7 +98,7 @@ def tolerance(
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
-    """Scatter of efficiency, losses, loads and vibration from tolerances, and what contributes most.
+    """Find how efficiency, losses, loads and vibration vary with tolerances, and what causes most.
 
     Example: [bold]jaxcomp tolerance mayekawa-wbhe --vary mechanism.conrod_length='+-0.1 mm' --vary
     'friction.*.coefficient=+-20 %' --limit 'mechanical_efficiency>=0.9' --out result[/bold]
@@ -110,32 +119,30 @@ def tolerance(
         raise CommandError(f"--samples {samples}: must be >= 16")
     from .._waits import spinner
     from ..design import AnalysisOptions
-    from ._arguments import changed_scene
+    from ._constraints import bounds_of
     from ._optimise_search import SOLVERS
-    from ._output import show_results, write_results
-    from ._start import start_jax
-    from ._sweep_options import start_devices
-    from ._tolerance_result import (
-        asked_tolerances,
-        permitted_tolerances,
-        tolerance_result,
-        tolerance_tables,
-    )
 
     start_devices(None)
     start_jax()
     scene = changed_scene(machine, sets or (), designs or ())
     options = AnalysisOptions(SOLVERS[accuracy.value], excitation and excitation.value)
-    asked = asked_tolerances(scene, options, balanced, vary, tolerances, correlate, quantity, limit)
-    from ..tolerancing import tolerance as study
-
+    design = jc.machine.machine_of(scene)
+    if balanced:
+        if not design.corrections:
+            raise CommandError("--balanced: needs a scene with balancing planes")
+        design = jc.design.balanced_design(design, options)
+    given, correlations = read_tolerances(design, vary, tolerances, correlate)
+    limits = bounds_of(limit or (), "--limit", equalities=False)
+    names = list(quantity or (() if limits else default_quantities(scene)))
+    for name in names:
+        jc.design.quantity(name)
     with spinner("Solving (the first time it is compiled as well) ..."):
-        found = study(
-            asked.design,
-            asked.tolerances,
-            asked.quantities,
-            correlations=asked.correlations,
-            limits=asked.limits,
+        found = jc.tolerancing.tolerance(
+            design,
+            given,
+            list(dict.fromkeys([*names, *limits])),
+            correlations=correlations,
+            limits=limits,
             options=options,
             samples=samples,
             sampling=sampling.value.replace("-", "_"),
@@ -143,14 +150,276 @@ def tolerance(
             curvature=None if curvature is Curvature.none else curvature.value,
         )
         tighter = None if rejects is None else permitted_tolerances(found, rejects)
-    result = tolerance_result(found, scene.name, asked)
+    result = tolerance_result(found, scene.name, given, correlations, balanced)
     if tighter is not None:
         result["permitted"] = [one._asdict() for one in tighter]
-    tables = list(tolerance_tables(found, result))
-    if out is not None:
-        from ..plot import tolerance_figures
 
-        with spinner("Drawing ..."):
-            figures = tolerance_figures(found, scene.name)
-            write_results(out, figures, result, scene, tables, {"samples": found.columns()})
-    show_results(result, tables, as_json, out)
+    def figures():
+        return jc.plot.tolerance_figures(found, scene.name)
+
+    curves = None if out is None else {"samples": found.columns()}
+    hand_out(result, tolerance_tables(found, result), as_json, out, figures, scene, curves)
+
+
+_SHARES = (0.00135, 0.05, 0.5, 0.95, 0.99865)
+_SHARE_NAMES = ("0.135", "5", "50", "95", "99.865")
+# Contributors of a table.
+_ROWS = 12
+
+
+def read_tolerances(
+    design: jc.machine.Machine, vary, file: Path | None, correlate
+) -> tuple[dict[str, jc.tolerancing.Within], dict[tuple[str, str], float]]:
+    """Tolerances and correlations of the file and of `--vary` and `--correlate`, which go first.
+
+    Raises:
+        CommandError, SceneError, BadInput: what cannot be read, or a name that fits nothing.
+    """
+    from ..scene.tolerances import read_tolerance_file, tolerances_of
+
+    texts, correlations = ({}, {}) if file is None else read_tolerance_file(file)
+    for text in correlate or ():
+        names, _, value = text.partition("=")
+        pair = tuple(name.strip() for name in names.split(","))
+        try:
+            if len(pair) != 2 or not all(pair):
+                raise ValueError
+            correlations[pair] = float(value)
+        except ValueError:
+            raise CommandError(f"--correlate {text}: must have the form A,B=VALUE") from None
+    # where both fit, the later one counts
+    return tolerances_of(design, {**texts, **assignments(vary or (), "--vary")}), correlations
+
+
+def tolerance_result(
+    found: jc.tolerancing.Tolerances,
+    scene: str,
+    given: dict[str, jc.tolerancing.Within],
+    correlations: dict[tuple[str, str], float],
+    balanced: bool,
+) -> dict[str, Any]:
+    """The answer in SI units. The keys are stable; new ones may join them."""
+    failed = sum(not ok for ok in found.sampled.ok.tolist())
+    return plain(
+        {
+            "scene": scene,
+            "balanced": balanced,
+            "corrections": dict(found.problem.design.corrections),
+            "variables": {
+                one.name: {
+                    "unit": one.unit,
+                    "nominal": found.nominal[i],
+                    "deviation": found.deviation[i],
+                    **given[one.name]._asdict(),
+                }
+                for i, one in enumerate(found.problem.variables)
+            },
+            "correlations": [{"between": pair, "value": v} for pair, v in correlations.items()],
+            "samples": len(found.sampled.ok),
+            "failed": failed,
+            "quantities": {
+                name: _quantity(found, i, unit)
+                for i, (name, unit) in enumerate(zip(found.names, found.problem.units, strict=True))
+            },
+            "limits": [_limit(one, found) for one in found.reliability],
+            "remarks": found.remarks,
+        }
+    )
+
+
+def _quantity(found: jc.tolerancing.Tolerances, i: int, unit: str) -> dict[str, Any]:
+    sampled, second = found.sampled, found.second_order
+    levels = sampled.quantile(_SHARES)[:, i] if sampled.ok.sum() > 1 else [None] * len(_SHARES)
+    keys = ("mean", "mean_error", "deviation", "deviation_error", "skewness")
+
+    def moments(order):
+        return {"mean": order.mean[i], "deviation": order.deviation[i]}
+
+    def swings(name):
+        low, high = found.swings[:, found.variables.index(name), i]
+        return {"at_low_limit": low, "at_high_limit": high}
+
+    return {
+        "unit": unit,
+        "nominal": found.value[i],
+        **{key: getattr(sampled, key)[i] for key in keys},
+        "percentiles": dict(zip(_SHARE_NAMES, levels, strict=True)),
+        "first_order": moments(found.first_order),
+        "second_order": None if second is None else moments(second),
+        "contributors": [
+            {"variable": name, "share": share, **swings(name)}
+            for name, share in found.ranking(found.names[i])
+        ],
+    }
+
+
+def _limit(one, found: jc.tolerancing.Tolerances) -> dict[str, Any]:
+    design = one.design.tolist()
+    known = all(map(math.isfinite, design))
+    keys = ("sampled", "sampled_interval", "beta", "first_order", "second_order", "near_points",
+            "near_points_error")  # fmt: skip
+    return {
+        "quantity": one.limit.quantity,
+        "bound": one.limit.bound,
+        "broken_above": one.limit.above,
+        **{key: getattr(one, key) for key in keys},
+        "nearest_points": len(one.points),
+        "most_likely_design": dict(zip(found.variables, design, strict=True)) if known else None,
+        "importance": dict(zip(found.variables, one.importance, strict=True)),
+    }
+
+
+def permitted_tolerances(
+    found: jc.tolerancing.Tolerances, text: str
+) -> list[jc.tolerancing.Permitted]:
+    """How much tighter all tolerances would have to be, and those of the largest contributor alone.
+
+    Raises:
+        CommandError: a share that cannot be read or is none.
+    """
+    share = float(jc.scene.to_si(entry(text), "", "--rejects"))
+    if not 0 < share < 1:
+        raise CommandError(f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
+    first = found.ranking(found.reliability[0].limit.quantity)[0][0]
+    return [jc.tolerancing.permitted(found, share), jc.tolerancing.permitted(found, share, [first])]
+
+
+def tolerance_sentences(found: jc.tolerancing.Tolerances, result: dict[str, Any]) -> Iterator[str]:
+    """The answer in a sentence for each limit, or for each quantity where there is none."""
+    design, limited = found.problem.design, {one.limit.quantity for one in found.reliability}
+    for one in found.reliability:
+        look = _look(found, one.limit.quantity)
+        side = "exceed" if one.limit.above else "fall below"
+        low, high = (f"{100 * end:.2g}" for end in one.sampled_interval)
+        text = (
+            f"About {100 * one.sampled:.2g} % of the machines {side} {look.text(one.limit.bound)} "
+            f"({look.words.lower()}; {low} to {high} % with 95 % confidence). "
+        )
+        yield text + _causes(found, design, one.limit.quantity)
+    for place, name in enumerate(found.names):
+        spread = found.sampled.deviation[place]
+        if name not in limited and math.isfinite(spread):
+            look = _look(found, name)
+            text = (
+                f"{look.words}: {look.text(found.sampled.mean[place])} on average, with a standard "
+            )
+            yield f"{text}deviation of {look.text(spread, 3)}. {_causes(found, design, name)}"
+    for one in result.get("permitted", ()):
+        all_of_them = len(one["variables"]) == len(found.variables)
+        whose = (
+            "all tolerances"
+            if all_of_them
+            else f"that of {jc.design.variable_label(design, one['variables'][0])}"
+        )
+        if not math.isfinite(one["factor"] or math.nan):
+            yield f"Changing {whose} does not bring the rejects down so far."
+            continue
+        word = "tightened" if one["factor"] < 1 else "widened"
+        yield (
+            f"With {whose} {word} to {one['factor']:.3g} times what they are, "
+            f"{100 * one['rejects']:.2g} % are rejected."
+        )
+
+
+def _causes(found: jc.tolerancing.Tolerances, design, name: str) -> str:
+    ranked = [(one, share) for one, share in found.ranking(name) if math.isfinite(share)]
+    if not ranked:
+        return ""
+    causes = [f"{jc.design.variable_label(design, one)} {100 * min(share, 1):.0f} %" for one, share in ranked[:3]
+              if share > 0.05 or one == ranked[0][0]]  # fmt: skip
+    first, share = ranked[0]
+    causes[0] = (
+        f"{jc.design.variable_label(design, first)} causes {100 * min(share, 1):.0f} % of the variance"
+    )
+    text = ", ".join(causes)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def tolerance_tables(found: jc.tolerancing.Tolerances, result: dict[str, Any]) -> Iterator[Any]:
+    """Sentences, distributions, contributors, probabilities, and remarks on what disagrees."""
+    yield from (escape(text) for text in tolerance_sentences(found, result))
+    yield _distributions(found, result)
+    yield _orders(found, result)
+    for name in found.names:
+        yield _contributors(found, name)
+    if found.reliability:
+        yield _probabilities(found)
+    for remark in found.remarks:
+        yield f"[yellow]Note:[/yellow] {remark}"
+
+
+def _distributions(found: jc.tolerancing.Tolerances, result):
+    failed = f", {result['failed']:,} not solved" if result["failed"] else ""
+    rows = []
+    for look, row in _entries(found, result):
+        numbers = (row["nominal"], row["mean"], row["deviation"], row["percentiles"]["5"],
+                   row["percentiles"]["95"])  # fmt: skip
+        rows.append((look.label, *(_cell(x, look.factor) for x in numbers)))
+    title = f"{result['scene']}: {result['samples']:,} machines{failed}"
+    return row_table(title, ("Quantity", "Nominal", "Mean", "Deviation", "5 %", "95 %"), rows)
+
+
+def _orders(found: jc.tolerancing.Tolerances, result):
+    rows, nothing = [], {"mean": None, "deviation": None}
+    for look, row in _entries(found, result):
+        orders = (row["first_order"], row["second_order"] or nothing)
+        cells = (_cell(one[key], look.factor) for one in orders for key in ("mean", "deviation"))
+        rows.append((look.label, *cells))
+    heads = ("By derivatives", "1st-order mean", "Deviation", "2nd-order mean", "Deviation")
+    return row_table(None, heads, rows)
+
+
+def _look(found: jc.tolerancing.Tolerances, name: str):
+    """How a quantity is shown."""
+    from .._shown import shown
+
+    place = found.names.index(name)
+    return shown(name, found.problem.units[place], found.value[place])
+
+
+def _entries(found: jc.tolerancing.Tolerances, result):
+    return [(_look(found, name), result["quantities"][name]) for name in found.names]
+
+
+def _contributors(found: jc.tolerancing.Tolerances, name: str):
+    look, place = _look(found, name), found.names.index(name)
+    design, ranking = found.problem.design, found.ranking(name)
+    rows = []
+    for variable, share in ranking[:_ROWS]:
+        swing = found.swings[:, found.variables.index(variable), place]
+        cells = (_cell(x, look.factor) for x in swing)
+        rows.append((escape(jc.design.variable_label(design, variable)), f"{100 * share:.1f} %", *cells))
+    # a name is broken where it would leave the numbers no space in 80 columns
+    narrow = max(len(row[0]) for row in rows) <= 45
+    if len(ranking) > _ROWS:
+        rest = sum(share for _, share in ranking[_ROWS:])
+        rows.append((f"{len(ranking) - _ROWS} more", f"{100 * rest:.1f} %", "", ""))
+    ends = (f"Low limit, {look.unit}", f"High limit, {look.unit}") if look.unit else ("Low", "High")
+    title = "Contributors to " + look.words[:1].lower() + look.words[1:]
+    table = row_table(title, ("Variable", "Share of variance", *ends), rows)
+    table.columns[0].no_wrap, table.columns[0].overflow = narrow, "fold"
+    return table
+
+
+def _probabilities(found: jc.tolerancing.Tolerances):
+    rows = []
+    for one in found.reliability:
+        look, sign = _look(found, one.limit.quantity), "<=" if one.limit.above else ">="
+        low, high = one.sampled_interval
+        near = _cell(one.near_points, 1, 3)
+        rows.append(
+            (
+                f"{look.words} {sign} {look.text(one.limit.bound)}",
+                _cell(one.beta, 1, 4),
+                _cell(one.first_order, 1, 3),
+                _cell(one.second_order, 1, 3),
+                near and f"{near} ± {one.near_points_error:.1g}",
+                f"{one.sampled:.3g} ({low:.2g} to {high:.2g})",
+            )
+        )
+    heads = ("Limit", "Beta", "1st order", "2nd order", "About the points", "Samples (95 %)")
+    return row_table("Probability of breaking a limit", heads, rows)
+
+
+def _cell(value, factor, digits: int = 5) -> str:
+    return "" if value is None or not math.isfinite(value) else f"{value * factor:.{digits}g}"
