@@ -4,11 +4,13 @@ from typing import Annotated, Any
 
 import typer
 
+import jaxcomp as jc
+
 from ._arguments import assignments, changed_scene
 from ._completion import complete_machine, complete_variable
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, OutWithoutScene, Sets
-from ._output import show_results, write_results
+from ._output import hand_out
 from ._start import start_jax
 from ._tables import beside_table
 
@@ -48,21 +50,17 @@ def compare(
         raise CommandError("--with: is for one machine alone")
     from .._status import SolveFailed
     from .._waits import spinner
-    from ..crank import solve_orbit
-    from ..design import compared_designs
-    from ..plot import compared_losses
 
     start_jax(once=True)
-    scenes = _scenes(machines, variants or (), sets or ())
-    orbits = []
+    scenes, orbits = _scenes(machines, variants or (), sets or ()), []
     with spinner("Solving the periodic states (the first time they are compiled as well) ..."):
         for label, scene in scenes.items():
             try:
-                orbits.append(solve_orbit(scene.as_compressor()))
+                orbits.append(jc.solve_orbit(scene.as_compressor()))
             except SolveFailed as error:
                 raise CommandError(f"{label}: {error}") from None
     designs = [one.machine for one in scenes.values()]
-    rows = [one._asdict() for one in compared_designs(designs, orbits)]
+    rows = [one._asdict() for one in jc.design.compared_designs(designs, orbits)]
     result: dict[str, Any] = {
         "machines": [
             {"label": label, "machine": scene.name, "file": scene.file}
@@ -71,10 +69,12 @@ def compare(
         "set": list(sets or ()),
         "figures": rows,
     }
-    tables = [beside_table(rows, list(scenes))]
-    if out is not None:
-        write_results(out, {"losses": compared_losses(rows, list(scenes))}, result, None, tables)
-    show_results(result, tables, as_json, out, "Report, picture and result")
+
+    def figures():
+        return {"losses": jc.plot.compared_losses(rows, list(scenes))}
+
+    tables, written = [beside_table(rows, list(scenes))], "Report, picture and result"
+    hand_out(result, tables, as_json, out, figures, written=written)
 
 
 def _scenes(machines, variants, sets) -> dict[str, Any]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 import jaxcomp as jc
 
@@ -14,10 +14,11 @@ from ._arguments import changed_scene
 from ._completion import complete_quantity
 from ._errors import CommandError, reports_errors
 from ._optimise import Accuracy
-from ._options import AsJson, Designs, Excitation, Machine, Out, Sets
-from ._output import show_results, write_results
+from ._options import AsJson, Designs, ExcitationOption, Machine, Out, Sets
+from ._output import hand_out
 from ._start import start_jax
-from ._tables import _table
+from ._sweep import default_quantities
+from ._tables import row_table
 
 
 @reports_errors
@@ -34,10 +35,7 @@ def sensitivity(
     ] = None,
     sets: Sets = None,
     designs: Designs = None,
-    excitation: Annotated[
-        Excitation | None,
-        typer.Option(help="What shakes a rotor: forces of the file, or of the crank."),
-    ] = None,
+    excitation: ExcitationOption = None,
     accuracy: Annotated[
         Accuracy,
         typer.Option(help="fast: efficiency to 1e-5, compiles three times as fast."),
@@ -56,27 +54,25 @@ def sensitivity(
     Example: [bold]jaxcomp sensitivity mayekawa-wbhe --quantity mechanical_efficiency --out result[/bold]
     """
     from .._waits import spinner
-    from ..design import AnalysisOptions
-    from ..design import sensitivity as study
-    from ..plot import sensitivity_figures
     from ._optimise_search import SOLVERS
-    from ._sweep import default_quantities
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
-    options = AnalysisOptions(SOLVERS[accuracy.value], excitation and excitation.value)
-    asked = list(dict.fromkeys(quantity or default_quantities(scene)))
+    options = jc.AnalysisOptions(SOLVERS[accuracy.value], excitation and excitation.value)
+    names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with spinner("Solving (the first time it is compiled as well) ..."):
-        found = study(scene, asked, options=options)
+        found = jc.design.sensitivity(scene, names, options=options)
     if not found.ok:
         raise CommandError(
             f"{machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
         )
     result, tables = sensitivity_result(found, scene.name), sensitivity_tables(found, rows)
-    if out is not None:
-        figures = sensitivity_figures(found, scene.name)
-        write_results(out, figures, result, scene, tables, {"sensitivity": found.columns()})
-    show_results(result, tables, as_json, out)
+
+    def figures():
+        return jc.plot.sensitivity_figures(found, scene.name)
+
+    curves = None if out is None else {"sensitivity": found.columns()}
+    hand_out(result, tables, as_json, out, figures, scene, curves)
 
 
 def sensitivity_result(found: jc.design.Sensitivity, machine: str) -> dict[str, Any]:
@@ -107,26 +103,23 @@ def sensitivity_result(found: jc.design.Sensitivity, machine: str) -> dict[str, 
     }
 
 
-def sensitivity_tables(found: jc.design.Sensitivity, rows: int) -> list[Table]:
+def sensitivity_tables(found: jc.design.Sensitivity, rows: int) -> Iterator[Any]:
     """For each quantity the numbers with the largest influence."""
     from .._shown import shown
 
-    tables = []
     for name, unit, value in zip(found.quantities, found.quantity_units, found.value, strict=True):
         look, ranked = shown(name, unit, value), found.ranking(name)
+        listed = []
+        for relative in (True, False):
+            kind = [one for one in ranked if one.relative is relative]
+            listed += [(escape(one.part), one.value, one.change) for one in kind[:rows]]
+            listed += [(f"and {len(kind) - rows} more with less", "", "")] * (len(kind) > rows)
+            listed.append(())
         title = f"{look.words} {look.text(float(value))}: its change with every number"
-        table = _table(title, "Number", "Value", "Change", numbers=True)
-        for part in (True, False):
-            kind = [one for one in ranked if one.relative is part]
-            for one in kind[:rows]:
-                table.add_row(escape(one.part), one.value, one.change)
-            if len(kind) > rows:
-                table.add_row(f"and {len(kind) - rows} more with less", "", "")
-            table.add_section()
+        table = row_table(title, ("Number", "Value", "Change"), listed)
         idle = len(found.numbers) - len(ranked)
         if idle:
             what = "number of the machine has" if idle == 1 else "numbers of the machine have"
             table.caption = f"{idle} other {what} no influence."
             table.caption_justify = "left"
-        tables.append(table)
-    return tables
+        yield table

@@ -1,18 +1,19 @@
 """`jaxcomp simulate`: crank motion in time, from rest or a speed, with the motor on or off."""
 
 import enum
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
+
+import jaxcomp as jc
 
 from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
+from ._json import plain
 from ._options import AsJson, Designs, Machine, Out, Sets
-from ._output import show_results, write_results
+from ._output import hand_out
 from ._start import start_jax
-from ._tables import _table, words
+from ._tables import RPM, row_table, words
 
 
 class Method(enum.StrEnum):
@@ -71,99 +72,94 @@ def simulate(
     import diffrax
 
     from .._waits import spinner
-    from ..crank import TimeIntegration
-    from ..crank import simulate as integrate
-    from ..scene import to_si
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
-    end = float(to_si(duration, "s", "--duration"))
+    end = float(jc.scene.to_si(duration, "s", "--duration"))
     if not end > 0:
         raise CommandError(f"--duration {duration}: must be > 0")
-    off = None if power_off is None else float(to_si(power_off, "s", "--power-off"))
-    methods = {name.lower(): getattr(diffrax, name) for name in
-               ("Tsit5", "Dopri8", "Kvaerno3", "Kvaerno5")}  # fmt: skip
-    options = TimeIntegration(methods[solver](), tolerance, samples=samples)
+    off = None if power_off is None else float(jc.scene.to_si(power_off, "s", "--power-off"))
+    method = getattr(diffrax, solver.capitalize())()
     with spinner("Integrating (the first time it is compiled as well) ..."):
-        found = integrate(
+        found = jc.crank.simulate(
             scene.as_compressor(),
             end,
-            angle=float(to_si(angle, "rad", "--angle")),
-            speed=float(to_si(speed, "rad/s", "--speed")),
+            angle=float(jc.scene.to_si(angle, "rad", "--angle")),
+            speed=float(jc.scene.to_si(speed, "rad/s", "--speed")),
             power_off=off,
             until_rest=not swing_back,
-            options=options,
+            options=jc.crank.TimeIntegration(method, tolerance, samples=samples),
         )
-    result = _result(scene, found) | {
+    result = simulate_result(scene, found) | {
         "solver": solver.value,
         "tolerance": tolerance,
         "power_off": off,
         "set": assignments(sets or (), "--set"),
         "design": assignments(designs or (), "--design"),
     }
-    tables = [_table_of(result)]
-    if out is not None:
-        with spinner("Drawing ..."):
-            _write(out, scene, found, off, result, tables, write_results)
-    show_results(result, tables, as_json, out)
+
+    def figures():
+        return {"motion": jc.plot.transient_figure(found, scene.name, off)}
+
+    tables = [simulate_table(result)]
+    hand_out(result, tables, as_json, out, figures, scene, {"motion": found.columns()})
 
 
-def _result(scene, found) -> dict[str, Any]:
+def simulate_result(scene, found) -> dict[str, Any]:
     """The motion in plain numbers in SI units."""
     import numpy as np
 
     from .._status import Status
 
     time, angle, speed = (np.asarray(x) for x in (found.time, found.state.angle, found.state.speed))
-    energy, highest = found.energy, float(speed.max())
-    return {
-        "machine": scene.name,
-        "file": scene.file,
-        "end_time": float(found.end_time),
-        "stopped": bool(found.stopped),
-        "revolutions": float((angle[-1] - angle[0]) / (2 * np.pi)),
-        "end_angle": float(angle[-1]),
-        "end_speed": float(speed[-1]),
-        "highest_speed": highest,
-        "time_of_highest_speed": float(time[speed.argmax()]),
-        "motor_work": float(energy.motor_work[-1]),
-        "gas_work": float(energy.gas_work[-1]),
-        "losses": {name: float(work[-1]) for name, work in energy.losses.items()},
-        "kinetic_energy_gained": float(found.kinetic_energy[-1] - found.kinetic_energy[0]),
-        "energy_residual": float(found.residual[-1]),
-        "steps": int(found.steps),
-        "converged": str(Status[found.status]) == "converged",
-        "status": Status[found.status],
-        "course": {"time": time.tolist(), "angle": angle.tolist(), "speed": speed.tolist()},
-    }
+    energy = found.energy
+    return plain(
+        {
+            "machine": scene.name,
+            "file": scene.file,
+            "end_time": found.end_time,
+            "stopped": found.stopped,
+            "revolutions": (angle[-1] - angle[0]) / (2 * np.pi),
+            "end_angle": angle[-1],
+            "end_speed": speed[-1],
+            "highest_speed": speed.max(),
+            "time_of_highest_speed": time[speed.argmax()],
+            "motor_work": energy.motor_work[-1],
+            "gas_work": energy.gas_work[-1],
+            "losses": {name: work[-1] for name, work in energy.losses.items()},
+            "kinetic_energy_gained": found.kinetic_energy[-1] - found.kinetic_energy[0],
+            "energy_residual": found.residual[-1],
+            "steps": found.steps,
+            "converged": Status[found.status] == "converged",
+            "status": Status[found.status],
+            "course": {"time": time, "angle": angle, "speed": speed},
+        }
+    )
 
 
-def _table_of(result: dict[str, Any]):
-    import math
-
-    table = _table(escape(f"{result['machine']} in time"), "Motion", "", "")
-    rpm = 30 / math.pi
-    end = "the crank came to rest" if result["stopped"] else "end of the time asked for"
-    table.add_row("End", f"{result['end_time']:.5g} s", end)
-    table.add_row("Revolutions", f"{result['revolutions']:.5g}", "")
-    table.add_row("Speed at the end", f"{result['end_speed'] * rpm:.5g} rpm", "")
-    at = f"at {result['time_of_highest_speed']:.4g} s"
-    table.add_row("Highest speed", f"{result['highest_speed'] * rpm:.5g} rpm", at)
-    table.add_section()
-    table.add_row("Work of the motor", f"{result['motor_work']:.5g} J", "since the start")
-    table.add_row("Work on the gas", f"{result['gas_work']:.5g} J", "")
-    for name, loss in result["losses"].items():
-        table.add_row(f"{words(name)}, friction", f"{loss:.4g} J", "")
-    table.add_row("Gained by the motion", f"{result['kinetic_energy_gained']:.5g} J", "")
+def simulate_table(result: dict[str, Any]):
+    """End of the motion, energies, solver."""
+    end = "the crank came to rest" if result["stopped"] else "end of the duration"
     closure = f"{result['energy_residual']:.1e}"
-    table.add_row("Energy closure", closure, "work that is none of these, over the work done")
-    table.add_section()
-    table.add_row("Solver", result["solver"], f"{result['steps']} steps at {result['tolerance']:g}")
-    return table
-
-
-def _write(folder: Path, scene, found, off, result, tables, write_results) -> None:
-    from ..plot import transient_figure
-
-    figures = {"motion": transient_figure(found, scene.name, off)}
-    write_results(folder, figures, result, scene, tables, {"motion": found.columns()})
+    rows = (
+        ("End", f"{result['end_time']:.5g} s", end),
+        ("Revolutions", f"{result['revolutions']:.5g}", ""),
+        ("Speed at the end", f"{result['end_speed'] * RPM:.5g} rpm", ""),
+        (
+            "Highest speed",
+            f"{result['highest_speed'] * RPM:.5g} rpm",
+            f"at {result['time_of_highest_speed']:.4g} s",
+        ),
+        (),
+        ("Work of the motor", f"{result['motor_work']:.5g} J", "since the start"),
+        ("Work on the gas", f"{result['gas_work']:.5g} J", ""),
+        *(
+            (f"{words(name)}, friction", f"{loss:.4g} J", "")
+            for name, loss in result["losses"].items()
+        ),
+        ("Gained by the motion", f"{result['kinetic_energy_gained']:.5g} J", ""),
+        ("Energy closure", closure, "work that is none of these, over the work done"),
+        (),
+        ("Solver", result["solver"], f"{result['steps']} steps at {result['tolerance']:g}"),
+    )
+    return row_table(f"{result['machine']} in time", ("Motion", "", ""), rows, texts=3)
