@@ -5,8 +5,6 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from ._registry import registered_quantity
 
 # [rpm] in 1 rad/s
@@ -76,6 +74,8 @@ def shown(name: str, unit: str, values) -> Shown:
     words, percent = spelled(name)
     if not unit:
         return Shown(words, "%" if percent else "", 100.0 if percent else 1.0)
+    import numpy as np  # not before it is needed: help and completion start without it
+
     values = np.abs(np.asarray(values, dtype=float))
     values = values[np.isfinite(values)]
     size = values.max() if values.size else 0.0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Study(enum.StrEnum):
-    """What is studied."""
+    """Kind of study."""
 
     orbit = "orbit"
     quantities = "quantities"

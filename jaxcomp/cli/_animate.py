@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
 
 import jaxcomp as jc
 
+from .._shown import RPM
 from ._arguments import changed_scene
 from ._errors import CommandError, reports_errors
 from ._options import Machine, Sets
 from ._output import show_results, write_results
 from ._rotor import points_and_range, rotor_of
 from ._start import start_jax
-from ._tables import _table
+from ._tables import row_table
 
 
 @reports_errors
@@ -111,18 +110,18 @@ def balancing_motion(
 
 
 def animate_tables(result: dict[str, Any]):
-    """What was solved for the pictures, in the units of their captions."""
-    table = _table(escape(f"{result['machine']}: moving pictures"), "What", "")
-    rpm = 30 / math.pi
+    """Results that the pictures show, in the units of their captions."""
     rows = (
         ("Mechanical efficiency", "mechanical_efficiency", 100, "%"),
-        ("Mean speed", "mean_speed", rpm, "rpm"),
-        ("Speed of the rotor", "speed", rpm, "rpm"),
+        ("Mean speed", "mean_speed", RPM, "rpm"),
+        ("Speed of the rotor", "speed", RPM, "rpm"),
         ("Largest motion before balancing", "largest_before", 1e6, "µm"),
         ("Largest motion after balancing", "largest_after", 1e6, "µm"),
         ("Root mean square at the targets that is left", "improvement", 100, "%"),
     )
-    for words, key, factor, unit in rows:
-        if key in result:
-            table.add_row(words, f"{factor * result[key]:.4g} {unit}")
-    return [table]
+    cells = (
+        (words, f"{factor * result[key]:.4g} {unit}")
+        for words, key, factor, unit in rows
+        if key in result
+    )
+    return [row_table(f"{result['machine']}: moving pictures", ("Quantity", ""), cells, texts=2)]

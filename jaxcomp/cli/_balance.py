@@ -15,6 +15,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
+from .._shown import RPM, rounded, small_unit
 from ._arguments import assignments, changed_scene, entry
 from ._completion import complete_machine
 from ._errors import CommandError, reports_errors
@@ -23,11 +24,11 @@ from ._options import AsJson, Excitation, Out, Sets
 from ._output import hand_out
 from ._rotor import rotor_of, scene_speeds, speeds_of
 from ._start import start_jax
-from ._tables import RPM, column_table, row_table
+from ._tables import column_table, row_table
 
 
 class Method(enum.StrEnum):
-    """What is made small; `classical` balances the rotor alone, as a balancing machine does.
+    """Objective of the balance; `classical` balances the rotor alone, as a balancing machine does.
 
     With the crank's forces it carries a ring for the rotating part of the rod, which is among them.
     """
@@ -380,8 +381,6 @@ def shown_vibration(result: dict[str, Any]) -> tuple[str, float]:
 
 def worse_sentence(result: dict[str, Any]) -> str:
     """The readings that get worse, with the one that does so most."""
-    from .._shown import rounded
-
     unit, factor = shown_vibration(result)
     rows = [row for row in result["rows"] if row["after"] > row["before"]]
     if not rows:
@@ -396,8 +395,6 @@ def worse_sentence(result: dict[str, Any]) -> str:
 
 def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
     """Corrections, vibration before and after, quality of the balance."""
-    from .._shown import rounded
-
     unit, factor = small_unit(result["correction_unit"])
     planes = result["planes"]
     radii = [plane["radius"] and f"{plane['radius'] * 1e3:.4g}" for plane in planes]

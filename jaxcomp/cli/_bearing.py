@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
+from .._shown import RPM
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, OutWithoutScene
 from ._output import hand_out
@@ -167,8 +168,6 @@ def _complete(value: Any) -> Any:
 
 def bearing_tables(result: dict[str, Any]):
     """Position and friction, then stiffness and damping; what a model does not give is left out."""
-
-    from .._shown import RPM
 
     size = f"{result['length'] * 1e3:.4g} x {result['diameter'] * 1e3:.4g} mm"
     rows = [

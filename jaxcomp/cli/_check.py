@@ -11,11 +11,12 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
+from .._shown import RPM
 from ._errors import reports_errors, show_error
 from ._options import AsJson, Machine
 from ._output import show_results
 from ._start import start_jax
-from ._tables import _table
+from ._tables import row_table
 
 
 @reports_errors
@@ -74,27 +75,33 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
             dict(zip(("what", "value", "unit"), row, strict=True)) for row in _follows(scene)
         ],
         "commands": _commands(scene),
-        "unusual": [doubt._asdict() for doubt in jc.scene.implausible_values(scene)],
+        "unusual": [value._asdict() for value in jc.scene.implausible_values(scene)],
     }
 
 
 def check_tables(result: dict[str, Any]):
     """Tables of `check_result`."""
-    title = escape(f"{result['machine']}: {result['description']}")
-    parts = _table(title, "Part", "Type", "Values", "By default", "Without source", numbers=True)
-    parts.columns[1].justify = "left"
-    for name, part in result["parts"].items():
-        counts = [str(part[key]) for key in ("values", "defaults", "without_source")]
-        parts.add_row(name, part["type"], *counts)
-    yield parts
-    follows = _table(None, "What follows", "", "")
-    for row in result["follows"]:
-        value = row["value"] if isinstance(row["value"], str) else f"{row['value']:.5g}"
-        follows.add_row(*map(escape, (row["what"], value, row["unit"])))
-    yield follows
-    for doubt in result["unusual"]:
-        text = escape(f"{doubt['path']}: {doubt['what']}, usual is {doubt['usual']}")
-        yield f"[yellow]unusual[/yellow]  {text}"
+    counts = ("values", "defaults", "without_source")
+    yield row_table(
+        f"{result['machine']}: {result['description']}",
+        ("Part", "Type", "Values", "By default", "Without source"),
+        (
+            (name, part["type"], *(part[count] for count in counts))
+            for name, part in result["parts"].items()
+        ),
+        texts=2,
+    )
+
+    def text(value):
+        return value if isinstance(value, str) else f"{value:.5g}"
+
+    follows = (
+        map(escape, (row["what"], text(row["value"]), row["unit"])) for row in result["follows"]
+    )
+    yield row_table(None, ("What follows", "", ""), follows, texts=3)
+    for value in result["unusual"]:
+        shown = escape(f"{value['path']}: {value['what']}, usual is {value['usual']}")
+        yield f"[yellow]unusual[/yellow]  {shown}"
     verdict = "valid" if not result["unusual"] else "valid; look at the unusual values again"
     yield f"[green]{verdict}[/green]; for jaxcomp {', '.join(result['commands'])}"
 
@@ -123,7 +130,7 @@ def _commands(scene: jc.scene.Scene) -> list[str]:
 
 
 def _follows(scene: jc.scene.Scene):
-    """(what, value, unit) in the units of a drawing."""
+    """(name, value, unit) of what follows from the entries, in shown units."""
     names = jc.design.variable_names(jc.machine.machine_of(scene))
     rules = ", ".join(name for name in names if name in jc.design.design_rules)
     yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
@@ -140,7 +147,7 @@ def _follows(scene: jc.scene.Scene):
         if isinstance(gas, jc.gas.PolytropicCycle):
             yield "Pressure ratio", float(gas.discharge_pressure / gas.suction_pressure), ""
         speed = float(scene.compressor.motor.speed_guess)
-        yield "Speed, about", speed * 30 / math.pi, "rpm"
+        yield "Speed, about", speed * RPM, "rpm"
         yield "Mean piston speed, about", float(mechanism.stroke) * speed / math.pi, "m/s"
         yield "Degrees of freedom of the crank", 1, ""
     model = scene.parts.get("rotor")

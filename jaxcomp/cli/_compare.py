@@ -78,7 +78,7 @@ def compare(
 
 
 def _scenes(machines, variants, sets) -> dict[str, Any]:
-    """The designs by what tells them apart."""
+    """The designs by their labels."""
     found = {}
     for place, machine in enumerate(machines, 1):
         scene = changed_scene(machine, sets)

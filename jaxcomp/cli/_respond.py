@@ -9,6 +9,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
+from .._shown import RPM
 from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
 from ._json import plain
@@ -16,7 +17,7 @@ from ._options import AsJson, Machine, Out, Sets
 from ._output import hand_out
 from ._rotor import Speed, Speeds, header, points_and_range, pull_row, rotor_of, whirl
 from ._start import start_jax
-from ._tables import RPM, row_table
+from ._tables import row_table
 
 if TYPE_CHECKING:
     import numpy as np

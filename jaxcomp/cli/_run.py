@@ -9,6 +9,7 @@ import typer
 from rich.markup import escape
 
 from .._registry import registered
+from .._shown import RPM, shown
 from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Designs, Machine, Out, Sets
@@ -221,8 +222,6 @@ def run_tables(scene: "Scene", result: dict[str, Any]) -> Iterator[Any]:
 
 
 def _summary(scene: "Scene", result: dict[str, Any]):
-
-    from .._shown import RPM, shown
 
     changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
     title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
+from .._shown import shown
 from ._arguments import changed_scene
 from ._completion import complete_quantity
 from ._errors import CommandError, reports_errors
@@ -105,8 +106,6 @@ def sensitivity_result(found: jc.design.Sensitivity, machine: str) -> dict[str, 
 
 def sensitivity_tables(found: jc.design.Sensitivity, rows: int) -> Iterator[Any]:
     """For each quantity the numbers with the largest influence."""
-    from .._shown import shown
-
     for name, unit, value in zip(found.quantities, found.quantity_units, found.value, strict=True):
         look, ranked = shown(name, unit, value), found.ranking(name)
         listed = []

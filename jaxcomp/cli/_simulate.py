@@ -7,13 +7,14 @@ import typer
 
 import jaxcomp as jc
 
+from .._shown import RPM
 from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
 from ._json import plain
 from ._options import AsJson, Designs, Machine, Out, Sets
 from ._output import hand_out
 from ._start import start_jax
-from ._tables import RPM, row_table, words
+from ._tables import row_table, words
 
 
 class Method(enum.StrEnum):

@@ -352,7 +352,7 @@ def sweep_tables(found, result: dict[str, Any]):
     failed = f", {result['failed']:,} failed" if result["failed"] else ""
     yield _summary(found, result, f"{result['scene']}: {result['designs']:,} designs{failed}")
     if result["failed"] == result["designs"]:
-        yield f"No design has a result; `jaxcomp run {result['scene']}` tells why one fails.\n"
+        yield f"No design has a result; `jaxcomp run {result['scene']}` states why one fails.\n"
         return
     dims = found["ok"].dims
     if len(dims) == 1 and dims[0] != "sample" and found["ok"].size <= _ROWS:

@@ -1,6 +1,5 @@
 """Tables on the terminal."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +10,11 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from .._registry import Quantity
-from .._shown import behind, shown, units_of
+from .._shown import Shown, behind, shown, units_of
 
 if TYPE_CHECKING:
-    from .._shown import Shown
     from ..scene import Bundled, Row, Scene
 
-# [rpm] in 1 rad/s
-RPM = 30 / math.pi
 # Characters of a value as it was given; JSON has all of it.
 _LONGEST = 120
 
@@ -130,8 +126,6 @@ def beside_table(
         labels: of the designs.
         title: above the table.
     """
-    from .._shown import shown
-
     first, *others = map(escape, labels)
     heads = [head for label in others for head in (label, "Change")]
     table = _table(title, "Losses, forces, dimensions", first, *heads, numbers=True)
@@ -144,11 +138,11 @@ def beside_table(
     return table
 
 
-def _text(look: "Shown", value: float | None) -> str:
+def _text(look: Shown, value: float | None) -> str:
     return "" if value is None else look.text(value)
 
 
-def _change(look: "Shown", before: float | None, after: float | None) -> str:
+def _change(look: Shown, before: float | None, after: float | None) -> str:
     if before is None or after is None:
         return ""
     if look.unit == "%":

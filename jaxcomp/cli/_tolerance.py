@@ -13,6 +13,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
+from .._shown import shown
 from ._arguments import assignments, changed_scene, entry
 from ._completion import complete_quantity, complete_variable
 from ._errors import CommandError, reports_errors
@@ -371,8 +372,6 @@ def _orders(found: jc.tolerancing.Tolerances, result):
 
 def _look(found: jc.tolerancing.Tolerances, name: str):
     """How a quantity is shown."""
-    from .._shown import shown
-
     place = found.names.index(name)
     return shown(name, found.problem.units[place], found.value[place])
 
@@ -388,7 +387,9 @@ def _contributors(found: jc.tolerancing.Tolerances, name: str):
     for variable, share in ranking[:_ROWS]:
         swing = found.swings[:, found.variables.index(variable), place]
         cells = (_cell(x, look.factor) for x in swing)
-        rows.append((escape(jc.design.variable_label(design, variable)), f"{100 * share:.1f} %", *cells))
+        rows.append(
+            (escape(jc.design.variable_label(design, variable)), f"{100 * share:.1f} %", *cells)
+        )
     # a name is broken where it would leave the numbers no space in 80 columns
     narrow = max(len(row[0]) for row in rows) <= 45
     if len(ranking) > _ROWS:

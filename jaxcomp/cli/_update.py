@@ -18,9 +18,9 @@ import jaxcomp as jc
 from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
 from ._options import AsJson, Machine, Out, Sets
-from ._output import show_results, write_results
+from ._output import hand_out
 from ._start import start_jax
-from ._tables import _table
+from ._tables import row_table
 
 
 @reports_errors
@@ -74,18 +74,15 @@ def update(
     scene = changed_scene(machine, sets or (), ())
     model = rotor_of(scene)
     with spinner("Fitting (the first time it is compiled as well) ..."):
-        result: dict[str, Any]
         result, scene = update_result(
             scene, model, variable, frequencies, modes, (low, high), not held, regularisation
         )
     result["set"] = assignments(sets or (), "--set")
-    tables = update_tables(result)
-    if out is not None:
-        with spinner("Drawing ..."):
-            from ..plot import rotor_drawing
 
-            write_results(out, {"rotor": rotor_drawing(rotor_of(scene))}, result, scene, tables)
-    show_results(result, tables, as_json, out)
+    def figures():
+        return {"rotor": jc.plot.rotor_drawing(rotor_of(scene))}
+
+    hand_out(result, update_tables(result), as_json, out, figures, scene)
 
 
 # Frequencies closer than this, relative, are one pair of an axisymmetric rotor.
@@ -193,18 +190,30 @@ def update_result(
 
 def update_tables(result: dict[str, Any]) -> list[Table]:
     """Frequencies before and after, and the fitted numbers."""
-    title = f"{result['machine']}: natural frequencies in Hz"
-    modes = _table(escape(title), "Mode", "Measured", "Before", "After", "Error", numbers=True)
-    for row in result["modes"]:
-        shown = (f"{row[key] / (2 * math.pi):.5g}" for key in ("measured", "before", "after"))
-        modes.add_row(str(row["mode"]), *shown, f"{100 * row['error']:.2g} %")
-    table = _table(None, "Fitted", "Factor", "")
-    for row in result["variables"]:
-        word = "at its bound" if row["at_bound"] else ""
-        table.add_row(escape(row["path"]), f"{row['factor']:.5g}", word)
-    word = "converged" if result["converged"] else "[bold red]not converged"
-    table.add_row("Solver", word, f"{result['steps']} steps")
-    return [modes, table]
+    hertz = 1 / (2 * math.pi)
+    modes = (
+        (
+            row["mode"],
+            *(f"{row[key] * hertz:.5g}" for key in ("measured", "before", "after")),
+            f"{100 * row['error']:.2g} %",
+        )
+        for row in result["modes"]
+    )
+    fitted = [
+        (escape(row["path"]), f"{row['factor']:.5g}", row["at_bound"] and "at its bound")
+        for row in result["variables"]
+    ]
+    status = "converged" if result["converged"] else "[bold red]not converged"
+    heads = ("Mode", "Measured", "Before", "After", "Error")
+    return [
+        row_table(f"{result['machine']}: natural frequencies in Hz", heads, modes),
+        row_table(
+            None,
+            ("Fitted", "Factor", ""),
+            [*fitted, ("Solver", status, f"{result['steps']} steps")],
+            texts=3,
+        ),
+    ]
 
 
 def _size(model) -> int:

@@ -19,7 +19,7 @@ def accuracy_figures(report: Report, error: float | None = None) -> dict[str, Fi
 
     Args:
         report: of `jaxcomp.work_precision.accuracy`.
-        error: [-] the error asked for, marked in the diagram.
+        error: [-] the requested error, marked in the diagram.
     """
     figures = {f"accuracy-{report.study}": work_precision_diagram(report, error)}
     if report.orders:
