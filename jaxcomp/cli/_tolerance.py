@@ -326,8 +326,11 @@ def _causes(found: jc.tolerancing.Tolerances, design, name: str) -> str:
     ranked = [(one, share) for one, share in found.ranking(name) if math.isfinite(share)]
     if not ranked:
         return ""
-    causes = [f"{jc.design.variable_label(design, one)} {100 * min(share, 1):.0f} %" for one, share in ranked[:3]
-              if share > 0.05 or one == ranked[0][0]]  # fmt: skip
+    causes = [
+        f"{jc.design.variable_label(design, one)} {100 * min(share, 1):.0f} %"
+        for one, share in ranked[:3]
+        if share > 0.05 or one == ranked[0][0]
+    ]
     first, share = ranked[0]
     causes[0] = (
         f"{jc.design.variable_label(design, first)} causes {100 * min(share, 1):.0f} % of the variance"
