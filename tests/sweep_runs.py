@@ -121,3 +121,14 @@ def main(kind, out, devices="", what="", address="", process="0", count=""):
 
 if __name__ == "__main__":
     main(sys.argv[1], **dict(text.split("=", 1) for text in sys.argv[2:]))
+
+
+def with_nodes(nodes):
+    """Efficiencies of a few designs with so many nodes, and the process that found them."""
+    from jaxcomp import Collocation, sweep
+    from jaxcomp.design import AnalysisOptions
+
+    options = AnalysisOptions(Collocation(nodes=nodes))
+    over = {"bore": [0.12, 0.13, 0.14]}
+    found = sweep(machine(), over, ["mechanical_efficiency"], options=options, progress=False)
+    return os.getpid(), found.mechanical_efficiency.values

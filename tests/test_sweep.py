@@ -1,6 +1,7 @@
 """`sweep`: the same numbers whatever the blocks, devices and processes, and after a kill."""
 
 import json
+import multiprocessing
 import os
 import random
 import shutil
@@ -150,6 +151,17 @@ def test_devices_change_nothing(small, tmp_path):
     one, two = np.load(tmp_path / "both.npy")
     np.testing.assert_array_equal(one, two)
     np.testing.assert_array_equal(one, small.mechanical_efficiency)
+
+
+@pytest.mark.slow  # two processes that import JAX and compile
+def test_options_of_a_solver_are_swept_in_processes_that_end():
+    """As the docstring of `sweep` says: what a process compiled goes with it."""
+    pool = multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1)
+    with pool:
+        coarse, fine = pool.map(sweep_runs.with_nodes, [8, 16], chunksize=1)
+    assert coarse[0] != fine[0]
+    # both are converged to 1e-8 of the losses or better, a tenth of which is lost
+    np.testing.assert_allclose(coarse[1], fine[1], rtol=1e-8)
 
 
 def test_killed_sweep_resumes_and_loses_nothing(many, tmp_path):

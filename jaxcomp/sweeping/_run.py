@@ -67,8 +67,9 @@ def sweep(
 
     Options of a solver that are no numbers of a design (nodes, kinks, the kind of a law) are compiled
     into the program: every combination keeps some 13 MB in the process, which `jax.clear_caches()`
-    does not give back. Sweep over such options in processes that end, for instance those of
-    `multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1)`.
+    does not give back. Sweep over such options in processes that end:
+    `multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1).map(function, options,
+    chunksize=1)` gives every option a process of its own, for a function of a module that sweeps.
 
     A process of `jax.distributed` works on its share of the blocks and then on what others have not
     done yet; all of them must see the folder `out`.
