@@ -10,10 +10,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._fields import ANY, Part, quantity
-from .friction import JointLoads, SliderCrankFriction, SliderLinkFriction, joint_loads
+from ._fields import ANY, BadInput, Part, is_traced, quantity, replaced
+from .friction import (
+    AbstractJointLoop,
+    JointLoads,
+    SliderCrankFriction,
+    SliderLinkFriction,
+    closed,
+    joint_loop,
+    several_loops,
+)
 from .gas import AbstractGas, Stroke
-from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
+from .mechanism import AbstractKinematics, AbstractMechanism, CrankState, Cylinders, SliderCrank
 from .motor import AbstractMotor
 
 
@@ -26,9 +34,12 @@ class Compressor(Part):
         gas: loads the piston; `None` for a machine that turns in vacuum.
         friction: the laws of the mechanism's joints; `None` for ideal joints.
         gravity: [m/s^2] field in x and y of the mechanism's frame; without it weights are left out.
+        cylinders: how several cylinders stand about the crankshaft; `None` for a single one.
 
     Raises:
         ValueError: friction of another mechanism's kind.
+        BadInput: several cylinders with another mechanism than a slider-crank, or with an unbalance of
+            the crank that is not that of a throw.
     """
 
     kind: ClassVar[str] = "compressor"
@@ -38,14 +49,39 @@ class Compressor(Part):
     gas: AbstractGas | None = None
     friction: SliderCrankFriction | SliderLinkFriction | None = None
     gravity: Float[Array, "2"] | None = quantity("m/s^2", ANY, shape=(2,), default=None)
+    cylinders: Cylinders | None = None
 
     def __check_init__(self):
+        if self.cylinders is not None:
+            _check_single(self.mechanism)
         wanted = getattr(self.mechanism, "kind", None)
         if self.friction is not None and getattr(self.friction, "kind", None) != wanted:
             kind = getattr(self.friction, "kind", type(self.friction).__name__)
             raise ValueError(
                 f"`friction` must be of the kind of the mechanism, {wanted}, but is {kind}."
             )
+
+    @property
+    def load_reversals(self) -> int:
+        """How many contact or pin loads may reverse in the mid-stroke of an ordinary revolution."""
+        count = 1 if self.cylinders is None else self.cylinders.count
+        return count * self.mechanism.load_reversals
+
+
+def _check_single(mechanism: AbstractMechanism) -> None:
+    """That a mechanism describes one of several cylinders."""
+    if not isinstance(mechanism, SliderCrank):
+        raise BadInput(
+            "mechanism", type(mechanism).__name__, "a slider_crank, for several cylinders"
+        )
+    for name in ("crank_unbalance_across", "crank_couple"):
+        if getattr(mechanism, name) is not None:
+            bound = "absent: with several cylinders the throws have the unbalances"
+            raise BadInput(f"mechanism.{name}", getattr(mechanism, name), bound)
+    given = mechanism.crank_unbalance
+    if not is_traced(given) and bool(jnp.any(given != 0)):
+        bound = "0: with several cylinders the throws have the unbalances"
+        raise BadInput("mechanism.crank_unbalance", given, bound)
 
 
 def compressor_of(machine: Any) -> Compressor:
@@ -60,6 +96,8 @@ def compressor_of(machine: Any) -> Compressor:
 
 class Instants(eqx.Module):
     """What crank angles alone decide, whatever the speed: prepared once and passed on.
+
+    With k cylinders, kinematics, pressure and gas force have a leading axis of k.
 
     Attributes:
         angle: [rad] crank angle.
@@ -88,7 +126,9 @@ def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> In
 
     `sense` is +1 while the crank turns forward, -1 while it turns backward.
     """
-    mechanism = compressor.mechanism
+    mechanism, cylinders = compressor.mechanism, compressor.cylinders
+    if cylinders is not None:
+        return _of_several(compressor, cylinders, angle, sense)
     kinematics = mechanism.kinematics(angle)
     pressure, force = None, jnp.zeros_like(angle)
     if compressor.gas is not None:
@@ -100,6 +140,27 @@ def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> In
     return Instants(
         angle, kinematics, *mechanism.reduced_inertia(kinematics), pressure, force, torque
     )
+
+
+def _of_several(compressor: Compressor, cylinders: Cylinders, angle, sense) -> Instants:
+    """The instants of each cylinder by its own crank angle; inertias and torques are their sums."""
+    one = replaced(compressor, cylinders=None, gravity=None, mechanism=without_crank(compressor))
+    each = instants(one, cylinders.own_angle(angle), sense)
+    torque = jnp.sum(each.conservative, axis=0)
+    if compressor.gravity is not None:
+        own = cylinders.own_gravity(compressor.gravity, angle)
+        torque += jnp.sum(one.mechanism.weight_torque(each.kinematics, own), axis=0)
+        torque += cylinders.weight_torque(angle, compressor.gravity)
+    inertia = compressor.mechanism.crank_inertia + jnp.sum(each.inertia, axis=0)
+    inertia_1 = jnp.sum(each.inertia_1, axis=0)
+    return Instants(
+        angle, each.kinematics, inertia, inertia_1, each.pressure, each.gas_force, torque
+    )
+
+
+def without_crank(compressor: Compressor) -> AbstractMechanism:
+    """One cylinder without the crankshaft, which all share."""
+    return replaced(compressor.mechanism, crank_inertia=jnp.zeros(()), crank_mass=jnp.zeros(()))
 
 
 def _stroke(mechanism: AbstractMechanism, angle, kinematics: AbstractKinematics, sense) -> Stroke:
@@ -115,8 +176,9 @@ def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> S
 
     `sense` is +1 while the crank turns forward, -1 while it turns backward.
     """
-    mechanism = compressor.mechanism
-    return _stroke(mechanism, angle, mechanism.kinematics(angle), sense)
+    mechanism, cylinders = compressor.mechanism, compressor.cylinders
+    own = angle if cylinders is None else cylinders.own_angle(angle)
+    return _stroke(mechanism, own, mechanism.kinematics(own), sense)
 
 
 def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
@@ -143,8 +205,33 @@ def loads_at(
     """
     if gas is None:
         gas = gas_force(compressor, state.angle, jnp.sign(state.speed))
-    return joint_loads(
-        compressor.mechanism, compressor.friction, state, gas, compressor.gravity, evidence
+    loop = loop_of(compressor, state, gas)
+    return loop.loads(closed(loop), evidence)
+
+
+def loop_of(
+    compressor: Compressor,
+    state: CrankState,
+    gas: Float[Array, "*n"],
+    kinematics: AbstractKinematics | None = None,
+) -> AbstractJointLoop:
+    """The joint loop of the compressor at given instants; of all its cylinders if there are several.
+
+    Args:
+        compressor: the machine.
+        state: angle, speed and acceleration of the crank.
+        gas: [N] gas force, of each cylinder if there are several.
+        kinematics: of the mechanism at these angles, where the caller has them already.
+    """
+    mechanism, friction, cylinders = compressor.mechanism, compressor.friction, compressor.cylinders
+    if cylinders is None:
+        return joint_loop(mechanism, friction, state, gas, compressor.gravity, kinematics)
+    single = without_crank(compressor)
+    if kinematics is None:
+        kinematics = single.kinematics(cylinders.own_angle(state.angle))
+    weight = None if compressor.gravity is None else mechanism.crank_mass * compressor.gravity
+    return several_loops(
+        single, friction, cylinders, state, gas, compressor.gravity, weight, kinematics
     )
 
 
@@ -176,6 +263,11 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         for displaced, inward in compressor.gas.valve_events(area * (highest - lowest)):
             angles.append(mechanism.angle_at(highest - displaced / area, inward))
         angles += compressor.gas.event_angles()
-    revolution = 2 * jnp.pi
-    rest = top + jnp.mod(jnp.stack(angles) - top, revolution)
+    revolution, rest = 2 * jnp.pi, jnp.stack(angles)
+    if compressor.cylinders is not None:
+        # the first cylinder's top dead centre is the first edge
+        phase = compressor.cylinders.phase
+        rest = (jnp.append(rest, top) - phase[:, None]).ravel()
+        top = top - phase[0]
+    rest = top + jnp.mod(rest - top, revolution)
     return jnp.concatenate([top[None], jnp.sort(rest)])

@@ -166,6 +166,9 @@ def _with_rotor(compressor: Compressor, rotor, unbalances, pin) -> Compressor:
     from .crankshaft import bearing_positions, crankshaft
 
     mechanism = compressor.mechanism
+    if compressor.cylinders is not None:
+        bound = "absent: the loads of several cylinders on a rotor are not described"
+        raise BadInput("cylinders", compressor.cylinders.count, bound)
     if not hasattr(mechanism, "crank_couple"):
         raise BadInput(
             "mechanism", type(mechanism).__name__, "a slider_crank, for the loads of a rotor"

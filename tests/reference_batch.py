@@ -253,7 +253,7 @@ def many_of(compressors) -> tuple[Many, list]:
 _NEEDED = ("bore", "crank_radius", "conrod_length", "piston_mass", "conrod_mass", "crank_inertia")
 
 
-def one_turn(many: Many, kinks, torque, angle, speed, rtol):
+def one_turn(many: Many, kinks, torque, angle, speed, rtol, steps=1):
     """Integrate one revolution from states (m,); gap of the speed, mean speed and work, (m,) each.
 
     Args:
@@ -261,6 +261,7 @@ def one_turn(many: Many, kinks, torque, angle, speed, rtol):
         torque: (which, speed) -> [N m] of the motors of some machines.
         angle, speed: [rad], [rad/s] where each revolution begins.
         rtol: of a step.
+        steps: between two kinks at least: a step that crosses a load reversal is not always noticed.
     """
     rows = []
     for begin, own in zip(angle, kinks, strict=True):
@@ -282,14 +283,15 @@ def one_turn(many: Many, kinks, torque, angle, speed, rtol):
             grown, losses, gas = part.solve(theta, now, drive, tuple(s[which] for s in signs))
             return np.stack([grown / now, 1 / now, drive, gas, *losses], 1)
 
-        y = march(rate, y, left, right, rtol, rtol * scale)
+        y = march(rate, y, left, right, rtol, rtol * scale, steps)
     work = dict(zip(("motor", "gas", *many.names), y.T[2:], strict=True))
     return y[:, 0] / speed - 1, 2 * np.pi / y[:, 1], work
 
 
-def march(rate, y, left, right, rtol, atol):
+def march(rate, y, left, right, rtol, atol, steps):
     """DOP853 with a step of its own for every row of `y`."""
-    t, y, step = left.copy(), y.copy(), (right - left) / 4
+    longest = (right - left) / steps
+    t, y, step = left.copy(), y.copy(), np.minimum((right - left) / 4, longest)
     going = right - left > 1e-12
     while going.any():
         which = np.flatnonzero(going)
@@ -310,6 +312,7 @@ def march(rate, y, left, right, rtol, atol):
         done = which[good]
         t[done] += h[good]
         y[done] = new[good]
-        step[which] = h * np.clip(0.9 * (error + 1e-30) ** -0.125, 0.2, np.where(good, 10.0, 1.0))
+        h *= np.clip(0.9 * (error + 1e-30) ** -0.125, 0.2, np.where(good, 10.0, 1.0))
+        step[which] = np.minimum(h, longest[which])
         going[which] = right[which] - t[which] > 1e-12
     return y

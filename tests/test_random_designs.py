@@ -124,7 +124,7 @@ def law_of(motors, orbits):
     return lambda which, speed: level[which] + 0 * speed
 
 
-def errors(compressors, orbits) -> dict[str, np.ndarray]:
+def errors(compressors, orbits, steps=1) -> dict[str, np.ndarray]:
     """What the reference finds differently: losses over their sum, everything else relative."""
     many, kinks = reference_batch.many_of(compressors)
     motors = [compressor.motor for compressor in compressors]
@@ -136,7 +136,7 @@ def errors(compressors, orbits) -> dict[str, np.ndarray]:
     fastest = [int(np.argmax(orbit.state.speed)) for orbit in orbits]
     places = zip(orbits, fastest, strict=True)
     angle, speed = np.array([(o.state.angle[i], o.state.speed[i]) for o, i in places], float).T
-    gap, mean, work = reference_batch.one_turn(many, kinks, torque, angle, speed, 1e-11)
+    gap, mean, work = reference_batch.one_turn(many, kinks, torque, angle, speed, 1e-11, steps)
     losses = {name: np.array([o.energy.losses[name] for o in orbits]) for name in many.names}
     total = sum(losses.values())
     # at a given level the work of the motor is that of the orbit, so what it has to cover is compared
@@ -181,16 +181,20 @@ def test_converged_orbits_are_those_of_the_reference(kind, motor, count):
     losses = np.array(share) + 3e-9
     # the gap and the mean speed by what the orbit tells of its speed
     speed = np.array([o.resolution * o.speed_fluctuation for o in found]) + 1e-8
-    wrong = {}
-    for name, error in errors(made, found).items():
-        bound = {"efficiency": efficiency, "gap": speed, "mean speed": speed}.get(name, losses)
-        for at in np.flatnonzero(error > bound):
-            wrong[name, good[at]] = float(error[at] / bound[at])
-    # Two grids may agree by chance: by a little now and then, by much over a load reversal that was not
-    # found, which 2,000 machines with each of two motors had once.
-    worst = {}
-    for (_, design), ratio in wrong.items():
-        worst[design] = max(ratio, worst.get(design, 0.0))
-    assert len(worst) <= max(1, count // 100), wrong
-    assert sum(ratio > 1.5 for ratio in worst.values()) <= count // 1000, wrong
-    assert max(worst.values(), default=0) < 20, wrong
+    allowed = {"efficiency": efficiency, "gap": speed, "mean speed": speed}
+
+    def beyond(which, steps):
+        found_there = errors([made[i] for i in which], [found[i] for i in which], steps)
+        return {
+            (name, which[at]): error[at] / allowed.get(name, losses)[which[at]]
+            for name, error in found_there.items()
+            for at in np.flatnonzero(error > allowed.get(name, losses)[which])
+        }
+
+    wrong = beyond(np.arange(len(made)), 1)
+    # The reference steps over a load reversal unaware now and then, up to 4e-7 off, so what differs is
+    # compared once more, in shorter steps.
+    suspects = np.array(sorted({design for _, design in wrong}), int)
+    if suspects.size:
+        wrong = beyond(suspects, 200)
+    assert not wrong, {(name, good[at]): ratio for (name, at), ratio in wrong.items()}

@@ -78,7 +78,7 @@ def run(
     compressor = scene.as_compressor()
     given = {} if tolerance is None else {"tolerance": tolerance}
     kind = crank.Shooting if solver is Solver.shooting else crank.Collocation
-    method = kind(reversals=compressor.mechanism.load_reversals, **given)
+    method = kind(reversals=compressor.load_reversals, **given)
     with spinner("Solving the periodic state (the first time it is compiled as well) ..."):
         orbit = crank.solve_orbit(compressor, method, verify=verify or out is not None)
         result = run_result(scene, orbit)
@@ -230,7 +230,9 @@ def _summary(scene: "Scene", result: dict[str, Any]):
     if bore is not None:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
-        rows.append(("Bore x stroke", size, f"{volume} swept"))
+        cylinders = scene.as_compressor().cylinders
+        each = "" if cylinders is None else f" in each of {cylinders.count} cylinders"
+        rows.append(("Bore x stroke", size, f"{volume} swept{each}"))
     low, high = (f"{RPM * result[f'{end}_speed']:.5g}" for end in ("lowest", "highest"))
     notes = {
         "mean_speed": f"{result['mean_speed']:.5g} rad/s",

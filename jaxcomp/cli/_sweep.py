@@ -196,7 +196,7 @@ def analysis_options(
     if not given or scene.compressor is None:
         return jc.design.AnalysisOptions()
     return jc.design.AnalysisOptions(
-        jc.crank.Collocation(**{"reversals": scene.compressor.mechanism.load_reversals} | given)
+        jc.crank.Collocation(**{"reversals": scene.compressor.load_reversals} | given)
     )
 
 

@@ -15,8 +15,7 @@ from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport, fixed_point, frozen
 from .._status import Status
-from ..compressor import Compressor, instants, kink_angles
-from ..friction import joint_loop
+from ..compressor import Compressor, instants, kink_angles, loop_of
 from ..mechanism import CrankState
 from ._closure import Instant, closure_of
 from ._iteration import (
@@ -25,7 +24,6 @@ from ._iteration import (
     Motion,
     Resolution,
     joints_of,
-    loop_of,
     prepare,
     revolution_edges,
     state_of,
@@ -91,7 +89,7 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
     at = instants(compressor, grid.angle)
     speed = jnp.full_like(grid.angle, compressor.motor.speed_guess)
     state = CrankState(grid.angle, speed, jnp.zeros_like(speed))
-    loop = loop_of(compressor, at, state)
+    loop = loop_of(compressor, state, at.gas_force, at.kinematics)
     torque = 0.5 * at.inertia_1 * speed**2 - at.conservative
     energy = Energy(grid.total(torque), -grid.total(at.conservative), {})
     report = FixedPointReport(jnp.asarray(0), jnp.zeros(()), jnp.asarray(True))
@@ -127,23 +125,19 @@ def _quadrature_error(grid: Panels, fine: Panels, values, finer) -> Float[Array,
 
     Panel by panel the larger of two estimates, so that neither errors of opposite sign nor a kink for
     which both rules are wrong alike pass unseen: what twice the nodes change, and the last two Legendre
-    coefficients at twice the nodes, which those that the quadrature mistakes for a mean do not exceed.
+    coefficients at twice the nodes, behind which those begin that the quadrature mistakes for a mean.
     """
     change = jnp.abs(finer @ fine.rule.weights - values @ grid.rule.weights)
     last = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
-    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, last))
+    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * last))
 
 
 def loop_kinks(compressor: Compressor) -> int:
     """How many of the quantities that mark load reversals are kinks."""
     zero = jnp.zeros(())
-    loop = eqx.filter_eval_shape(
-        lambda c: joint_loop(
-            c.mechanism, c.friction, CrankState(zero, zero, zero), zero, c.gravity
-        ),
-        compressor,
-    )
-    return loop.kinks
+    still = CrankState(zero, zero, zero)
+    gas = zero if compressor.cylinders is None else jnp.zeros(compressor.cylinders.count)
+    return eqx.filter_eval_shape(lambda c: loop_of(c, still, gas), compressor).kinks
 
 
 def orbit_of_motion(
@@ -162,7 +156,9 @@ def orbit_of_motion(
     through = grid.rule.through(fine.rule.nodes).T
 
     def both(values):
-        return jnp.concatenate([values.ravel(), lax.stop_gradient(values @ through).ravel()])
+        at_nodes, between = values, lax.stop_gradient(values @ through)
+        flat = (x.reshape(*values.shape[:-2], -1) for x in (at_nodes, between))
+        return jnp.concatenate([*flat], axis=-1)
 
     def nodes(values):
         return values[..., :count].reshape(*values.shape[:-1], *shape)
@@ -173,7 +169,7 @@ def orbit_of_motion(
     at = instants(compressor, jnp.concatenate([grid.angle.ravel(), fine.angle.ravel()]))
     energy = both(motion.energy)
     state = state_of(at, scales, energy, both(motion.acceleration))
-    loop = loop_of(compressor, at, state)
+    loop = loop_of(compressor, state, at.gas_force, at.kinematics)
     unknown = loop.start()
     if compressor.friction is not None:
         unknown = joints_of(loop, scales, both(nodes(motion.joints)))

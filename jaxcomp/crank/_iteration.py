@@ -23,8 +23,8 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._implicit import frozen
-from ..compressor import Compressor, Instants, instants
-from ..friction import AbstractJointLoop, joint_loop, newton_step
+from ..compressor import Compressor, Instants, instants, loop_of
+from ..friction import AbstractJointLoop, newton_step
 from ..mechanism import CrankState
 from ._closure import Instant, closure_of
 from ._panels import NO_WIDTH, Panels, panels
@@ -88,14 +88,14 @@ class Motion(eqx.Module):
         acceleration: [-] crank acceleration at the nodes over the square of the speed scale.
         first_energy: [-] kinetic energy at the first edge.
         joints: [-] unknown of the joint loop at all nodes and then at the places, from its start, over
-            the scale of forces; of no entries without friction.
+            the scale of forces; of no entries without friction, a row for each of several cylinders.
         places: [rad] load reversals.
     """
 
     energy: Float[Array, "p s"]
     acceleration: Float[Array, "p s"]
     first_energy: Float[Array, ""]
-    joints: Float[Array, " m"]
+    joints: Float[Array, "*k m"]
     places: Float[Array, " k"]
 
 
@@ -146,6 +146,8 @@ def initial_motion(known: Known, resolution: Resolution) -> Motion:
         inertia = instants(known.compressor, grid.angle).inertia
         energy = 0.5 * inertia * known.scales.speed**2 / known.scales.energy
     joints = jnp.zeros(energy.size + places.size if friction else 0)
+    if known.compressor.cylinders is not None:
+        joints = jnp.tile(joints, (known.compressor.cylinders.count, 1))
     return Motion(energy, jnp.zeros_like(energy), jnp.ones(()), joints, places)
 
 
@@ -158,7 +160,7 @@ class Joints(NamedTuple):
         marks: [SI] quantities whose sign changes are load reversals.
     """
 
-    unknown: Float[Array, " m"]
+    unknown: Float[Array, "*k m"]
     loss: Float[Array, " m"]
     marks: tuple[Float[Array, " m"], ...]
 
@@ -168,18 +170,6 @@ def state_of(at: Instants, scales: Scales, energy, acceleration) -> CrankState:
     # A motion that comes to a halt is reported; the floor keeps its numbers finite.
     floored = jnp.maximum(energy, ENERGY_FLOOR) * scales.energy
     return CrankState(at.angle, jnp.sqrt(2 * floored / at.inertia), acceleration * scales.speed**2)
-
-
-def loop_of(compressor: Compressor, at: Instants, state: CrankState) -> AbstractJointLoop:
-    """The joint loops of a motion."""
-    return joint_loop(
-        compressor.mechanism,
-        compressor.friction,
-        state,
-        at.gas_force,
-        compressor.gravity,
-        at.kinematics,
-    )
 
 
 def joints_of(loop: AbstractJointLoop, scales: Scales, unknown) -> Float[Array, " m"]:
@@ -198,7 +188,7 @@ def _improved_joints(loop: AbstractJointLoop, scales: Scales, unknown) -> Joints
     slope, *rising = lax.stop_gradient(slopes)
     step = newton_step(force, excess, slope, loop.limit()) - force
     loss, marks = jax.tree.map(lambda value, rise: value + rise * step, now, rising)
-    return Joints(unknown + step / scales.force, loss, marks)
+    return Joints(unknown + step / scales.force, loop.total_loss(loss), loop.rows(marks))
 
 
 def steepness(
@@ -215,20 +205,28 @@ def steepness(
         motor = compressor.motor.torque(state.speed)
         if compressor.friction is None:
             return motor, jnp.zeros_like(motor)
-        excess, loss, _ = loop_of(compressor, at, state).balance(force)
-        return motor - loss, excess
+        loop = loop_of(compressor, state, at.gas_force, at.kinematics)
+        excess, loss, _ = loop.balance(force)
+        return motor - loop.total_loss(loss), excess
 
-    force = jnp.zeros_like(energy)
+    force, each = jnp.zeros_like(energy), jnp.ones_like(energy)[None]
     if compressor.friction is not None:
         state = state_of(at, scales, energy, acceleration)
-        force = joints_of(loop_of(compressor, at, state), scales, unknown)
+        loop = loop_of(compressor, state, at.gas_force, at.kinematics)
+        force = joints_of(loop, scales, unknown)
+        each = loop.directions(force)
     falling = -at.inertia_1 / at.inertia**2 * scales.energy / scales.speed**2
     none, ones = jnp.zeros_like(energy), jnp.ones_like(energy)
-    # along the kinetic energy, and along the unknown of the joints, which follows it
-    ways = tuple(jnp.stack(pair) for pair in ((ones, none), (falling, none), (none, ones)))
+    # along the kinetic energy, and along the unknowns of the joints, which follow it
+    rest = [none] * len(each)
+    ways = jnp.stack([ones, *rest]), jnp.stack([falling, *rest])
+    ways = (*ways, jnp.concatenate([jnp.zeros_like(force)[None], each]))
     net, excess = jax.vmap(lambda *way: jax.jvp(torques, (energy, acceleration, force), way)[1])(
         *ways
     )
+    if force.ndim > energy.ndim:  # the loops of several cylinders do not know each other
+        follows = -excess[0] / jnp.maximum(jnp.sum(excess[1:], axis=0), 1e-3)
+        return (net[0] + jnp.sum(follows * net[1:], axis=0)) / scales.energy
     follows = -excess[0] / jnp.maximum(excess[1], 1e-3)
     return (net[0] + follows * net[1]) / scales.energy
 
@@ -278,7 +276,9 @@ def improve(
     state = state_of(at, scales, energy, acceleration)
     joints = Joints(motion.joints, jnp.zeros_like(energy), ())
     if compressor.friction is not None:
-        joints = _improved_joints(loop_of(compressor, at, state), scales, motion.joints)
+        joints = _improved_joints(
+            loop_of(compressor, state, at.gas_force, at.kinematics), scales, motion.joints
+        )
     closure = closure_of(compressor.motor)
     steep = None
     if closure.needs_steepness:

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from ..compressor import Compressor, Instants, instants
-from ..friction import JointLoads, joint_loop, newton_step
+from ..compressor import Compressor, Instants, instants, loop_of
+from ..friction import JointLoads, newton_step
 from ..mechanism import CrankState
 
 # Newton steps from the frictionless acceleration. They end at rounding on the machine of Tsuji et al.
@@ -91,32 +91,44 @@ class _Equation(eqx.Module):
     drive: Float[Array, "*n"]
 
     def loop(self, value):
-        machine, at = self.compressor, self.at
+        at = self.at
         state = CrankState(at.angle, self.speed, value)
-        return joint_loop(
-            machine.mechanism, machine.friction, state, at.gas_force, machine.gravity, at.kinematics
-        )
+        return loop_of(self.compressor, state, at.gas_force, at.kinematics)
 
     def rest(self, value, joint):
         """Torque [N m] and force [N] that are left over."""
-        excess, loss, _ = self.loop(value).balance(joint)
-        return self.at.inertia * value - self.drive + loss, excess
+        loop = self.loop(value)
+        excess, loss, _ = loop.balance(joint)
+        return self.at.inertia * value - self.drive + loop.total_loss(loss), excess
 
     def slopes(self, value, joint):
         """Slopes of both remainders along the acceleration and along the joints, with the remainders."""
+        each = self.loop(value).directions(joint)
         one, none = jnp.ones_like(value), jnp.zeros_like(value)
-        ways = jnp.stack([one, none]), jnp.stack([none, one])
+        ways = (
+            jnp.stack([one, *[none] * len(each)]),
+            jnp.concatenate([jnp.zeros_like(joint)[None], each]),
+        )
         rest, linear = jax.linearize(self.rest, value, joint)
         return rest, jax.vmap(linear)(*ways)
 
     def newton(self, rest, slopes):
-        """Changes of acceleration and joints that remove the remainders."""
+        """Changes of acceleration and joints that remove the remainders.
+
+        The loops of several cylinders do not know each other: each follows the acceleration by itself.
+        """
         (torque, force), (by_torque, by_force) = rest, slopes
+        several = force.ndim > torque.ndim
+
+        def summed(values):
+            return jnp.sum(values, axis=0) if several else values
+
         # joints that lock have slopes that are not positive; those of the bare machine are safe
-        stiff = jnp.maximum(by_force[1], 1e-3)
-        inertia = by_torque[0] - by_torque[1] * by_force[0] / stiff
+        stiff = jnp.maximum(jnp.sum(by_force[1:], axis=0) if several else by_force[1], 1e-3)
+        by_joint = by_torque[1:] if several else by_torque[1]
+        inertia = by_torque[0] - summed(by_joint * by_force[0] / stiff)
         inertia = jnp.maximum(inertia, 0.1 * self.at.inertia)
-        change = -(torque - by_torque[1] * force / stiff) / inertia
+        change = -(torque - summed(by_joint * force / stiff)) / inertia
         return change, -(force + by_force[0] * change) / stiff
 
 
@@ -140,6 +152,8 @@ def _solved_jvp(primals, tangents):
     (equation,) = primals
     value, joint = _solved(equation)
     _, moved = eqx.filter_jvp(lambda e: e.rest(value, joint), primals, tangents)
-    moved = tuple(jnp.zeros_like(value) if m is None else m for m in moved)
+    moved = tuple(
+        jnp.zeros_like(x) if m is None else m for m, x in zip(moved, (value, joint), strict=True)
+    )
     _, slopes = equation.slopes(value, joint)
     return (value, joint), equation.newton(moved, slopes)

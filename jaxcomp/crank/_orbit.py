@@ -81,15 +81,16 @@ class Orbit(Result, eqx.Module):
         state: crank angle [rad], speed [rad/s], acceleration [rad/s^2], shape (n,).
         weight: [rad] quadrature weights over the revolution, shape (n,).
         time: [s] since the first dead centre, shape (n,).
-        pressure: [Pa] in the cylinder, shape (n,); `None` without gas.
+        pressure: [Pa] in the cylinder, shape (n,), or (k, n) with k cylinders; `None` without gas.
         gas_torque: [N m] on the crank, of gas and weights, shape (n,).
         motor_torque: [N m] shape (n,).
-        loads: forces and friction of the joints at the nodes.
+        loads: forces and friction of the joints at the nodes. With several cylinders the joints are
+            numbered, "crank_pin_2", and forces are in the axes of the cylinder; those of the main
+            bearings are in the axes of the machine.
         energy: work over the revolution.
-        loss_error: [J] estimated error of `energy.losses`, by joint: five times what twice the nodes
-            change, and what the torques there change in the motion. Their sum holds for each, but
-            for one in a hundred random machines (up to 1.5 times too small) and one in two thousand,
-            with a load reversal that was not found (up to 15 times); `verification` has the true one.
+        loss_error: [J] estimated error of `energy.losses`, by joint, panel by panel from what twice the
+            nodes change and from the decay of the integrand, with what the torques there change in the
+            motion. Their sum is for each; `verification` has the true one.
         peak_forces: [N] largest magnitude of the panel polynomials over the revolution, by joint.
         peak_error: [N] largest size of the highest two terms of these polynomials: an upper estimate
             of the error of the peaks.
@@ -147,8 +148,11 @@ class Orbit(Result, eqx.Module):
         yield Data("time", "s", self.time, at)
         yield Data("speed", "rad/s", self.state.speed, at)
         yield Data("acceleration", "rad/s^2", self.state.acceleration, at)
-        if self.pressure is not None:
+        if self.pressure is not None and self.pressure.ndim == self.state.angle.ndim:
             yield Data("pressure", "Pa", self.pressure, at)
+        elif self.pressure is not None:  # of each cylinder
+            for number, pressure in enumerate(jnp.moveaxis(self.pressure, -2, 0), 1):
+                yield Data(f"pressure.{number}", "Pa", pressure, at)
         yield Data("motor_torque", "N m", self.motor_torque, at)
         yield Data("gas_torque", "N m", self.gas_torque, at, "of gas and weights on the crank")
         for name, torque in self.loads.loss_torque.items():

@@ -122,15 +122,15 @@ class OrbitProblem(AbstractFixedPoint):
         new = self.resolution.panels_between(known.edges, places)
         angle = jnp.clip(new.angle, grid.edges[0], grid.edges[-1])
         count = new.angle.size
-        joints = motion.joints[:count].reshape(new.angle.shape)
+        joints = motion.joints[..., :count].reshape(-1, *new.angle.shape)
         angle = jnp.concatenate([angle.ravel(), jnp.clip(places, grid.edges[0], grid.edges[-1])])
-        values = jnp.stack([motion.energy, motion.acceleration, joints])
-        energy, acceleration, joints = grid.interpolate(values, angle)
+        values = jnp.concatenate([jnp.stack([motion.energy, motion.acceleration]), joints])
+        energy, acceleration, *joints = grid.interpolate(values, angle)
         moved = Motion(
             energy[:count].reshape(new.angle.shape),
             acceleration[:count].reshape(new.angle.shape),
             motion.first_energy,
-            joints,
+            jnp.stack(joints) if motion.joints.ndim > 1 else joints[0],
             places,
         )
         return moved, Reversals(row, slope, jnp.asarray(False)), brackets

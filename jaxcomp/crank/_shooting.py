@@ -19,8 +19,7 @@ from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport, frozen
 from .._status import Status
-from ..compressor import Compressor, instants, kink_angles
-from ..friction import joint_loads
+from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..mechanism import CrankState
 from ._closure import closure_of
 from ._collocation import Collocation
@@ -106,9 +105,7 @@ class Shooting(eqx.Module):
         at = instants(machine, grid.angle)
         speed = jnp.full_like(at.angle, known.scales.speed)
         state = CrankState(at.angle, speed, jnp.zeros_like(speed))
-        loads = joint_loads(
-            machine.mechanism, machine.friction, state, at.gas_force, machine.gravity, False
-        )
+        loads = loads_at(machine, state, at.gas_force, False)
         net = grid.total(loads.total_loss_torque - at.conservative)
         level = net / grid.total(machine.motor.torque(speed))
         return _Fixed(

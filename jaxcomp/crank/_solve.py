@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from .._fields import admissible, clipped, is_traced
+from .._fields import BadInput, admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
 from ..cylinder import Cylinder
@@ -56,6 +56,7 @@ def solve_orbit(
         locks or that stalls has finite numbers and a status that says so.
 
     Raises:
+        BadInput: several cylinders whose gas is solved with valves.
         SolveFailed: if `throw` and the status is not `Status.converged`, or the march did not end.
 
     >>> from jaxcomp import load
@@ -67,7 +68,7 @@ def solve_orbit(
     """
     compressor = compressor_of(machine)
     if solver is None:
-        solver = Collocation(reversals=compressor.mechanism.load_reversals)
+        solver = Collocation(reversals=compressor.load_reversals)
     orbit = _solve(compressor, solver)
     if throw and not is_traced(orbit.status._value):
         failed = orbit.status != Status.converged
@@ -118,6 +119,9 @@ def _verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration
 def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
     """The orbit with the checks that hold for every motor and solver."""
     if isinstance(compressor.gas, Cylinder):
+        if compressor.cylinders is not None:
+            bound = "absent: the valves and gas of several cylinders are not solved"
+            raise BadInput("cylinders", compressor.cylinders.count, bound)
         orbit = solve_with_cylinder(compressor, solver)
     else:
         orbit = solver.solve(compressor)

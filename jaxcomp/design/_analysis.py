@@ -91,7 +91,7 @@ class DesignResult:
     def wrench(self) -> Wrench:
         """Shaking force and moment over the revolution."""
         assert self.assembly.compressor is not None
-        return shaking_wrench(self.assembly.compressor.mechanism, self.orbit.state)
+        return shaking_wrench(self.assembly.compressor, self.orbit.state)
 
     @cached_property
     def crank_loads(self) -> CrankLoads:

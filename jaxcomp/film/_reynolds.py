@@ -137,8 +137,8 @@ class GroovedReynolds(AbstractTabulatedFilm):
     within 4.5 % and his stiffness within 5 % of the largest entry (5.7 % at L/D = 1, eps = 0.9), his
     attitude angles within 1.1 degrees (2.5 at L/D = 1, eps = 0.2); (R/c) f is 2 to 6.4 % higher than
     his, because shear is counted over the whole ring. Rows of his between these differ by more: at
-    L/D = 1 the damping by 6.2 % at eps = 0.8, the stiffness by 9 % at eps = 0.95. Grooves held fixed in the bearing would more than
-    halve K_yx at light load and L/D = 1.
+    L/D = 1 the damping by 6.2 % at eps = 0.8, the stiffness by 9 % at eps = 0.95. Grooves held fixed in
+    the bearing would more than halve K_yx at light load and L/D = 1.
 
     Where the edge of the film meets a groove the coefficients have steep places, about which the
     nodes of the table crowd. At 90 places of eps 0.01 to 0.97 and L/D 0.1 to 2, half of them below

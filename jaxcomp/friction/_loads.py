@@ -89,6 +89,18 @@ class AbstractJointLoop(eqx.Module):
         along x, whose sign changes mark the places, and those along y, which tell how close.
         """
 
+    def total_loss(self, loss) -> Float[Array, "*n"]:
+        """[N m] Of all joints, from what `balance` gives as the loss."""
+        return loss
+
+    def rows(self, marks: tuple[Float[Array, "..."], ...]) -> tuple[Float[Array, "*n"], ...]:
+        """The quantities that mark reversals, one by one."""
+        return marks
+
+    def directions(self, unknown: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Directions of the unknowns of an instant, along a new leading axis."""
+        return jnp.ones_like(unknown)[None]
+
     @abstractmethod
     def loads(self, unknown: Float[Array, "*n"], evidence: bool) -> JointLoads:
         """Forces and losses; with residual and margin if `evidence`."""

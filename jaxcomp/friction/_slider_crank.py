@@ -132,6 +132,10 @@ class SliderCrankLoop(AbstractJointLoop):
         marks = (unknown, *(force.x for force in near_zero), *(force.y for force in near_zero))
         return self._left(forces, *moments), loss, marks
 
+    def rod_force(self, unknown) -> Vector:
+        """Force of the crank on the rod [N]."""
+        return self._pins(unknown, self._wall(unknown))[0].crank_pin
+
     def _near_zero(self, forces):
         """Forces of the joints with a law: where one comes close to zero, its magnitude turns."""
         laws = self.friction

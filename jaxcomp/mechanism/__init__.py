@@ -4,6 +4,8 @@ from ._base import AbstractKinematics as AbstractKinematics
 from ._base import AbstractMechanism as AbstractMechanism
 from ._base import CrankState as CrankState
 from ._base import Vector as Vector
+from ._cylinders import Cylinders as Cylinders
+from ._cylinders import Throw as Throw
 from ._slider_crank import PinForces as PinForces
 from ._slider_crank import RodBalance as RodBalance
 from ._slider_crank import RodMotion as RodMotion

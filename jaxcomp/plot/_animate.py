@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
+from .._fields import BadInput
 from .._shown import RPM
 from ..compressor import Compressor
 from ..crank import Orbit
@@ -56,7 +57,12 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
         compressor: with a slider-crank or a slider-link.
         orbit: its periodic state.
         frames: pictures of the revolution, even in time.
+
+    Raises:
+        BadInput: several cylinders, of which no moving picture is drawn.
     """
+    if compressor.cylinders is not None:
+        raise BadInput("cylinders", compressor.cylinders.count, "absent: the picture shows one")
     turn = fine_turn(compressor, orbit)
     angles = _even_in_time(turn, frames)
     sketches = [sketch(compressor, turn, angle) for angle in angles]

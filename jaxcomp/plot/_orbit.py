@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .._shown import RPM
-from ..compressor import Compressor
+from ..compressor import Compressor, instants
 from ..crank import Orbit, journal_rates
 from ..friction import MainBearings, SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
@@ -40,6 +40,8 @@ def orbit_figures(
         figures["pv_diagram"] = pv_diagram(compressor, orbit)
     figures["speed"] = speed_over_turn(compressor, orbit)
     figures["torques"] = crank_torques(compressor, orbit)
+    if compressor.cylinders is not None and compressor.gas is not None:
+        figures["cylinder_torques"] = cylinder_torques(compressor, orbit)
     figures["joint_forces"] = joint_forces(compressor, orbit)
     figures["bearing_loads"] = bearing_loads(compressor, orbit)
     if orbit.loads.loss_torque:
@@ -53,7 +55,7 @@ def orbit_figures(
 
 
 def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
-    """Cylinder pressure over the volume that the piston displaces.
+    """Cylinder pressure over the volume that the piston displaces; of several cylinders the first.
 
     Raises:
         ValueError: the compressor has no gas.
@@ -62,10 +64,13 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
         raise ValueError("A p-V diagram needs a compressor with gas.")
     mechanism = compressor.mechanism
     turn = fine_turn(compressor, orbit)
-    position = np.asarray(mechanism.piston(turn.state.angle)[0])
+    angle, pressure, several = turn.state.angle, turn.pressure, compressor.cylinders
+    if several is not None and pressure is not None:
+        angle, pressure = angle + several.phase[0], pressure[0]
+    position = np.asarray(mechanism.piston(angle)[0])
     top = float(mechanism.piston_extremes()[0])
     volume = float(mechanism.piston_area) * (top - position) * 1e6
-    pressure = np.asarray(turn.pressure) / 1e6
+    pressure = np.asarray(pressure) / 1e6
     volume, pressure = (np.append(curve, curve[0]) for curve in (volume, pressure))
     figure, ((ax,),) = new_figure(1, 1, (6.4, 4.2), "Indicator diagram")
     ax.fill(volume, pressure, color=colour("gas"), alpha=0.08, linewidth=0)
@@ -77,10 +82,11 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     ax.set_xlabel("Displaced volume (clearance not counted), cm³", fontsize=9)
     ylabel(ax, "Pressure, MPa")
     work = float(orbit.energy.gas_work)
+    of_all = "" if several is None else f" of {several.count} cylinders"
     ax.text(
         0.5,
         0.42,
-        f"Work on the gas\n{work:.4g} J per revolution",
+        f"Work on the gas{of_all}\n{work:.4g} J per revolution",
         transform=ax.transAxes,
         ha="center",
         fontsize=9,
@@ -97,7 +103,7 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     largest = max(np.abs(force).max() for force in turn.loads.forces.values())
     unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
     forces = {name: np.asarray(force) / scale for name, force in turn.loads.forces.items()}
-    walls = {name: force for name, force in forces.items() if name == "wall"}
+    walls = {name: force for name, force in forces.items() if name.split("_")[0] == "wall"}
     figure, axes = new_figure(
         2 if walls else 1, 1, (7.2, 5.6 if walls else 3.6), "Joint forces over one revolution"
     )
@@ -110,13 +116,15 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     ax.set_ylim(0, None)
     crank_axis(ax, label=not walls)
     legend_above(ax)
-    for name, force in walls.items():
+    for place, (name, force) in enumerate(walls.items()):
         ax = axes[1, 0]
         degrees, side = over_turn(angle, force[1])
-        ax.plot(degrees, side, color=colour(name), linewidth=1.6)
+        ax.plot(degrees, side, color=colour(name, place), linewidth=1.6, label=words(name))
         ax.axhline(0, color="#888888", linewidth=0.8)
         ylabel(ax, f"Side force on the piston, {unit}")
         crank_axis(ax)
+    if len(walls) > 1:
+        legend_above(axes[1, 0])
     return figure
 
 
@@ -207,6 +215,24 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
+def cylinder_torques(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Torque of the gas of each cylinder on the crank, and their sum with the weights."""
+    turn = fine_turn(compressor, orbit)
+    at = instants(compressor, turn.state.angle)
+    figure, ((ax,),) = new_figure(1, 1, (7.2, 4.2), "Gas torque of each cylinder")
+    for number, torque in enumerate(-at.gas_force * at.kinematics.position_1, 1):
+        degrees, values = over_turn(turn.state.angle, torque)
+        name = f"cylinder_{number}"
+        ax.plot(degrees, values, color=colour(name, number), linewidth=1.0, label=words(name))
+    degrees, values = over_turn(turn.state.angle, turn.gas_torque)
+    ax.plot(degrees, values, color=colour("gas"), linewidth=2.0, label="Sum")
+    ax.axhline(0, color="#888888", linewidth=0.8)
+    ylabel(ax, "Torque in the sense of rotation, N m")
+    crank_axis(ax)
+    legend_above(ax)
+    return figure
+
+
 def loss_shares(orbit: Orbit) -> Figure:
     """Work lost in each joint, with its power and its share of all losses."""
     losses = {name: float(loss) for name, loss in orbit.energy.losses.items()}
@@ -239,6 +265,8 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     mechanism, friction = compressor.mechanism, compressor.friction
     if not isinstance(friction, SliderCrankFriction) or not isinstance(mechanism, SliderCrank):
         return None
+    if compressor.cylinders is not None:
+        return None
     speed, forces = turn.state.speed, turn.loads.forces
     rates = journal_rates(compressor, turn)
     curves = {}
@@ -260,21 +288,25 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
 
 @eqx.filter_jit
 def _reduced(compressor: Compressor, state):
-    _, position_1, position_2 = compressor.mechanism.piston(state.angle)
-    inertia, inertia_1 = compressor.mechanism.inertia(state.angle)
-    whole = inertia * state.acceleration + 0.5 * inertia_1 * state.speed**2
+    """Inertia torques [N m] of all moving parts, and of the pistons per kilogram of one."""
+    at = instants(compressor, state.angle)
+    whole = at.inertia * state.acceleration + 0.5 * at.inertia_1 * state.speed**2
+    position_1, position_2 = at.kinematics.position_1, at.kinematics.position_2
     stroke = position_1 * (position_1 * state.acceleration + position_2 * state.speed**2)
-    return whole, stroke
+    return whole, stroke if compressor.cylinders is None else jnp.sum(stroke, axis=0)
 
 
 def _inertia_torques(compressor: Compressor, turn: FineTurn):
     whole, stroke = _reduced(compressor, turn.state)
     mechanism = compressor.mechanism
     crank = mechanism.crank_inertia * turn.state.acceleration
-    piston = mechanism.piston_mass * stroke
+    piston, several = mechanism.piston_mass * stroke, compressor.cylinders is not None
     if isinstance(mechanism, SliderCrank):
         return {
-            "piston": ("Inertia of the piston", -piston),
-            "rod": ("Inertia of the rod", -(whole - crank - piston)),
+            "piston": ("Inertia of the pistons" if several else "Inertia of the piston", -piston),
+            "rod": (
+                "Inertia of the rods" if several else "Inertia of the rod",
+                -(whole - crank - piston),
+            ),
         }
     return {"piston": ("Inertia of the moving parts", -(whole - crank))}

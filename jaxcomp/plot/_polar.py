@@ -19,17 +19,20 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
 
     Directions are those of the machine at rest: 0 towards the head, growing in the sense of
     rotation. Marks stand every 45 degrees of crank angle. A slider-link machine has the two bearings
-    of its overhung shaft and their sum, the load of the support; a slider-crank its main journal.
+    of its overhung shaft and their sum, the load of the support; a slider-crank its main journal, or
+    with several cylinders every crank pin, in the axes of its cylinder, and every main bearing.
     """
     turn = fine_turn(compressor, orbit)
     loads = _loads(compressor, {k: np.asarray(v) for k, v in turn.loads.forces.items()})
     largest = max(np.hypot(*load).max() for load in loads.values())
     unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
-    figure, axes = new_polar_figure(len(loads) // 2, 2, f"Bearing loads, {unit}")
+    figure, axes = new_polar_figure(-(-len(loads) // 2), 2, f"Bearing loads, {unit}")
+    for ax in axes.flat[len(loads) :]:
+        ax.set_visible(False)
     note(figure, "Dots: every 45° of crank angle from top dead centre. Across: turned with the "
          "rotation from the head.")  # fmt: skip
     degrees = np.rad2deg(np.asarray(turn.state.angle))
-    for place, (ax, (name, load)) in enumerate(zip(axes.flat, loads.items(), strict=True)):
+    for place, (ax, (name, load)) in enumerate(zip(axes.flat, loads.items(), strict=False)):
         size, tint = np.hypot(*load) / scale, colour(name, place)
         # without jumps of a whole turn, which would draw as circles
         direction = np.unwrap(np.arctan2(load[1], load[0]))
@@ -45,6 +48,11 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
 
 def _loads(compressor, forces):
     """Loads on the bushes; the joints report the forces of the bearings on the shaft instead."""
+    if compressor.cylinders is not None:
+        pins = {name: force for name, force in forces.items() if name.startswith("crank_pin")}
+        within = ("wall", "piston_pin", "crank_pin")
+        main = {name: -force for name, force in forces.items() if not name.startswith(within)}
+        return pins | main
     loads = {"crank_pin": forces["crank_pin"]}
     if isinstance(compressor.mechanism, SliderLink):
         upper, lower = -forces["upper_bearing"], -forces["lower_bearing"]

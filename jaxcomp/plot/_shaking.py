@@ -43,7 +43,7 @@ _INSTANTS = 361
 def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     """Locus of the shaking force on the block, and its moments over the revolution."""
     turn = fine_turn(compressor, orbit)
-    force, moment = (np.asarray(x) for x in _wrench(compressor.mechanism, turn.state))
+    force, moment = (np.asarray(x) for x in _wrench(compressor, turn.state))
     large = np.abs(force).max() >= 1e3
     unit, scale = ("kN", 1e3) if large else ("N", 1.0)
     figure, ((left, right),) = new_figure(1, 2, (8.6, 4.0), "Shaking force and moments", False)

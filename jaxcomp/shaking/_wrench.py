@@ -12,9 +12,11 @@ Eqs. (36)-(41); (39) and (40) with $m_s R^2\ddot\varphi$ where the print has $m_
 from functools import singledispatch
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..compressor import Compressor, without_crank
 from ..mechanism import (
     AbstractMechanism,
     CrankState,
@@ -40,15 +42,18 @@ class Wrench(NamedTuple):
 
 
 @singledispatch
-def shaking_wrench(mechanism: AbstractMechanism, state: CrankState) -> Wrench:
+def shaking_wrench(mechanism: AbstractMechanism | Compressor, state: CrankState) -> Wrench:
     """Inertia forces of a mechanism on its block, about the origin of the mechanism's axes.
+
+    Of a compressor they are those of its mechanism; with several cylinders those of all of them, in
+    the axes of the machine with the origin on the shaft at z = 0, moments about all three axes.
 
     For a slider-link machine the origin lies on the shaft in the plane of the machine's mass
     centre. For a slider-crank it lies in the plane of motion, and the moment has a z-component
     only; move it with `wrench_about` by (0, 0, z) to an origin z below that plane.
 
     Args:
-        mechanism: masses and geometry.
+        mechanism: masses and geometry; or a compressor with several cylinders.
         state: angle, speed and acceleration of the crank, shape (n,).
 
     Raises:
@@ -105,6 +110,26 @@ def _(mechanism: SliderCrank, state: CrankState) -> Wrench:
     )
     zero = jnp.zeros_like(moment)
     return Wrench(jnp.concatenate([force, zero[None]]), jnp.stack([zero, zero, moment]))
+
+
+@shaking_wrench.register
+def _(compressor: Compressor, state: CrankState) -> Wrench:
+    cylinders, mechanism = compressor.cylinders, compressor.mechanism
+    if cylinders is None:
+        return shaking_wrench(mechanism, state)
+    single = without_crank(compressor)
+    each = jax.vmap(
+        lambda phase: shaking_wrench(single, state._replace(angle=state.angle + phase))
+    )(cylinders.phase)
+    pull, tilting = cylinders.crank_pull(state)
+    force = cylinders.turned(Vector(each.force[:, 0], each.force[:, 1])).stacked()
+    place = cylinders.along(cylinders.position, state.angle)
+    total = jnp.sum(force, axis=1) - pull.stacked()
+    levered = jnp.sum(place * force, axis=1) - tilting.stacked()  # sum of z F
+    turning = jnp.sum(each.moment[:, 2], axis=0) - mechanism.crank_inertia * state.acceleration
+    return Wrench(
+        jnp.stack([*total, jnp.zeros_like(turning)]), jnp.stack([-levered[1], levered[0], turning])
+    )
 
 
 def wrench_about(wrench: Wrench, point: Float[Array, "3"]) -> Wrench:

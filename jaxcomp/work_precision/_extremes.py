@@ -110,7 +110,7 @@ def _of_the_crank(change: Callable[[Compressor], Iterator[tuple[str, Compressor]
 
 
 def _solved(family: str, setting: str, compressor: Compressor) -> Extreme:
-    solver = Collocation(reversals=compressor.mechanism.load_reversals)
+    solver = Collocation(reversals=compressor.load_reversals)
     orbit = solve_orbit(compressor, solver, verify=_MARCH, throw=False)
     march = orbit.verification
     assert march is not None

@@ -70,10 +70,10 @@ class Question(NamedTuple):
         return Collocation(nodes=FINE_NODES, reversals=self.load_reversals)
 
     @property
-    def load_reversals(self) -> int:
+    def self.load_reversals -> int:
         """Of the mechanism, within a stroke."""
         machine = self.compressor
-        return 0 if machine is None else machine.mechanism.load_reversals
+        return 0 if machine is None else machine.load_reversals
 
     def options(
         self, solver: Collocation | Shooting | None, tolerance: float = 1e-13

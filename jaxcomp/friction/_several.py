@@ -1,0 +1,152 @@
+r"""The joint loops of several cylinders, which meet in the main bearings of their crankshaft only.
+
+Given the motion of the crank every rod has its own loop. The forces $S_k$ of the crank on the rods, in
+machine axes, load the main bearings together with the pull of the throws' unbalances,
+
+$$Q = \sum_k S_k + \sum_j u_j a_j, \qquad M = \sum_k S_k z_k + \sum_j u_j a_j z_j ,$$
+
+which `MainBearings` shares among them; a single journal takes all of $Q$.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import replaced
+from ..mechanism import AbstractKinematics, CrankState, Cylinders, SliderCrank, Vector
+from ._laws import AbstractJournal
+from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude
+from ._slider_crank import SliderCrankFriction, SliderCrankLoop
+from ._support import MainBearings
+
+
+class SeveralLoops(AbstractJointLoop):
+    """The joints of k cylinders, with the side force N [N] of each cylinder's wall as unknown (k, n).
+
+    Attributes:
+        loops: of all cylinders; their arrays have a leading axis of k.
+        cylinders: how they stand.
+        support: law of the main bearings; `None` without friction there.
+        speed: [rad/s] of the crank.
+        pull, moment: [N], [N m] inertia and weight of the crankshaft, and its sum of F z.
+    """
+
+    loops: SliderCrankLoop
+    cylinders: Cylinders
+    support: AbstractJournal | MainBearings | None
+    speed: Float[Array, "*n"]
+    pull: Vector
+    moment: Vector
+
+    @property
+    def kinks(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.cylinders.count * self.loops.kinks
+
+    @property
+    def coupled(self):
+        return self.loops.coupled
+
+    def start(self):
+        return self.loops.start()
+
+    def size(self):
+        return self.loops.size()
+
+    def excess(self, unknown):
+        return self.loops.excess(unknown)
+
+    def balance(self, unknown):
+        excess, loss, marks = self.loops.balance(unknown)
+        return excess, (loss, self.loops.rod_force(unknown)), marks
+
+    def total_loss(self, loss):
+        own, rod_force = loss
+        shaft = self._main_losses(self._reactions(rod_force))
+        return jnp.sum(own, axis=0) + sum(shaft.values(), jnp.zeros_like(self.speed))
+
+    def rows(self, marks):
+        return tuple(row for mark in marks for row in mark)
+
+    def directions(self, unknown):
+        """Of one cylinder's unknown after the other."""
+        one = jnp.eye(unknown.shape[0]).reshape(unknown.shape[:1] * 2 + (1,) * (unknown.ndim - 1))
+        return one * jnp.ones_like(unknown)
+
+    def _reactions(self, rod_force: Vector) -> dict[str, Vector]:
+        """Force of each main bearing on the shaft [N], by name."""
+        force = self.cylinders.turned(rod_force)
+        place = self.cylinders.along(self.cylinders.position, self.speed)
+        total = Vector(*(jnp.sum(f, axis=0) + p for f, p in zip(force, self.pull, strict=True)))
+        if not isinstance(self.support, MainBearings):
+            return {"main_journal": total}
+        moment = Vector(
+            *(jnp.sum(place * f, axis=0) + p for f, p in zip(force, self.moment, strict=True))
+        )
+        return self.support.reactions(total, moment)
+
+    def _main_losses(self, reactions: dict[str, Vector]) -> dict[str, Float[Array, "*n"]]:
+        if self.support is None:
+            return {}
+        if isinstance(self.support, MainBearings):
+            return self.support.moments(reactions, self.speed)
+        load = magnitude(*reactions["main_journal"])
+        return {"main_journal": self.support.moment(load, self.speed)}
+
+    def loads(self, unknown, evidence):
+        each = self.loops.loads(unknown, evidence)
+        reactions = self._reactions(self.loops.rod_force(unknown))
+        forces, losses = {}, {}
+        for number in range(self.cylinders.count):
+            for name, force in each.forces.items():
+                if name != "main_journal":
+                    forces[f"{name}_{number + 1}"] = force[:, number]
+            for name, loss in each.loss_torque.items():
+                losses[f"{name}_{number + 1}"] = loss[number]
+        forces |= {name: force.stacked() for name, force in reactions.items()}
+        shape = (-1, *self.speed.shape)
+        return JointLoads(
+            forces=forces,
+            loss_torque=losses | self._main_losses(reactions),
+            residual=None if each.residual is None else jnp.max(jnp.abs(each.residual), axis=0),
+            margin=None if each.margin is None else jnp.min(each.margin, axis=0),
+            kinks=each.kinks.reshape(shape),
+            pinches=each.pinches.reshape(shape),
+        )
+
+
+def several_loops(
+    mechanism: SliderCrank,
+    friction: SliderCrankFriction | None,
+    cylinders: Cylinders,
+    state: CrankState,
+    gas_force: Float[Array, "k *n"],
+    gravity: Float[Array, "2"] | None,
+    weight: Float[Array, "2"] | None,
+    kinematics: AbstractKinematics,
+) -> SeveralLoops:
+    """The joint loops of several cylinders at given instants.
+
+    Args:
+        mechanism: of one cylinder, without inertia and mass of the crank.
+        friction: its laws, with those of the main bearings.
+        cylinders: how they stand.
+        state: angle, speed and acceleration of the crank, shape (n,) or ().
+        gas_force: [N] of each cylinder.
+        gravity: [m/s^2] field in machine axes; `None` leaves weights out.
+        weight: [N] of the crankshaft, in the plane z = 0; `None` without gravity.
+        kinematics: of each cylinder, with a leading axis of k.
+    """
+    friction = SliderCrankFriction() if friction is None else friction
+    shape = kinematics.position.shape
+    each = CrankState(
+        cylinders.own_angle(state.angle),
+        jnp.broadcast_to(state.speed, shape),
+        jnp.broadcast_to(state.acceleration, shape),
+    )
+    own_gravity = None if gravity is None else cylinders.own_gravity(gravity, state.angle)
+    pull, moment = cylinders.crank_pull(state)
+    if weight is not None:
+        pull = Vector(pull.x - weight[0], pull.y - weight[1])
+    rods = replaced(friction, main_journal=None)
+    loops = joint_loop(mechanism, rods, each, gas_force, own_gravity, kinematics)
+    assert isinstance(loops, SliderCrankLoop)
+    return SeveralLoops(loops, cylinders, friction.main_journal, state.speed, pull, moment)

@@ -1,0 +1,313 @@
+"""Several cylinders on one crank: golden values of two independent programs, limits and balances.
+
+The golden values are own ones: Newton-Euler laws in time steps and Gauss panels of the laws of one
+cylinder agreed to 1.1e-10 in efficiency, 2e-11 in fluctuation and 2e-9 of a loss.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import (
+    BadInput,
+    Collocation,
+    Compressor,
+    SceneError,
+    Shooting,
+    load,
+    loads,
+    solve_orbit,
+)
+from jaxcomp.compressor import instants
+from jaxcomp.friction import (
+    CoulombJournal,
+    CoulombSlide,
+    MainBearings,
+    SliderCrankFriction,
+)
+from jaxcomp.gas import PolytropicCycle
+from jaxcomp.mechanism import CrankState, Cylinders, SliderCrank, Throw, Vector
+from jaxcomp.motor import MeanSpeed, SlipLine
+from jaxcomp.shaking import shaking_wrench
+
+# rods on throws at 0 and 180 degrees: [deg] of the throw, [m], banks [deg], unbalance [kg m]
+FOUR, EIGHT = [-45.0, 45.0], [-67.5, -22.5, 22.5, 67.5]
+LAYOUTS = {
+    1: [(0.0, 0.0, [0.0], -0.336325)],
+    2: [(0.0, 0.0, FOUR, -0.511052925)],
+    4: [(0.0, -0.1, FOUR, -0.511052925), (180.0, 0.1, FOUR, -0.511052925)],
+    8: [(0.0, -0.1, EIGHT, -1.022105849), (180.0, 0.1, EIGHT, -1.022105849)],
+}
+# efficiency, fluctuation, motor work, crank pins, main journals, piston pins, walls [J]
+GOLDEN = {
+    1: (
+        0.9115386285,
+        0.1051610786,
+        326.1805127593,
+        13.4814219933,
+        10.9025278575,
+        0.5439607556,
+        3.9264649143,
+    ),
+    2: (
+        0.9200285118,
+        0.1566118591,
+        646.3411370865,
+        26.923037439,
+        15.8731649975,
+        1.0855875356,
+        7.8070726371,
+    ),
+    4: (
+        0.921325437,
+        0.032647748,
+        1290.8625998513,
+        53.727939151,
+        29.9339471022,
+        2.1587270457,
+        15.7374375977,
+    ),
+    8: (
+        0.9237295419,
+        0.004326424,
+        2575.0059839743,
+        107.4163441138,
+        52.9026345165,
+        4.3185536056,
+        31.7593538292,
+    ),
+}
+
+
+def layout(throws):
+    return Cylinders(
+        tuple(
+            Throw(np.deg2rad(banks), np.deg2rad(angle), place, 0.04, unbalance)
+            for angle, place, banks, unbalance in throws
+        )
+    )
+
+
+def several(throws, **changes) -> Compressor:
+    mechanism = SliderCrank(
+        bore=0.130,
+        crank_radius=49.98783656e-3,
+        conrod_length=294.0460974e-3,
+        piston_mass=2.65,
+        conrod_mass=3.787313735,
+        conrod_centre=0.08399916850e-3,
+        conrod_inertia=0.005380,
+        crank_inertia=0.1566,
+    )
+    journal = CoulombJournal(0.013, 0.092)
+    friction = SliderCrankFriction(
+        wall=CoulombSlide(0.083),
+        piston_pin=CoulombJournal(0.013, 0.040),
+        crank_pin=CoulombJournal(0.013, 0.090),
+        main_journal=MainBearings((journal, journal), jnp.array([-0.25, 0.25])),
+    )
+    gas = PolytropicCycle(98e3, 980e3, 1.05, 0.0076, 98e3)
+    motor = MeanSpeed(1000 * np.pi / 30, "proportional")
+    one = Compressor(mechanism, motor, gas, friction, cylinders=layout(throws))
+    return dataclasses.replace(one, **changes)
+
+
+def losses(orbit, joint):
+    return sum(float(v) for name, v in orbit.energy.losses.items() if name.startswith(joint))
+
+
+@pytest.fixture(scope="module")
+def twin():
+    return solve_orbit(several(LAYOUTS[2]))
+
+
+def check_golden(orbit, count):
+    efficiency, fluctuation, work, *by_joint = GOLDEN[count]
+    # the orbit's own estimate says 6e-8 to 4e-7, most of which is the sixth digit of a loss
+    assert orbit.mechanical_efficiency == pytest.approx(efficiency, abs=1e-8)
+    # a load reversal that ran out of places costs up to 4e-8
+    assert orbit.speed_fluctuation == pytest.approx(fluctuation, abs=1e-7)
+    assert orbit.energy.motor_work == pytest.approx(work, rel=1e-8)
+    for joint, loss in zip(("crank_pin", "main", "piston_pin", "wall"), by_joint, strict=True):
+        assert losses(orbit, joint) == pytest.approx(loss, rel=1e-6), joint
+
+
+def test_twin_has_the_golden_values(twin):
+    check_golden(twin, 2)
+    assert abs(twin.energy.residual) < 1e-13  # rounding of sums of a thousand terms
+
+
+@pytest.mark.slow  # half a minute of compiling each
+@pytest.mark.parametrize("count", [1, 4, 8])
+def test_golden_values(count):
+    check_golden(solve_orbit(several(LAYOUTS[count])), count)
+
+
+@pytest.mark.slow
+def test_shooting_agrees(twin):
+    shot = solve_orbit(several(LAYOUTS[2]), Shooting(tolerance=1e-8))
+    assert shot.mechanical_efficiency == pytest.approx(float(twin.mechanical_efficiency), abs=2e-8)
+    assert shot.speed_fluctuation == pytest.approx(float(twin.speed_fluctuation), abs=1e-7)
+
+
+COARSE = Collocation(nodes=6, reversals=0)
+
+
+def test_one_of_several_is_one():
+    """At any bank angle, with a single journal: the program of one cylinder to rounding."""
+    single = load("mayekawa-wbhe").as_compressor()
+    unbalance = single.mechanism.crank_unbalance
+    mechanism = dataclasses.replace(single.mechanism, crank_unbalance=0.0)
+    turned = Cylinders((Throw([0.7], angle=0.2, position=0.3, unbalance=unbalance),))
+    one = dataclasses.replace(single, mechanism=mechanism, cylinders=turned)
+    found, wanted = solve_orbit(one, COARSE), solve_orbit(single, COARSE)
+    assert float(found.mechanical_efficiency) == pytest.approx(
+        float(wanted.mechanical_efficiency), abs=1e-13
+    )
+    assert float(found.lowest_speed) == pytest.approx(float(wanted.lowest_speed), rel=1e-12)
+    for name, loss in wanted.energy.losses.items():
+        other = losses(found, name)
+        assert other == pytest.approx(float(loss), rel=1e-11), name
+
+
+def test_turning_the_machine_turns_nothing_but_the_frame():
+    """Unsymmetric banks, so that the sign of the phase shows."""
+    base = [(0.0, 0.0, [0.0, 50.0, 120.0], -0.4)]
+    solve = lambda throws: solve_orbit(several(throws), COARSE)  # noqa: E731
+    one = solve(base)
+    both = solve([(50.0, 0.0, [50.0, 100.0, 170.0], -0.4)])
+    mirrored = solve([(0.0, 0.0, [0.0, -50.0, -120.0], -0.4)])
+    assert float(both.mechanical_efficiency) == pytest.approx(
+        float(one.mechanical_efficiency), abs=1e-13
+    )
+    assert float(both.speed_fluctuation) == pytest.approx(float(one.speed_fluctuation), rel=1e-10)
+    # 50 degrees from the first cylinder to the next, or 70
+    assert abs(float(mirrored.speed_fluctuation / one.speed_fluctuation) - 1) > 1e-3
+
+
+def test_forces_on_the_frame_are_the_shaking_force(twin):
+    """Walls, heads and bearings together are what the inertia of all moving parts says."""
+    compressor = several(LAYOUTS[2])
+    wrench = shaking_wrench(compressor, twin.state)
+    gas = instants(compressor, twin.state.angle).gas_force
+    forces = twin.loads.forces
+    wall = [forces[f"wall_{k}"] for k in (1, 2)]
+    own = Vector(*(jnp.stack([-f[i] for f in wall]) for i in (0, 1)))
+    own = Vector(own.x + gas, own.y)
+    total = compressor.cylinders.turned(own).stacked()
+    frame = total.sum(axis=1) - forces["main_1"] - forces["main_2"]
+    np.testing.assert_allclose(frame, wrench.force[:2], atol=1e-8)  # [N] of forces of 10 kN
+    z = np.array([-0.02, 0.02])[:, None]
+    levered = (z * total).sum(axis=1) - 0.25 * (forces["main_2"] - forces["main_1"])
+    np.testing.assert_allclose(-levered[1], wrench.moment[0], atol=1e-9)
+    np.testing.assert_allclose(levered[0], wrench.moment[1], atol=1e-9)
+
+
+# (|f+|, |f-|) of orders 1 and 2 over one cylinder's force; rods of a throw at one place
+BALANCES = {
+    "V90": ([(0.0, 0.0, FOUR, 0.0)], (1.0, 0.0), (2**-0.5, 2**-0.5)),
+    "V60": ([(0.0, 0.0, [-30.0, 30.0], 0.0)], (1.0, 0.5), (3**0.5 / 2, 0.0)),
+    "W60": ([(0.0, 0.0, [-60.0, 0.0, 60.0], 0.0)], (1.5, 0.0), (1.0, 0.5)),
+    "VV45": ([(0.0, 0.0, EIGHT, 0.0)], (2.0, 0.0), (1.306562964876, 0.541196100146)),
+    "radial 3": ([(0.0, 0.0, [0.0, 120.0, 240.0], 0.0)], (1.5, 0.0), (0.0, 1.5)),
+    "in-line 2": ([(0.0, 0.0, [0.0], 0.0), (180.0, 0.0, [0.0], 0.0)], (0.0, 0.0), (1.0, 1.0)),
+    "boxer": ([(0.0, 0.0, [0.0], 0.0), (180.0, 0.0, [180.0], 0.0)], (0.0, 0.0), (0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", BALANCES)
+def test_orders_of_the_shaking_force_at_constant_speed(name):
+    throws, *wanted = BALANCES[name]
+    speed, angle = 100.0, 2 * np.pi * np.arange(64) / 64
+    made = several(throws)
+    # without the rotating mass of the rod: its mass centre in the small end
+    rod = dataclasses.replace(made.mechanism, conrod_centre=made.mechanism.conrod_length)
+    made = dataclasses.replace(made, mechanism=rod)
+    state = CrankState(jnp.asarray(angle), jnp.full(64, speed), jnp.zeros(64))
+    force = np.asarray(shaking_wrench(made, state).force)
+    spectrum = np.fft.fft(force[0] + 1j * force[1]) / 64
+    mechanism = made.mechanism
+    moving = mechanism.piston_mass + mechanism.conrod_mass
+    unit = float(moving * mechanism.crank_radius) * speed**2
+    lever = 0.17  # crank radius over rod length
+    assert float(mechanism.conrod_ratio) == pytest.approx(lever, rel=1e-8)
+    # F = m r w^2 sum A_n cos n psi: A_1 = 1; A_2 at 0.17 of the exact motion
+    for order, amplitude, (ahead, behind) in zip(
+        (1, 2), (1.0, 0.171245174885), wanted, strict=True
+    ):
+        got = abs(spectrum[order]) / unit, abs(spectrum[-order]) / unit
+        np.testing.assert_allclose(got, (amplitude * ahead, amplitude * behind), atol=1e-9)
+
+
+def test_derivatives_to_bank_and_throw_angle():
+    # no two dead centres at one angle, where panels vanish and the discrete solution has a corner
+    uneven = [(0.0, -0.1, [-45.0, 43.0], -0.5), (170.0, 0.1, [-40.0, 48.0], -0.5)]
+    base = several(uneven, motor=MeanSpeed(100.0))
+    place = lambda c: (c.cylinders.throws[0].banks, c.cylinders.throws[1].angle)  # noqa: E731
+
+    @jax.jit
+    def efficiency(banks, angle):
+        made = eqx.tree_at(place, base, (banks, angle))
+        return solve_orbit(made, COARSE).mechanical_efficiency
+
+    at = place(base)
+    ways = jnp.array([0.3, -1.0]), jnp.array(0.7)
+    slope = jax.jvp(efficiency, at, ways)[1]
+    step = 1e-4
+    ahead, back = (
+        efficiency(*(x + sign * step * way for x, way in zip(at, ways, strict=True)))
+        for sign in (1, -1)
+    )
+    # of central differences: their truncation, with kinks that move past nodes
+    assert float(slope) == pytest.approx(float(ahead - back) / (2 * step), rel=1e-5)
+
+
+def test_torque_curve_and_gravity_close_the_energy():
+    made = several(LAYOUTS[2], motor=SlipLine(60.0, 106.0), gravity=jnp.array([0.0, -9.81]))
+    orbit = solve_orbit(made, COARSE)
+    assert abs(orbit.energy.residual) < 1e-12
+    # weights do no work over a revolution: gas work is that of two cylinders, 297.326137139 J each
+    assert float(orbit.energy.gas_work) == pytest.approx(2 * 297.326137139, rel=1e-4)
+
+
+@pytest.mark.parametrize("count", [4, 6, 8])
+def test_bundled_machines_balance_their_first_order(count):
+    machine = load(f"mayekawa-{count}wbhe").as_compressor()
+    assert machine.cylinders.count == count
+    angle = 2 * np.pi * np.arange(64) / 64
+    state = CrankState(jnp.asarray(angle), jnp.full(64, 100.0), jnp.zeros(64))
+    force = np.asarray(shaking_wrench(machine, state).force)
+    first = np.fft.fft(force[0] + 1j * force[1])[[1, -1]] / 64
+    one = dataclasses.replace(machine, cylinders=layout([(0.0, 0.0, [0.0], 0.0)]))
+    single = np.asarray(shaking_wrench(one, state).force)
+    # the counterweights are typed to nine digits
+    assert np.abs(first).max() < 1e-8 * np.abs(single).max()
+
+
+def test_a_rotor_with_several_cylinders_is_refused():
+    """The crank's loads on a rotor know one rod."""
+    scene = load("hermetic-68cc").text.replace(
+        "[motor]", "[cylinders]\n[[cylinders.throws]]\nbanks = ['0 deg', '90 deg']\n\n[motor]", 1
+    )
+    with pytest.raises(SceneError, match="cylinders.*absent.*rotor"):
+        loads(scene)
+
+
+def test_parts_name_what_does_not_go_together(twin):
+    made = several(LAYOUTS[2])
+    with pytest.raises(BadInput, match=r"crank_unbalance.*throws have the unbalances"):
+        dataclasses.replace(
+            made, mechanism=dataclasses.replace(made.mechanism, crank_unbalance=0.1)
+        )
+    link = load("slider-link-8cc").as_compressor().mechanism
+    with pytest.raises(BadInput, match="slider_crank, for several cylinders"):
+        dataclasses.replace(made, mechanism=link, friction=None)
+    with pytest.raises(BadInput, match="at least one bank angle"):
+        Throw([])
+    with pytest.raises(BadInput, match="at least one throw"):
+        Cylinders(())
+    assert set(twin.energy.losses) >= {"main_1", "main_2", "crank_pin_1", "wall_2"}
