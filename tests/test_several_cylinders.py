@@ -293,7 +293,7 @@ def test_a_rotor_with_several_cylinders_is_refused():
     scene = load("hermetic-68cc").text.replace(
         "[motor]", "[cylinders]\n[[cylinders.throws]]\nbanks = ['0 deg', '90 deg']\n\n[motor]", 1
     )
-    with pytest.raises(SceneError, match="cylinders.*absent.*rotor"):
+    with pytest.raises(SceneError, match=r"cylinders.*absent.*rotor"):
         loads(scene)
 
 

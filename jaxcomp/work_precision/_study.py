@@ -70,7 +70,7 @@ class Question(NamedTuple):
         return Collocation(nodes=FINE_NODES, reversals=self.load_reversals)
 
     @property
-    def self.load_reversals -> int:
+    def load_reversals(self) -> int:
         """Of the mechanism, within a stroke."""
         machine = self.compressor
         return 0 if machine is None else machine.load_reversals
