@@ -142,14 +142,32 @@ def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> In
     )
 
 
-def _of_several(compressor: Compressor, cylinders: Cylinders, angle, sense) -> Instants:
-    """The instants of each cylinder by its own crank angle; inertias and torques are their sums."""
+def of_each_cylinder(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Instants:
+    """The instants of each cylinder of several, by its own crank angle and without the crankshaft.
+
+    All entries have a leading axis of cylinders. Weights are in the torques.
+
+    Args:
+        compressor: with several cylinders.
+        angle: [rad] of the crank.
+        sense: +1 while the crank turns forward, -1 while it turns backward.
+    """
+    cylinders = compressor.cylinders
+    assert cylinders is not None
     one = replaced(compressor, cylinders=None, gravity=None, mechanism=without_crank(compressor))
     each = instants(one, cylinders.own_angle(angle), sense)
+    if compressor.gravity is None:
+        return each
+    own = cylinders.own_gravity(compressor.gravity, angle)
+    weights = one.mechanism.weight_torque(each.kinematics, own)
+    return eqx.tree_at(lambda e: e.conservative, each, each.conservative + weights)
+
+
+def _of_several(compressor: Compressor, cylinders: Cylinders, angle, sense) -> Instants:
+    """The instants of each cylinder by its own crank angle; inertias and torques are their sums."""
+    each = of_each_cylinder(compressor, angle, sense)
     torque = jnp.sum(each.conservative, axis=0)
     if compressor.gravity is not None:
-        own = cylinders.own_gravity(compressor.gravity, angle)
-        torque += jnp.sum(one.mechanism.weight_torque(each.kinematics, own), axis=0)
         torque += cylinders.weight_torque(angle, compressor.gravity)
     inertia = compressor.mechanism.crank_inertia + jnp.sum(each.inertia, axis=0)
     inertia_1 = jnp.sum(each.inertia_1, axis=0)
@@ -159,7 +177,7 @@ def _of_several(compressor: Compressor, cylinders: Cylinders, angle, sense) -> I
 
 
 def without_crank(compressor: Compressor) -> AbstractMechanism:
-    """One cylinder without the crankshaft, which all share."""
+    """The mechanism without inertia and mass of the crankshaft, which several cylinders share."""
     return replaced(compressor.mechanism, crank_inertia=jnp.zeros(()), crank_mass=jnp.zeros(()))
 
 

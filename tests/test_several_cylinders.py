@@ -23,6 +23,7 @@ from jaxcomp import (
     solve_orbit,
 )
 from jaxcomp.compressor import instants
+from jaxcomp.crank import TorsionalChain, throw_inertias, throw_torques, time_harmonics
 from jaxcomp.friction import (
     CoulombJournal,
     CoulombSlide,
@@ -30,7 +31,7 @@ from jaxcomp.friction import (
     SliderCrankFriction,
 )
 from jaxcomp.gas import PolytropicCycle
-from jaxcomp.mechanism import CrankState, Cylinders, SliderCrank, Throw, Vector
+from jaxcomp.mechanism import CrankState, Cylinders, SliderCrank, Throw, Vector, counterweights
 from jaxcomp.motor import MeanSpeed, SlipLine
 from jaxcomp.shaking import shaking_wrench
 
@@ -241,6 +242,69 @@ def test_orders_of_the_shaking_force_at_constant_speed(name):
     ):
         got = abs(spectrum[order]) / unit, abs(spectrum[-order]) / unit
         np.testing.assert_allclose(got, (amplitude * ahead, amplitude * behind), atol=1e-9)
+
+
+def test_sums_of_orders_are_those_of_the_closed_forms():
+    for name, (throws, *wanted) in BALANCES.items():
+        for order, (ahead, behind) in zip((1, 2), wanted, strict=True):
+            sums = layout(throws).order_sums(order)
+            got = abs(complex(sums.forward)), abs(complex(sums.backward))
+            np.testing.assert_allclose(got, (ahead, behind), atol=1e-12, err_msg=name)
+    # V90 on two throws, the rods of each at one place: couples of order 1 turn forward only
+    two = layout([(0.0, -0.5, FOUR, 0.0), (180.0, 0.5, FOUR, 0.0)])
+    together = dataclasses.replace(
+        two, throws=tuple(dataclasses.replace(t, rod_pitch=0.0) for t in two.throws)
+    )
+    sums = together.order_sums(1)
+    couple = abs(complex(sums.forward_couple)), abs(complex(sums.backward_couple))
+    np.testing.assert_allclose(couple, (1.0, 0.0), atol=1e-12)
+    np.testing.assert_allclose(np.rad2deg(two.firing_intervals), 90.0, atol=1e-9)
+    one_throw = layout([(0.0, 0.0, FOUR, 0.0)]).firing_intervals
+    np.testing.assert_allclose(np.sort(np.rad2deg(one_throw)), (90.0, 270.0), atol=1e-9)
+
+
+def test_counterweights_are_those_of_the_golden_machine():
+    for count, throws in LAYOUTS.items():
+        if count > 1:
+            made = several(throws)
+            weights = counterweights(made.mechanism, made.cylinders)
+            for throw, (_, _, _, unbalance) in zip(weights.throws, throws, strict=True):
+                assert float(throw.unbalance) == pytest.approx(unbalance, rel=2e-9)  # as typed
+
+
+# Golden: eigenvalues equal Holzer's method to 1e-10.
+TRAIN = TorsionalChain([1.20, 0.25, 0.25, 0.05], [6.0e4, 1.5e6, 1.5e6], [200.0, 0.0, 0.0])
+
+
+def test_torsional_chain_has_the_golden_values():
+    wanted = 0.0, 63.090430938, 520.959666927, 973.560790337
+    np.testing.assert_allclose(TRAIN.natural_frequencies / (2 * np.pi), wanted, rtol=1e-10)
+    two = TorsionalChain([1.20, 0.55], [6.0e4])
+    assert two.natural_frequencies[1] / (2 * np.pi) == pytest.approx(63.480861714, rel=1e-10)
+    frequency = jnp.array([4 * 1000 * np.pi / 30])
+    angle = TRAIN.response(jnp.array([[0.0], [1.0], [1.0], [0.0]]) + 0j, frequency)
+    coupling = abs(complex(TRAIN.spring_torque(angle, frequency)[0, 0]))
+    assert coupling == pytest.approx(1.70055055790, rel=1e-10)
+    with pytest.raises(BadInput, match="3 values, one a spring"):
+        TorsionalChain([1.0, 1.0, 1.0, 1.0], [1.0])
+
+
+def test_a_stiff_crank_train_moves_as_the_rigid_crank(twin):
+    """Motor, throw and counterweight on stiff springs: the harmonics of the orbit's own motion."""
+    compressor = several(LAYOUTS[2])
+    inertia = float(compressor.mechanism.crank_inertia)
+    chain = TorsionalChain(
+        [0.6 * inertia, 0.4 * inertia + float(throw_inertias(compressor)[0])], [1e12]
+    )
+    losses = twin.loads.loss_torque
+    bearings = sum(loss for name, loss in losses.items() if name.startswith("main"))
+    torque, frequency = time_harmonics(
+        twin, jnp.stack([twin.motor_torque - bearings, throw_torques(compressor, twin)[0]]), 6
+    )
+    angle = chain.response(torque, frequency)
+    rise, _ = time_harmonics(twin, twin.state.acceleration, 6)
+    # the springs give by 1e-7 of the motion; quadrature of the harmonics with panels at all kinks
+    np.testing.assert_allclose(-(frequency**2) * angle[1], rise, atol=1e-6 * float(abs(rise[0])))
 
 
 def test_derivatives_to_bank_and_throw_angle():

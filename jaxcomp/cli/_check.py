@@ -129,6 +129,24 @@ def _commands(scene: jc.scene.Scene) -> list[str]:
     return list(dict.fromkeys(out))
 
 
+def _of_cylinders(compressor: jc.Compressor):
+    """What follows from how several cylinders stand."""
+    import numpy as np
+
+    cylinders = compressor.cylinders
+    assert cylinders is not None
+    intervals = np.rad2deg(np.asarray(cylinders.firing_intervals))
+    even = np.ptp(intervals) < 0.01
+    shown = f"{intervals[0]:.4g}" if even else ", ".join(f"{x:.4g}" for x in intervals)
+    yield "Cylinders", cylinders.count, ""
+    yield "Between top dead centres", f"{shown} deg", "even" if even else "uneven"
+    places = getattr(getattr(compressor.friction, "main_journal", None), "position", None)
+    if places is not None:
+        rods = np.asarray(cylinders.position)
+        outside = int(np.sum((rods < np.min(places)) | (rods > np.max(places))))
+        yield "Rods outside the main bearings", outside, "overhung" if outside else ""
+
+
 def _follows(scene: jc.scene.Scene):
     """(name, value, unit) of what follows from the entries, in shown units."""
     names = jc.design.variable_names(jc.machine.machine_of(scene))
@@ -138,6 +156,8 @@ def _follows(scene: jc.scene.Scene):
         mechanism, gas = scene.compressor.mechanism, scene.compressor.gas
         yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
         yield "Swept volume", 1e6 * float(mechanism.swept_volume), "cm3"
+        if scene.compressor.cylinders is not None:
+            yield from _of_cylinders(scene.compressor)
         bore = getattr(mechanism, "bore", None)
         if bore is not None:
             yield "Stroke over bore", float(mechanism.stroke / bore), ""

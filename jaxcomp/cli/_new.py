@@ -13,6 +13,7 @@ class Kind(enum.StrEnum):
     """What the new machine is; each has a file in `jaxcomp/scene/starts`."""
 
     slider_crank = "slider-crank"
+    v_twin = "v-twin"
     slider_link = "slider-link"
     rotor = "rotor"
 

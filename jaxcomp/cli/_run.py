@@ -348,8 +348,7 @@ def vibration_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     assert isinstance(suspension, Suspension)
     places = block_points(suspension)
     points = jnp.stack(list(places.values()))
-    mechanism = scene.as_compressor().mechanism
-    found = eqx.filter_jit(_vibrations)(mechanism, orbit, suspension, points)
+    found = eqx.filter_jit(_vibrations)(scene.as_compressor(), orbit, suspension, points)
     found = jax.tree.map(lambda x: x.tolist(), jax.device_get(found))
     keys = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
     return {
@@ -379,7 +378,7 @@ def _vibration(vibration: dict[str, Any]):
     return table
 
 
-def _vibrations(mechanism, orbit: "Orbit", suspension, points) -> dict[str, Any]:
+def _vibrations(compressor, orbit: "Orbit", suspension, points) -> dict[str, Any]:
     import jax
     import jax.numpy as jnp
 
@@ -392,7 +391,7 @@ def _vibrations(mechanism, orbit: "Orbit", suspension, points) -> dict[str, Any]
         point_motion,
     )
 
-    load = orbit_load(mechanism, orbit, suspension, _HARMONICS)
+    load = orbit_load(compressor, orbit, suspension, _HARMONICS)
     block, free = harmonic_response(suspension, load), free_body_response(suspension, load)
     time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
 

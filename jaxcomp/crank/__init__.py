@@ -11,6 +11,10 @@ from ._panels import panels as panels
 from ._result import orbit_on_panels as orbit_on_panels
 from ._shooting import Shooting as Shooting
 from ._solve import solve_orbit as solve_orbit
+from ._torsion import TorsionalChain as TorsionalChain
+from ._torsion import throw_inertias as throw_inertias
+from ._torsion import throw_torques as throw_torques
+from ._torsion import time_harmonics as time_harmonics
 from ._transient import TimeIntegration as TimeIntegration
 from ._transient import Transient as Transient
 from ._transient import simulate as simulate

@@ -5,7 +5,9 @@ from ._base import AbstractMechanism as AbstractMechanism
 from ._base import CrankState as CrankState
 from ._base import Vector as Vector
 from ._cylinders import Cylinders as Cylinders
+from ._cylinders import OrderSums as OrderSums
 from ._cylinders import Throw as Throw
+from ._cylinders import counterweights as counterweights
 from ._slider_crank import PinForces as PinForces
 from ._slider_crank import RodBalance as RodBalance
 from ._slider_crank import RodMotion as RodMotion

@@ -10,14 +10,15 @@ so that all laws of one cylinder hold with $\psi_k$ in place of $\theta$. The ro
 each with a bearing of its own on the pin; fork-and-blade and articulated rods are not described.
 """
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
-from .._fields import ANY, BadInput, Part, quantity
+from .._fields import ANY, BadInput, Part, quantity, replaced
 from ._base import CrankState, Vector
+from ._slider_crank import SliderCrank
 
 
 class Throw(Part):
@@ -91,6 +92,31 @@ class Cylinders(Part):
         """[rad] psi - theta of every cylinder."""
         return self.throw_angle - self.bank_angle
 
+    @property
+    def firing_intervals(self) -> Float[Array, " k"]:
+        """[rad] between the top dead centres of a machine without offset, in the order of firing."""
+        # half a degree of lead keeps what is 0 but for rounding from lying at the end
+        at = jnp.sort(jnp.mod(jnp.deg2rad(0.5) - self.phase, 2 * jnp.pi))
+        return jnp.diff(jnp.append(at, at[0] + 2 * jnp.pi))
+
+    def order_sums(self, order: int) -> "OrderSums":
+        r"""How the cylinders' shaking forces of an order add up at constant speed.
+
+        The force of all pistons on the frame, with $x + iy$ for its direction and the amplitude
+        $A_n$ of one of them, is $A_n (f_+ e^{in\theta} + f_- e^{-in\theta})$: an ellipse with the
+        semi-axes $|f_+| + |f_-|$ and $||f_+| - |f_-||$; with $z_k$ in the sums, $c_\pm$, its couples,
+        moment $M_x + i M_y = i c$.
+
+        $$f_\pm = \tfrac12 \sum_k e^{i (b_k \pm n (t_k - b_k))}$$
+
+        Args:
+            order: n, of the revolution.
+        """
+        turning = order * self.phase
+        both = 0.5 * jnp.exp(1j * (self.bank_angle + jnp.stack([turning, -turning])))
+        forward, backward = both.sum(-1)
+        return OrderSums(forward, backward, *(both * self.position).sum(-1))
+
     def own_angle(self, angle: Float[Array, "*n"]) -> Float[Array, "k *n"]:
         """[rad] psi of every cylinder at crank angles [rad]."""
         return self.along(self.phase, angle) + angle
@@ -131,6 +157,38 @@ class Cylinders(Part):
             at = angle + throw.angle
             torque += throw.unbalance * (gravity[1] * jnp.cos(at) - gravity[0] * jnp.sin(at))
         return torque
+
+
+class OrderSums(NamedTuple):
+    """Sums of an order over the cylinders, in forces of one piston.
+
+    Attributes:
+        forward, backward: [-] f+ and f-, which turn with the crank and against it.
+        forward_couple, backward_couple: [m] c+ and c-, force times place.
+    """
+
+    forward: Complex[Array, ""]
+    backward: Complex[Array, ""]
+    forward_couple: Complex[Array, ""]
+    backward_couple: Complex[Array, ""]
+
+
+def counterweights(mechanism: SliderCrank, cylinders: Cylinders) -> Cylinders:
+    r"""The cylinders with the counterweights that take what turns forward of the first order.
+
+    On a throw of n rods $u = -(n m_{rot} + \tfrac n2 m_{rec})\,r$: banks that are equally spaced over
+    180 degrees have then no first order left, neither force nor couple, if the rods are at one place.
+
+    Args:
+        mechanism: one of the cylinders.
+        cylinders: how they stand; their unbalances do not matter.
+    """
+    share = mechanism.conrod_centre / mechanism.conrod_length
+    rotating = mechanism.conrod_mass * (1 - share)
+    reciprocating = mechanism.piston_mass + mechanism.conrod_mass * share
+    each = -(rotating + reciprocating / 2) * mechanism.crank_radius
+    throws = tuple(replaced(throw, unbalance=throw.banks.size * each) for throw in cylinders.throws)
+    return replaced(cylinders, throws=throws)
 
 
 def _places(throw: Throw) -> np.ndarray:

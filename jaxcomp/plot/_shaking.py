@@ -125,7 +125,7 @@ _wrench = eqx.filter_jit(shaking_wrench)
 
 @eqx.filter_jit
 def _paths(compressor, orbit, suspension, points):
-    load = orbit_load(compressor.mechanism, orbit, suspension, _HARMONICS)
+    load = orbit_load(compressor, orbit, suspension, _HARMONICS)
     time = jnp.linspace(0.0, 1.0, _INSTANTS) * orbit.period
     response, free = harmonic_response(suspension, load), free_body_response(suspension, load)
 
@@ -138,7 +138,7 @@ def _paths(compressor, orbit, suspension, points):
 
 @eqx.filter_jit
 def _errors(compressor, orbit, suspension, points, factors):
-    load = orbit_load(compressor.mechanism, orbit, suspension, 1)
+    load = orbit_load(compressor, orbit, suspension, 1)
 
     def one(factor):
         other = retuned(suspension, factor)

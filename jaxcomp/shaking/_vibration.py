@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from ..compressor import Compressor
 from ..crank import Orbit
 from ..mechanism import AbstractMechanism
 from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
@@ -81,12 +82,13 @@ def harmonics(
 
 
 def orbit_load(
-    mechanism: AbstractMechanism, orbit: Orbit, suspension: Suspension, count: int
+    mechanism: AbstractMechanism | Compressor, orbit: Orbit, suspension: Suspension, count: int
 ) -> Harmonics:
     """Harmonics of the shaking wrench of a periodic state about the mass centre of the block.
 
     Args:
-        mechanism: of the compressor that the orbit was found for.
+        mechanism: of the compressor that the orbit was found for, or the compressor, which may have
+            several cylinders.
         orbit: the periodic state.
         suspension: gives the mass centre.
         count: number of harmonics.

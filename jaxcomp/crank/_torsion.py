@@ -1,0 +1,171 @@
+r"""Torsion of the crank train: a chain of inertias and springs under the torques of an orbit.
+
+$$M\ddot\vartheta + C\dot\vartheta + K\vartheta = T(t)$$
+
+with an inertia for motor, couplings and every throw, driven harmonic by harmonic by the torques of the
+rigid crank, $(K - (n\Omega)^2 M + i n\Omega C)\,\vartheta_n = T_n$. The mean torque passes as it is. The
+rigid orbit is right while the lowest torsional frequency lies well above that of the load; the swing of
+the inertias with the crank angle is left out.
+"""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from .._fields import NONNEGATIVE, POSITIVE, BadInput, Part, quantity
+from ..compressor import Compressor, Instants, of_each_cylinder, without_crank
+from ..mechanism import Cylinders
+from ._orbit import Orbit
+
+# Angles over which the inertia of a cylinder is averaged: its orders end far below.
+_SAMPLES = 64
+
+
+class TorsionalChain(Part):
+    """Inertias in a row with torsional springs between neighbours; free at both ends.
+
+    Args:
+        inertia: [kg m^2] (n,) about the shaft's axis.
+        stiffness: [N m/rad] (n - 1,) between neighbours.
+        damping: [N m s/rad] (n - 1,) between neighbours; one value stands for all.
+
+    Raises:
+        BadInput: not one spring fewer than inertias.
+    """
+
+    kind: ClassVar[str] = "torsional_chain"
+
+    inertia: Float[Array, " n"] = quantity("kg m^2", POSITIVE, shape=(None,))
+    stiffness: Float[Array, " s"] = quantity("N m/rad", POSITIVE, shape=(None,))
+    damping: Float[Array, " s"] = quantity("N m s/rad", NONNEGATIVE, shape=(None,), default=0.0)
+
+    def __post_init__(self):
+        stiffness = jnp.asarray(self.stiffness, float)
+        self.damping = jnp.broadcast_to(jnp.asarray(self.damping, float), stiffness.shape)
+
+    def __check_init__(self):
+        count = self.inertia.size
+        if count < 2 or self.stiffness.shape != (count - 1,):
+            raise BadInput("stiffness", self.stiffness, f"{max(count, 2) - 1} values, one a spring")
+
+    def _between(self, values: Float[Array, " s"]) -> Float[Array, "n n"]:
+        """The matrix of springs or dampers between neighbours."""
+        ends = jnp.concatenate([jnp.zeros(1), values, jnp.zeros(1)])
+        beside = jnp.diag(values, 1)
+        return jnp.diag(ends[1:] + ends[:-1]) - beside - beside.T
+
+    @property
+    def natural_frequencies(self) -> Float[Array, " n"]:
+        """[rad/s] in rising order; the first is the free rotation, 0."""
+        root = jnp.sqrt(self.inertia)
+        values = jnp.linalg.eigvalsh(self._between(self.stiffness) / root[:, None] / root)
+        return jnp.sqrt(jnp.maximum(values, 0.0)).at[0].set(0.0)
+
+    def response(
+        self, torque: Complex[Array, "n h"], frequency: Float[Array, " h"]
+    ) -> Complex[Array, "n h"]:
+        """Angles [rad] of the inertias, time factor $e^{+i\\Omega t}$.
+
+        Args:
+            torque: [N m] complex amplitudes on every inertia.
+            frequency: [rad/s] of each of h harmonics, > 0.
+        """
+        square = frequency[:, None, None] ** 2
+        dynamic = (
+            self._between(self.stiffness)
+            - square * jnp.diag(self.inertia)
+            + 1j * frequency[:, None, None] * self._between(self.damping)
+        )
+        return jnp.linalg.solve(dynamic, torque.T[..., None])[..., 0].T
+
+    def spring_torque(
+        self, angle: Complex[Array, "n h"], frequency: Float[Array, " h"]
+    ) -> Complex[Array, "s h"]:
+        """[N m] that each spring with its damper carries, from its left to its right end.
+
+        Args:
+            angle: [rad] of `response`.
+            frequency: [rad/s] of each harmonic.
+        """
+        rate = self.stiffness[:, None] + 1j * frequency * self.damping[:, None]
+        return rate * jnp.diff(angle, axis=0)
+
+
+def throw_torques(compressor: Compressor, orbit: Orbit) -> Float[Array, "t n"]:
+    """Torque [N m] of each throw's cylinders on the crank at the nodes of an orbit.
+
+    Gas, weights, friction of the cylinders' own joints, and inertia but for that of the mean inertia
+    of each throw (`throw_inertias`), which belongs to the chain.
+
+    Args:
+        compressor: with several cylinders.
+        orbit: its periodic state.
+
+    Raises:
+        BadInput: a compressor without a description of its cylinders.
+    """
+    cylinders, each = _each(compressor, orbit.state.angle)
+    state, losses = orbit.state, orbit.loads.loss_torque
+    swing = each.inertia - _mean_inertia(compressor)
+    torque = each.conservative - swing * state.acceleration - 0.5 * each.inertia_1 * state.speed**2
+    own = [
+        sum(loss for name, loss in losses.items() if name in _names(number))
+        for number in range(1, cylinders.count + 1)
+    ]
+    return _by_throw(cylinders, torque - jnp.stack([jnp.zeros_like(state.speed) + x for x in own]))
+
+
+def throw_inertias(compressor: Compressor) -> Float[Array, " t"]:
+    """[kg m^2] Mean inertia of the rods and pistons of each throw, reduced to the crank.
+
+    Raises:
+        BadInput: a compressor without a description of its cylinders.
+    """
+    cylinders, _ = _each(compressor, jnp.zeros(1))
+    return _by_throw(cylinders, jnp.full(cylinders.count, _mean_inertia(compressor)))
+
+
+def time_harmonics(
+    orbit: Orbit, values: Float[Array, "*m n"], count: int
+) -> tuple[Complex[Array, "*m h"], Float[Array, " h"]]:
+    r"""Amplitudes of the harmonics 1 to `count` of TIME of values at the nodes, with $e^{+i\Omega t}$.
+
+    Args:
+        orbit: the periodic state.
+        values: at its nodes.
+        count: of harmonics.
+
+    Returns:
+        Complex amplitudes, and their frequencies [rad/s].
+    """
+    frequency = orbit.mean_speed * jnp.arange(1, count + 1)
+    duration = orbit.weight / orbit.state.speed
+    turning = jnp.exp(-1j * frequency[:, None] * orbit.time) * duration
+    return 2 / jnp.sum(duration) * (values @ turning.T), frequency
+
+
+def _each(compressor: Compressor, angle) -> tuple[Cylinders, Instants]:
+    cylinders = compressor.cylinders
+    if cylinders is None:
+        raise BadInput("cylinders", "absent", "given: throws and banks of the machine")
+    return cylinders, of_each_cylinder(compressor, angle)
+
+
+def _mean_inertia(compressor: Compressor) -> Float[Array, ""]:
+    angle = jnp.linspace(0.0, 2 * jnp.pi, _SAMPLES, endpoint=False)
+    return jnp.mean(without_crank(compressor).inertia(angle)[0])
+
+
+def _names(number: int) -> tuple[str, ...]:
+    return tuple(
+        f"{joint}_{number}" for joint in ("wall", "piston_film", "piston_pin", "crank_pin")
+    )
+
+
+def _by_throw(cylinders: Cylinders, values):
+    """Sums over the cylinders of each throw."""
+    sizes = [throw.banks.size for throw in cylinders.throws]
+    ends = np.cumsum(sizes)[:-1]
+    return jnp.stack([jnp.sum(part, axis=0) for part in jnp.split(values, ends)])
