@@ -247,6 +247,7 @@ def loop_of(
     single = without_crank(compressor)
     if kinematics is None:
         kinematics = single.kinematics(cylinders.own_angle(state.angle))
+    assert isinstance(mechanism, SliderCrank)
     weight = None if compressor.gravity is None else mechanism.crank_mass * compressor.gravity
     return several_loops(
         single, friction, cylinders, state, gas, compressor.gravity, weight, kinematics

@@ -270,3 +270,18 @@ def test_an_unbalance_of_another_machine_is_unusual(tmp_path):
     file.write_text(text.replace('"0.25 kg"', '"25 g"').replace('"0.20 kg"', '"20 g"'))
     unusual = read_json(invoke("check", str(file), "--json").stdout)["unusual"]
     assert any("crank_unbalance" in row["what"] for row in unusual)
+
+
+def test_check_says_how_several_cylinders_fire():
+    result = CliRunner().invoke(app, ["check", "mayekawa-6wbhe"], env={"COLUMNS": "100"})
+    assert result.exit_code == 0, result.output
+    rows = {
+        name: line.split(name, 1)[1].split()
+        for line in result.output.splitlines()
+        for name in ("Cylinders ", "Between top dead centres", "Rods outside the main bearings")
+        if name in line
+    }
+    assert rows["Cylinders "] == ["6"]
+    assert rows["Between top dead centres"] == ["60", "deg", "even"]
+    assert rows["Rods outside the main bearings"] == ["0"]
+    assert "animate" not in result.output  # its picture shows one cylinder

@@ -246,11 +246,14 @@ def test_extreme_orbits_close_the_turn_of_the_reference(fine, case):
 
 
 def test_a_coarse_turn_says_how_coarse_it_is():
-    """The resolution is above the error of the fluctuation; where it is poor the word says so."""
+    """The resolution is above the error of the fluctuation; where it is poor the word says so.
+
+    With 8 nodes the losses are not known to a hundredth of the work; with 12 they are.
+    """
     steep = machine(conrod_length=0.05 / 0.95)
     exact = solve_orbit(steep, Collocation(nodes=24, reversals=0)).speed_fluctuation
     words = []
-    for nodes in (3, 5, 8):
+    for nodes in (3, 5, 12):
         found = solve_orbit(steep, Collocation(nodes=nodes, reversals=0), throw=False)
         error = abs(found.speed_fluctuation / exact - 1)
         assert 1e-4 < error < found.resolution, nodes  # seen: 0.1 to 0.2 of it

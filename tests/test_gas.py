@@ -310,7 +310,7 @@ def test_a_cycle_delivers_where_it_has_work(clearance):
 def test_bad_tables_are_refused():
     with pytest.raises(BadInput, match="rising angles"):
         CrankAngleTable([0.0, 2.0, 1.0], [1e5, 1e5, 1e5], 1e5)
-    with pytest.raises(BadInput, match="within one turn"):
+    with pytest.raises(BadInput, match="within one revolution"):
         CrankAngleTable([0.0, 2.0, 2 * np.pi], [1e5, 1e5, 1e5], 1e5)
     with pytest.raises(BadInput, match="three points"):
         CrankAngleTable([0.0, 2.0], [1e5, 1e5], 1e5)

@@ -66,7 +66,7 @@ def test_semicolons_and_decimal_commas(scene, tmp_path):
         ),
         (
             TABLE + "360,8.0\n",
-            r"gas: must be a table with rising angles within one turn, the first not",
+            r"gas: must be a table with rising angles within one revolution, the first not",
         ),
         ("angle [deg]\n", r"indicator.csv: needs a header and lines of numbers"),
         (None, r"indicator.csv: cannot be read: No such file"),

@@ -120,6 +120,8 @@ def _commands(scene: jc.scene.Scene) -> list[str]:
     """The commands that have something to work on."""
     design = ["compare", "sensitivity", "optimise", "sweep", "tolerance"]
     out = [] if scene.compressor is None else ["run", "animate", *design]
+    if scene.compressor is not None and scene.compressor.cylinders is not None:
+        out.remove("animate")
     if "rotor" in scene.parts:
         loads = scene.parts.get("loads")
         out += ["modes"]

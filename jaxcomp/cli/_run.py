@@ -240,8 +240,8 @@ def _summary(scene: "Scene", result: dict[str, Any]):
     }
     meaningless = any("no efficiency" in remark for remark in result["remarks"])
     for one in registered():
-        if one.name not in result or one.name in _IN_OTHER_TABLES:
-            continue
+        if one.name not in result or one.name in _IN_OTHER_TABLES or "vibration" in one.needs:
+            continue  # the vibration of a rotor is another than that of the suspended block
         value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
         look = shown(
             one.name, one.unit, [value, result["motor_power"]] if one.unit == "W" else value

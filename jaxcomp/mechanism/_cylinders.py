@@ -148,7 +148,9 @@ class Cylinders(Part):
             force = throw.unbalance * jnp.stack([-c * square - s * rise, c * rise - s * square])
             pull.append(force)
             moment.append(throw.position * force)
-        return Vector(*sum(pull)), Vector(*sum(moment))
+        return Vector(*jnp.sum(jnp.stack(pull), axis=0)), Vector(
+            *jnp.sum(jnp.stack(moment), axis=0)
+        )
 
     def weight_torque(self, angle: Float[Array, "*n"], gravity: Float[Array, "2"]):
         """[N m] on the crank, of the weights of the throws' unbalances."""
