@@ -20,7 +20,8 @@ def invoke(*arguments):
 
 
 def test_there_is_a_start_for_both_mechanisms_several_cylinders_and_a_rotor():
-    assert KINDS == ["slider-crank", "rotor", "slider-link", "v-twin"]
+    assert sorted(KINDS) == ["rotor", "slider-crank", "slider-link", "v-twin"]
+    assert KINDS[0] == "slider-crank"
 
 
 @pytest.mark.parametrize("kind", KINDS)
