@@ -18,11 +18,14 @@ def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array
         compressor: the machine.
         orbit: its periodic state, or anything with its `state` and `loads`.
     """
-    speed = orbit.state.speed
+    speed, mechanism, several = orbit.state.speed, compressor.mechanism, compressor.cylinders
     rates = dict.fromkeys(orbit.loads.forces, speed)
-    if isinstance(compressor.mechanism, SliderCrank):
-        tilt = rod_motion(compressor.mechanism, orbit.state.angle).tilt_1
-        rates |= {"piston_pin": tilt * speed, "crank_pin": (1 + tilt) * speed}
+    if not isinstance(mechanism, SliderCrank):
+        return rates
+    angles = orbit.state.angle[None] if several is None else several.own_angle(orbit.state.angle)
+    for number, tilt in enumerate(rod_motion(mechanism, angles).tilt_1, 1):
+        own = "" if several is None else f"_{number}"
+        rates |= {f"piston_pin{own}": tilt * speed, f"crank_pin{own}": (1 + tilt) * speed}
     return rates
 
 
@@ -38,9 +41,11 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
         orbit: its periodic state.
     """
     rates, forces = journal_rates(compressor, orbit), orbit.loads.forces
+    count = 0 if compressor.cylinders is None else compressor.cylinders.count
     return {
         name: minimum_film(law, jnp.hypot(*forces[name]), jnp.abs(rates[name]))
-        for name, law in film_journals(compressor.friction).items()
+        for joint, law in film_journals(compressor.friction).items()
+        for name in (joint, *(f"{joint}_{number}" for number in range(1, count + 1)))
         if name in forces and _carries(law)
     }
 

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._fields import BadInput, admissible, clipped, is_traced
 from .._results import Data, Result
 from .._status import SolveFailed, Status
-from ..compressor import Compressor, compressor_of
+from ..compressor import Compressor, compressor_of, instants
 from ..mechanism import CrankState
 from ._motion import acceleration
 from ._orbit import Energy
@@ -177,8 +177,7 @@ def _simulate(
     good = admissible(machine)
     compressor = clipped(machine)
     speed_scale = compressor.motor.speed_guess
-    inertia, _ = compressor.mechanism.inertia(angle)
-    energy_scale = inertia * speed_scale**2
+    energy_scale = instants(compressor, angle).inertia * speed_scale**2
 
     def evaluate(t, y):
         now = y["speed"] * speed_scale
@@ -229,7 +228,7 @@ def _simulate(
     time = jnp.linspace(0.0, 1.0, options.samples) * end
     ys = jax.vmap(solution.evaluate)(time)
     now, _, rise, _, _ = jax.vmap(evaluate)(time, ys)
-    inertia, _ = compressor.mechanism.inertia(ys["angle"])
+    inertia = instants(compressor, ys["angle"]).inertia
     work = jax.tree.map(lambda w: w * energy_scale, ys["work"])
     status = Status.where(reached, Status.converged, Status.not_converged)
     return Transient(
