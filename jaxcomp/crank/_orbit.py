@@ -90,7 +90,8 @@ class Orbit(Result, eqx.Module):
         energy: work over the revolution.
         loss_error: [J] estimated error of `energy.losses`, by joint, panel by panel from what twice the
             nodes change and from the decay of the integrand, with what the torques there change in the
-            motion. Their sum is for each; `verification` has the true one.
+            motion. Their sum is for each: of 24,000 random machines one was off by more, by 1.7 times;
+            `verification` has the true error.
         peak_forces: [N] largest magnitude of the panel polynomials over the revolution, by joint.
         peak_error: [N] largest size of the highest two terms of these polynomials: an upper estimate
             of the error of the peaks.
