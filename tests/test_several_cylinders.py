@@ -307,11 +307,11 @@ def test_a_stiff_crank_train_moves_as_the_rigid_crank(twin):
     )
     losses = twin.loads.loss_torque
     bearings = sum(loss for name, loss in losses.items() if name.startswith("main"))
-    torque, frequency = time_harmonics(
-        twin, jnp.stack([twin.motor_torque - bearings, throw_torques(compressor, twin)[0]]), 6
-    )
+    torques = jnp.stack([twin.motor_torque - bearings, throw_torques(compressor, twin)[0]])
+    instants_ = twin.time, twin.weight / twin.state.speed
+    torque, frequency = time_harmonics(torques, *instants_, 6)
     angle = chain.response(torque, frequency)
-    rise, _ = time_harmonics(twin, twin.state.acceleration, 6)
+    rise, _ = time_harmonics(twin.state.acceleration, *instants_, 6)
     # the springs give by 1e-7 of the motion; quadrature of the harmonics with panels at all kinks
     np.testing.assert_allclose(-(frequency**2) * angle[1], rise, atol=1e-6 * float(abs(rise[0])))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from .._registry import registered
+from .._registry import Quantity, registered
 from .._shown import RPM, shown
 from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
@@ -97,6 +97,11 @@ def run(
     hand_out(result, run_tables(scene, result), as_json, out, figures, scene, curves)
 
 
+def _of_the_crank() -> tuple[Quantity, ...]:
+    """The registered quantities of the crank's periodic state, without those of a rotor."""
+    return tuple(one for one in registered() if set(one.needs) <= {"orbit", "compressor"})
+
+
 def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     """The orbit in numbers. The keys are stable; new ones may join them."""
     from importlib.metadata import version
@@ -106,7 +111,7 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
 
     from .._status import Status
 
-    known = tuple(one for one in registered() if set(one.needs) <= {"orbit", "compressor"})
+    known = _of_the_crank()
     found = eqx.filter_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
     values, numbers = jax.tree.map(float, jax.device_get(found))
     total = sum(numbers["losses"].values())
@@ -226,11 +231,11 @@ def _summary(scene: "Scene", result: dict[str, Any]):
     changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
     title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")
     rows = []
-    bore = getattr(scene.as_compressor().mechanism, "bore", None)
+    compressor = scene.as_compressor()
+    bore, cylinders = getattr(compressor.mechanism, "bore", None), compressor.cylinders
     if bore is not None:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
-        cylinders = scene.as_compressor().cylinders
         each = "" if cylinders is None else f" in each of {cylinders.count} cylinders"
         rows.append(("Bore x stroke", size, f"{volume} swept{each}"))
     low, high = (f"{RPM * result[f'{end}_speed']:.5g}" for end in ("lowest", "highest"))
@@ -239,9 +244,9 @@ def _summary(scene: "Scene", result: dict[str, Any]):
         "speed_fluctuation": f"{low} to {high} rpm",
     }
     meaningless = any("no efficiency" in remark for remark in result["remarks"])
-    for one in registered():
-        if one.name not in result or one.name in _IN_OTHER_TABLES or "vibration" in one.needs:
-            continue  # the vibration of a rotor is another than that of the suspended block
+    for one in _of_the_crank():
+        if one.name not in result or one.name in _IN_OTHER_TABLES:
+            continue
         value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
         look = shown(
             one.name, one.unit, [value, result["motor_power"]] if one.unit == "W" else value

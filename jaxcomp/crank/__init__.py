@@ -7,6 +7,7 @@ from ._motion import acceleration as acceleration
 from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit
 from ._orbit import Verification as Verification
+from ._orbit import time_harmonics as time_harmonics
 from ._panels import panels as panels
 from ._result import orbit_on_panels as orbit_on_panels
 from ._shooting import Shooting as Shooting
@@ -14,7 +15,6 @@ from ._solve import solve_orbit as solve_orbit
 from ._torsion import TorsionalChain as TorsionalChain
 from ._torsion import throw_inertias as throw_inertias
 from ._torsion import throw_torques as throw_torques
-from ._torsion import time_harmonics as time_harmonics
 from ._transient import TimeIntegration as TimeIntegration
 from ._transient import Transient as Transient
 from ._transient import simulate as simulate

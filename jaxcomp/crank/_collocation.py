@@ -156,9 +156,8 @@ def orbit_of_motion(
     through = grid.rule.through(fine.rule.nodes).T
 
     def both(values):
-        at_nodes, between = values, lax.stop_gradient(values @ through)
-        flat = (x.reshape(*values.shape[:-2], -1) for x in (at_nodes, between))
-        return jnp.concatenate([*flat], axis=-1)
+        at_both = values, lax.stop_gradient(values @ through)
+        return jnp.concatenate([x.reshape(*x.shape[:-2], -1) for x in at_both], axis=-1)
 
     def nodes(values):
         return values[..., :count].reshape(*values.shape[:-1], *shape)

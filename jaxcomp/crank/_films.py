@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from ..compressor import Compressor
 from ..film import AbstractCarryingFilm, JournalBearing, minimum_film
-from ..friction import film_journals
+from ..friction import film_journals, joints_of_cylinder
 from ..mechanism import SliderCrank, rod_motion
 from ._orbit import Orbit
 
@@ -24,8 +24,9 @@ def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array
         return rates
     angles = orbit.state.angle[None] if several is None else several.own_angle(orbit.state.angle)
     for number, tilt in enumerate(rod_motion(mechanism, angles).tilt_1, 1):
-        own = "" if several is None else f"_{number}"
-        rates |= {f"piston_pin{own}": tilt * speed, f"crank_pin{own}": (1 + tilt) * speed}
+        names = {} if several is None else joints_of_cylinder(number)
+        for joint, rate in (("piston_pin", tilt), ("crank_pin", 1 + tilt)):
+            rates[names.get(joint, joint)] = rate * speed
     return rates
 
 
@@ -42,10 +43,11 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
     """
     rates, forces = journal_rates(compressor, orbit), orbit.loads.forces
     count = 0 if compressor.cylinders is None else compressor.cylinders.count
+    own = [joints_of_cylinder(number + 1) for number in range(count)]
     return {
         name: minimum_film(law, jnp.hypot(*forces[name]), jnp.abs(rates[name]))
         for joint, law in film_journals(compressor.friction).items()
-        for name in (joint, *(f"{joint}_{number}" for number in range(1, count + 1)))
+        for name in (joint, *(names[joint] for names in own if joint in names))
         if name in forces and _carries(law)
     }
 

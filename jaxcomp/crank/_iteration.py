@@ -224,11 +224,9 @@ def steepness(
     net, excess = jax.vmap(lambda *way: jax.jvp(torques, (energy, acceleration, force), way)[1])(
         *ways
     )
-    if force.ndim > energy.ndim:  # the loops of several cylinders do not know each other
-        follows = -excess[0] / jnp.maximum(jnp.sum(excess[1:], axis=0), 1e-3)
-        return (net[0] + jnp.sum(follows * net[1:], axis=0)) / scales.energy
-    follows = -excess[0] / jnp.maximum(excess[1], 1e-3)
-    return (net[0] + follows * net[1]) / scales.energy
+    # the loops of several cylinders do not know each other
+    follows = -excess[0] / jnp.maximum(jnp.sum(excess[1:], axis=0), 1e-3)
+    return (net[0] + jnp.sum(follows * net[1:], axis=0)) / scales.energy
 
 
 class Revolution(NamedTuple):

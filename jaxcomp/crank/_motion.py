@@ -118,17 +118,11 @@ class _Equation(eqx.Module):
         The loops of several cylinders do not know each other: each follows the acceleration by itself.
         """
         (torque, force), (by_torque, by_force) = rest, slopes
-        several = force.ndim > torque.ndim
-
-        def summed(values):
-            return jnp.sum(values, axis=0) if several else values
-
         # joints that lock have slopes that are not positive; those of the bare machine are safe
-        stiff = jnp.maximum(jnp.sum(by_force[1:], axis=0) if several else by_force[1], 1e-3)
-        by_joint = by_torque[1:] if several else by_torque[1]
-        inertia = by_torque[0] - summed(by_joint * by_force[0] / stiff)
+        stiff = jnp.maximum(jnp.sum(by_force[1:], axis=0), 1e-3)
+        inertia = by_torque[0] - jnp.sum(by_torque[1:] * by_force[0] / stiff, axis=0)
         inertia = jnp.maximum(inertia, 0.1 * self.at.inertia)
-        change = -(torque - summed(by_joint * force / stiff)) / inertia
+        change = -(torque - jnp.sum(by_torque[1:] * force / stiff, axis=0)) / inertia
         return change, -(force + by_force[0] * change) / stiff
 
 

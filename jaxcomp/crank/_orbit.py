@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from .._registry import Quantity, registered
 from .._results import Data, Result
@@ -257,3 +257,26 @@ def _magnitude(force):
 
 def _nonzero(value):
     return value + (value == 0)
+
+
+def time_harmonics(
+    values: Float[Array, "*m t"], time: Float[Array, " t"], duration: Float[Array, " t"], count: int
+) -> tuple[Complex[Array, "*m h"], Float[Array, " h"]]:
+    r"""Amplitudes of the harmonics 1 to `count` of time over a revolution, with $e^{+i\Omega t}$.
+
+    With an `orbit` of `solve_orbit` that is `time=orbit.time` and
+    `duration=orbit.weight / orbit.state.speed`.
+
+    Args:
+        values: at t instants.
+        time: [s] of the instants.
+        duration: [s] quadrature weights of the instants; their sum is the period.
+        count: number of harmonics.
+
+    Returns:
+        Complex amplitudes in the unit of the values, and their frequencies [rad/s].
+    """
+    period = jnp.sum(duration)
+    frequency = 2 * jnp.pi / period * jnp.arange(1, count + 1)
+    turning = jnp.exp(-1j * frequency * time[:, None])
+    return 2 / period * (values * duration) @ turning, frequency

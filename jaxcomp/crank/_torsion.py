@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._fields import NONNEGATIVE, POSITIVE, BadInput, Part, quantity
-from ..compressor import Compressor, Instants, of_each_cylinder, without_crank
+from ..compressor import Compressor, of_each_cylinder, without_crank
+from ..friction import joints_of_cylinder
 from ..mechanism import Cylinders
 from ._orbit import Orbit
 
@@ -106,12 +107,13 @@ def throw_torques(compressor: Compressor, orbit: Orbit) -> Float[Array, "t n"]:
     Raises:
         BadInput: a compressor without a description of its cylinders.
     """
-    cylinders, each = _each(compressor, orbit.state.angle)
+    cylinders = _cylinders_of(compressor)
+    each = of_each_cylinder(compressor, orbit.state.angle)
     state, losses = orbit.state, orbit.loads.loss_torque
     swing = each.inertia - _mean_inertia(compressor)
     torque = each.conservative - swing * state.acceleration - 0.5 * each.inertia_1 * state.speed**2
     own = [
-        sum(loss for name, loss in losses.items() if name in _names(number))
+        sum(losses[name] for name in joints_of_cylinder(number).values() if name in losses)
         for number in range(1, cylinders.count + 1)
     ]
     return _by_throw(cylinders, torque - jnp.stack([jnp.zeros_like(state.speed) + x for x in own]))
@@ -123,45 +125,19 @@ def throw_inertias(compressor: Compressor) -> Float[Array, " t"]:
     Raises:
         BadInput: a compressor without a description of its cylinders.
     """
-    cylinders, _ = _each(compressor, jnp.zeros(1))
+    cylinders = _cylinders_of(compressor)
     return _by_throw(cylinders, jnp.full(cylinders.count, _mean_inertia(compressor)))
 
 
-def time_harmonics(
-    orbit: Orbit, values: Float[Array, "*m n"], count: int
-) -> tuple[Complex[Array, "*m h"], Float[Array, " h"]]:
-    r"""Amplitudes of the harmonics 1 to `count` of TIME of values at the nodes, with $e^{+i\Omega t}$.
-
-    Args:
-        orbit: the periodic state.
-        values: at its nodes.
-        count: of harmonics.
-
-    Returns:
-        Complex amplitudes, and their frequencies [rad/s].
-    """
-    frequency = orbit.mean_speed * jnp.arange(1, count + 1)
-    duration = orbit.weight / orbit.state.speed
-    turning = jnp.exp(-1j * frequency[:, None] * orbit.time) * duration
-    return 2 / jnp.sum(duration) * (values @ turning.T), frequency
-
-
-def _each(compressor: Compressor, angle) -> tuple[Cylinders, Instants]:
-    cylinders = compressor.cylinders
-    if cylinders is None:
+def _cylinders_of(compressor: Compressor) -> Cylinders:
+    if compressor.cylinders is None:
         raise BadInput("cylinders", "absent", "given: throws and banks of the machine")
-    return cylinders, of_each_cylinder(compressor, angle)
+    return compressor.cylinders
 
 
 def _mean_inertia(compressor: Compressor) -> Float[Array, ""]:
     angle = jnp.linspace(0.0, 2 * jnp.pi, _SAMPLES, endpoint=False)
     return jnp.mean(without_crank(compressor).inertia(angle)[0])
-
-
-def _names(number: int) -> tuple[str, ...]:
-    return tuple(
-        f"{joint}_{number}" for joint in ("wall", "piston_film", "piston_pin", "crank_pin")
-    )
 
 
 def _by_throw(cylinders: Cylinders, values):

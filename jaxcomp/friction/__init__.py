@@ -19,6 +19,7 @@ from ._loads import joint_loads as joint_loads
 from ._loads import joint_loop as joint_loop
 from ._loads import magnitude as magnitude
 from ._loads import newton_step as newton_step
+from ._several import joints_of_cylinder as joints_of_cylinder
 from ._several import several_loops as several_loops
 from ._slider_crank import SliderCrankFriction as SliderCrankFriction
 from ._slider_link import SliderLinkFriction as SliderLinkFriction

@@ -18,6 +18,14 @@ from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude
 from ._slider_crank import SliderCrankFriction, SliderCrankLoop
 from ._support import MainBearings
 
+# Joints that each cylinder has for itself.
+_OWN = ("wall", "piston_film", "piston_pin", "crank_pin")
+
+
+def joints_of_cylinder(number: int) -> dict[str, str]:
+    """Names in results of the joints that cylinder `number` >= 1 of several has for itself."""
+    return {joint: f"{joint}_{number}" for joint in _OWN}
+
 
 class SeveralLoops(AbstractJointLoop):
     """The joints of k cylinders, with the side force N [N] of each cylinder's wall as unknown (k, n).
@@ -55,8 +63,8 @@ class SeveralLoops(AbstractJointLoop):
         return self.loops.excess(unknown)
 
     def balance(self, unknown):
-        excess, loss, marks = self.loops.balance(unknown)
-        return excess, (loss, self.loops.rod_force(unknown)), marks
+        (excess, loss, marks), rod_force = self.loops.balance_and_rod_force(unknown)
+        return excess, (loss, rod_force), marks
 
     def total_loss(self, loss):
         own, rod_force = loss
@@ -93,14 +101,14 @@ class SeveralLoops(AbstractJointLoop):
 
     def loads(self, unknown, evidence):
         each = self.loops.loads(unknown, evidence)
-        reactions = self._reactions(self.loops.rod_force(unknown))
+        reactions = self._reactions(Vector(*each.forces["crank_pin"]))
         forces, losses = {}, {}
-        for number in range(self.cylinders.count):
-            for name, force in each.forces.items():
-                if name != "main_journal":
-                    forces[f"{name}_{number + 1}"] = force[:, number]
-            for name, loss in each.loss_torque.items():
-                losses[f"{name}_{number + 1}"] = loss[number]
+        for place in range(self.cylinders.count):
+            for joint, name in joints_of_cylinder(place + 1).items():
+                if joint in each.forces:
+                    forces[name] = each.forces[joint][:, place]
+                if joint in each.loss_torque:
+                    losses[name] = each.loss_torque[joint][place]
         forces |= {name: force.stacked() for name, force in reactions.items()}
         shape = (-1, *self.speed.shape)
         return JointLoads(

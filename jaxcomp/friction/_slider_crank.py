@@ -125,16 +125,16 @@ class SliderCrankLoop(AbstractJointLoop):
         return self._left(*self._pins(unknown, self._wall(unknown)))
 
     def balance(self, unknown):
+        return self.balance_and_rod_force(unknown)[0]
+
+    def balance_and_rod_force(self, unknown):
+        """The balance, and the force of the crank on the rod [N]."""
         wall = self._wall(unknown)
         forces, *moments = self._pins(unknown, wall)
         loss = sum(self._losses(forces, wall, *moments).values(), jnp.zeros_like(wall))
         near_zero = self._near_zero(forces)
         marks = (unknown, *(force.x for force in near_zero), *(force.y for force in near_zero))
-        return self._left(forces, *moments), loss, marks
-
-    def rod_force(self, unknown) -> Vector:
-        """Force of the crank on the rod [N]."""
-        return self._pins(unknown, self._wall(unknown))[0].crank_pin
+        return (self._left(forces, *moments), loss, marks), forces.crank_pin
 
     def _near_zero(self, forces):
         """Forces of the joints with a law: where one comes close to zero, its magnitude turns."""

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._fields import ANY, BadInput, Part, quantity, replaced
-from ._base import CrankState, Vector
+from ._base import CrankState, Vector, rotating
 from ._slider_crank import SliderCrank
 
 
@@ -142,15 +142,11 @@ class Cylinders(Part):
         """Inertia [N] of the throws' unbalances in machine axes, and its moment [N m], sum of F z."""
         pull, moment = [], []
         for throw in self.throws:
-            angle = state.angle + throw.angle
-            c, s = jnp.cos(angle), jnp.sin(angle)
-            square, rise = state.speed**2, state.acceleration
-            force = throw.unbalance * jnp.stack([-c * square - s * rise, c * rise - s * square])
-            pull.append(force)
-            moment.append(throw.position * force)
-        return Vector(*jnp.sum(jnp.stack(pull), axis=0)), Vector(
-            *jnp.sum(jnp.stack(moment), axis=0)
-        )
+            _, second = rotating(state.angle + throw.angle, state.speed, state.acceleration)
+            pull.append(throw.unbalance * second)
+            moment.append(throw.position * pull[-1])
+        pull, moment = (jnp.sum(jnp.stack(each), axis=0) for each in (pull, moment))
+        return Vector(*pull), Vector(*moment)
 
     def weight_torque(self, angle: Float[Array, "*n"], gravity: Float[Array, "2"]):
         """[N m] on the crank, of the weights of the throws' unbalances."""

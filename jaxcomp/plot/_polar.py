@@ -6,6 +6,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..compressor import Compressor
 from ..crank import Orbit
+from ..friction import joints_of_cylinder
 from ..mechanism import SliderLink
 from ._fine import fine_turn
 from ._style import INK, colour, crank_marks, new_polar_figure, note, words
@@ -49,10 +50,10 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
 def _loads(compressor, forces):
     """Loads on the bushes; the joints report the forces of the bearings on the shaft instead."""
     if compressor.cylinders is not None:
-        pins = {name: force for name, force in forces.items() if name.startswith("crank_pin")}
-        within = ("wall", "piston_pin", "crank_pin")
-        main = {name: -force for name, force in forces.items() if not name.startswith(within)}
-        return pins | main
+        own = [joints_of_cylinder(k + 1) for k in range(compressor.cylinders.count)]
+        pins = {joints["crank_pin"]: forces[joints["crank_pin"]] for joints in own}
+        within = {name for joints in own for name in joints.values()}
+        return pins | {name: -force for name, force in forces.items() if name not in within}
     loads = {"crank_pin": forces["crank_pin"]}
     if isinstance(compressor.mechanism, SliderLink):
         upper, lower = -forces["upper_bearing"], -forces["lower_bearing"]

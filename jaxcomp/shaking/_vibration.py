@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..compressor import Compressor
-from ..crank import Orbit
+from ..crank import Orbit, time_harmonics
 from ..mechanism import AbstractMechanism
 from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
 from ._wrench import Wrench, shaking_wrench, wrench_about
@@ -74,11 +74,8 @@ def harmonics(
         Force [N] and moment [N m] in the order of the degrees of freedom, shape (6, count).
     """
     load = jnp.concatenate(wrench_about(wrench, suspension.mass_centre))
-    period = jnp.sum(duration)
-    speed = 2 * jnp.pi / period
-    order = jnp.arange(1, count + 1)
-    turning = jnp.exp(-1j * order * speed * time[:, None])
-    return Harmonics(2 / period * (load * duration) @ turning, speed)
+    amplitude, frequency = time_harmonics(load, time, duration, count)
+    return Harmonics(amplitude, frequency[0])
 
 
 def orbit_load(
