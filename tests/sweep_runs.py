@@ -53,9 +53,9 @@ def cheap(out, count, **options):
     return sweep(machine(), over, ["swept_volume"], out=out, samples=count, **options)
 
 
-def volumes(out):
+def volumes(out, **options):
     """A cheap one in many blocks."""
-    return cheap(out, 20_000, batch=256)
+    return cheap(out, 20_000, batch=256, **options)
 
 
 def command(kind, **options):
@@ -70,32 +70,14 @@ def command(kind, **options):
     return [sys.executable, str(Path(__file__)), kind, *given], environment
 
 
-def counted(run, out):
-    """How many blocks a sweep writes in this process."""
-    from jaxcomp.sweeping._store import OnDisk
-
-    written, write = [], OnDisk.write
-
-    def writing(store, number, *block):
-        written.append(number)
-        write(store, number, *block)
-
-    OnDisk.write = writing
-    run(out)
-    return len(written)
-
-
-def main(kind, out, devices="", what="", address="", process="0", count=""):
+def main(kind, out, devices="", count=""):
     """Run one sweep.
 
     Args:
-        kind: "devices" (both numbers of devices, arrays to the file `out`), "many" (to a store),
-            "distributed" (likewise, shared with another process; prints its number of blocks) or
+        kind: "devices" (both numbers of devices, arrays to the file `out`), "many" (to a store) or
             "memory" (prints by how many kB the peak grew).
         out: where to.
         devices: host devices to share.
-        what: which sweep to distribute.
-        address, process: of the other process.
         count: of samples.
     """
     import jax
@@ -106,10 +88,6 @@ def main(kind, out, devices="", what="", address="", process="0", count=""):
         np.save(out, np.stack(values))
     elif kind == "many":
         many(out)
-    elif kind == "distributed":
-        jax.distributed.initialize(address, 2, int(process))
-        assert jax.process_count() == 2
-        print(counted({"many": many, "volumes": volumes}[what], out))
     elif kind == "memory":
         import resource
 

@@ -203,11 +203,9 @@ REFUSED = {
     "tolerance": ([*BORES, "--solver-tolerance", "2"], "--solver-tolerance 2: must be > 0"),
     "devices": ([*BORES, "--devices", "0"], "--devices 0: must be >= 1"),
     "batch": ([*BORES, "--batch", "0"], "`batch` must be >= 1"),
-    "processes": ([*BORES, "--processes", "2"], "--coordinator"),
-    "process": ([*BORES, "--process", "1"], "--process 1: must be >= 0 and < 1"),
-    "no folder": (
-        [*BORES, "--coordinator", "127.0.0.1:1", "--processes", "2"],
-        "--out: is needed",
+    "cluster": (
+        [*BORES, "--dask", "tcp://127.0.0.1:1"],
+        "--dask tcp://127.0.0.1:1: no scheduler answers",
     ),
 }
 

@@ -6,15 +6,17 @@ import os
 import random
 import shutil
 import signal
-import socket
 import subprocess
+import threading
 import time
 
+import dask
 import jax
 import numpy as np
 import pytest
 import sweep_runs
 import xarray
+from distributed import Client, LocalCluster
 from scipy.stats import qmc
 
 from jaxcomp import BadInput, Collocation, open_sweep, sweep
@@ -204,45 +206,101 @@ def test_half_written_block_is_done_again(small, tmp_path):
     assert sweep_runs.small(out=out).load().identical(small)
 
 
-def test_processes_share_a_store(small, tmp_path):
+# ---------------------------------------------------------------- on a Dask cluster
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+    ) as made:
+        yield made
+
+
+def kill_after(client, out, wanted):
+    """End a worker by SIGKILL as soon as so many blocks are written."""
+    victim = next(iter(client.run(os.getpid).values()))
+
+    def kill():
+        while len(blocks(out)) < wanted:
+            time.sleep(0.002)
+        os.kill(victim, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill, daemon=True)
+    killer.start()
+    return killer, victim
+
+
+def check_cluster(cluster, out, run, wanted):
+    with Client(cluster) as client:
+        before = set(client.run(os.getpid).values())
+        killer, victim = kill_after(client, out, wanted)
+        found = run(out, client=client).load()
+        killer.join(60)
+        client.wait_for_workers(2, timeout=60)
+        after = set(client.run(os.getpid).values())
+    assert victim in before - after  # and the nanny started another
+    return found
+
+
+def test_a_killed_worker_of_a_cluster_loses_nothing(cluster, tmp_path):
+    """The blocks that it had go to the other, or to the one that takes its place."""
+    found = check_cluster(cluster, tmp_path / "out", sweep_runs.volumes, 5)
+    assert found.identical(sweep_runs.volumes(None))
+
+
+def test_a_cluster_goes_on_where_a_sweep_stopped(cluster, small, tmp_path):
     out = tmp_path / "out"
-    made = sweep_runs.small(out=out, batch=30, part=(0, 2))
-    assert made.load().identical(small)  # the first took over what the second has not begun
-    for number, file in enumerate(blocks(out)):
-        if number % 2:
-            file.unlink()
+    sweep_runs.small(out=out, batch=50)
+    for file in blocks(out)[1::2]:
+        file.unlink()
     stamps = {file: file.stat().st_mtime_ns for file in blocks(out)}
-    assert sweep_runs.small(out=out, part=(1, 2)).load().identical(small)
+    with Client(cluster) as client:
+        found = sweep_runs.small(out=out, client=client).load()
+        assert sweep_runs.small(batch=50, client=client).identical(small)  # without a store as well
+    assert found.identical(small)
     assert all(file.stat().st_mtime_ns == stamp for file, stamp in stamps.items())
 
 
-def test_two_processes_of_jax_distributed_find_the_same(tmp_path):
-    check_processes(tmp_path / "out", "volumes", sweep_runs.volumes(None))
+@pytest.mark.slow  # the time it takes to give a scheduler up
+def test_a_lost_scheduler_is_named_and_what_is_done_is_kept(tmp_path):
+    out = tmp_path / "out"
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "1s"}),
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+
+        def stop():
+            while len(blocks(out)) < 3:
+                time.sleep(0.002)
+            cluster.close(timeout=5)
+
+        threading.Thread(target=stop, daemon=True).start()
+        with pytest.raises(ConnectionError, match="same `out` to go on"):
+            sweep_runs.cheap(out, 200_000, batch=256, client=client)
+    kept = len(blocks(out))
+    assert 3 <= kept < 782
+    found = sweep_runs.cheap(out, 200_000)
+    assert found.load().identical(sweep_runs.cheap(None, 200_000))
 
 
-@pytest.mark.slow
-def test_two_processes_find_the_same_efficiencies(many, tmp_path):
-    check_processes(tmp_path / "out", "many", many)
+@pytest.mark.slow  # a million designs, three times
+def test_a_million_designs_on_a_cluster_with_a_killed_worker(cluster, tmp_path):
+    def run(out, **options):
+        return sweep_runs.many(out, 1_000_000, None, **options)
 
-
-def check_processes(out, what, expected):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
-    runs = [
-        sweep_runs.command("distributed", out=out, what=what, address=address, process=number)
-        for number in range(2)
-    ]
-    pipes = {"stdout": subprocess.PIPE, "text": True}
-    both = [subprocess.Popen(run, env=environment, **pipes) for run, environment in runs]
-    try:
-        own = [int(process.communicate(timeout=120)[0]) for process in both]
-        assert [process.returncode for process in both] == [0, 0]
-    finally:
-        for process in both:
-            process.kill()
-    assert all(number >= 1 for number in own)  # blocks of each
-    assert open_sweep(out).load().identical(expected)
+    started = time.perf_counter()
+    alone = run(tmp_path / "alone").load()
+    between = time.perf_counter()
+    found = check_cluster(cluster, tmp_path / "out", run, 20)
+    print(
+        f"{1e6 / (between - started):.0f} designs/s in one process, "
+        f"{1e6 / (time.perf_counter() - between):.0f} on two workers, one of which was killed"
+    )
+    assert found.identical(alone)
 
 
 @pytest.mark.slow

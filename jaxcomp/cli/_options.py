@@ -61,3 +61,11 @@ ExcitationOption = Annotated[
         "crank where the machine joins it to the rotor."
     ),
 ]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Scheduler of a Dask cluster whose workers solve the designs, e.g. tcp://host:8786, or its "
+        "scheduler file (.json); this process if absent. Needs `pip install jaxcomp\\[dask]`.",
+    ),
+]

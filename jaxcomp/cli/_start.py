@@ -2,7 +2,10 @@
 
 import gc
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 ENVIRONMENT = "JAXCOMP_CACHE_DIR"
 
@@ -100,3 +103,31 @@ def unoptimised_compiles() -> None:
     from .._precision import tell_xla
 
     tell_xla("--xla_backend_optimization_level", "0")
+
+
+@contextmanager
+def cluster(address: str | None) -> Iterator[Any]:
+    """The client of a Dask cluster at an address or in a scheduler file; `None` if none is named.
+
+    Raises:
+        CommandError: Dask is not installed, or there is no scheduler.
+    """
+    from ._errors import CommandError
+
+    if address is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise CommandError("--dask: needs Dask; pip install 'jaxcomp[dask]'") from None
+    where = {"scheduler_file" if address.endswith(".json") else "address": address}
+    try:
+        client = Client(**where, timeout=10)
+    except (OSError, ValueError) as error:
+        raise CommandError(
+            f"--dask {address}: no scheduler answers ({error}); `dask scheduler` starts one, and "
+            f"`dask worker {address}` each worker"
+        ) from None
+    with client:
+        yield client

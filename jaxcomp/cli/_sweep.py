@@ -17,9 +17,9 @@ from ._arguments import assignments, changed_scene, with_one_unit
 from ._completion import complete_quantity, complete_variable
 from ._errors import STOPPED, CommandError, reports_errors
 from ._json import plain
-from ._options import AsJson, Designs, Machine, Out, Sets
+from ._options import AsJson, Dask, Designs, Machine, Out, Sets
 from ._output import hand_out
-from ._start import start_jax
+from ._start import cluster, start_jax
 from ._tables import row_table
 
 
@@ -85,14 +85,7 @@ def sweep(
     devices: Annotated[
         int | None, typer.Option(help="Cores (or other devices) to use; all if absent.")
     ] = None,
-    coordinator: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HOST:PORT", help="Coordinator of several processes that share the sweep."
-        ),
-    ] = None,
-    processes: Annotated[int, typer.Option(help="Number of processes that share the sweep.")] = 1,
-    process: Annotated[int, typer.Option(help="Number of this process, from 0.")] = 0,
+    dask: Dask = None,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -104,28 +97,26 @@ def sweep(
     Example: [bold]jaxcomp sweep mayekawa-wbhe --over bore=100mm:150mm:51 --over
     motor.mean_speed=600rpm:1400rpm:33 --out result[/bold]
     """
-    _check(sampling, samples, tolerance, nodes, reversals, coordinator, processes, process, out)
+    _check(sampling, samples, tolerance, nodes, reversals)
     start_devices(devices)
-    if coordinator is not None:
-        import jax
-
-        jax.distributed.initialize(coordinator, processes, process)
     start_jax()
     scene = changed_scene(machine, sets or (), designs or ())
     axes = axes_of(scene, over, samples is not None)
     try:
-        found = jc.sweeping.sweep(
-            scene,
-            axes,
-            quantity or default_quantities(scene),
-            samples=samples,
-            sampling=sampling.value.replace("-", "_"),
-            seed=seed,
-            options=analysis_options(scene, nodes, reversals, tolerance),
-            out=None if out is None else out / "sweep.zarr",
-            batch=batch,
-            devices=devices,
-        )
+        with cluster(dask) as client:
+            found = jc.sweeping.sweep(
+                scene,
+                axes,
+                quantity or default_quantities(scene),
+                samples=samples,
+                sampling=sampling.value.replace("-", "_"),
+                seed=seed,
+                options=analysis_options(scene, nodes, reversals, tolerance),
+                out=None if out is None else out / "sweep.zarr",
+                batch=batch,
+                devices=devices,
+                client=client,
+            )
     except KeyboardInterrupt:
         kept = (
             f"{out / 'sweep.zarr'} is kept; go on with the same command"
@@ -134,8 +125,6 @@ def sweep(
         )
         typer.echo(f"stopped; {kept}", err=True)
         raise typer.Exit(STOPPED) from None
-    if process > 0:  # the first one shows what all have found
-        return
     result = sweep_result(found, scene.name, out)
 
     def figures():
@@ -145,7 +134,7 @@ def sweep(
     hand_out(result, sweep_tables(found, result), as_json, out, figures, scene, curves)
 
 
-def _check(sampling, samples, tolerance, nodes, reversals, coordinator, processes, process, out):
+def _check(sampling, samples, tolerance, nodes, reversals):
     if samples is None and sampling is not Sampling.sobol:
         raise CommandError(f"--sampling {sampling}: has no meaning without --samples")
     if samples is not None and samples < 1:
@@ -156,12 +145,6 @@ def _check(sampling, samples, tolerance, nodes, reversals, coordinator, processe
         raise CommandError(f"--solver-nodes {nodes}: must be >= 2 and <= 200")
     if reversals is not None and not 0 <= reversals <= 16:
         raise CommandError(f"--solver-reversals {reversals}: must be >= 0 and <= 16")
-    if (coordinator is None) != (processes == 1):
-        raise CommandError("--coordinator: goes with --processes of 2 or more, and only with them")
-    if not 0 <= process < processes:
-        raise CommandError(f"--process {process}: must be >= 0 and < {processes}")
-    if processes > 1 and out is None:
-        raise CommandError("--out: is needed where several processes share a sweep")
 
 
 def start_devices(wanted: int | None) -> None:

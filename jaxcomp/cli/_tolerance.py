@@ -19,9 +19,9 @@ from ._completion import complete_quantity, complete_variable
 from ._errors import CommandError, reports_errors
 from ._json import plain
 from ._optimise import Accuracy
-from ._options import AsJson, Designs, ExcitationOption, Machine, Out, Sets
+from ._options import AsJson, Dask, Designs, ExcitationOption, Machine, Out, Sets
 from ._output import hand_out
-from ._start import start_jax
+from ._start import cluster, start_jax
 from ._sweep import Sampling, default_quantities, start_devices
 from ._tables import row_table
 
@@ -96,6 +96,7 @@ def tolerance(
         Accuracy,
         typer.Option(help="fast: efficiency to 1e-5, compiles three times as fast."),
     ] = Accuracy.fast,
+    dask: Dask = None,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -137,7 +138,7 @@ def tolerance(
     names = list(quantity or (() if limits else default_quantities(scene)))
     for name in names:
         jc.design.quantity(name)
-    with spinner("Solving (the first time it is compiled as well) ..."):
+    with spinner("Solving (the first time it is compiled as well) ..."), cluster(dask) as client:
         found = jc.tolerancing.tolerance(
             design,
             given,
@@ -148,6 +149,7 @@ def tolerance(
             samples=samples,
             sampling=sampling.value.replace("-", "_"),
             seed=seed,
+            client=client,
             curvature=None if curvature is Curvature.none else curvature.value,
         )
         tighter = None if rejects is None else permitted_tolerances(found, rejects)

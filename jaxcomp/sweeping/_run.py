@@ -1,11 +1,11 @@
 r"""`sweep`: the quantities of many designs."""
 
 import platform
-from collections import deque
 from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import jax
 import numpy as np
@@ -17,29 +17,22 @@ from ..design import AnalysisOptions, Problem, by_name, prepared, problem, quant
 from ..design._problem import Asked, name_of
 from ..machine import machine_of
 from ._axes import Distribution, as_values
+from ._blocks import solved_blocks
 from ._fingerprint import fingerprint
 from ._plan import Column, Plan
 from ._points import GridPoints, Layout, SamplePoints
-from ._program import Device, block_program, chosen_devices, default_width
+from ._program import Device, chosen_devices, default_width
 from ._store import OK, InMemory, OnDisk, stored_header
 
 if TYPE_CHECKING:
     import xarray
+    from distributed import Client
 
 # Large enough that writing a block takes a small share of working it out, small enough that a
 # killed run loses a fraction of a second.
 BATCH = 8192
-# Blocks that are under way at the same time, so that devices work while one is written.
-_AHEAD = 2
 
 Over: TypeAlias = Mapping[str, Distribution | Sequence[float] | Float[np.ndarray, " n"]]
-
-
-class Part(NamedTuple):
-    """One of several processes that share a sweep."""
-
-    number: int
-    of: int
 
 
 def sweep(
@@ -55,7 +48,7 @@ def sweep(
     batch: int | None = None,
     width: int | None = None,
     devices: int | Sequence[Device] | None = None,
-    part: tuple[int, int] | None = None,
+    client: "Client | None" = None,
     progress: bool = True,
 ) -> "xarray.Dataset":
     """The quantities of all designs of a grid, or of samples.
@@ -71,8 +64,10 @@ def sweep(
     `multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1).map(function, options,
     chunksize=1)` gives every option a process of its own, for a function of a module that sweeps.
 
-    A process of `jax.distributed` works on its share of the blocks and then on what others have not
-    done yet; all of them must see the folder `out`.
+    With `client` the blocks are solved by the workers of a Dask cluster and written by this process, so
+    that the workers need not see the folder `out`. Blocks of workers that are lost go to others, and
+    workers may come and go; where the scheduler is lost, the same call goes on. Results are the same to
+    the last bit as long as the workers have processors of the kind that this process has.
 
     Args:
         scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, which has its own quantities and options.
@@ -88,7 +83,8 @@ def sweep(
         batch: designs in a block, at most. Absent: as in the store, or 8192.
         width: designs that a device computes in step. Absent: as in the store, or 32 on a CPU.
         devices: how many devices of this process, or which; all if absent.
-        part: (i, n) for the i-th of n processes. Absent: as `jax.distributed` knows it.
+        client: of Dask (`pip install jaxcomp[dask]`), whose workers have this version of jaxcomp, and
+            know quantities of `register_quantity` that are asked for by name; this process if absent.
         progress: show a bar on standard error, if that is a terminal.
 
     Returns:
@@ -99,6 +95,7 @@ def sweep(
     Raises:
         BadInput: an unknown variable or quantity, a value out of bounds, an option that makes no
             sense, or a folder `out` that holds something else.
+        ConnectionError: the scheduler of the cluster was lost.
 
     >>> from jaxcomp import load
     >>> grid = {"bore": [0.12, 0.13], "motor.mean_speed": [80.0, 100.0, 120.0]}  # [m], [rad/s]
@@ -116,52 +113,27 @@ def sweep(
     local = chosen_devices(devices)
     width = _chosen("width", width, there, default_width(local))
     plan = Plan(points, layout, width, *_columns(asked), fingerprint(asked, points), _about(local))
-    mine = Part(*(part or (jax.process_index(), jax.process_count())))
-    if not 0 <= mine.number < mine.of:
-        raise BadInput("part", f"{mine.number} of {mine.of}", "i of n with 0 <= i < n")
-    if mine.of > 1 and out is None:
-        raise BadInput("out", "none", "a folder, where several processes share a sweep")
     store = InMemory(plan) if out is None else OnDisk(Path(out), plan)
-    _run(plan, store, mine, block_program(prepared(asked), width, local), progress)
+    _run(plan, store, partial(solved_blocks, prepared(asked), width, local, client), progress)
     return store.dataset()
 
 
-def _run(plan, store, mine, start, progress):
-    """Work out what is not there, own blocks first."""
+def _run(plan, store, solved, progress):
+    """Work out the blocks that are not there."""
     layout, total = plan.layout, int(np.prod(plan.layout.shape))
-    own = range(mine.number, layout.number, mine.of)
-    # The blocks of others from their ends, where they arrive last.
-    rest = [n for n in reversed(range(layout.number)) if n % mine.of != mine.number]
     left, done = [], 0
-    for number in (*own, *rest):
+    for number in range(layout.number):
         if store.has(number):
             done += _size(layout, number)
         else:
             left.append(number)
-    waiting = deque()
-
-    def finish():
-        number, rows, wait = waiting.popleft()
-        values, ok = wait()
-        store.write(number, rows, values, ok)
-        count(len(rows))
-
-    def count(more):
-        nonlocal done
-        done += more
-        shown.at(done)
-
     with progress_of("Sweeping", total, done, "designs", progress) as shown:
-        for number in left:
-            if mine.of > 1 and store.has(number):
-                count(_size(layout, number))
-                continue
-            rows = plan.points.rows(layout.place(number))
-            waiting.append((number, rows, start(rows)))
-            if len(waiting) > _AHEAD:
-                finish()
-        while waiting:
-            finish()
+        for number, rows, values, ok in solved(
+            (n, plan.points.rows(layout.place(n))) for n in left
+        ):
+            store.write(number, rows, values, ok)
+            done += len(rows)
+            shown.at(done)
 
 
 def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:

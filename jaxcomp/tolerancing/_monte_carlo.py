@@ -4,8 +4,7 @@ The samples come in several independent sets, each scrambled by itself if it is 
 much the sets differ is the error of what all of them together say, whatever the kind of sampling.
 """
 
-from collections import deque
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import jax
 import numpy as np
@@ -15,16 +14,19 @@ from .._fields import BadInput
 from .._waits import progress_of
 from ..design import Problem
 from ..sweeping import normal
+from ..sweeping._blocks import solved_blocks
 from ..sweeping._points import SamplePoints
-from ..sweeping._program import block_program, default_width
+from ..sweeping._program import default_width
 from ._scatter import Scatter
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 Sampling = Literal["sobol", "latin_hypercube", "random"]
 # Independent sets: enough for an error that is itself known to a quarter.
 SETS = 8
-# Designs of a block, and blocks that are under way at a time.
+# Designs of a block.
 _BLOCK = 8192
-_AHEAD = 2
 # Designs in step where each costs a product of small matrices: wide enough to be worth a call.
 _WIDE = 1024
 
@@ -63,6 +65,7 @@ def sampled(
     sampling: Sampling = "sobol",
     seed: int = 0,
     progress: bool = True,
+    client: "Client | None" = None,
 ) -> Sampled:
     """Draw machines and solve them.
 
@@ -79,7 +82,7 @@ def sampled(
             for number, size in enumerate(sizes)
         ]
     )
-    values, ok = solved_normals(problem, scatter, nominal, normals, progress)
+    values, ok = solved_normals(problem, scatter, nominal, normals, progress, client)
     groups = np.repeat(np.arange(SETS), sizes)
     return _summary(normals, values, ok, groups)
 
@@ -92,37 +95,37 @@ def drawn_normals(
     return points.rows((slice(0, count),))
 
 
-def solved_normals(problem: Problem, scatter: Scatter, nominal, normals, progress=True):
+def solved_normals(
+    problem: Problem, scatter: Scatter, nominal, normals, progress=True, client=None
+):
     """[SI] (samples, quantities) of machines u, and whether they could be solved."""
-    return solved_rows(problem, normals, lambda u: np.asarray(scatter.at(nominal, u)), progress)
+
+    def values_of(u):
+        return np.asarray(scatter.at(nominal, u))
+
+    return solved_rows(problem, normals, values_of, progress, client)
 
 
-def solved_rows(problem: Problem, rows, values_of=lambda rows: rows, progress=False):
-    """[SI] (rows, quantities) and whether they could be solved, in blocks on all devices.
+def solved_rows(problem: Problem, rows, values_of=lambda rows: rows, progress=False, client=None):
+    """[SI] (rows, quantities) and whether they could be solved, in blocks as a sweep solves them.
 
     Args:
         problem: what is asked.
         rows: (rows, variables)
         values_of: from a block of rows to values of the variables [SI].
         progress: show a bar.
+        client: of a Dask cluster that solves them; this process if absent.
     """
     devices = jax.local_devices()
     width = default_width(devices) if problem.options.known is None else _WIDE
-    start, waiting, done = block_program(problem, width, devices), deque(), []
+    starts = range(0, len(rows), _BLOCK)
+    blocks = ((first, values_of(rows[first : first + _BLOCK])) for first in starts)
+    done = {}
     with progress_of("Drawing machines", len(rows), unit="machines", show=progress) as shown:
-
-        def finish():
-            done.append(waiting.popleft()())
-            shown.at(sum(len(values) for values, _ in done))
-
-        for first in range(0, len(rows), _BLOCK):
-            block = values_of(rows[first : first + _BLOCK])
-            waiting.append(start(block))
-            if len(waiting) > _AHEAD:
-                finish()
-        while waiting:
-            finish()
-    values, ok = (np.concatenate(parts) for parts in zip(*done, strict=True))
+        for first, _, values, ok in solved_blocks(problem, width, devices, client, blocks):
+            done[first] = values, ok
+            shown.at(sum(len(values) for values, _ in done.values()))
+    values, ok = (np.concatenate(p) for p in zip(*(done[first] for first in starts), strict=True))
     return values, ok
 
 

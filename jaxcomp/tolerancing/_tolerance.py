@@ -2,7 +2,7 @@ r"""`tolerance`: what the scatter of production does to a machine."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,6 +19,9 @@ from ._monte_carlo import Sampled, Sampling, sampled, solved_rows
 from ._reliability import Limit, Reliability, reliability
 from ._scatter import Correlations, Scatter, check_nominal, scatter_of
 from ._within import Within
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 # From here on a method is said to disagree with the samples: share of the samples' deviation.
 _DISAGREES = 0.1
@@ -136,6 +139,7 @@ def tolerance(
     sampling: Sampling = "sobol",
     seed: int = 0,
     curvature: Curvature = "differences",
+    client: "Client | None" = None,
     progress: bool = True,
 ) -> Tolerances:
     """What production tolerances do to a machine, by derivatives and by Monte Carlo.
@@ -154,9 +158,11 @@ def tolerance(
         sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
         seed: of the samples.
         curvature: how the second order comes about, see `local`; `None` for the first alone.
+        client: of a Dask cluster whose workers solve the samples, see `sweep`; this process if absent.
         progress: show a bar on standard error, if that is a terminal.
 
     Raises:
+        ConnectionError: the scheduler of the cluster was lost.
         BadInput: an unknown variable or quantity, a tolerance that takes a variable out of its
             bounds, correlations that cannot be, or an option that makes no sense.
     """
@@ -173,7 +179,7 @@ def tolerance(
     deviation, covariance = scatter.deviation(nominal), scatter.covariance(nominal)
     excess = jnp.array([one.excess for one in scatter.tolerances.values()])
     near = local(made, mean, deviation, curvature)
-    many = sampled(made, scatter, nominal, samples, sampling, seed, progress)
+    many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client)
     ends = _limits(limits, made)
     value, swings = _one_at_a_time(made, scatter, nominal)
     return Tolerances(
