@@ -45,7 +45,7 @@ def best_bores(folder):
 
 def test_best_bores_are_the_published_ones(best_bores):
     """Tsuji et al. (2012), Figs 5c and 6, of a 10 mm grid."""
-    points = best_bores["quantities"]["mechanical_efficiency"]["ridge"]["points"]
+    points = best_bores["quantities"]["mechanical_efficiency"]["best_curve"]["points"]
     across = [point["across"] / RPM for point in points]
     np.testing.assert_allclose(across, [800, 1000, 1200], rtol=1e-12)
     np.testing.assert_allclose([p["best"] for p in points], [0.12, 0.13, 0.14], rtol=1e-12)

@@ -23,12 +23,12 @@ from jaxcomp import BadInput, Collocation, open_sweep, sweep
 from jaxcomp._shown import shown
 from jaxcomp.design import AnalysisOptions, problem
 from jaxcomp.sweeping import (
+    best_curve,
     best_design,
     grid,
     log_grid,
     log_uniform,
     normal,
-    ridge,
     uniform,
 )
 from jaxcomp.sweeping._points import (
@@ -90,7 +90,7 @@ def test_published_optimum_bores_are_found(machine):
     found = sweep(
         machine, over, options=AnalysisOptions(Collocation(nodes=10, reversals=0, tolerance=1e-5))
     )
-    top = ridge(found, "mechanical_efficiency")
+    top = best_curve(found, "mechanical_efficiency")
     np.testing.assert_allclose(top.along, [0.12, 0.13, 0.14], rtol=1e-12)
     # printed to three digits; the machine was fitted to them to 0.05 per cent points
     np.testing.assert_allclose(top.value, [0.921, 0.911, 0.903], atol=3e-3)
@@ -554,7 +554,7 @@ def hill(better="more", sign=1.0):
 @pytest.mark.parametrize(("better", "sign"), [("more", 1.0), ("less", -1.0)])
 def test_ridge_of_a_parabola_is_exact_between_the_values(better, sign):
     found = hill(better, sign)
-    top = ridge(found, "q")
+    top = best_curve(found, "q")
     assert top.along.tolist() == [1.0, 2.5, 4.0]
     # the last is at the end of the values, where there is no parabola
     np.testing.assert_allclose(top.between, [1.0, 2.0, 4.0], rtol=1e-12)
@@ -566,7 +566,7 @@ def test_ridge_passes_over_failed_designs():
     found = hill()
     found.q[2, 1] = np.nan
     found.q[:, 0] = np.nan
-    top = ridge(found, "q")
+    top = best_curve(found, "q")
     assert np.isnan(top.along[0])
     assert np.isnan(top.value[0])
     assert top.along[1] == 1.0
@@ -576,9 +576,9 @@ def test_ridge_passes_over_failed_designs():
 
 def test_quantity_without_a_better_side_has_no_ridge():
     with pytest.raises(BadInput, match="better"):
-        ridge(hill(better=""), "q")
+        best_curve(hill(better=""), "q")
     with pytest.raises(BadInput, match="over two"):
-        ridge(hill().isel(y=0), "q")
+        best_curve(hill().isel(y=0), "q")
 
 
 @pytest.mark.parametrize(

@@ -291,7 +291,7 @@ def _quantity(found, name: str, few: bool) -> dict[str, Any]:
     ranked = attributes["better"] in ("more", "less")
     curve = None
     if ranked and data.ndim == 2 and found[name].dims != ("sample",):
-        best = jc.sweeping.ridge(found, name)
+        best = jc.sweeping.best_curve(found, name)
         rows = zip(best.across, best.along, best.between, best.value, strict=True)
         keys = ("across", "best", "between", "value")
         along, across = map(str, found[name].dims)
@@ -314,7 +314,7 @@ def _quantity(found, name: str, few: bool) -> dict[str, Any]:
         "better": attributes["better"],
         **statistics,
         "best": jc.sweeping.best_design(found, name) if ranked else None,
-        "ridge": curve,
+        "best_curve": curve,
         "values": data if few else None,
     }
 
@@ -344,8 +344,8 @@ def sweep_tables(found, result: dict[str, Any]):
         rows = zip(*(found[name].values.tolist() for name in names), strict=True)
         yield _numbers(looks, (map(_cell, looks, row) for row in rows))
     for name, entry in result["quantities"].items():
-        if entry["ridge"] is not None and len(entry["ridge"]["points"]) <= _ROWS:
-            yield _best_curve(found, name, entry["ridge"])
+        if entry["best_curve"] is not None and len(entry["best_curve"]["points"]) <= _ROWS:
+            yield _curve_table(found, name, entry["best_curve"])
 
 
 def _summary(found, result, title):
@@ -369,7 +369,7 @@ def _summary(found, result, title):
     return table
 
 
-def _best_curve(found, name, curve):
+def _curve_table(found, name, curve):
     names = (curve["across"], curve["along"], name)
     across, along, value = (jc.sweeping.shown_column(found, name) for name in names)
     tried = found[curve["along"]].values

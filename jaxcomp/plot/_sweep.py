@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..sweeping import best_design, ridge, shown_column
+from ..sweeping import best_curve, best_design, shown_column
 from ._style import INK, legend_above, new_figure, ylabel
 
 if TYPE_CHECKING:
     import xarray
 
-_CURVE, _MARK, _RIDGE = "#0072B2", "#D55E00", "#D55E00"
+_CURVE, _MARK, _BEST = "#0072B2", "#D55E00", "#D55E00"
 # Points of a cloud that still can be told apart.
 _CLOUD = 20_000
 # Values of the second variable up to which a picture of one curve each can be read.
@@ -48,7 +48,7 @@ def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
 
 
 def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
-    """A quantity as a filled map over the first two variables, with its ridge.
+    """A quantity as a filled map over the first two variables, with the curve of its best values.
 
     The second variable is the abscissa; further ones are at the best design, or at their middle.
 
@@ -83,16 +83,16 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
         rows, columns = np.nonzero(failed)
         ax.plot(px[columns], py[rows], "x", color="#888888", markersize=3, label="failed")
     if _judged(found, name):
-        top = ridge(found, name)
+        top = best_curve(found, name)
         order = np.argsort(top.across)
         at_end = ~_inside(top.along, np.asarray(found[along]))
         inner = np.where(at_end, np.nan, top.between)[order]
         words = f"best {y.words.lower()}"
-        ax.plot(px, inner * y.factor, color=_RIDGE, linewidth=2.0, label=words)
+        ax.plot(px, inner * y.factor, color=_BEST, linewidth=2.0, label=words)
         best = best_design(found, name)
         if best is not None:
             place = best[across] * x.factor, best[along] * y.factor
-            ax.plot(*place, "o", color=_RIDGE, markeredgecolor="white", markersize=7,
+            ax.plot(*place, "o", color=_BEST, markeredgecolor="white", markersize=7,
                     clip_on=False, label=f"best of all, {z.text(best[name], 4)}")  # fmt: skip
     ax.set_xlabel(x.label, fontsize=9)
     ylabel(ax, y.label)
@@ -153,7 +153,7 @@ def optimum_curve(found: "xarray.Dataset", name: str, title: str) -> Figure:
         title: of the picture.
     """
     along, across = found[name].dims
-    top = ridge(found, name)
+    top = best_curve(found, name)
     x, y, z = (shown_column(found, n) for n in (across, along, name))
     figure, axes = new_figure(2, 1, (7.2, 5.4), title)
     order = np.argsort(top.across)

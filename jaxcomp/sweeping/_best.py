@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-class Ridge(NamedTuple):
+class BestCurve(NamedTuple):
     """The best value of one variable for each value of another.
 
     Attributes:
@@ -51,7 +51,7 @@ def best_design(found: "xarray.Dataset", name: str) -> dict[str, float] | None:
     return {str(n): float(there[n]) for n in names if n != "ok"}
 
 
-def ridge(found: "xarray.Dataset", name: str) -> Ridge:
+def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:
     """The best value of the first variable for each value of the second.
 
     Args:
@@ -63,7 +63,7 @@ def ridge(found: "xarray.Dataset", name: str) -> Ridge:
     """
     dims = found[name].dims
     if len(dims) != 2:
-        raise BadInput(name, f"over {len(dims)} variables", "over two, for a ridge")
+        raise BadInput(name, f"over {len(dims)} variables", "over two, for a curve of best values")
     values = _falling(found, name)
     along, across = (np.asarray(found[dim]) for dim in dims)
     order = np.argsort(along)
@@ -78,7 +78,7 @@ def ridge(found: "xarray.Dataset", name: str) -> Ridge:
         if 0 < row < along.size - 1:
             between[column] = _vertex(along[row - 1 : row + 2], filled[row - 1 : row + 2, column])
     sign = -1.0 if found[name].attrs["better"] == "more" else 1.0
-    return Ridge(
+    return BestCurve(
         across,
         np.where(lost, np.nan, along[best]),
         np.where(lost, np.nan, between),
