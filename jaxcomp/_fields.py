@@ -8,7 +8,7 @@ units), the solvers (which mark a traced design outside its bounds) and the prin
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -134,6 +134,9 @@ class Part(eqx.Module):
     afterwards whether they were good.
     """
 
+    # Whether a single number may be a list with one value for each of several cylinders.
+    for_each_cylinder: ClassVar[bool] = False
+
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         """Rules across fields, as {"what must hold": whether it holds}."""
         return {}
@@ -147,12 +150,17 @@ class Part(eqx.Module):
             value, bound = getattr(self, name), field.metadata["bound"]
             if value is None:
                 continue
-            _check_shape(type(self).__name__, name, value, field.metadata["shape"])
+            listed = is_listed(self, field, value)
+            if not listed:
+                _check_shape(type(self).__name__, name, value, field.metadata["shape"])
             if not is_traced(value) and not _holds_now(bound, value):
-                raise BadInput(name, value, str(bound))
+                place = int(np.argmin(bound.inside(np.asarray(value)))) if listed else 0
+                where = f"{bound} in cylinder {place + 1}" if listed else str(bound)
+                raise BadInput(name, value[place] if listed else value, where)
         for rule, holds in self.conditions().items():
-            if not is_traced(holds) and not bool(holds):
-                raise BadInput(type(self).__name__, self._values(), rule)
+            if not is_traced(holds) and not bool(jnp.all(holds)):
+                where = f" in cylinder {int(np.argmin(holds)) + 1}" if np.ndim(holds) else ""
+                raise BadInput(type(self).__name__, self._values(), f"{rule}{where}")
 
     def __repr__(self) -> str:
         return printed(self)
@@ -167,6 +175,37 @@ def quantities(part: Part | type[Part]) -> Iterator[tuple[str, dataclasses.Field
     for field in dataclasses.fields(part):
         if "unit" in field.metadata:
             yield field.name, field
+
+
+def is_listed(part: Part | type[Part], field: dataclasses.Field, value: Any) -> bool:
+    """Whether a number of a part is given as a list with a value for each of several cylinders."""
+    single = part.for_each_cylinder and field.metadata["shape"] == ()
+    return single and value is not None and jnp.ndim(value) == 1
+
+
+def listed(tree: Any) -> dict[str, Array]:
+    """The numbers of a part, or of a tree of parts, that are lists over cylinders, by dotted path."""
+    return {
+        f"{path}.{name}" if path else name: getattr(part, name)
+        for path, part in subparts(tree)
+        for name, field in quantities(part)
+        if is_listed(part, field, getattr(part, name))
+    }
+
+
+def along_cylinders(tree: _Tree, like: Array) -> _Tree:
+    """A part whose lists over k cylinders have a shape (k, 1, ...) that goes with instants."""
+    if not isinstance(tree, Part):
+        return tree
+    changes = {}
+    for field in dataclasses.fields(tree):
+        value = getattr(tree, field.name)
+        if isinstance(value, Part):
+            new = along_cylinders(value, like)
+            changes |= {} if new is value else {field.name: new}
+        elif "unit" in field.metadata and is_listed(tree, field, value):
+            changes[field.name] = value.reshape(value.shape + (1,) * jnp.ndim(like))
+    return replaced(tree, **changes)  # pyright: ignore[reportReturnType]
 
 
 def spread_columns(part: Part, rows: int, what: str) -> None:
@@ -216,7 +255,7 @@ def admissible(tree: Part) -> Bool[Array, ""]:
             if value is not None:
                 values.setdefault(field.metadata["bound"], []).append(value)
         for holds in part.conditions().values():
-            good &= holds
+            good &= jnp.all(holds) if jnp.ndim(holds) else holds
     # Values of one bound are compared together, for the sake of the compiler.
     for bound, some in values.items():
         good &= bound.holds(jnp.concatenate([jnp.ravel(value) for value in some]))

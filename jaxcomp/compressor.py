@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._fields import ANY, BadInput, Part, is_traced, quantity, replaced
+from ._fields import ANY, BadInput, Part, is_traced, listed, quantity, replaced
 from .friction import (
     AbstractJointLoop,
     JointLoads,
@@ -20,7 +20,7 @@ from .friction import (
     joint_loop,
     several_loops,
 )
-from .gas import AbstractGas, Stroke
+from .gas import AbstractGas, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState, Cylinders, SliderCrank
 from .motor import AbstractMotor
 
@@ -54,6 +54,7 @@ class Compressor(Part):
     def __check_init__(self):
         if self.cylinders is not None:
             _check_single(self.mechanism)
+        _check_lists(self)
         wanted = getattr(self.mechanism, "kind", None)
         if self.friction is not None and getattr(self.friction, "kind", None) != wanted:
             kind = getattr(self.friction, "kind", type(self.friction).__name__)
@@ -84,6 +85,21 @@ def _check_single(mechanism: AbstractMechanism) -> None:
         raise BadInput("mechanism.crank_unbalance", given, bound)
 
 
+def _check_lists(compressor: Compressor) -> None:
+    """That lists in the place of numbers have one entry a cylinder."""
+    count = 0 if compressor.cylinders is None else compressor.cylinders.count
+    if isinstance(compressor.gas, StagedCycle) and len(compressor.gas.stages) != count:
+        stages = str(compressor.gas.stages)
+        raise BadInput("gas.stages", stages, f"one stage for each of {count} cylinders")
+    for section in ("mechanism", "gas", "friction"):
+        for path, value in listed(getattr(compressor, section)).items():
+            of_shaft = path.startswith(("crank_inertia", "crank_mass", "main_journal"))
+            if of_shaft or value.shape != (count,):
+                several = count and not of_shaft
+                bound = f"one number, or one for each of {count} cylinders" if several else ""
+                raise BadInput(f"{section}.{path}", value, bound or "a single number")
+
+
 def compressor_of(machine: Any) -> Compressor:
     """The compressor of what a verb of the crank was given.
 
@@ -91,7 +107,17 @@ def compressor_of(machine: Any) -> Compressor:
         machine: a compressor; or a machine or a scene, which is put together first (anything with a
             method `as_compressor`).
     """
-    return machine if isinstance(machine, Compressor) else machine.as_compressor()
+    return staged(machine) if isinstance(machine, Compressor) else machine.as_compressor()
+
+
+def staged(compressor: Compressor) -> Compressor:
+    """The compressor with the gas of every cylinder, where stages share what lies between them."""
+    if not isinstance(compressor.gas, StagedCycle):
+        return compressor
+    mechanism = compressor.mechanism
+    top, bottom = mechanism.piston_extremes()
+    gas = compressor.gas.of_cylinders(mechanism.piston_area, top - bottom)
+    return eqx.tree_at(lambda c: c.gas, compressor, gas)
 
 
 class Instants(eqx.Module):
@@ -132,8 +158,9 @@ def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> In
     kinematics = mechanism.kinematics(angle)
     pressure, force = None, jnp.zeros_like(angle)
     if compressor.gas is not None:
-        pressure = compressor.gas.pressure(_stroke(mechanism, angle, kinematics, sense))
-        force = (pressure - compressor.gas.behind_piston) * mechanism.piston_area
+        area, stroke = mechanism.piston_area, _stroke(mechanism, angle, kinematics, sense)
+        pressure, across = compressor.gas.on_piston(stroke, area)
+        force = across * area
     torque = -force * kinematics.position_1
     if compressor.gravity is not None:
         torque = torque + mechanism.weight_torque(kinematics, compressor.gravity)
@@ -155,6 +182,10 @@ def of_each_cylinder(compressor: Compressor, angle: Float[Array, "*n"], sense=1.
     cylinders = compressor.cylinders
     assert cylinders is not None
     one = replaced(compressor, cylinders=None, gravity=None, mechanism=without_crank(compressor))
+    laid = (cylinders.each(part, angle) for part in (one.mechanism, one.gas))
+    one = eqx.tree_at(
+        lambda c: (c.mechanism, c.gas), one, tuple(laid), is_leaf=lambda leaf: leaf is None
+    )
     each = instants(one, cylinders.own_angle(angle), sense)
     if compressor.gravity is None:
         return each
@@ -168,7 +199,7 @@ def _of_several(compressor: Compressor, cylinders: Cylinders, angle, sense) -> I
     each = of_each_cylinder(compressor, angle, sense)
     torque = jnp.sum(each.conservative, axis=0)
     if compressor.gravity is not None:
-        torque += cylinders.weight_torque(angle, compressor.gravity)
+        torque += cylinders.weight_torque(angle, compressor.gravity, compressor.mechanism)
     inertia = compressor.mechanism.crank_inertia + jnp.sum(each.inertia, axis=0)
     inertia_1 = jnp.sum(each.inertia_1, axis=0)
     return Instants(
@@ -195,14 +226,17 @@ def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> S
     `sense` is +1 while the crank turns forward, -1 while it turns backward.
     """
     mechanism, cylinders = compressor.mechanism, compressor.cylinders
-    own = angle if cylinders is None else cylinders.own_angle(angle)
-    return _stroke(mechanism, own, mechanism.kinematics(own), sense)
+    if cylinders is not None:
+        mechanism, angle = cylinders.each(mechanism, angle), cylinders.own_angle(angle)
+    return _stroke(mechanism, angle, mechanism.kinematics(angle), sense)
 
 
 def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
     """Absolute pressure [Pa] in the cylinder at crank angles [rad]; needs a gas."""
-    assert compressor.gas is not None
-    return compressor.gas.pressure(stroke_at(compressor, angle, sense))
+    gas, cylinders = compressor.gas, compressor.cylinders
+    assert gas is not None
+    gas = gas if cylinders is None else cylinders.each(gas, angle)
+    return gas.pressure(stroke_at(compressor, angle, sense))
 
 
 def gas_force(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Float[Array, "*n"]:
@@ -246,7 +280,8 @@ def loop_of(
         return joint_loop(mechanism, friction, state, gas, compressor.gravity, kinematics)
     single = without_crank(compressor)
     if kinematics is None:
-        kinematics = single.kinematics(cylinders.own_angle(state.angle))
+        own = cylinders.own_angle(state.angle)
+        kinematics = cylinders.each(single, state.angle).kinematics(own)
     assert isinstance(mechanism, SliderCrank)
     weight = None if compressor.gravity is None else mechanism.crank_mass * compressor.gravity
     return several_loops(
@@ -263,6 +298,14 @@ def conservative_torque(
     if compressor.gravity is not None:
         torque = torque + compressor.mechanism.gravity_torque(angle, compressor.gravity)
     return torque
+
+
+def first_top(compressor: Compressor) -> Float[Array, ""]:
+    """[rad] Crank angle of the top dead centre of the first cylinder, where the revolution begins."""
+    top, _ = compressor.mechanism.dead_centres()
+    if compressor.cylinders is None:
+        return top
+    return jnp.ravel(top)[0] - compressor.cylinders.phase[0]
 
 
 def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
@@ -282,11 +325,14 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         for displaced, inward in compressor.gas.valve_events(area * (highest - lowest)):
             angles.append(mechanism.angle_at(highest - displaced / area, inward))
         angles += compressor.gas.event_angles()
-    revolution, rest = 2 * jnp.pi, jnp.stack(angles)
+    revolution, rest = 2 * jnp.pi, jnp.stack(jnp.broadcast_arrays(*angles))
     if compressor.cylinders is not None:
         # the first cylinder's top dead centre is the first edge
         phase = compressor.cylinders.phase
-        rest = (jnp.append(rest, top) - phase[:, None]).ravel()
-        top = top - phase[0]
+        rest = jnp.atleast_2d(rest.T)
+        tops = jnp.broadcast_to(top, phase.shape)
+        rest = jnp.broadcast_to(rest, (phase.size, rest.shape[1]))
+        rest = (jnp.concatenate([rest, tops[:, None]], axis=1) - phase[:, None]).ravel()
+        top = tops[0] - phase[0]
     rest = top + jnp.mod(rest - top, revolution)
     return jnp.concatenate([top[None], jnp.sort(rest)])

@@ -5,8 +5,9 @@ and the main journal turn rotor and stator against each other. All are real forc
 the friction of the pins, so that force and moment over the machine are minus those of the inertia of
 rod and piston, and nothing else. The crank's own unbalance belongs to `Unbalances`.
 
-The frames are the same: x along the cylinder, the crank turns from x to y. The harmonics are those
-of time, with the crank at angle zero at W t = 0 on the mean; W is the mean speed.
+The frames are the same: x along the cylinder, the crank turns from x to y; the forces of several
+cylinders are turned from the axes of each to those of the machine. The harmonics are those of time,
+with the crank at angle zero at W t = 0 on the mean; W is the mean speed.
 
 Source: Levecque et al. (2011), cited in full in `machines/hermetic-68cc.toml`, Eq. (5), where
 polynomials are fitted first; here the forces themselves are integrated. Its Eq. (6) takes the mean
@@ -23,12 +24,12 @@ from jaxtyping import Array, Bool, Float
 
 from ._fields import BadInput, replaced
 from ._words import one_of
-from .compressor import Compressor
+from .compressor import Compressor, first_top, instants
 from .crank import Collocation, Orbit, Shooting, solve_orbit
 from .crankshaft import main_films
-from .friction import shares
+from .friction import joints_of_cylinder, shares
 from .machine import Assembly
-from .mechanism import SliderCrank, rod_motion
+from .mechanism import SliderCrank, Vector, rod_motion
 from .motor import ConstantSpeed, MeanSpeed
 from .rotor import CrankNodes, LoadedFilm, PeriodicForce, RotorModel, Unbalances
 
@@ -46,10 +47,10 @@ class CrankForces(NamedTuple):
     """Loads of one periodic state of the crank.
 
     Attributes:
-        forces: on rod end, head and wall, and of the motor where it was asked for.
+        forces: on rod end, head and wall of every cylinder, and of the motor where it was asked for.
         spin_speed: [rad/s] mean speed, at which these forces hold.
-        missing: [-] by load, what the orders leave out: root mean square of the rest over that of
-            the force.
+        missing: [-] by load, "rod" or "rod_2" of several, what the orders leave out: root mean square of
+            the rest over that of the force.
     """
 
     forces: tuple[PeriodicForce, ...]
@@ -75,42 +76,53 @@ def crank_forces(
     Raises:
         BadInput: another mechanism.
     """
-    mechanism = compressor.mechanism
+    mechanism, cylinders = compressor.mechanism, compressor.cylinders
     if not isinstance(mechanism, SliderCrank):
         raise BadInput("mechanism", type(mechanism).__name__, "a slider-crank")
-    angle = state.state.angle
+    angle, lost = state.state.angle, state.loads.loss_torque
     none = jnp.zeros_like(angle)
-    position, _, _ = mechanism.piston(angle)
-    rod = -state.loads.forces["crank_pin"]
-    side = -state.loads.forces["wall"]
-    gas = none
-    if state.pressure is not None and compressor.gas is not None:
-        gas = (state.pressure - compressor.gas.behind_piston) * mechanism.piston_area
-    radius, offset = mechanism.crank_radius, mechanism.offset
-    # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
-    lost, tilt = state.loads.loss_torque, rod_motion(mechanism, angle).tilt_1
-    torque = radius * (jnp.cos(angle) * rod[1] - jnp.sin(angle) * rod[0])
-    torque = torque - lost.get("crank_pin", none) / (1 + tilt)
-    lever = (position - nodes.wall_position) * side[1] - offset * side[0]
-    lever = lever - lost.get("piston_pin", none) / jnp.where(tilt == 0, 1.0, tilt)
-    wrenches = {
-        nodes.pin: ("rod", rod[0], rod[1], torque),
-        nodes.head: ("gas", gas, none, -offset * gas),
-        nodes.wall: ("wall", side[0], side[1], lever),
-    }
-    phase = state.mean_speed * state.time + mechanism.dead_centres()[0]
+    phase = state.mean_speed * state.time + first_top(compressor)
     share = state.weight / state.state.speed
     share = share / jnp.sum(share)
-    forces, missing = [], {}
-    for node, (name, fx, fy, mz) in wrenches.items():
-        force = jnp.stack([fx, fy, none])
-        (cosine, sine), missing[name] = _harmonics(force, phase, share, orders)
-        (turning_cosine, turning_sine), _ = _harmonics(
-            jnp.stack([none, none, mz]), phase, share, orders
+    gas_forces = none
+    if cylinders is not None:
+        gas_forces = instants(compressor, angle).gas_force
+    elif state.pressure is not None and compressor.gas is not None:
+        gas_forces = (state.pressure - compressor.gas.behind_piston) * mechanism.piston_area
+    forces, missing, of_pins = [], {}, set()
+    for place, own_nodes in enumerate(nodes.of_cylinders):
+        joints = {joint: joint for joint in joints_of_cylinder(1)}
+        single, own, gas, suffix = mechanism, angle, gas_forces, ""
+        if cylinders is not None:
+            joints, suffix = joints_of_cylinder(place + 1), f"_{place + 1}"
+            single = jax.tree.map(lambda x, i=place: x[i] if x.ndim else x, mechanism)
+            own, gas = angle + cylinders.phase[place], gas_forces[place]
+        of_pins |= set(joints.values())
+        position, _, _ = single.piston(own)
+        rod = -state.loads.forces[joints["crank_pin"]]
+        side = -state.loads.forces[joints["wall"]]
+        radius, offset = single.crank_radius, single.offset
+        # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
+        tilt = rod_motion(single, own).tilt_1
+        torque = radius * (jnp.cos(own) * rod[1] - jnp.sin(own) * rod[0])
+        torque = torque - lost.get(joints["crank_pin"], none) / (1 + tilt)
+        lever = (position - nodes.wall_position) * side[1] - offset * side[0]
+        lever = lever - lost.get(joints["piston_pin"], none) / jnp.where(tilt == 0, 1.0, tilt)
+        wrenches = (
+            ("rod", rod[0], rod[1], torque),
+            ("gas", gas, none, -offset * gas),
+            ("wall", side[0], side[1], lever),
         )
-        forces.append(PeriodicForce(node, None, orders, cosine, sine, turning_cosine, turning_sine))
+        for node, (name, fx, fy, mz) in zip(own_nodes, wrenches, strict=True):
+            if cylinders is not None:
+                c, s = jnp.cos(cylinders.bank_angle[place]), jnp.sin(cylinders.bank_angle[place])
+                fx, fy = c * fx - s * fy, s * fx + c * fy
+            table, missing[name + suffix] = _harmonics(
+                jnp.stack([fx, fy, none]), phase, share, orders
+            )
+            turning, _ = _harmonics(jnp.stack([none, none, mz]), phase, share, orders)
+            forces.append(PeriodicForce(node, None, orders, *table, *turning))
     if nodes.rotor is not None:
-        of_pins = ("wall", "piston_film", "piston_pin", "crank_pin")
         at_shaft = sum((lost[name] for name in lost if name not in of_pins), start=none)
         between = state.motor_torque - at_shaft
         turning = jnp.stack([none, none, between])
@@ -126,25 +138,44 @@ def open_films(rotor: RotorModel | None) -> tuple[int, ...]:
     return tuple(i for i, link in enumerate(links) if getattr(link.law, "load", 0) is None)
 
 
-def film_loads(rotor: RotorModel, pin, state: Orbit) -> dict[int, Float[Array, "2"]]:
+def film_loads(
+    rotor: RotorModel, compressor: Compressor, pins, state: Orbit
+) -> dict[int, Float[Array, "2"]]:
     """[N] Static load on the journal of every film of the shaft, by number of the link.
 
-    The mean force of the rod on the pin over time, shared by `MainBearings`: rotating forces have no
-    mean. Each film counts as a bearing of the shaft, in proportion to its projected area where there
+    The mean force of the rods on their pins over time, shared by `MainBearings`: rotating forces have
+    no mean. Each film counts as a bearing of the shaft, in proportion to its projected area where there
     are more than two.
 
     Args:
         rotor: the model, with its bearings.
-        pin: node in the plane of the rod.
+        compressor: whose periodic state it is.
+        pins: nodes in the planes of the rods.
         state: periodic state of the crank.
     """
-    films = main_films(rotor, pin)
-    share = state.weight / state.state.speed
-    mean = -(state.loads.forces["crank_pin"] @ share) / jnp.sum(share)
+    films = main_films(rotor, pins[0])
+    share, cylinders = state.weight / state.state.speed, compressor.cylinders
+    share = share / jnp.sum(share)
+    moment = jnp.zeros(2)
+    if cylinders is None:
+        mean = -(state.loads.forces["crank_pin"] @ share)
+    else:
+        each = jnp.stack(
+            [
+                -(state.loads.forces[joints_of_cylinder(k + 1)["crank_pin"]] @ share)
+                for k in range(cylinders.count)
+            ],
+            axis=1,
+        )
+        each = cylinders.turned(Vector(*each)).stacked()
+        mean, moment = jnp.sum(each, axis=1), each @ cylinders.position
     bearings = tuple(_film(rotor, number).bearing for number, _ in films)
     position = jnp.stack([z for _, z in films])
     found = shares(bearings, position)
-    return {number: share * mean for (number, _), (share, _) in zip(films, found, strict=True)}
+    return {
+        number: share * mean + lever * moment
+        for (number, _), (share, lever) in zip(films, found, strict=True)
+    }
 
 
 def _film(rotor: RotorModel, number: int) -> LoadedFilm:
@@ -247,7 +278,7 @@ def crank_loads(
     orbit = solve_orbit(whole, solver, throw=False)
     ok, films = orbit.converged, {}
     if opened:
-        loads = film_loads(rotor, case.crank.pin, orbit)
+        loads = film_loads(rotor, whole, case.crank.pins, orbit)
         films = {number: loads[number] for number in opened}
     if not crank:
         return CrankLoads(films, (), ok)
@@ -302,12 +333,12 @@ def loaded_rotor(
     speeds = jnp.maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
     if speeds.size > _LOADED:
         speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)
-    tables = _load_tables(machine.compressor, rotor, case.crank.pin, speeds, solver)
+    tables = _load_tables(machine.compressor, rotor, case.crank.pins, speeds, solver)
     return _loaded(rotor, {number: tables[number] for number in opened}, speeds)
 
 
 @eqx.filter_jit
-def _load_tables(compressor, rotor, pin, speeds, solver):
+def _load_tables(compressor, rotor, pins, speeds, solver):
     solver = _OF_FORCES if solver is None else solver
 
     def one(speed):
@@ -317,7 +348,7 @@ def _load_tables(compressor, rotor, pin, speeds, solver):
             lambda c: (c.motor, c.friction), compressor, (held, None), is_leaf=lambda x: x is None
         )
         steady = solve_orbit(steady, solver, throw=False)
-        found, instead = (film_loads(rotor, pin, state) for state in (orbit, steady))
+        found, instead = (film_loads(rotor, compressor, pins, o) for o in (orbit, steady))
         return jax.tree.map(partial(jnp.where, orbit.converged), found, instead)
 
     return jax.vmap(one)(speeds)

@@ -17,9 +17,10 @@ from jaxtyping import Array, Float
 
 from ._fields import BadInput, Part, is_traced, printed, replaced
 from ._words import one_of
-from .compressor import Compressor
+from .compressor import Compressor, staged
 from .film import AbstractJournal, AbstractOil, NamedBearing
 from .friction import MainBearings
+from .mechanism import Cylinders
 
 if TYPE_CHECKING:  # a compressor alone does not import the rotor
     from .rotor import BalancingPlanes, LoadCase, PeriodicForce, RotorModel, Unbalances
@@ -33,6 +34,8 @@ OF_ROTOR = (
     "crank_unbalance_across",
     "crank_couple",
 )
+# Numbers of several cylinders that do.
+OF_ROTOR_CYLINDERS = ("position", "rod_pitch", "throw_pitch", "unbalance", "places", "couple")
 
 
 class Machine(eqx.Module):
@@ -140,9 +143,9 @@ def assembled(machine: Machine) -> Assembly:
     compressor = machine.compressor
     if compressor is not None and follows_rotor(machine):
         unbalances = (*case.unbalances, *corrections)
-        compressor = _with_rotor(compressor, rotor, unbalances, case.crank.pin)
+        compressor = _with_rotor(compressor, rotor, unbalances, case.crank.pins)
     return Assembly(
-        None if compressor is None else _filled(compressor, names),
+        None if compressor is None else staged(_filled(compressor, names)),
         None if rotor is None else _filled(rotor, names, "rotor"),
         case,
         corrections,
@@ -161,14 +164,17 @@ def correction_unbalance(node, value: Float[Array, "2"]) -> "Unbalances":
     return eqx.tree_at(lambda u: u.magnitude, two, value)
 
 
-def _with_rotor(compressor: Compressor, rotor, unbalances, pin) -> Compressor:
-    """The compressor with the crankshaft that its rotor is, and its bearings where they stand."""
-    from .crankshaft import bearing_positions, crankshaft
+def _with_rotor(compressor: Compressor, rotor, unbalances, pins) -> Compressor:
+    """The compressor with the crankshaft that its rotor is, and its bearings where they stand.
 
-    mechanism = compressor.mechanism
-    if compressor.cylinders is not None:
-        bound = "absent: the loads of several cylinders on a rotor are not described"
-        raise BadInput("cylinders", compressor.cylinders.count, bound)
+    Places along the shaft count from the node of the first rod.
+    """
+    from .crankshaft import axial_positions, bearing_positions, crankshaft
+
+    mechanism, cylinders, pin = compressor.mechanism, compressor.cylinders, pins[0]
+    if len(pins) != (1 if cylinders is None else cylinders.count):
+        count = "one node" if cylinders is None else f"a list of {cylinders.count} nodes"
+        raise BadInput("loads.crank.pin", str(pins), f"{count}, one for each cylinder")
     if not hasattr(mechanism, "crank_couple"):
         raise BadInput(
             "mechanism", type(mechanism).__name__, "a slider_crank, for the loads of a rotor"
@@ -179,14 +185,18 @@ def _with_rotor(compressor: Compressor, rotor, unbalances, pin) -> Compressor:
             bound = "absent: it follows from the rotor that `loads.crank` joins to the crank"
             raise BadInput(f"mechanism.{name}", value, bound)
     shaft = crankshaft(rotor, unbalances, pin)
-    mechanism = replaced(
-        mechanism,
-        crank_inertia=shaft.inertia,
-        crank_mass=shaft.mass,
-        crank_unbalance=shaft.unbalance[0],
-        crank_unbalance_across=shaft.unbalance[1],
-        crank_couple=shaft.couple,
-    )
+    mechanism = replaced(mechanism, crank_inertia=shaft.inertia, crank_mass=shaft.mass)
+    if cylinders is None:
+        mechanism = replaced(
+            mechanism,
+            crank_unbalance=shaft.unbalance[0],
+            crank_unbalance_across=shaft.unbalance[1],
+            crank_couple=shaft.couple,
+        )
+    else:
+        along = axial_positions(rotor, pin)
+        places = jnp.stack([along[node] for node in pins])
+        cylinders = _on_rotor(cylinders, places, shaft)
     friction = compressor.friction
     support = getattr(friction, "main_journal", None)
     if isinstance(support, MainBearings) and support.position is None:
@@ -197,7 +207,21 @@ def _with_rotor(compressor: Compressor, rotor, unbalances, pin) -> Compressor:
                 raise BadInput("friction.main_journal.bearings", name, bound)
         position = jnp.stack([jnp.asarray(places.get(n, 0.0)) for n in support.names or ()])
         friction = replaced(friction, main_journal=replaced(support, position=position))
-    return replaced(compressor, mechanism=mechanism, friction=friction)
+    return replaced(compressor, mechanism=mechanism, friction=friction, cylinders=cylinders)
+
+
+def _on_rotor(cylinders: Cylinders, places, shaft) -> Cylinders:
+    """The cylinders with the places and unbalances of their rotor."""
+    bound = "absent: it follows from the rotor that `loads.crank` joins to the crank"
+    for number, throw in enumerate(cylinders.throws):
+        for name in ("position", "rod_pitch", "unbalance"):
+            if _given(getattr(throw, name)):
+                raise BadInput(f"cylinders.throws.{number}.{name}", getattr(throw, name), bound)
+    for name in ("throw_pitch", "rod_pitch", "balanced", "places", "unbalance", "couple"):
+        value = getattr(cylinders, name)
+        if value is not None and _given(value):
+            raise BadInput(f"cylinders.{name}", value, bound)
+    return replaced(cylinders, places=places, unbalance=shaft.unbalance, couple=shaft.couple)
 
 
 def _given(value) -> bool:

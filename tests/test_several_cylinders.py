@@ -5,6 +5,7 @@ cylinder agreed to 1.1e-10 in efficiency, 2e-11 in fluctuation and 2e-9 of a los
 """
 
 import dataclasses
+import itertools
 
 import equinox as eqx
 import jax
@@ -18,15 +19,18 @@ from jaxcomp import (
     Compressor,
     SceneError,
     Shooting,
+    SolveFailed,
     load,
     loads,
     solve_orbit,
 )
 from jaxcomp.compressor import instants
+from jaxcomp.coupling import crank_forces
 from jaxcomp.crank import (
     TimeIntegration,
     TorsionalChain,
     film_thickness,
+    rod_load_reversal,
     simulate,
     throw_inertias,
     throw_torques,
@@ -37,9 +41,10 @@ from jaxcomp.friction import (
     CoulombJournal,
     CoulombSlide,
     MainBearings,
+    Packing,
     SliderCrankFriction,
 )
-from jaxcomp.gas import PolytropicCycle
+from jaxcomp.gas import DoubleActing, PolytropicCycle, StagedCycle
 from jaxcomp.mechanism import CrankState, Cylinders, SliderCrank, Throw, Vector, counterweights
 from jaxcomp.motor import MeanSpeed, SlipLine
 from jaxcomp.shaking import shaking_wrench
@@ -388,13 +393,245 @@ def test_films_of_every_cylinder_are_told():
         assert np.all((np.asarray(values) > 0) & (np.asarray(values) < 4.5e-5)), name
 
 
-def test_a_rotor_with_several_cylinders_is_refused():
-    """The crank's loads on a rotor know one rod."""
-    scene = load("hermetic-68cc").text.replace(
-        "[motor]", "[cylinders]\n[[cylinders.throws]]\nbanks = ['0 deg', '90 deg']\n\n[motor]", 1
+TWIN_ON_ROTOR = (
+    ("[motor]", "[cylinders]\n[[cylinders.throws]]\nbanks = ['-20 deg', '50 deg']\n\n[motor]"),
+    ("pin = 21\nhead = \"head\"\nwall = \"wall\"", "pin = [19, 21]\nhead = ['head', 'head']\n"
+     "wall = ['wall', 'wall']"),
+)  # fmt: skip
+
+
+def on_rotor(*more):
+    text = load("hermetic-68cc").text
+    for old, new in (*TWIN_ON_ROTOR, *more):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    return loads(text)
+
+
+def test_forces_of_every_cylinder_on_a_rotor_add_up_to_the_inertia_of_all():
+    scene = on_rotor()
+    compressor = scene.compressor
+    # the places of the rods are those of their nodes, the unbalances those of the rotor
+    np.testing.assert_allclose(compressor.cylinders.position, (0.0, 0.010), atol=1e-12)
+    orbit = solve_orbit(compressor, COARSE)
+    orders = tuple(range(7))
+    found = crank_forces(compressor, orbit, scene.parts["loads"].crank, orders)
+    assert len(found.forces) == 7
+    alone = dataclasses.replace(
+        compressor,
+        mechanism=dataclasses.replace(compressor.mechanism, crank_inertia=1e-9),
+        cylinders=dataclasses.replace(compressor.cylinders, unbalance=None, couple=None),
     )
-    with pytest.raises(SceneError, match=r"cylinders.*absent.*rotor"):
-        loads(scene)
+    wrench = shaking_wrench(alone, orbit.state)
+    share = orbit.weight / orbit.state.speed
+    phase = orbit.mean_speed * orbit.time - compressor.cylinders.phase[0]
+    waves = np.exp(-1j * np.outer(orders, phase)) * np.where(np.array(orders) == 0, 1, 2)[:, None]
+    waves = waves * np.asarray(share / share.sum())
+    each = [np.asarray(f.cosine - 1j * f.sine) for f in found.forces[:6]]
+    size = float(jnp.abs(wrench.force).max())
+    # linear in the forces at every node of the orbit: rounding only
+    np.testing.assert_allclose(
+        sum(each)[:, :2], waves @ np.asarray(wrench.force[:2]).T, atol=1e-11 * size
+    )
+    places = np.repeat(compressor.cylinders.position, 3)
+    tilting = sum(z * force[:, :2] for z, force in zip(places, each, strict=True))
+    wanted = np.stack([wrench.moment[1], -wrench.moment[0]])
+    np.testing.assert_allclose(tilting, waves @ wanted.T, atol=1e-13 * size)
+
+
+def test_a_rotor_gives_what_cylinders_must_leave_open():
+    two = "banks = ['-20 deg', '50 deg']"
+    with pytest.raises(SceneError, match=r"throws.0.rod_pitch.*follows from the rotor"):
+        on_rotor((two, two + "\nrod_pitch = '10 mm'"))
+    with pytest.raises(SceneError, match=r"pin.*a list of 3 nodes"):
+        on_rotor((two, "banks = ['-20 deg', '50 deg', '90 deg']"))
+
+
+def test_equal_lists_are_the_single_numbers():
+    made = several(LAYOUTS[2])
+    listed = dataclasses.replace(
+        made,
+        mechanism=dataclasses.replace(made.mechanism, bore=[0.13] * 2, piston_mass=[2.65] * 2),
+        gas=dataclasses.replace(made.gas, clearance_ratio=[0.0076] * 2),
+        friction=dataclasses.replace(made.friction, wall=CoulombSlide([0.083] * 2)),
+    )
+    one, other = (solve_orbit(c, COARSE) for c in (made, listed))
+    assert float(one.mechanical_efficiency) == pytest.approx(
+        float(other.mechanical_efficiency), abs=1e-14
+    )
+
+
+def test_a_cylinder_that_is_shut_off_does_no_work():
+    """Suction valves held open: the gas work is that of the other cylinder alone."""
+    made = several(LAYOUTS[2])
+    idle = dataclasses.replace(made.gas, discharge_pressure=[980e3, 98.0001e3])
+    orbit = solve_orbit(dataclasses.replace(made, gas=idle), COARSE)
+    # quadrature with 6 nodes on a panel, as of all cylinders above
+    assert float(orbit.energy.gas_work) == pytest.approx(297.326137139, rel=1e-4)
+    assert abs(orbit.energy.residual) < 1e-12
+
+
+def test_a_bad_cylinder_is_named():
+    made = several(LAYOUTS[2])
+    rough = dataclasses.replace(made.friction, wall=CoulombSlide([0.083, 8.0]))
+    with pytest.raises(SolveFailed, match=r"locks.*in cylinder 2"):
+        solve_orbit(dataclasses.replace(made, friction=rough), COARSE)
+    with pytest.raises(BadInput, match=r"bore.*> 0 in cylinder 2, but is -0.1"):
+        dataclasses.replace(made.mechanism, bore=[0.1, -0.1])
+    with pytest.raises(BadInput, match=r"conrod_length in cylinder 2"):
+        dataclasses.replace(made.mechanism, conrod_length=[0.3, 0.03])
+    short = dataclasses.replace(made.mechanism, bore=[0.1, 0.1, 0.1])
+    with pytest.raises(BadInput, match=r"mechanism.bore.*one for each of 2 cylinders"):
+        dataclasses.replace(made, mechanism=short)
+
+
+def test_extreme_layouts_have_an_orbit():
+    """Sixteen cylinders, of which some share one angle, pins at 0 and 360, very different bores."""
+    throws = [(90.0 * i, 0.1 * i, [-30.0, -30.0, 30.0, 30.0], 0.0) for i in range(3)]
+    throws.append((360.0, 0.3, [-30.0, -30.0, 30.0, 30.0], 0.0))
+    made = several(throws)
+    bores = np.linspace(0.05, 0.15, 16)
+    made = dataclasses.replace(made, mechanism=dataclasses.replace(made.mechanism, bore=bores))
+    orbit = solve_orbit(made, Collocation(nodes=4, reversals=0))
+    assert abs(orbit.energy.residual) < 1e-12
+    # as the area of the pistons; four nodes on a panel
+    work = 297.326137139 * float(np.sum((bores / 0.13) ** 2))
+    assert float(orbit.energy.gas_work) == pytest.approx(work, rel=1e-3)
+
+
+NAMED = {
+    "single": "single",
+    "V90": "V90",
+    "V60": "V60",
+    "W60": "W60",
+    "VV45": "VV45",
+    "radial-3": "radial 3",
+    "in-line-2": "in-line 2",
+    "boxer": "boxer",
+}
+
+
+def test_layouts_by_name_have_the_sums_of_the_table():
+    for name, key in NAMED.items():
+        wanted = ((0.5, 0.5), (0.5, 0.5)) if key == "single" else BALANCES[key][1:]
+        for order, (ahead, behind) in zip((1, 2), wanted, strict=True):
+            sums = Cylinders(layout=name).order_sums(order)
+            got = abs(complex(sums.forward)), abs(complex(sums.backward))
+            np.testing.assert_allclose(got, (ahead, behind), atol=1e-12, err_msg=name)
+    # (f+, f- of order 2), then couples of order 1 in pitches
+    more = {
+        "in-line-4": ((2, 2), (0, 0)),
+        "in-line-6": ((0, 0), (0, 0)),
+        "opposed": ((0, 0), (0, 0)),
+        "radial-5": ((0, 0), (0, 0)),
+        "in-line-3": ((0, 0), (0.75**0.5, 0.75**0.5)),
+        "boxer-2": ((0, 0), (0.5, 0.5)),
+        "V90x2": ((2**0.5, 2**0.5), (1, 0)),
+        "VV45 x2": ((2.613125929753, 1.082392200292), (2, 0)),
+    }
+    for name, (second, couple) in more.items():
+        made = Cylinders(layout=name.replace(" ", ""), throw_pitch=1.0)
+        sums, first = made.order_sums(2), made.order_sums(1)
+        np.testing.assert_allclose(
+            [abs(complex(x)) for x in (sums.forward, sums.backward)], second, atol=1e-12
+        )
+        got = [abs(complex(x)) for x in (first.forward_couple, first.backward_couple)]
+        np.testing.assert_allclose(got, couple, atol=1e-12, err_msg=name)
+    with pytest.raises(BadInput, match="a layout such as"):
+        Cylinders(layout="V")
+
+
+def test_a_balanced_layout_has_the_counterweights():
+    made = several(LAYOUTS[4])
+    shorthand = Cylinders(layout="V90x2", throw_pitch=0.2, rod_pitch=0.04, balanced=True)
+    state = CrankState(jnp.linspace(0.0, 6.0, 50), jnp.full(50, 100.0), jnp.full(50, 30.0))
+    one, other = (
+        shaking_wrench(dataclasses.replace(made, cylinders=c), state)
+        for c in (made.cylinders, shorthand)
+    )
+    # unbalances typed to nine digits, of forces of kN
+    np.testing.assert_allclose(one.force, other.force, atol=1e-5)
+    np.testing.assert_allclose(one.moment, other.moment, atol=1e-6)
+
+
+def staged(**changes):
+    return StagedCycle((1, 1, 1, 1, 2, 2), 98e3, 980e3, 1.05, 0.0076, 98e3, **changes)
+
+
+def test_two_stages_have_the_golden_pressure_and_work():
+    mechanism = several(LAYOUTS[1]).mechanism
+    area, stroke = mechanism.piston_area, mechanism.stroke
+    pressure = staged().between(area, stroke)
+    assert float(pressure[1]) == pytest.approx(199937.5289868, abs=1e-6)
+    work = []
+    for low, high in itertools.pairwise(np.asarray(pressure)):
+        r, n, c = high / low, 1.05, 0.0076
+        volume = float(area * stroke) * (1 + c - c * r ** (1 / n))
+        work.append(n / (n - 1) * low * volume * (r ** ((n - 1) / n) - 1))
+    np.testing.assert_allclose(work, (93.62307826, 426.30489344), rtol=1e-10)
+    slope = jax.grad(
+        lambda c: dataclasses.replace(staged(), clearance_ratio=c).between(area, stroke)[1]
+    )
+    ahead, back = (
+        dataclasses.replace(staged(), clearance_ratio=0.0076 + h).between(area, stroke)[1]
+        for h in (1e-5, -1e-5)
+    )
+    assert float(slope(0.0076)) == pytest.approx(float(ahead - back) / 2e-5, rel=1e-8)
+    three = StagedCycle((1, 1, 1, 2, 3), 1e5, 27e5, 1.2, [0.1, 0.1, 0.1, 0.05, 0.0])
+    found = np.asarray(three.between(jnp.array([9.0, 9, 9, 9, 3]), jnp.ones(5)))
+    ratio = (found[1:] / found[:-1])[[0, 0, 0, 1, 2]] ** (1 / 1.2)
+    flow = np.array([9, 9, 9, 9, 3]) * (1 + (c := np.array([0.1] * 3 + [0.05, 0])) - c * ratio)
+    flow = flow * found[[0, 0, 0, 1, 2]]
+    np.testing.assert_allclose([flow[:3].sum(), flow[3]], flow[4], rtol=1e-12)
+
+
+def test_stages_share_one_crank():
+    throws = [(0.0, -0.1, [-60.0, 0.0, 60.0], -0.5), (180.0, 0.1, [-60.0, 0.0, 60.0], -0.5)]
+    orbit = solve_orbit(several(throws, gas=staged()), COARSE)
+    assert float(orbit.energy.gas_work) == pytest.approx(1227.10209996, rel=1e-5)
+    assert abs(orbit.energy.residual) < 1e-12
+    with pytest.raises(BadInput, match="one stage for each of 2 cylinders"):
+        several(LAYOUTS[2], gas=staged())
+
+
+def test_a_double_acting_piston_works_on_both_sides():
+    """Work of both ends, and the load of the crosshead pin that reverses."""
+    made = several(LAYOUTS[2])
+    rod = 0.04
+    both = DoubleActing(made.gas, made.gas, rod, 98e3)
+    friction = dataclasses.replace(made.friction, packing=Packing(50.0))
+    made = dataclasses.replace(made, gas=both, friction=friction)
+    orbit = solve_orbit(made, Collocation(nodes=8, reversals=0))
+    share = 1 + (1 - (rod / 0.13) ** 2)  # of the areas of both ends
+    assert float(orbit.energy.gas_work) == pytest.approx(2 * share * 297.326137139, rel=1e-5)
+    packing = losses(orbit, "packing")
+    stroke = float(made.mechanism.stroke)
+    assert packing == pytest.approx(2 * 50.0 * 2 * stroke, rel=1e-10)
+    assert abs(orbit.energy.residual) < 1e-12
+    angle, ratio = rod_load_reversal(orbit)["piston_pin_2"]
+    force = np.asarray(orbit.loads.forces["piston_pin_2"][0])
+    tension = float(orbit.weight[force > 0].sum())
+    # nodes are some degrees apart
+    smaller = np.rad2deg(min(tension, 2 * np.pi - tension))
+    assert np.rad2deg(float(angle)) == pytest.approx(smaller, abs=4.0)
+    assert float(ratio) == pytest.approx(force.max() / -force.min(), rel=1e-12)
+
+
+def test_three_bearings_of_a_beam_have_the_closed_form():
+    journal = CoulombJournal(0.013, 0.092)
+    beam = MainBearings((journal,) * 3, jnp.array([0.0, 1.0, 2.0]), shaft="beam")
+    wanted = (0.69140625, 0.3671875, -0.05859375), (13 / 32, 22 / 32, -3 / 32)
+    wanted = (*wanted, (0.16796875, 0.9140625, -0.08203125))
+    np.testing.assert_allclose(beam.influence(jnp.array([0.25, 0.5, 0.75])).T, wanted, atol=1e-14)
+    # two bearings: the law of the lever, a beam or not
+    two = MainBearings((journal,) * 2, jnp.array([0.0, 2.0]), shaft="beam")
+    np.testing.assert_allclose(two.influence(jnp.array([0.5])).T, [(0.75, 0.25)], atol=1e-15)
+    # four: mirrored loads have mirrored reactions, and force and moment balance
+    four = MainBearings((journal,) * 4, jnp.array([-0.3, -0.1, 0.1, 0.3]), shaft="beam")
+    table = np.asarray(four.influence(jnp.array([-0.25, 0.25, 0.05])))
+    np.testing.assert_allclose(table[:, 0], table[::-1, 1], atol=1e-14)
+    np.testing.assert_allclose(table.sum(0), 1.0, atol=1e-14)
+    np.testing.assert_allclose(np.asarray(four.position) @ table, (-0.25, 0.25, 0.05), atol=1e-14)
 
 
 def test_parts_name_what_does_not_go_together(twin):

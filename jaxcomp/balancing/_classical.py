@@ -7,6 +7,7 @@ ISO 1940-1).
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
@@ -115,7 +116,12 @@ def rod_ring(machine: Assembly) -> Unbalances | None:
         return None
     big_end = 1 - mechanism.conrod_centre / mechanism.conrod_length
     moment = mechanism.conrod_mass * mechanism.crank_radius * big_end
-    return correction_unbalance(machine.loads.crank.pin, jnp.stack([moment, jnp.zeros(())]))
+    pins, cylinders = machine.loads.crank.pins, getattr(machine.compressor, "cylinders", None)
+    if cylinders is None:
+        return correction_unbalance(pins[0], jnp.stack([moment, jnp.zeros(())]))
+    rings = Unbalances(pins, 0.0, 0.0)
+    values = jnp.broadcast_to(moment, (len(pins),)), cylinders.throw_angle
+    return eqx.tree_at(lambda u: (u.magnitude, u.phase), rings, values)
 
 
 def classical_balance(

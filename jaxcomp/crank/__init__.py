@@ -7,6 +7,7 @@ from ._motion import acceleration as acceleration
 from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit
 from ._orbit import Verification as Verification
+from ._orbit import rod_load_reversal as rod_load_reversal
 from ._orbit import time_harmonics as time_harmonics
 from ._panels import panels as panels
 from ._result import orbit_on_panels as orbit_on_panels

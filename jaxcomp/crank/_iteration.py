@@ -126,7 +126,8 @@ def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> Known:
     speed = lax.stop_gradient(compressor.motor.speed_guess)
     energy = 0.5 * jnp.mean(at.inertia) * speed**2
     force = jnp.max(jnp.abs(at.gas_force))
-    force += energy / lax.stop_gradient(compressor.mechanism.stroke / 2)
+    stroke = lax.stop_gradient(compressor.mechanism.stroke / 2)
+    force += energy / (jnp.min(stroke) if stroke.ndim else stroke)
     return Known(compressor, edges, Scales(speed, energy, force))
 
 

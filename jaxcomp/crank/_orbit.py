@@ -217,6 +217,14 @@ class Orbit(Result, eqx.Module):
         return jnp.min(self.loads.margin)
 
     @property
+    def weakest_cylinder(self) -> Int[Array, ""] | None:
+        """Number, from 1, of the cylinder of several with the smallest margin."""
+        margin = self.loads.margin
+        if margin is None or margin.ndim == self.state.angle.ndim:
+            return None
+        return 1 + jnp.argmin(jnp.min(margin, axis=-1), axis=-1)
+
+    @property
     def mean_forces(self) -> dict[str, Float[Array, ""]]:
         """[N] mean magnitude over crank angle, by joint."""
         total = jnp.sum(self.weight)
@@ -257,6 +265,37 @@ def _magnitude(force):
 
 def _nonzero(value):
     return value + (value == 0)
+
+
+def rod_load_reversal(
+    orbit: Orbit,
+) -> dict[str, tuple[Float[Array, ""], Float[Array, ""]]]:
+    """Reversal of the load along the rod at every piston pin or crosshead pin, by joint.
+
+    A pin is oiled only if its load changes sides: API 618 asks for at least 15 degrees of crank, and,
+    as it is usually quoted, for 3 % of the load on the other side.
+
+    Args:
+        orbit: of a slider-crank; gas and inertia force with friction, at its nodes.
+
+    Returns:
+        [rad] the crank angle of the side that is loaded for less of the revolution, the load being a
+        straight line between nodes; [-] the largest load of the smaller side over that of the other.
+    """
+    angle = orbit.state.angle
+    step = jnp.diff(jnp.append(angle, angle[0] + 2 * jnp.pi))
+    found = {}
+    for name, force in orbit.loads.forces.items():
+        if name.startswith("piston_pin"):
+            one = force[0]
+            two = jnp.roll(one, -1)
+            away = jnp.abs(one) + jnp.abs(two)
+            share = (jnp.maximum(one, 0) + jnp.maximum(two, 0)) / jnp.where(away > 0, away, 1.0)
+            tension = jnp.sum(step * share)
+            sides = jnp.stack([jnp.max(one), -jnp.min(one)])
+            ratio = jnp.maximum(jnp.min(sides), 0.0) / jnp.max(sides)
+            found[name] = jnp.minimum(tension, 2 * jnp.pi - tension), ratio
+    return found
 
 
 def time_harmonics(

@@ -73,10 +73,12 @@ def solve_orbit(
     if throw and not is_traced(orbit.status._value):
         failed = orbit.status != Status.converged
         if bool(jnp.any(failed)):
+            worst = orbit.weakest_cylinder
+            where = "" if worst is None else f" in cylinder {int(worst)}"
             raise SolveFailed(
                 orbit.status,
                 f"residual {float(orbit.residual):.2g} after {int(orbit.iterations)} iterations, "
-                f"joint margin {float(orbit.margin):.3g}, energy open by "
+                f"joint margin {float(orbit.margin):.3g}{where}, energy open by "
                 f"{float(orbit.energy.residual):.2g}, losses known to "
                 f"{float(orbit.efficiency_error):.2g} of the work",
             )

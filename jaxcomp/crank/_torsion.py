@@ -126,7 +126,8 @@ def throw_inertias(compressor: Compressor) -> Float[Array, " t"]:
         BadInput: a compressor without a description of its cylinders.
     """
     cylinders = _cylinders_of(compressor)
-    return _by_throw(cylinders, jnp.full(cylinders.count, _mean_inertia(compressor)))
+    mean = _mean_inertia(compressor)[:, 0]
+    return _by_throw(cylinders, jnp.broadcast_to(mean, (cylinders.count,)))
 
 
 def _cylinders_of(compressor: Compressor) -> Cylinders:
@@ -135,13 +136,14 @@ def _cylinders_of(compressor: Compressor) -> Cylinders:
     return compressor.cylinders
 
 
-def _mean_inertia(compressor: Compressor) -> Float[Array, ""]:
+def _mean_inertia(compressor: Compressor) -> Float[Array, "k 1"]:
     angle = jnp.linspace(0.0, 2 * jnp.pi, _SAMPLES, endpoint=False)
-    return jnp.mean(without_crank(compressor).inertia(angle)[0])
+    single = _cylinders_of(compressor).each(without_crank(compressor), angle)
+    return jnp.atleast_2d(jnp.mean(single.inertia(angle)[0], axis=-1, keepdims=True))
 
 
 def _by_throw(cylinders: Cylinders, values):
     """Sums over the cylinders of each throw."""
-    sizes = [throw.banks.size for throw in cylinders.throws]
+    sizes = [throw.banks.size for throw in cylinders.rows]
     ends = np.cumsum(sizes)[:-1]
     return jnp.stack([jnp.sum(part, axis=0) for part in jnp.split(values, ends)])

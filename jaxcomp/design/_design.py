@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from .._fields import ANY, NONNEGATIVE, BadInput, Bound, Part, quantities
 from .._words import hint
-from ..machine import OF_ROTOR, Machine, follows_rotor
+from ..machine import OF_ROTOR, OF_ROTOR_CYLINDERS, Machine, follows_rotor
 from ._rules import design_rules
 
 _Given = TypeVar("_Given")
@@ -167,7 +167,9 @@ def list_length(design: Machine, name: str) -> int:
 
 def _follows(design: Machine, name: str) -> bool:
     root, _, rest = name.partition(".")
-    return root == "mechanism" and rest.split(".")[0] in OF_ROTOR and follows_rotor(design)
+    derived = root == "mechanism" and rest.split(".")[0] in OF_ROTOR
+    derived |= root == "cylinders" and rest.split(".")[-1] in OF_ROTOR_CYLINDERS
+    return derived and follows_rotor(design)
 
 
 def _polar(name: str) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from ._laws import AbstractJournal as AbstractJournal
 from ._laws import AbstractSlide as AbstractSlide
 from ._laws import CoulombJournal as CoulombJournal
 from ._laws import CoulombSlide as CoulombSlide
+from ._laws import Packing as Packing
 from ._laws import PistonFilm as PistonFilm
 from ._laws import RegularisedJournal as RegularisedJournal
 from ._laws import RegularisedSlide as RegularisedSlide

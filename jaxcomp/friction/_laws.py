@@ -32,6 +32,7 @@ class CoulombSlide(AbstractSlide):
     """
 
     kind: ClassVar[str] = "coulomb"
+    for_each_cylinder: ClassVar[bool] = True
 
     coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
 
@@ -51,6 +52,7 @@ class RegularisedSlide(AbstractSlide):
     """
 
     kind: ClassVar[str] = "regularised"
+    for_each_cylinder: ClassVar[bool] = True
 
     coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
     transition_speed: Float[Array, ""] = quantity("m/s", POSITIVE, doc="v0")
@@ -68,6 +70,7 @@ class CoulombJournal(AbstractJournal):
     """
 
     kind: ClassVar[str] = "coulomb"
+    for_each_cylinder: ClassVar[bool] = True
 
     coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
     diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of pin or journal")
@@ -86,6 +89,7 @@ class RegularisedJournal(AbstractJournal):
     """
 
     kind: ClassVar[str] = "regularised"
+    for_each_cylinder: ClassVar[bool] = True
 
     coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
     diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of pin or journal")
@@ -95,6 +99,19 @@ class RegularisedJournal(AbstractJournal):
         radius = self.diameter / 2
         surface_speed = rate * radius
         return self.coefficient * load * radius * jnp.tanh(surface_speed / self.transition_speed)
+
+
+class Packing(Part):
+    """Rings about a piston rod: a drag that depends on neither load nor speed.
+
+    Args:
+        drag: [N] against the motion.
+    """
+
+    kind: ClassVar[str] = "packing"
+    for_each_cylinder: ClassVar[bool] = True
+
+    drag: Float[Array, ""] = quantity("N", NONNEGATIVE, doc="against the motion")
 
 
 class PistonFilm(Part):
@@ -114,6 +131,7 @@ class PistonFilm(Part):
     """
 
     kind: ClassVar[str] = "viscous"
+    for_each_cylinder: ClassVar[bool] = True
 
     radial_clearance: Float[Array, ""] = quantity("m", POSITIVE)
     dynamic_viscosity: Float[Array, ""] | None = quantity(

@@ -3,9 +3,9 @@ r"""The joint loops of several cylinders, which meet in the main bearings of the
 Given the motion of the crank every rod has its own loop. The forces $S_k$ of the crank on the rods, in
 machine axes, load the main bearings together with the pull of the throws' unbalances,
 
-$$Q = \sum_k S_k + \sum_j u_j a_j, \qquad M = \sum_k S_k z_k + \sum_j u_j a_j z_j ,$$
+$$Q_i = \sum_k B_i(z_k) S_k + \sum_j B_i(z_j) u_j a_j ,$$
 
-which `MainBearings` shares among them; a single journal takes all of $Q$.
+with the influence $B_i$ of a place on each bearing by `MainBearings`; a single journal takes all.
 """
 
 import jax.numpy as jnp
@@ -19,7 +19,7 @@ from ._slider_crank import SliderCrankFriction, SliderCrankLoop
 from ._support import MainBearings
 
 # Joints that each cylinder has for itself.
-_OWN = ("wall", "piston_film", "piston_pin", "crank_pin")
+_OWN = ("wall", "piston_film", "packing", "piston_pin", "crank_pin")
 
 
 def joints_of_cylinder(number: int) -> dict[str, str]:
@@ -35,15 +35,16 @@ class SeveralLoops(AbstractJointLoop):
         cylinders: how they stand.
         support: law of the main bearings; `None` without friction there.
         speed: [rad/s] of the crank.
-        pull, moment: [N], [N m] inertia and weight of the crankshaft, and its sum of F z.
+        shares: [-] (m, k) what each main bearing takes of the force of each rod.
+        pull: [N] of the crankshaft's inertia and weight on every main bearing.
     """
 
     loops: SliderCrankLoop
     cylinders: Cylinders
     support: AbstractJournal | MainBearings | None
     speed: Float[Array, "*n"]
-    pull: Vector
-    moment: Vector
+    shares: Float[Array, "m k"]
+    pull: tuple[Vector, ...]
 
     @property
     def kinks(self):  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -81,15 +82,16 @@ class SeveralLoops(AbstractJointLoop):
 
     def _reactions(self, rod_force: Vector) -> dict[str, Vector]:
         """Force of each main bearing on the shaft [N], by name."""
-        force = self.cylinders.turned(rod_force)
-        place = self.cylinders.along(self.cylinders.position, self.speed)
-        total = Vector(*(jnp.sum(f, axis=0) + p for f, p in zip(force, self.pull, strict=True)))
-        if not isinstance(self.support, MainBearings):
-            return {"main_journal": total}
-        moment = Vector(
-            *(jnp.sum(place * f, axis=0) + p for f, p in zip(force, self.moment, strict=True))
-        )
-        return self.support.reactions(total, moment)
+        force, names = self.cylinders.turned(rod_force), ("main_journal",)
+        if isinstance(self.support, MainBearings):
+            names = self.support.names or ()
+        found = {}
+        for name, share, own in zip(names, self.shares, self.pull, strict=True):
+            share = self.cylinders.along(share, self.speed)
+            found[name] = Vector(
+                *(jnp.sum(share * f, axis=0) + p for f, p in zip(force, own, strict=True))
+            )
+        return found
 
     def _main_losses(self, reactions: dict[str, Vector]) -> dict[str, Float[Array, "*n"]]:
         if self.support is None:
@@ -115,7 +117,7 @@ class SeveralLoops(AbstractJointLoop):
             forces=forces,
             loss_torque=losses | self._main_losses(reactions),
             residual=None if each.residual is None else jnp.max(jnp.abs(each.residual), axis=0),
-            margin=None if each.margin is None else jnp.min(each.margin, axis=0),
+            margin=each.margin,
             kinks=each.kinks.reshape(shape),
             pinches=each.pinches.reshape(shape),
         )
@@ -151,10 +153,19 @@ def several_loops(
         jnp.broadcast_to(state.acceleration, shape),
     )
     own_gravity = None if gravity is None else cylinders.own_gravity(gravity, state.angle)
-    pull, moment = cylinders.crank_pull(state)
+    support, line, influence = friction.main_journal, [(1.0, 0.0)], None
+    shares = jnp.ones((1, cylinders.count))
+    if isinstance(support, MainBearings):
+        line, influence = support.line(), support.influence
+        shares = influence(cylinders.position)
+    pulls = cylinders.crank_pulls(state, mechanism, line, influence)
     if weight is not None:
-        pull = Vector(pull.x - weight[0], pull.y - weight[1])
-    rods = replaced(friction, main_journal=None)
-    loops = joint_loop(mechanism, rods, each, gas_force, own_gravity, kinematics)
+        pulls = [
+            Vector(p.x - share * weight[0], p.y - share * weight[1])
+            for p, (share, _) in zip(pulls, line, strict=True)
+        ]
+    rods = cylinders.each(replaced(friction, main_journal=None), state.angle)
+    single = cylinders.each(mechanism, state.angle)
+    loops = joint_loop(single, rods, each, gas_force, own_gravity, kinematics)
     assert isinstance(loops, SliderCrankLoop)
-    return SeveralLoops(loops, cylinders, friction.main_journal, state.speed, pull, moment)
+    return SeveralLoops(loops, cylinders, support, state.speed, shares, tuple(pulls))

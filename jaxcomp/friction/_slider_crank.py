@@ -28,7 +28,7 @@ from ..mechanism import (
     rod_moment,
     rod_motion,
 )
-from ._laws import AbstractJournal, AbstractSlide, PistonFilm
+from ._laws import AbstractJournal, AbstractSlide, Packing, PistonFilm
 from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude, relative
 from ._support import MainBearings
 
@@ -37,11 +37,12 @@ class SliderCrankFriction(Part):
     """Friction laws of a slider-crank. A joint without a law (`None`) has no friction and no cost.
 
     Args:
-        wall: piston and cylinder, under the side force.
+        wall: piston and cylinder, under the side force; of a machine with crosshead its guide.
         piston_film: oil between piston and cylinder; it needs its wetted length.
         piston_pin: piston pin in the small end.
         crank_pin: crank pin in the big end.
         main_journal: shaft in its main bearing in the plane of the rod, or in `MainBearings`.
+        packing: rings about the piston rod of a machine with crosshead.
 
     Raises:
         ValueError: a wall film without its length.
@@ -54,6 +55,7 @@ class SliderCrankFriction(Part):
     piston_pin: AbstractJournal | None = None
     crank_pin: AbstractJournal | None = None
     main_journal: AbstractJournal | MainBearings | None = None
+    packing: Packing | None = None
 
     def __check_init__(self):
         if self.piston_film is not None and self.piston_film.length is None:
@@ -70,7 +72,8 @@ class SliderCrankLoop(AbstractJointLoop):
         bodies: inertia, weight and gas forces.
         speed: [rad/s] of the crank.
         slide_speed: [m/s] of the piston.
-        film: [N] drag of the oil on the piston, along x.
+        film: [N] drag of oil and packing on the piston, along x.
+        packing: [N] that of the packing.
     """
 
     friction: SliderCrankFriction
@@ -78,6 +81,7 @@ class SliderCrankLoop(AbstractJointLoop):
     speed: Float[Array, "*n"]
     slide_speed: Float[Array, "*n"]
     film: Float[Array, "*n"] | None
+    packing: Float[Array, "*n"] | None = None
 
     def _wall(self, side):
         """Friction of the wall along x, against the motion [N]; and its sum with the film's drag."""
@@ -147,8 +151,11 @@ class SliderCrankLoop(AbstractJointLoop):
         if friction.wall is not None:
             dry = wall if self.film is None else wall - self.film
             loss["wall"] = dry * rod.position_1
-        if self.film is not None:
-            loss["piston_film"] = self.film * rod.position_1
+        if self.film is not None and friction.piston_film is not None:
+            film = self.film if self.packing is None else self.film - self.packing
+            loss["piston_film"] = film * rod.position_1
+        if self.packing is not None:
+            loss["packing"] = self.packing * rod.position_1
         if piston_pin is not None:
             loss["piston_pin"] = piston_pin * rod.tilt_1
         if crank_pin is not None:
@@ -203,8 +210,12 @@ def _slider_crank_loop(
     slide_speed = rod.position_1 * state.speed
     law = friction.piston_film
     film = None if law is None else law.force(mechanism.bore, law.length, slide_speed)
+    packing = None
+    if friction.packing is not None:
+        packing = friction.packing.drag * jnp.sign(slide_speed)
+        film = packing if film is None else film + packing
     bodies = rod_balance(mechanism, rod, state, gas_force, gravity)
-    return SliderCrankLoop(friction, bodies, state.speed, slide_speed, film)
+    return SliderCrankLoop(friction, bodies, state.speed, slide_speed, film, packing)
 
 
 def _moment(law, force, rate):

@@ -10,9 +10,13 @@ $$F_i = w_i\Big(\frac{F}{\sum w} + \frac{(M - \bar z F)(z_i - \bar z)}{\sum w\,(
 For two bearings this is the law of the lever whatever the weights, Eqs. (27) and (28) of Dagilis et
 al., *Slider-link driven compressor (I)*. For more it assumes films whose stiffness goes with their
 projected area; the bending of the shaft is left out.
+
+With `shaft="beam"` the bearings are rigid, and a uniform shaft bends between them. Its line
+$w(z) = a + bz + \tfrac{1}{12EI}(\sum R_i |z - z_i|^3 - \sum F_j |z - z_j|^3)$ vanishes at the bearings,
+which with the balances of force and moment gives the reactions: those of the three-moment equation.
 """
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax
@@ -37,6 +41,8 @@ class MainBearings(Part):
         thrust_bearing: its law; `None` for none.
         pump: drag of the oil pump; `None` for none.
         names: of the bearings in results; by default their own, or "main_1" and so on.
+        shaft: "rigid" on films, or a "beam" of constant section on rigid bearings; see the head of the
+            module. For two bearings both are the law of the lever.
 
     Raises:
         BadInput: no bearing, names that are not one a bearing, or positions that are not.
@@ -54,6 +60,7 @@ class MainBearings(Part):
     thrust_bearing: ThrustBearing | None = None
     pump: OilPump | None = None
     names: tuple[str, ...] | None = eqx.field(static=True, default=None)
+    shaft: Literal["rigid", "beam"] = eqx.field(static=True, default="rigid")
 
     def __post_init__(self):
         if self.names is None and isinstance(self.bearings, tuple):
@@ -70,6 +77,8 @@ class MainBearings(Part):
             raise BadInput("names", str(self.names), f"{count} different names, one a bearing")
         if self.position is not None and self.position.shape != (count,):
             raise BadInput("position", self.position, f"one for each of {count} bearings")
+        if self.shaft not in ("rigid", "beam"):
+            raise BadInput("shaft", self.shaft, '"rigid" or "beam"')
 
     def conditions(self):
         if self.position is None or len(self.bearings) < 2:
@@ -87,17 +96,33 @@ class MainBearings(Part):
         Raises:
             BadInput: several bearings whose positions nobody gave.
         """
-        if len(self.bearings) > 1 and self.position is None:
-            raise BadInput("position", "absent", "given, or a rotor with these bearings in it")
         found = {}
-        for name, (share, lever) in zip(
-            self.names or (), shares(self.bearings, self.position), strict=True
-        ):
+        for name, (share, lever) in zip(self.names or (), self.line(), strict=True):
             own = Vector(share * force.x, share * force.y)
             if moment is not None:
                 own = Vector(own.x + lever * moment.x, own.y + lever * moment.y)
             found[name] = own
         return found
+
+    def influence(self, places: Float[Array, " k"]) -> Float[Array, "m k"]:
+        """[-] What each of m bearings takes of a force at places [m] along the shaft."""
+        if self.shaft == "beam" and len(self.bearings) > 2:
+            return _beam(self._positions(), places)
+        return jnp.stack([share + lever * places for share, lever in self.line()])
+
+    def line(self):
+        """What each bearing takes of a force at the origin [-] and of a moment there [1/m]."""
+        position = self._positions()
+        if self.shaft == "beam" and len(self.bearings) > 2:
+            zero, one = jnp.zeros(1), jnp.ones(1)
+            share, lever = jax.jvp(lambda z: _beam(position, z), (zero,), (one,))
+            return list(zip(share[:, 0], lever[:, 0], strict=True))
+        return shares(self.bearings, position)
+
+    def _positions(self):
+        if len(self.bearings) > 1 and self.position is None:
+            raise BadInput("position", "absent", "given, or a rotor with these bearings in it")
+        return self.position
 
     def moments(
         self, reactions: dict[str, Vector], rate: Float[Array, "*n"]
@@ -130,6 +155,16 @@ def shares(
     arm = position - centre
     lever = weight * arm / jnp.sum(weight * arm**2)
     return list(zip(weight / total - centre * lever, lever, strict=True))
+
+
+def _beam(supports: Float[Array, " m"], places: Float[Array, " k"]) -> Float[Array, "m k"]:
+    """[-] Reactions of rigid supports of a uniform beam to unit forces at places [m]."""
+    count, span = supports.size, jnp.max(supports) - jnp.min(supports)
+    at, z = supports / span, places / span
+    lines = jnp.stack([jnp.ones(count), at])
+    matrix = jnp.block([[jnp.abs(at[:, None] - at) ** 3, lines.T], [lines, jnp.zeros((2, 2))]])
+    right = jnp.concatenate([jnp.abs(at[:, None] - z) ** 3, jnp.stack([jnp.ones_like(z), z])])
+    return jnp.linalg.solve(matrix, right)[:count]
 
 
 def film_journals(friction: Any) -> dict[str, JournalBearing]:

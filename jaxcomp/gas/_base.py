@@ -36,6 +36,19 @@ class AbstractGas(Part):
     def behind_piston(self) -> Float[Array, ""]:
         """[Pa] absolute pressure on the other side of the piston."""
 
+    def on_piston(
+        self, stroke: Stroke, area: Float[Array, ""]
+    ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+        """[Pa] Pressure in the cylinder, and the net pressure on the piston's area towards the crank.
+
+        Args:
+            stroke: where the piston is.
+            area: [m^2] of the piston.
+        """
+        del area
+        pressure = self.pressure(stroke)
+        return pressure, pressure - self.behind_piston
+
     def valve_events(self, swept: Float[Array, ""]) -> tuple[tuple[Float[Array, ""], bool], ...]:
         """Where the pressure has a kink: (displaced volume [m^3], on the stroke towards the head?)."""
         del swept

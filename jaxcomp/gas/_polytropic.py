@@ -27,6 +27,7 @@ class PolytropicCycle(AbstractGas):
     """
 
     kind: ClassVar[str] = "polytropic"
+    for_each_cylinder: ClassVar[bool] = True
 
     suction_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
     discharge_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")

@@ -10,13 +10,15 @@ so that all laws of one cylinder hold with $\psi_k$ in place of $\theta$. The ro
 each with a bearing of its own on the pin; fork-and-blade and articulated rods are not described.
 """
 
+import re
 from typing import ClassVar, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._fields import ANY, BadInput, Part, quantity, replaced
+from .._fields import ANY, BadInput, Part, along_cylinders, quantity, replaced
 from ._base import CrankState, Vector, rotating
 from ._slider_crank import SliderCrank
 
@@ -50,42 +52,97 @@ class Cylinders(Part):
     """How the cylinders of a machine stand about its crankshaft.
 
     The mechanism describes one cylinder, with the crank's inertia for the whole machine; it must be
-    without an unbalance of its own, which the throws have. Cylinders are numbered throw by throw.
+    without an unbalance of its own, which the throws have. Cylinders are numbered throw by throw. A
+    number of mechanism, gas or friction that differs from cylinder to cylinder is a list there.
 
     Args:
-        throws: of the crankshaft.
+        throws: of the crankshaft; none with a layout.
+        layout: its name in the place of throws: "single", "in-line-4", "boxer-2", "opposed", "radial-5",
+            "V90" for two banks on one throw, "W60" for three, "VV45" for four, "V90x2" for two such
+            throws. Pins of several throws are spread evenly, an even number of four or more as its own
+            mirror image.
+        throw_pitch: [m] between neighbouring throws of a layout.
+        rod_pitch: [m] between neighbouring rods of a throw of a layout.
+        balanced: whether every throw has, beside its own unbalance, the counterweight that takes what
+            turns forward of the first order, see `counterweights`.
+        places: [m] of every rod along the shaft in the place of that by throws; of a rotor its pins'.
+        unbalance: [kg m] (2,) of the whole crank beside that of the throws, along the first throw at
+            angle 0 and 90 degrees ahead of it; of a rotor its own.
+        couple: [kg m^2] (2,) sum of that unbalance times its place.
 
     Raises:
-        BadInput: no throw.
+        BadInput: no throw, throws beside a layout, an unknown layout, or places that are not one a rod.
     """
 
     kind: ClassVar[str] = "cylinders"
 
-    throws: tuple[Throw, ...]
+    throws: tuple[Throw, ...] = ()
+    layout: str | None = eqx.field(static=True, default=None)
+    throw_pitch: Float[Array, ""] = quantity("m", ANY, default=0.0)
+    rod_pitch: Float[Array, ""] = quantity("m", ANY, default=0.0)
+    balanced: bool = eqx.field(static=True, default=False)
+    places: Float[Array, " k"] | None = quantity("m", ANY, shape=(None,), default=None)
+    unbalance: Float[Array, "2"] | None = quantity("kg m", ANY, shape=(2,), default=None)
+    couple: Float[Array, "2"] | None = quantity("kg m^2", ANY, shape=(2,), default=None)
 
     def __check_init__(self):
-        if not self.throws:
-            raise BadInput("throws", "()", "at least one throw")
+        if self.layout is not None:
+            _layout(self.layout)
+            if self.throws:
+                raise BadInput("throws", f"{len(self.throws)} throws", "absent beside a layout")
+        elif not self.throws:
+            raise BadInput("throws", "()", "at least one throw, or a layout")
+        if self.places is not None and self.places.shape != (self.count,):
+            raise BadInput("places", self.places, f"one for each of {self.count} rods")
+
+    @property
+    def rows(self) -> tuple[Throw, ...]:
+        """The throws, given or of the layout."""
+        if self.layout is None:
+            return self.throws
+        made = _layout(self.layout)
+        middle = 0.5 * (len(made) - 1)
+        return tuple(
+            replaced(
+                Throw(np.deg2rad(banks), np.deg2rad(angle)),
+                position=(number - middle) * self.throw_pitch,
+                rod_pitch=self.rod_pitch,
+            )
+            for number, (angle, banks) in enumerate(made)
+        )
 
     @property
     def count(self) -> int:
         """Number of cylinders."""
-        return sum(throw.banks.size for throw in self.throws)
+        return sum(throw.banks.size for throw in self.rows)
+
+    def each(self, part, like):
+        """A part whose lists over the cylinders go with instants like these."""
+        return along_cylinders(part, like)
+
+    def unbalances(self, mechanism: SliderCrank) -> list[Float[Array, ""]]:
+        """[kg m] of the crank at every throw, with its counterweight where `balanced` says so."""
+        given = [throw.unbalance for throw in self.rows]
+        if not self.balanced:
+            return given
+        return [u + c for u, c in zip(given, _counterweights(mechanism, self), strict=True)]
 
     @property
     def bank_angle(self) -> Float[Array, " k"]:
         """[rad] b of every cylinder."""
-        return jnp.concatenate([throw.banks for throw in self.throws])
+        return jnp.concatenate([throw.banks for throw in self.rows])
 
     @property
     def throw_angle(self) -> Float[Array, " k"]:
         """[rad] t of every cylinder's pin."""
-        return jnp.concatenate([jnp.full(t.banks.shape, t.angle) for t in self.throws])
+        return jnp.concatenate([jnp.full(t.banks.shape, t.angle) for t in self.rows])
 
     @property
     def position(self) -> Float[Array, " k"]:
         """[m] z of every rod."""
-        return jnp.concatenate([t.position + t.rod_pitch * _places(t) for t in self.throws])
+        if self.places is not None:
+            return self.places
+        return jnp.concatenate([t.position + t.rod_pitch * _places(t) for t in self.rows])
 
     @property
     def phase(self) -> Float[Array, " k"]:
@@ -138,23 +195,45 @@ class Cylinders(Part):
         ones = jnp.ones((self.count,) + (1,) * jnp.ndim(like))
         return jnp.stack(self.turned(Vector(gravity[0] * ones, gravity[1] * ones), back=True))
 
-    def crank_pull(self, state: CrankState) -> tuple[Vector, Vector]:
-        """Inertia [N] of the throws' unbalances in machine axes, and its moment [N m], sum of F z."""
-        pull, moment = [], []
-        for throw in self.throws:
-            _, second = rotating(state.angle + throw.angle, state.speed, state.acceleration)
-            pull.append(throw.unbalance * second)
-            moment.append(throw.position * pull[-1])
-        pull, moment = (jnp.sum(jnp.stack(each), axis=0) for each in (pull, moment))
-        return Vector(*pull), Vector(*moment)
+    def crank_pulls(
+        self, state: CrankState, mechanism: SliderCrank, line, influence=None
+    ) -> list[Vector]:
+        """What m receivers take of the inertia [N] of the crank's unbalances, in machine axes.
 
-    def weight_torque(self, angle: Float[Array, "*n"], gravity: Float[Array, "2"]):
-        """[N m] on the crank, of the weights of the throws' unbalances."""
-        torque = jnp.zeros_like(angle)
-        for throw in self.throws:
-            at = angle + throw.angle
-            torque += throw.unbalance * (gravity[1] * jnp.cos(at) - gravity[0] * jnp.sin(at))
-        return torque
+        Args:
+            state: angle, speed and acceleration of the crank.
+            mechanism: one of the cylinders.
+            line: for each receiver what it takes of a force at z = 0 and of a moment, sum of F z:
+                (1, 0) for all of the force, (0, 1) for the moment.
+            influence: (m, t) what they take of forces at t places [m], where that is no straight line.
+        """
+        _, (x, y) = rotating(*state)
+        return [
+            Vector(along * x - ahead * y, along * y + ahead * x)
+            for along, ahead in self._crank_vectors(mechanism, line, influence)
+        ]
+
+    def _crank_vectors(self, mechanism: SliderCrank, line, influence=None):
+        """(2,) What each takes of the unbalances, along the crank at angle 0 and ahead of it."""
+        rows = self.rows
+        angle, place = (jnp.stack(e) for e in ([t.angle for t in rows], [t.position for t in rows]))
+        vectors = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+        vectors *= jnp.stack(self.unbalances(mechanism))
+        taken = None if influence is None else influence(place)
+        for number, (share, lever) in enumerate(line):
+            vector = vectors @ (share + lever * place if taken is None else taken[number])
+            for part, own in ((share, self.unbalance), (lever, self.couple)):
+                vector = vector if own is None else vector + part * own
+            yield vector
+
+    def weight_torque(
+        self, angle: Float[Array, "*n"], gravity: Float[Array, "2"], mechanism: SliderCrank
+    ):
+        """[N m] on the crank, of the weights of its unbalances."""
+        ((along, ahead),) = self._crank_vectors(mechanism, [(1.0, 0.0)])
+        c, s = jnp.cos(angle), jnp.sin(angle)
+        x, y = c * along - s * ahead, s * along + c * ahead
+        return x * gravity[1] - y * gravity[0]
 
 
 class OrderSums(NamedTuple):
@@ -181,12 +260,57 @@ def counterweights(mechanism: SliderCrank, cylinders: Cylinders) -> Cylinders:
         mechanism: one of the cylinders.
         cylinders: how they stand; their unbalances do not matter.
     """
+    weights = _counterweights(mechanism, cylinders)
+    throws = tuple(
+        replaced(throw, unbalance=u) for throw, u in zip(cylinders.rows, weights, strict=True)
+    )
+    return Cylinders(throws, places=cylinders.places)
+
+
+def _counterweights(mechanism: SliderCrank, cylinders: Cylinders) -> list[Float[Array, ""]]:
     share = mechanism.conrod_centre / mechanism.conrod_length
     rotating = mechanism.conrod_mass * (1 - share)
     reciprocating = mechanism.piston_mass + mechanism.conrod_mass * share
     each = -(rotating + reciprocating / 2) * mechanism.crank_radius
-    throws = tuple(replaced(throw, unbalance=throw.banks.size * each) for throw in cylinders.throws)
-    return replaced(cylinders, throws=throws)
+    sizes = [throw.banks.size for throw in cylinders.rows]
+    if jnp.ndim(each) == 0:
+        return [size * each for size in sizes]
+    return [jnp.sum(part) for part in jnp.split(each, np.cumsum(sizes)[:-1])]
+
+
+def _layout(name: str) -> list[tuple[float, list[float]]]:
+    """Angle of each throw and banks on it [deg] of a layout by name.
+
+    Raises:
+        BadInput: a name that stands for none.
+    """
+    text, times = re.sub(r"[ _-]", "", name.lower()), 1
+    found = re.fullmatch(r"(v{1,2}|w|l)(\d+(?:\.\d+)?)(?:x(\d+))?", text)
+    flat = re.fullmatch(r"(single|inline|boxer|opposed|radial)(\d*)(?:x(\d+))?", text)
+    if found:
+        kind, spacing, times = found[1], float(found[2]), int(found[3] or 1)
+        count = {"v": 2, "l": 2, "w": 3, "vv": 4}[kind]
+        banks = [[(i - 0.5 * (count - 1)) * spacing for i in range(count)]]
+    elif flat and (flat[2] or flat[1] not in ("inline", "radial")):
+        kind, count, times = flat[1], int(flat[2] or 2), int(flat[3] or 1)
+        if kind == "radial":
+            banks = [[i * 360 / count for i in range(count)]]
+        elif kind == "opposed":
+            banks = [[0.0, 180.0]]
+        else:
+            times *= {"single": 1}.get(kind, count)
+            banks = [[0.0], [180.0]] if kind == "boxer" else [[0.0]]
+    else:
+        times = 0
+    if times < 1 or times > 64:
+        known = (
+            '"single", "in-line-4", "boxer-2", "opposed", "radial-5", "V90", "W60", "VV45", "V90x2"'
+        )
+        raise BadInput("layout", name, f"a layout such as {known}")
+    half = (times + 1) // 2 if times % 2 == 0 and times > 2 else times
+    angles = [i * 360 / half for i in range(half)]
+    angles += angles[::-1] if half < times else []
+    return [(angle, banks[i % len(banks)]) for i, angle in enumerate(angles)]
 
 
 def _places(throw: Throw) -> np.ndarray:

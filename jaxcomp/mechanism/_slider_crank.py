@@ -46,6 +46,7 @@ class SliderCrank(AbstractMechanism):
     """
 
     kind: ClassVar[str] = "slider_crank"
+    for_each_cylinder: ClassVar[bool] = True
 
     bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter")
     crank_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="half the stroke if offset is 0")

@@ -1,5 +1,7 @@
 r"""Loads: unbalances, and periodic forces that act between two parts of the machine."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -73,22 +75,25 @@ class PeriodicForce(Part):
 class CrankNodes(Part):
     """Nodes on which the forces of the crank mechanism act, see `jaxcomp.coupling.crank_forces`.
 
+    With several cylinders `pin`, `head` and `wall` are lists with a node for each cylinder, in its
+    plane.
+
     Args:
         pin: node of the shaft in the plane of the rod; it takes the rod's force with its torque.
         head: node of the crankcase on the cylinder axis, which takes the gas force.
         wall: node of the crankcase, which takes the piston's side force and friction.
-        wall_position: [m] x of that node from the shaft's axis; the side force acts where the
-            piston is and so turns the crankcase as well.
+        wall_position: [m] of that node along the cylinder's axis from the shaft's; the side force acts
+            where the piston is and so turns the crankcase as well.
         rotor: node that takes the motor's torque; absent without torsion.
         stator: node that takes its reaction.
 
     Raises:
-        BadInput: one of `rotor` and `stator` alone.
+        BadInput: one of `rotor` and `stator` alone, or lists of different length.
     """
 
-    pin: Node = eqx.field(static=True)
-    head: Node = eqx.field(static=True)
-    wall: Node = eqx.field(static=True)
+    pin: Node | tuple[Node, ...] = eqx.field(static=True)
+    head: Node | tuple[Node, ...] = eqx.field(static=True)
+    wall: Node | tuple[Node, ...] = eqx.field(static=True)
     wall_position: Array = quantity("m", default=0.0)
     rotor: Node | None = eqx.field(static=True, default=None)
     stator: Node | None = eqx.field(static=True, default=None)
@@ -96,6 +101,23 @@ class CrankNodes(Part):
     def __check_init__(self):
         if (self.rotor is None) != (self.stator is None):
             raise BadInput("stator", str(self.stator), "given with `rotor`, and only with it")
+        lengths = {len(nodes) if isinstance(nodes, tuple) else 0 for nodes in self._given}
+        if len(lengths) > 1:
+            raise BadInput("pin", str(self.pin), "of as many nodes as `head` and `wall`")
+
+    @property
+    def _given(self):
+        return self.pin, self.head, self.wall
+
+    @property
+    def pins(self) -> tuple[Node, ...]:
+        """Nodes of the pins of all cylinders."""
+        return self.pin if isinstance(self.pin, tuple) else (self.pin,)
+
+    @property
+    def of_cylinders(self) -> tuple[tuple[Any, ...], ...]:
+        """Nodes of pin, head and wall of every cylinder."""
+        return tuple(zip(*self._given, strict=True)) if self.pin == self.pins else (self._given,)
 
 
 class LoadCase(Part):
@@ -132,9 +154,10 @@ class LoadCase(Part):
                 if node is not None:
                     check_node(model, node, f"forces.{number}.{field}")
         for field in ("pin", "head", "wall", "rotor", "stator") if self.crank else ():
-            node = getattr(self.crank, field)
-            if node is not None:
-                check_node(model, node, f"crank.{field}")
+            nodes = getattr(self.crank, field)
+            for node in nodes if isinstance(nodes, tuple) else (nodes,):
+                if node is not None:
+                    check_node(model, node, f"crank.{field}")
 
 
 Loads = tuple[Unbalances | PeriodicForce, ...]

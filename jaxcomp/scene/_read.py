@@ -152,7 +152,7 @@ class Reader:
             si = to_si(value, entry.unit, path, unit)
             if not si.size and entry.shape[:1] == (None,):  # a table without rows has no columns
                 return si.reshape(0, *(n or 0 for n in entry.shape[1:]))
-            if si.ndim or not entry.spread:
+            if (si.ndim or not entry.spread) and not (si.ndim == 1 and entry.each):
                 _check_shape(si, entry.shape, path, value)
             return si
         if isinstance(entry, Option):

@@ -21,7 +21,10 @@ from .._fields import Bound, Part
 
 
 class Number(NamedTuple):
-    """A float array with unit and bound; with `spread` a single value may stand for a list."""
+    """A float array with unit and bound.
+
+    With `spread` a single value may stand for a list, with `each` a list over several cylinders for it.
+    """
 
     unit: str
     bound: Bound
@@ -30,6 +33,7 @@ class Number(NamedTuple):
     optional: bool
     doc: str
     spread: bool
+    each: bool = False
 
 
 class Option(NamedTuple):
@@ -69,7 +73,8 @@ Entry = Number | Option | SubPart | PartTable | Unreadable
 def entries(part: type[Part]) -> dict[str, Entry]:
     """What a section that describes a part of this class may hold, by key."""
     hints = typing.get_type_hints(part)
-    return {f.name: _entry(f, hints[f.name]) for f in dataclasses.fields(part) if f.init}
+    each = part.for_each_cylinder
+    return {f.name: _entry(f, hints[f.name], each) for f in dataclasses.fields(part) if f.init}
 
 
 @cache
@@ -151,7 +156,7 @@ def expected(entry: Entry) -> str:
     return "given"
 
 
-def _entry(field: dataclasses.Field, hint: Any) -> Entry:
+def _entry(field: dataclasses.Field, hint: Any, each: bool) -> Entry:
     required = field.default is dataclasses.MISSING and (
         field.default_factory is dataclasses.MISSING
     )
@@ -159,7 +164,8 @@ def _entry(field: dataclasses.Field, hint: Any) -> Entry:
     if "unit" in field.metadata:
         m = field.metadata
         spread = m["spread"]
-        return Number(m["unit"], m["bound"], m["shape"], required, optional, m["doc"], spread)
+        each &= m["shape"] == ()
+        return Number(m["unit"], m["bound"], m["shape"], required, optional, m["doc"], spread, each)
     options = tuple(h for h in _members(hint) if h is not type(None))
     if options and all(_is_part(h) for h in options):
         return SubPart(options, required, optional)

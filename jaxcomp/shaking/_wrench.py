@@ -12,7 +12,6 @@ Eqs. (36)-(41); (39) and (40) with $m_s R^2\ddot\varphi$ where the print has $m_
 from functools import singledispatch
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -118,15 +117,14 @@ def _(compressor: Compressor, state: CrankState) -> Wrench:
     if cylinders is None:
         return shaking_wrench(mechanism, state)
     single = without_crank(compressor)
-    each = jax.vmap(
-        lambda phase: shaking_wrench(single, state._replace(angle=state.angle + phase))
-    )(cylinders.phase)
-    pull, tilting = cylinders.crank_pull(state)
-    force = cylinders.turned(Vector(each.force[:, 0], each.force[:, 1])).stacked()
+    own = state._replace(angle=cylinders.own_angle(state.angle))
+    each = shaking_wrench(cylinders.each(single, state.angle), own)
+    pull, tilting = cylinders.crank_pulls(state, mechanism, [(1.0, 0.0), (0.0, 1.0)])
+    force = cylinders.turned(Vector(each.force[0], each.force[1])).stacked()
     place = cylinders.along(cylinders.position, state.angle)
     total = jnp.sum(force, axis=1) - pull.stacked()
     levered = jnp.sum(place * force, axis=1) - tilting.stacked()  # sum of z F
-    turning = jnp.sum(each.moment[:, 2], axis=0) - mechanism.crank_inertia * state.acceleration
+    turning = jnp.sum(each.moment[2], axis=0) - mechanism.crank_inertia * state.acceleration
     return Wrench(
         jnp.stack([*total, jnp.zeros_like(turning)]), jnp.stack([-levered[1], levered[0], turning])
     )

@@ -1,0 +1,174 @@
+r"""Chambers on both sides of a piston, and stages that share the pressure between them.
+
+The crank end sees the stroke from the other side, on the piston's area less that of its rod; the rod
+passes to where the ambient pressure $p_0$ is, so that the piston carries
+
+$$F = p_{HE} A - p_{CE} (A - A_{rod}) - p_0 A_{rod} .$$
+
+With perfect intercooling the gas enters every stage at one temperature, so that what one delivers the
+next one draws at the pressure between them: $\sum V (1 + c - c\,(p_{i+1}/p_i)^{1/n})\,p_i$ is the same
+for all stages, with the swept volume V and the clearance ratio c of each chamber.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from .._fields import NONNEGATIVE, POSITIVE, BadInput, Bound, quantity
+from ._base import AbstractGas, Stroke
+from ._polytropic import PolytropicCycle
+
+# Newton steps for the logarithms of the pressures between stages; three reach rounding.
+_STEPS = 12
+
+
+class DoubleActing(AbstractGas):
+    """Compression on both sides of a piston whose rod passes through the crank end.
+
+    Args:
+        head_end: cycle between piston and head; its back pressure does not act.
+        crank_end: cycle on the rod's side.
+        rod_diameter: [m] of the piston rod.
+        ambient_pressure: [Pa] on the rod's other end, as in the crosshead guide.
+    """
+
+    kind: ClassVar[str] = "double_acting"
+    for_each_cylinder: ClassVar[bool] = True
+
+    head_end: PolytropicCycle
+    crank_end: PolytropicCycle
+    rod_diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of the piston rod")
+    ambient_pressure: Float[Array, ""] = quantity(
+        "Pa", NONNEGATIVE, default=101325.0, doc="on the rod's other end"
+    )
+
+    @property
+    def behind_piston(self):
+        return self.ambient_pressure
+
+    def pressure(self, stroke):
+        """[Pa] In the head end."""
+        return self.head_end.pressure(stroke)
+
+    def crank_end_pressure(self, stroke: Stroke) -> Float[Array, "*n"]:
+        """[Pa] In the crank end; ratios of volumes decide, which the rod does not change."""
+        return self.crank_end.pressure(
+            Stroke(stroke.angle, stroke.swept - stroke.displaced, stroke.swept, -stroke.inward)
+        )
+
+    def on_piston(self, stroke, area):
+        head, crank = self.pressure(stroke), self.crank_end_pressure(stroke)
+        rod = jnp.pi / 4 * self.rod_diameter**2 / area
+        return head, head - (1 - rod) * crank - rod * self.ambient_pressure
+
+    def valve_events(self, swept):
+        crank = self.crank_end.valve_events(swept)
+        return (
+            *self.head_end.valve_events(swept),
+            *((swept - displaced, not inward) for displaced, inward in crank),
+        )
+
+
+class StagedCycle(AbstractGas):
+    """Several stages with ideal valves; the pressures between them follow from the cylinders.
+
+    Args:
+        stages: stage of every cylinder, from 1.
+        suction_pressure: [Pa] absolute, of the first stage.
+        discharge_pressure: [Pa] absolute, of the last stage.
+        exponent: [-] of compression and re-expansion.
+        clearance_ratio: [-] clearance volume over swept volume.
+        back_pressure: [Pa] absolute, behind the pistons; the suction pressure if absent. With a rod,
+            on its other end.
+        rod_diameter: [m] of the piston rods of double-acting cylinders; absent for single-acting.
+
+    Raises:
+        BadInput: stages that do not begin at 1 or leave one out.
+    """
+
+    kind: ClassVar[str] = "staged"
+    for_each_cylinder: ClassVar[bool] = True
+
+    stages: tuple[int, ...] = eqx.field(static=True)
+    suction_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
+    discharge_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
+    exponent: Float[Array, ""] = quantity("", Bound(1.0, 3.0), doc="1 is isothermal")
+    clearance_ratio: Float[Array, ""] = quantity("", NONNEGATIVE, default=0.0)
+    back_pressure: Float[Array, ""] | None = quantity("Pa", NONNEGATIVE, default=None)
+    rod_diameter: Float[Array, ""] | None = quantity("m", POSITIVE, default=None)
+
+    def __check_init__(self):
+        if not self.stages or set(self.stages) != set(range(1, max(self.stages) + 1)):
+            raise BadInput("stages", str(self.stages), "numbers from 1 without a gap")
+
+    def conditions(self):
+        compresses = self.discharge_pressure > self.suction_pressure
+        return {"stages with discharge_pressure > suction_pressure": compresses}
+
+    @property
+    def behind_piston(self):
+        return self.suction_pressure if self.back_pressure is None else self.back_pressure
+
+    def pressure(self, stroke):
+        """Known once the cylinders are: see `of_cylinders`."""
+        raise BadInput("gas", "staged", "put together by `jaxcomp.compressor.compressor_of`")
+
+    def between(self, area: Float[Array, "*k"], stroke: Float[Array, "*k"]) -> Float[Array, " m"]:
+        """[Pa] Suction pressure of every stage and at last the discharge pressure.
+
+        Args:
+            area, stroke: [m^2], [m] of the pistons, of every cylinder or of all.
+        """
+        count, last = len(self.stages), max(self.stages)
+        ends = 1.0
+        if self.rod_diameter is not None:
+            ends = 2 - jnp.pi / 4 * self.rod_diameter**2 / area
+        columns = (ends * area * stroke, self.clearance_ratio, self.exponent)
+        volume, clearance, exponent = (jnp.broadcast_to(x, (count,)) for x in columns)
+        volume = volume / lax.stop_gradient(jnp.max(volume))
+        place = jnp.asarray(self.stages) - 1
+        outer = jnp.log(jnp.stack([self.suction_pressure, self.discharge_pressure]))
+
+        def pressures(inner):
+            return jnp.concatenate([outer[:1], inner, outer[1:]])
+
+        def left(inner):
+            logs = pressures(inner)
+            opening = jnp.exp((logs[place + 1] - logs[place]) / exponent)
+            drawn = volume * (1 + clearance - clearance * opening)
+            flow = jnp.zeros(last).at[place].add(drawn) * jnp.exp(logs[:-1] - outer[0])
+            return jnp.diff(flow)
+
+        if last == 1:
+            return jnp.exp(outer)
+
+        def improved(inner):
+            slope = lax.stop_gradient(jax.jacfwd(left)(inner))
+            return inner - jnp.linalg.solve(slope, left(inner))
+
+        start = jnp.linspace(0.0, 1.0, last + 1)[1:-1] * (outer[1] - outer[0]) + outer[0]
+        found = lax.fori_loop(0, _STEPS, lambda _, x: lax.stop_gradient(improved(x)), start)
+        # one more step from the solution has its derivative
+        return jnp.exp(pressures(improved(lax.stop_gradient(found))))
+
+    def of_cylinders(self, area: Float[Array, "*k"], stroke: Float[Array, "*k"]) -> AbstractGas:
+        """The cycle of every cylinder, between the pressures of its stage.
+
+        Args:
+            area, stroke: [m^2], [m] of the pistons, of every cylinder or of all.
+        """
+        pressure, place = self.between(area, stroke), jnp.asarray(self.stages) - 1
+        made = PolytropicCycle(1.0, 2.0, 1.0, 0.0, self.behind_piston)
+        cycle = eqx.tree_at(
+            lambda g: (g.suction_pressure, g.discharge_pressure, g.exponent, g.clearance_ratio),
+            made,
+            (pressure[place], pressure[place + 1], self.exponent, self.clearance_ratio),
+        )
+        if self.rod_diameter is None:
+            return cycle
+        both = DoubleActing(cycle, cycle, 1.0, self.behind_piston)
+        return eqx.tree_at(lambda g: g.rod_diameter, both, self.rod_diameter)
