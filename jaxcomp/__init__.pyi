@@ -8,6 +8,7 @@ from . import gas as gas
 from . import machine as machine
 from . import mechanism as mechanism
 from . import motor as motor
+from . import parts as parts
 from . import plot as plot
 from . import report as report
 from . import rotor as rotor

@@ -1,14 +1,17 @@
 """The registry of quantities: what a design is judged by, and how each is computed and shown.
 
 Every command, study, table, picture and the completion of the shell take from here what they list.
-The module imports nothing of the package and no JAX, so that a key press in the shell need not wait:
-a quantity reads attributes of the results of a design, where the physics stands.
+The module imports no JAX, so that a key press in the shell need not wait, unless another package has
+quantities (see `jaxcomp.parts`): a quantity reads attributes of the results of a design, where the
+physics stands.
 """
 
 import re
 import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
+
+from ._extensions import import_extensions
 
 # Sections of a scene that a computed result needs, and sections in words.
 _RESULTS = {"orbit": ("compressor",), "vibration": ("rotor", "balancing")}
@@ -121,12 +124,18 @@ DESIGN_RULES = {
 
 
 def registered() -> tuple[Quantity, ...]:
-    """All quantities, families as one."""
+    """All quantities, families as one, with those of other packages.
+
+    Raises:
+        ExtensionError: a module of another package that cannot be imported.
+    """
+    import_extensions()
     return tuple(_registered.values())
 
 
 def registered_quantity(name: str) -> Quantity | None:
     """A quantity by its name, of a family by that of a member; `None` if there is none."""
+    import_extensions()
     if name in _registered:
         return _registered[name]
     family, _, member = name.partition(".")

@@ -12,10 +12,9 @@ from jaxtyping import Array, Float
 
 from ._fields import ANY, BadInput, Part, is_traced, listed, quantity, replaced
 from .friction import (
+    AbstractFriction,
     AbstractJointLoop,
     JointLoads,
-    SliderCrankFriction,
-    SliderLinkFriction,
     closed,
     joint_loop,
     several_loops,
@@ -47,7 +46,7 @@ class Compressor(Part):
     mechanism: AbstractMechanism
     motor: AbstractMotor
     gas: AbstractGas | None = None
-    friction: SliderCrankFriction | SliderLinkFriction | None = None
+    friction: AbstractFriction | None = None
     gravity: Float[Array, "2"] | None = quantity("m/s^2", ANY, shape=(2,), default=None)
     cylinders: Cylinders | None = None
 

@@ -8,7 +8,7 @@ import jaxcomp
 PACKAGE = Path(jaxcomp.__file__).parent
 # From the ground up. Modules whose name begins with an underscore are the ground.
 FLOORS = [
-    {"mechanism", "gas", "film", "motor", "fluid"},
+    {"parts", "mechanism", "gas", "film", "motor", "fluid"},
     {"friction", "valve"},
     {"cylinder"},
     {"compressor"},

@@ -10,6 +10,7 @@ from typing import Any
 
 import typer
 
+from .._extensions import ExtensionError
 from .._registry import DESIGN_RULES, registered
 
 _MACHINES = Path(__file__).parents[1] / "machines"
@@ -57,7 +58,11 @@ def complete_rule(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_quantity(incomplete: str) -> list[tuple[str, str]]:
     """The quantities of the registry; those ending in a point want a joint or a target."""
-    names = ((one.name.partition("<")[0], one.doc) for one in registered())
+    try:
+        known = registered()
+    except ExtensionError:  # the command itself tells; a key press in the shell has nowhere to
+        return []
+    names = ((one.name.partition("<")[0], one.doc) for one in known)
     return [(name, doc) for name, doc in names if name.startswith(incomplete)]
 
 

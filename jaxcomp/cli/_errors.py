@@ -47,8 +47,9 @@ def show_error(error: Exception) -> None:
 
 
 def _caused_by_user() -> tuple[type[Exception], ...]:
+    from .._extensions import ExtensionError
     from .._fields import BadInput
     from .._status import SolveFailed
     from ..scene import SceneError
 
-    return CommandError, SceneError, BadInput, SolveFailed, OSError
+    return CommandError, SceneError, BadInput, SolveFailed, ExtensionError, OSError

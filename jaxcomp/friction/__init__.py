@@ -13,6 +13,7 @@ from ._laws import Packing as Packing
 from ._laws import PistonFilm as PistonFilm
 from ._laws import RegularisedJournal as RegularisedJournal
 from ._laws import RegularisedSlide as RegularisedSlide
+from ._loads import AbstractFriction as AbstractFriction
 from ._loads import AbstractJointLoop as AbstractJointLoop
 from ._loads import JointLoads as JointLoads
 from ._loads import closed as closed

@@ -10,7 +10,12 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._fields import Part
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState
+
+
+class AbstractFriction(Part):
+    """Friction laws of the joints of one kind of mechanism, which has the same `kind`."""
 
 
 class JointLoads(eqx.Module):

@@ -17,7 +17,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import Part
 from ..mechanism import (
     CrankState,
     RodBalance,
@@ -29,11 +28,11 @@ from ..mechanism import (
     rod_motion,
 )
 from ._laws import AbstractJournal, AbstractSlide, Packing, PistonFilm
-from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude, relative
+from ._loads import AbstractFriction, AbstractJointLoop, JointLoads, joint_loop, magnitude, relative
 from ._support import MainBearings
 
 
-class SliderCrankFriction(Part):
+class SliderCrankFriction(AbstractFriction):
     """Friction laws of a slider-crank. A joint without a law (`None`) has no friction and no cost.
 
     Args:

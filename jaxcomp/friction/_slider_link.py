@@ -18,7 +18,6 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import Part
 from ..mechanism import (
     Contact,
     ContactArms,
@@ -34,6 +33,7 @@ from ..mechanism import (
 from ._drag import STANDARD_GRAVITY, AbstractDrag
 from ._laws import AbstractJournal, AbstractSlide, PistonFilm
 from ._loads import (
+    AbstractFriction,
     AbstractJointLoop,
     JointLoads,
     joint_loads,
@@ -43,7 +43,7 @@ from ._loads import (
 )
 
 
-class SliderLinkFriction(Part):
+class SliderLinkFriction(AbstractFriction):
     """Friction laws of a slider-link machine. A place without a law (`None`) is frictionless.
 
     The laws of `wall` and `link_slider` must be proportional to the load, as Coulomb's is.

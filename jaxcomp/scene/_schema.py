@@ -17,6 +17,7 @@ from .. import friction as friction
 from .. import gas as gas
 from .. import mechanism as mechanism
 from .. import motor as motor
+from .._extensions import ExtensionError, import_extensions
 from .._fields import Bound, Part
 
 
@@ -106,7 +107,12 @@ def choices(classes: tuple[type, ...]) -> dict[str, type[Part]]:
 
     Args:
         classes: classes of parts, abstract or not, or protocols that parts may follow.
+
+    Raises:
+        ExtensionError: a module of another package that cannot be imported, or a class there with the
+            kind of one of this package.
     """
+    import_extensions()
     found: dict[str, type[Part]] = {}
     for base in classes:
         for part in _descendants(Part if _is_protocol(base) else base):
@@ -117,8 +123,19 @@ def choices(classes: tuple[type, ...]) -> dict[str, type[Part]]:
             if concrete and not any(
                 isinstance(entry, Unreadable) and entry.required for entry in entries(part).values()
             ):
+                _check_kind(part, found.get(kind_of(part), part))
                 found[kind_of(part)] = part
     return found
+
+
+def _check_kind(part: type[Part], other: type[Part]) -> None:
+    """That no class of another package takes the kind of one of this package."""
+    own = __name__.partition(".")[0] + "."
+    if other.__module__.startswith(own) and not part.__module__.startswith(own):
+        raise ExtensionError(
+            f'{part.__module__}.{part.__qualname__} has the kind "{kind_of(part)}" of '
+            f"{other.__module__}.{other.__qualname__}; give it another `kind`."
+        )
 
 
 def option_problem(hint: Any, value: Any) -> str | None:
