@@ -117,7 +117,7 @@ def quantity(
         default: value if none is given; `None` makes the field optional.
         doc: one line for the tables of `jaxcomp`.
         spread: a column of a table, for which a single value stands for all rows; the class calls
-            [`spread_columns`][] once it knows their number.
+            `spread_columns` once it knows their number.
     """
     metadata = {"unit": unit, "bound": bound, "shape": shape, "doc": doc, "spread": spread}
     options: dict[str, Any] = {"converter": _as_float, "metadata": metadata}
@@ -130,7 +130,7 @@ class Part(eqx.Module):
     """Base of every machine part: float arrays with a unit and a bound each.
 
     A subclass may add rules across its fields by overriding `conditions`. The constructor checks
-    concrete values and raises `BadInput`; traced values pass, and [`admissible`][] tells a solver
+    concrete values and raises `BadInput`; traced values pass, and `admissible` tells a solver
     afterwards whether they were good.
     """
 
