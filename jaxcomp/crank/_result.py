@@ -50,7 +50,8 @@ def orbit_on_panels(
     error = jnp.max(terms[..., -2] + terms[..., -1], axis=-1)
 
     def flat(values):
-        return values.reshape(*values.shape[:-2], -1)
+        # sizes in full: a mechanism may have no near-zero loads, and -1 has no meaning then
+        return values.reshape(*values.shape[:-2], values.shape[-2] * values.shape[-1])
 
     return Orbit(
         state=jax.tree.map(flat, state),
