@@ -19,6 +19,7 @@ from ._bearing import bearing
 from ._check import check
 from ._command_line import RecordedGroup
 from ._compare import compare
+from ._desk import desk
 from ._explain import explain
 from ._list import list_machines
 from ._modes import modes
@@ -69,6 +70,7 @@ _add("animate", animate, _ANALYSE)
 _add("respond", respond, _ANALYSE)
 _add("modes", modes, _ANALYSE)
 _add("bearing", bearing, _ANALYSE)
+_add("desk", desk, _ANALYSE)
 _add("accuracy", accuracy, _ANALYSE)
 _add("balance", balance, _DESIGN)
 _add("compare", compare, _DESIGN)

@@ -288,6 +288,7 @@ class GivenNumber(NamedTuple):
     Attributes:
         name: as in `Variable`.
         unit: SI unit; "" for a common factor.
+        bound: what the number must keep.
         value: [SI] in the design.
         weight: what a change of it by one changes in the entries of the array that holds it.
         place: of that array, for `at`.
@@ -296,6 +297,7 @@ class GivenNumber(NamedTuple):
 
     name: str
     unit: str
+    bound: Bound
     value: float
     weight: np.ndarray
     place: tuple[str, ...]
@@ -304,6 +306,18 @@ class GivenNumber(NamedTuple):
     def at(self, design: Machine) -> Array:
         """The array in a design, or in a tree of derivatives of the same build."""
         return _walk(design, list(self.place))
+
+    def moved(self, design: Machine, value: float) -> Machine:
+        """The design with another value [SI] of this number; unchecked.
+
+        Args:
+            design: of the build that the number was taken from, with other numbers perhaps.
+            value: [SI]
+        """
+        old = np.asarray(self.at(design))
+        new = self.weight * value if self.factor else np.where(self.weight != 0, value, old)
+        steps = list(self.place)
+        return eqx.tree_at(lambda d: _walk(d, steps), design, jnp.asarray(new, float))
 
 
 # A longer list of numbers, such as an indicator diagram, counts as one number: a factor on all.
@@ -317,23 +331,23 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
     """
     for plane, value in design.corrections.items():
         for axis, weight in zip("xy", np.eye(2), strict=True):
-            number = float(weight @ value)
-            place = (CORRECTIONS, plane)
-            yield GivenNumber(f"{CORRECTIONS}.{plane}.{axis}", "kg m", number, weight, place)
+            name, number = f"{CORRECTIONS}.{plane}.{axis}", float(weight @ value)
+            yield GivenNumber(name, "kg m", ANY, number, weight, (CORRECTIONS, plane))
     for name in variable_names(design):
         if name in design_rules or name.startswith(f"{CORRECTIONS}."):
             continue
         place = tuple(_steps(name))
         values = np.asarray(_walk(design, list(place)))
         field = _field(design, list(place))
-        unit, ones = field.metadata["unit"], np.ones(values.shape)
+        unit, bound = field.metadata["unit"], field.metadata["bound"]
+        ones = np.ones(values.shape)
         if values.size and field.metadata["spread"] and np.all(values == values.flat[0]):
-            yield GivenNumber(name, unit, float(values.flat[0]), ones, place)
+            yield GivenNumber(name, unit, bound, float(values.flat[0]), ones, place)
         elif values.ndim == 0:
-            yield GivenNumber(name, unit, float(values), ones, place)
+            yield GivenNumber(name, unit, bound, float(values), ones, place)
         elif values.ndim == 1 and len(values) <= _LIST:
             for number, weight in enumerate(np.eye(len(values))):
                 value = float(values[number])
-                yield GivenNumber(f"{name}.{number}", unit, value, weight, place)
+                yield GivenNumber(f"{name}.{number}", unit, bound, value, weight, place)
         else:
-            yield GivenNumber(name, "", 1.0, values, place, True)
+            yield GivenNumber(name, "", ANY, 1.0, values, place, True)

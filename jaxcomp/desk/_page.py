@@ -1,0 +1,493 @@
+r"""The page in the browser: sliders, fields and pictures around one `Desk`."""
+
+import io
+import re
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import panel as pn
+from bokeh.models import ColumnDataSource, FactorRange
+from bokeh.plotting import figure
+
+from .._fields import BadInput
+from .._shown import shown
+from .._status import SolveFailed
+from ..plot._style import INK, colour, words
+from ..scene import Scene, SceneError, loads
+from ._state import Desk, View
+
+# Sliders that a fresh page has: those of the numbers that the chosen quantity gains most by.
+_SLIDERS = 6
+_STEPS = 200
+_PINNED = "#AAAAAA"
+_CONTROLS = "min-width: 320px; flex: 1 1 380px; max-width: 520px"
+_PICTURES = "min-width: 320px; flex: 2 1 480px"
+
+
+def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = False) -> Any:
+    """Serve the desk of a machine on this computer alone, a fresh one for every tab.
+
+    Args:
+        scene: of `jaxcomp.load`.
+        port: of the loopback address; a free one if 0.
+        show: open a browser.
+        threaded: return at once, with the server; otherwise when it is interrupted.
+    """
+    pn.extension("tabulator")
+    _Page(scene)  # compiles what all pages share, before the first of them is waited for
+    return pn.serve(
+        {"/": lambda: page(scene)},
+        address="127.0.0.1",
+        port=port,
+        show=show,
+        threaded=threaded,
+        title=f"jaxcomp desk: {scene.name}",
+    )
+
+
+def page(scene: Scene) -> Any:
+    """The desk of a machine, for a server of Panel or the cell of a notebook.
+
+    Args:
+        scene: of `jaxcomp.load`.
+    """
+    return _Page(scene).body
+
+
+class _Page:
+    """The widgets of one tab."""
+
+    def __init__(self, scene: Scene):
+        self.body = pn.Column(sizing_mode="stretch_width")
+        self.open(scene)
+
+    def open(self, scene: Scene) -> None:
+        """Put a machine on the desk, in the place of the one that is there."""
+        self.desk = desk = Desk(scene)
+        self.sliders: dict[str, _Slider] = {}
+        self._wanted: tuple[str, float] | None = None
+        self._before_drag: int | None = None
+        self.pictures = _Pictures(desk.view)
+        self.message = pn.pane.Alert("", alert_type="warning", visible=False)
+        self.state = pn.pane.Markdown("", sizing_mode="stretch_width")
+        self.quantity = pn.widgets.Select(
+            label="Quantity", options=_quantity_names(desk), value=desk.quantity
+        )
+        self.quantity.param.watch(self._other_quantity, "value")
+        self.table = self._numbers_table()
+        self.ranges = pn.Column(sizing_mode="stretch_width")
+        self.results = pn.widgets.Tabulator(
+            self._result_rows(),
+            show_index=False,
+            disabled=True,
+            layout="fit_columns",
+            sizing_mode="stretch_width",
+        )
+        buttons = {
+            "Undo": self._undo,
+            "Pin this state": self._pin,
+            "Sort by gain": self._sort,
+            "Improve": self._improve,
+        }
+        self.buttons = {name: pn.widgets.Button(label=name) for name in buttons}
+        for name, call in buttons.items():
+            self.buttons[name].on_click(call)
+        save = pn.widgets.FileDownload(
+            callback=self._toml, filename=f"{_file_name(scene)}.toml", label="Save as machine file"
+        )
+        load = pn.widgets.FileInput(accept=".toml", label="Open a machine file")
+        load.param.watch(self._load, "value")
+        controls = pn.Column(
+            pn.pane.Markdown(f"## {scene.name}\n{scene.description}"),
+            self.state,
+            self.message,
+            self.quantity,
+            pn.FlexBox(*self.buttons.values(), save, load),
+            self.ranges,
+            self.table,
+            styles=_style(_CONTROLS),
+        )
+        pictures = pn.Column(
+            pn.FlexBox(*self.pictures.figures, justify_content="start"),
+            self.results,
+            styles=_style(_PICTURES),
+        )
+        self.body[:] = [pn.FlexBox(controls, pictures, align_items="start")]
+        self._show_gains()
+        for name in self._by_gain()[:_SLIDERS]:
+            self.add_slider(name)
+        self._show()
+
+    # ------------------------------------------------------------ what the user does
+
+    def add_slider(self, name: str) -> None:
+        """Give a number a slider, if it has none."""
+        if name not in self.sliders:
+            self.sliders[name] = _Slider(self, name)
+            self.ranges.append(self.sliders[name].row)
+
+    def remove_slider(self, name: str) -> None:
+        """Take the slider of a number away; its value stays."""
+        self.ranges.remove(self.sliders.pop(name).row)
+
+    def drag(self, name: str, value: float) -> None:
+        """A slider stands at another value [SI]; if it moves on meanwhile, only the last one counts."""
+        waits, self._wanted = self._wanted is not None, (name, value)
+        if pn.state.curdoc is None:
+            self._drag()
+        elif not waits:
+            pn.state.curdoc.add_next_tick_callback(self._drag)
+
+    def _drag(self) -> None:
+        wanted, self._wanted = self._wanted, None
+        if wanted is None or wanted[1] == self.desk.values[wanted[0]]:
+            return
+        if self._before_drag is None:
+            self._before_drag = self.desk.changes
+        self._tried(lambda: self.desk.move(*wanted))
+        self._show()
+
+    def let_go(self) -> None:
+        """A slider was let go: its way is one change, and what is slow to follow it follows now."""
+        self._drag()
+        if self._before_drag is not None:
+            self.desk.drop_changes_since(self._before_drag)
+            self._before_drag = None
+        self._show_all()
+
+    def _entered(self, event) -> None:
+        if event.column == "Value":
+            name = self.table.value["name"].iloc[event.row]
+            self._tried(lambda: self.desk.enter(name, str(event.value)))
+            self._show_all()
+
+    def _clicked(self, event) -> None:
+        if event.column != "Value":
+            self.add_slider(self.table.value["name"].iloc[event.row])
+
+    def _other_quantity(self, event) -> None:
+        self.desk.quantity = event.new
+        self._show_gains()
+
+    def _undo(self, _) -> None:
+        if not self.desk.undo():
+            self._say("There is nothing to undo.")
+        self._show_all()
+
+    def _pin(self, _) -> None:
+        self.desk.pin()
+        self.results.value = self._result_rows()
+        self._show()
+
+    def _sort(self, _) -> None:
+        order = {name: place for place, name in enumerate(self._by_gain())}
+        rows = self.table.value
+        self.table.value = rows.iloc[np.argsort([order[name] for name in rows["name"]])]
+
+    def _improve(self, _) -> None:
+        ranges = {name: one.range for name, one in self.sliders.items()}
+        button, document = self.buttons["Improve"], pn.state.curdoc
+        button.loading = True
+
+        def told(stage, done, most):
+            later(lambda: setattr(button, "label", f"Improve: {stage}, {done} of {most}"))
+
+        def later(call):
+            if document is None:
+                call()
+            else:
+                document.add_next_tick_callback(call)
+
+        def done(words):
+            button.loading, button.label = False, "Improve"
+            self._say(words)
+            self._show_all()
+
+        def work():
+            try:
+                words = f"{self.desk.quantity}: {self.desk.improve(ranges, told)}"
+            except (BadInput, SolveFailed) as error:
+                words = str(error)
+            later(lambda: done(words))
+
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        if document is None:
+            thread.join()
+
+    def _load(self, event) -> None:
+        if not event.new:
+            return
+        try:
+            scene = loads(event.new, event.obj.filename or "")
+        except SceneError as error:
+            self._say("\n\n".join(map(str, (error, *error.others))))
+            return
+        self.open(scene)
+
+    def _toml(self) -> io.BytesIO | None:
+        try:
+            return io.BytesIO(self.desk.toml().encode())
+        except SceneError as error:
+            self._say(str(error))
+
+    # ------------------------------------------------------------ what the user sees
+
+    def _tried(self, change) -> None:
+        try:
+            change()
+        except SceneError as error:
+            self._say(str(error))
+        else:
+            self._say("")
+
+    def _say(self, text: str) -> None:
+        self.message.object, self.message.visible = text, bool(text)
+
+    def _show_all(self) -> None:
+        for slider in self.sliders.values():
+            slider.follow()
+        self.table.patch({"Value": list(enumerate(map(self.desk.text, self.table.value["name"])))})
+        self._show_gains()
+        self._show()
+
+    def _show(self) -> None:
+        """Pictures and results of the present state."""
+        desk, view = self.desk, self.desk.view
+        self.pictures.show(view, desk.pinned)
+        rows = self._result_rows()
+        moving = [column for column in rows if column in ("Now", "Difference")]
+        self.results.patch({column: list(enumerate(rows[column])) for column in moving})
+        value = view.quantities.get(desk.quantity)
+        named = "" if value is None else f"**{_shown_result(desk, desk.quantity, value)}**"
+        self.state.object = f"{named} {view.status and f'⚠ {view.status}'}"
+
+    def _show_gains(self) -> None:
+        found = self.desk.gains()
+        ranked = found.ranking(self.desk.quantity)
+        changes = {one.number: one.change for one in ranked}
+        self._order = {one.number: place for place, one in enumerate(ranked)}
+        rows = self.table.value["name"]
+        self.table.patch({"Gain": [(i, changes.get(name, "none")) for i, name in enumerate(rows)]})
+
+    def _by_gain(self) -> list[str]:
+        return sorted(self.desk.numbers, key=lambda name: self._order.get(name, len(self._order)))
+
+    def _numbers_table(self) -> Any:
+        desk = self.desk
+        rows = {
+            "name": list(desk.numbers),
+            "Number": [desk.label(name) for name in desk.numbers],
+            "Value": [desk.text(name) for name in desk.numbers],
+            "Gain": ["" for _ in desk.numbers],
+        }
+        table = pn.widgets.Tabulator(
+            pd.DataFrame(rows),
+            show_index=False,
+            hidden_columns=["name"],
+            editors={"Number": None, "Gain": None, "Value": {"type": "input"}},
+            header_filters={"Number": {"type": "input", "placeholder": "filter"}},
+            widths={"Number": "46%", "Value": "24%", "Gain": "30%"},
+            height=420,
+            sizing_mode="stretch_width",
+        )
+        table.on_edit(self._entered)
+        table.on_click(self._clicked)
+        return table
+
+    def _result_rows(self) -> Any:
+        desk, pinned = self.desk, self.desk.pinned
+        rows = []
+        for name, value in desk.view.quantities.items():
+            look = shown(name, desk.quantities[name].unit, value)
+            row = {"Result": look.words, "Now": look.text(float(value))}
+            if pinned is not None:
+                before = float(pinned.quantities[name])
+                row |= {
+                    "Pinned": look.text(before),
+                    "Difference": look.text(float(value) - before, 3),
+                }
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+
+class _Slider:
+    """The slider of one number between two ends that can be typed."""
+
+    def __init__(self, page: _Page, name: str):
+        self.page, self.name, desk = page, name, page.desk
+        low, high = desk.range_of(name)
+        look = shown(name, desk.numbers[name].unit, [low, high])
+        self.factor = look.factor
+        self.ends = [
+            pn.widgets.FloatInput(label=word, value=_short(end * look.factor), width=90)
+            for word, end in (("from", low), ("to", high))
+        ]
+        label = f"{desk.label(name)}{f' [{look.unit}]' if look.unit else ''}"
+        low, high = (end.value for end in self.ends)
+        self.slider = pn.widgets.FloatSlider(
+            label=label, start=low, end=high, step=(high - low) / _STEPS,
+            value=desk.values[name] * look.factor, format="0[.]00000",
+            styles=_style("flex: 1 1 180px; min-width: 150px"),
+        )  # fmt: skip
+        self.slider.param.watch(lambda e: page.drag(name, e.new / self.factor), "value")
+        self.slider.param.watch(lambda _: page.let_go(), "value_throttled")
+        for end in self.ends:
+            end.param.watch(self._other_ends, "value")
+        remove = pn.widgets.Button(label="×", width=30)
+        remove.on_click(lambda _: page.remove_slider(name))
+        self.row = pn.FlexBox(self.slider, *self.ends, remove, align_items="end")
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """[SI] The ends."""
+        return self.slider.start / self.factor, self.slider.end / self.factor
+
+    def follow(self) -> None:
+        """Stand where the number stands, with ends that hold it."""
+        value = self.page.desk.values[self.name] * self.factor
+        if not self.slider.start <= value <= self.slider.end:
+            low, high = self.page.desk.range_of(self.name)
+            self._set_ends(low * self.factor, high * self.factor)
+        if self.slider.value != value:
+            self.slider.value = value
+
+    def _other_ends(self, _) -> None:
+        low, high = (end.value for end in self.ends)
+        bound = self.page.desk.numbers[self.name].bound
+        inside = all(bool(bound.holds(end / self.factor)) for end in (low, high))
+        if inside and low < high:
+            self._set_ends(low, high)
+        else:
+            self.page._say(f"{self.name}: the ends of the range must rise and be {bound}")
+
+    def _set_ends(self, low: float, high: float) -> None:
+        self.slider.param.update(start=low, end=high, step=(high - low) / _STEPS)
+        for end, value in zip(self.ends, (low, high), strict=True):
+            end.value = _short(value)
+
+
+class _Pictures:
+    """Pictures whose curves follow, each with the pinned state in grey behind it."""
+
+    def __init__(self, view: View):
+        self.sources: dict[str, ColumnDataSource] = {}
+        self.figures = []
+        curves, bars = _curves(view), _bars(view)
+        for title, (x, y, lines) in curves.items():
+            plot = _empty(title, x, y)
+            for place, name in enumerate(lines):
+                for pinned in (True, False):
+                    source = self._source(title, name, pinned, {"x": [], "y": []})
+                    paint = _PINNED if pinned else colour(name, place)
+                    legend = {} if pinned or len(lines) == 1 else {"legend_label": words(name)}
+                    plot.line("x", "y", source=source, color=paint, line_width=2, **legend)
+            if len(lines) > 1:
+                legend = plot.legend[0]
+                legend.update(orientation="horizontal", label_text_font_size="8pt", ncols=4)
+                legend.update(click_policy="hide", border_line_color=None, padding=0)
+                plot.add_layout(legend, "above")
+            self.figures.append(plot)
+        for title, (unit, sizes) in bars.items():
+            plot = _empty(title, unit, "", y_range=FactorRange(*reversed(sizes)))
+            for pinned in (True, False):
+                source = self._source(title, "", pinned, {"y": [], "right": []})
+                height, paint = (0.8, _PINNED) if pinned else (0.5, colour("crank_pin"))
+                plot.hbar(y="y", right="right", height=height, source=source, color=paint)
+            plot.x_range.start = 0
+            self.figures.append(plot)
+
+    def show(self, view: View, pinned: View | None) -> None:
+        """Draw a state, and the pinned one behind it."""
+        for behind, one in ((True, pinned), (False, view)):
+            if one is None:
+                continue
+            for title, (_, _, lines) in _curves(one).items():
+                for name, (x, y) in lines.items():
+                    self.sources[f"{title}.{name}.{behind}"].data = {"x": x, "y": y}
+            for title, (_, sizes) in _bars(one).items():
+                self.sources[f"{title}..{behind}"].data = {
+                    "y": list(sizes),
+                    "right": list(map(float, sizes.values())),
+                }
+
+    def _source(self, title: str, name: str, pinned: bool, data) -> ColumnDataSource:
+        key = f"{title}.{name}.{pinned}"
+        self.sources[key] = ColumnDataSource(data, name=key)
+        return self.sources[key]
+
+
+def _curves(view: View) -> dict[str, tuple[str, str, dict[str, tuple[Any, Any]]]]:
+    """Axes and curves of every picture that this machine has, by its title."""
+    out = {}
+    if view.pressure is not None:
+        around = [np.append(curve, curve[0]) for curve in (view.volume * 1e6, view.pressure / 1e6)]
+        out["Indicator diagram"] = (
+            "Displaced volume, cm³",
+            "Pressure, MPa",
+            {"gas": tuple(around)},
+        )
+    degrees = "Crank angle, degrees"
+    if view.forces:
+        x, order = _degrees(view.angle)
+        forces = {name: (x, force[order]) for name, force in view.forces.items()}
+        out["Joint forces"] = (degrees, "Magnitude, N", forces)
+    if view.films:
+        x, order = _degrees(view.film_angle)
+        films = {name: (x, film[order] * 1e6) for name, film in view.films.items()}
+        out["Smallest film thickness"] = (degrees, "µm", films)
+    return out
+
+
+def _bars(view: View) -> dict[str, tuple[str, Mapping[str, float]]]:
+    """Unit and sizes of every picture with bars."""
+    out = {}
+    if view.losses:
+        out["Friction losses"] = ("W", {words(n): one for n, one in view.losses.items()})
+    if view.vibration:
+        sizes = {}
+        for name, (now, after) in view.vibration.items():
+            sizes |= {name: now * 1e6, f"{name}, balanced": after * 1e6}
+        out["Vibration of the targets"] = ("µm", sizes)
+    return out
+
+
+def _degrees(angle) -> tuple[Any, Any]:
+    """[deg] Crank angle from -180 to 180, rising, and the order that sorts it."""
+    wrapped = np.rad2deg((angle + np.pi) % (2 * np.pi) - np.pi)
+    order = np.argsort(wrapped)
+    return wrapped[order], order
+
+
+def _empty(title: str, x: str, y: str, **ranges) -> Any:
+    plot = figure(
+        title=title, x_axis_label=x, y_axis_label=y, height=260, width=370, tools="pan,wheel_zoom,reset",
+        toolbar_location="above", **ranges,
+    )  # fmt: skip
+    plot.title.text_color = INK
+    plot.toolbar.logo = None
+    return plot
+
+
+def _quantity_names(desk: Desk) -> dict[str, str]:
+    return {shown(name, one.unit, 1.0).words: name for name, one in desk.quantities.items()}
+
+
+def _shown_result(desk: Desk, name: str, value) -> str:
+    look = shown(name, desk.quantities[name].unit, value)
+    return f"{look.words}: {look.text(float(value))}"
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _file_name(scene: Scene) -> str:
+    return re.sub(r"[^\w.-]+", "-", scene.name) or "machine"
+
+
+def _style(text: str) -> dict[str, str]:
+    return dict(part.strip().split(": ") for part in text.split(";"))

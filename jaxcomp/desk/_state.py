@@ -1,0 +1,301 @@
+r"""What stands on the desk: a machine whose numbers move, its results, gains and earlier states."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._fields import BadInput
+from .._registry import Quantity
+from .._shown import shown
+from .._status import Status
+from ..balancing import least_squares
+from ..crank import film_thickness
+from ..design import (
+    AnalysisOptions,
+    DesignResult,
+    Sensitivity,
+    available_quantities,
+    list_length,
+    optimise,
+    problem,
+    sensitivity,
+)
+from ..design._design import GivenNumber, given_numbers
+from ..design._labels import variable_label
+from ..machine import Machine
+from ..plot._fine import fine_turn
+from ..scene import Scene, SceneError, dump, to_si, with_machine
+
+_SOURCE = "set at the desk"
+
+
+class View(NamedTuple):
+    """Results of one state of the machine, as the pictures show them.
+
+    Attributes:
+        quantities: [SI] by name, without families.
+        status: "" if all of it can be relied on, otherwise the reason why not.
+        angle: [rad] (n,) crank angle from top dead centre of the first cylinder.
+        volume, pressure: [m^3], [Pa] (n,) displaced volume and cylinder pressure; `None` without gas.
+        forces: [N] (n,) magnitude by joint.
+        losses: [W] friction power by joint.
+        films: [m] (m,) smallest film thickness by journal, at `film_angle` [rad].
+        vibration: [m] (2,) root mean square amplitude by target, now and after the balancing by least
+            squares.
+    """
+
+    quantities: dict[str, Any]
+    status: str = ""
+    angle: Any = None
+    volume: Any = None
+    pressure: Any = None
+    forces: Mapping[str, Any] = {}
+    losses: Mapping[str, Any] = {}
+    film_angle: Any = None
+    films: Mapping[str, Any] = {}
+    vibration: Mapping[str, Any] = {}
+
+
+class Desk:
+    """A machine and what is done with it at the desk. Every page has its own.
+
+    Args:
+        scene: of `jaxcomp.load`.
+        options: of the analysis of a design.
+        quantity: whose gains are shown; the first that the machine has if absent.
+
+    Attributes:
+        scene: as it was loaded.
+        machine: as it stands.
+        view: its results.
+        pinned: the results that are compared with; `None` if none are.
+        quantities: that gains can be asked for, by name.
+        quantity: the one whose gains are shown; may be set.
+    """
+
+    def __init__(
+        self, scene: Scene, options: AnalysisOptions | None = None, quantity: str | None = None
+    ):
+        self.scene, self.machine = scene, scene.machine
+        self.options = options or AnalysisOptions()
+        self.quantities = available_quantities(self.machine, members=True)
+        self.quantity = quantity or next(iter(self.quantities))
+        if self.quantity not in self.quantities:
+            raise BadInput("quantity", self.quantity, f"one of {', '.join(self.quantities)}")
+        whole = available_quantities(self.machine).values()
+        self._single = tuple(one for one in whole if not one.family)
+        self._numbers = {one.name: one for one in given_numbers(self.machine)}
+        self._values = {name: one.value for name, one in self._numbers.items()}
+        self._earlier: list[tuple[Machine, dict[str, float]]] = []
+        self.pinned: View | None = None
+        self.view = self._solved()
+
+    @property
+    def numbers(self) -> Mapping[str, GivenNumber]:
+        """Every number of the machine by name, as it was loaded."""
+        return self._numbers
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """[SI] Every number by name, as it stands."""
+        return self._values
+
+    def label(self, name: str) -> str:
+        """What a number is, in words."""
+        what = variable_label(self.machine, name)
+        return what + (", factor on all values" if self._numbers[name].factor else "")
+
+    def text(self, name: str) -> str:
+        """A number with the unit that suits it."""
+        value = self._values[name]
+        return shown(name, self._numbers[name].unit, value).text(value, 6)
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """[SI] Where the slider of a number begins and ends: a fifth to either side, inside its bound."""
+        value, one = self._values[name], self._numbers[name]
+        reach = 0.2 * abs(value) or {"rad": 0.2, "kg m": 1e-4, "m": 1e-3}.get(one.unit, 1.0)
+        return max(value - reach, one.bound.low), min(value + reach, one.bound.high)
+
+    def move(self, name: str, value: float, typed: str | None = None) -> None:
+        """Give a number another value and solve.
+
+        Args:
+            name: of the number.
+            value: [SI]
+            typed: what the user wrote, for the message.
+
+        Raises:
+            SceneError: the value lies outside its bound.
+        """
+        one = self._numbers[name]
+        if not (np.isfinite(value) and bool(one.bound.holds(value))):
+            given = typed or shown(name, one.unit, value).text(value)
+            raise SceneError(name, f"must be {one.bound} {one.unit}".rstrip(), given)
+        self._keep()
+        self.machine = one.moved(self.machine, value)
+        self._values[name] = value
+        self.view = self._solved()
+
+    def enter(self, name: str, text: str) -> None:
+        """Give a number the value that was typed, checked as in a scene file.
+
+        Raises:
+            SceneError: as `jaxcomp.load`.
+        """
+        one = self._numbers[name]
+        value = float(to_si(_number_or_text(text), one.unit, name))
+        before, length = (self.machine, dict(self._values)), len(self._earlier)
+        try:
+            self.move(name, value, text)
+            self.changed_scene()
+        except SceneError:
+            (self.machine, self._values), self._earlier = before, self._earlier[:length]
+            self.view = self._solved()
+            raise
+
+    def undo(self) -> bool:
+        """Go back to the state before the last change; whether there was one."""
+        if not self._earlier:
+            return False
+        self.machine, self._values = self._earlier.pop()
+        self.view = self._solved()
+        return True
+
+    def drop_changes_since(self, count: int) -> None:
+        """Make one change, as of a slider that was dragged, of all that follow the first `count`."""
+        del self._earlier[count + 1 :]
+
+    @property
+    def changes(self) -> int:
+        """How many changes can be undone."""
+        return len(self._earlier)
+
+    def pin(self) -> None:
+        """Keep the present results to compare with."""
+        self.pinned = self.view
+
+    def gains(self) -> Sensitivity:
+        """How much the chosen quantity changes with every number, by one reverse pass."""
+        return sensitivity(self.machine, [self.quantity], options=self.options)
+
+    def changed_scene(self) -> Scene:
+        """The machine as it stands, as a scene.
+
+        Raises:
+            SceneError: it cannot be: a value outside its bound, or values that do not go together.
+        """
+        return with_machine(self.scene, self.machine, _SOURCE)
+
+    def toml(self) -> str:
+        """The text of its scene file, with the comments of the file that it was loaded from."""
+        return dump(self.changed_scene())
+
+    def improve(self, ranges: Mapping[str, tuple[float, float]], callback=None) -> str:
+        """Make the chosen quantity as good as it can be within ranges, from the present state on.
+
+        Args:
+            ranges: [SI] of the numbers that may change.
+            callback: see `jaxcomp.optimise`.
+
+        Returns:
+            What was found, in words.
+
+        Raises:
+            BadInput, SolveFailed: as `jaxcomp.optimise`; or a quantity that is neither better when
+                larger nor when smaller.
+        """
+        one = self.quantities[self.quantity]
+        if not one.better:
+            raise BadInput("quantity", self.quantity, "one that is better when larger or smaller")
+        # a list of which all values move together is a factor for those who optimise
+        scale = {
+            name: self._values[name] if list_length(self.machine, name) else 1.0 for name in ranges
+        }
+        scaled = {
+            name: tuple(sorted(end / scale[name] for end in ends)) for name, ends in ranges.items()
+        }
+        made = problem(self.machine, scaled, [self.quantity], self.options)
+        best = optimise(made, starts=2, samples=16, callback=callback)
+        self._keep()
+        self.machine = best.design
+        for name, value in best.values.items():
+            self._values[name] = float(value) * scale[name]
+        self.view = self._solved()
+        value = best.objective
+        return f"{shown(self.quantity, one.unit, value).text(value)} ({best.status})"
+
+    def _keep(self) -> None:
+        self._earlier.append((self.machine, dict(self._values)))
+
+    def _solved(self) -> View:
+        found, status, ok = _solve(self.machine, self._single, self.options)
+        found = jax.device_get(found)
+        if bool(ok):
+            return found
+        try:
+            self.changed_scene()
+        except SceneError as error:  # which names the value and its bound
+            return found._replace(status=str(error))
+        return found._replace(status="not solved" if status is None else Status[status])
+
+
+@eqx.filter_jit
+def _solve(machine: Machine, quantities: tuple[Quantity, ...], options: AnalysisOptions):
+    """The view of a machine, without its status in words, and what that is."""
+    found = DesignResult(machine, options)
+    values = {one.name: one.value(found) for one in quantities}
+    crank = {} if machine.compressor is None else _of_crank(found)
+    vibration = _of_rotor(found) if "balanced_vibration" in values else {}
+    status = None if machine.compressor is None else found.orbit.status
+    return View(values, "", vibration=vibration, **crank), status, found.ok
+
+
+def _of_crank(found: DesignResult) -> dict[str, Any]:
+    compressor, orbit = found.assembly.compressor, found.orbit
+    assert compressor is not None
+    turn = fine_turn(compressor, orbit)
+    volume = pressure = None
+    if turn.pressure is not None:
+        mechanism, several = compressor.mechanism, compressor.cylinders
+        angle, pressure = turn.state.angle, turn.pressure
+        if several is not None:
+            angle, pressure = angle + several.phase[0], pressure[0]
+        top = mechanism.piston_extremes()[0]
+        volume = mechanism.piston_area * (top - mechanism.piston(angle)[0])
+    return {
+        "angle": turn.state.angle,
+        "volume": volume,
+        "pressure": pressure,
+        "forces": {name: _magnitude(force) for name, force in turn.loads.forces.items()},
+        "losses": orbit.loss_power,
+        "film_angle": orbit.state.angle,
+        "films": film_thickness(compressor, orbit),
+    }
+
+
+def _magnitude(force: Float[Array, "*two n"]) -> Float[Array, " n"]:
+    return jnp.abs(force) if force.ndim == 1 else jnp.hypot(*force)
+
+
+def _of_rotor(found: DesignResult) -> dict[str, Float[Array, "2"]]:
+    """[m] Amplitudes of the targets at order 1, as the corrections stand and after the balancing."""
+    influence = found.influence
+    after = influence.vibration(least_squares(influence).correction)
+    square = jnp.abs(jnp.stack([influence.initial, after])) ** 2
+    names = [row.target for row in influence.rows]
+    return {
+        name: jnp.sqrt(square[:, [one == name for one in names]].mean(-1))
+        for name in dict.fromkeys(names)
+    }
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
