@@ -8,6 +8,7 @@ are run here, all of them in the longer checks.
 import io
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -21,18 +22,19 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
+from jaxcomp.scene import explained
 
 ROOT = Path(__file__).parent.parent
+public_names = runpy.run_path(str(ROOT / "notebooks" / "public_names.py"))["public_names"]
 PAGES = (
     "README.md",
     "CHANGELOG.md",
-    "notebooks/README.md",
-    "notebooks/examples.md",
-    "notebooks/solvers.md",
-    "notebooks/conventions.md",
-    "notebooks/validation.md",
     "tests/benchmarks/README.md",
+    *(f"notebooks/{path.name}" for path in sorted((ROOT / "notebooks").glob("*.md"))),
 )
+# These need a package of their own; see `test_own_parts.py`.
+OWN = tuple(page for page in PAGES if page.startswith("notebooks/own"))
+RUN = tuple(page for page in PAGES if page not in OWN)
 # Commands that compile no solver.
 CHEAP = {"new", "check", "list", "bearing"}
 
@@ -42,8 +44,21 @@ def text_of(page: str) -> str:
 
 
 def blocks(page: str, language: str) -> list[str]:
-    found = re.findall(r"^```(\w*)\n(.*?)^```$", text_of(page), re.M | re.S)
+    found = re.findall(r"^```(\w*)(?: title=[^\n]*)?\n(.*?)^```$", text_of(page), re.M | re.S)
     return [code for given, code in found if given == language]
+
+
+def titled(page: str) -> dict[str, str]:
+    """The files that a page shows, by name."""
+    found = re.findall(r'^```\w+ title="([^"\n]*)"\n(.*?)^```$', text_of(page), re.M | re.S)
+    return {name: code for name, code in found if not name.endswith("(excerpt)")}
+
+
+def write_files(page: str, folder: Path) -> None:
+    for name, code in titled(page).items():
+        file = folder / name
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(code, encoding="utf-8")
 
 
 def commands(page: str) -> list[list[str]]:
@@ -64,9 +79,27 @@ def printed_by(code: str) -> list[str]:
     return shown.getvalue().splitlines()
 
 
+def printed_as_script(code: str) -> list[str]:
+    """For code that starts other processes, which import it."""
+    Path("script.py").write_text(code, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "script.py"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
 # The others compile a solver with its gradient, for more than ten seconds.
-QUICK_EXAMPLES = [("README.md", 0), ("notebooks/examples.md", 3)]
-EXAMPLES = [(page, i) for page in PAGES for i, _ in enumerate(blocks(page, "python"))]
+QUICK_EXAMPLES = [
+    ("README.md", 0),
+    ("notebooks/examples.md", 3),
+    ("notebooks/balance-measured.md", 0),
+]
+EXAMPLES = [(page, i) for page in RUN for i, _ in enumerate(blocks(page, "python"))]
 
 
 @pytest.mark.parametrize(
@@ -76,9 +109,11 @@ EXAMPLES = [(page, i) for page in PAGES for i, _ in enumerate(blocks(page, "pyth
         for one in EXAMPLES
     ],
 )
-def test_examples_of_python_print_what_they_promise(page, number):
+def test_examples_of_python_print_what_they_promise(page, number, tmp_path, monkeypatch):
+    write_files(page, tmp_path)
+    monkeypatch.chdir(tmp_path)
     code = blocks(page, "python")[number]
-    shown = printed_by(code)
+    shown = printed_as_script(code) if "__main__" in code else printed_by(code)
     assert shown
     for line in promised(code):
         assert line in shown
@@ -119,9 +154,10 @@ def write_tables(folder: Path) -> None:
         (folder / name).write_text(table)
 
 
-def run_all(lines: list[list[str]], folder: Path, monkeypatch) -> None:
+def run_all(page: str, lines: list[list[str]], folder: Path, monkeypatch) -> None:
     monkeypatch.chdir(folder)
     write_tables(folder)
+    write_files(page, folder)
     for line in lines:
         done = CliRunner().invoke(app, line)
         assert done.exit_code == 0, f"{shlex.join(line)}\n{done.output}"
@@ -129,17 +165,38 @@ def run_all(lines: list[list[str]], folder: Path, monkeypatch) -> None:
             assert any((folder / line[line.index("--out") + 1]).iterdir())
 
 
-@pytest.mark.parametrize("page", ["README.md", "notebooks/examples.md"])
+WITH_COMMANDS = [page for page in RUN if commands(page)]
+
+
+@pytest.mark.parametrize("page", WITH_COMMANDS)
 def test_cheap_commands_run(page, tmp_path, monkeypatch):
     cheap = [line for line in commands(page) if line[0] in CHEAP or "--measured" in line]
-    assert len(cheap) >= 2
-    run_all(cheap, tmp_path, monkeypatch)
+    assert cheap or page == "notebooks/several-machines.md"
+    run_all(page, cheap, tmp_path, monkeypatch)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", ["README.md", "notebooks/examples.md"])
+@pytest.mark.parametrize("page", WITH_COMMANDS)
 def test_all_commands_run(page, tmp_path, monkeypatch):
-    run_all(commands(page), tmp_path, monkeypatch)
+    # the cluster of `--dask` is not there; tests of sweeps start one
+    lines = [line for line in commands(page) if "--dask" not in line]
+    run_all(page, lines, tmp_path, monkeypatch)
+
+
+TABLES = [(page, code) for page in RUN for code in blocks(page, "toml")]
+
+
+@pytest.mark.parametrize(("page", "code"), TABLES, ids=lambda x: x.partition("\n")[0])
+def test_sections_of_machine_files_have_entries_that_exist(page, code):
+    """Each key of an excerpt belongs to a part that may stand in its section."""
+    for section, table in tomllib.loads(code).items():
+        known = {
+            entry.name
+            for place in explained(section)
+            for entry in place.entries
+            if place.kind == table.get("type", place.kind)
+        }
+        assert set(table) <= known | {"type", "source", "csv"}, (section, known)
 
 
 def test_the_two_commands_install_what_is_offered():
@@ -180,6 +237,12 @@ def test_links_lead_to_files_and_headings(page):
             continue
         file, _, anchor = target.partition("#")
         path = (ROOT / page).parent / file
+        if file.startswith("reference/"):  # pages that only the site has
+            names = public_names()
+            assert path.stem in {*names, "index"}, target
+            name = anchor.rpartition(".")[2]
+            assert not anchor or name in names[path.stem], target
+            continue
         assert path.exists(), target
         if anchor:
             assert anchor in anchors(path), target

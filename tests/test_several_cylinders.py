@@ -648,3 +648,9 @@ def test_parts_name_what_does_not_go_together(twin):
     with pytest.raises(BadInput, match="at least one throw"):
         Cylinders(())
     assert set(twin.energy.losses) >= {"main_1", "main_2", "crank_pin_1", "wall_2"}
+
+
+def test_a_layout_by_name_has_its_count_without_numbers():
+    """Solvers ask for it while they find out shapes."""
+    shapes = eqx.filter_eval_shape(lambda c: c, Cylinders(layout="V90x2", throw_pitch=0.09))
+    assert shapes.count == 4

@@ -113,8 +113,10 @@ class Cylinders(Part):
 
     @property
     def count(self) -> int:
-        """Number of cylinders."""
-        return sum(throw.banks.size for throw in self.rows)
+        """Number of cylinders; also where the numbers are only shapes."""
+        if self.layout is not None:
+            return sum(len(banks) for _, banks in _layout(self.layout))
+        return sum(throw.banks.size for throw in self.throws)
 
     def each(self, part, like):
         """A part whose lists over the cylinders go with instants like these."""

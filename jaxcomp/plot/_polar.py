@@ -54,8 +54,10 @@ def _loads(compressor, forces):
         pins = {joints["crank_pin"]: forces[joints["crank_pin"]] for joints in own}
         within = {name for joints in own for name in joints.values()}
         return pins | {name: -force for name, force in forces.items() if name not in within}
-    loads = {"crank_pin": forces["crank_pin"]}
     if isinstance(compressor.mechanism, SliderLink):
         upper, lower = -forces["upper_bearing"], -forces["lower_bearing"]
-        return loads | {"upper_bearing": upper, "lower_bearing": lower, "support": upper + lower}
-    return loads | {"main_journal": -forces["main_journal"]}
+        ends = {"upper_bearing": upper, "lower_bearing": lower, "support": upper + lower}
+        return {"crank_pin": forces["crank_pin"], **ends}
+    signs = {"crank_pin": 1.0, "main_journal": -1.0}
+    # a mechanism of another package may have other joints
+    return {name: sign * forces[name] for name, sign in signs.items() if name in forces} or forces
