@@ -93,7 +93,9 @@ def on_page_content(html, page, config, files):
         text = unescape(match[2]).strip()
         block = text.startswith("\\[")
         try:
-            return convert(text[2:-2].strip(), display="block" if block else "inline")
+            found = convert(text[2:-2].strip(), display="block" if block else "inline")
+            # the names of functions stand apart from their arguments
+            return re.sub(r"<mi>(\w\w+)</mi>", r'<mi class="function">\1</mi>', found)
         except Exception as error:  # whatever the converter stumbles over
             log.warning(f"{page.file.src_uri}: formula {text}: {type(error).__name__}: {error}")
             return match[0]

@@ -15,7 +15,8 @@ def public_names():
         if path.name.startswith("_"):
             continue
         if (path / "__init__.py").exists() and path.name not in ("cli", "machines"):
-            found[name] = _imported(path / "__init__.py", name)
+            stub = path / "__init__.pyi"  # of a package that imports its modules when they are used
+            found[name] = _imported(stub if stub.exists() else path / "__init__.py", name)
         elif path.suffix == ".py":
             found[name] = _imported(path, name) or _defined(path, name)
     # modules of a package, such as `jaxcomp.friction._slider_crank`, are no names of their own
@@ -50,6 +51,8 @@ def first_sentence(module, name):
     """The first line of the docstring of a name, found in the sources."""
     path = ROOT / Path(*module.split("."))
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    stub = file.with_suffix(".pyi")
+    file = stub if stub.exists() else file
     for node in ast.parse(file.read_text("utf-8")).body:
         if getattr(node, "name", "") == name:
             return (ast.get_docstring(node) or "").partition("\n")[0]

@@ -1,6 +1,7 @@
 """The order of the floors: a module imports its own floor and lower ones, also within functions."""
 
 import ast
+import re
 from pathlib import Path
 
 import jaxcomp
@@ -22,6 +23,7 @@ FLOORS = [
     {"design", "tolerancing", "sweeping", "work_precision"},
     {"scene", "machines"},
     {"plot", "report"},
+    {"desk"},
     {"cli"},
 ]
 RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor}
@@ -69,3 +71,10 @@ def test_every_room_has_a_floor():
 
 def test_no_import_runs_upwards():
     assert list(_against_the_order()) == []
+
+
+def test_the_page_on_architecture_has_the_same_order():
+    page = (PACKAGE.parent / "notebooks" / "architecture.md").read_text("utf-8")
+    rows = re.findall(r"^\| (\d+) \| ([^|]*) \|", page, re.M)
+    assert [int(number) for number, _ in rows] == list(range(1, len(FLOORS) + 1))
+    assert [set(re.findall(r"`(\w+)`", names)) for _, names in rows] == FLOORS

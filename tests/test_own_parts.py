@@ -208,7 +208,7 @@ def test_the_reference_has_every_public_name():
         there = importlib.import_module(module)
         assert all(hasattr(there, name) for name in names), module
         if hasattr(there, "__path__") and module != "jaxcomp":
-            seen = {name for name in vars(there) if not name.startswith("_")}
+            seen = {name for name in dir(there) if not name.startswith("_")}
             modules = {n for n in seen if inspect.ismodule(getattr(there, n))}
             assert seen - modules == set(names), module
     everything = set(importlib.import_module("jaxcomp").__all__)
