@@ -28,7 +28,14 @@ FLOORS = [
 ]
 RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor}
 # Libraries of the edge, and the lowest floor that may import them.
-EDGE = {"pint": "scene", "matplotlib": "plot", "typer": "cli", "click": "cli"}
+EDGE = {
+    "pint": "scene",
+    "matplotlib": "plot",
+    "panel": "desk",
+    "bokeh": "desk",
+    "typer": "cli",
+    "click": "cli",
+}
 # A result hands itself to the pictures when `.plot` is read, and not before.
 ON_DEMAND = {("_results", "plot")}
 
