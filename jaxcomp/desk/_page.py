@@ -290,7 +290,7 @@ class _Page:
             hidden_columns=["name"],
             editors={"Number": None, "Gain": None, "Value": {"type": "input"}},
             header_filters={"Number": {"type": "input", "placeholder": "filter"}},
-            widths={"Number": "46%", "Value": "24%", "Gain": "30%"},
+            widths={"Number": "40%", "Value": "24%", "Gain": "36%"},
             height=420,
             sizing_mode="stretch_width",
         )
@@ -379,7 +379,9 @@ class _Pictures:
         curves, bars = _curves(view), _bars(view)
         for title, (x, y, lines) in curves.items():
             plot = _empty(title, x, y)
-            for place, name in enumerate(lines):
+            for name in lines:
+                # a joint has one colour in all pictures
+                place = list(view.forces).index(name) if name in view.forces else 0
                 for pinned in (True, False):
                     source = self._source(title, name, pinned, {"x": [], "y": []})
                     paint = _PINNED if pinned else colour(name, place)
