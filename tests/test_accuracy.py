@@ -300,6 +300,7 @@ def test_impossible_questions_are_refused_by_name():
         assert caught.value.field == field
 
 
+@pytest.mark.slow
 def test_films_are_studied_at_every_bearing_of_the_machine():
     scene = load("slider-link-8cc")
     places = film_places(machine_of(scene))

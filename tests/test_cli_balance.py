@@ -73,6 +73,7 @@ def test_springs_gain_most_then_the_housing_and_the_air_gap_pays(hermetic):
     assert all(abs(fast[t] - left[t]) < 0.02 for t in left if t != "TP6")
 
 
+@pytest.mark.slow
 def test_two_planes_beat_one_and_two_speeds_cost_little(hermetic):
     one = found("hermetic-68cc", "--planes", "rotor-top")
     assert hermetic["improvement"] < 0.5 * one["improvement"]

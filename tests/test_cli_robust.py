@@ -69,7 +69,7 @@ def test_escape_sequences_do_not_reach_the_terminal(tmp_path):
         assert "\\x1b[2J" in shown.output
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+@pytest.mark.parametrize("encoding", ["ascii", pytest.param("latin-1", marks=pytest.mark.slow)])
 def test_a_terminal_need_not_be_utf_8(tmp_path, encoding):
     scene = renamed(tmp_path / "m.toml", "Verdichter Ω µ")
     for words in (("list", scene), ("check", scene, "--json"), ("list", "Ωmega")):

@@ -407,6 +407,7 @@ def test_modes_hanging_free():
     np.testing.assert_allclose(elastic[:8], bending[:8], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_all_critical_speeds_of_a_range_are_found():
     # Every crossing of a fine diagram: the number of modes below the line n W changes there.
     model, speeds = in_python(), np.linspace(30.0, 900.0, 12)

@@ -193,6 +193,7 @@ def test_vibration_is_that_of_the_influence_coefficients(scene):
     np.testing.assert_allclose(found.values, [rms(left), rms(balanced), rms(left[own])], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_films_carry_the_mean_force_of_their_speed(scene):
     """Eq. (6): the mean rod force, shared by the statics of the shaft; it changes with the speed."""
     machine = scene.assembly
@@ -215,6 +216,7 @@ def test_films_carry_the_mean_force_of_their_speed(scene):
     assert np.linalg.norm(loads[1] - loads[0]) > 0.01 * np.linalg.norm(loads[0])
 
 
+@pytest.mark.slow
 def test_one_clearance_acts_on_friction_and_film_alike(scene):
     """Efficiency and vibration follow the clearance of one bearing, as differences say."""
     asked = ["mechanical_efficiency", "vibration", "loss_power.upper"]

@@ -52,6 +52,7 @@ def nearly_unloaded():
     return eqx.tree_at(lambda c: (c.gas.clearance_ratio, c.gas.exponent), design, gas)
 
 
+@pytest.mark.slow
 def test_a_nearly_vanishing_pin_load_costs_no_digits_and_the_error_is_known():
     design = nearly_unloaded()
     default = solve_orbit(design)
@@ -62,6 +63,7 @@ def test_a_nearly_vanishing_pin_load_costs_no_digits_and_the_error_is_known():
     assert error < float(default.efficiency_error) < 100 * error
 
 
+@pytest.mark.slow
 def test_the_error_of_coarse_losses_is_above_what_it_is():
     fine = solve_orbit(machine(), Collocation(nodes=16)).mechanical_efficiency
     for nodes in (5, 8, 12):

@@ -86,6 +86,7 @@ def test_names_that_cannot_be_registered_are_refused(friction_share):
     assert registry.registered_quantity("friction_share") == again != friction_share
 
 
+@pytest.mark.slow
 def test_a_name_that_is_registered_anew_is_compiled_anew(friction_share, mayekawa):
     def first():
         return float(sweep(mayekawa, {"bore": [0.12]}, ["friction_share"], progress=False)

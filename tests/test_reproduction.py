@@ -166,6 +166,7 @@ def test_best_stroke(turns):
     assert falls == pytest.approx([0.0173, 0.0138], abs=1e-4)  # a line to 2 mm
 
 
+@pytest.mark.slow
 def test_thrust_bearing_whose_faces_are_not_parallel():
     compressor = load("slider-link-8cc").compressor
     orbit = solve_orbit(compressor, Collocation(reversals=0))

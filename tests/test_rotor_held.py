@@ -142,6 +142,7 @@ def test_held_links_are_the_limit_of_stiff_springs(dof):
     )
 
 
+@pytest.mark.slow
 def test_critical_speeds_and_campbell_of_a_pinned_rotor():
     rotor = beam((0, Pinned()), (LAST, Pinned()))
     springs = dataclasses.replace(rotor, links=tuple(stiff(link, 1e12) for link in rotor.links))
@@ -162,6 +163,7 @@ def test_free_modes_know_no_pins(damping):
         np.testing.assert_allclose(found.frequency, wanted.frequency, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_gradients_pass_through_what_is_held():
     model = rotor_machine.machine()
     model = dataclasses.replace(model, links=model.links + HELD)

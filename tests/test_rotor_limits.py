@@ -153,6 +153,7 @@ def test_motions_too_damped_to_peak_are_no_critical_speeds():
     assert above.speed.size == 0
 
 
+@pytest.mark.slow
 def test_overdamped_motions_stand_behind_the_modes():
     """Stiff bars with stiffness damping creep at -5e5 /s, with a small imaginary part."""
     model = loaded_rotor(load("hermetic-68cc").assembly, jnp.array([314.0]))
@@ -186,6 +187,7 @@ assert undamped_modes(rotor, 2).square.devices() == {second}
 """
 
 
+@pytest.mark.slow
 def test_the_unsymmetric_eigenproblem_runs_on_the_cpu():
     """A second device of the host stands for an accelerator, which may lack `eig`."""
     flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2"}

@@ -18,6 +18,7 @@ def scene():
     return load("hermetic-68cc")
 
 
+@pytest.mark.slow
 def test_response_to_the_crank_is_that_of_each_speed_alone(scene):
     found = respond(scene, spin_speeds=SPEEDS, excitation="crank").checked()
     assert found.displacement.shape[:2] == (1, 2)

@@ -140,7 +140,8 @@ def test_impossible_robust_objectives_are_refused(scene):
         robust(scene, "swept_volume", volume, sigmas=3.0, samples=4)
 
 
-def test_robust_balance_is_the_ridge_of_its_scatter(balanced):
+@pytest.mark.slow
+def test_robust_balance_is_least_squares_with_a_penalty(balanced):
     """Where a mass scatters with its size, its mean square vibration is least squares with a penalty:
 
     E |V_0 + C (B + dB)|^2 = |V_0 + C B|^2 + sum_p s^2 |B_p|^2 |C_p|^2.

@@ -118,6 +118,7 @@ def test_shooting_and_other_motors_are_confirmed_as_well():
     assert max(abs(float(e)) for e in held.loss_error.values()) < 1e-3
 
 
+@pytest.mark.slow
 def test_verification_takes_part_in_compiled_functions_and_adds_no_derivative():
     compressor = load("mayekawa-wbhe").compressor
     options = TimeIntegration(diffrax.Tsit5(), 1e-8, samples=200)
