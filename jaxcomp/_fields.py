@@ -193,6 +193,21 @@ def listed(tree: Any) -> dict[str, Array]:
     }
 
 
+def of_cylinder(tree: _Tree, number: int = 1) -> _Tree:
+    """A part with the numbers of one cylinder, from 1, where lists have one for each."""
+    if not isinstance(tree, Part):
+        return tree
+    changes = {}
+    for field in dataclasses.fields(tree):
+        value = getattr(tree, field.name)
+        if isinstance(value, Part):
+            new = of_cylinder(value, number)
+            changes |= {} if new is value else {field.name: new}
+        elif "unit" in field.metadata and is_listed(tree, field, value):
+            changes[field.name] = value[number - 1]
+    return replaced(tree, **changes)  # pyright: ignore[reportReturnType]
+
+
 def along_cylinders(tree: _Tree, like: Array) -> _Tree:
     """A part whose lists over k cylinders have a shape (k, 1, ...) that goes with instants."""
     if not isinstance(tree, Part):

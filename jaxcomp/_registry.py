@@ -94,7 +94,7 @@ _BUILT_IN = (
     Quantity("joint_margin", "", "more", "Margin against self-locking: 1 without friction, locks at 0.",
              lambda r: r.orbit.margin),
     Quantity("swept_volume", "m^3", "", "Volume that the piston displaces in one stroke.",
-             lambda r: r.assembly.compressor.mechanism.swept_volume, ("compressor",)),
+             lambda r: r.assembly.compressor.swept_volume, ("compressor",)),
     Quantity("peak_shaking_force", "N", "less", "Largest shaking force over the revolution.",
              lambda r: r.peak_shaking_force, ("orbit", "compressor")),
     Quantity("peak_shaking_moment", "N m", "less", "Largest shaking moment over the revolution.",

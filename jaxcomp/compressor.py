@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._fields import ANY, BadInput, Part, is_traced, listed, quantity, replaced
+from ._fields import ANY, BadInput, Part, is_traced, listed, of_cylinder, quantity, replaced
 from .friction import (
     AbstractFriction,
     AbstractJointLoop,
@@ -60,6 +60,11 @@ class Compressor(Part):
             raise ValueError(
                 f"`friction` must be of the kind of the mechanism, {wanted}, but is {kind}."
             )
+
+    @property
+    def swept_volume(self) -> Float[Array, ""]:
+        """[m^3] of a cylinder; of several different ones the first."""
+        return of_cylinder(self.mechanism).swept_volume
 
     @property
     def load_reversals(self) -> int:

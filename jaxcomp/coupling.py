@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._fields import BadInput, replaced
+from ._fields import BadInput, of_cylinder, replaced
 from ._words import one_of
 from .compressor import Compressor, first_top, instants
 from .crank import Collocation, Orbit, Shooting, solve_orbit
@@ -95,7 +95,7 @@ def crank_forces(
         single, own, gas, suffix = mechanism, angle, gas_forces, ""
         if cylinders is not None:
             joints, suffix = joints_of_cylinder(place + 1), f"_{place + 1}"
-            single = jax.tree.map(lambda x, i=place: x[i] if x.ndim else x, mechanism)
+            single = of_cylinder(mechanism, place + 1)
             own, gas = angle + cylinders.phase[place], gas_forces[place]
         of_pins |= set(joints.values())
         position, _, _ = single.piston(own)

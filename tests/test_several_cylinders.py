@@ -47,6 +47,7 @@ from jaxcomp.friction import (
 from jaxcomp.gas import DoubleActing, PolytropicCycle, StagedCycle
 from jaxcomp.mechanism import CrankState, Cylinders, SliderCrank, Throw, Vector, counterweights
 from jaxcomp.motor import MeanSpeed, SlipLine
+from jaxcomp.plot import cylinders_motion, order_spectra
 from jaxcomp.shaking import shaking_wrench
 
 # rods on throws at 0 and 180 degrees: [deg] of the throw, [m], banks [deg], unbalance [kg m]
@@ -654,3 +655,42 @@ def test_a_layout_by_name_has_its_count_without_numbers():
     """Solvers ask for it while they find out shapes."""
     shapes = eqx.filter_eval_shape(lambda c: c, Cylinders(layout="V90x2", throw_pitch=0.09))
     assert shapes.count == 4
+
+
+def test_panels_that_coincide_are_joined():
+    """Half of the kinks of this machine coincide; with the others joined too the error stays small."""
+    made = several(LAYOUTS[4])
+    fast = Collocation(nodes=5, reversals=0, tolerance=1e-3, most_panels=14, estimate=False)
+    orbit = solve_orbit(made, fast)
+    assert orbit.weight.size == 70
+    # as of one cylinder with five nodes on a panel; 4e-5 seen
+    assert float(orbit.mechanical_efficiency) == pytest.approx(GOLDEN[4][0], abs=1e-4)
+    assert np.isnan(float(orbit.efficiency_error))
+
+
+@pytest.mark.parametrize("name", ["two-stage-crosshead", "refrigeration-twin"])
+def test_bundled_machines_are_drawn_and_run(name):
+    made = load(name).as_compressor()
+    orbit = solve_orbit(made, COARSE)
+    assert abs(orbit.energy.residual) < 1e-12
+    # within the packing, the crosshead pin is loaded on both sides for the 15 degrees of the standard
+    if name == "two-stage-crosshead":
+        for angle, ratio in rod_load_reversal(orbit).values():
+            assert float(angle) > np.deg2rad(15.0)
+            assert float(ratio) > 0.03
+    motion = cylinders_motion(made, orbit, frames=4)
+    front, side = motion.figure.axes
+    motion.show(0)
+    rods = [np.asarray(line.get_xydata()) for line in front.lines[::3]]
+    motion.show(2)
+    for before, line in zip(rods, front.lines[::3], strict=True):
+        after = np.asarray(line.get_xydata())
+        # (y, x) of crank centre, pin and piston: the links keep their lengths
+        for points in (before, after):
+            lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            wanted = float(made.mechanism.crank_radius), float(made.mechanism.conrod_length)
+            np.testing.assert_allclose(lengths, wanted, rtol=1e-6)
+        assert np.abs(after - before).max() > 0.01
+    assert side.get_xlabel() == "z, m"
+    figure = order_spectra(made, orbit)
+    assert len(figure.axes) == 3

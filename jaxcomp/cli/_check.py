@@ -11,6 +11,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
+from .._fields import listed, of_cylinder
 from .._shown import RPM
 from ._errors import reports_errors, show_error
 from ._options import AsJson, Machine
@@ -120,8 +121,6 @@ def _commands(scene: jc.scene.Scene) -> list[str]:
     """The commands that have something to work on."""
     design = ["compare", "sensitivity", "optimise", "sweep", "tolerance"]
     out = [] if scene.compressor is None else ["run", "animate", *design]
-    if scene.compressor is not None and scene.compressor.cylinders is not None:
-        out.remove("animate")
     if "rotor" in scene.parts:
         loads = scene.parts.get("loads")
         out += ["modes"]
@@ -140,7 +139,13 @@ def _of_cylinders(compressor: jc.Compressor):
     intervals = np.rad2deg(np.asarray(cylinders.firing_intervals))
     even = np.ptp(intervals) < 0.01
     shown = f"{intervals[0]:.4g}" if even else ", ".join(f"{x:.4g}" for x in intervals)
-    yield "Cylinders", cylinders.count, ""
+    differing = ", ".join(listed((compressor.mechanism, compressor.gas)))
+    yield "Cylinders", cylinders.count, f"different in {differing}" if differing else ""
+    gas = getattr(compressor.gas, "head_end", compressor.gas)
+    suction = np.unique(np.atleast_1d(getattr(gas, "suction_pressure", 0.0)))
+    if suction.size > 1:
+        between = ", ".join(f"{1e-5 * p:.5g}" for p in suction[1:])
+        yield "Pressure between stages", f"{between} bar", ""
     yield "Between top dead centres", f"{shown} deg", "even" if even else "uneven"
     places = getattr(getattr(compressor.friction, "main_journal", None), "position", None)
     if places is not None:
@@ -155,7 +160,7 @@ def _follows(scene: jc.scene.Scene):
     rules = ", ".join(name for name in names if name in jc.design.design_rules)
     yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
     if scene.compressor is not None:
-        mechanism, gas = scene.compressor.mechanism, scene.compressor.gas
+        mechanism, gas = map(of_cylinder, (scene.compressor.mechanism, scene.compressor.gas))
         yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
         yield "Swept volume", 1e6 * float(mechanism.swept_volume), "cm3"
         if scene.compressor.cylinders is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
+from .._fields import listed, of_cylinder
 from .._registry import Quantity, registered
 from .._shown import RPM, shown
 from ._arguments import assignments, changed_scene
@@ -205,7 +206,7 @@ def _numbers(machine, assembly, orbit: "Orbit", known) -> tuple[dict[str, Any], 
         "lowest_speed": orbit.lowest_speed,
         "highest_speed": orbit.highest_speed,
         "period": orbit.period,
-        "stroke": compressor.mechanism.stroke,
+        "stroke": of_cylinder(compressor.mechanism).stroke,
         "energy_residual": energy.residual,
         "residual": orbit.residual,
         "resolution": orbit.resolution,
@@ -232,11 +233,14 @@ def _summary(scene: "Scene", result: dict[str, Any]):
     title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")
     rows = []
     compressor = scene.as_compressor()
-    bore, cylinders = getattr(compressor.mechanism, "bore", None), compressor.cylinders
+    single, cylinders = of_cylinder(compressor.mechanism), compressor.cylinders
+    bore = getattr(single, "bore", None)
     if bore is not None:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
         each = "" if cylinders is None else f" in each of {cylinders.count} cylinders"
+        if listed(compressor.mechanism):
+            each = " in the first of them"
         rows.append(("Bore x stroke", size, f"{volume} swept{each}"))
     low, high = (f"{RPM * result[f'{end}_speed']:.5g}" for end in ("lowest", "highest"))
     notes = {

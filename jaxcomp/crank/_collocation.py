@@ -51,6 +51,11 @@ class Collocation(eqx.Module):
         tolerance: [-] change of the relative kinetic energy at which the iteration stops. Given as an
             array, all tolerances share one compiled program.
         max_iterations: iterations after which the result is marked as not converged.
+        most_panels: where the kinks that are known beforehand would make more panels than this, those
+            closest behind another are no edges: of several cylinders many coincide, and the error of
+            a kink within a panel goes with the square of its distance from the edge. `None`: all are.
+        estimate: whether everything is evaluated at twice the nodes as well, which tells `loss_error`;
+            without, that is NaN, and an orbit of several cylinders takes half the time.
     """
 
     nodes: int = eqx.field(static=True, default=8)
@@ -58,6 +63,8 @@ class Collocation(eqx.Module):
     grading: int = eqx.field(static=True, default=3)
     tolerance: float | Float[Array, ""] = 1e-13
     max_iterations: int = eqx.field(static=True, default=80)
+    most_panels: int | None = eqx.field(static=True, default=None)
+    estimate: bool = eqx.field(static=True, default=True)
 
     name: ClassVar[str] = "collocation"
 
@@ -75,11 +82,20 @@ class Collocation(eqx.Module):
     def solve(self, compressor: Compressor) -> Orbit:
         """The orbit of an admissible compressor."""
         problem = self.problem(compressor)
-        known = prepare(compressor, revolution_edges(kink_angles(compressor)))
+        kinks = kink_angles(compressor)
+        if self.most_panels is not None and self.most_panels < kinks.size:
+            kinks = _farthest(kinks, self.most_panels)
+        known = prepare(compressor, revolution_edges(kinks))
         if compressor.friction is None and not closure_of(compressor.motor).integrates:
             return _explicit_orbit(known, problem.resolution, self.name)
         motion, (_, report) = fixed_point(problem, known)
-        return orbit_of_motion(known, problem.resolution, motion, report, self.name)
+        return orbit_of_motion(known, problem.resolution, motion, report, self.name, self.estimate)
+
+
+def _farthest(kinks: Float[Array, " k"], count: int) -> Float[Array, " count"]:
+    """The first of the sorted kinks, and those that lie farthest behind the one before."""
+    _, place = lax.top_k(lax.stop_gradient(jnp.diff(kinks)), count - 1)
+    return jnp.concatenate([kinks[:1], kinks[1 + jnp.sort(place)]])
 
 
 def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
@@ -141,12 +157,17 @@ def loop_kinks(compressor: Compressor) -> int:
 
 
 def orbit_of_motion(
-    known: Known, resolution: Resolution, motion: Motion, report: FixedPointReport, solver: str
+    known: Known,
+    resolution: Resolution,
+    motion: Motion,
+    report: FixedPointReport,
+    solver: str,
+    estimate: bool = True,
 ) -> Orbit:
     """Forces, accounts and evidence of a motion.
 
-    Everything is evaluated at the nodes and, without derivatives, at twice as many on every panel,
-    which tell the error.
+    Everything is evaluated at the nodes and, if `estimate`, without derivatives at twice as many on
+    every panel, which tell the error.
     """
     compressor, scales = known.compressor, known.scales
     grid = resolution.panels_between(known.edges, motion.places)
@@ -157,6 +178,8 @@ def orbit_of_motion(
 
     def both(values):
         at_both = values, lax.stop_gradient(values @ through)
+        if not estimate:
+            return values.reshape(*values.shape[:-2], -1)
         return jnp.concatenate([x.reshape(*x.shape[:-2], -1) for x in at_both], axis=-1)
 
     def nodes(values):
@@ -165,7 +188,8 @@ def orbit_of_motion(
     def finer(values):
         return lax.stop_gradient(values[..., count:].reshape(*values.shape[:-1], *fine.angle.shape))
 
-    at = instants(compressor, jnp.concatenate([grid.angle.ravel(), fine.angle.ravel()]))
+    angles = [grid.angle.ravel(), fine.angle.ravel()]
+    at = instants(compressor, jnp.concatenate(angles) if estimate else angles[0])
     energy = both(motion.energy)
     state = state_of(at, scales, energy, both(motion.acceleration))
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
@@ -180,12 +204,14 @@ def orbit_of_motion(
         values = (pick(value) for value in known_at)
         return Instant(grid, scales.speed, scales.energy, *values, motion.first_energy)
 
-    now, finer_now = instant(grid, nodes), instant(fine, finer)
+    now = instant(grid, nodes)
     motor = closure.torque(now)
     period = grid.total(1 / now.speed)
     status = Status.where(report.settled, Status.converged, Status.not_converged)
-    resolved = jnp.abs(fine.total(1 / finer_now.speed) - period) < _PERIOD_ERROR * period
-    status = Status.where(report.settled & ~resolved, Status.unresolved, status)
+    if estimate:
+        finer_now = instant(fine, finer)
+        resolved = jnp.abs(fine.total(1 / finer_now.speed) - period) < _PERIOD_ERROR * period
+        status = Status.where(report.settled & ~resolved, Status.unresolved, status)
     growth = None
     if closure.needs_steepness:
         now_known = (compressor, at, scales, energy, both(motion.acceleration))
@@ -199,12 +225,14 @@ def orbit_of_motion(
     # The error of the motion: the kinetic energy that the torques at the finer nodes add to it. All
     # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
     # force, change by as much as the large ones.
-    moved = _energy_error(closure, finer_now, finer(state.acceleration), growth)
-    moved *= 2 * lax.stop_gradient(account.total_loss)
-    error = {
-        name: _quadrature_error(grid, fine, lax.stop_gradient(nodes(loss)), finer(loss)) + moved
-        for name, loss in loads.loss_torque.items()
-    }
+    error = dict.fromkeys(totals, jnp.full((), jnp.nan))
+    if estimate:
+        moved = _energy_error(closure, finer_now, finer(state.acceleration), growth)
+        moved *= 2 * lax.stop_gradient(account.total_loss)
+        error = {
+            name: _quadrature_error(grid, fine, lax.stop_gradient(nodes(loss)), finer(loss)) + moved
+            for name, loss in loads.loss_torque.items()
+        }
     return orbit_on_panels(
         grid,
         jax.tree.map(nodes, at),

@@ -136,7 +136,8 @@ def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
     joints = jnp.max(jnp.abs(seen.loads.residual)) <= _JOINT_RESIDUAL + 10 * solver.tolerance
     coarse = seen.resolution > _COARSE
     coarse |= ~(jnp.abs(seen.energy.residual) <= _ENERGY_RESIDUAL)
-    coarse |= ~(seen.efficiency_error <= _LOSS_ERROR)
+    if getattr(solver, "estimate", True):
+        coarse |= ~(seen.efficiency_error <= _LOSS_ERROR)
     good = orbit.status == Status.converged
     status = Status.where(good & coarse, Status.unresolved, orbit.status)
     status = Status.where(good & ~(finite & joints), Status.not_converged, status)

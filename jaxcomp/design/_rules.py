@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, POSITIVE, BadInput, Bound, is_traced, replaced
+from .._fields import ANY, POSITIVE, BadInput, Bound, is_traced, listed, replaced
 from .._registry import DESIGN_RULES
 from ..compressor import Compressor
 from ..machine import Machine
@@ -217,6 +217,9 @@ def _ruled(machine: Machine | Compressor) -> SliderCrank | SliderLink:
         given = getattr(mechanism, "kind", type(mechanism).__name__)
         bound = "a slider_crank or a slider_link, for which this rule is made"
         raise BadInput("mechanism", given, bound)
+    for name in listed(mechanism):
+        bound = "one number for all cylinders, for which this rule is made"
+        raise BadInput(f"mechanism.{name}", getattr(mechanism, name), bound)
     return mechanism
 
 

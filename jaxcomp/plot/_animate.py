@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from .._fields import BadInput
 from .._shown import RPM
 from ..compressor import Compressor
 from ..crank import Orbit
 from ..mechanism import SliderCrank, SliderLink
 from ._fine import FineTurn, fine_turn
 from ._motion import Motion
+from ._several import cylinders_motion
 from ._style import INK, colour, crank_axis, legend_above, new_figure, over_turn, words, ylabel
 
 _CRANK, _ROD, _WALL = "#444444", "#7A8B9C", "#888888"
@@ -58,11 +58,10 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
         orbit: its periodic state.
         frames: pictures of the revolution, even in time.
 
-    Raises:
-        BadInput: several cylinders, of which no moving picture is drawn.
+    Several cylinders are shown from the front and the side, see `cylinders_motion`.
     """
     if compressor.cylinders is not None:
-        raise BadInput("cylinders", compressor.cylinders.count, "absent: the picture shows one")
+        return cylinders_motion(compressor, orbit, frames)
     turn = fine_turn(compressor, orbit)
     angles = _even_in_time(turn, frames)
     sketches = [sketch(compressor, turn, angle) for angle in angles]

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
+from .._fields import of_cylinder
 from .._shown import RPM
 from ..compressor import Compressor, instants
 from ..crank import Orbit, journal_rates
@@ -17,9 +18,11 @@ from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension
 from ._fine import FineTurn, fine_turn
 from ._polar import bearing_loads
+from ._several import machine_views, order_spectra
 from ._shaking import free_body_errors, shaking_force, vibration_orbits
 from ._style import (
     INK,
+    SPARE_COLOURS,
     colour,
     crank_axis,
     legend,
@@ -42,6 +45,9 @@ def orbit_figures(
     figures["torques"] = crank_torques(compressor, orbit)
     if compressor.cylinders is not None and compressor.gas is not None:
         figures["cylinder_torques"] = cylinder_torques(compressor, orbit)
+    if compressor.cylinders is not None:
+        figures["machine"] = machine_views(compressor, orbit)
+        figures["orders"] = order_spectra(compressor, orbit)
     figures["joint_forces"] = joint_forces(compressor, orbit)
     figures["bearing_loads"] = bearing_loads(compressor, orbit)
     if orbit.loads.loss_torque:
@@ -62,7 +68,7 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     """
     if compressor.gas is None or orbit.pressure is None:
         raise ValueError("A p-V diagram needs a compressor with gas.")
-    mechanism = compressor.mechanism
+    mechanism, gas = of_cylinder(compressor.mechanism), of_cylinder(compressor.gas)
     turn = fine_turn(compressor, orbit)
     angle, pressure, several = turn.state.angle, turn.pressure, compressor.cylinders
     if several is not None and pressure is not None:
@@ -75,7 +81,7 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     figure, ((ax,),) = new_figure(1, 1, (6.4, 4.2), "Indicator diagram")
     ax.fill(volume, pressure, color=colour("gas"), alpha=0.08, linewidth=0)
     ax.plot(volume, pressure, color=colour("gas"), linewidth=1.8, label="Cylinder, absolute")
-    back = float(compressor.gas.behind_piston) / 1e6
+    back = float(gas.behind_piston) / 1e6
     ax.axhline(back, color=INK, linewidth=0.9, linestyle="--", label="Behind the piston")
     ax.set_xlim(0, None)
     ax.set_ylim(0, None)
@@ -108,10 +114,13 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
         2 if walls else 1, 1, (7.2, 5.6 if walls else 3.6), "Joint forces over one revolution"
     )
     ax = axes[0, 0]
-    for place, (name, force) in enumerate(forces.items()):
-        if name not in walls:
-            degrees, size = over_turn(angle, np.hypot(*force))
-            ax.plot(degrees, size, color=colour(name, place), linewidth=1.6, label=words(name))
+    curves = [item for item in forces.items() if item[0] not in walls]
+    for place, (name, force) in enumerate(curves):
+        degrees, size = over_turn(angle, np.hypot(*force))
+        # a second round of the colours is dashed, a third dotted
+        style = ("-", "--", ":", "-.")[place // SPARE_COLOURS % 4]
+        tint = colour(name, place)
+        ax.plot(degrees, size, style, color=tint, linewidth=1.6, label=words(name))
     ylabel(ax, f"Magnitude, {unit}")
     ax.set_ylim(0, None)
     crank_axis(ax, label=not walls)
@@ -288,19 +297,23 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
 
 @eqx.filter_jit
 def _reduced(compressor: Compressor, state):
-    """Inertia torques [N m] of all moving parts, and of the pistons per kilogram of one."""
+    """Inertia torques [N m] of all moving parts, and of the pistons."""
     at = instants(compressor, state.angle)
     whole = at.inertia * state.acceleration + 0.5 * at.inertia_1 * state.speed**2
     position_1, position_2 = at.kinematics.position_1, at.kinematics.position_2
     stroke = position_1 * (position_1 * state.acceleration + position_2 * state.speed**2)
-    return whole, stroke if compressor.cylinders is None else jnp.sum(stroke, axis=0)
+    mass, several = compressor.mechanism.piston_mass, compressor.cylinders
+    if several is None:
+        return whole, mass * stroke
+    mass = jnp.broadcast_to(mass, (several.count,))
+    return whole, jnp.sum(several.along(mass, state.angle) * stroke, axis=0)
 
 
 def _inertia_torques(compressor: Compressor, turn: FineTurn):
-    whole, stroke = _reduced(compressor, turn.state)
+    whole, piston = _reduced(compressor, turn.state)
     mechanism = compressor.mechanism
     crank = mechanism.crank_inertia * turn.state.acceleration
-    piston, several = mechanism.piston_mass * stroke, compressor.cylinders is not None
+    several = compressor.cylinders is not None
     if isinstance(mechanism, SliderCrank):
         return {
             "piston": ("Inertia of the pistons" if several else "Inertia of the piston", -piston),

@@ -13,6 +13,7 @@ from ._style import INK, colour, crank_marks, new_polar_figure, note, words
 
 # Every 45 degrees; the others have the grid alone.
 _DIRECTIONS = ("to the\nhead", "", "across", "", "from the\nhead", "", "", "")
+_OF_MACHINE = ("x", "", "y", "", "-x", "", "-y", "")
 
 
 def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
@@ -30,7 +31,10 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
     figure, axes = new_polar_figure(-(-len(loads) // 2), 2, f"Bearing loads, {unit}")
     for ax in axes.flat[len(loads) :]:
         ax.set_visible(False)
-    note(figure, "Dots: every 45° of crank angle from top dead centre. Across: turned with the "
+    several = compressor.cylinders is not None
+    pins = {name for name in loads if name.startswith("crank_pin")}
+    what = "x and y of the machine for its bearings. " if several else ""
+    note(figure, f"Dots: every 45° of crank angle from top dead centre. {what}Across: turned with the "
          "rotation from the head.")  # fmt: skip
     degrees = np.rad2deg(np.asarray(turn.state.angle))
     for place, (ax, (name, load)) in enumerate(zip(axes.flat, loads.items(), strict=False)):
@@ -42,7 +46,9 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
         ax.set_ylim(0, 1.08 * max(size.max(), 1e-12))
         ax.yaxis.set_major_locator(MaxNLocator(4))
         ax.set_rlabel_position(67.5)  # away from the loads, which lie along the cylinder
-        ax.set_xticks(np.linspace(0, 2 * np.pi, 8, endpoint=False), _DIRECTIONS)
+        of_machine = several and name not in pins
+        names = _OF_MACHINE if of_machine else _DIRECTIONS
+        ax.set_xticks(np.linspace(0, 2 * np.pi, 8, endpoint=False), names)
         ax.set_title(words(name), fontsize=9.5, loc="left", color=INK)
     return figure
 

@@ -27,6 +27,7 @@ COLOURS = {
     "crank": "#444444",
 }
 _SPARE = ("#E69F00", "#56B4E9", "#F0E442", "#CC79A7", "#000000")
+SPARE_COLOURS = len(_SPARE)
 INK = "#222222"
 
 

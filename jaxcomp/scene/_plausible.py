@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._fields import Part, subparts
+from .._fields import Part, of_cylinder, subparts
 from .._shown import RPM
 from ..gas import PolytropicCycle
 from ..mechanism import SliderCrank
@@ -133,6 +133,6 @@ def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleVal
             join(path, "load"), "absent, without a crank to take it from", '["80 N", "0 N"]'
         )
     for what, ratio, low, high in ratios:
-        value = float(ratio(part))
+        value = float(ratio(of_cylinder(part)))
         if value != 0 and not low <= abs(value) <= high:
             yield ImplausibleValue(path, f"{what} is {value:.3g}", f"{low:g} to {high:g}")
