@@ -1,8 +1,10 @@
 from . import balancing as balancing
 from . import coupling as coupling
 from . import crank as crank
+from . import cylinder as cylinder
 from . import design as design
 from . import film as film
+from . import fluid as fluid
 from . import friction as friction
 from . import gas as gas
 from . import machine as machine
@@ -10,12 +12,14 @@ from . import mechanism as mechanism
 from . import motor as motor
 from . import parts as parts
 from . import plot as plot
+from . import rating as rating
 from . import report as report
 from . import rotor as rotor
 from . import scene as scene
 from . import shaking as shaking
 from . import sweeping as sweeping
 from . import tolerancing as tolerancing
+from . import valve as valve
 from . import work_precision as work_precision
 from ._fields import BadInput as BadInput
 from ._registry import Quantity as Quantity

@@ -14,8 +14,19 @@ from typing import Any, NamedTuple
 from ._extensions import import_extensions
 
 # Sections of a scene that a computed result needs, and sections in words.
-_RESULTS = {"orbit": ("compressor",), "vibration": ("rotor", "balancing")}
-_WORDS = {"compressor": "a compressor", "rotor": "a rotor", "balancing": "balancing planes"}
+_RESULTS = {
+    "orbit": ("compressor",),
+    "cycle": ("valves",),
+    "vibration": ("rotor", "balancing"),
+}
+_WORDS = {
+    "compressor": "a compressor",
+    "rotor": "a rotor",
+    "balancing": "balancing planes",
+    "valves": "valves (gas of type cylinder)",
+    "refrigerant": "a real gas",
+    "motor.losses": "a motor with losses",
+}
 _FAMILY = re.compile(r"(.*\.)<(\w+)>")
 
 
@@ -29,8 +40,9 @@ class Quantity(NamedTuple):
         doc: one sentence.
         value: from the results of a design (`jaxcomp.DesignResult`), in the SI unit; for a family all
             values by name.
-        needs: results that `value` uses, "orbit" (the periodic state of the crank) or "vibration"
-            (the response of the rotor), and sections of a scene, as "compressor" or "rotor".
+        needs: results that `value` uses, "orbit" (the periodic state of the crank), "cycle" (that of
+            the gas in a cylinder with valves) or "vibration" (the response of the rotor), and sections
+            of a scene, as "compressor" or "rotor", a "refrigerant" or "motor.losses".
         percent: whether a pure number is shown in per cent.
         members: names of a family's members in a machine; found by tracing `value` if absent.
         words: its name in tables and pictures, where the name itself does not say it well.
@@ -63,16 +75,22 @@ class Quantity(NamedTuple):
         Args:
             machine: of the type `jaxcomp.Machine`.
         """
+        compressor = machine.compressor
+        gas = getattr(compressor, "gas", None)
+        has = {
+            "compressor": compressor is not None,
+            "valves": hasattr(gas, "suction_valve"),
+            "refrigerant": hasattr(getattr(gas, "fluid", None), "saturation"),
+            "motor.losses": getattr(getattr(compressor, "motor", None), "losses", None) is not None,
+        }
         for section in self.sections:
-            if (
-                machine.compressor is None
-                if section == "compressor"
-                else section not in machine.parts
-            ):
+            if not has.get(section, section in machine.parts):
                 return _WORDS.get(section, f"a section [{section}]")
         return ""
 
 
+_CYCLE = ("orbit", "cycle")
+_VALVES = ("suction", "discharge")
 _BUILT_IN = (
     Quantity("mechanical_efficiency", "", "more", "Gas work over motor work.",
              lambda r: r.orbit.mechanical_efficiency, percent=True),
@@ -111,6 +129,46 @@ _BUILT_IN = (
     Quantity("mount_force", "N", "less",
              "Root mean square, over the speeds, of the lateral force into the ground.",
              lambda r: r.mount_force, ("vibration",)),
+    Quantity("mass_flow", "kg/s", "more", "Mass delivered.",
+             lambda r: r.orbit.cycle.mass_flow, _CYCLE),
+    Quantity("capacity", "W", "more",
+             "Cooling capacity: mass flow times enthalpy from the liquid to the gas that comes.",
+             lambda r: r.orbit.cycle.capacity, (*_CYCLE, "refrigerant")),
+    Quantity("cop", "", "more",
+             "Capacity over electric power; over shaft power where the motor has no losses.",
+             lambda r: r.performance.cop, (*_CYCLE, "refrigerant", "compressor"), words="COP"),
+    Quantity("electric_power", "W", "less", "Shaft power over the motor's efficiency.",
+             lambda r: r.performance.electric_power, (*_CYCLE, "motor.losses", "compressor")),
+    Quantity("motor_efficiency", "", "more", "Shaft power over electric power.",
+             lambda r: r.performance.motor_efficiency, (*_CYCLE, "motor.losses", "compressor"),
+             percent=True),
+    Quantity("overall_efficiency", "", "more",
+             "Isentropic power from the gas that comes, over electric (or shaft) power.",
+             lambda r: r.performance.overall_efficiency, (*_CYCLE, "compressor"), percent=True),
+    Quantity("volumetric_efficiency", "", "more",
+             "Mass delivered over swept volume times density at the suction valve.",
+             lambda r: r.orbit.cycle.volumetric_efficiency, _CYCLE, percent=True),
+    Quantity("isentropic_efficiency", "", "more",
+             "Isentropic work of the mass delivered over indicated work.",
+             lambda r: r.orbit.cycle.isentropic_efficiency, _CYCLE, percent=True),
+    Quantity("discharge_temperature", "K", "less", "Mean temperature of the gas delivered.",
+             lambda r: r.orbit.cycle.discharge_temperature, _CYCLE),
+    Quantity("peak_pressure", "Pa", "less", "Highest pressure in the cylinder.",
+             lambda r: r.orbit.cycle.peak_pressure, _CYCLE),
+    Quantity("impact_speed.<contact>", "m/s", "less",
+             "Highest speed at which a valve meets its seat or stop.",
+             lambda r: r.orbit.cycle.impact_speeds, _CYCLE,
+             members=lambda machine: [f"{v}_{p}" for v in _VALVES for p in ("seat", "stop")]),
+    Quantity("closing_angle.<valve>", "rad", "",
+             "Crank angle from the top dead centre at which a valve shuts for the last time.",
+             lambda r: r.orbit.cycle.closing_angles, _CYCLE, members=lambda machine: [*_VALVES]),
+    Quantity("power_use.<cause>", "W", "less",
+             "What the electric (or shaft) power is spent on; the values add up to it.",
+             lambda r: r.performance.power, (*_CYCLE, "compressor")),
+    Quantity("volume_use.<cause>", "", "less",
+             "What the swept volume is used for, delivered or lost; the values add up to 1.",
+             lambda r: {k.replace(" ", "_"): v for k, v in r.orbit.cycle.volume_losses.items()},
+             _CYCLE, percent=True),
 )  # fmt: skip
 _registered: dict[str, Quantity] = {one.name: one for one in _BUILT_IN}
 

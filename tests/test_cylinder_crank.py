@@ -5,8 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp import load, solve_orbit
+from jaxcomp import BadInput, load, solve_orbit
 from jaxcomp.compressor import cylinder_pressure
+from jaxcomp.crank import performance
+from jaxcomp.cylinder import solve_cycle
+from jaxcomp.design import available_quantities
+from jaxcomp.motor import MotorEfficiency
+from jaxcomp.rating import at_rating, polynomial_terms, rating_map
+from jaxcomp.scene import with_value
 
 
 def test_the_bundled_machine_is_the_golden_one():
@@ -39,3 +45,72 @@ def test_pressure_and_speed_agree_with_each_other():
     np.testing.assert_allclose(speed, orbit.state.speed, rtol=3e-4)
     # and it is felt: at constant speed eta_v is 1.2e-4 less
     assert 1e-4 < cycle.volumetric_efficiency / 0.7104359269 - 1 < 3e-4
+    # where power and swept volume go adds up, and efficiencies are what they say
+    made = performance(machine, orbit)
+    np.testing.assert_allclose(sum(made.power.values()), made.electric_power, rtol=1e-12)
+    np.testing.assert_allclose(made.electric_power * 0.8222, orbit.motor_power, rtol=1e-3)
+    np.testing.assert_allclose(sum(cycle.volume_losses.values()), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(made.cop, cycle.capacity / made.electric_power, rtol=1e-12)
+    # enthalpies at ASHRAE's 32.2 C of gas and liquid by CoolProp 8.0.0
+    rise = cycle.capacity / cycle.mass_flow
+    np.testing.assert_allclose(rise, 185548.2396, rtol=1e-9)
+    assert not any(map(bool, cycle.grazes.values()))
+
+
+def test_quantities_of_the_gas_are_those_of_machines_with_valves():
+    valves, plain = (load(name).machine for name in ("r134a-7cc", "mayekawa-wbhe"))
+    known = available_quantities(valves)
+    assert {"cop", "capacity", "mass_flow", "impact_speed.<contact>", "power_use.<cause>"} <= {
+        *known
+    }
+    assert not {"cop", "mass_flow", "electric_power"} & {*available_quantities(plain)}
+    assert "valves" in known["cop"].missing(plain)
+    bare = with_value(load("r134a-7cc"), "motor.losses", None).machine
+    assert "losses" in known["electric_power"].missing(bare)
+    assert not known["cop"].missing(bare)
+
+
+def test_motor_efficiency_over_torque():
+    losses = MotorEfficiency([0.7, 0.8, 0.82], [0.1, 0.2, 0.4])
+    np.testing.assert_allclose([losses.at(t) for t in (0.0, 0.15, 0.9)], [0.7, 0.75, 0.82])
+    np.testing.assert_allclose(MotorEfficiency([0.85]).at(3.0), 0.85)
+    with pytest.raises(ValueError, match="same number"):
+        MotorEfficiency([0.7, 0.8])
+
+
+@pytest.mark.parametrize("rating", ["ashrae", "en12900-superheat"])
+def test_a_rating_point_has_the_lines_of_its_standard(rating):
+    compressor = at_rating(load("r134a-7cc"), 249.85, 327.55, rating)
+    gas = compressor.gas
+    valve, comes = gas.suction.states(gas.fluid)
+    # saturated R134a at -23.3 and 54.4 degrees Celsius, as the properties' golden values
+    np.testing.assert_allclose(comes.p, 114842.64, rtol=1e-7)
+    np.testing.assert_allclose(gas.discharge.states(gas.fluid, valve)[0].p, 1469822.3, rtol=1e-7)
+    np.testing.assert_allclose(comes.T, 305.35 if rating == "ashrae" else 259.85, rtol=1e-12)
+    np.testing.assert_allclose(valve.T - comes.T, 22.8, rtol=1e-12)
+    with pytest.raises(BadInput, match="rating"):
+        at_rating(load("r134a-7cc"), 250.0, 320.0, "ashray")
+    with pytest.raises(BadInput, match="cylinder with a real gas"):
+        at_rating(load("mayekawa-wbhe"), 250.0, 320.0)
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_a_map_is_its_points_and_its_polynomial():
+    machine = load("r134a-7cc")
+    evaporating, condensing = (
+        273.15 + np.array([-30, -25, -20, -15]),
+        273.15 + np.array([40, 50, 55]),
+    )
+    found = rating_map(machine, evaporating, condensing, "ashrae")
+    assert found.ok.all()
+    for place in ((0, 2), (1, 0), (3, 1)):
+        here = at_rating(machine, evaporating[place[0]], condensing[place[1]], "ashrae")
+        speed = here.motor.speed_guess
+        cycle = solve_cycle(here.gas, here.mechanism, speed)
+        # nodes and panels of a map are fewer: six digits
+        np.testing.assert_allclose(found.values["capacity"][place], cycle.capacity, rtol=3e-5)
+    terms = polynomial_terms(evaporating[:, None], condensing)
+    fitted = terms @ found.coefficients["capacity"]
+    error = np.abs(fitted - found.values["capacity"]).max() / found.values["capacity"].max()
+    np.testing.assert_allclose(error, found.fit_error["capacity"], rtol=1e-6)
+    assert error < 5e-3

@@ -22,6 +22,7 @@ from ._compare import compare
 from ._desk import desk
 from ._explain import explain
 from ._list import list_machines
+from ._map import rating_map
 from ._modes import modes
 from ._new import new
 from ._optimise import optimise
@@ -71,6 +72,7 @@ _add("respond", respond, _ANALYSE)
 _add("modes", modes, _ANALYSE)
 _add("bearing", bearing, _ANALYSE)
 _add("desk", desk, _ANALYSE)
+_add("map", rating_map, _ANALYSE)
 _add("accuracy", accuracy, _ANALYSE)
 _add("balance", balance, _DESIGN)
 _add("compare", compare, _DESIGN)

@@ -98,9 +98,12 @@ def run(
     hand_out(result, run_tables(scene, result), as_json, out, figures, scene, curves)
 
 
-def _of_the_crank() -> tuple[Quantity, ...]:
-    """The registered quantities of the crank's periodic state, without those of a rotor."""
-    return tuple(one for one in registered() if set(one.needs) <= {"orbit", "compressor"})
+def _of_the_crank(machine) -> tuple[Quantity, ...]:
+    """The quantities of the periodic state of crank and gas that a machine has."""
+    rotor = {"vibration", "rotor", "balancing"}
+    return tuple(
+        one for one in registered() if not rotor & set(one.needs) and not one.missing(machine)
+    )
 
 
 def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
@@ -112,9 +115,10 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
 
     from .._status import Status
 
-    known = _of_the_crank()
+    known = _of_the_crank(scene.machine)
     found = eqx.filter_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
     values, numbers = jax.tree.map(float, jax.device_get(found))
+    grazes = numbers.pop("grazes")
     total = sum(numbers["losses"].values())
     share = {name: loss / total if total else 0.0 for name, loss in numbers["losses"].items()}
     power = {name: loss / numbers["period"] for name, loss in numbers["losses"].items()}
@@ -132,7 +136,7 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
         "status": Status[orbit.status],
         "solver": orbit.solver,
         **({} if orbit.verification is None else {"verification": _verification(orbit)}),
-        "remarks": list(_remarks(scene.as_compressor())),
+        "remarks": list(_remarks(scene.as_compressor(), grazes)),
     }
 
 
@@ -168,12 +172,17 @@ def orbit_curves(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     return {"crank_angle [deg]": np.rad2deg(columns["crank_angle [rad]"]), **columns}
 
 
-def _remarks(machine: "Compressor") -> Iterator[str]:
+def _remarks(machine: "Compressor", grazes: dict[str, float]) -> Iterator[str]:
     """Reasons why numbers of a result do not mean what their names say."""
     from ..gas import PolytropicCycle
 
     if machine.friction is None:
         yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
+    for valve in (valve for valve, near in grazes.items() if near):
+        yield (
+            f"The {valve} valve grazes its stop: derivatives are infinite on one side of this design. "
+            "Move the stop, or let an optimiser search by values."
+        )
     if machine.gas is None:
         yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."
     elif isinstance(machine.gas, PolytropicCycle) and not bool(machine.gas.delivers):
@@ -210,6 +219,7 @@ def _numbers(machine, assembly, orbit: "Orbit", known) -> tuple[dict[str, Any], 
         "energy_residual": energy.residual,
         "residual": orbit.residual,
         "resolution": orbit.resolution,
+        "grazes": {} if orbit.cycle is None else orbit.cycle.grazes,
     }
 
 
@@ -218,6 +228,9 @@ def run_tables(scene: "Scene", result: dict[str, Any]) -> Iterator[Any]:
 
     yield _summary(scene, result)
     yield from (f"[yellow]Note:[/yellow] {escape(remark)}" for remark in result["remarks"])
+    if "impact_speed" in result:
+        yield _power(result)
+        yield _valves(result)
     yield _losses(result)
     yield _forces(result)
     yield _convergence(result)
@@ -248,7 +261,7 @@ def _summary(scene: "Scene", result: dict[str, Any]):
         "speed_fluctuation": f"{low} to {high} rpm",
     }
     meaningless = any("no efficiency" in remark for remark in result["remarks"])
-    for one in _of_the_crank():
+    for one in _of_the_crank(scene.machine):
         if one.name not in result or one.name in _IN_OTHER_TABLES:
             continue
         value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
@@ -256,7 +269,7 @@ def _summary(scene: "Scene", result: dict[str, Any]):
             one.name, one.unit, [value, result["motor_power"]] if one.unit == "W" else value
         )
         text = f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
-        if one.unit == "W":
+        if one.unit == "W" and one.name != "capacity":
             text, note = look.text(value, 4), f"{value * result['period']:.5g} J per revolution"
         if one.name == "mechanical_efficiency":
             text = "[bold]none" if meaningless else f"[bold]{text}"
@@ -285,6 +298,35 @@ def _losses(result: dict[str, Any]):
     whole = row("Total", total, result["friction_power"], "100.0 %" if total else "")
     heads = ("Friction loss", "J per revolution", "W", "Share of losses", "Of motor work")
     return row_table(None, heads, [*rows, (), whole])
+
+
+def _power(result: dict[str, Any]):
+    """What power and swept volume are used for."""
+    from ..crank import POWER
+
+    power, volume = result["power_use"], result["volume_use"]
+    whole = sum(power.values())
+    rows = [
+        (words(name), f"{power[name]:.4g}", f"{100 * power[name] / whole:.2f} %" if whole else "")
+        for name in POWER
+        if power[name]
+    ]
+    rows += [(), ("Total", f"{whole:.5g}", "100.00 %"), ()]
+    rows += [(words(name), "", f"{100 * share:.2f} %") for name, share in volume.items()]
+    return row_table(None, ("Use of power, then of the swept volume", "W", "Share"), rows)
+
+
+def _valves(result: dict[str, Any]):
+    rows = [
+        (
+            words(valve),
+            *(f"{result['impact_speed'][f'{valve}_{place}']:.3g}" for place in ("seat", "stop")),
+            f"{math.degrees(angle):.1f}",
+        )
+        for valve, angle in result["closing_angle"].items()
+    ]
+    heads = ("Valve", "Impact on seat, m/s", "On stop, m/s", "Shuts last at, degrees")
+    return row_table(None, heads, rows)
 
 
 def _forces(result: dict[str, Any]):

@@ -10,6 +10,9 @@ from ._orbit import Verification as Verification
 from ._orbit import rod_load_reversal as rod_load_reversal
 from ._orbit import time_harmonics as time_harmonics
 from ._panels import panels as panels
+from ._performance import POWER as POWER
+from ._performance import Performance as Performance
+from ._performance import performance as performance
 from ._result import orbit_on_panels as orbit_on_panels
 from ._shooting import Shooting as Shooting
 from ._solve import solve_orbit as solve_orbit

@@ -136,7 +136,8 @@ class Orbit(Result, eqx.Module):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         at = self.table_dims
-        known = tuple(one for one in registered() if one.needs == ("orbit",))
+        has = {"orbit"} if self.cycle is None else {"orbit", "cycle"}
+        known = tuple(one for one in registered() if "orbit" in one.needs and set(one.needs) <= has)
         for one, value in zip(known, _values(self, known), strict=True):
             for name, single in value.items() if one.family else [(None, value)]:
                 yield Data(f"{one.family}.{name}" if name else one.name, one.unit, single)

@@ -15,11 +15,12 @@ from numpy.polynomial import legendre
 from .._fields import ANY, NONNEGATIVE, quantity
 from .._results import Data, Result
 from .._status import Status
-from ..fluid import RealGas
 from ..gas import AbstractGas
 from ._balance import Accounts
 from ._collocation import gauss
 from ._cylinder import Case
+
+VALVES = ("suction", "discharge")
 
 
 class Events(eqx.Module):
@@ -109,6 +110,7 @@ class Cycle(Result, eqx.Module):
         port_velocity: [m/s] (2, n); 0 with quasi-steady flow.
         totals: [kg] and [J] over the revolution.
         events: what the valves do.
+        leakage_work: [J] isentropic work on the gas that leaks, up to the pressure at which it does.
         peak_pressure: [Pa]
         status: how the solver ended, a member of `Status`.
         residual: [-] last change of the unknowns.
@@ -131,6 +133,7 @@ class Cycle(Result, eqx.Module):
     port_velocity: Float[Array, "2 n"]
     totals: Accounts
     events: Events
+    leakage_work: Float[Array, ""]
     peak_pressure: Float[Array, ""]
     status: Status
     residual: Float[Array, ""]
@@ -161,7 +164,7 @@ class Cycle(Result, eqx.Module):
         yield Data("pressure", "Pa", self.pressure, at)
         yield Data("temperature", "K", self.temperature, at)
         yield Data("mass", "kg", self.mass, at)
-        for number, valve in enumerate(("suction", "discharge")):
+        for number, valve in enumerate(VALVES):
             yield Data(f"lift.{valve}_valve", "m", self.lift[..., number, :], at)
             yield Data(f"flow.{valve}_valve", "kg/s", self.flow[..., number, :], at)
 
@@ -239,20 +242,24 @@ class Cycle(Result, eqx.Module):
     def work_losses(self) -> dict[str, Float[Array, ""]]:
         """[J] Where the indicated work goes, by name; the values add up to it.
 
-        Heating, leakage and throttling at part lift act upon each other; what they cost together is
-        the last entry.
+        Heating, throttling of back flow and the loss of the gas that expands again act upon each
+        other; what they cost together is the last entry, negative where cooling saves work.
         """
         named = {
             "isentropic": self.delivered * self.isentropic_rise,
             "suction valve": self.totals.suction_loss,
             "discharge valve": self.totals.discharge_loss,
+            "leakage": self.leakage_work,
         }
         rest = self.indicated_work - sum(named.values(), start=jnp.zeros(()))
-        return {**named, "heat and leakage": rest}
+        return {**named, "heating": rest}
 
     @property
     def volume_losses(self) -> dict[str, Float[Array, ""]]:
-        """[-] Where the swept volume goes, by name; the values add up to 1."""
+        """[-] Where the swept volume goes, by name; the values add up to 1.
+
+        The suction valve's share is what the full cylinder's pressure is below that of the line.
+        """
         case, t = self.case, self.totals
         c = case.cylinder.clearance_ratio
         expanded = case.cylinder.fluid.at_entropy(case.suction.p, case.discharge.s, case.discharge)
@@ -262,9 +269,11 @@ class Cycle(Result, eqx.Module):
             "clearance": clearance,
             "leakage": t.leakage / case.mass_scale,
             "back flow": (t.suction_back + t.discharge_back) / case.mass_scale,
+            "suction valve": (1 + c)
+            * (1 - self.pressure[jnp.argmax(self.volume)] / case.suction.p),
         }
         rest = 1 - sum(named.values(), start=jnp.zeros(()))
-        return {**named, "heating and valves": rest}
+        return {**named, "heating": rest}
 
     def gas(self) -> "SolvedPressure":
         """The pressure as a gas that is prescribed over the crank angle."""
@@ -280,21 +289,50 @@ class Cycle(Result, eqx.Module):
         kinks = jnp.concatenate([jnp.stack(kinks), z.edges[2:-1:2], even])
         return SolvedPressure(z.edges, pressure, kinks, self.case.suction.p)
 
-    def capacity(self, liquid_temperature: Float[Array, ""]) -> Float[Array, ""]:
-        """Cooling capacity [W]: mass flow times the enthalpy from the liquid to the suction line.
-
-        Args:
-            liquid_temperature: [K] of the saturated liquid before the expansion: the condensing
-                temperature less the subcooling.
+    @property
+    def capacity(self) -> Float[Array, ""]:
+        """Cooling capacity [W]: mass flow times the enthalpy from the liquid to the gas that comes.
 
         Raises:
             TypeError: a perfect gas, which has no liquid.
         """
-        fluid = self.case.cylinder.fluid
-        if not isinstance(fluid, RealGas):
-            raise TypeError("a cooling capacity needs a real gas.")
-        liquid = fluid.saturation(T=jnp.asarray(liquid_temperature))
-        return self.mass_flow * (self.case.suction.h - fluid.state(liquid.T, liquid.liquid).h)
+        cylinder = self.case.cylinder
+        liquid = cylinder.discharge.liquid_enthalpy(cylinder.fluid)
+        return self.mass_flow * (self.case.comes.h - liquid)
+
+    @property
+    def impact_speeds(self) -> dict[str, Float[Array, ""]]:
+        """[m/s] Highest speed at which each valve meets its seat and its stop."""
+        return {
+            f"{valve}_{place}": self.events.impact_speed(number, place == "stop")
+            for number, valve in enumerate(VALVES)
+            for place in ("seat", "stop")
+        }
+
+    @property
+    def grazes(self) -> dict[str, Bool[Array, ""]]:
+        """Whether a valve just reaches its stop or just does not.
+
+        The slope of every output is infinite on one side of the design where the two meet: within
+        3 % of the stop without touching it, or a touch at less than 5 % of the highest impact speed.
+        """
+        found = {}
+        for number, valve in enumerate(VALVES):
+            moving = self.case.cylinder.valves[number].oscillator
+            stop = jnp.inf if moving is None else moving.stop
+            events = self.events
+            touches = events.meets & (events.which == 4 * number + 1)
+            speed = jnp.abs(events.speed)
+            least = jnp.min(jnp.where(touches, speed, jnp.inf))
+            most = jnp.maximum(*(events.impact_speed(number, place) for place in (False, True)))
+            near = jnp.max(self.lift[number]) > 0.97 * stop
+            found[valve] = jnp.where(jnp.any(touches), least < 0.05 * most, near)
+        return found
+
+    @property
+    def closing_angles(self) -> dict[str, Float[Array, ""]]:
+        """[rad] Crank angle at which each valve shuts for the last time."""
+        return {valve: self.events.closing_angle(n) for n, valve in enumerate(VALVES)}
 
 
 def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:

@@ -23,6 +23,8 @@ class SuctionLine(Part):
         temperature: [K] of the gas.
         evaporating: [K] dew temperature, instead of the pressure.
         superheat: [K] above the dew temperature, instead of the gas's temperature.
+        heating: [K] from there to the suction valve, in shell and muffler; none if absent. Capacity
+            and overall efficiency count from the gas before it, as the standards do.
 
     Raises:
         ValueError: neither or both of a pair.
@@ -38,16 +40,28 @@ class SuctionLine(Part):
     superheat: Float[Array, ""] | None = quantity(
         "K", NONNEGATIVE, default=None, doc="above the dew point, instead of the temperature"
     )
+    heating: Float[Array, ""] | None = quantity(
+        "K", NONNEGATIVE, default=None, doc="from there to the suction valve, in shell and muffler"
+    )
 
     def __check_init__(self):
         _one_of(self, "pressure", "evaporating")
         _one_of(self, "temperature", "superheat")
 
     def state(self, fluid: AbstractFluid) -> GasState:
-        """The gas in the line."""
+        """The gas at the suction valve."""
+        return self.states(fluid)[0]
+
+    def states(self, fluid: AbstractFluid) -> tuple[GasState, GasState]:
+        """The gas at the suction valve, and as it comes to the compressor."""
         pressure, dew = _pressure(fluid, self.pressure, self.evaporating, self.superheat)
         temperature = dew + self.superheat if self.temperature is None else self.temperature
-        return fluid.state(temperature, fluid.density(temperature, pressure))
+
+        def at(temperature):
+            return fluid.state(temperature, fluid.density(temperature, pressure))
+
+        comes = at(temperature)
+        return (comes if self.heating is None else at(temperature + self.heating)), comes
 
 
 class DischargeLine(Part):
@@ -57,9 +71,13 @@ class DischargeLine(Part):
         pressure: [Pa] absolute.
         condensing: [K] dew temperature, instead of the pressure.
         temperature: [K] of the gas that flows back; that of isentropic compression if absent.
+        subcooling: [K] of the liquid before the expansion below the condensing temperature, for the
+            capacity; none if absent.
+        liquid_temperature: [K] of that liquid, instead of the subcooling.
 
     Raises:
-        ValueError: neither or both of pressure and condensing temperature.
+        ValueError: neither or both of pressure and condensing temperature, or two temperatures of the
+            liquid.
     """
 
     kind: ClassVar[str] = "discharge_line"
@@ -74,9 +92,35 @@ class DischargeLine(Part):
         default=None,
         doc="of gas that flows back; that of isentropic compression if absent",
     )
+    subcooling: Float[Array, ""] | None = quantity(
+        "K", NONNEGATIVE, default=None, doc="of the liquid before the expansion; none if absent"
+    )
+    liquid_temperature: Float[Array, ""] | None = quantity(
+        "K", POSITIVE, default=None, doc="of that liquid, instead of the subcooling"
+    )
 
     def __check_init__(self):
         _one_of(self, "pressure", "condensing")
+        if self.subcooling is not None and self.liquid_temperature is not None:
+            raise ValueError("give `subcooling` or `liquid_temperature`, not both.")
+
+    def liquid_enthalpy(self, fluid: AbstractFluid) -> Float[Array, ""]:
+        """[J/kg] of the saturated liquid at the temperature before the expansion.
+
+        Raises:
+            TypeError: a perfect gas, which has no liquid.
+        """
+        if not isinstance(fluid, RealGas):
+            raise TypeError("a cooling capacity needs a real gas.")
+        temperature = self.liquid_temperature
+        if temperature is None:
+            less = 0.0 if self.subcooling is None else self.subcooling
+            if self.condensing is None:
+                temperature = fluid.saturation(p=self.pressure).T - less
+            else:
+                temperature = self.condensing - less
+        liquid = fluid.saturation(T=temperature)
+        return fluid.state(liquid.T, liquid.liquid).h
 
     def states(self, fluid: AbstractFluid, suction: GasState) -> tuple[GasState, GasState]:
         """The gas in the line, and the end of the isentropic compression to its pressure."""
@@ -162,7 +206,8 @@ class Case(eqx.Module):
         speed: [rad/s] mean speed of the crank.
         cosine, sine: [-] harmonics over the crank angle of the time that an angle takes, relative to
             its mean; `None` at constant speed.
-        suction, discharge: the lines.
+        suction, discharge: the gas at the two valves.
+        comes: the gas as it comes to the compressor, before it is heated.
         isentropic: end of the isentropic compression between the lines.
         top: [m] piston position at the top dead centre.
         swept: [m^3] swept volume.
@@ -176,6 +221,7 @@ class Case(eqx.Module):
     suction: GasState
     discharge: GasState
     isentropic: GasState
+    comes: GasState
     top: Float[Array, ""]
     swept: Float[Array, ""]
 
@@ -219,7 +265,7 @@ def prepare(cylinder: Cylinder, mechanism, speed, fluctuation=None) -> Case:
         fluctuation: cosine and sine harmonics, from the first on, of the time that an angle takes,
             relative to its mean; constant speed if absent.
     """
-    suction = cylinder.suction.state(cylinder.fluid)
+    suction, comes = cylinder.suction.states(cylinder.fluid)
     discharge, isentropic = cylinder.discharge.states(cylinder.fluid, suction)
     top, _ = mechanism.piston_extremes()
     cosine, sine = (None, None) if fluctuation is None else fluctuation
@@ -232,6 +278,7 @@ def prepare(cylinder: Cylinder, mechanism, speed, fluctuation=None) -> Case:
         suction,
         discharge,
         isentropic,
+        comes,
         top,
         mechanism.swept_volume,
     )

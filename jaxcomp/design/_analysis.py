@@ -13,7 +13,7 @@ from .._registry import Quantity, registered, registered_quantity
 from .._words import one_of
 from ..balancing import Influence, flexibilities, influence_of, least_squares
 from ..coupling import CrankLoads
-from ..crank import Collocation, Orbit, Shooting, solve_orbit
+from ..crank import Collocation, Orbit, Performance, Shooting, performance, solve_orbit
 from ..machine import Assembly, Machine, assembled
 from ..shaking import Wrench, shaking_wrench
 from ._vibration import (
@@ -86,6 +86,12 @@ class DesignResult:
         if compressor is None:
             raise BadInput("compressor", "absent", "given, for a quantity of the crank")
         return solve_orbit(compressor, self.options.solver, throw=False)
+
+    @cached_property
+    def performance(self) -> Performance:
+        """Capacity, efficiencies and powers of a compressor with valves."""
+        assert self.assembly.compressor is not None
+        return performance(self.assembly.compressor, self.orbit)
 
     @cached_property
     def wrench(self) -> Wrench:

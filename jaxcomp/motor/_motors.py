@@ -6,23 +6,67 @@ formula, $M = 2 M_m s s_b/(s^2 + s_b^2)$ with slip $s = 1 - \omega/\omega_s$.
 """
 
 from abc import abstractmethod
+from dataclasses import KW_ONLY
 from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, POSITIVE, BadInput, Part, quantity
+from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, Bound, Part, quantity
+
+
+class MotorEfficiency(Part):
+    """Shaft power over electric power, by straight lines over the mean torque, constant beyond.
+
+    Args:
+        efficiency: [-] (n,) at these torques; a single one holds at every torque.
+        torque: [N m] (n,) rising; may be left out for a single efficiency.
+
+    Raises:
+        ValueError: lists of different lengths.
+    """
+
+    kind: ClassVar[str] = "motor_efficiency"
+
+    efficiency: Float[Array, " n"] = quantity(
+        "", Bound(0.0, 1.0, low_open=True), shape=(None,), doc="shaft power over electric power"
+    )
+    torque: Float[Array, " n"] | None = quantity(
+        "N m", NONNEGATIVE, shape=(None,), default=None, doc="mean torque at which it holds, rising"
+    )
+
+    def conditions(self):
+        if self.torque is None:
+            return {}
+        return {"torques that rise": jnp.all(jnp.diff(self.torque) > 0)}
+
+    def __check_init__(self):
+        count = 1 if self.torque is None else self.torque.size
+        if self.efficiency.size != count:
+            raise ValueError("`efficiency` and `torque` must have the same number of entries.")
+
+    def at(self, torque: Float[Array, ""]) -> Float[Array, ""]:
+        """Efficiency at a mean torque [N m]."""
+        if self.torque is None:
+            return self.efficiency[0]
+        return jnp.interp(torque, self.torque, self.efficiency)
 
 
 class AbstractMotor(Part):
     """A torque law. `speed_guess` is where a solver may start looking for the running speed.
+
+    Args:
+        losses: its efficiency over torque; without it nothing is said of its electric power.
 
     `closes` says what closes a revolution of the periodic state: the torque that the law gives at
     every speed, a level of torque that holds the mean speed, or a speed that is given throughout.
     """
 
     closes: ClassVar[Literal["torque", "mean_speed", "speed"]] = "torque"
+
+    _: KW_ONLY
+    losses: MotorEfficiency | None = None
 
     @abstractmethod
     def torque(self, speed: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -41,6 +85,7 @@ class MeanSpeed(AbstractMotor):
     (the wording of Tsuji et al.).
 
     Args:
+        losses: efficiency over torque, for the electric power.
         mean_speed: [rad/s] one revolution over its duration.
 
     Raises:
@@ -78,6 +123,7 @@ class ConstantSpeed(AbstractMotor):
     solve: the leanest machine for joint forces and losses at a given speed.
 
     Args:
+        losses: efficiency over torque, for the electric power.
         mean_speed: [rad/s] at every crank angle.
     """
 
@@ -100,6 +146,7 @@ class ConstantTorque(AbstractMotor):
     """The same torque at every speed. The running speed is found where losses balance it.
 
     Args:
+        losses: efficiency over torque, for the electric power.
         level: [N m] positive if it drives.
         expected_speed: [rad/s] where to start looking for the running speed.
     """
@@ -123,6 +170,7 @@ class SlipLine(AbstractMotor):
     """An induction motor near its synchronous speed, M = slope (synchronous - speed).
 
     Args:
+        losses: efficiency over torque, for the electric power.
         slope: [N m s] torque per rad/s of slip.
         synchronous_speed: [rad/s] at which the torque is zero.
     """
@@ -144,6 +192,7 @@ class Kloss(AbstractMotor):
     """Induction motor over the whole range of speed, from standstill to overrun.
 
     Args:
+        losses: efficiency over torque, for the electric power.
         pull_out_torque: [N m] M_m, the largest.
         pull_out_slip: [-] s_b, where it is reached.
         synchronous_speed: [rad/s] omega_s.

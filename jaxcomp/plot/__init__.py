@@ -18,6 +18,12 @@ from ._balance import balance_bars as balance_bars
 from ._balance import balance_figures as balance_figures
 from ._balance import balance_polar as balance_polar
 from ._compared import compared_losses as compared_losses
+from ._cylinder import cylinder_figures as cylinder_figures
+from ._cylinder import log_p_h as log_p_h
+from ._cylinder import power_use as power_use
+from ._cylinder import rating_figures as rating_figures
+from ._cylinder import valve_losses as valve_losses
+from ._cylinder import valve_motion as valve_motion
 from ._film import film_coefficients as film_coefficients
 from ._film import film_figures as film_figures
 from ._film import film_pressure as film_pressure

@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from .._fields import of_cylinder
 from .._shown import RPM
 from ..compressor import Compressor, instants
-from ..crank import Orbit, journal_rates
+from ..crank import Orbit, journal_rates, performance
 from ..friction import MainBearings, SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension
+from ._cylinder import cylinder_figures
 from ._fine import FineTurn, fine_turn
 from ._polar import bearing_loads
 from ._several import machine_views, order_spectra
@@ -41,6 +42,8 @@ def orbit_figures(
     figures = {}
     if orbit.pressure is not None:
         figures["pv_diagram"] = pv_diagram(compressor, orbit)
+    if orbit.cycle is not None:
+        figures |= cylinder_figures(orbit.cycle, performance(compressor, orbit))
     figures["speed"] = speed_over_turn(compressor, orbit)
     figures["torques"] = crank_torques(compressor, orbit)
     if compressor.cylinders is not None and compressor.gas is not None:

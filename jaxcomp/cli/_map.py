@@ -1,0 +1,138 @@
+"""`jaxcomp map`: capacity, power and COP over evaporating and condensing temperature."""
+
+import enum
+from typing import Annotated, Any
+
+import typer
+
+from .._shown import shown
+from ._arguments import assignments, changed_scene
+from ._errors import CommandError, reports_errors
+from ._options import AsJson, Machine, Out, Sets
+from ._output import hand_out
+from ._start import start_jax
+from ._tables import row_table
+
+
+class Standard(enum.StrEnum):
+    """What the gas that comes and the liquid before the expansion are; see `jaxcomp.rating.RATINGS`."""
+
+    file = "file"
+    ashrae = "ashrae"
+    en12900 = "en12900"
+    en12900_superheat = "en12900-superheat"
+    ahri540 = "ahri540"
+
+
+@reports_errors
+def rating_map(
+    machine: Machine,
+    evaporating: Annotated[
+        str,
+        typer.Option(
+            metavar="FROM:TO:COUNT", help="Evaporating dew temperatures, degrees Celsius."
+        ),
+    ] = "-30:-10:5",
+    condensing: Annotated[
+        str,
+        typer.Option(metavar="FROM:TO:COUNT", help="Condensing dew temperatures, degrees Celsius."),
+    ] = "35:55:5",
+    rating: Annotated[
+        Standard,
+        typer.Option(
+            help="Return gas and liquid: those of the file, ASHRAE (both 32.2 C), EN 12900 (return gas "
+            "20 C or superheat 10 K) or AHRI 540 (18.3 C)."
+        ),
+    ] = Standard.file,
+    sets: Sets = None,
+    as_json: AsJson = False,
+    out: Out = None,
+) -> None:
+    """Map a refrigeration compressor with valves over evaporating and condensing temperature.
+
+    Prints capacity, power and COP and the ten coefficients of AHRI 540 for degrees Celsius.
+
+    Example: [bold]jaxcomp map r134a-7cc --evaporating=-30:-10:5 --rating ashrae --out map[/bold]
+    """
+    over = [
+        _axis(text, name)
+        for text, name in ((evaporating, "evaporating"), (condensing, "condensing"))
+    ]
+    start_jax()
+    from .. import rating as ratings
+    from .._waits import spinner
+
+    scene = changed_scene(machine, sets or ())
+    with spinner("Solving the points (the first time they are compiled as well) ..."):
+        found = ratings.rating_map(scene, *over, rating.value)
+    result = {
+        "machine": scene.name,
+        "file": scene.file,
+        "rating": rating.value,
+        **{name: getattr(found, name).tolist() for name in ("evaporating", "condensing", "ok")},
+        "values": {name: values.tolist() for name, values in found.values.items()},
+        "coefficients": {name: row.tolist() for name, row in found.coefficients.items()},
+        "fit_error": {name: float(error) for name, error in found.fit_error.items()},
+        "set": assignments(sets or (), "--set"),
+    }
+
+    def figures():
+        from ..plot import rating_figures
+
+        return rating_figures(found, scene.name)
+
+    curves = None if out is None else {"map": found.columns()}
+    hand_out(result, map_tables(found, scene.name), as_json, out, figures, scene, curves)
+
+
+def map_tables(found, name: str):
+    """Capacity, power and COP, and the coefficients."""
+    from ..rating import QUANTITIES, ZERO
+
+    units = {one: unit for one, unit, _ in QUANTITIES}
+    for one in ("capacity", "power", "cop"):
+        look = shown(one, units[one], found.values[one])
+        heads = ["Evaporating, °C", *(f"{t - ZERO:.4g}" for t in found.condensing.tolist())]
+        rows = [
+            (f"{t - ZERO:.4g}", *("" if x != x else f"{x * look.factor:.4g}" for x in row))
+            for t, row in zip(found.evaporating.tolist(), found.values[one].tolist(), strict=True)
+        ]
+        yield row_table(f"{name}: {look.label}, over condensing temperature, °C", heads, rows)
+    failed = int((~found.ok).sum())
+    if failed:
+        yield f"[yellow]Note:[/yellow] {failed} of {found.ok.size} points failed and are empty."
+    if not found.coefficients:
+        yield "Fewer than ten points: no coefficients."
+        return
+    terms = ("1", "S", "D", "S^2", "S D", "D^2", "S^3", "D S^2", "S D^2", "D^3")
+    columns = zip(*(row.tolist() for row in found.coefficients.values()), strict=True)
+    rows: list[Any] = [
+        (f"C{n}", term, *(f"{x:.8g}" for x in row))
+        for n, (term, row) in enumerate(zip(terms, columns, strict=True), 1)
+    ]
+    errors = (f"{100 * float(e):.2g} %" for e in found.fit_error.values())
+    rows += [(), ("", "largest error", *errors)]
+    labels = (f"{one}, {units[one]}" for one in found.coefficients)
+    title = "Polynomial of AHRI 540, S evaporating and D condensing in °C"
+    yield row_table(title, ("", "Term", *labels), rows, texts=2)
+
+
+def _axis(text: str, name: str):
+    """Temperatures [K] from `FROM:TO:COUNT` or a list with commas."""
+    import numpy as np
+
+    from ..rating import ZERO
+
+    try:
+        if ":" in text:
+            first, last, count = text.split(":")
+            values = np.linspace(float(first), float(last), int(count))
+        else:
+            values = np.array([float(one) for one in text.split(",")])
+        if not values.size or not np.all((values > -150) & (values < 250)):
+            raise ValueError
+    except ValueError:
+        raise CommandError(
+            f"--{name} {text}: must be FROM:TO:COUNT or a list, in degrees Celsius, as -30:-10:5"
+        ) from None
+    return values + ZERO
