@@ -67,7 +67,7 @@ QUANTITIES = (
     ("discharge_temperature", "K", False),
 )
 # A map needs fewer digits than a single cycle: these give six.
-_OPTIONS = CycleOptions(panels=32, nodes=6)
+_OPTIONS = CycleOptions(panels=40, nodes=6)
 
 
 class RatingMap(Result, eqx.Module):

@@ -37,7 +37,8 @@ class CycleOptions(eqx.Module):
         nodes: Gauss nodes on every panel.
         panels: into which the revolution is cut; one more than events are needed at least.
         tolerance: [-] last step of Newton's method.
-        march_tolerance: [-] error of a step of the march before the collocation.
+        march_tolerance: [-] error of a step of the march before the collocation; a tenth of it in every
+            further round.
         value_tolerance: [-] the same where the march gives the values.
         max_newton: steps.
         max_revolutions: marched at a stretch.
@@ -48,7 +49,7 @@ class CycleOptions(eqx.Module):
 
     method: Literal["collocation", "march"] = eqx.field(static=True, default="collocation")
     nodes: int = eqx.field(static=True, default=8)
-    panels: int = eqx.field(static=True, default=32)
+    panels: int = eqx.field(static=True, default=48)
     tolerance: float | Float[Array, ""] = 1e-11
     march_tolerance: float | Float[Array, ""] = 1e-4
     value_tolerance: float | Float[Array, ""] = 1e-8
