@@ -12,15 +12,14 @@ import posixpath
 import re
 import sys
 from html import escape, unescape
-from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import unquote
 
 from latex2mathml.converter import convert
 from mkdocs.plugins import get_plugin_logger
 from mkdocs.structure.files import File
 
 sys.path.insert(0, str(Path(__file__).parent))
+from check_links import broken
 from public_names import first_sentence, public_names
 
 ROOT = Path(__file__).parent.parent
@@ -105,7 +104,7 @@ def on_page_content(html, page, config, files):
 
 def on_post_build(config):
     """Every link and anchor of the built pages leads somewhere, and nothing is loaded from a network."""
-    for problem in _broken(Path(config.site_dir)):
+    for problem in broken(Path(config.site_dir)):
         log.warning(problem)
 
 
@@ -128,49 +127,6 @@ def _site_link(source, uri, target):
         log.warning(f"{source}: the site has no page for {target}")
     link = posixpath.relpath(path, posixpath.dirname(uri) or ".")
     return f"{link}#{anchor}" if anchor else link
-
-
-class _Page(HTMLParser):
-    """What a built page links to, what it loads, and its anchors."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.links, self.loads, self.anchors = [], [], set()
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        given = dict(attrs)
-        self.anchors |= {given.get("id"), given.get("name") if tag == "a" else None} - {None}
-        if tag == "a" and given.get("href"):
-            self.links.append(given["href"])
-        loaded = given.get("src") or (given.get("href") if tag == "link" else None)
-        if loaded and given.get("rel") != "canonical":
-            self.loads.append(loaded)
-
-
-def _broken(site):
-    """What is wrong with the links of a built site, and with what its pages load."""
-    pages = {path: _Page(path.read_text("utf-8")) for path in site.rglob("*.html")}
-    for path, page in pages.items():
-        name = path.relative_to(site)
-        if name.name == "404.html":  # its links begin at the root of a server
-            continue
-        for target in page.loads:
-            if re.match(r"(https?:)?//", target):
-                yield f"{name} loads {target}"
-        for target in page.links + page.loads:
-            if re.match(r"([a-z]+:|//)", target):
-                continue
-            file, _, anchor = target.partition("#")
-            there = (path.parent / unquote(file.partition("?")[0])).resolve() if file else path
-            there = there / "index.html" if there.is_dir() else there
-            if not there.exists():
-                yield f"{name}: {target} leads to no file"
-            elif anchor and there in pages and unquote(anchor) not in pages[there].anchors:
-                yield f"{name}: {target} leads to no heading"
-    for sheet in site.rglob("*.css"):
-        for target in re.findall(r"url\(['\"]?(https?:)?//[^)]*", sheet.read_text("utf-8")):
-            yield f"{sheet.relative_to(site)} loads {target}"
 
 
 # ------------------------------------------------------------------------------ notebooks

@@ -14,7 +14,7 @@ import tomllib
 from importlib.metadata import EntryPoint
 
 import pytest
-from test_readme import OWN, ROOT, blocks, commands, promised, public_names, write_files
+from test_readme import OWN, ROOT, blocks, commands, promised, public_names, titled, write_files
 from typer.testing import CliRunner
 
 from jaxcomp import _extensions, load, loads
@@ -144,13 +144,18 @@ def test_all_commands_of_own_pages_run(package, page):
     run_lines(package, [line for line in commands(page) if line[0] not in CHEAP])
 
 
-EXAMPLES = [(page, i) for page in OWN for i, _ in enumerate(blocks(page, "python"))]
+EXAMPLES = [
+    (page, i)
+    for page in OWN
+    for i, code in enumerate(blocks(page, "python"))
+    if code not in titled(page).values()  # these are the modules of the package
+]
 
 
 @pytest.mark.parametrize(
     ("page", "number"),
     [
-        # the others solve a machine, or are files of the package
+        # the others solve a machine
         pytest.param(*one, marks=() if "valve" in one[0] else pytest.mark.slow)
         for one in EXAMPLES
     ],
@@ -158,7 +163,7 @@ EXAMPLES = [(page, i) for page in OWN for i, _ in enumerate(blocks(page, "python
 def test_examples_of_own_pages_run(package, page, number):
     code = blocks(page, "python")[number]
     shown = python(package, code)
-    assert shown or "class " in code or "quantities" in page
+    assert shown
     for line in promised(code):
         assert line in shown
 
@@ -206,7 +211,7 @@ def test_the_reference_has_every_public_name():
     """What the site lists, read from the sources, is what can be imported."""
     for module, names in public_names().items():
         there = importlib.import_module(module)
-        assert all(hasattr(there, name) for name in names), module
+        assert set(names) <= set(dir(there)), module
         if hasattr(there, "__path__") and module != "jaxcomp":
             seen = {name for name in dir(there) if not name.startswith("_")}
             modules = {n for n in seen if inspect.ismodule(getattr(there, n))}

@@ -26,6 +26,7 @@ from jaxcomp.scene import explained
 
 ROOT = Path(__file__).parent.parent
 public_names = runpy.run_path(str(ROOT / "notebooks" / "public_names.py"))["public_names"]
+broken = runpy.run_path(str(ROOT / "notebooks" / "check_links.py"))["broken"]
 PAGES = (
     "README.md",
     "CHANGELOG.md",
@@ -248,6 +249,24 @@ def test_links_lead_to_files_and_headings(page):
         assert path.exists(), target
         if anchor:
             assert anchor in anchors(path), target
+
+
+def test_wrong_links_of_built_pages_are_found(tmp_path):
+    """By what the build of the site calls at its end."""
+    good = '<a href="b.html#here">b</a><img src="c.png"><a href="https://example.org">away</a>'
+    (tmp_path / "a.html").write_text(good)
+    (tmp_path / "b.html").write_text('<h1 id="here">b</h1><a href="#here">up</a>')
+    (tmp_path / "c.png").touch()
+    assert list(broken(tmp_path)) == []
+    bad = '<a href="d.html">d</a><a href="b.html#there">b</a><script src="//example.org/x.js"></script>'
+    (tmp_path / "a.html").write_text(bad)
+    (tmp_path / "a.css").write_text("a { background: url(https://example.org/x.png) }")
+    assert list(broken(tmp_path)) == [
+        "a.html loads //example.org/x.js",
+        "a.html: d.html leads to no file",
+        "a.html: b.html#there leads to no heading",
+        "a.css loads https://example.org/x.png",
+    ]
 
 
 @pytest.mark.parametrize("page", PAGES)
