@@ -21,7 +21,7 @@ from .friction import (
 )
 from .gas import AbstractGas, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState, Cylinders, SliderCrank
-from .motor import AbstractMotor
+from .motor import AbstractMotor, ConstantSpeed, MeanSpeed
 
 
 class Compressor(Part):
@@ -122,6 +122,15 @@ def staged(compressor: Compressor) -> Compressor:
     top, bottom = mechanism.piston_extremes()
     gas = compressor.gas.of_cylinders(mechanism.piston_area, top - bottom)
     return eqx.tree_at(lambda c: c.gas, compressor, gas)
+
+
+def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
+    """The compressor held at a mean speed [rad/s], whatever its motor."""
+    motor = compressor.motor
+    if isinstance(motor, MeanSpeed | ConstantSpeed):
+        return replaced(compressor, motor=replaced(motor, mean_speed=speed))
+    held = replaced(MeanSpeed(1.0), mean_speed=jnp.asarray(speed, float))
+    return replaced(compressor, motor=held)
 
 
 class Instants(eqx.Module):

@@ -24,13 +24,13 @@ from jaxtyping import Array, Bool, Float
 
 from ._fields import BadInput, of_cylinder, replaced
 from ._words import one_of
-from .compressor import Compressor, first_top, instants
+from .compressor import Compressor, at_speed, first_top, instants
 from .crank import Collocation, Orbit, Shooting, solve_orbit
 from .crankshaft import main_films
 from .friction import joints_of_cylinder, shares
 from .machine import Assembly
 from .mechanism import SliderCrank, Vector, rod_motion
-from .motor import ConstantSpeed, MeanSpeed
+from .motor import ConstantSpeed
 from .rotor import CrankNodes, LoadedFilm, PeriodicForce, RotorModel, Unbalances
 
 # [rad/s] Below this speed the static loads of the films are those of this speed.
@@ -182,15 +182,6 @@ def _film(rotor: RotorModel, number: int) -> LoadedFilm:
     law = rotor.links[number].law
     assert isinstance(law, LoadedFilm)
     return law
-
-
-def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
-    """The compressor held at a mean speed [rad/s], whatever its motor."""
-    motor = compressor.motor
-    if isinstance(motor, MeanSpeed | ConstantSpeed):
-        return replaced(compressor, motor=replaced(motor, mean_speed=speed))
-    held = replaced(MeanSpeed(1.0), mean_speed=jnp.asarray(speed, float))
-    return replaced(compressor, motor=held)
 
 
 # What the crank's forces may do without.

@@ -27,6 +27,7 @@ from jaxcomp import (
 from jaxcomp.compressor import instants
 from jaxcomp.coupling import crank_forces
 from jaxcomp.crank import (
+    CrankTrain,
     TimeIntegration,
     TorsionalChain,
     film_thickness,
@@ -35,7 +36,10 @@ from jaxcomp.crank import (
     throw_inertias,
     throw_torques,
     time_harmonics,
+    train_over_speed,
+    train_torques,
 )
+from jaxcomp.design import AnalysisOptions
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
@@ -48,7 +52,18 @@ from jaxcomp.gas import DoubleActing, PolytropicCycle, StagedCycle
 from jaxcomp.mechanism import CrankState, Cylinders, SliderCrank, Throw, Vector, counterweights
 from jaxcomp.motor import MeanSpeed, SlipLine
 from jaxcomp.plot import cylinders_motion, order_spectra
+from jaxcomp.rotor import (
+    Disks,
+    Link,
+    Mount,
+    PeriodicForce,
+    RotorModel,
+    ShaftElements,
+    node_index,
+    respond,
+)
 from jaxcomp.shaking import shaking_wrench
+from jaxcomp.sweeping import sweep_layouts
 
 # rods on throws at 0 and 180 degrees: [deg] of the throw, [m], banks [deg], unbalance [kg m]
 FOUR, EIGHT = [-45.0, 45.0], [-67.5, -22.5, 22.5, 67.5]
@@ -694,3 +709,71 @@ def test_bundled_machines_are_drawn_and_run(name):
     assert side.get_xlabel() == "z, m"
     figure = order_spectra(made, orbit)
     assert len(figure.axes) == 3
+
+
+def test_a_stiff_train_carries_what_the_motor_gives(twin):
+    """The coupling of a rigid train: the motor's torque less what turns the motor itself."""
+    made = several(LAYOUTS[2])
+    train = CrankTrain([0.1], [1e10])
+    found = train_torques(made, twin, train, 8)
+    rest = twin.motor_torque - 0.1 * twin.state.acceleration
+    duration = twin.weight / twin.state.speed
+    wanted, _ = time_harmonics(rest, twin.time, duration, 8)
+    size = float(jnp.abs(wanted[0]))
+    # springs that give by 1e-5 of the motion, quadrature of the orbit
+    np.testing.assert_allclose(-found.amplitude[0], wanted, atol=1e-4 * size)
+    level = float(twin.motor_torque @ duration / duration.sum())
+    assert -float(found.mean[0]) == pytest.approx(level, rel=1e-12)
+    _, peaks = train_over_speed(made, train, twin.mean_speed[None], 8)
+    # six nodes on a panel against eight and edges at the load reversals
+    assert float(peaks[0, 0]) == pytest.approx(float(found.peak[0]), rel=1e-4)
+    with pytest.raises(BadInput, match="less than the crank's"):
+        CrankTrain([1.0], [1e6]).chain(made)
+    with pytest.raises(BadInput, match="1 values, one a spring"):
+        CrankTrain([0.1], [1e6, 1e6]).chain(made)
+
+
+def test_the_rotor_has_the_torsion_of_the_chain():
+    """Torques of the chain on the torsional freedoms of a 6-DOF rotor: massless shafts and disks."""
+    diameter, modulus = 0.05, 210e9
+    shear = modulus / 2.6  # Poisson 0.3
+    length = shear * np.pi * diameter**4 / 32 / np.asarray(TRAIN.stiffness)
+    shaft = ShaftElements(
+        (1, 2, 3, 4), length, diameter, young_modulus=modulus, density=0.0, poisson=0.3
+    )
+    inertia = np.asarray(TRAIN.inertia)
+    disks = Disks((1, 2, 3, 4), 10.0, inertia, inertia)
+    mounts = tuple(
+        Link((node, "ground"), Mount(np.full(3, 1e6), np.zeros(3)), ("ux", "uy", "uz"))
+        for node in (1, 4)
+    )
+    model = RotorModel(shafts=(shaft,), disks=(disks,), links=mounts, dof=6)
+    torque = np.array([0.0, 1.0, 1.0, 0.0])
+    zero = np.zeros((1, 3))
+    forces = tuple(
+        PeriodicForce(node, None, (4,), zero, zero, np.array([[0, 0, t]]), zero)
+        for node, t in enumerate(torque, 1)
+        if t
+    )
+    speed = jnp.array([1000 * np.pi / 30])
+    found = respond(model, forces, speed, (4,)).checked()
+    twist = found.displacement[0, 0, jnp.array([node_index(model, n) for n in (1, 2, 3, 4)]), 5]
+    bare = dataclasses.replace(TRAIN, damping=jnp.zeros(3))
+    angle = bare.response(jnp.asarray(torque)[:, None] + 0j, 4 * speed)[:, 0]
+    np.testing.assert_allclose(twist, angle, rtol=1e-9)
+
+
+def test_layouts_are_swept():
+    found = sweep_layouts(
+        load("refrigeration-twin"),
+        ["in-line-2", "boxer-2"],
+        {},
+        ["peak_shaking_force", "speed_fluctuation"],
+        options=AnalysisOptions(Collocation(nodes=5, reversals=0)),
+    )
+    force = found["peak_shaking_force"].sel({"cylinders.layout": "boxer-2"})
+    assert float(force) < 1e-9  # [N] the boxer has none
+    assert found["speed_fluctuation"].shape == (2,)
+    assert bool(found["ok"].all())
+    with pytest.raises(BadInput, match=r"with a section \[cylinders\]"):
+        sweep_layouts(load("mayekawa-wbhe"), ["V90"], {}, ["swept_volume"])

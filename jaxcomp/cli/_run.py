@@ -85,14 +85,19 @@ def run(
         result = run_result(scene, orbit)
         if "suspension" in scene.parts:
             result["vibration"] = vibration_result(scene, orbit)
+        if "torsion" in scene.parts:
+            result["torsion"] = torsion_result(scene, orbit)
     result["tolerance"] = method.tolerance
     result["set"] = assignments(sets or (), "--set")
     result["design"] = assignments(designs or (), "--design")
 
     def figures():
-        from ..plot import orbit_figures
+        from ..plot import orbit_figures, torsion_over_speed
 
-        return orbit_figures(compressor, orbit, scene.parts.get("suspension"))
+        made = orbit_figures(compressor, orbit, scene.parts.get("suspension"))
+        if "torsion" in scene.parts:
+            made["torsion"] = torsion_over_speed(compressor, orbit, scene.parts["torsion"])
+        return made
 
     curves = None if out is None else {"curves": orbit_curves(scene, orbit)}
     hand_out(result, run_tables(scene, result), as_json, out, figures, scene, curves)
@@ -238,6 +243,8 @@ def run_tables(scene: "Scene", result: dict[str, Any]) -> Iterator[Any]:
         yield _verified(result)
     if "vibration" in result:
         yield _vibration(result["vibration"])
+    if "torsion" in result:
+        yield _torsion(result["torsion"])
 
 
 def _summary(scene: "Scene", result: dict[str, Any]):
@@ -411,6 +418,42 @@ def vibration_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
             name: {key: found[key][i] for key in keys} for i, name in enumerate(places)
         },
     }  # fmt: skip
+
+
+def torsion_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
+    """Torsion of the crank train: natural frequencies, critical speeds, torques of the springs."""
+    import numpy as np
+
+    from ..crank import CrankTrain, train_torques
+
+    train, compressor = scene.parts["torsion"], scene.as_compressor()
+    assert isinstance(train, CrankTrain)
+    frequencies = np.asarray(train.chain(compressor).natural_frequencies)[1:]
+    found = train_torques(compressor, orbit, train)
+    orders = np.arange(1, 9)
+    return {
+        "natural_frequencies": frequencies.tolist(),
+        "critical_speeds": {
+            str(order): (frequencies / order).tolist() for order in orders.tolist()
+        },
+        "mean_torque": (-np.asarray(found.mean)).tolist(),  # of the motor, towards the crank
+        "peak_torque": np.asarray(found.peak).tolist(),
+        "largest_order": (1 + np.argmax(np.abs(found.amplitude), axis=1)).tolist(),
+    }
+
+
+def _torsion(torsion: dict[str, Any]):
+    """What each spring of the crank train carries."""
+    hertz = ", ".join(f"{w / (2 * math.pi):.4g}" for w in torsion["natural_frequencies"])
+    first = torsion["natural_frequencies"][0]
+    critical = ", ".join(f"{RPM * first / order:.4g}" for order in (1, 2, 3, 4))
+    columns = (torsion[key] for key in ("mean_torque", "peak_torque", "largest_order"))
+    rows = [
+        (str(number), f"{mean:.4g}", f"{peak:.4g}", f"{peak / abs(mean):.3g}", str(order))
+        for number, (mean, peak, order) in enumerate(zip(*columns, strict=True), 1)
+    ]
+    title = f"Torsion at {hertz} Hz; orders 1 to 4 meet the first at {critical} rpm"
+    return row_table(title, ("Spring", "Mean, N m", "Peak, N m", "Peak/mean", "Order"), rows)
 
 
 def _vibration(vibration: dict[str, Any]):

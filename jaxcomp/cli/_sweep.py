@@ -40,7 +40,8 @@ def sweep(
             "--over",
             metavar="NAME=VALUES",
             help="Variable and its values: FROM:TO:COUNT, log:FROM:TO:COUNT or A,B,C; with --samples "
-            "FROM:TO, log:FROM:TO or normal:MEAN:DEVIATION. Repeatable; set in this order.",
+            "FROM:TO, log:FROM:TO or normal:MEAN:DEVIATION. Repeatable; set in this order. "
+            "cylinders.layout=V90,W60 sweeps the layout.",
             autocompletion=complete_variable,
         ),
     ],
@@ -101,6 +102,16 @@ def sweep(
     start_devices(devices)
     start_jax()
     scene = changed_scene(machine, sets or (), designs or ())
+    layouts = [text for text in over if text.partition("=")[0].strip() == "cylinders.layout"]
+    if layouts:
+        over = [text for text in over if text not in layouts]
+        names = [
+            name.strip() for name in assignments(layouts, "--over")["cylinders.layout"].split(",")
+        ]
+        axes = axes_of(scene, over, samples is not None)
+        options = analysis_options(scene, nodes, reversals, tolerance)
+        _of_layouts(scene, names, axes, quantity, options, samples, seed, as_json, out)
+        return
     axes = axes_of(scene, over, samples is not None)
     try:
         with cluster(dask) as client:
@@ -132,6 +143,39 @@ def sweep(
 
     curves = None if out is None else {"designs": sweep_columns(found)}
     hand_out(result, sweep_tables(found, result), as_json, out, figures, scene, curves)
+
+
+def _of_layouts(scene, names, axes, quantity, options, samples, seed, as_json, out):
+    """Best and worst designs of each layout of the cylinders."""
+    found = jc.sweeping.sweep_layouts(
+        scene,
+        names,
+        axes,
+        quantity or default_quantities(scene),
+        samples=samples,
+        seed=seed,
+        options=options,
+    )
+    parts = {name: found.sel({"cylinders.layout": name}, drop=True) for name in names}
+    rows = []
+    for name, part in parts.items():
+        for asked in (str(one) for one in part.data_vars if one != "ok"):
+            look = jc.sweeping.shown_column(found, asked)
+            ends = (float(part[asked].min()), float(part[asked].max()))
+            failed = int(part["ok"].size - part["ok"].sum())
+            rows.append((name, look.label, *(_cell(look, end) for end in ends), failed or ""))
+    result = plain(
+        {
+            "scene": scene.name,
+            "layouts": {
+                name: {q: part[q].values for q in map(str, part.data_vars)}
+                for name, part in parts.items()
+            },
+        }
+    )
+    heads = ("Layout", "Quantity", "Lowest", "Highest", "Failed")
+    table = row_table(f"{scene.name}: {len(names)} layouts", heads, rows, texts=2)
+    hand_out(result, [table], as_json, out, dict, scene)
 
 
 def _check(sampling, samples, tolerance, nodes, reversals):

@@ -16,9 +16,13 @@ from ._performance import performance as performance
 from ._result import orbit_on_panels as orbit_on_panels
 from ._shooting import Shooting as Shooting
 from ._solve import solve_orbit as solve_orbit
+from ._torsion import CrankTrain as CrankTrain
 from ._torsion import TorsionalChain as TorsionalChain
+from ._torsion import TrainTorques as TrainTorques
 from ._torsion import throw_inertias as throw_inertias
 from ._torsion import throw_torques as throw_torques
+from ._torsion import train_over_speed as train_over_speed
+from ._torsion import train_torques as train_torques
 from ._transient import TimeIntegration as TimeIntegration
 from ._transient import Transient as Transient
 from ._transient import simulate as simulate

@@ -8,17 +8,30 @@ rigid orbit is right while the lowest torsional frequency lies well above that o
 the inertias with the crank angle is left out.
 """
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Complex, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, BadInput, Part, quantity
-from ..compressor import Compressor, of_each_cylinder, without_crank
+from .._fields import (
+    NONNEGATIVE,
+    POSITIVE,
+    BadInput,
+    Part,
+    is_traced,
+    quantity,
+    replaced,
+    spread_columns,
+)
+from ..compressor import Compressor, at_speed, of_each_cylinder, without_crank
 from ..friction import joints_of_cylinder
 from ..mechanism import Cylinders
-from ._orbit import Orbit
+from ._collocation import Collocation
+from ._orbit import Orbit, time_harmonics
+from ._solve import solve_orbit
 
 # Angles over which the inertia of a cylinder is averaged: its orders end far below.
 _SAMPLES = 64
@@ -92,6 +105,127 @@ class TorsionalChain(Part):
         """
         rate = self.stiffness[:, None] + 1j * frequency * self.damping[:, None]
         return rate * jnp.diff(angle, axis=0)
+
+
+class CrankTrain(Part):
+    """Motor, couplings and the throws of a crankshaft in a row, as the section `torsion` of a machine.
+
+    The crank's inertia of the mechanism is that of all of them; what these leave is shared evenly by
+    the throws, each with the mean inertia of its rods and pistons.
+
+    Args:
+        inertia: [kg m^2] (m,) before the first throw: motor, coupling halves.
+        stiffness: [N m/rad] (m - 1 + throws,) between neighbours.
+        damping: [N m s/rad] likewise; one value stands for all.
+    """
+
+    kind: ClassVar[str] = "crank_train"
+
+    inertia: Float[Array, " m"] = quantity("kg m^2", POSITIVE, shape=(None,))
+    stiffness: Float[Array, " s"] = quantity("N m/rad", POSITIVE, shape=(None,))
+    damping: Float[Array, " s"] = quantity(
+        "N m s/rad", NONNEGATIVE, shape=(None,), spread=True, default=0.0
+    )
+
+    def __post_init__(self):
+        spread_columns(self, jnp.size(jnp.asarray(self.stiffness)), "springs")
+
+    def chain(self, compressor: Compressor) -> TorsionalChain:
+        """The chain of a compressor with several cylinders.
+
+        Raises:
+            BadInput: inertias that leave none for the throws, or not one spring fewer than inertias.
+        """
+        throws = throw_inertias(compressor)
+        whole = compressor.mechanism.crank_inertia
+        left = whole - jnp.sum(self.inertia)
+        if not is_traced(left) and not bool(left > 0):
+            raise BadInput(
+                "torsion.inertia", self.inertia, f"less than the crank's {float(whole):g}"
+            )
+        count = self.inertia.size + throws.size - 1
+        if self.stiffness.shape != (count,):
+            raise BadInput("torsion.stiffness", self.stiffness, f"{count} values, one a spring")
+        inertia = jnp.concatenate([self.inertia, left / throws.size + throws])
+        made = TorsionalChain(jnp.ones(count + 1), jnp.ones(count))
+        return replaced(made, inertia=inertia, stiffness=self.stiffness, damping=self.damping)
+
+
+class TrainTorques(NamedTuple):
+    """What the springs of a crank train carry, from the motor's side to the crank's end.
+
+    Attributes:
+        mean: [N m] (s,).
+        amplitude: [N m] (s, h) complex amplitudes of the harmonics of time.
+        frequency: [rad/s] (h,)
+        peak: [N m] (s,) largest size over the revolution.
+    """
+
+    mean: Float[Array, " s"]
+    amplitude: Complex[Array, "s h"]
+    frequency: Float[Array, " h"]
+    peak: Float[Array, " s"]
+
+
+def train_torques(
+    compressor: Compressor, orbit: Orbit, train: CrankTrain, count: int = 16
+) -> TrainTorques:
+    """Torques of the springs of a crank train under the torques of an orbit.
+
+    The motor's torque acts on the first inertia, the friction of the main bearings evenly on the throws.
+
+    Args:
+        compressor: with several cylinders.
+        orbit: its periodic state.
+        train: its inertias and springs.
+        count: harmonics; the orbit needs several nodes for a wave of the highest.
+    """
+    chain, own = train.chain(compressor), throw_torques(compressor, orbit)
+    losses, cylinders = orbit.loads.loss_torque, _cylinders_of(compressor)
+    of_rods = {
+        joint
+        for number in range(1, cylinders.count + 1)
+        for joint in joints_of_cylinder(number).values()
+    }
+    shaft = sum((loss for name, loss in losses.items() if name not in of_rods), jnp.zeros(()))
+    before = jnp.zeros((train.inertia.size, orbit.time.size)).at[0].set(orbit.motor_torque)
+    torque = jnp.concatenate([before, own - shaft / own.shape[0]])
+    duration = orbit.weight / orbit.state.speed
+    harmonic, frequency = time_harmonics(torque, orbit.time, duration, count)
+    amplitude = chain.spring_torque(chain.response(harmonic, frequency), frequency)
+    # what enters on the left of a spring on the mean passes through it, towards the crank's end
+    mean = -jnp.cumsum(torque @ duration / jnp.sum(duration))[:-1]
+    waves = jnp.exp(1j * frequency[:, None] * jnp.linspace(0, 2 * jnp.pi, 361) / frequency[0])
+    peak = jnp.max(jnp.abs(mean[:, None] + jnp.real(amplitude @ waves)), axis=1)
+    return TrainTorques(mean, amplitude, frequency, peak)
+
+
+def train_over_speed(
+    compressor: Compressor, train: CrankTrain, speeds: Float[Array, " n"], count: int = 16
+) -> tuple[Float[Array, " n"], Float[Array, "n s"]]:
+    """Mean torque of the first spring [N m] and peak of every spring [N m] at mean speeds [rad/s].
+
+    Args:
+        compressor: with several cylinders; its motor gives way to the speed.
+        train: its inertias and springs.
+        speeds: [rad/s]
+        count: harmonics; the orbit needs several nodes for a wave of the highest.
+    """
+
+    @eqx.filter_jit
+    def all_of(compressor, train, speeds):
+        def one(speed):
+            held = at_speed(compressor, speed)
+            orbit = solve_orbit(
+                held, Collocation(nodes=12, reversals=0, tolerance=1e-9), throw=False
+            )
+            found = train_torques(held, orbit, train, count)
+            good = orbit.converged
+            return jnp.where(good, found.mean[0], jnp.nan), jnp.where(good, found.peak, jnp.nan)
+
+        return lax.map(one, speeds)
+
+    return all_of(compressor, train, jnp.asarray(speeds, float))
 
 
 def throw_torques(compressor: Compressor, orbit: Orbit) -> Float[Array, "t n"]:

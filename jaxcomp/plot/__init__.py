@@ -56,6 +56,7 @@ from ._several import by_number_of_cylinders as by_number_of_cylinders
 from ._several import cylinders_motion as cylinders_motion
 from ._several import machine_views as machine_views
 from ._several import order_spectra as order_spectra
+from ._several import torsion_over_speed as torsion_over_speed
 from ._shaking import free_body_errors as free_body_errors
 from ._shaking import shaking_force as shaking_force
 from ._shaking import vibration_orbits as vibration_orbits

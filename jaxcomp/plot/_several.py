@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from .._fields import of_cylinder
 from .._shown import RPM
 from ..compressor import Compressor, of_each_cylinder
-from ..crank import Orbit, time_harmonics
+from ..crank import CrankTrain, Orbit, time_harmonics, train_over_speed
 from ..friction import MainBearings
 from ..mechanism import Cylinders, SliderCrank
 from ..shaking import shaking_wrench
@@ -129,6 +129,33 @@ def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
         legend(ax, loc="upper right")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes[-1, 0].set_xlabel("Order of time", fontsize=9)
+    return figure
+
+
+def torsion_over_speed(compressor: Compressor, orbit: Orbit, train: CrankTrain) -> Figure:
+    """Peak torque of every spring of the crank train against speed, with its critical speeds.
+
+    Args:
+        compressor: with several cylinders.
+        orbit: its periodic state, whose speed is the middle of the range.
+        train: inertias and springs.
+    """
+    speeds = float(orbit.mean_speed) * np.linspace(0.5, 1.5, 41)
+    _, peaks = train_over_speed(compressor, train, jnp.asarray(speeds))
+    figure, ((ax,),) = new_figure(1, 1, (7.2, 3.8), "Torque of the springs of the crank train")
+    for number, peak in enumerate(np.asarray(peaks).T):
+        tint = _TINTS[number % len(_TINTS)]
+        ax.plot(RPM * speeds, peak, color=tint, linewidth=1.6, label=f"Spring {number + 1}")
+    for frequency in np.asarray(train.chain(compressor).natural_frequencies)[1:]:
+        for order in range(1, 13):
+            if speeds[0] < frequency / order < speeds[-1]:
+                ax.axvline(RPM * frequency / order, color="#AAAAAA", linewidth=0.8, linestyle="--")
+                ax.annotate(f"{order}", (RPM * frequency / order, 1), xycoords=("data", "axes fraction"),
+                            fontsize=8, ha="center", va="bottom", color=INK)  # fmt: skip
+    ax.set_ylim(0, None)
+    ax.set_xlabel("Mean speed, rpm; dashed: an order meets a torsional frequency", fontsize=9)
+    ylabel(ax, "Peak over the revolution, N m")
+    legend(ax, loc="upper right")
     return figure
 
 

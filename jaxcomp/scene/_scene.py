@@ -36,6 +36,7 @@ SECTIONS: dict[str, type[Part] | str] = {
     "loads": "jaxcomp.rotor:LoadCase",
     "balancing": "jaxcomp.rotor:BalancingPlanes",
     "suspension": "jaxcomp.shaking:Suspension",
+    "torsion": "jaxcomp.crank:CrankTrain",
 }
 
 # Sections that hold named sections: what each of those describes.
