@@ -40,6 +40,10 @@ class Status(eqx.Enumeration):
     no_periodic_state = (
         "no stable periodic state was found: the net work of a revolution does not fall with speed"
     )
+    film_collapse = (
+        "the film of a journal closes within the revolution; give it more viscosity, width or less "
+        "clearance, or a load that does not turn at half the speed of the film"
+    )
 
 
 class SolveFailed(RuntimeError):

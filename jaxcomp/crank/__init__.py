@@ -1,7 +1,11 @@
 """Crank motion: the equation of motion, the periodic orbit, transients and energy."""
 
 from ._collocation import Collocation as Collocation
+from ._films import JournalFilm as JournalFilm
+from ._films import JournalOrbit as JournalOrbit
 from ._films import film_thickness as film_thickness
+from ._films import journal_films as journal_films
+from ._films import journal_orbit as journal_orbit
 from ._films import journal_rates as journal_rates
 from ._motion import acceleration as acceleration
 from ._orbit import Energy as Energy

@@ -29,6 +29,7 @@ from ._iteration import (
     state_of,
     steepness,
 )
+from ._journals import CLOSED, moving, with_journals
 from ._orbit import Energy, Orbit
 from ._panels import Panels, panels
 from ._result import orbit_on_panels
@@ -192,6 +193,8 @@ def orbit_of_motion(
     at = instants(compressor, jnp.concatenate(angles) if estimate else angles[0])
     energy = both(motion.energy)
     state = state_of(at, scales, energy, both(motion.acceleration))
+    if motion.journals is not None:
+        compressor = with_journals(compressor, both(motion.journals))
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
     unknown = loop.start()
     if compressor.friction is not None:
@@ -233,7 +236,7 @@ def orbit_of_motion(
             name: _quadrature_error(grid, fine, lax.stop_gradient(nodes(loss)), finer(loss)) + moved
             for name, loss in loads.loss_torque.items()
         }
-    return orbit_on_panels(
+    orbit = orbit_on_panels(
         grid,
         jax.tree.map(nodes, at),
         jax.tree.map(nodes, state),
@@ -245,3 +248,11 @@ def orbit_of_motion(
         report,
         solver,
     )
+    if motion.journals is None:
+        return orbit
+    closed = jnp.max(jnp.hypot(*motion.journals)) > CLOSED
+    status = Status.where(closed, Status.film_collapse, orbit.status)
+    orbit = eqx.tree_at(lambda o: o.status, orbit, status)
+    flat = motion.journals.reshape(*motion.journals.shape[:2], -1)
+    named = {one.joint: flat[:, i] for i, one in enumerate(moving(known.compressor))}
+    return eqx.tree_at(lambda o: o.positions, orbit, named, is_leaf=lambda leaf: leaf is None)

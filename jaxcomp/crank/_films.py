@@ -1,14 +1,111 @@
-"""How thick the oil films of the journals are over a revolution."""
+"""The oil films of the journals over a revolution, of those that move and of those that do not.
+
+A journal that moves is where its orbit has it. One with a steady film is, at every instant, where the
+load of that instant would hold it for ever: squeeze, which keeps a film thicker where the load turns
+quickly, is left out.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
+from .._implicit import AbstractFixedPoint, fixed_point, frozen, settle
+from .._status import Status
 from ..compressor import Compressor
-from ..film import AbstractCarryingFilm, JournalBearing, minimum_film
+from ..film import (
+    AbstractCarryingFilm,
+    AbstractSolvedFilm,
+    JournalBearing,
+    OrbitBearing,
+    film_unit,
+    friction_moment,
+    minimum_film,
+    quarter_turn,
+    running_state,
+    shear_drag,
+    squeeze_of,
+)
 from ..friction import film_journals, joints_of_cylinder
-from ..mechanism import SliderCrank, rod_motion
+from ._journals import CLOSED, Drive, improved_positions, rate_shares
 from ._orbit import Orbit
+from ._panels import Panels, highest, panels
+
+# [J/(m^3 K)] Heat capacity of oil, 860 kg/m^3 times 2000 J/(kg K).
+OIL_HEAT_CAPACITY = 1.72e6
+
+
+class JournalFilm(eqx.Module):
+    """The film of one journal at the n nodes of an orbit.
+
+    Attributes:
+        position: [-] (2, n) centre of the journal over the clearance, in the axes of the joint's force.
+        load: [N] (2, n) on the journal.
+        thickness: [m] (n,) smallest round the ring.
+        pressure: [Pa] (n,) largest in the film.
+        flow: [m^3/s] (n,) out of both ends of the pressure zone.
+        shear_loss, squeeze_loss: [W] (n,) parts of the dissipation. The work of the load in the wedge
+            is squeeze here: all that the pressure dissipates.
+        minimum_film: [m] over the revolution.
+        largest_pressure: [Pa] over the revolution.
+        largest_eccentricity: [-]
+        mean_flow: [m^3/s] in time, as all means.
+        mean_shear_loss, mean_squeeze_loss: [W]
+        temperature_rise: [K] of the oil that flows out, if it carries the whole loss away; infinite
+            where none does.
+        stiffness: [N/m] (2, 2) mean of the film's along the orbit, dF/d(c e) at a given velocity of the
+            centre; of a journal that does not move, at its places.
+        damping: [N s/m] (2, 2) likewise, dF/d(c de/dt).
+        steady_film, steady_loss: [m], [W] smallest film and mean loss of the same loads carried steadily.
+        moving: whether the orbit was solved.
+    """
+
+    position: Float[Array, "2 n"]
+    load: Float[Array, "2 n"]
+    thickness: Float[Array, " n"]
+    pressure: Float[Array, " n"]
+    flow: Float[Array, " n"]
+    shear_loss: Float[Array, " n"]
+    squeeze_loss: Float[Array, " n"]
+    minimum_film: Float[Array, ""]
+    largest_pressure: Float[Array, ""]
+    largest_eccentricity: Float[Array, ""]
+    mean_flow: Float[Array, ""]
+    mean_shear_loss: Float[Array, ""]
+    mean_squeeze_loss: Float[Array, ""]
+    temperature_rise: Float[Array, ""]
+    stiffness: Float[Array, "2 2"]
+    damping: Float[Array, "2 2"]
+    steady_film: Float[Array, ""]
+    steady_loss: Float[Array, ""]
+    duration: Float[Array, " n"]
+    moving: bool = eqx.field(static=True)
+
+    def share_below(self, thickness: float | Float[Array, ""]) -> Float[Array, ""]:
+        """[-] Share of the revolution's time in which the film is thinner than a thickness [m]."""
+        below = self.thickness < thickness
+        return jnp.sum(jnp.where(below, self.duration, 0.0)) / jnp.sum(self.duration)
+
+
+class JournalOrbit(NamedTuple):
+    """A periodic orbit of one journal.
+
+    Attributes:
+        angle: [rad] (n,) of the nodes.
+        film: what is read off the orbit.
+        status: `Status.film_collapse` where the film closes.
+        residual: [-] last change of the positions.
+        iterations: steps of Newton's method.
+    """
+
+    angle: Float[Array, " n"]
+    film: JournalFilm
+    status: Status
+    residual: Float[Array, ""]
+    iterations: Int[Array, ""]
 
 
 def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array, " n"]]:
@@ -18,39 +115,229 @@ def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array
         compressor: the machine.
         orbit: its periodic state, or anything with its `state` and `loads`.
     """
-    speed, mechanism, several = orbit.state.speed, compressor.mechanism, compressor.cylinders
+    speed, shares = orbit.state.speed, rate_shares(compressor, orbit.state.angle)
     rates = dict.fromkeys(orbit.loads.forces, speed)
-    if not isinstance(mechanism, SliderCrank):
-        return rates
-    angles = orbit.state.angle[None] if several is None else several.own_angle(orbit.state.angle)
-    for number, tilt in enumerate(rod_motion(mechanism, angles).tilt_1, 1):
-        names = {} if several is None else joints_of_cylinder(number)
-        for joint, rate in (("piston_pin", tilt), ("crank_pin", 1 + tilt)):
-            rates[names.get(joint, joint)] = rate * speed
-    return rates
+    return rates | {name: share * speed for name, (share, _) in shares.items()}
 
 
 @eqx.filter_jit
 def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array, " n"]]:
-    """[m] Smallest thickness of each journal's oil film, by joint; of films that carry a load.
-
-    Each instant is taken for itself, with the film that carries its load steadily: squeeze, which
-    keeps a film thicker where the load turns quickly, is left out.
+    """[m] Smallest thickness of each journal's oil film over the nodes, by joint.
 
     Args:
         compressor: the machine.
         orbit: its periodic state.
     """
-    rates, forces = journal_rates(compressor, orbit), orbit.loads.forces
+    found, moved = {}, orbit.positions or {}
+    rates = journal_rates(compressor, orbit)
+    for name, law in _journals(compressor, orbit):
+        if name in moved:
+            found[name] = law.radial_clearance * (1 - jnp.hypot(*moved[name]))
+        elif isinstance(law, JournalBearing) and issubclass(law.model, AbstractCarryingFilm):
+            load = jnp.hypot(*orbit.loads.forces[name])
+            found[name] = minimum_film(law, load, jnp.abs(rates[name]))
+    return found
+
+
+def _journals(compressor: Compressor, orbit: Orbit):
+    """Joints with oil films, and their laws."""
     count = 0 if compressor.cylinders is None else compressor.cylinders.count
     own = [joints_of_cylinder(number + 1) for number in range(count)]
+    for joint, law in film_journals(compressor.friction).items():
+        for name in (joint, *(names[joint] for names in own if joint in names)):
+            if name in orbit.loads.forces:
+                yield name, law
+
+
+def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
+    """The films of all oil-lubricated journals whose film model gives a position, by joint.
+
+    Differentiable.
+
+    Args:
+        compressor: the machine.
+        orbit: its periodic state.
+    """
+    shares = rate_shares(compressor, orbit.state.angle)
     return {
-        name: minimum_film(law, jnp.hypot(*forces[name]), jnp.abs(rates[name]))
-        for joint, law in film_journals(compressor.friction).items()
-        for name in (joint, *(names[joint] for names in own if joint in names))
-        if name in forces and _carries(law)
+        name: _read(
+            law,
+            (orbit.positions or {}).get(name),
+            -orbit.loads.forces[name],
+            tuple(share * orbit.state.speed for share in shares.get(name, (1.0, 1.0))),
+            orbit.weight / orbit.state.speed,
+            orbit.largest,
+        )
+        for name, law in _journals(compressor, orbit)
+        if isinstance(law, OrbitBearing) or issubclass(law.model, AbstractSolvedFilm)
     }
 
 
-def _carries(law: JournalBearing) -> bool:
-    return issubclass(law.model, AbstractCarryingFilm)
+def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
+    """What a journal's film does at given places (`None`: those of a steady film) and loads.
+
+    Args:
+        law: the bearing.
+        position: (2, n) over the clearance.
+        load: [N] (2, n).
+        rates: [rad/s] difference and sum of the rates of journal and bush, (n,).
+        duration: [s] quadrature weights.
+        largest_of: largest value over the revolution from values at the nodes.
+    """
+    (difference, total), gap, moves = rates, law.radial_clearance, position is not None
+    size = jnp.hypot(*load)
+    steady = law.steady if isinstance(law, OrbitBearing) else law
+    lands = law.lands if isinstance(law, OrbitBearing) else 1
+    film, unit = squeeze_of(law), film_unit(law)
+    resting = minimum_film(steady, size / lands, jnp.abs(difference))
+    moment = lands * friction_moment(steady, size / lands, difference)
+    if position is not None:
+        velocity = film.mobility(position, load / unit)
+    else:
+        state = running_state(steady, size, jnp.abs(difference))
+        turn = jnp.sign(difference) * state.attitude_angle
+        along = load / jnp.where(size > 0, size, 1.0)
+        side = quarter_turn(along)
+        position = state.eccentricity_ratio * (jnp.cos(turn) * along + jnp.sin(turn) * side)
+        # the steady film has the sum of the rates in the place of their difference
+        total = difference
+        velocity = -0.5 * difference * quarter_turn(position)
+    scale = law.dynamic_viscosity / law.clearance_ratio**2
+    shear = shear_drag(law, position) * difference**2
+    squeeze = gap * jnp.sum(load * velocity, axis=0) if moves else moment * difference - shear
+
+    def mean(values):
+        return jnp.sum(duration * values, axis=-1) / jnp.sum(duration)
+
+    pressure = scale * film.peak_pressure(position, load / unit, velocity)
+    flow = law.radius * law.length * gap * film.side_flow(position, load / unit, velocity)
+    thickness = gap * (1 - jnp.hypot(*position)) if moves else resting
+    largest = largest_of(jnp.hypot(*position))
+    stiffness, damping = _coefficients(film, position, load / unit, 0.5 * total)
+    loss, carried = mean(shear + squeeze), mean(flow)
+    return JournalFilm(
+        position=position,
+        load=load,
+        thickness=thickness,
+        pressure=pressure,
+        flow=flow,
+        shear_loss=shear,
+        squeeze_loss=squeeze,
+        minimum_film=gap * (1 - largest) if moves else -largest_of(-resting),
+        largest_pressure=largest_of(pressure),
+        largest_eccentricity=largest,
+        mean_flow=carried,
+        mean_shear_loss=mean(shear),
+        mean_squeeze_loss=mean(squeeze),
+        temperature_rise=jnp.where(
+            carried > 0, loss / (OIL_HEAT_CAPACITY * jnp.where(carried > 0, carried, 1.0)), jnp.inf
+        ),
+        stiffness=unit / gap * mean(stiffness),
+        damping=unit / gap * mean(damping),
+        steady_film=-largest_of(-resting),
+        steady_loss=mean(moment * difference),
+        duration=duration,
+        moving=moves,
+    )
+
+
+def _coefficients(film, position, force, turning):
+    """dF/de at a given de/dt, and dF/d(de/dt), (2, 2, n): from the mobility V = M(e, F)."""
+
+    def slopes(argument):
+        one, none = jnp.ones_like(force[0]), jnp.zeros_like(force[0])
+        ways = jnp.stack([one, none]), jnp.stack([none, one])
+        still = jnp.zeros_like(force)
+        pairs = [(way, still) if argument == 0 else (still, way) for way in ways]
+        return jnp.stack(
+            [jax.jvp(film.mobility, (position, force), pair)[1] for pair in pairs], axis=1
+        )
+
+    by_place, by_force = slopes(0), slopes(1)
+    size = by_force[0, 0] * by_force[1, 1] - by_force[0, 1] * by_force[1, 0]
+    swapped = jnp.stack([jnp.stack([by_force[1, 1], -by_force[0, 1]]),
+                         jnp.stack([-by_force[1, 0], by_force[0, 0]])])  # fmt: skip
+    damping = swapped / jnp.where(size > 0, size, 1.0)
+    turn = jnp.array([[0.0, -1.0], [1.0, 0.0]])[..., None] * turning
+    stiffness = jnp.einsum("abn,bcn->acn", damping, -by_place - turn)
+    return stiffness, damping
+
+
+class _Periodic(AbstractFixedPoint):
+    """The periodic orbit of a journal on fixed panels."""
+
+    grid: Panels
+    tolerance: float = 1e-13
+    max_iterations: int = eqx.field(static=True, default=60)
+
+    def step(self, parameters, data, unknowns):
+        return improved_positions(data[0], parameters, unknowns)[0]
+
+    def solve(self, parameters):
+        drive = frozen(parameters)
+        start = jnp.zeros_like(drive.force)
+        position, _, report = settle(
+            lambda e: (improved_positions(self.grid, drive, e)[0], None),
+            start,
+            None,
+            self.tolerance,
+            self.max_iterations,
+        )
+        return position, (self.grid, report)
+
+
+def journal_orbit(
+    bearing: OrbitBearing,
+    load: Callable[[Float[Array, " n"]], Float[Array, "2 n"]],
+    speed: float | Float[Array, ""],
+    *,
+    journal: float | Callable = 1.0,
+    bush: float | Callable = 0.0,
+    edges: Float[Array, " e"] | None = None,
+    nodes: int = 8,
+) -> JournalOrbit:
+    """The periodic orbit of one journal under a given load history at constant speed.
+
+    Derivatives follow from the implicit function theorem.
+
+    Args:
+        bearing: with its viscosity.
+        load: [N] on the journal over the crank angle [rad], in axes that do not rotate.
+        speed: [rad/s] of the crank, > 0.
+        journal, bush: [-] rates of rotation over that speed, numbers or functions of the crank angle.
+        edges: [rad] where the load has kinks, with both ends of a period of 2 pi; by default 24 panels.
+        nodes: on every panel.
+    """
+    edges = jnp.linspace(0, 2 * jnp.pi, 25) if edges is None else jnp.asarray(edges)
+    grid = panels(edges, nodes)
+    angle, speed = grid.angle.ravel(), jnp.asarray(speed, float)
+    turns, holds = (
+        jnp.broadcast_to(r(angle) if callable(r) else r, angle.shape) for r in (journal, bush)
+    )
+    rates = jnp.stack([(turns - holds) * speed, (turns + holds) * speed])
+    return _solved_journal(bearing, load(angle), rates, speed, grid.edges, nodes)
+
+
+@eqx.filter_jit
+def _solved_journal(bearing: OrbitBearing, force, rates, speed, edges, nodes: int) -> JournalOrbit:
+    grid, film = panels(edges, nodes), squeeze_of(bearing)
+
+    def of_panels(values):
+        return values.reshape(*values.shape[:-1], *grid.angle.shape)
+
+    drive = Drive(
+        ((jax.tree.map(lambda leaf: leaf[None], film), (0,)),),
+        of_panels(force / (film_unit(bearing) * speed))[:, None],
+        of_panels(0.5 * rates[1] / speed)[None],
+    )
+    position, (_, report) = fixed_point(_Periodic(grid), drive)
+    position = position[:, 0].reshape(2, -1)
+
+    def largest(values):
+        return highest(grid.rule, grid.width, of_panels(values))
+
+    read = _read(bearing, position, force, rates, grid.weight.ravel() / speed, largest)
+    closed = read.largest_eccentricity > CLOSED
+    status = Status.where(report.settled, Status.converged, Status.not_converged)
+    status = Status.where(closed, Status.film_collapse, status)
+    return JournalOrbit(grid.angle.ravel(), read, status, report.change, report.steps)

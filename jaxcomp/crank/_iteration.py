@@ -27,6 +27,13 @@ from ..compressor import Compressor, Instants, instants, loop_of
 from ..friction import AbstractJointLoop, newton_step
 from ..mechanism import CrankState
 from ._closure import Instant, closure_of
+from ._journals import (
+    improved_positions,
+    journal_drive,
+    journal_torque,
+    moving,
+    with_journals,
+)
 from ._panels import NO_WIDTH, Panels, panels
 
 # Kinetic energy over its mean below which the crank counts as stalled.
@@ -90,6 +97,7 @@ class Motion(eqx.Module):
         joints: [-] unknown of the joint loop at all nodes and then at the places, from its start, over
             the scale of forces; of no entries without friction, a row for each of several cylinders.
         places: [rad] load reversals.
+        journals: [-] positions of the journals that move, over their clearances; `None` without any.
     """
 
     energy: Float[Array, "p s"]
@@ -97,6 +105,7 @@ class Motion(eqx.Module):
     first_energy: Float[Array, ""]
     joints: Float[Array, "*k m"]
     places: Float[Array, " k"]
+    journals: Float[Array, "2 j p s"] | None = None
 
 
 class Reversals(eqx.Module):
@@ -149,7 +158,9 @@ def initial_motion(known: Known, resolution: Resolution) -> Motion:
     joints = jnp.zeros(energy.size + places.size if friction else 0)
     if known.compressor.cylinders is not None:
         joints = jnp.tile(joints, (known.compressor.cylinders.count, 1))
-    return Motion(energy, jnp.zeros_like(energy), jnp.ones(()), joints, places)
+    journals = len(moving(known.compressor))
+    centred = jnp.zeros((2, journals, *energy.shape)) if journals else None
+    return Motion(energy, jnp.zeros_like(energy), jnp.ones(()), joints, places, centred)
 
 
 class Joints(NamedTuple):
@@ -264,20 +275,30 @@ def improve(
     def everywhere(values):
         """At the nodes, then at the places; each is the left edge of a panel."""
         if not places.size:
-            return values.ravel()
+            return values.reshape(*values.shape[:-2], -1)
         left = values @ grid.rule.through(np.zeros(1))[0]
-        return jnp.concatenate([values.ravel(), left[grid.panel_of(lax.stop_gradient(places))]])
+        beside = left[..., grid.panel_of(lax.stop_gradient(places))]
+        return jnp.concatenate([values.reshape(*values.shape[:-2], -1), beside], axis=-1)
 
     def nodes(values):
-        return values[:count].reshape(shape)
+        return values[..., :count].reshape(*values.shape[:-1], *shape)
 
     energy, acceleration = everywhere(motion.energy), everywhere(motion.acceleration)
     state = state_of(at, scales, energy, acceleration)
-    joints = Joints(motion.joints, jnp.zeros_like(energy), ())
+    joints, journals = Joints(motion.joints, jnp.zeros_like(energy), ()), motion.journals
+    film_loss = None
+    if journals is not None:
+        compressor = with_journals(compressor, everywhere(journals), lossless=True)
     if compressor.friction is not None:
-        joints = _improved_joints(
-            loop_of(compressor, state, at.gas_force, at.kinematics), scales, motion.joints
-        )
+        loop = loop_of(compressor, state, at.gas_force, at.kinematics)
+        joints = _improved_joints(loop, scales, motion.joints)
+        if journals is not None:
+            forces = loop.loads(joints_of(loop, scales, motion.joints), False).forces
+            drive = journal_drive(known.compressor, forces, state)
+            journals, power = improved_positions(grid, drive.mapped(nodes), motion.journals)
+            film_loss = journal_torque(
+                known.compressor, jax.tree.map(nodes, state), motion.journals, power
+            )
     closure = closure_of(compressor.motor)
     steep = None
     if closure.needs_steepness:
@@ -291,7 +312,7 @@ def improve(
         nodes(at.inertia_1),
         nodes(at.conservative),
         nodes(closure.law(compressor.motor, state.speed)),
-        nodes(joints.loss),
+        nodes(joints.loss) if journals is None else nodes(joints.loss) + film_loss,
         nodes(state.speed),
         motion.energy,
         motion.first_energy,
@@ -306,11 +327,15 @@ def improve(
         unused = jnp.where(reversals.moving, known.edges[0], places)
         used = reversals.moving & (reversals.row >= 0)
         moved = jnp.where(used, places - value / reversals.slope, unused)
-        energy, acceleration = _carried(
-            known, resolution, grid, (places, moved), jnp.stack([energy, acceleration])
-        )
+        carried = jnp.stack([energy, acceleration])
+        if journals is not None:
+            carried = jnp.concatenate([carried, journals.reshape(-1, *shape)])
+        energy, acceleration, *rest = _carried(known, resolution, grid, (places, moved), carried)
+        if journals is not None:
+            journals = jnp.stack(rest).reshape(journals.shape)
         places = moved
-    better = Motion(energy, acceleration / scales.speed**2, first, joints.unknown, places)
+    unknowns = energy, acceleration / scales.speed**2, first, joints.unknown, places
+    better = Motion(*unknowns, journals)
     return better, jnp.stack(marks) if marks else jnp.zeros((0, *shape))
 
 

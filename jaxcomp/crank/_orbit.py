@@ -60,6 +60,7 @@ class Verification(eqx.Module):
         efficiency_error: [-] of the mechanical efficiency.
         loss_error: [J] of the losses of a revolution, by joint.
         peak_error: [N] of the peak forces, by joint.
+        position_error: [-] largest difference of the positions of moving journals; `None` without any.
         steps: of the integrator.
         status: `Status.converged` if the march reached the end of the revolution.
     """
@@ -70,6 +71,7 @@ class Verification(eqx.Module):
     efficiency_error: Float[Array, ""]
     loss_error: dict[str, Float[Array, ""]]
     peak_error: dict[str, Float[Array, ""]]
+    position_error: Float[Array, ""] | None
     steps: Int[Array, ""]
     status: Status
 
@@ -106,6 +108,8 @@ class Orbit(Result, eqx.Module):
         panel_nodes: how many nodes in a row are on one panel.
         cycle: of the gas, where it is solved with the crank's motion; else `None`.
         verification: by an independent march, where `solve_orbit` was asked for it; else `None`.
+        positions: [-] centres of the journals that move over their clearances, in the axes of the forces,
+            (2, n) by joint; `None` where none moves.
     """
 
     state: CrankState
@@ -130,6 +134,7 @@ class Orbit(Result, eqx.Module):
     panel_nodes: int = eqx.field(static=True)
     cycle: Cycle | None = None
     verification: Verification | None = None
+    positions: dict[str, Float[Array, "2 n"]] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
 

@@ -126,12 +126,16 @@ class OrbitProblem(AbstractFixedPoint):
         angle = jnp.concatenate([angle.ravel(), jnp.clip(places, grid.edges[0], grid.edges[-1])])
         values = jnp.concatenate([jnp.stack([motion.energy, motion.acceleration]), joints])
         energy, acceleration, *joints = grid.interpolate(values, angle)
+        journals = motion.journals
+        if journals is not None:
+            journals = grid.interpolate(journals, new.angle)
         moved = Motion(
             energy[:count].reshape(new.angle.shape),
             acceleration[:count].reshape(new.angle.shape),
             motion.first_energy,
             jnp.stack(joints) if motion.joints.ndim > 1 else joints[0],
             places,
+            journals,
         )
         return moved, Reversals(row, slope, jnp.asarray(False)), brackets
 

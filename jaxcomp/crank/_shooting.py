@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._fields import BadInput
 from .._implicit import FixedPointReport, frozen
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
@@ -24,6 +25,7 @@ from ..mechanism import CrankState
 from ._closure import closure_of
 from ._collocation import Collocation
 from ._iteration import Known, prepare, revolution_edges
+from ._journals import moving
 from ._motion import solve_motion
 from ._orbit import Energy, Orbit
 from ._panels import panels
@@ -77,6 +79,10 @@ class Shooting(eqx.Module):
 
     def solve(self, compressor: Compressor) -> Orbit:
         """The orbit of an admissible compressor."""
+        if moving(compressor):
+            raise BadInput(
+                "solver", self.name, "Collocation(), for journals that move in their films"
+            )
         closure = closure_of(compressor.motor)
         if not closure.integrates:
             return Collocation(self.output_nodes, self.reversals).solve(compressor)

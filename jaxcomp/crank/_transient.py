@@ -14,6 +14,7 @@ from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of, instants
 from ..mechanism import CrankState
+from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration
 from ._orbit import Energy
 
@@ -23,7 +24,7 @@ class TimeIntegration(eqx.Module):
 
     Attributes:
         solver: any solver of diffrax; an implicit one (`diffrax.Kvaerno5()`) for a regularised law
-            with a narrow transition or a stiff motor.
+            with a narrow transition, a stiff motor or journals that move in their films.
         tolerance: [-] relative and absolute tolerance of a step, in units of the motor's running
             speed and of the kinetic energy there; a radian for the angle. Given as an array, all
             tolerances share one compiled program.
@@ -53,6 +54,7 @@ class Transient(Result, eqx.Module):
         end_time: [s] the end asked for, or the instant of rest.
         steps: steps of the integrator.
         status: `Status.converged` if the end or the rest was reached.
+        positions: [-] (2, n) centres of the journals that move over their clearances, by joint.
 
     Files of `save` leave out the dense output, which `at` reads.
     """
@@ -65,6 +67,7 @@ class Transient(Result, eqx.Module):
     end_time: Float[Array, ""]
     steps: Int[Array, ""]
     status: Status
+    positions: dict[str, Float[Array, "2 n"]]
     _dense: diffrax.Solution
     _scales: tuple[Float[Array, ""], Float[Array, ""]]
 
@@ -85,6 +88,8 @@ class Transient(Result, eqx.Module):
         for name, work in energy.losses.items():
             yield Data(f"loss.{name}", "J", work, at)
         yield Data("kinetic_energy", "J", self.kinetic_energy, at)
+        for name, (x, y) in self.positions.items():
+            yield Data(f"eccentricity.{name}", "", jnp.hypot(x, y), at, "over the clearance")
 
     @property
     def residual(self) -> Float[Array, " n"]:
@@ -182,16 +187,25 @@ def _simulate(
     def evaluate(t, y):
         now = y["speed"] * speed_scale
         motor = jnp.where(t < off, compressor.motor.torque(now), 0.0)
-        return now, motor, *acceleration(compressor, y["angle"], now, motor)
+        placed = with_journals(compressor, y.get("journals"))
+        return now, motor, *acceleration(placed, y["angle"], now, motor)
 
     def rate(t, y, args):
         del args
         now, motor, rise, conservative, loads = evaluate(t, y)
         torques = {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
         work = jax.tree.map(lambda torque: torque * now / energy_scale, torques)
-        return {"angle": now, "speed": rise / speed_scale, "work": work}
+        rates = {"angle": now, "speed": rise / speed_scale, "work": work}
+        if "journals" in y:
+            state = CrankState(y["angle"], now, rise)
+            drive = journal_drive(compressor, loads.forces, state, in_time=True)
+            rates["journals"] = drive.rate(y["journals"])
+        return rates
 
     y0 = {"angle": angle, "speed": speed / speed_scale}
+    journals = moving(compressor)
+    if journals:
+        y0["journals"] = jnp.zeros((2, len(journals)))
     y0["work"] = jax.tree.map(
         lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),
         jax.eval_shape(rate, jnp.zeros(()), y0 | {"work": None}, None)["work"],
@@ -240,6 +254,7 @@ def _simulate(
         end_time=end,
         steps=solution.stats["num_steps"],
         status=Status.where(good, status, Status.bad_input),
+        positions={one.joint: ys["journals"][..., i].T for i, one in enumerate(journals)},
         _dense=solution,
         _scales=(speed_scale, energy_scale),
     )

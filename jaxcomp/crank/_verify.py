@@ -20,6 +20,7 @@ from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..friction import magnitude
 from ..mechanism import CrankState
 from ._closure import closure_of
+from ._journals import journal_drive, moving, with_journals
 from ._motion import Instantaneous, solve_motion
 from ._orbit import Energy, Orbit, Verification
 from ._transient import TimeIntegration
@@ -52,12 +53,17 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     share = jnp.linspace(0.0, 1.0, max(2, options.samples // (edges.size - 1)))
     fine = edges[:-1, None] + jnp.diff(edges)[:, None] * share
     nodes = jnp.append(orbit.state.angle[1:], last)
-    end, speeds, result = _march(law, edges, (nodes, fine.ravel()), options)
-    at_nodes, at_fine = speeds
+    names = [one.joint for one in moving(compressor)]
+    found_places = None
+    if orbit.positions is not None:
+        found_places = jnp.stack([orbit.positions[name] for name in names], axis=1)
+    start = None if found_places is None else found_places[..., 0]
+    end, saved, result = _march(law, edges, (nodes, fine.ravel()), options, start)
+    (at_nodes, places), (at_fine, fine_places) = saved
 
     found = jnp.append(orbit.state.speed[1:], orbit.state.speed[0])
     angle = _inside(edges, fine.ravel())
-    forces = law(angle, at_fine).loads.forces
+    forces = law(angle, at_fine, fine_places).loads.forces
     peaks = {name: jnp.max(magnitude(*force)) for name, force in forces.items()}
     gas, losses = end["work"]["gas"], end["work"]["losses"]
     # what the motor gives beyond gas and losses goes into the speed, whose gap is reported by itself
@@ -70,6 +76,9 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
         efficiency_error=energy.mechanical_efficiency - orbit.mechanical_efficiency,
         loss_error=jax.tree.map(lambda a, b: a - b, energy.losses, orbit.energy.losses),
         peak_error={name: peak - orbit.peak_forces[name] for name, peak in peaks.items()},
+        position_error=None
+        if found_places is None
+        else jnp.max(jnp.abs(places - jnp.roll(found_places, -1, axis=-1))),
         steps=result.stats["num_steps"],
         status=Status.where(
             result.result == diffrax.RESULTS.successful, Status.converged, Status.not_converged
@@ -84,12 +93,18 @@ class _Law(eqx.Module):
     speed: Float[Array, ""]
     torque: Float[Array, ""]
 
-    def __call__(self, angle: Float[Array, "*n"], speed: Float[Array, "*n"]) -> Instantaneous:
-        """Acceleration, and loads of the joints, at angles [rad] and speeds [rad/s]."""
-        if closure_of(self.compressor.motor).integrates:
-            return solve_motion(self.compressor, angle, speed, self.motor(speed))
-        at, still = instants(self.compressor, angle), jnp.zeros_like(speed)
-        loads = loads_at(self.compressor, CrankState(angle, speed, still), at.gas_force, False)
+    def __call__(
+        self, angle: Float[Array, "*n"], speed: Float[Array, "*n"], journals=None
+    ) -> Instantaneous:
+        """Acceleration, and loads of the joints, at angles [rad] and speeds [rad/s].
+
+        `journals` are the positions of those that move.
+        """
+        compressor = with_journals(self.compressor, journals)
+        if closure_of(compressor.motor).integrates:
+            return solve_motion(compressor, angle, speed, self.motor(speed))
+        at, still = instants(compressor, angle), jnp.zeros_like(speed)
+        loads = loads_at(compressor, CrankState(angle, speed, still), at.gas_force, False)
         return Instantaneous(still, at, loads)
 
     def motor(self, speed):
@@ -107,26 +122,45 @@ def _inside(edges, angle):
     return jnp.clip(angle, edges[panel] + 1e-10, edges[panel + 1] - 1e-10)
 
 
-def _march(law: _Law, edges, angles, options: TimeIntegration) -> tuple[Any, Any, Any]:
-    """Time [s] and works [J] at the end, speeds [rad/s] at two rows of angles [rad], and the solution."""
+def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tuple[Any, Any, Any]:
+    """Time [s] and works [J] at the end, speeds [rad/s] and journals at two rows of angles, the solution.
+
+    `journals` are the positions of the moving ones at the start; `None` where none moves.
+    """
     scale = law.speed
     energy = jnp.maximum(jnp.abs(law.torque), instants(law.compressor, edges[0]).inertia * scale**2)
 
     def rate(angle, y, args):
         del args
         speed = jnp.maximum(y["speed"], 1e-6) * scale
-        now = law(_inside(edges, angle), speed)
+        angle, places = _inside(edges, angle), y.get("journals")
+        now = law(angle, speed, places)
         torques = {"gas": -now.at.conservative, "losses": now.loads.loss_torque}
-        return {
+        rates = {
             "speed": now.acceleration / speed / scale,
             "time": scale / speed,
             "work": jax.tree.map(lambda torque: torque / energy, torques),
         }
+        if places is not None:
+            state = CrankState(angle, speed, now.acceleration)
+            drive = journal_drive(law.compressor, now.loads.forces, state)
+            rates["journals"] = drive.rate(places)
+        return rates
 
-    shapes = jax.eval_shape(rate, edges[0], {"speed": jnp.ones(()), "time": 0.0}, None)
+    begin = {"speed": jnp.ones(()), "time": 0.0}
+    if journals is not None:
+        begin["journals"] = journals
+    shapes = jax.eval_shape(rate, edges[0], begin, None)
     start: dict[str, Any] = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
     start["speed"] = jnp.ones_like(scale)
-    rows = [diffrax.SubSaveAt(ts=one, fn=lambda t, y, args: y["speed"]) for one in angles]
+    if journals is not None:
+        start["journals"] = journals
+
+    def kept(t, y, args):
+        del t, args
+        return y["speed"], y.get("journals")
+
+    rows = [diffrax.SubSaveAt(ts=one, fn=kept) for one in angles]
     result = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
         options.solver,
@@ -143,8 +177,12 @@ def _march(law: _Law, edges, angles, options: TimeIntegration) -> tuple[Any, Any
         throw=False,
     )
     assert result.ys is not None
-    end, *speeds = result.ys
+    end, *rows_kept = result.ys
     end = jax.tree.map(lambda x: x[-1], end)
     end["time"] = end["time"] / scale
     end["work"] = jax.tree.map(lambda w: w * energy, end["work"])
-    return end, [speed * scale for speed in speeds], result
+    saved = [
+        (speed * scale, None if places is None else jnp.moveaxis(places, 0, -1))
+        for speed, places in rows_kept
+    ]
+    return end, saved, result

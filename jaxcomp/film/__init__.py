@@ -42,6 +42,11 @@ from ._operating import OperatingPoint as OperatingPoint
 from ._operating import PressureField as PressureField
 from ._operating import operating_point as operating_point
 from ._operating import pressure_field as pressure_field
+from ._orbit_bearing import OrbitBearing as OrbitBearing
+from ._orbit_bearing import PlacedJournal as PlacedJournal
+from ._orbit_bearing import film_unit as film_unit
+from ._orbit_bearing import shear_drag as shear_drag
+from ._orbit_bearing import squeeze_of as squeeze_of
 from ._petroff import LoadedPetroff as LoadedPetroff
 from ._petroff import Petroff as Petroff
 from ._reference import FilmSolution as FilmSolution
@@ -50,3 +55,7 @@ from ._reynolds import GroovedReynolds as GroovedReynolds
 from ._reynolds import Reynolds as Reynolds
 from ._someya import TwoAxialGrooves as TwoAxialGrooves
 from ._someya import someya_two_axial_grooves as someya_two_axial_grooves
+from ._squeeze import AbstractSqueeze as AbstractSqueeze
+from ._squeeze import OcvirkSqueeze as OcvirkSqueeze
+from ._squeeze import ReynoldsSqueeze as ReynoldsSqueeze
+from ._squeeze import quarter_turn as quarter_turn

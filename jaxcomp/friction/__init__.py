@@ -28,4 +28,6 @@ from ._slider_link import SliderLinkFriction as SliderLinkFriction
 from ._slider_link import substitution as substitution
 from ._support import MainBearings as MainBearings
 from ._support import film_journals as film_journals
+from ._support import moving_journals as moving_journals
+from ._support import placed as placed
 from ._support import shares as shares

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from functools import singledispatch
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -11,7 +11,8 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._fields import Part
-from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState
+from ..film import PlacedJournal
+from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
 
 
 class AbstractFriction(Part):
@@ -196,6 +197,31 @@ def joint_loads(
     """
     loop = joint_loop(mechanism, friction, state, gas_force, gravity)
     return loop.loads(closed(loop), evidence)
+
+
+def journal_moment(law, force: Vector, rate: Float[Array, "*n"]):
+    """[N m] Friction of a journal under a force [N]; `None` without a law."""
+    if isinstance(law, PlacedJournal):
+        return law.bush_moment(force.stacked(), rate)
+    return None if law is None else law.moment(magnitude(*force), rate)
+
+
+def journal_loss(law, moment, share, force: Vector, speed: Float[Array, "*n"]):
+    """[N m] Loss torque of a journal whose rate is `share` of the crank's speed [rad/s].
+
+    That of the moment [N m]; of a moving journal its dissipation, in which the work of the load in the
+    clearance has a part.
+    """
+    if isinstance(law, PlacedJournal):
+        return law.loss_torque(force.stacked(), share * speed, speed)
+    return moment * share
+
+
+def shaft_loss(law, force: Vector, speed: Float[Array, "*n"]) -> Any:
+    """[N m] Loss torque of a journal of the shaft under a force [N]; `None` without a law."""
+    if isinstance(law, PlacedJournal):
+        return law.loss_torque(force.stacked(), speed, speed)
+    return journal_moment(law, force, speed)
 
 
 @jax.custom_jvp

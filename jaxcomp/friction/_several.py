@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from .._fields import replaced
 from ..mechanism import AbstractKinematics, CrankState, Cylinders, SliderCrank, Vector
 from ._laws import AbstractJournal
-from ._loads import AbstractJointLoop, JointLoads, joint_loop, magnitude
+from ._loads import AbstractJointLoop, JointLoads, joint_loop, shaft_loss
 from ._slider_crank import SliderCrankFriction, SliderCrankLoop
 from ._support import MainBearings
 
@@ -98,8 +98,7 @@ class SeveralLoops(AbstractJointLoop):
             return {}
         if isinstance(self.support, MainBearings):
             return self.support.moments(reactions, self.speed)
-        load = magnitude(*reactions["main_journal"])
-        return {"main_journal": self.support.moment(load, self.speed)}
+        return {"main_journal": shaft_loss(self.support, reactions["main_journal"], self.speed)}
 
     def loads(self, unknown, evidence):
         each = self.loops.loads(unknown, evidence)

@@ -28,7 +28,16 @@ from ..mechanism import (
     rod_motion,
 )
 from ._laws import AbstractJournal, AbstractSlide, Packing, PistonFilm
-from ._loads import AbstractFriction, AbstractJointLoop, JointLoads, joint_loop, magnitude, relative
+from ._loads import (
+    AbstractFriction,
+    AbstractJointLoop,
+    JointLoads,
+    joint_loop,
+    journal_loss,
+    journal_moment,
+    relative,
+    shaft_loss,
+)
 from ._support import MainBearings
 
 
@@ -95,8 +104,10 @@ class SliderCrankLoop(AbstractJointLoop):
         forces, rod = pin_forces(self.bodies, side, -wall), self.bodies.rod
         return (
             forces,
-            _moment(self.friction.piston_pin, forces.piston_pin, rod.tilt_1 * self.speed),
-            _moment(self.friction.crank_pin, forces.crank_pin, (1 + rod.tilt_1) * self.speed),
+            journal_moment(self.friction.piston_pin, forces.piston_pin, rod.tilt_1 * self.speed),
+            journal_moment(
+                self.friction.crank_pin, forces.crank_pin, (1 + rod.tilt_1) * self.speed
+            ),
         )
 
     def _left(self, forces, *moments):
@@ -156,12 +167,16 @@ class SliderCrankLoop(AbstractJointLoop):
         if self.packing is not None:
             loss["packing"] = self.packing * rod.position_1
         if piston_pin is not None:
-            loss["piston_pin"] = piston_pin * rod.tilt_1
+            loss["piston_pin"] = journal_loss(
+                friction.piston_pin, piston_pin, rod.tilt_1, forces.piston_pin, self.speed
+            )
         if crank_pin is not None:
-            loss["crank_pin"] = crank_pin * (1 + rod.tilt_1)
+            loss["crank_pin"] = journal_loss(
+                friction.crank_pin, crank_pin, 1 + rod.tilt_1, forces.crank_pin, self.speed
+            )
         if isinstance(friction.main_journal, MainBearings):
             return loss | friction.main_journal.moments(self._shaft(forces), self.speed)
-        journal = _moment(friction.main_journal, forces.main_journal, self.speed)
+        journal = shaft_loss(friction.main_journal, forces.main_journal, self.speed)
         if journal is not None:
             loss["main_journal"] = journal
         return loss
@@ -215,7 +230,3 @@ def _slider_crank_loop(
         film = packing if film is None else film + packing
     bodies = rod_balance(mechanism, rod, state, gas_force, gravity)
     return SliderCrankLoop(friction, bodies, state.speed, slide_speed, film, packing)
-
-
-def _moment(law, force, rate):
-    return None if law is None else law.moment(magnitude(*force), rate)

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from ..film import PlacedJournal
 from ..mechanism import (
     Contact,
     ContactArms,
@@ -38,8 +39,9 @@ from ._loads import (
     JointLoads,
     joint_loads,
     joint_loop,
-    magnitude,
+    journal_moment,
     relative,
+    shaft_loss,
 )
 
 
@@ -147,7 +149,7 @@ class SliderLinkLoop(AbstractJointLoop):
         law = self.friction.crank_pin
         if law is None:
             return jnp.zeros_like(pin.x)
-        return law.moment(magnitude(*pin), self.state.speed)
+        return journal_moment(law, pin, self.state.speed)
 
     def _left(self, couple, pin_moment):
         return couple - pin_moment / self.mechanism.crank_radius if self._balanced else couple
@@ -190,12 +192,16 @@ class SliderLinkLoop(AbstractJointLoop):
         if friction.link_slider is not None:
             loss["link_slider"] = on_link.y * self.mechanism.crank_radius * motion.cosine
         if friction.crank_pin is not None:
-            loss["crank_pin"] = moment
+            loss["crank_pin"] = (
+                shaft_loss(friction.crank_pin, pin, speed)
+                if isinstance(friction.crank_pin, PlacedJournal)
+                else moment
+            )
         names = ("upper_bearing", "lower_bearing")
         for name, force in zip(names, bearings, strict=True):
             law = getattr(friction, name)
             if law is not None:
-                loss[name] = law.moment(magnitude(*force), speed)
+                loss[name] = shaft_loss(law, force, speed)
         weight = self.mechanism.crank_mass * STANDARD_GRAVITY
         for name in ("thrust_bearing", "pump"):
             law = getattr(friction, name)

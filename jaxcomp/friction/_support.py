@@ -23,11 +23,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, BadInput, Part, quantity
-from ..film import AbstractJournal, JournalBearing, NamedBearing
+from .._fields import NONNEGATIVE, BadInput, Part, quantity, replaced
+from ..film import AbstractJournal, JournalBearing, NamedBearing, OrbitBearing, PlacedJournal
 from ..mechanism import Vector
 from ._drag import STANDARD_GRAVITY, OilPump, ThrustBearing
-from ._loads import magnitude
+from ._loads import magnitude, shaft_loss
 
 
 class MainBearings(Part):
@@ -128,8 +128,9 @@ class MainBearings(Part):
         self, reactions: dict[str, Vector], rate: Float[Array, "*n"]
     ) -> dict[str, Float[Array, "*n"]]:
         """[N m] Friction of every part by name, for reactions [N] and a rate of rotation [rad/s]."""
-        loads = [magnitude(*force) for force in reactions.values()]
-        found = dict(zip(reactions, _moments(self.bearings, loads, rate), strict=True))
+        found = dict(
+            zip(reactions, _moments(self.bearings, [*reactions.values()], rate), strict=True)
+        )
         weight = self.shaft_mass * STANDARD_GRAVITY
         for name in ("thrust_bearing", "pump"):
             law = getattr(self, name)
@@ -167,7 +168,7 @@ def _beam(supports: Float[Array, " m"], places: Float[Array, " k"]) -> Float[Arr
     return jnp.linalg.solve(matrix, right)[:count]
 
 
-def film_journals(friction: Any) -> dict[str, JournalBearing]:
+def film_journals(friction: Any) -> dict[str, JournalBearing | OrbitBearing]:
     """The oil-lubricated journals of a machine by joint; those of the shaft by their own names.
 
     Args:
@@ -177,7 +178,37 @@ def film_journals(friction: Any) -> dict[str, JournalBearing]:
     support = laws.get("main_journal")
     if isinstance(support, MainBearings):
         laws |= dict(zip(support.names or (), support.bearings, strict=True))
-    return {name: law for name, law in laws.items() if isinstance(law, JournalBearing)}
+    kinds = (JournalBearing, OrbitBearing)
+    return {name: law for name, law in laws.items() if isinstance(law, kinds)}
+
+
+def moving_journals(friction: Any) -> dict[str, OrbitBearing]:
+    """The journals whose orbits are solved, by joint; those of the shaft by their own names."""
+    journals = film_journals(friction)
+    return {name: law for name, law in journals.items() if isinstance(law, OrbitBearing)}
+
+
+def placed(
+    friction: Any, positions: dict[str, Float[Array, "2 *n"]], lossless: bool = False
+) -> Any:
+    """The laws with their moving journals at positions over the clearance, by joint.
+
+    Args:
+        friction: the laws of a mechanism.
+        positions: (2, *n) of each journal.
+        lossless: leave the losses of these out, for who adds them.
+    """
+    laws = {
+        name: PlacedJournal(law, positions[name], lossless)
+        for name, law in moving_journals(friction).items()
+        if name in positions
+    }
+    support = getattr(friction, "main_journal", None)
+    if isinstance(support, MainBearings):
+        names = zip(support.names or (), support.bearings, strict=True)
+        bearings = tuple(laws.pop(name, law) for name, law in names)
+        laws["main_journal"] = replaced(support, bearings=bearings)
+    return replaced(friction, **laws)
 
 
 def _weight(bearing: AbstractJournal) -> Float[Array, ""]:
@@ -188,10 +219,11 @@ def _weight(bearing: AbstractJournal) -> Float[Array, ""]:
     return length * diameter
 
 
-def _moments(bearings, loads, rate) -> list[Float[Array, "*n"]]:
+def _moments(bearings, forces, rate) -> list[Float[Array, "*n"]]:
     """Bearings of one law are mapped over, so that the law is traced once."""
     kinds = {jax.tree.structure(one) for one in bearings}
-    if len(bearings) < 2 or len(kinds) > 1:
-        return [one.moment(load, rate) for one, load in zip(bearings, loads, strict=True)]
+    if len(bearings) < 2 or len(kinds) > 1 or isinstance(bearings[0], PlacedJournal):
+        return [shaft_loss(one, load, rate) for one, load in zip(bearings, forces, strict=True)]
+    loads = [magnitude(*force) for force in forces]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *bearings)
     return list(jax.vmap(lambda one, load: one.moment(load, rate))(stacked, jnp.stack(loads)))

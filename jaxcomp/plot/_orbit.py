@@ -13,6 +13,7 @@ from .._fields import of_cylinder
 from .._shown import RPM
 from ..compressor import Compressor, instants
 from ..crank import Orbit, journal_rates, performance
+from ..film import OrbitBearing
 from ..friction import MainBearings, SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension
@@ -291,7 +292,12 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     for name in ("piston_pin", "crank_pin", "main_journal"):
         law, rate = getattr(friction, name), rates[name]
         if law is not None and not isinstance(law, MainBearings):
-            moment = law.moment(jnp.hypot(*forces[name]), rate)
+            # of a journal that moves that of its loss: not all of it is a moment on the bush
+            moment = (
+                turn.loads.loss_torque[name] * speed / rate
+                if isinstance(law, OrbitBearing)
+                else law.moment(jnp.hypot(*forces[name]), rate)
+            )
             curves[name] = (np.asarray(moment), "Torque, N m")
     if friction.wall is not None or getattr(friction, "piston_film", None) is not None:
         curves["wall"] = (np.asarray(forces["wall"][0]), "Force on the piston, N")

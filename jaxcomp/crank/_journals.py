@@ -1,0 +1,266 @@
+r"""Orbits of the journals in their films, on the panels of the crank's revolution.
+
+Over the crank angle the centre $c\,e$ of a journal obeys, with F the load on it in fixed axes,
+
+$$\frac{de}{d\theta} = M\big(e, F/(U\omega)\big) + \frac{\omega_j + \omega_b}{2\omega}\,J e .$$
+
+A step of Newton's method for the periodic solution eliminates the nodes of every panel, joins the maps of
+two components that are left over the panels, and closes the revolution. The loads are those of the rigid
+mechanism: the clearance is a thousandth of the stroke.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from .._fields import replaced
+from ..compressor import Compressor
+from ..film import (
+    AbstractSqueeze,
+    OrbitBearing,
+    film_unit,
+    quarter_turn,
+    shear_drag,
+    squeeze_of,
+)
+from ..friction import joints_of_cylinder, moving_journals, placed
+from ..mechanism import CrankState, SliderCrank, rod_motion
+from ._panels import Panels
+
+# The room that a step leaves between journal and bush, over that before it.
+_ROOM_LEFT = 0.2
+# A step below this share of the room between journal and bush has come near to the orbit.
+_NEAR = 0.3
+
+# Eccentricity ratio beyond which a film counts as closed: no oil film of a machine is that thin.
+CLOSED = 0.9999
+
+Positions = Float[Array, "2 k *n"]
+
+
+class Moving(NamedTuple):
+    """A journal that moves: name of its law, joint in results, cylinder from 0, bearing."""
+
+    law: str
+    joint: str
+    cylinder: int | None
+    bearing: OrbitBearing
+
+
+def moving(compressor: Compressor) -> tuple[Moving, ...]:
+    """All journals whose orbits are solved, in the order of their positions."""
+    found, several = [], compressor.cylinders
+    for law, bearing in moving_journals(compressor.friction).items():
+        if several is not None and law in joints_of_cylinder(1):
+            for number in range(several.count):
+                joint = joints_of_cylinder(number + 1)[law]
+                found.append(Moving(law, joint, number, bearing))
+        else:
+            found.append(Moving(law, law, None, bearing))
+    return tuple(found)
+
+
+def with_journals(
+    compressor: Compressor, positions: Positions | None, lossless: bool = False
+) -> Compressor:
+    """The compressor with its moving journals at positions over their clearances.
+
+    Args:
+        compressor: the machine.
+        positions: (2, k, *n) in the order of `moving`; `None` where no journal moves.
+        lossless: leave their losses out, for who adds them.
+    """
+    if positions is None:
+        return compressor
+    rows: dict[str, list[int]] = {}
+    for number, one in enumerate(moving(compressor)):
+        rows.setdefault(one.law, []).append(number)
+    several = {one.law for one in moving(compressor) if one.cylinder is not None}
+    at = {
+        law: positions[:, jnp.asarray(numbers)] if law in several else positions[:, numbers[0]]
+        for law, numbers in rows.items()
+    }
+    return replaced(compressor, friction=placed(compressor.friction, at, lossless))
+
+
+def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, tuple[Any, Any]]:
+    """Difference and sum of the rates of journal and bush over the speed of the crank, by joint.
+
+    Joints that are not listed belong to the shaft: (1, 1).
+
+    Args:
+        compressor: the machine.
+        angle: [rad] of the crank.
+    """
+    mechanism, several = compressor.mechanism, compressor.cylinders
+    if not isinstance(mechanism, SliderCrank):
+        return {}
+    own = angle[None] if several is None else several.own_angle(angle)
+    found = {}
+    for number, tilt in enumerate(rod_motion(mechanism, own).tilt_1, 1):
+        names = {} if several is None else joints_of_cylinder(number)
+        for joint, shares in (("piston_pin", (tilt, -tilt)), ("crank_pin", (1 + tilt, 1 - tilt))):
+            found[names.get(joint, joint)] = shares
+    return found
+
+
+class Drive(NamedTuple):
+    """What moves k journals.
+
+    Attributes:
+        films: of all journals, in groups of one kind with their numbers.
+        force: load over U and the speed of the crank, (2, k, *n).
+        turning: half the sum of the rates over the speed, (k, *n).
+    """
+
+    films: tuple[tuple[AbstractSqueeze, tuple[int, ...]], ...]
+    force: Positions
+    turning: Float[Array, "k *n"]
+
+    def mapped(self, function) -> "Drive":
+        """The same at other instants, by a function of arrays over instants."""
+        return self._replace(force=function(self.force), turning=function(self.turning))
+
+    def rate(self, position: Positions) -> Positions:
+        """[1/rad] de/dtheta."""
+        film = self._grouped(lambda film, e, f: film.mobility(e, f), position)
+        return film + self.turning * quarter_turn(position)
+
+    def _grouped(self, function, position):
+        parts = []
+        for film, numbers in self.films:
+            index = jnp.asarray(numbers)
+            parts.append(
+                jax.vmap(function, in_axes=(0, 1, 1), out_axes=1)(
+                    film, position[:, index], self.force[:, index]
+                )
+            )
+        if len(parts) == 1:
+            return parts[0]
+        order = jnp.argsort(jnp.asarray([n for _, numbers in self.films for n in numbers]))
+        return jnp.concatenate(parts, axis=1)[:, order]
+
+
+def journal_drive(
+    compressor: Compressor,
+    forces: dict[str, Float[Array, "2 *n"]],
+    state: CrankState,
+    in_time: bool = False,
+) -> Drive:
+    """What moves the journals at given joint forces [N] and a given state of the crank.
+
+    Args:
+        compressor: the machine.
+        forces: by joint.
+        state: of the crank.
+        in_time: for rates in time [1/s] instead of those over the crank angle.
+    """
+    over = jnp.ones_like(state.speed) if in_time else state.speed
+    half = 0.5 * state.speed / over if in_time else 0.5
+    journals, shares = moving(compressor), rate_shares(compressor, state.angle)
+    ones = jnp.ones_like(state.angle)
+    kinds: dict[type, list[int]] = {}
+    films = [squeeze_of(one.bearing) for one in journals]
+    for number, film in enumerate(films):
+        kinds.setdefault(type(film), []).append(number)
+    grouped = tuple(
+        (jax.tree.map(lambda *leaves: jnp.stack(leaves), *[films[i] for i in index]), tuple(index))
+        for index in kinds.values()
+    )
+    force = [-forces[one.joint] / (film_unit(one.bearing) * over) for one in journals]
+    turning = [half * shares[one.joint][1] if one.joint in shares else half * ones
+               for one in journals]  # fmt: skip
+    return Drive(grouped, jnp.stack(force, axis=1), jnp.stack(turning))
+
+
+def improved_positions(
+    grid: Panels, drive: Drive, position: Float[Array, "2 k p s"]
+) -> tuple[Float[Array, "2 k p s"], Float[Array, "k p s"]]:
+    """One step of Newton's method for the periodic orbits of all journals.
+
+    In this form, the velocity from the force, it converges from the centred journal under any load: in
+    6 steps at a largest eccentricity ratio of 0.75, in 11 at 0.9986.
+
+    Returns:
+        Better positions, and the power of the squeeze over c U and the square of the crank's speed.
+    """
+    rate, linear = jax.linearize(drive.rate, position)
+    one, none = jnp.ones_like(position[0]), jnp.zeros_like(position[0])
+    slopes = jnp.stack([linear(jnp.stack([one, none])), linear(jnp.stack([none, one]))], axis=1)
+    # without derivatives of the slopes: at the solution their error does not count
+    slopes = lax.stop_gradient(slopes)
+    rest = rate - jnp.einsum("abkps,bkps->akps", slopes, position)
+    new = jax.vmap(_periodic, in_axes=(None, 2, 1), out_axes=1)(grid, slopes, rest)
+    new = position + _step_share(position, new) * (new - position)
+    film = rate - drive.turning * quarter_turn(position)
+    power = jnp.sum(drive.force * film, axis=0)
+    # far from the orbit the squeeze takes any power: it counts once the journals have come near
+    moved, before = (jnp.hypot(*lax.stop_gradient(e)) for e in (new - position, position))
+    near = jnp.max(moved / jnp.maximum(1 - before, 1e-12)) < _NEAR
+    return new, jnp.where(near, power, 0.0)
+
+
+def _periodic(grid: Panels, slopes: Float[Array, "2 2 p s"], rest: Float[Array, "2 p s"]):
+    """The periodic solution of de/dtheta = slopes e + rest at the nodes."""
+    rule, width = grid.rule, grid.width
+    count, panels = rule.nodes.size, width.size
+    matrix = jnp.eye(2 * count) - jnp.einsum(
+        "p,ij,abpj->paibj", width, rule.integral, slopes
+    ).reshape(panels, 2 * count, 2 * count)
+    right = jnp.einsum("p,ij,apj->pai", width, rule.integral, rest).reshape(panels, -1, 1)
+    left = jnp.broadcast_to(jnp.kron(jnp.eye(2), jnp.ones((count, 1))), (panels, 2 * count, 2))
+    inner = jnp.linalg.solve(matrix, jnp.concatenate([left, right], axis=-1))
+    inner = inner.reshape(
+        panels, 2, count, 3
+    )  # e at the nodes = inner[..., :2] e_left + inner[..., 2]
+    weight = width[:, None] * rule.weights
+    end = jnp.einsum("ps,abps,pbsk->pak", weight, slopes, inner)
+    through = end[..., :2] + jnp.eye(2)
+    shift = end[..., 2] + jnp.einsum("ps,aps->pa", weight, rest)
+
+    def join(one, then):
+        return then[0] @ one[0], jnp.einsum("pab,pb->pa", then[0], one[1]) + then[1]
+
+    maps, shifts = lax.associative_scan(join, (through, shift))
+    first = _two_by_two(jnp.eye(2) - maps[-1], shifts[-1])
+    lefts = jnp.concatenate([first[None], (maps @ first + shifts)[:-1]])
+    return jnp.einsum("pask,pk->aps", inner[..., :2], lefts) + jnp.moveaxis(inner[..., 2], 0, 1)
+
+
+def _two_by_two(matrix, right):
+    size = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    size = jnp.where(jnp.abs(size) > 1e-12, size, 1e-12)
+    first = matrix[1, 1] * right[0] - matrix[0, 1] * right[1]
+    return jnp.stack([first, matrix[0, 0] * right[1] - matrix[1, 0] * right[0]]) / size
+
+
+def _step_share(position, new) -> Float[Array, "k 1 1"]:
+    """The share of a step after which no journal has come too near to its bush."""
+    before, after = (jnp.hypot(*lax.stop_gradient(e)) for e in (position, new))
+    room = jnp.maximum(1 - before, 1e-12)
+    share = (1 - _ROOM_LEFT) * room / jnp.maximum(after - before, 1e-300)
+    share = jnp.where(after > before, share, 1.0)
+    return jnp.minimum(jnp.min(share, axis=(-2, -1), keepdims=True), 1.0)
+
+
+def journal_torque(
+    compressor: Compressor, state: CrankState, position: Positions, power: Float[Array, "k *n"]
+) -> Float[Array, "*n"]:
+    """[N m] Loss torque of all moving journals.
+
+    Args:
+        compressor: the machine.
+        state: of the crank at the instants.
+        position: of the journals.
+        power: of the squeeze, as `improved_positions` gives it.
+    """
+    shares, total = rate_shares(compressor, state.angle), jnp.zeros_like(state.speed)
+    for number, one in enumerate(moving(compressor)):
+        share = shares[one.joint][0] if one.joint in shares else 1.0
+        squeeze = one.bearing.radial_clearance * film_unit(one.bearing) * power[number]
+        shear = shear_drag(one.bearing, position[:, number]) * share**2
+        total += (shear + squeeze) * state.speed
+    return total
