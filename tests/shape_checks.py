@@ -4,9 +4,9 @@ Results that were brought to the host are arrays of NumPy where the annotations 
 kind of number are checked, and not whose array it is.
 """
 
-from typing import Any
-
+import jax
 import jaxtyping
+import numpy as np
 
-jaxtyping.Array = Any  # pyright: ignore[reportAttributeAccessIssue]
+jaxtyping.Array = jax.Array | np.ndarray | np.generic | float  # pyright: ignore[reportAttributeAccessIssue]
 jaxtyping.install_import_hook("jaxcomp", "beartype.beartype")

@@ -19,7 +19,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._chebyshev import continuation
 from ._film import AbstractSolvedFilm, Scalar, film_ratio, friction_at
@@ -197,7 +197,7 @@ def _tridiagonal(
     return system[3] / system[1]
 
 
-def _shifted(rows: Float[Array, "*rows n"], step: int) -> Float[Array, "*rows n"]:
+def _shifted(rows: Float[Array, "*rows n"], step: int | Int[Array, ""]) -> Float[Array, "*rows n"]:
     """Entry n - step in place of entry n, zero where there is none; `step` may be traced."""
     n = rows.shape[-1]
     wide = jnp.pad(rows, [(0, 0)] * (rows.ndim - 1) + [(n, n)])

@@ -21,11 +21,11 @@ def second_moment(outer: Float[Array, "*n"], inner: Float[Array, "*n"]) -> Float
 
 def shear_coefficient(
     law: ShearLaw,
-    outer: Float[Array, "*n"],
-    inner: Float[Array, "*n"],
-    poisson: Float[Array, "*n"],
-    constant: Float[Array, "*n"],
-) -> Float[Array, "*n"]:
+    outer: Float[Array, "*#n"],
+    inner: Float[Array, "*#n"],
+    poisson: Float[Array, "*#n"],
+    constant: Float[Array, "*#n"],
+) -> Float[Array, "*#n"]:
     r"""Shear coefficient of a hollow circle; the effective shear area is this times the area.
 
     `"cowper"`: G. R. Cowper (1966), The shear coefficient in Timoshenko's beam theory, J. Appl.
