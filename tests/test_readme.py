@@ -5,6 +5,7 @@ prints. A command line in a block is parsed by the program itself, which knows i
 are run here, all of them in the longer checks.
 """
 
+import dataclasses
 import io
 import os
 import re
@@ -22,6 +23,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
+from jaxcomp.mechanism import SliderCrank, SliderLink
 from jaxcomp.scene import explained
 
 ROOT = Path(__file__).parent.parent
@@ -328,3 +330,16 @@ def test_environment_variables_do_what_the_page_says(word, kept):
         assert flags == "None"
     else:
         assert flags.split() == named
+
+
+@pytest.mark.parametrize(
+    ("title", "part"), [("Slider-crank", SliderCrank), ("Slider-link", SliderLink)]
+)
+def test_symbols_of_a_sketch_name_entries_of_the_mechanism(title, part):
+    section = text_of("notebooks/conventions.md").split(f"### {title}\n")[1].split("\n### ")[0]
+    named = re.findall(r"^\| \$[^|]*\$ \| `(\w+)`", section, re.M)
+    assert len(named) >= 5
+    assert set(named) <= {field.name for field in dataclasses.fields(part)}
+    (sketch,) = re.findall(r"\]\((\w+\.svg)\)", section)
+    drawn = (ROOT / "notebooks" / "sketches.py").read_text("utf-8")
+    assert f"def {sketch.removesuffix('.svg')}()" in drawn
