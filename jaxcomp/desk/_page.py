@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import panel as pn
-from bokeh.models import ColumnDataSource, FactorRange
+from bokeh.models import ColumnDataSource, FactorRange, Title
 from bokeh.plotting import figure
 
 from .._fields import BadInput
@@ -466,10 +466,9 @@ def _degrees(angle) -> tuple[Any, Any]:
 
 def _empty(title: str, x: str, y: str, **ranges) -> Any:
     plot = figure(
-        title=title, x_axis_label=x, y_axis_label=y, height=260, width=370, tools="pan,wheel_zoom,reset",
-        toolbar_location="above", **ranges,
+        title=Title(text=title, text_color=INK), x_axis_label=x, y_axis_label=y, height=260,
+        width=370, tools="pan,wheel_zoom,reset", toolbar_location="above", **ranges,
     )  # fmt: skip
-    plot.title.text_color = INK
     plot.toolbar.logo = None
     return plot
 
