@@ -93,12 +93,13 @@ def _fixed_point_jvp(primals, tangents):
     # An unknown that no parameter moves directly may still follow the others. Reverse mode wants each
     # right side to depend on the tangents, so its zero does.
     nothing = 0 * next(leaf for leaf in jax.tree.leaves(moved) if leaf.size).ravel()[0]
-    moved = jax.tree.map(
-        lambda m, v: jnp.full_like(v, nothing) if m is None or not m.size else m,
-        moved,
-        value,
-        is_leaf=lambda m: m is None,
-    )
+
+    def given(tangent, unknown):
+        if unknown is None:  # a machine without it
+            return None
+        return jnp.full_like(unknown, nothing) if tangent is None or not tangent.size else tangent
+
+    moved = jax.tree.map(given, moved, value, is_leaf=lambda m: m is None)
     _, linear = jax.linearize(across, value)
     solve = _neumann(problem.tolerance, problem.max_iterations)
     value_moved = jax.lax.custom_linear_solve(
