@@ -343,3 +343,80 @@ def test_lines_take_one_of_two_and_heat_needs_a_wall():
             0.025,
             heat=full.heat,
         )
+
+
+def with_values(cylinder, **values):
+    """A cylinder with other numbers, by the path of their fields."""
+    for path, value in values.items():
+        get = operator.attrgetter(path.replace("__", "."))
+        cylinder = eqx.tree_at(get, cylinder, jnp.asarray(value))
+    return cylinder
+
+
+# [rpm], changes of the air machine and the word it may end with
+EXTREMES = {
+    "crawling": (50, {}, "too_many_events"),  # the suction valve flutters all the way down
+    "racing": (20_000, {}, None),
+    "light valves": (2950, {"suction_valve__mass": 1e-9, "discharge_valve__mass": 1e-9}, None),
+    "heavy valves": (2950, {"suction_valve__mass": 10.0, "discharge_valve__mass": 10.0}, None),
+    "no pressure ratio": (2950, {"discharge__pressure": 1e5}, None),
+    "shut off": (2950, {"clearance_ratio": 0.8}, "no_delivery"),
+    "hardly any clearance": (2950, {"clearance_ratio": 1e-4}, "converged"),
+    "wide gap": (2950, {"leakage__gap": 1e-4}, None),
+}
+
+
+@pytest.mark.slow  # half a minute, most of it compilation
+def test_extreme_machines_converge_or_say_why():
+    base, names = golden("D"), [*EXTREMES]
+    cylinders = [with_values(base, **EXTREMES[name][1]) for name in names]
+    batch = jax.tree.map(lambda *x: jnp.stack(x), *cylinders)
+    speeds = jnp.array([EXTREMES[name][0] for name in names]) * 2 * jnp.pi / 60
+
+    @jax.jit
+    def run(batch, speeds):
+        def one(pair):
+            return solve_cycle(pair[0], mechanism(), pair[1], throw=False)
+
+        return jax.lax.map(one, (batch, speeds))
+
+    cycles = run(batch, speeds)
+    words = ("converged", "no_delivery", "not_converged", "too_many_events")
+    for i, name in enumerate(names):
+        cycle = jax.tree.map(operator.itemgetter(i), cycles)
+        ended = [word for word in words if bool(cycle.status == getattr(Status, word))]
+        assert ended, name
+        assert EXTREMES[name][2] in (None, *ended), (name, ended)
+        for number in (cycle.indicated_work, cycle.delivered, cycle.peak_pressure):
+            assert bool(jnp.isfinite(number)), name
+        if ended == ["converged"]:
+            assert abs(cycle.mass_closure) < 1e-11, name
+            assert abs(cycle.energy_closure) < 1e-3, name
+
+
+def test_leakage_and_heat_switch_off_exactly():
+    """A gap of zero is no leakage, to the last bit of the balance."""
+    from jaxcomp.cylinder._balance import initial, rates
+    from jaxcomp.cylinder._cylinder import prepare
+
+    base = golden("C")
+    tight = eqx.tree_at(lambda c: c.leakage, base, None)
+    closed = with_values(base, leakage__gap=0.0)
+    found = []
+    for cylinder in (tight, closed):
+        case = prepare(cylinder, mechanism(), SPEED)
+        state, flags = initial(case, -1.5)
+        found.append(rates(case, -1.2, state, flags).state)
+    np.testing.assert_array_equal(*found)
+
+
+def test_wet_suction_is_seen():
+    """The gas of the suction line is denser than on the dew line."""
+    wet = eqx.tree_at(
+        lambda c: c.suction.temperature, golden("C"), jnp.asarray(240.0)
+    )  # below the dew point of 249.85 K at 114.8 kPa
+    fluid = wet.fluid
+    state = wet.suction.state(fluid)
+    assert bool(fluid.is_wet(state.T, state.rho))
+    dry = golden("C").suction.state(fluid)
+    assert not bool(fluid.is_wet(dry.T, dry.rho))

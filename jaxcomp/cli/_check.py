@@ -154,6 +154,25 @@ def _of_cylinders(compressor: jc.Compressor):
         yield "Rods outside the main bearings", outside, "overhung" if outside else ""
 
 
+def _of_valves(gas: jc.cylinder.Cylinder, speed: float):
+    """What follows from the lines and valves of a cylinder, and what it leaves out."""
+    suction = gas.suction.state(gas.fluid)
+    ratio = float(gas.discharge.states(gas.fluid, suction)[0].p / suction.p)
+    yield "Pressure ratio", ratio, ""
+    for name, valve in zip(("suction", "discharge"), gas.valves, strict=True):
+        if valve.oscillator is not None:
+            own = math.sqrt(float(valve.oscillator.stiffness / valve.oscillator.mass))
+            note = f"{own / speed:.3g} times the crank's speed"
+            yield f"Natural frequency of the {name} valve", own / (2 * math.pi), f"Hz, {note}"
+    if not gas.inert:
+        yield "Flow through the ports", "quasi-steady", "values only: derivatives are refused"
+    yield (
+        "Not modelled",
+        "stratified gas, pulsation in the lines",
+        "oil in the gas, wet compression",
+    )
+
+
 def _follows(scene: jc.scene.Scene):
     """(name, value, unit) of what follows from the entries, in shown units."""
     names = jc.design.variable_names(jc.machine.machine_of(scene))
@@ -174,6 +193,8 @@ def _follows(scene: jc.scene.Scene):
         if isinstance(gas, jc.gas.PolytropicCycle):
             yield "Pressure ratio", float(gas.discharge_pressure / gas.suction_pressure), ""
         speed = float(scene.compressor.motor.speed_guess)
+        if isinstance(gas, jc.cylinder.Cylinder):
+            yield from _of_valves(gas, speed)
         yield "Speed, about", speed * RPM, "rpm"
         yield "Mean piston speed, about", float(mechanism.stroke) * speed / math.pi, "m/s"
         yield "Degrees of freedom of the crank", 1, ""

@@ -76,6 +76,14 @@ _CYCLE: tuple[_Ratio, ...] = (
 )
 
 
+_VALVE: tuple[_Ratio, ...] = (
+    ("stop over port_diameter", lambda v: v.stop / v.port_diameter, 0.01, 0.5),
+    ("preload over stop", lambda v: v.preload / v.stop, 0.0, 3.0),
+    ("port_length over port_diameter", lambda v: (v.port_length or v.port_diameter) / v.port_diameter,
+     0.1, 5.0),
+    ("natural frequency, Hz",
+     lambda v: np.sqrt(v.oscillator.stiffness / v.oscillator.mass) / (2 * np.pi), 10.0, 2000.0),
+)  # fmt: skip
 _FLOW: tuple[_Ratio, ...] = (
     # below 1 the compression never reaches the discharge pressure, and no gas flows
     (
@@ -127,6 +135,8 @@ def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleVal
         ratios = _JOURNAL
     elif all(hasattr(part, name) for name in ("suction_pressure", "discharge_pressure")):
         ratios = _CYCLE + (_FLOW if isinstance(part, PolytropicCycle) else ())
+    elif getattr(part, "oscillator", None) is not None:
+        ratios = _VALVE
     # the film of a rotor's link, by its kind: a compressor alone does not import the rotor
     if getattr(part, "kind", "") == "film" and getattr(part, "load", 0) is None and not from_crank:
         yield ImplausibleValue(
