@@ -11,7 +11,6 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._fields import listed, of_cylinder
 from .._shown import RPM
 from ._errors import reports_errors, show_error
 from ._options import AsJson, Machine
@@ -134,6 +133,8 @@ def _of_cylinders(compressor: jc.Compressor):
     """What follows from how several cylinders stand."""
     import numpy as np
 
+    from .._fields import listed
+
     cylinders = compressor.cylinders
     assert cylinders is not None
     intervals = np.rad2deg(np.asarray(cylinders.firing_intervals))
@@ -175,6 +176,8 @@ def _of_valves(gas: jc.cylinder.Cylinder, speed: float):
 
 def _follows(scene: jc.scene.Scene):
     """(name, value, unit) of what follows from the entries, in shown units."""
+    from .._fields import of_cylinder
+
     names = jc.design.variable_names(jc.machine.machine_of(scene))
     rules = ", ".join(name for name in names if name in jc.design.design_rules)
     yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""

@@ -70,7 +70,10 @@ def rating_map(
         "file": scene.file,
         "rating": rating.value,
         **{name: getattr(found, name).tolist() for name in ("evaporating", "condensing", "ok")},
-        "values": {name: values.tolist() for name, values in found.values.items()},
+        "values": {
+            name: [[x if x == x else None for x in row] for row in values.tolist()]
+            for name, values in found.values.items()
+        },
         "coefficients": {name: row.tolist() for name, row in found.coefficients.items()},
         "fit_error": {name: float(error) for name, error in found.fit_error.items()},
         "set": assignments(sets or (), "--set"),

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from .._fields import listed, of_cylinder
 from .._registry import Quantity, registered
 from .._shown import RPM, shown
 from ._arguments import assignments, changed_scene
@@ -199,6 +198,7 @@ def _remarks(machine: "Compressor", grazes: dict[str, float]) -> Iterator[str]:
 
 def _numbers(machine, assembly, orbit: "Orbit", known) -> tuple[dict[str, Any], dict[str, Any]]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
+    from .._fields import of_cylinder
     from ..design import AnalysisOptions, DesignResult
 
     result = DesignResult(machine, AnalysisOptions())
@@ -253,6 +253,8 @@ def _summary(scene: "Scene", result: dict[str, Any]):
     title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")
     rows = []
     compressor = scene.as_compressor()
+    from .._fields import listed, of_cylinder
+
     single, cylinders = of_cylinder(compressor.mechanism), compressor.cylinders
     bore = getattr(single, "bore", None)
     if bore is not None:

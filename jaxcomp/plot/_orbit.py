@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._fields import of_cylinder
+from .._fields import of_cylinder, replaced
 from .._shown import RPM
 from ..compressor import Compressor, instants
 from ..crank import Orbit, journal_rates, performance
@@ -307,7 +307,8 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
 @eqx.filter_jit
 def _reduced(compressor: Compressor, state):
     """Inertia torques [N m] of all moving parts, and of the pistons."""
-    at = instants(compressor, state.angle)
+    # without the gas, which has no pressure of its own where it is solved with its valves
+    at = instants(replaced(compressor, gas=None), state.angle)
     whole = at.inertia * state.acceleration + 0.5 * at.inertia_1 * state.speed**2
     position_1, position_2 = at.kinematics.position_1, at.kinematics.position_2
     stroke = position_1 * (position_1 * state.acceleration + position_2 * state.speed**2)
