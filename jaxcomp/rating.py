@@ -66,8 +66,8 @@ QUANTITIES = (
     ("overall_efficiency", "", False),
     ("discharge_temperature", "K", False),
 )
-# A map needs fewer digits than a single cycle: these give six.
-_OPTIONS = CycleOptions(panels=40, nodes=6)
+# As few panels as a map would do with leave a point in thirty unsolved.
+_OPTIONS = CycleOptions()
 
 
 class RatingMap(Result, eqx.Module):

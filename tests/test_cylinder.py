@@ -420,3 +420,48 @@ def test_wet_suction_is_seen():
     assert bool(fluid.is_wet(state.T, state.rho))
     dry = golden("C").suction.state(fluid)
     assert not bool(fluid.is_wet(dry.T, dry.rho))
+
+
+SCATTERED = [
+    "clearance_ratio",
+    "leakage.gap",
+    "suction_valve.mass",
+    "suction_valve.stiffness",
+    "suction_valve.stop",
+    "suction_valve.port_diameter",
+    "suction_valve.damping",
+    "suction_valve.port_length",
+    "discharge_valve.mass",
+    "discharge_valve.stiffness",
+    "discharge_valve.stop",
+    "discharge_valve.port_diameter",
+    "discharge_valve.preload",
+    "discharge_valve.port_length",
+]
+
+
+@pytest.mark.slow  # a minute
+def test_scattered_designs_converge_or_say_why():
+    """Fourteen numbers and the speed at half to twice the golden machine's: few sequences are alike."""
+    base, count = golden("C"), 300
+    draw = np.random.default_rng(1).uniform(-1, 1, (count, len(SCATTERED) + 1))
+
+    def get(cylinder):
+        return operator.attrgetter(*SCATTERED)(cylinder)
+
+    def one(factors):
+        numbers = tuple(x * f for x, f in zip(get(base), factors, strict=False))
+        cycle = solve_cycle(
+            eqx.tree_at(get, base, numbers), mechanism(), SPEED * factors[-1], throw=False
+        )
+        outputs = jnp.stack([cycle.indicated_work, cycle.delivered, cycle.peak_pressure])
+        closures = jnp.stack([cycle.mass_closure, cycle.energy_closure])
+        return cycle.converged, outputs, closures, cycle.events.which
+
+    factors = jnp.asarray(2.0**draw)
+    ok, outputs, closures, which = jax.jit(lambda f: jax.lax.map(one, f))(factors)
+    assert np.all(np.isfinite(outputs))
+    assert np.mean(ok) > 0.95  # most of the others have more events than panels
+    assert np.abs(closures[ok, 0]).max() < 1e-11
+    assert np.abs(closures[ok, 1]).max() < 1e-5  # 3e-6, the half of them below 1e-10
+    assert len({tuple(row[row >= 0].tolist()) for row in np.asarray(which)}) > 100

@@ -25,7 +25,7 @@ from ._orbit import Orbit
 
 HARMONICS = 12  # of the time over the crank angle, whose acceleration has kinks
 _OPTIONS = CycleOptions(panels=40, nodes=8)
-_TOLERANCE, _MAX_ITERATIONS = 1e-10, 20
+_TOLERANCE, _MAX_ITERATIONS, _MAX_ROUNDS = 1e-10, 20, 3
 # Of derivatives: what is left of them is the contraction to this power, 1e-10 on ordinary machines.
 _TANGENT_ITERATIONS = 6
 
@@ -59,16 +59,33 @@ def _coupled(compressor: Compressor, solver):
     that a crank angle takes.
     """
     compressor = frozen(compressor)
-    first = _first_cycle(compressor)
 
-    def step(motion):
-        return _iteration(compressor, solver, first, motion)
+    def attempt(carry):
+        motion, *_, rounds = carry
+        first = _first_cycle(compressor, motion)
 
-    begin = jnp.zeros(1 + 2 * HARMONICS)
-    shapes = eqx.filter_eval_shape(step, begin)[1]
-    beside = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-    motion, found, report = settle(step, begin, beside, _TOLERANCE, _MAX_ITERATIONS)
-    return found, motion, first, report.settled
+        def step(motion):
+            return _iteration(compressor, solver, first, motion)
+
+        beside = _empty(eqx.filter_eval_shape(step, motion)[1])
+        motion, found, report = settle(step, motion, beside, _TOLERANCE, _MAX_ITERATIONS)
+        return motion, found, first, report.settled, rounds + 1
+
+    def going_on(carry):
+        # the fluctuation of the speed has changed the events: march again at the motion found so far
+        _, (cycle, _), _, _, rounds = carry
+        lost = (cycle.status == Status.not_converged) | (cycle.status == Status.too_many_events)
+        return (rounds == 0) | (lost & (rounds < _MAX_ROUNDS))
+
+    begin = jnp.zeros(1 + 2 * HARMONICS), None, None, None, jnp.zeros((), int)
+    shapes = eqx.filter_eval_shape(attempt, begin)
+    carry = (begin[0], *_empty(shapes[1:4]), begin[4])
+    motion, found, first, settled, _ = lax.while_loop(going_on, attempt, carry)
+    return found, motion, first, settled
+
+
+def _empty(shapes):
+    return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
 
 
 @_coupled.def_jvp
@@ -107,13 +124,16 @@ def _iteration(compressor: Compressor, solver, first: Cycle, motion):
     return _motion(compressor, orbit), (cycle, orbit)
 
 
-def _first_cycle(compressor: Compressor) -> Cycle:
+def _first_cycle(compressor: Compressor, motion=None) -> Cycle:
+    """The cycle at a motion of the crank, or at constant speed, from a march."""
+    if motion is not None:
+        return _cycle_at(compressor, motion, None)
     speed = compressor.motor.speed_guess
     return solve_cycle(compressor.gas, compressor.mechanism, speed, _OPTIONS, throw=False)
 
 
-def _cycle_at(compressor: Compressor, motion, start: Cycle) -> Cycle:
-    """The cycle at a motion of the crank, from a similar one."""
+def _cycle_at(compressor: Compressor, motion, start: Cycle | None) -> Cycle:
+    """The cycle at a motion of the crank, from a similar one or a march."""
     cosine, sine = motion[1:].reshape(2, HARMONICS)
     return solve_cycle(
         compressor.gas,
