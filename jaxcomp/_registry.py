@@ -23,6 +23,7 @@ _WORDS = {
     "compressor": "a compressor",
     "rotor": "a rotor",
     "balancing": "balancing planes",
+    "journals": "a journal with an oil film",
     "valves": "valves (gas of type cylinder)",
     "refrigerant": "a real gas",
     "motor.losses": "a motor with losses",
@@ -81,6 +82,7 @@ class Quantity(NamedTuple):
             "compressor": compressor is not None,
             "valves": hasattr(gas, "suction_valve"),
             "refrigerant": hasattr(getattr(gas, "fluid", None), "saturation"),
+            "journals": _has_journals(compressor),
             "motor.losses": getattr(getattr(compressor, "motor", None), "losses", None) is not None,
         }
         for section in self.sections:
@@ -89,8 +91,17 @@ class Quantity(NamedTuple):
         return ""
 
 
+def _has_journals(compressor: Any) -> bool:
+    """Whether a joint has an oil film that may give a position; the laws know which does."""
+    friction = getattr(compressor, "friction", None)
+    laws = [] if friction is None else list(vars(friction).values())
+    laws += [one for law in laws for one in getattr(law, "bearings", ())]
+    return any(getattr(law, "kind", "") in ("film", "orbit", "bearing") for law in laws)
+
+
 _CYCLE = ("orbit", "cycle")
 _VALVES = ("suction", "discharge")
+_JOURNALS = ("orbit", "compressor", "journals")
 _BUILT_IN = (
     Quantity("mechanical_efficiency", "", "more", "Gas work over motor work.",
              lambda r: r.orbit.mechanical_efficiency, percent=True),
@@ -117,6 +128,17 @@ _BUILT_IN = (
              lambda r: r.peak_shaking_force, ("orbit", "compressor")),
     Quantity("peak_shaking_moment", "N m", "less", "Largest shaking moment over the revolution.",
              lambda r: r.peak_shaking_moment, ("orbit", "compressor")),
+    Quantity("film_thickness.<journal>", "m", "more", "Smallest oil film of a journal.",
+             lambda r: {name: film.minimum_film for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("film_pressure.<journal>", "Pa", "less", "Largest pressure in a journal's film.",
+             lambda r: {name: film.largest_pressure for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("film_flow.<journal>", "m^3/s", "", "Mean oil flow out of the ends of a journal's film.",
+             lambda r: {name: film.mean_flow for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("film_temperature_rise.<journal>", "K", "less",
+             "Of the oil that leaves a journal's film, if it carries the whole loss away.",
+             lambda r: {name: film.temperature_rise for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("squeeze_loss.<journal>", "W", "less", "Part of a journal's loss that pressure makes.",
+             lambda r: {name: film.mean_squeeze_loss for name, film in r.journals.items()}, _JOURNALS),
     Quantity("vibration", "m", "less",
              "Weighted root mean square amplitude of all targets, with the correction masses.",
              lambda r: r.vibration_of_all, ("vibration",)),

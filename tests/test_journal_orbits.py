@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxcomp import SolveFailed, Status, load, simulate, solve_orbit
+from jaxcomp import SolveFailed, Status, load, loads, simulate, solve_orbit
 from jaxcomp.compressor import instants, kink_angles, loop_of
 from jaxcomp.crank import Collocation, Shooting, TimeIntegration, journal_films, journal_orbit
 from jaxcomp.crank._panels import gauss
+from jaxcomp.design import available_quantities
 from jaxcomp.film import OrbitBearing, film_unit, squeeze_of, stiffness_damping
 from jaxcomp.mechanism import CrankState, rod_motion
 from jaxcomp.scene import with_value
@@ -351,3 +352,42 @@ def test_a_run_in_time_settles_on_the_orbit():
     assert eps.max() == pytest.approx(largest, abs=2e-3)
     # journals start in the centre
     np.testing.assert_array_equal(path[:, 0], 0)
+
+
+def test_films_are_quantities_of_machines_that_have_them():
+    scene = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN)
+    known = available_quantities(scene.machine, members=True)
+    for family in ("film_thickness", "film_pressure", "film_flow", "film_temperature_rise"):
+        assert f"{family}.crank_pin" in known
+    assert not any("film" in name for name in available_quantities(load("mayekawa-wbhe").machine))
+
+
+@pytest.mark.slow
+def test_every_pin_of_several_cylinders_has_its_orbit(coupled):
+    scene = with_value(load("mayekawa-4wbhe"), "friction.crank_pin", PIN)
+    orbit = solve_orbit(scene)
+    films = journal_films(scene.as_compressor(), orbit)
+    alone = journal_films(coupled, solve_orbit(coupled))["crank_pin"].minimum_film
+    assert set(films) == {f"crank_pin_{k}" for k in (1, 2, 3, 4)}
+    for name, film in films.items():
+        # the cylinders see the same gas and almost the same speed
+        assert float(film.minimum_film) == pytest.approx(float(alone), rel=0.02)
+        loss = float(film.mean_shear_loss + film.mean_squeeze_loss)
+        assert float(orbit.loss_power[name]) == pytest.approx(loss, rel=1e-6)
+
+
+def test_the_three_journals_of_a_slider_link_machine_move():
+    text = load("slider-link-8cc").text
+    for name in ("crank-pin", "upper-bearing", "lower-bearing"):
+        text = text.replace(
+            f'[bearings.{name}]\ntype = "film"', f'[bearings.{name}]\ntype = "orbit"'
+        )
+    scene = loads(text)
+    orbit = solve_orbit(scene)
+    assert abs(orbit.energy.residual) < 1e-12
+    film = journal_films(scene.as_compressor(), orbit)["crank_pin"]
+    # four digits, by another program: quasi-static 3.43 um and 1.010 W, orbit 5.25 um and 0.985 W
+    assert float(film.minimum_film) == pytest.approx(5.25e-6, rel=1e-3)
+    assert float(film.mean_shear_loss + film.mean_squeeze_loss) == pytest.approx(0.985, rel=1e-3)
+    assert float(film.steady_film) == pytest.approx(3.43e-6, rel=3e-3)
+    assert float(film.steady_loss) == pytest.approx(1.010, rel=1e-3)

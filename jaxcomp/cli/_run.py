@@ -168,11 +168,20 @@ def orbit_curves(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     """Everything over the revolution, by name and unit; the films of the journals as well."""
     import numpy as np
 
-    from ..crank import film_thickness
+    from ..crank import film_thickness, journal_films
 
-    columns = orbit.columns()
-    for name, thickness in film_thickness(scene.as_compressor(), orbit).items():
+    columns, compressor = orbit.columns(), scene.as_compressor()
+    for name, thickness in film_thickness(compressor, orbit).items():
         columns[f"film_thickness.{name} [m]"] = np.asarray(thickness)
+    for name, film in journal_films(compressor, orbit).items():
+        columns |= {
+            f"eccentricity.{name}.x []": np.asarray(film.position[0]),
+            f"eccentricity.{name}.y []": np.asarray(film.position[1]),
+            f"film_pressure.{name} [Pa]": np.asarray(film.pressure),
+            f"film_flow.{name} [m^3/s]": np.asarray(film.flow),
+            f"shear_loss.{name} [W]": np.asarray(film.shear_loss),
+            f"squeeze_loss.{name} [W]": np.asarray(film.squeeze_loss),
+        }
     return {"crank_angle [deg]": np.rad2deg(columns["crank_angle [rad]"]), **columns}
 
 
@@ -238,6 +247,8 @@ def run_tables(scene: "Scene", result: dict[str, Any]) -> Iterator[Any]:
         yield _valves(result)
     yield _losses(result)
     yield _forces(result)
+    if result.get("film_thickness"):
+        yield _journal_films(scene, result)
     yield _convergence(result)
     if "verification" in result:
         yield _verified(result)
@@ -349,6 +360,29 @@ def _forces(result: dict[str, Any]):
     shaking = ("Shaking force", "", f"{result['peak_shaking_force'] / scale:.4g}")
     heads = ("Joint force", f"Mean, {unit}", f"Peak, {unit}")
     return row_table(None, heads, [*rows, (), shaking])
+
+
+def _journal_films(scene: "Scene", result: dict[str, Any]):
+    """Films of the journals; whether their orbits were solved."""
+    from ..friction import joints_of_cylinder, moving_journals
+
+    compressor = scene.as_compressor()
+    moving, cylinders = set(moving_journals(compressor.friction)), compressor.cylinders
+    for number in range(1, 1 + (0 if cylinders is None else cylinders.count)):
+        moving |= {name for joint, name in joints_of_cylinder(number).items() if joint in moving}
+    rows = [
+        (
+            words(name),
+            f"{1e6 * thickness:.3g}",
+            f"{result['film_pressure'][name] / 1e6:.3g}",
+            f"{1e6 * result['film_flow'][name]:.3g}",
+            f"{result['film_temperature_rise'][name]:.3g}",
+            "its orbit" if name in moving else "a steady load at every instant",
+        )
+        for name, thickness in result["film_thickness"].items()
+    ]
+    heads = ("Journal film", "Smallest, µm", "Pressure, MPa", "Flow, cm³/s", "Rise, K", "From")
+    return row_table(None, heads, rows)
 
 
 def _convergence(result: dict[str, Any]):

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .._fields import of_cylinder
 from .._implicit import AbstractFixedPoint, fixed_point, frozen, settle
 from .._status import Status
 from ..compressor import Compressor
@@ -144,11 +145,14 @@ def _journals(compressor: Compressor, orbit: Orbit):
     count = 0 if compressor.cylinders is None else compressor.cylinders.count
     own = [joints_of_cylinder(number + 1) for number in range(count)]
     for joint, law in film_journals(compressor.friction).items():
-        for name in (joint, *(names[joint] for names in own if joint in names)):
-            if name in orbit.loads.forces:
-                yield name, law
+        if joint in orbit.loads.forces:
+            yield joint, law
+        for number, names in enumerate(own, 1):
+            if names.get(joint) in orbit.loads.forces:
+                yield names[joint], of_cylinder(law, number)
 
 
+@eqx.filter_jit
 def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
     """The films of all oil-lubricated journals whose film model gives a position, by joint.
 

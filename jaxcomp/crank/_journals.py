@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import replaced
+from .._fields import of_cylinder, replaced
 from ..compressor import Compressor
 from ..film import (
     AbstractSqueeze,
@@ -57,7 +57,7 @@ def moving(compressor: Compressor) -> tuple[Moving, ...]:
         if several is not None and law in joints_of_cylinder(1):
             for number in range(several.count):
                 joint = joints_of_cylinder(number + 1)[law]
-                found.append(Moving(law, joint, number, bearing))
+                found.append(Moving(law, joint, number, of_cylinder(bearing, number + 1)))
         else:
             found.append(Moving(law, law, None, bearing))
     return tuple(found)
@@ -99,6 +99,8 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
     if not isinstance(mechanism, SliderCrank):
         return {}
     own = angle[None] if several is None else several.own_angle(angle)
+    if several is not None:
+        mechanism = several.each(mechanism, angle)
     found = {}
     for number, tilt in enumerate(rod_motion(mechanism, own).tilt_1, 1):
         names = {} if several is None else joints_of_cylinder(number)

@@ -13,7 +13,16 @@ from .._registry import Quantity, registered, registered_quantity
 from .._words import one_of
 from ..balancing import Influence, flexibilities, influence_of, least_squares
 from ..coupling import CrankLoads
-from ..crank import Collocation, Orbit, Performance, Shooting, performance, solve_orbit
+from ..crank import (
+    Collocation,
+    JournalFilm,
+    Orbit,
+    Performance,
+    Shooting,
+    journal_films,
+    performance,
+    solve_orbit,
+)
 from ..machine import Assembly, Machine, assembled
 from ..shaking import Wrench, shaking_wrench
 from ._vibration import (
@@ -135,6 +144,12 @@ class DesignResult:
         if "influence" in self.__dict__:
             good &= jnp.all(jnp.isfinite(self.influence.initial))
         return good
+
+    @cached_property
+    def journals(self) -> dict[str, JournalFilm]:
+        """The oil films of the journals over the revolution."""
+        assert self.assembly.compressor is not None
+        return journal_films(self.assembly.compressor, self.orbit)
 
     @property
     def peak_shaking_force(self) -> Float[Array, ""]:

@@ -96,7 +96,7 @@ class OrbitBearing(AbstractJournal):
         """One land as a bearing that stays where a steady load would hold it."""
         return JournalBearing(
             self.diameter, self.length / self.lands, self.radial_clearance, self.dynamic_viscosity,
-            self.film, self.oil,
+            self.film, None if self.dynamic_viscosity is not None else self.oil,
         )  # fmt: skip
 
     def moment(self, load, rate):

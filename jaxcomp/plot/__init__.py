@@ -30,6 +30,8 @@ from ._film import film_pressure as film_pressure
 from ._interactive import interactive as interactive
 from ._interactive import interactive_page as interactive_page
 from ._interactive import offering_interactive as _offering_interactive
+from ._journals import journal_films_over_turn as journal_films_over_turn
+from ._journals import journal_paths as journal_paths
 from ._motion import Motion as Motion
 from ._motion import gif as gif
 from ._optimise import optimum_convergence as optimum_convergence

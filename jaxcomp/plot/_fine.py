@@ -1,5 +1,6 @@
 """One revolution at many more angles than a solver needs, so that curves look as smooth as they are."""
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -8,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..compressor import Compressor, cylinder_pressure, kink_angles
-from ..crank import Orbit, acceleration
+from ..crank import Orbit, acceleration, moving, with_journals
 from ..friction import JointLoads
 from ..mechanism import CrankState
 
@@ -43,8 +44,18 @@ def fine_turn(compressor: Compressor, orbit: Orbit) -> FineTurn:
     nodes, speeds, rises = orbit.state
     speed = _periodic_cubic(angle, nodes, speeds, rises / speeds)
     motor = jnp.interp(angle, nodes, orbit.motor_torque, period=2 * jnp.pi)
-    rise, gas_torque, loads = jax.vmap(acceleration, (None, 0, 0, 0))(
-        compressor, angle, speed, motor
+    journals = None
+    if orbit.positions is not None:
+        places = jnp.stack([orbit.positions[one.joint] for one in moving(compressor)], axis=1)
+        at = partial(jnp.interp, angle, nodes, period=2 * jnp.pi)
+        flat = jax.vmap(lambda row: at(row))(places.reshape(-1, nodes.size))
+        journals = flat.reshape(*places.shape[:2], -1)
+
+    def evaluated(angle, speed, motor, journals):
+        return acceleration(with_journals(compressor, journals), angle, speed, motor)
+
+    rise, gas_torque, loads = jax.vmap(evaluated, (0, 0, 0, None if journals is None else -1))(
+        angle, speed, motor, journals
     )
     # mapped over angles, forces come out as (n, 2); figures want them as orbits have them
     loads = eqx.tree_at(lambda x: x.forces, loads, {k: f.T for k, f in loads.forces.items()})

@@ -12,13 +12,14 @@ from matplotlib.figure import Figure
 from .._fields import of_cylinder, replaced
 from .._shown import RPM
 from ..compressor import Compressor, instants
-from ..crank import Orbit, journal_rates, performance
+from ..crank import Orbit, journal_films, journal_rates, performance
 from ..film import OrbitBearing
 from ..friction import MainBearings, SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension
 from ._cylinder import cylinder_figures
 from ._fine import FineTurn, fine_turn
+from ._journals import journal_films_over_turn, journal_paths
 from ._polar import bearing_loads
 from ._several import machine_views, order_spectra
 from ._shaking import free_body_errors, shaking_force, vibration_orbits
@@ -54,6 +55,9 @@ def orbit_figures(
         figures["orders"] = order_spectra(compressor, orbit)
     figures["joint_forces"] = joint_forces(compressor, orbit)
     figures["bearing_loads"] = bearing_loads(compressor, orbit)
+    if journal_films(compressor, orbit):
+        figures["journal_paths"] = journal_paths(compressor, orbit)
+        figures["journal_films"] = journal_films_over_turn(compressor, orbit)
     if orbit.loads.loss_torque:
         figures["joint_friction"] = joint_friction(compressor, orbit)
         figures["losses"] = loss_shares(orbit)
