@@ -209,6 +209,7 @@ def polynomial_terms(evaporating, condensing) -> np.ndarray:
 @eqx.filter_jit
 def _along(compressor: Compressor, rating: str, evaporating, condensing):
     """All points, one after the other."""
+    assert isinstance(compressor.gas, Cylinder)
     together = compressor.motor.closes == "torque" or not compressor.gas.inert
     solver = Collocation(reversals=compressor.load_reversals)
     speed = compressor.motor.speed_guess
@@ -228,6 +229,7 @@ def _along(compressor: Compressor, rating: str, evaporating, condensing):
             orbit = solver.solve(moved)
             orbit = eqx.tree_at(lambda o: o.cycle, orbit, start, is_leaf=lambda x: x is None)
         cycle, result = orbit.cycle, performance(here, orbit)
+        assert cycle is not None
         values = {
             "power": result.electric_power,
             "cop": result.cop,
