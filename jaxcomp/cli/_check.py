@@ -182,7 +182,7 @@ def _follows(scene: jc.scene.Scene):
     rules = ", ".join(name for name in names if name in jc.design.design_rules)
     yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
     if scene.compressor is not None:
-        mechanism = of_cylinder(scene.compressor.mechanism)
+        mechanism: Any = of_cylinder(scene.compressor.mechanism)
         gas = of_cylinder(scene.compressor.gas)
         yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
         yield "Swept volume", 1e6 * float(mechanism.swept_volume), "cm3"

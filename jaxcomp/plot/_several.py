@@ -1,6 +1,7 @@
 """Pictures of several cylinders on one crankshaft: the machine from two sides, and its orders."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -47,7 +48,8 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     }
     largest = max(float(np.hypot(*load).max()) for load in loads.values())
     figure, ((front, side),) = new_figure(1, 2, (9.6, 5.2), "Front and side", share=False)
-    parts = [of_cylinder(compressor.mechanism, k + 1) for k in range(cylinders.count)]
+    mechanism: Any = compressor.mechanism
+    parts = [of_cylinder(mechanism, k + 1) for k in range(cylinders.count)]
     reach = max(float(m.piston_extremes()[0] + 0.5 * m.bore) for m in parts)
     lines = [_lines(front, side, _TINTS[k % len(_TINTS)]) for k in range(cylinders.count)]
     front.set_xlim(-1.05 * reach, 1.05 * reach)
