@@ -20,7 +20,14 @@ from .friction import (
     several_loops,
 )
 from .gas import AbstractGas, StagedCycle, Stroke
-from .mechanism import AbstractKinematics, AbstractMechanism, CrankState, Cylinders, SliderCrank
+from .mechanism import (
+    AbstractKinematics,
+    AbstractMechanism,
+    CrankState,
+    Cylinders,
+    SliderCrank,
+    SliderLink,
+)
 from .motor import AbstractMotor, ConstantSpeed, MeanSpeed
 
 
@@ -37,8 +44,7 @@ class Compressor(Part):
 
     Raises:
         ValueError: friction of another mechanism's kind.
-        BadInput: several cylinders with another mechanism than a slider-crank, or with an unbalance of
-            the crank that is not that of a throw.
+        BadInput: several cylinders with an unbalance of the crank that is not that of a throw.
     """
 
     kind: ClassVar[str] = "compressor"
@@ -75,18 +81,14 @@ class Compressor(Part):
 
 def _check_single(mechanism: AbstractMechanism) -> None:
     """That a mechanism describes one of several cylinders."""
-    if not isinstance(mechanism, SliderCrank):
-        raise BadInput(
-            "mechanism", type(mechanism).__name__, "a slider_crank, for several cylinders"
-        )
-    for name in ("crank_unbalance_across", "crank_couple"):
-        if getattr(mechanism, name) is not None:
-            bound = "absent: with several cylinders the throws have the unbalances"
-            raise BadInput(f"mechanism.{name}", getattr(mechanism, name), bound)
-    given = mechanism.crank_unbalance
-    if not is_traced(given) and bool(jnp.any(given != 0)):
-        bound = "0: with several cylinders the throws have the unbalances"
-        raise BadInput("mechanism.crank_unbalance", given, bound)
+    if not isinstance(mechanism, SliderCrank | SliderLink):
+        kind = type(mechanism).__name__
+        raise BadInput("mechanism", kind, "a slider_crank or slider_link, for several cylinders")
+    for name in ("crank_unbalance", "crank_unbalance_across", "crank_couple", "crank_product"):
+        given = getattr(mechanism, name, None)
+        if given is not None and not is_traced(given) and bool(jnp.any(given != 0)):
+            bound = "0: with several cylinders the throws have the unbalances"
+            raise BadInput(f"mechanism.{name}", given, bound)
 
 
 def _check_lists(compressor: Compressor) -> None:
@@ -295,10 +297,16 @@ def loop_of(
     if kinematics is None:
         own = cylinders.own_angle(state.angle)
         kinematics = cylinders.each(single, state.angle).kinematics(own)
-    assert isinstance(mechanism, SliderCrank)
-    weight = None if compressor.gravity is None else mechanism.crank_mass * compressor.gravity
+    assert isinstance(mechanism, SliderCrank | SliderLink)
     return several_loops(
-        single, friction, cylinders, state, gas, compressor.gravity, weight, kinematics
+        single,
+        friction,
+        cylinders,
+        state,
+        gas,
+        compressor.gravity,
+        mechanism.crank_mass,
+        kinematics,
     )
 
 

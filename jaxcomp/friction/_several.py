@@ -12,14 +12,31 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import replaced
-from ..mechanism import AbstractKinematics, CrankState, Cylinders, SliderCrank, Vector
+from ..mechanism import (
+    AbstractKinematics,
+    CrankState,
+    Cylinders,
+    SliderCrank,
+    SliderLink,
+    Vector,
+)
 from ._laws import AbstractJournal
 from ._loads import AbstractJointLoop, JointLoads, joint_loop, shaft_loss
 from ._slider_crank import SliderCrankFriction, SliderCrankLoop
+from ._slider_link import SliderLinkFriction, SliderLinkLoop
 from ._support import MainBearings
 
 # Joints that each cylinder has for itself.
-_OWN = ("wall", "piston_film", "packing", "piston_pin", "crank_pin")
+_OWN = (
+    "wall",
+    "wall_crown",
+    "wall_edge",
+    "piston_film",
+    "packing",
+    "piston_pin",
+    "link_slider",
+    "crank_pin",
+)
 
 
 def joints_of_cylinder(number: int) -> dict[str, str]:
@@ -39,7 +56,7 @@ class SeveralLoops(AbstractJointLoop):
         pull: [N] of the crankshaft's inertia and weight on every main bearing.
     """
 
-    loops: SliderCrankLoop
+    loops: SliderCrankLoop | SliderLinkLoop
     cylinders: Cylinders
     support: AbstractJournal | MainBearings | None
     speed: Float[Array, "*n"]
@@ -123,13 +140,13 @@ class SeveralLoops(AbstractJointLoop):
 
 
 def several_loops(
-    mechanism: SliderCrank,
-    friction: SliderCrankFriction | None,
+    mechanism: SliderCrank | SliderLink,
+    friction: SliderCrankFriction | SliderLinkFriction | None,
     cylinders: Cylinders,
     state: CrankState,
     gas_force: Float[Array, "k *n"],
     gravity: Float[Array, "2"] | None,
-    weight: Float[Array, "2"] | None,
+    shaft_mass: Float[Array, ""],
     kinematics: AbstractKinematics,
 ) -> SeveralLoops:
     """The joint loops of several cylinders at given instants.
@@ -141,10 +158,12 @@ def several_loops(
         state: angle, speed and acceleration of the crank, shape (n,) or ().
         gas_force: [N] of each cylinder.
         gravity: [m/s^2] field in machine axes; `None` leaves weights out.
-        weight: [N] of the crankshaft, in the plane z = 0; `None` without gravity.
+        shaft_mass: [kg] of the crankshaft, with its weight in the plane z = 0.
         kinematics: of each cylinder, with a leading axis of k.
     """
-    friction = SliderCrankFriction() if friction is None else friction
+    if friction is None:
+        linked = isinstance(mechanism, SliderLink)
+        friction = SliderLinkFriction() if linked else SliderCrankFriction()
     shape = kinematics.position.shape
     each = CrankState(
         cylinders.own_angle(state.angle),
@@ -152,19 +171,37 @@ def several_loops(
         jnp.broadcast_to(state.acceleration, shape),
     )
     own_gravity = None if gravity is None else cylinders.own_gravity(gravity, state.angle)
-    support, line, influence = friction.main_journal, [(1.0, 0.0)], None
+    rods, support = _shaft_apart(mechanism, friction, shaft_mass)
+    line, influence = [(1.0, 0.0)], None
     shares = jnp.ones((1, cylinders.count))
     if isinstance(support, MainBearings):
         line, influence = support.line(), support.influence
         shares = influence(cylinders.position)
     pulls = cylinders.crank_pulls(state, mechanism, line, influence)
-    if weight is not None:
+    if gravity is not None:
+        weight = shaft_mass * gravity
         pulls = [
             Vector(p.x - share * weight[0], p.y - share * weight[1])
             for p, (share, _) in zip(pulls, line, strict=True)
         ]
-    rods = cylinders.each(replaced(friction, main_journal=None), state.angle)
+    rods = cylinders.each(rods, state.angle)
     single = cylinders.each(mechanism, state.angle)
     loops = joint_loop(single, rods, each, gas_force, own_gravity, kinematics)
-    assert isinstance(loops, SliderCrankLoop)
+    assert isinstance(loops, SliderCrankLoop | SliderLinkLoop)
     return SeveralLoops(loops, cylinders, support, state.speed, shares, tuple(pulls))
+
+
+def _shaft_apart(mechanism, friction, shaft_mass):
+    """The laws of each cylinder's own joints, and those of the shaft."""
+    if isinstance(friction, SliderCrankFriction):
+        return replaced(friction, main_journal=None), friction.main_journal
+    names = ("upper_bearing", "lower_bearing", "thrust_bearing", "pump")
+    upper, lower, thrust, pump = (getattr(friction, name) for name in names)
+    present = {name: None for name in names if getattr(friction, name) is not None}
+    rods = replaced(friction, **present)
+    if upper is None or lower is None:
+        return rods, None
+    # from the plane z = 0, as from that of the piston of a single cylinder
+    places = jnp.stack([mechanism.overhang, mechanism.overhang + mechanism.bearing_span])
+    made = MainBearings((upper, lower), jnp.array([0.0, 1.0]), 0.0, thrust, pump, names[:2])
+    return rods, replaced(made, position=places, shaft_mass=shaft_mass)

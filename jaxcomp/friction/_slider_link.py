@@ -169,12 +169,16 @@ class SliderLinkLoop(AbstractJointLoop):
         return self._left(unknown, self._pin_moment(self._contacts(unknown)[2]))
 
     def balance(self, unknown):
+        return self.balance_and_rod_force(unknown)[0]
+
+    def balance_and_rod_force(self, unknown):
+        """The balance, and the force of the crank pin on the slider [N]."""
         touch, on_link, pin = self._contacts(unknown)
         loss, moment, _ = self._losses(touch, on_link, pin)
         total = sum(loss.values(), jnp.zeros_like(unknown))
         # The bearings' loads come close to zero with that of the pin, too near for places of their own.
         marks = (touch.crown, touch.edge, touch.slider, *pin)
-        return self._left(unknown, moment), total, marks
+        return (self._left(unknown, moment), total, marks), pin
 
     def _losses(self, touch, on_link, pin):
         """Loss torques [N m] by joint, the moment of the crank pin, forces of the two bearings."""

@@ -21,6 +21,7 @@ from jaxtyping import Array, Complex, Float
 from .._fields import ANY, BadInput, Part, along_cylinders, quantity, replaced
 from ._base import CrankState, Vector, rotating
 from ._slider_crank import SliderCrank
+from ._slider_link import SliderLink
 
 
 class Throw(Part):
@@ -122,7 +123,7 @@ class Cylinders(Part):
         """A part whose lists over the cylinders go with instants like these."""
         return along_cylinders(part, like)
 
-    def unbalances(self, mechanism: SliderCrank) -> list[Float[Array, ""]]:
+    def unbalances(self, mechanism: SliderCrank | SliderLink) -> list[Float[Array, ""]]:
         """[kg m] of the crank at every throw, with its counterweight where `balanced` says so."""
         given = [throw.unbalance for throw in self.rows]
         if not self.balanced:
@@ -198,7 +199,7 @@ class Cylinders(Part):
         return jnp.stack(self.turned(Vector(gravity[0] * ones, gravity[1] * ones), back=True))
 
     def crank_pulls(
-        self, state: CrankState, mechanism: SliderCrank, line, influence=None
+        self, state: CrankState, mechanism: SliderCrank | SliderLink, line, influence=None
     ) -> list[Vector]:
         """What m receivers take of the inertia [N] of the crank's unbalances, in machine axes.
 
@@ -215,7 +216,7 @@ class Cylinders(Part):
             for along, ahead in self._crank_vectors(mechanism, line, influence)
         ]
 
-    def _crank_vectors(self, mechanism: SliderCrank, line, influence=None):
+    def _crank_vectors(self, mechanism: SliderCrank | SliderLink, line, influence=None):
         """(2,) What each takes of the unbalances, along the crank at angle 0 and ahead of it."""
         rows = self.rows
         angle, place = (jnp.stack(e) for e in ([t.angle for t in rows], [t.position for t in rows]))
@@ -229,7 +230,10 @@ class Cylinders(Part):
             yield vector
 
     def weight_torque(
-        self, angle: Float[Array, "*n"], gravity: Float[Array, "2"], mechanism: SliderCrank
+        self,
+        angle: Float[Array, "*n"],
+        gravity: Float[Array, "2"],
+        mechanism: SliderCrank | SliderLink,
     ):
         """[N m] on the crank, of the weights of its unbalances."""
         ((along, ahead),) = self._crank_vectors(mechanism, [(1.0, 0.0)])
@@ -252,7 +256,7 @@ class OrderSums(NamedTuple):
     backward_couple: Complex[Array, ""]
 
 
-def counterweights(mechanism: SliderCrank, cylinders: Cylinders) -> Cylinders:
+def counterweights(mechanism: SliderCrank | SliderLink, cylinders: Cylinders) -> Cylinders:
     r"""The cylinders with the counterweights that take what turns forward of the first order.
 
     On a throw of n rods $u = -(n m_{rot} + \tfrac n2 m_{rec})\,r$: banks that are equally spaced over
@@ -269,10 +273,15 @@ def counterweights(mechanism: SliderCrank, cylinders: Cylinders) -> Cylinders:
     return Cylinders(throws, places=cylinders.places)
 
 
-def _counterweights(mechanism: SliderCrank, cylinders: Cylinders) -> list[Float[Array, ""]]:
-    share = mechanism.conrod_centre / mechanism.conrod_length
-    rotating = mechanism.conrod_mass * (1 - share)
-    reciprocating = mechanism.piston_mass + mechanism.conrod_mass * share
+def _counterweights(
+    mechanism: SliderCrank | SliderLink, cylinders: Cylinders
+) -> list[Float[Array, ""]]:
+    if isinstance(mechanism, SliderLink):
+        rotating, reciprocating = mechanism.slider_mass, mechanism.piston_mass
+    else:
+        share = mechanism.conrod_centre / mechanism.conrod_length
+        rotating = mechanism.conrod_mass * (1 - share)
+        reciprocating = mechanism.piston_mass + mechanism.conrod_mass * share
     each = -(rotating + reciprocating / 2) * mechanism.crank_radius
     sizes = [throw.banks.size for throw in cylinders.rows]
     if jnp.ndim(each) == 0:

@@ -66,6 +66,7 @@ class SliderLink(AbstractMechanism):
     """
 
     kind: ClassVar[str] = "slider_link"
+    for_each_cylinder: ClassVar[bool] = True
     load_reversals: ClassVar[int] = 12  # up to ten are seen: of crown, edge, slider and crank pin
 
     bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter D")

@@ -1,8 +1,8 @@
 """Cost of several cylinders: `python tests/benchmarks/cylinders.py`.
 
-The golden machine of `tests/test_several_cylinders.py` with 1, 2, 4 and 8 cylinders: error against run time
-of single orbits, first call, gradient over value, and designs in step. Times are processor times, the
-least of several calls; read them as ratios.
+The golden machine of `tests/test_several_cylinders.py` with 1, 2, 4 and 8 cylinders: error against run
+time of single orbits, first call, gradient over value, and designs in step. Times are processor times,
+the least of several calls; read them as ratios.
 """
 
 import argparse
@@ -46,13 +46,17 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--designs", type=int, default=64, help="of a batch")
     options.add_argument("--width", type=int, default=8, help="designs in step")
+    options.add_argument("--cylinders", type=int, nargs="*", default=list(GOLDEN))
     given = options.parse_args()
-    print(f"{'N':>2} {'setting':<16} {'error':>8} {'first':>7} {'single':>9} {'gradient':>9} {'batch':>11}")
+    print(
+        f"{'N':>2} {'setting':<16} {'error':>8} {'first':>7} {'single':>9} {'gradient':>9} {'batch':>11}"
+    )
     rng = np.random.default_rng(0)
-    for count in GOLDEN:
+    for count in given.cylinders:
         numbers, rest = eqx.partition(several(LAYOUTS[count]), eqx.is_inexact_array)
         many = jax.tree.map(
-            lambda x: x * (1 + 0.02 * rng.standard_normal((given.designs,) + (1,) * x.ndim)), numbers
+            lambda x: x * (1 + 0.02 * rng.standard_normal((given.designs,) + (1,) * x.ndim)),
+            numbers,
         )
         for name, solver in settings(count):
 
