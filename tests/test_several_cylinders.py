@@ -62,8 +62,9 @@ from jaxcomp.rotor import (
     node_index,
     respond,
 )
+from jaxcomp.scene import with_values
 from jaxcomp.shaking import shaking_wrench
-from jaxcomp.sweeping import sweep_layouts
+from jaxcomp.sweeping import sweep_machines
 
 # rods on throws at 0 and 180 degrees: [deg] of the throw, [m], banks [deg], unbalance [kg m]
 FOUR, EIGHT = [-45.0, 45.0], [-67.5, -22.5, 22.5, 67.5]
@@ -797,16 +798,16 @@ def test_the_rotor_has_the_torsion_of_the_chain():
 
 
 def test_layouts_are_swept():
-    found = sweep_layouts(
-        load("refrigeration-twin"),
-        ["in-line-2", "boxer-2"],
+    scene, layouts = load("refrigeration-twin"), ("in-line-2", "boxer-2")
+    found = sweep_machines(
+        {name: with_values(scene, {"cylinders.layout": name}) for name in layouts},
         {},
         ["peak_shaking_force", "speed_fluctuation"],
+        dimension="layout",
         options=AnalysisOptions(Collocation(nodes=5, reversals=0)),
     )
-    force = found["peak_shaking_force"].sel({"cylinders.layout": "boxer-2"})
-    assert float(force) < 1e-9  # [N] the boxer has none
+    assert float(found["peak_shaking_force"].sel(layout="boxer-2")) < 1e-9  # [N] the boxer has none
     assert found["speed_fluctuation"].shape == (2,)
     assert bool(found["ok"].all())
-    with pytest.raises(BadInput, match=r"with a section \[cylinders\]"):
-        sweep_layouts(load("mayekawa-wbhe"), ["V90"], {}, ["swept_volume"])
+    with pytest.raises(BadInput, match="machines"):
+        sweep_machines({}, {}, ["swept_volume"])

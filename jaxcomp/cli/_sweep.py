@@ -31,6 +31,10 @@ class Sampling(enum.StrEnum):
     random = "random"
 
 
+# A word and no number: a sweep of its own for each of its values.
+_LAYOUT = "cylinders.layout"
+
+
 @reports_errors
 def sweep(
     machine: Machine,
@@ -102,12 +106,10 @@ def sweep(
     start_devices(devices)
     start_jax()
     scene = changed_scene(machine, sets or (), designs or ())
-    layouts = [text for text in over if text.partition("=")[0].strip() == "cylinders.layout"]
+    layouts = [text for text in over if text.partition("=")[0].strip() == _LAYOUT]
     if layouts:
         over = [text for text in over if text not in layouts]
-        names = [
-            name.strip() for name in assignments(layouts, "--over")["cylinders.layout"].split(",")
-        ]
+        names = [name.strip() for name in assignments(layouts, "--over")[_LAYOUT].split(",")]
         axes = axes_of(scene, over, samples is not None)
         options = analysis_options(scene, nodes, reversals, tolerance)
         _of_layouts(scene, names, axes, quantity, options, samples, seed, as_json, out)
@@ -147,16 +149,22 @@ def sweep(
 
 def _of_layouts(scene, names, axes, quantity, options, samples, seed, as_json, out):
     """Best and worst designs of each layout of the cylinders."""
-    found = jc.sweeping.sweep_layouts(
-        scene,
-        names,
+    if getattr(scene.compressor, "cylinders", None) is None:
+        raise CommandError(f"--over {_LAYOUT}: {scene.name} has no section [cylinders]")
+    changes = ({_LAYOUT: name, "cylinders.throws": None} for name in names)
+    scenes = {
+        name: jc.scene.with_values(scene, one) for name, one in zip(names, changes, strict=True)
+    }
+    found = jc.sweeping.sweep_machines(
+        scenes,
         axes,
         quantity or default_quantities(scene),
         samples=samples,
         seed=seed,
         options=options,
+        dimension=_LAYOUT,
     )
-    parts = {name: found.sel({"cylinders.layout": name}, drop=True) for name in names}
+    parts = {name: found.sel({_LAYOUT: name}, drop=True) for name in names}
     rows = []
     for name, part in parts.items():
         for asked in (str(one) for one in part.data_vars if one != "ok"):

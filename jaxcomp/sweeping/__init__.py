@@ -10,6 +10,6 @@ from ._best import BestCurve as BestCurve
 from ._best import best_curve as best_curve
 from ._best import best_design as best_design
 from ._best import shown_column as shown_column
-from ._layouts import sweep_layouts as sweep_layouts
+from ._machines import sweep_machines as sweep_machines
 from ._run import sweep as sweep
 from ._store import open_sweep as open_sweep

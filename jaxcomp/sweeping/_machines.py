@@ -1,0 +1,48 @@
+"""The same sweep of several machines that differ by more than numbers, as by their layout."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .._fields import BadInput
+from ..design import variable
+from ..machine import machine_of
+from ._run import sweep
+
+# Which number takes its own value where nothing but the machine changes.
+_HELD = "mechanism.crank_radius"
+
+
+def sweep_machines(
+    machines: Mapping[str, Any],
+    over: Mapping[str, Any],
+    quantities: Sequence[Any],
+    *,
+    dimension: str = "machine",
+    **options,
+):
+    """All designs of a sweep for every one of several machines.
+
+    Args:
+        machines: scenes or machines by name.
+        over: values of other variables as for `sweep`; empty for the machines alone.
+        quantities: as for `sweep`.
+        dimension: name of the dimension along which the machines stand.
+        options: other arguments of `sweep`, but for `out`.
+
+    Returns:
+        `xarray.Dataset` with the machines along its first dimension.
+
+    Raises:
+        BadInput: no machine; or as `sweep`.
+    """
+    import xarray
+
+    if not machines:
+        raise BadInput("machines", "none", "at least one")
+    found = []
+    for one in machines.values():
+        here = machine_of(one)
+        held = {_HELD: [float(variable(here, _HELD).current(here))]}
+        made = sweep(one, over or held, quantities, **options)
+        found.append(made if over else made.isel({_HELD: 0}, drop=True))
+    return xarray.concat(found, xarray.Variable(dimension, list(machines)))
