@@ -82,7 +82,7 @@ def test_derivatives_equal_differences(held):
     for place, slope in enumerate(slopes):
         step = 1e-3 * at[place]
         moved = lambda x, place=place: loss(*(x if i == place else a for i, a in enumerate(at)))  # noqa: E731
-        # measured 1e-7, of the panels that end beside the pinch
+        # measured 1e-7, of the panels that end beside the load minimum
         assert float(slope) == pytest.approx(float(difference(moved, at[place], step)), rel=1e-6)
     assert all(jnp.all(jnp.isfinite(x)) for x in named_leaves(slopes).values())
 

@@ -371,4 +371,4 @@ def test_kinks_are_where_the_sides_change():
     state, gas = random_states(200, 32)
     loads = joint_loads(machine(**OFFSET), coulomb_friction(), state, gas)
     np.testing.assert_array_equal(np.sign(loads.kinks), np.stack(sides(loads)))
-    np.testing.assert_array_equal(loads.pinches[0], loads.forces["crank_pin"][0])
+    np.testing.assert_array_equal(loads.minima[0], loads.forces["crank_pin"][0])

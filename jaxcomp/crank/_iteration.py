@@ -56,11 +56,11 @@ class Resolution(eqx.Module):
     def panels_between(self, edges: Float[Array, " e"], places: Float[Array, " k"]) -> Panels:
         """Panels between the edges of the revolution and the places of the load reversals."""
         if places.size:
-            kinks, pinches = jnp.split(places, 2)
-            # the panels beside the pinches are cut in geometric progression
+            kinks, minima = jnp.split(places, 2)
+            # the panels beside the load minima are cut in geometric progression
             distance = 0.1 * 0.15 ** jnp.arange(self.grading)
             around = jnp.concatenate([-distance, distance, jnp.zeros(1)])
-            inner = jnp.concatenate([kinks, (pinches[:, None] + around).ravel()])
+            inner = jnp.concatenate([kinks, (minima[:, None] + around).ravel()])
             edges = jnp.sort(jnp.concatenate([edges, jnp.clip(inner, edges[0], edges[-1])]))
         return panels(edges, self.nodes)
 

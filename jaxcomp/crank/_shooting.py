@@ -34,8 +34,8 @@ from ._result import orbit_on_panels
 # [rad] Distance of a step's end from a change of side, more than the error of its place. Derivatives
 # err by about as much: the one step across the change takes its sides at random.
 _BESIDE = 2e-7
-# Stops on either side of a pinch, at 0.1 rad and closing in by 0.15 each: the last at 8e-6 rad. On the
-# machine of Tsuji et al. the load of the piston pin turns round within 6e-5 rad.
+# Stops on either side of a load minimum, at 0.1 rad and closing in by 0.15 each: the last at 8e-6 rad. On
+# the machine of Tsuji et al. the load of the piston pin turns round within 6e-5 rad.
 _CLOSING = 6
 
 # [-] Gap reported of a revolution that could not be integrated.
@@ -133,14 +133,14 @@ class Shooting(eqx.Module):
             return edges[1:-1], edges
         problem = Collocation(8, self.reversals).problem(machine)
         motion, (reversals, _) = problem.solve(known)
-        kinks, pinches = jnp.split(motion.places, 2)
+        kinks, minima = jnp.split(motion.places, 2)
         beside = jnp.array([-_BESIDE, _BESIDE])
         closing = 0.1 * 0.15 ** jnp.arange(_CLOSING)
         around = jnp.concatenate([-closing, closing])
         used = reversals.row[:, None] >= 0
         near_kinks = jnp.where(used[: self.reversals], kinks[:, None] + beside, edges[1])
-        near_pinches = jnp.where(used[self.reversals :], pinches[:, None] + around, edges[1])
-        stops = jnp.concatenate([edges[1:-1], *map(jnp.ravel, (near_kinks, near_pinches))])
+        near_minima = jnp.where(used[self.reversals :], minima[:, None] + around, edges[1])
+        stops = jnp.concatenate([edges[1:-1], *map(jnp.ravel, (near_kinks, near_minima))])
         inside = (stops > edges[0]) & (stops < edges[-1])
         places = jnp.clip(motion.places, edges[0], edges[-1])
         return (

@@ -31,7 +31,7 @@ class JointLoads(eqx.Module):
             the joints lock or have several solutions, and the forces mean nothing. `None`, like
             the residual, where no evidence was asked for.
         kinks: [SI] quantities whose sign changes put kinks into the losses, shape (k, n).
-        pinches: [SI] quantities whose sign changes bring a load close to zero, where its magnitude turns
+        minima: [SI] quantities whose sign changes bring a load close to zero, where its magnitude turns
             within a very short angle, shape (m, n).
     """
 
@@ -40,7 +40,7 @@ class JointLoads(eqx.Module):
     residual: Float[Array, "*n"] | None
     margin: Float[Array, "*n"] | None
     kinks: Float[Array, "k *n"]
-    pinches: Float[Array, "m *n"]
+    minima: Float[Array, "m *n"]
 
     @property
     def total_loss_torque(self) -> Float[Array, "*n"]:

@@ -135,7 +135,7 @@ class SeveralLoops(AbstractJointLoop):
             residual=None if each.residual is None else jnp.max(jnp.abs(each.residual), axis=0),
             margin=each.margin,
             kinks=each.kinks.reshape(shape),
-            pinches=each.pinches.reshape(shape),
+            minima=each.minima.reshape(shape),
         )
 
 

@@ -211,7 +211,7 @@ class SliderCrankLoop(AbstractJointLoop):
             residual=residual,
             margin=margin,
             kinks=side[None],
-            pinches=jnp.stack([force.x for force in forces]),
+            minima=jnp.stack([force.x for force in forces]),
         )
 
 

@@ -237,7 +237,7 @@ class SliderLinkLoop(AbstractJointLoop):
             residual=residual,
             margin=margin,
             kinks=jnp.stack([touch.crown, touch.edge, touch.slider]),
-            pinches=pin.x[None],
+            minima=pin.x[None],
         )
 
     def _residual(self, touch, on_link, pin_moment):

@@ -147,7 +147,7 @@ def _longest_stretch(machine: Compressor, reversals: int) -> _Stretch:
     """The longest stretch of the periodic state without kinks and load reversals."""
     orbit = solve_orbit(machine, Collocation(nodes=24, reversals=reversals))
     angle = np.asarray(orbit.state.angle)
-    sides = np.sign(np.concatenate([orbit.loads.kinks, orbit.loads.pinches]))
+    sides = np.sign(np.concatenate([orbit.loads.kinks, orbit.loads.minima]))
     changed = np.any(sides[:, 1:] != sides[:, :-1], axis=0)
     between = (angle[1:] + angle[:-1]) / 2
     first = np.asarray(kink_angles(machine))
