@@ -103,7 +103,9 @@ def _check_lists(compressor: Compressor) -> None:
             if of_shaft or value.shape != (count,):
                 several = count and not of_shaft
                 bound = f"one number, or one for each of {count} cylinders" if several else ""
-                raise BadInput(f"{section}.{path}", value, bound or "a single number")
+                raise BadInput(
+                    f"{section}.{path}", value, bound or "a single value, without [cylinders]"
+                )
 
 
 def compressor_of(machine: Any) -> Compressor:

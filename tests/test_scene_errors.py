@@ -67,7 +67,7 @@ BAD = {
     ),
     "list for one value": (
         replaced('"50 mm"', '["50 mm", "60 mm"]'),
-        "mechanism.bore = ['50 mm', '60 mm']: must be a single value",
+        "mechanism.bore = ['50 mm', '60 mm']: must be a single value, without [cylinders]",
     ),
     "unknown key": (
         replaced("bore", "bor"),
@@ -93,8 +93,8 @@ BAD = {
     ),
     "unknown type": (
         replaced('"polytropic"', '"polytrope"'),
-        'gas.type = "polytrope": must be one of: crank_angle_table, cylinder, fourier, '
-        'polytropic, volume_table; did you mean "polytropic"?',
+        'gas.type = "polytrope": must be one of: crank_angle_table, cylinder, double_acting, '
+        'fourier, polytropic, staged, volume_table; did you mean "polytropic"?',
     ),
     "unknown option": (
         GOOD.replace("[gas]", 'shape = "linear"\n[gas]'),

@@ -326,4 +326,4 @@ def test_bad_geometry_is_refused_by_name(changes, words):
 
 def test_wrong_shape_is_refused():
     with pytest.raises(ValueError, match=r"bore.*shape"):
-        SliderCrank(**(MECHANISM | {"bore": [0.1, 0.2]}))
+        SliderCrank(**(MECHANISM | {"bore": [[0.1, 0.2]]}))  # a list has a value for each cylinder

@@ -430,8 +430,6 @@ BAD = {
     "batch": ({"batch": 0}, "batch"),
     "width": ({"width": 0}, "width"),
     "devices": ({"devices": 99}, "devices"),
-    "part": ({"part": (2, 2)}, "part"),
-    "part without store": ({"part": (0, 2)}, "out"),
 }
 
 

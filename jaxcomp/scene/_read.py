@@ -223,7 +223,8 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
             raise SceneError(join(path, error.field), problem, value) from None
         if error.field.split(".")[0] in given:  # a place within a table of parts
             problem = f"must be {error.bound}"
-            raise SceneError(join(path, error.field), problem, error.value) from None
+            value = _as_given(table, error.field) if np.ndim(error.value) else error.value
+            raise SceneError(join(path, error.field), problem, value) from None
         # a rule across fields: show the values that it names
         words = [name for name in given if name in error.bound and name in table]
         shown = ", ".join(f"{name} = {unwrapped(table[name], path)[0]}" for name in words)
@@ -231,6 +232,14 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
         raise SceneError(path or kind_of(kind), f"must be {error.bound}{but}") from None
     except ValueError as error:
         raise SceneError(path or kind_of(kind), " ".join(str(error).split())) from None
+
+
+def _as_given(table: Mapping, path: str) -> Any:
+    """The entry at a dotted path below a section, with the units that the file gives."""
+    *sections, key = path.split(".")
+    for name in sections:
+        table = table[name]
+    return unwrapped(table[key], path)[0]
 
 
 def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, given: Any) -> None:
