@@ -53,6 +53,7 @@ def read(model, loads):
     return jnp.stack([lid[:, 0], lid[:, 1], gap[:, 0]], axis=1).reshape(-1)
 
 
+@pytest.mark.slow
 def test_trial_weights_and_direct_coefficients_agree(model, influence):
     masses = 1e-4 * jnp.exp(1j * jnp.array([0.5, -1.0]))
     trials = [

@@ -140,6 +140,7 @@ def test_robust_refusals(arguments, complaint):
     assert complaint in " ".join(result.output.split())
 
 
+@pytest.mark.slow
 def test_the_answer_begins_with_a_sentence_and_offers_the_inverse():
     limit = ("--limit", "swept_volume<=1330 cm^3")
     result = run(*VOLUME, *VARY, *limit, "--samples", 1024, "--rejects", "1%", "--json")

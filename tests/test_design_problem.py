@@ -245,6 +245,7 @@ def test_one_clearance_acts_on_friction_and_film_alike(scene):
     assert abs(float(slope[0])) > 1.0  # [1/m] efficiency
 
 
+@pytest.mark.slow
 def test_a_correction_mass_reaches_the_crank(scene):
     """Corrections load the main bearings: their loss and the efficiency follow, as differences say."""
     names = ["corrections.rotor-top.x", "corrections.counterweight.y"]

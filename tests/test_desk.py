@@ -118,6 +118,7 @@ def test_a_machine_that_locks_says_so(desk):
     assert "locks" in desk.view.status
 
 
+@pytest.mark.slow
 def test_improve_stays_inside_its_ranges_and_is_better(desk):
     before = efficiency(desk)
     words = desk.improve({BORE: (0.12, 0.14)})

@@ -245,6 +245,7 @@ def test_extreme_orbits_close_the_turn_of_the_reference(fine, case):
     )
 
 
+@pytest.mark.slow
 def test_a_coarse_turn_says_how_coarse_it_is():
     """The resolution is above the error of the fluctuation; where it is poor the word says so.
 

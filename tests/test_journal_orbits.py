@@ -313,6 +313,7 @@ def test_a_film_that_closes_is_a_named_failure(coupled):
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(orbit.loads))
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_coupled_orbit_are_those_of_differences(coupled):
     solver = Collocation(reversals=coupled.load_reversals)
 
@@ -376,6 +377,7 @@ def test_every_pin_of_several_cylinders_has_its_orbit(coupled):
         assert float(orbit.loss_power[name]) == pytest.approx(loss, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_three_journals_of_a_slider_link_machine_move():
     text = load("slider-link-8cc").text
     for name in ("crank-pin", "upper-bearing", "lower-bearing"):

@@ -34,6 +34,7 @@ def swept(made, bores):
     return np.asarray(solved(made, np.reshape(bores, (-1, 1)), 8).values)[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rpm", SPEEDS)
 def test_optimal_bore_from_any_start_is_that_of_a_sweep(scene, rpm):
     made = bore_problem(scene, rpm)

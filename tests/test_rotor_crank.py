@@ -99,6 +99,7 @@ def test_coefficients_converge_with_the_orbit_and_truncation_is_reported(scene, 
     assert float(few["gas"]) == pytest.approx(np.sqrt(1 - kept / power), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_gas_and_motor_torque_turn_rotor_and_crankcase(scene, orbit):
     six = loaded_rotor(with_value(scene, "rotor.dof", 6).assembly, jnp.array([314.0]))
     found = forces_of(scene, orbit, (1,))
@@ -167,6 +168,7 @@ def _polar(model):
     return float(turn @ np.asarray(matrices(free).mass) @ turn)
 
 
+@pytest.mark.slow
 def test_hermetic_machine_is_stable_and_softly_hung(scene):
     model = loaded_rotor(scene.assembly, jnp.array([314.0]))
     assert float(magnetic_pull_limit(model, 314.0)) > 2

@@ -112,7 +112,8 @@ def stiff(link, value):
     return Link(link.nodes, diagonal(k, np.zeros(len(k))), link.axes)
 
 
-@pytest.mark.parametrize("dof", [4, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("dof", [4, 6])
 def test_held_links_are_the_limit_of_stiff_springs(dof):
     """Chains of pins, and bodies that are held: motions, reactions and modes."""
     model = rotor_machine.machine(dof)

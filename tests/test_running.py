@@ -30,6 +30,7 @@ def test_response_to_the_crank_is_that_of_each_speed_alone(scene):
     np.testing.assert_array_equal(found.frequency, SPEEDS[None])
 
 
+@pytest.mark.slow
 def test_response_to_the_forces_of_the_scene_counts_corrections(scene):
     """Vibration as a quantity of the design, with a correction, in the film loads of each speed."""
     machine = with_value(scene, "rotor.dof", 4).machine

@@ -474,6 +474,7 @@ def test_a_rotor_gives_what_cylinders_must_leave_open():
         on_rotor((two, "banks = ['-20 deg', '50 deg', '90 deg']"))
 
 
+@pytest.mark.slow
 def test_several_slider_links():
     """One of them is the single machine; two do twice the work and close the energy."""
     single = load("slider-link-8cc").as_compressor()

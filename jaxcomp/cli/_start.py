@@ -123,7 +123,7 @@ def cluster(address: str | None) -> Iterator[Any]:
         raise CommandError("--dask: needs Dask; pip install 'jaxcomp[dask]'") from None
     where = {"scheduler_file" if address.endswith(".json") else "address": address}
     try:
-        client = Client(**where, timeout=10)
+        client = Client(**where, timeout=5)
     except (OSError, ValueError) as error:
         raise CommandError(
             f"--dask {address}: no scheduler answers ({error}); `dask scheduler` starts one, and "
