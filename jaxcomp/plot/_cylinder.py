@@ -89,15 +89,15 @@ def log_p_h(cycle: Cycle) -> Figure:
     figure, ((ax,),) = new_figure(1, 1, (6.8, 4.8), f"{fluid.name}: pressure over enthalpy")
     h = np.concatenate([liquid.h, vapour.h[::-1]]) / 1e3
     p = np.concatenate([liquid.p, vapour.p[::-1]]) / 1e5
-    ax.plot(h, p, color=INK, linewidth=1.2, label="Saturation")
+    ax.plot(h, p, color="#888888", linewidth=1.2, label="Saturation")
     closed = np.append(np.arange(inside.p.size), 0)
     ax.plot(np.asarray(inside.h)[closed] / 1e3, np.asarray(inside.p)[closed] / 1e5, color=_GAS,
             linewidth=1.5, label="Gas in the cylinder")  # fmt: skip
     marks = (
-        ("Comes", case.comes.h, case.comes.p, _SUCTION, "s"),
+        ("Suction line", case.comes.h, case.comes.p, _SUCTION, "s"),
         ("At the suction valve", case.suction.h, case.suction.p, _SUCTION, "o"),
         ("Isentropic compression", case.isentropic.h, case.isentropic.p, "#009E73", "^"),
-        ("Delivered", cycle.discharge_enthalpy, case.discharge.p, _DISCHARGE, "o"),
+        ("Discharged gas", cycle.discharge_enthalpy, case.discharge.p, _DISCHARGE, "o"),
     )
     for label, x, y, tint, marker in marks:
         ax.plot(float(x) / 1e3, float(y) / 1e5, marker, color=tint, markersize=5, label=label)
