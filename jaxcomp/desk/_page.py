@@ -11,6 +11,7 @@ import pandas as pd
 import panel as pn
 from bokeh.models import ColumnDataSource, FactorRange, Title
 from bokeh.plotting import figure
+from panel.io import hold
 
 from .._fields import BadInput
 from .._shown import shown
@@ -255,7 +256,11 @@ class _Page:
         self._show()
 
     def _show(self) -> None:
-        """Pictures and results of the present state."""
+        """Pictures and results of the present state, in one message to the browser."""
+        with hold():
+            self._show_now()
+
+    def _show_now(self) -> None:
         desk, view = self.desk, self.desk.view
         self.pictures.show(view, desk.pinned)
         rows = self._result_rows()
@@ -314,6 +319,12 @@ class _Page:
         return pd.DataFrame(rows)
 
 
+class _QuickSlider(pn.widgets.FloatSlider):
+    """A slider that is heard at once: Panel gathers changes for 50 ms, which is most of an answer."""
+
+    _debounce = 5
+
+
 class _Slider:
     """The slider of one number between two ends that can be typed."""
 
@@ -328,7 +339,7 @@ class _Slider:
         ]
         label = f"{desk.label(name)}{f' [{look.unit}]' if look.unit else ''}"
         low, high = (end.value for end in self.ends)
-        self.slider = pn.widgets.FloatSlider(
+        self.slider = _QuickSlider(
             label=label, start=low, end=high, step=(high - low) / _STEPS,
             value=desk.values[name] * look.factor, format="0[.]00000",
             styles=_style("flex: 1 1 180px; min-width: 150px"),

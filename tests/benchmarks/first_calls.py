@@ -1,8 +1,8 @@
-"""What a first call costs: every case in a process of its own, on one core, with where its time goes.
+"""What a first call costs: every case in a process of its own, with where its time goes.
 
 `python tests/benchmarks/first_calls.py` prints a table: seconds by the clock from the start of the
-process to the result, those of the processor, and of these what JAX says it spent on tracing, lowering
-and compiling. "Rest" is the import of Python and its libraries, reading the machine, and running.
+process to the result, those of the processor, of these what JAX says it spent on lowering and compiling,
+and the rest: imports, reading the machine, tracing, running.
 """
 
 import argparse
@@ -30,21 +30,21 @@ def main():
     if given.case:
         print(json.dumps(measured(given.case)))
         return
-    print("| what | clock, s | processor, s | tracing | lowering | compiling | rest | programs |")
-    print("|---|---|---|---|---|---|---|---|")
+    print("| what | clock, s | processor, s | lowering | compiling | rest | programs |")
+    print("|---|---|---|---|---|---|---|")
     for name, words in CASES.items():
         if name == "run":
             started = time.perf_counter()
             subprocess.run([sys.executable, "-m", "jaxcomp", "run", "mayekawa-wbhe"], check=True,
                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
-            print(f"| {words} | {time.perf_counter() - started:.1f} | | | | | | |", flush=True)
+            print(f"| {words} | {time.perf_counter() - started:.1f} | | | | | |", flush=True)
             continue
         run = [sys.executable, __file__, "--case", name]
         started = time.perf_counter()
         out = subprocess.run(run, check=True, capture_output=True, text=True).stdout
         clock, one = time.perf_counter() - started, json.loads(out.splitlines()[-1])
-        columns = (one[key] for key in ("trace", "lower", "compile"))
-        rest = one["processor"] - one["trace"] - one["lower"] - one["compile"]
+        columns = (one[key] for key in ("lower", "compile"))
+        rest = one["processor"] - one["lower"] - one["compile"]
         texts = " | ".join(f"{x:.1f}" for x in (clock, one["processor"], *columns, rest))
         print(f"| {words} | {texts} | {one['programs']} |", flush=True)
 
@@ -54,8 +54,8 @@ def measured(name):
     os.environ["JAXCOMP_WAITS"] = "off"
     import jax
 
-    spent = {"trace": 0.0, "lower": 0.0, "compile": 0.0, "programs": 0}
-    kinds = {"jaxpr_trace": "trace", "jaxpr_to_mlir_module": "lower", "backend_compile": "compile"}
+    spent = {"lower": 0.0, "compile": 0.0, "programs": 0}
+    kinds = {"jaxpr_to_mlir_module": "lower", "backend_compile": "compile"}
 
     def heard(event, seconds, **_):
         kind = kinds.get(event.rsplit("/", 1)[-1].removesuffix("_duration"))
