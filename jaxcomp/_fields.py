@@ -7,7 +7,7 @@ units), the solvers (which mark a traced design outside its bounds) and the prin
 """
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -195,31 +195,26 @@ def listed(tree: Any) -> dict[str, Array]:
 
 def of_cylinder(tree: _Tree, number: int = 1) -> _Tree:
     """A part with the numbers of one cylinder, from 1, where lists have one for each."""
-    if not isinstance(tree, Part):
-        return tree
-    changes = {}
-    for field in dataclasses.fields(tree):
-        value = getattr(tree, field.name)
-        if isinstance(value, Part):
-            new = of_cylinder(value, number)
-            changes |= {} if new is value else {field.name: new}
-        elif "unit" in field.metadata and is_listed(tree, field, value):
-            changes[field.name] = value[number - 1]
-    return replaced(tree, **changes)  # pyright: ignore[reportReturnType]
+    return _with_lists(tree, lambda value: value[number - 1])
 
 
 def along_cylinders(tree: _Tree, like: Array) -> _Tree:
     """A part whose lists over k cylinders have a shape (k, 1, ...) that goes with instants."""
+    return _with_lists(tree, lambda value: value.reshape(value.shape + (1,) * jnp.ndim(like)))
+
+
+def _with_lists(tree: _Tree, change: Callable[[Array], Array]) -> _Tree:
+    """A part with every list over cylinders changed by a function, in the parts inside it as well."""
     if not isinstance(tree, Part):
         return tree
     changes = {}
     for field in dataclasses.fields(tree):
         value = getattr(tree, field.name)
         if isinstance(value, Part):
-            new = along_cylinders(value, like)
+            new = _with_lists(value, change)
             changes |= {} if new is value else {field.name: new}
         elif "unit" in field.metadata and is_listed(tree, field, value):
-            changes[field.name] = value.reshape(value.shape + (1,) * jnp.ndim(like))
+            changes[field.name] = change(value)
     return replaced(tree, **changes)  # pyright: ignore[reportReturnType]
 
 

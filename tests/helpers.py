@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxcomp import Compressor, Status, solve_orbit
+from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
     CoulombSlide,
@@ -236,3 +237,18 @@ BAD = {
     "nan gravity": {"gravity": [np.nan, 0.0]},
     "negative friction": {"friction__wall__coefficient": -0.1},
 }
+
+
+def with_films(design):
+    """A slider-crank with films at the crank pin and the main journal."""
+
+    def journal(diameter):
+        return JournalBearing(
+            diameter=diameter,
+            length=0.8 * diameter,
+            radial_clearance=5e-4 * diameter,
+            dynamic_viscosity=0.02,
+        )
+
+    at = lambda c: (c.friction.crank_pin, c.friction.main_journal)  # noqa: E731
+    return eqx.tree_at(at, design, (journal(0.05), journal(0.06)))

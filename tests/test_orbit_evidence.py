@@ -4,13 +4,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
-from helpers import RPM, coulomb, machine, status_of, unchecked
+from helpers import RPM, coulomb, machine, status_of, unchecked, with_films
 
 from jaxcomp import (
     CallableDiagram,
     Collocation,
     ConstantSpeed,
-    JournalBearing,
     Shooting,
     load,
     solve_orbit,
@@ -143,19 +142,6 @@ def test_numbers_that_are_not_finite_are_not_converged():
 
 
 # ---------------------------------------------------------------- size of the programs
-def with_films(design):
-    def journal(diameter):
-        return JournalBearing(
-            diameter=diameter,
-            length=0.8 * diameter,
-            radial_clearance=5e-4 * diameter,
-            dynamic_viscosity=0.02,
-        )
-
-    at = lambda c: (c.friction.crank_pin, c.friction.main_journal)  # noqa: E731
-    return eqx.tree_at(at, design, (journal(0.05), journal(0.06)))
-
-
 def lines(function, *arguments) -> int:
     return jax.jit(function).lower(*arguments).as_text().count("\n")
 

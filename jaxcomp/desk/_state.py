@@ -28,7 +28,7 @@ from ..design import (
 from ..design._design import GivenNumber, given_numbers
 from ..design._labels import variable_label
 from ..machine import Machine
-from ..plot._fine import fine_turn
+from ..plot._fine import fine_turn, first_diagram
 from ..scene import Scene, SceneError, dump, to_si, with_machine
 
 _SOURCE = "set at the desk"
@@ -121,21 +121,14 @@ class Desk:
         reach = 0.2 * abs(value) or {"rad": 0.2, "kg m": 1e-4, "m": 1e-3}.get(one.unit, 1.0)
         return max(value - reach, one.bound.low), min(value + reach, one.bound.high)
 
-    def move(self, name: str, value: float, typed: str | None = None) -> None:
-        """Give a number another value and solve.
-
-        Args:
-            name: of the number.
-            value: [SI]
-            typed: what the user wrote, for the message.
+    def move(self, name: str, value: float) -> None:
+        """Give a number another value [SI] and solve.
 
         Raises:
             SceneError: the value lies outside its bound.
         """
         one = self._numbers[name]
-        if not (np.isfinite(value) and bool(one.bound.holds(value))):
-            given = typed or shown(name, one.unit, value).text(value)
-            raise SceneError(name, f"must be {one.bound} {one.unit}".rstrip(), given)
+        self._check(one, value, shown(name, one.unit, value).text(value))
         self._keep()
         self.machine = one.moved(self.machine, value)
         self._values[name] = value
@@ -149,14 +142,9 @@ class Desk:
         """
         one = self._numbers[name]
         value = float(to_si(_number_or_text(text), one.unit, name))
-        before, length = (self.machine, dict(self._values)), len(self._earlier)
-        try:
-            self.move(name, value, text)
-            self.changed_scene()
-        except SceneError:
-            (self.machine, self._values), self._earlier = before, self._earlier[:length]
-            self.view = self._solved()
-            raise
+        self._check(one, value, text)
+        with_machine(self.scene, one.moved(self.machine, value), _SOURCE)
+        self.move(name, value)
 
     def undo(self) -> bool:
         """Go back to the state before the last change; whether there was one."""
@@ -229,6 +217,10 @@ class Desk:
         value = best.objective
         return f"{shown(self.quantity, one.unit, value).text(value)} ({best.status})"
 
+    def _check(self, one: GivenNumber, value: float, given: str) -> None:
+        if not (np.isfinite(value) and bool(one.bound.holds(value))):
+            raise SceneError(one.name, f"must be {one.bound} {one.unit}".rstrip(), given)
+
     def _keep(self) -> None:
         self._earlier.append((self.machine, dict(self._values)))
 
@@ -259,14 +251,8 @@ def _of_crank(found: DesignResult) -> dict[str, Any]:
     compressor, orbit = found.assembly.compressor, found.orbit
     assert compressor is not None
     turn = fine_turn(compressor, orbit)
-    volume = pressure = None
-    if turn.pressure is not None:
-        mechanism, several = compressor.mechanism, compressor.cylinders
-        angle, pressure = turn.state.angle, turn.pressure
-        if several is not None:
-            angle, pressure = angle + several.phase[0], pressure[0]
-        top = mechanism.piston_extremes()[0]
-        volume = mechanism.piston_area * (top - mechanism.piston(angle)[0])
+    gas = turn.pressure is not None
+    volume, pressure = first_diagram(compressor, turn) if gas else (None, None)
     return {
         "angle": turn.state.angle,
         "volume": volume,

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._fields import of_cylinder
 from ..compressor import Compressor, cylinder_pressure, kink_angles
 from ..crank import Orbit, acceleration, moving, with_journals
 from ..friction import JointLoads
@@ -61,6 +62,19 @@ def fine_turn(compressor: Compressor, orbit: Orbit) -> FineTurn:
     loads = eqx.tree_at(lambda x: x.forces, loads, {k: f.T for k, f in loads.forces.items()})
     pressure = None if compressor.gas is None else cylinder_pressure(compressor, angle)
     return FineTurn(CrankState(angle, speed, rise), pressure, gas_torque, motor, loads)
+
+
+def first_diagram(
+    compressor: Compressor, turn: FineTurn
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """[m^3], [Pa] Displaced volume and pressure of the first cylinder; the turn must have gas."""
+    assert turn.pressure is not None
+    mechanism, several = of_cylinder(compressor.mechanism), compressor.cylinders
+    angle, pressure = turn.state.angle, turn.pressure
+    if several is not None:
+        angle, pressure = angle + several.phase[0], pressure[0]
+    top = mechanism.piston_extremes()[0]
+    return mechanism.piston_area * (top - mechanism.piston(angle)[0]), pressure
 
 
 def _periodic_cubic(x, knots, values, slopes):

@@ -18,7 +18,7 @@ from ..friction import MainBearings, SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension
 from ._cylinder import cylinder_figures
-from ._fine import FineTurn, fine_turn
+from ._fine import FineTurn, fine_turn, first_diagram
 from ._journals import journal_films_over_turn, journal_paths
 from ._polar import bearing_loads
 from ._several import machine_views, order_spectra
@@ -76,15 +76,9 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     """
     if compressor.gas is None or orbit.pressure is None:
         raise ValueError("A p-V diagram needs a compressor with gas.")
-    mechanism, gas = of_cylinder(compressor.mechanism), of_cylinder(compressor.gas)
-    turn = fine_turn(compressor, orbit)
-    angle, pressure, several = turn.state.angle, turn.pressure, compressor.cylinders
-    if several is not None and pressure is not None:
-        angle, pressure = angle + several.phase[0], pressure[0]
-    position = np.asarray(mechanism.piston(angle)[0])
-    top = float(mechanism.piston_extremes()[0])
-    volume = float(mechanism.piston_area) * (top - position) * 1e6
-    pressure = np.asarray(pressure) / 1e6
+    gas, several = of_cylinder(compressor.gas), compressor.cylinders
+    volume, pressure = map(np.asarray, first_diagram(compressor, fine_turn(compressor, orbit)))
+    volume, pressure = volume * 1e6, pressure / 1e6
     volume, pressure = (np.append(curve, curve[0]) for curve in (volume, pressure))
     figure, ((ax,),) = new_figure(1, 1, (6.4, 4.2), "Indicator diagram")
     ax.fill(volume, pressure, color=colour("gas"), alpha=0.08, linewidth=0)

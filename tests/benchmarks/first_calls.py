@@ -11,7 +11,9 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 CASES = {
     "run": "`jaxcomp run mayekawa-wbhe`, whole process",
     "orbit": "first default `solve_orbit`, import included",
@@ -91,32 +93,22 @@ def gradient():
     return gradient_of(load("mayekawa-wbhe").compressor)
 
 
-def with_films():
-    import equinox as eqx
+def machine_with_films():
+    from helpers import with_films
 
     from jaxcomp import load
-    from jaxcomp.film import JournalBearing
 
-    def journal(diameter):
-        return JournalBearing(
-            diameter=diameter,
-            length=0.8 * diameter,
-            radial_clearance=5e-4 * diameter,
-            dynamic_viscosity=0.02,
-        )
-
-    at = lambda c: (c.friction.crank_pin, c.friction.main_journal)  # noqa: E731
-    return eqx.tree_at(at, load("mayekawa-wbhe").compressor, (journal(0.05), journal(0.06)))
+    return with_films(load("mayekawa-wbhe").compressor)
 
 
 def films():
     from jaxcomp import solve_orbit
 
-    return solve_orbit(with_films(), throw=False).mechanical_efficiency
+    return solve_orbit(machine_with_films(), throw=False).mechanical_efficiency
 
 
 def films_gradient():
-    return gradient_of(with_films())
+    return gradient_of(machine_with_films())
 
 
 def shooting_gradient():
