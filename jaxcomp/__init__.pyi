@@ -29,6 +29,7 @@ from ._status import SolveFailed as SolveFailed
 from ._status import Status as Status
 from .compressor import Compressor as Compressor
 from .coupling import crank_forces as crank_forces
+from .coupling import with_films_linearised as with_films_linearised
 from .crank import Collocation as Collocation
 from .crank import Energy as Energy
 from .crank import Orbit as Orbit

@@ -11,11 +11,12 @@ with the crank at angle zero at W t = 0 on the mean; W is the mean speed.
 
 Source: Levecque et al. (2011), cited in full in `machines/hermetic-68cc.toml`, Eq. (5), where
 polynomials are fitted first; here the forces themselves are integrated. Its Eq. (6) takes the mean
-force of the rod as the static load of the pin; the bearings carry it by the statics of the shaft.
+force of the rod as the static load of the pin; the bearings carry it by the statics of the shaft. Films
+with `linearised="orbit"` take their means along the orbits of their journals instead.
 """
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -25,13 +26,23 @@ from jaxtyping import Array, Bool, Float
 from ._fields import BadInput, of_cylinder, replaced
 from ._words import one_of
 from .compressor import Compressor, at_speed, first_top, instants
-from .crank import Collocation, Orbit, Shooting, solve_orbit
+from .crank import Collocation, Orbit, Shooting, journal_films, solve_orbit
 from .crankshaft import main_films
+from .film import DynamicCoefficients, NamedBearing
 from .friction import joints_of_cylinder, shares
-from .machine import Assembly
+from .machine import Assembly, Machine
 from .mechanism import SliderCrank, Vector, rod_motion
 from .motor import ConstantSpeed
-from .rotor import CrankNodes, LoadedFilm, PeriodicForce, RotorModel, Unbalances
+from .rotor import (
+    ConstantLaw,
+    CrankNodes,
+    LoadedFilm,
+    PeriodicForce,
+    RotorModel,
+    SpeedTable,
+    Unbalances,
+    steady_coefficients,
+)
 
 # [rad/s] Below this speed the static loads of the films are those of this speed.
 _SLOWEST = 1.0
@@ -138,6 +149,58 @@ def open_films(rotor: RotorModel | None) -> tuple[int, ...]:
     return tuple(i for i, link in enumerate(links) if getattr(link.law, "load", 0) is None)
 
 
+def film_coefficients(
+    rotor: RotorModel, compressor: Compressor, state: Orbit
+) -> dict[int, DynamicCoefficients]:
+    """Means of the films' stiffness and damping along their journals' orbits, by number of the link.
+
+    Of the films with `linearised="orbit"`. Along x and y, over the time of a revolution.
+
+    Args:
+        rotor: the model, with its bearings.
+        compressor: whose periodic state it is.
+        state: periodic state of the crank.
+
+    Raises:
+        BadInput: a film whose bearing carries no load of the crank.
+    """
+    names = {i: _film(rotor, i).name for i in open_films(rotor) if _along_orbit(rotor, i)}
+    films = journal_films(compressor, state) if names else {}
+    for number, name in names.items():
+        if name not in films:
+            where = f"rotor.links.{number}.law.linearised"
+            bound = '"mean_load": its bearing is none of `friction.main_journal.bearings`'
+            raise BadInput(where, "orbit", bound)
+    return {i: DynamicCoefficients(films[name].stiffness, films[name].damping)
+            for i, name in names.items() if name is not None}  # fmt: skip
+
+
+def with_films_linearised(machine: Machine, place: Literal["mean_load", "orbit"]) -> Machine:
+    """The machine with the films of its rotor linearised at the mean load or along the orbit.
+
+    Of the films of named bearings that take their load from the crank. The difference in vibration
+    tells how much the choice matters: `respond(with_films_linearised(machine, "orbit"))` beside
+    `respond(machine)`.
+
+    Args:
+        machine: with a rotor, its bearings by name.
+        place: "mean_load", or "orbit" for means over a revolution.
+    """
+    rotor: Any = machine.parts["rotor"]
+    links = list(rotor.links)
+    for number in open_films(rotor):
+        law = _film(rotor, number)
+        if isinstance(law.bearing, NamedBearing):
+            law = LoadedFilm(law.bearing, linearised=place, name=law.name)
+            links[number] = replaced(links[number], law=law)
+    parts = machine.parts | {"rotor": eqx.tree_at(lambda r: r.links, rotor, tuple(links))}
+    return eqx.tree_at(lambda m: m.parts, machine, parts)
+
+
+def _along_orbit(rotor: RotorModel, number: int) -> bool:
+    return _film(rotor, number).linearised == "orbit"
+
+
 def film_loads(
     rotor: RotorModel, compressor: Compressor, pins, state: Orbit
 ) -> dict[int, Float[Array, "2"]]:
@@ -220,13 +283,13 @@ class CrankLoads(NamedTuple):
     """What the crank does to its rotor at one speed; with a leading axis for several.
 
     Attributes:
-        films: [N] (2,) static load on the journal, by number of the link, of the films that leave it
-            open.
+        films: by number of the link, of the films that leave it open: [N] (2,) static load on the
+            journal, or stiffness and damping, of those that are linearised along the orbit.
         forces: periodic forces of the crank; none where those of the scene are taken.
         ok: whether the periodic state converged, where one was needed.
     """
 
-    films: dict[int, Float[Array, "2"]]
+    films: dict[int, Float[Array, "2"] | DynamicCoefficients]
     forces: tuple[PeriodicForce, ...]
     ok: Bool[Array, ""]
 
@@ -271,6 +334,7 @@ def crank_loads(
     if opened:
         loads = film_loads(rotor, whole, case.crank.pins, orbit)
         films = {number: loads[number] for number in opened}
+        films |= film_coefficients(rotor, whole, orbit)
     if not crank:
         return CrankLoads(films, (), ok)
     if left_out:
@@ -299,6 +363,9 @@ def loaded_rotor(
     machine: Assembly, speeds: Float[Array, " m"], solver: Collocation | Shooting | None = None
 ) -> RotorModel:
     """The rotor with a table of static loads over the speed in every film that leaves them open.
+
+    A film that is linearised along its journal's orbit becomes a table of its mean stiffness and
+    damping.
 
     Args:
         machine: put together.
@@ -340,7 +407,10 @@ def _load_tables(compressor, rotor, pins, speeds, solver):
         )
         steady = solve_orbit(steady, solver, throw=False)
         found, instead = (film_loads(rotor, compressor, pins, o) for o in (orbit, steady))
-        return jax.tree.map(partial(jnp.where, orbit.converged), found, instead)
+        along = film_coefficients(rotor, compressor, orbit)
+        held = {i: steady_coefficients(_film(rotor, i).bearing, instead[i], speed) for i in along}
+        pair = (found | along, instead | held)
+        return jax.tree.map(partial(jnp.where, orbit.converged), *pair)
 
     return jax.vmap(one)(speeds)
 
@@ -348,8 +418,15 @@ def _load_tables(compressor, rotor, pins, speeds, solver):
 def _loaded(rotor: RotorModel, loads, speeds=None) -> RotorModel:
     links = list(rotor.links)
     for number, load in loads.items():
-        law = replaced(links[number].law, load=load)
-        law = law if speeds is None else replaced(law, speed=speeds)
+        if not isinstance(load, DynamicCoefficients):
+            law = replaced(links[number].law, load=load)
+            law = law if speeds is None else replaced(law, speed=speeds)
+        elif speeds is None:
+            law = ConstantLaw(*load)
+        elif speeds.size == 1:
+            law = ConstantLaw(*(value[0] for value in load))
+        else:
+            law = SpeedTable(speeds, *load, kind="linear")
         links[number] = replaced(links[number], law=law)
     return eqx.tree_at(lambda m: m.links, rotor, tuple(links))
 

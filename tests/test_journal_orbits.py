@@ -14,7 +14,14 @@ from scipy.integrate import solve_ivp
 
 from jaxcomp import SolveFailed, Status, load, loads, simulate, solve_orbit
 from jaxcomp.compressor import instants, kink_angles, loop_of
-from jaxcomp.crank import Collocation, Shooting, TimeIntegration, journal_films, journal_orbit
+from jaxcomp.crank import (
+    Collocation,
+    Shooting,
+    TimeIntegration,
+    journal_films,
+    journal_orbit,
+    moved_films,
+)
 from jaxcomp.crank._panels import gauss
 from jaxcomp.design import available_quantities
 from jaxcomp.film import OrbitBearing, film_unit, squeeze_of, stiffness_damping
@@ -198,6 +205,28 @@ def pulsing(a):
     return jnp.stack([1500.0 + 1000 * jnp.cos(a), 800 * jnp.sin(2 * a)])
 
 
+def test_the_share_of_the_time_below_a_film():
+    """Against the panel polynomials at 400 places on each panel, 24 panels of one width."""
+    film = journal_orbit(BEARING, pulsing, 300.0, bush=0.3).film
+    thickness = np.asarray(film.thickness).reshape(24, 8)
+    fine = thickness @ gauss(8).through((np.arange(400) + 0.5) / 400).T
+    for share in (0.2, 0.5, 0.9):
+        bound = np.quantile(fine, share)
+        # straight lines between 8 nodes a panel
+        assert float(film.share_below(bound)) == pytest.approx(share, abs=2e-3)
+    # the default bound of a bearing, and one of its own
+    assert float(film.thin_share) == float(film.share_below(5e-6))
+    own = eqx.tree_at(
+        lambda b: b.thin_film, BEARING, jnp.asarray(bound), is_leaf=lambda x: x is None
+    )
+    assert float(journal_orbit(own, pulsing, 300.0, bush=0.3).film.thin_share) == pytest.approx(
+        float(film.share_below(bound)), rel=1e-12
+    )
+    slope = jax.grad(lambda b: film.share_below(b))(bound)
+    ends = [float(film.share_below(bound * (1 + s))) for s in (-1e-6, 1e-6)]
+    assert float(slope) == pytest.approx((ends[1] - ends[0]) / (2e-6 * bound), rel=1e-5)
+
+
 def test_mirror_scaling_and_the_power_of_the_moments():
     base = journal_orbit(BEARING, pulsing, 300.0, bush=0.3)
     film = base.film
@@ -358,7 +387,8 @@ def test_a_run_in_time_settles_on_the_orbit():
 def test_films_are_quantities_of_machines_that_have_them():
     scene = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN)
     known = available_quantities(scene.machine, members=True)
-    for family in ("film_thickness", "film_pressure", "film_flow", "film_temperature_rise"):
+    for family in ("film_thickness", "film_pressure", "film_flow", "film_temperature_rise",
+                   "thin_film_share", "steady_film_thickness", "steady_film_loss"):  # fmt: skip
         assert f"{family}.crank_pin" in known
     assert not any("film" in name for name in available_quantities(load("mayekawa-wbhe").machine))
 
@@ -384,6 +414,11 @@ def test_the_three_journals_of_a_slider_link_machine_move():
         text = text.replace(
             f'[bearings.{name}]\ntype = "film"', f'[bearings.{name}]\ntype = "orbit"'
         )
+    # what the films that carry a steady load say that they would do, and which is right to 4 digits
+    still = load("slider-link-8cc")
+    said = moved_films(still.as_compressor(), solve_orbit(still))["crank_pin"]
+    assert float(said.minimum_film) == pytest.approx(5.25e-6, rel=1e-3)
+    assert float(said.mean_shear_loss + said.mean_squeeze_loss) == pytest.approx(0.985, rel=1e-3)
     scene = loads(text)
     orbit = solve_orbit(scene)
     assert abs(orbit.energy.residual) < 1e-12

@@ -66,6 +66,8 @@ def respond(
         result, response = respond_result(scene, model, case.loads, points, wanted, watched)
         if range_ is not None:
             result["curves"] = curve_result(model, case.loads, range_, wanted, watched)
+        if moving_films(scene):
+            result["linearised"] = linearised_result(scene, points, wanted, watched)
     result["set"] = assignments(sets or (), "--set")
 
     def figures():
@@ -187,6 +189,40 @@ def respond_result(
     return plain(result), response
 
 
+def moving_films(scene: "Scene") -> dict[int, str]:
+    """Names of the rotor's bearings whose journals move in their films, by number of the link."""
+    from ..film import OrbitBearing
+
+    found = {}
+    for number in jc.coupling.open_films(scene.parts.get("rotor")):  # pyright: ignore
+        law = scene.parts["rotor"].links[number].law  # pyright: ignore[reportAttributeAccessIssue]
+        name = getattr(law.bearing, "name", "")
+        if isinstance(scene.machine.bearings.get(name), OrbitBearing):
+            found[number] = name
+    return found
+
+
+def linearised_result(
+    scene: "Scene", speeds: "np.ndarray", orders: tuple[int, ...], watched: Watched
+) -> dict[str, Any]:
+    """The vibration and the films of the journals that move, with the films linearised either way."""
+    import jax.numpy as jnp
+
+    loads = scene.parts["loads"].loads  # pyright: ignore[reportAttributeAccessIssue]
+    result = {}
+    for place in ("mean_load", "orbit"):
+        model = jc.rotor_at(jc.with_films_linearised(scene.machine, place), speeds)
+        found, _ = respond_result(scene, model, loads, speeds, orders, watched)  # pyright: ignore
+        films = {}
+        for number, name in moving_films(scene).items():
+            law: Any = model.links[number].law  # pyright: ignore[reportAttributeAccessIssue]
+            pairs = [law.coefficients(jnp.asarray(speed)) for speed in speeds]
+            films[name] = {"stiffness": [k for k, _ in pairs], "damping": [c for _, c in pairs]}
+        motion = {name: node["major_axis"] for name, node in found["nodes"].items()}
+        result[place] = {"major_axis": motion, "films": films}
+    return plain(result)
+
+
 def curve_result(
     model: "RotorModel",
     loads: tuple,
@@ -238,6 +274,8 @@ def response_tables(result: dict[str, Any]) -> Iterator[Any]:
     for place in range(len(result["speeds"])):
         yield _orbits(result, place)
     yield _links(result)
+    if "linearised" in result:
+        yield from _linearised(result)
     if "curves" in result:
         yield _peaks(result)
     solver = ("Solver", result["status"], f"last correction {result['correction']:.1e}")
@@ -286,6 +324,36 @@ def _links(result):
     table = row_table(None, ("Link, N and N m", "n", "rpm", *result["axes"]), rows)
     table.columns[0].no_wrap = True
     return table
+
+
+def _linearised(result):
+    """Vibration and films with the films linearised at their mean load and along the orbits."""
+    both = result["linearised"]
+    rows = []
+    for name in result["nodes"]:
+        for n, order in enumerate(result["orders"]):
+            for s, speed in enumerate(result["speeds"]):
+                still, along = (both[p]["major_axis"][name][n][s] for p in ("mean_load", "orbit"))
+                change = f"{100 * (along / still - 1):+.2g}" if still else ""
+                first = escape(name) if n == s == 0 else ""
+                values = (_short(1e6 * still), _short(1e6 * along), change)
+                rows.append((first, order, f"{speed * RPM:.5g}", *values))
+    title = "Major axis in µm with the films linearised at their mean load, or along their orbits"
+    heads = ("Node", "n", "rpm", "Mean load", "Orbit", "Change, %")
+    table = row_table(title, heads, rows)
+    table.columns[0].no_wrap = True
+    yield table
+    rows = []
+    for name in both["orbit"]["films"]:
+        for place, words in (("mean_load", "mean load"), ("orbit", "orbit")):
+            film = both[place]["films"][name]
+            (kxx, kxy), (kyx, kyy) = film["stiffness"][0]
+            (cxx, _), (_, cyy) = film["damping"][0]
+            values = [f"{1e-6 * v:.3g}" for v in (kxx, kxy, kyx, kyy)]
+            values += [f"{1e-3 * v:.3g}" for v in (cxx, cyy)]
+            rows.append((escape(name) if place == "mean_load" else "", words, *values))
+    heads = ("Film, MN/m, kN s/m", "At", "kxx", "kxy", "kyx", "kyy", "cxx", "cyy")
+    yield row_table(None, heads, rows, texts=2)
 
 
 def _peaks(result):

@@ -60,6 +60,13 @@ def run(
             "errors that it finds; always done with --out.",
         ),
     ] = False,
+    moving_films: Annotated[
+        bool,
+        typer.Option(
+            "--moving-films",
+            help="Show as well what the journals with steady films would do if they moved.",
+        ),
+    ] = False,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -82,6 +89,8 @@ def run(
     with spinner("Solving the periodic state (the first time it is compiled as well) ..."):
         orbit = crank.solve_orbit(compressor, method, verify=verify or out is not None)
         result = run_result(scene, orbit)
+        if moving_films:
+            result["moved_films"] = _moved(compressor, orbit)
         if "suspension" in scene.parts:
             result["vibration"] = vibration_result(scene, orbit)
         if "torsion" in scene.parts:
@@ -133,6 +142,7 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
         # a compiled function returns its keys sorted
         **{_KEYS.get(one.family, one.family or one.name): values[one.name] for one in known},
         **numbers,
+        **({"film_law": laws} if (laws := _film_laws(scene.as_compressor(), orbit)) else {}),
         "loss_power": power,
         "loss_share": share,
         "iterations": int(orbit.iterations),
@@ -141,6 +151,28 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
         "solver": orbit.solver,
         **({} if orbit.verification is None else {"verification": _verification(orbit)}),
         "remarks": list(_remarks(scene.as_compressor(), grazes)),
+    }
+
+
+def _film_laws(compressor: "Compressor", orbit: "Orbit") -> dict[str, str]:
+    """How the film of each journal was taken: "orbit", or a "steady_load" at every instant."""
+    from ..crank import film_thickness
+
+    moved = orbit.positions or {}
+    names = film_thickness(compressor, orbit)
+    return {name: "orbit" if name in moved else "steady_load" for name in names}
+
+
+def _moved(compressor: "Compressor", orbit: "Orbit") -> dict[str, dict[str, float]]:
+    """What the journals with steady films would do if they moved."""
+    from ..crank import moved_films
+
+    return {
+        name: {
+            "film_thickness": float(film.minimum_film),
+            "loss": float(film.mean_shear_loss + film.mean_squeeze_loss),
+        }
+        for name, film in moved_films(compressor, orbit).items()
     }
 
 
@@ -363,26 +395,25 @@ def _forces(result: dict[str, Any]):
 
 
 def _journal_films(scene: "Scene", result: dict[str, Any]):
-    """Films of the journals; whether their orbits were solved."""
-    from ..friction import joints_of_cylinder, moving_journals
-
-    compressor = scene.as_compressor()
-    moving, cylinders = set(moving_journals(compressor.friction)), compressor.cylinders
-    for number in range(1, 1 + (0 if cylinders is None else cylinders.count)):
-        moving |= {name for joint, name in joints_of_cylinder(number).items() if joint in moving}
-    rows = [
-        (
+    """Films of the journals, by the law that was solved and, as far as it is known, by the other one."""
+    other = result.get("moved_films", {})
+    rows = []
+    for name, thickness in result["film_thickness"].items():
+        moves = result["film_law"][name] == "orbit"
+        instead = None if moves else other.get(name, {}).get("film_thickness")
+        instead = result["steady_film_thickness"][name] if moves else instead
+        rows.append((
             words(name),
+            "orbit" if moves else "steady",
             f"{1e6 * thickness:.3g}",
+            "" if instead is None else f"{1e6 * instead:.3g}",
+            f"{100 * result['thin_film_share'][name]:.3g}",
             f"{result['film_pressure'][name] / 1e6:.3g}",
             f"{1e6 * result['film_flow'][name]:.3g}",
             f"{result['film_temperature_rise'][name]:.3g}",
-            "its orbit" if name in moving else "a steady load at every instant",
-        )
-        for name, thickness in result["film_thickness"].items()
-    ]
-    heads = ("Journal film", "Smallest, µm", "Pressure, MPa", "Flow, cm³/s", "Rise, K", "From")
-    return row_table(None, heads, rows)
+        ))  # fmt: skip
+    heads = ("Film", "By", "Least, µm", "Else, µm", "Thin, %", "MPa", "cm³/s", "Rise, K")
+    return row_table(None, heads, rows, texts=2)
 
 
 def _convergence(result: dict[str, Any]):

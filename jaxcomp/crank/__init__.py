@@ -7,6 +7,7 @@ from ._films import film_thickness as film_thickness
 from ._films import journal_films as journal_films
 from ._films import journal_orbit as journal_orbit
 from ._films import journal_rates as journal_rates
+from ._films import moved_films as moved_films
 from ._journals import moving as moving
 from ._journals import with_journals as with_journals
 from ._motion import acceleration as acceleration

@@ -33,10 +33,12 @@ from ..film import (
 from ..friction import film_journals, joints_of_cylinder
 from ._journals import CLOSED, Drive, improved_positions, rate_shares
 from ._orbit import Orbit
-from ._panels import Panels, highest, panels
+from ._panels import Panels, gauss, highest, panels
 
 # [J/(m^3 K)] Heat capacity of oil, 860 kg/m^3 times 2000 J/(kg K).
 OIL_HEAT_CAPACITY = 1.72e6
+# [m] Below counts as a thin film where a bearing names no other.
+THIN_FILM = 5e-6
 
 
 class JournalFilm(eqx.Module):
@@ -60,6 +62,7 @@ class JournalFilm(eqx.Module):
         stiffness: [N/m] (2, 2) mean of the film's along the orbit, dF/d(c e) at a given velocity of the
             centre; of a journal that does not move, at its places.
         damping: [N s/m] (2, 2) likewise, dF/d(c de/dt).
+        thin_share: [-] of the time, in which the film is below `thin_film` of its bearing, or 5 µm.
         steady_film, steady_loss: [m], [W] smallest film and mean loss of the same loads carried steadily.
         moving: whether the orbit was solved.
     """
@@ -80,6 +83,7 @@ class JournalFilm(eqx.Module):
     temperature_rise: Float[Array, ""]
     stiffness: Float[Array, "2 2"]
     damping: Float[Array, "2 2"]
+    thin_share: Float[Array, ""]
     steady_film: Float[Array, ""]
     steady_loss: Float[Array, ""]
     duration: Float[Array, " n"]
@@ -87,8 +91,7 @@ class JournalFilm(eqx.Module):
 
     def share_below(self, thickness: float | Float[Array, ""]) -> Float[Array, ""]:
         """[-] Share of the revolution's time in which the film is thinner than a thickness [m]."""
-        below = self.thickness < thickness
-        return jnp.sum(jnp.where(below, self.duration, 0.0)) / jnp.sum(self.duration)
+        return _share_below(self.thickness, self.duration, thickness)
 
 
 class JournalOrbit(NamedTuple):
@@ -119,6 +122,15 @@ def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array
     speed, shares = orbit.state.speed, rate_shares(compressor, orbit.state.angle)
     rates = dict.fromkeys(orbit.loads.forces, speed)
     return rates | {name: share * speed for name, (share, _) in shares.items()}
+
+
+def _share_below(values, duration, bound):
+    """Share of the time below a bound of what goes in straight lines between the nodes."""
+    after, wide = (jnp.roll(x, -1) for x in (values, duration))
+    low, high = jnp.minimum(values, after), jnp.maximum(values, after)
+    rise = jnp.where(high > low, high - low, 1.0)
+    part = jnp.where(high > low, jnp.clip((bound - low) / rise, 0, 1), low < bound)
+    return jnp.sum((duration + wide) * part) / jnp.sum(duration + wide)
 
 
 @eqx.filter_jit
@@ -177,6 +189,45 @@ def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm
     }
 
 
+@eqx.filter_jit
+def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
+    """What films that carry a steady load at every instant would be if their journals moved, by joint.
+
+    The orbits of these journals under the loads that the crank has without them: what they would lose
+    less does not act back. Beside `journal_films` this is what `type = "orbit"` would change.
+
+    Args:
+        compressor: the machine.
+        orbit: its periodic state.
+    """
+    shares, found = rate_shares(compressor, orbit.state.angle), {}
+    width = jnp.sum(orbit.weight.reshape(-1, orbit.panel_nodes), axis=1)
+    first = orbit.state.angle[0] - width[0] * gauss(orbit.panel_nodes).nodes[0]
+    edges = first + jnp.concatenate([jnp.zeros(1), jnp.cumsum(width)])
+    kinds: dict[str, list] = {}
+    for name, law in _journals(compressor, orbit):
+        if isinstance(law, JournalBearing) and issubclass(law.model, AbstractSolvedFilm):
+            film = "short" if law.film == "short" else "reynolds"
+            thin = THIN_FILM if law.thin_film is None else law.thin_film
+            bearing = OrbitBearing(law.diameter, law.length, law.radial_clearance,
+                                   law.dynamic_viscosity, film, thin_film=thin)  # fmt: skip
+            both = [s * orbit.state.speed + 0 * orbit.weight for s in shares.get(name, (1.0, 1.0))]
+            kinds.setdefault(film, []).append(
+                (name, bearing, -orbit.loads.forces[name], jnp.stack(both))
+            )
+    for alike in kinds.values():
+        names, *each = zip(*alike, strict=True)
+        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *zip(*each, strict=True))
+
+        def solved(one):
+            return _solved_journal(*one, orbit.state.speed, edges, orbit.panel_nodes).film
+
+        films = jax.vmap(solved)(stacked)
+        for i, name in enumerate(names):
+            found[name] = jax.tree.map(lambda leaf, i=i: leaf[i], films)
+    return found
+
+
 def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
     """What a journal's film does at given places (`None`: those of a steady film) and loads.
 
@@ -219,6 +270,7 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
     largest = largest_of(jnp.hypot(*position))
     stiffness, damping = _coefficients(film, position, load / unit, 0.5 * total)
     loss, carried = mean(shear + squeeze), mean(flow)
+    thin = THIN_FILM if law.thin_film is None else law.thin_film
     return JournalFilm(
         position=position,
         load=load,
@@ -238,6 +290,7 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
         ),
         stiffness=unit / gap * mean(stiffness),
         damping=unit / gap * mean(damping),
+        thin_share=_share_below(thickness, duration, thin),
         steady_film=-largest_of(-resting),
         steady_loss=mean(moment * difference),
         duration=duration,

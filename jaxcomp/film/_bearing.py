@@ -52,6 +52,9 @@ def _word(film: str | type[AbstractFilm]) -> str:
     raise BadInput("film", str(film), f"one of {', '.join(_MODELS)}")
 
 
+THIN = "films below count as thin in results; 5 um if absent"
+
+
 class JournalBearing(AbstractJournal):
     """Journal bearing with an oil film: friction, position, stiffness and damping of one part.
 
@@ -69,6 +72,8 @@ class JournalBearing(AbstractJournal):
             The attribute `limits` of `model` says where each stops being right. A class of
             `jaxcomp.film` stands for its name.
         oil: Name of an oil of the machine, which gives the viscosity.
+        thin_film: [m] Films below count as thin in results, such as some times the roughness; absent:
+            5 µm.
 
     Raises:
         BadInput: for a value that is not positive, L/D outside the range of the film model, another
@@ -93,6 +98,7 @@ class JournalBearing(AbstractJournal):
         eqx.field(static=True, default="reynolds", converter=_word)  # pyright: ignore
     )
     oil: str | None = eqx.field(static=True, default=None)
+    thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN)
 
     def __check_init__(self):
         check_oil(self)

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import POSITIVE, BadInput, quantity
-from ._bearing import JournalBearing, check_oil, friction_moment
+from ._bearing import THIN, JournalBearing, check_oil, friction_moment
 from ._film import Scalar
 from ._journal import AbstractJournal
 from ._ocvirk import Ocvirk
@@ -44,6 +44,8 @@ class OrbitBearing(AbstractJournal):
         film: "reynolds" for the table of finite films with free edges, "short" for the exact short film.
         oil: Name of an oil of the machine, which gives the viscosity.
         lands: Two with a full circumferential groove, in parallel, else one.
+        thin_film: [m] Films below count as thin in results, such as some times the roughness; absent:
+            5 µm.
 
     Raises:
         BadInput: for a value that is not positive, L/D of a land outside the table, another film, no
@@ -61,6 +63,7 @@ class OrbitBearing(AbstractJournal):
     film: Literal["reynolds", "short"] = eqx.field(static=True, default="reynolds")
     oil: str | None = eqx.field(static=True, default=None)
     lands: int = eqx.field(static=True, default=1)
+    thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN)
 
     def __check_init__(self):
         check_oil(self)

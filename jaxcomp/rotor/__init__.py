@@ -14,6 +14,7 @@ from ._damped import damped_modes as damped_modes
 from ._damping import ModalDamping as ModalDamping
 from ._damping import ProportionalDamping as ProportionalDamping
 from ._film_laws import LoadedFilm as LoadedFilm
+from ._film_laws import steady_coefficients as steady_coefficients
 from ._inertia import Disks as Disks
 from ._inertia import PointMasses as PointMasses
 from ._inertia import solid_disk as solid_disk
