@@ -10,7 +10,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._fields import ANY, BadInput, Part, is_traced, listed, of_cylinder, quantity, replaced
+from ._fields import (
+    ANY,
+    BadInput,
+    Part,
+    is_traced,
+    listed,
+    of_cylinder,
+    quantities,
+    quantity,
+    replaced,
+    subparts,
+)
 from .friction import (
     AbstractFriction,
     AbstractJointLoop,
@@ -91,15 +102,35 @@ def _check_single(mechanism: AbstractMechanism) -> None:
             raise BadInput(f"mechanism.{name}", given, bound)
 
 
+# Sections in which a number may be a list over the cylinders, and what of them is the crankshaft's.
+_LISTED = ("mechanism", "gas", "friction")
+_OF_SHAFT = ("crank_inertia", "crank_mass", "main_journal")
+
+
+def single_numbers(compressor: Compressor) -> dict[str, str]:
+    """SI unit of the numbers that are one for all of several cylinders and may be a list over them."""
+    return {
+        f"{section}.{path}.{name}" if path else f"{section}.{name}": field.metadata["unit"]
+        for section in _LISTED
+        for path, part in subparts(getattr(compressor, section))
+        for name, field in quantities(part)
+        if part.for_each_cylinder
+        and field.metadata["shape"] == ()
+        and not (path or name).startswith(_OF_SHAFT)
+        and getattr(part, name) is not None
+        and jnp.ndim(getattr(part, name)) == 0
+    }
+
+
 def _check_lists(compressor: Compressor) -> None:
     """That lists in the place of numbers have one entry a cylinder."""
     count = 0 if compressor.cylinders is None else compressor.cylinders.count
     if isinstance(compressor.gas, StagedCycle) and len(compressor.gas.stages) != count:
         stages = str(compressor.gas.stages)
         raise BadInput("gas.stages", stages, f"one stage for each of {count} cylinders")
-    for section in ("mechanism", "gas", "friction"):
+    for section in _LISTED:
         for path, value in listed(getattr(compressor, section)).items():
-            of_shaft = path.startswith(("crank_inertia", "crank_mass", "main_journal"))
+            of_shaft = path.startswith(_OF_SHAFT)
             if of_shaft or value.shape != (count,):
                 several = count and not of_shaft
                 bound = f"one number, or one for each of {count} cylinders" if several else ""

@@ -8,7 +8,7 @@ a rotor with its films and loads, in which one number of the description acts wh
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -97,6 +97,25 @@ class Assembly(NamedTuple):
     def given_loads(self) -> tuple["Unbalances | PeriodicForce", ...]:
         """Unbalances, corrections and the periodic forces that the scene gives."""
         return (*self.unbalances, *(self.loads.forces if self.loads else ()))
+
+    def excitation(self, given: str | None = None) -> Literal["crank", "file"]:
+        """What shakes the rotor: the forces of the scene, or those of the crank's periodic state.
+
+        Args:
+            given: "file" or "crank"; absent: the scene's if it has any or no crank joined to the rotor.
+
+        Raises:
+            BadInput: another word, or the crank where none is joined to the rotor.
+        """
+        case = self.loads
+        joined = case is not None and case.crank is not None and self.compressor is not None
+        if given == "file" or (given is None and not (joined and case and not case.forces)):
+            return "file"
+        if given not in ("crank", None):
+            raise BadInput("excitation", given, "'crank' or 'file'")
+        if not joined:
+            raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
+        return "crank"
 
 
 def follows_rotor(machine: Machine) -> bool:

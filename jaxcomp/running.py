@@ -88,11 +88,7 @@ def respond(
             raise BadInput("spin_speeds", "absent", "given: the machine names no speed of its own")
     speeds = jnp.asarray(spin_speeds, float)
     own = made.given_loads
-    if excitation not in ("crank", "file", None):
-        raise BadInput("excitation", excitation, "'crank' or 'file'")
-    if excitation is None and made.loads is not None and made.loads.crank is not None:
-        excitation = "file" if made.loads.forces else "crank"
-    if loads is None and excitation == "crank":
+    if loads is None and made.excitation(excitation) == "crank":
         return _shaken_by_crank(made, speeds, orders or (1,), options)
     loads = own if loads is None else loads
     if not loads:

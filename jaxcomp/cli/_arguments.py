@@ -53,15 +53,25 @@ def entry(text: str) -> Any:
         return text
 
 
-def changed_scene(name_or_path: str, sets: Sequence[str], designs: Sequence[str] = ()):
+def changed_scene(
+    name_or_path: str,
+    sets: Sequence[str],
+    designs: Sequence[str] = (),
+    varied: Sequence[str] = (),
+):
     """Load a scene and set values: entries of its file, then design rules and correction masses.
+
+    Numbers that `varied`, texts such as "mechanism.bore.2=1mm", names for single cylinders become
+    lists over the cylinders.
 
     Raises:
         CommandError, SceneError, BadInput: what cannot be read or set.
     """
-    from ..scene import load, with_values
+    from ..scene import load, with_lists, with_values
 
     texts = {**assignments(sets, "--set"), **assignments(designs, "--design")}
     changes = {path: entry(text) for path, text in texts.items()}
     scene = load(name_or_path)
-    return with_values(scene, changes, "set on the command line") if changes else scene
+    if changes:
+        scene = with_values(scene, changes, "set on the command line")
+    return with_lists(scene, (text.partition("=")[0].strip() for text in varied))

@@ -20,9 +20,9 @@ from ._arguments import assignments, changed_scene, entry
 from ._completion import complete_machine
 from ._errors import CommandError, reports_errors
 from ._json import plain
-from ._options import AsJson, Excitation, Out, Sets
+from ._options import AsJson, Excitation, ExcitationOption, Out, Sets
 from ._output import hand_out
-from ._rotor import rotor_of, scene_speeds, speeds_of
+from ._rotor import chosen_excitation, rotor_of, scene_speeds, speeds_of
 from ._start import start_jax
 from ._tables import column_table, row_table
 
@@ -90,10 +90,7 @@ def balance(
             help="How much the readings of a target count, e.g. TP5=2; 1 if absent. Repeatable.",
         ),
     ] = None,
-    excitation: Annotated[
-        Excitation,
-        typer.Option(help="Forces of the file, or of the crank's periodic state at each speed."),
-    ] = Excitation.file,
+    excitation: ExcitationOption = None,
     without: Annotated[
         str | None,
         typer.Option(
@@ -129,7 +126,7 @@ def balance(
     if measured is not None and any(given.values()):
         name = next(option for option, value in given.items() if value)
         raise CommandError(f"{name}: has no meaning with --measured")
-    if without and excitation is not Excitation.crank:
+    if without and excitation is Excitation.file:
         raise CommandError("--without: needs --excitation crank")
     if method is Method.classical and (tikhonov or largest or planes or measured or limit):
         raise CommandError(
@@ -152,8 +149,10 @@ def balance(
 
             system = System(measured.name, read_measurements(measured), {}, "measured")
         else:
-            crank = excitation is Excitation.crank
             scene = changed_scene(str(machine), sets or (), ())
+            crank = chosen_excitation(scene, excitation) is Excitation.crank
+            if without and not crank:
+                raise CommandError("--without: needs --excitation crank")
             system = model_system(scene, speeds, crank, _names(without) or ())
         part = jc.balancing.select(system.influence, planes=_names(planes), targets=_names(targets))
         part = _weighted(part, weights or ())
@@ -215,8 +214,6 @@ def model_system(
     if not isinstance(case, jc.rotor.LoadCase):
         raise CommandError(f"{scene.file}: loads: is missing; `balance` needs it")
     at = speeds_of(speeds) if speeds else scene_speeds(scene)
-    if crank and case.crank is None:
-        raise CommandError(f"{scene.file}: loads.crank: is missing; --excitation crank needs it")
     influence = jc.balancing.machine_influence(
         scene, jnp.asarray(at), crank=crank, left_out=tuple(left_out)
     )

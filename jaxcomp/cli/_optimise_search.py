@@ -46,7 +46,8 @@ def searched(asked: dict[str, Any], as_json: bool, out: Path | None) -> None:
         out: folder of the files.
     """
     begun = time.perf_counter()
-    scene = changed_scene(asked["machine"], asked["sets"], ())
+    varied = [*asked["variables"], *asked["scatter"]]
+    scene = changed_scene(asked["machine"], asked["sets"], (), varied)
     other = asked["pareto"]
     made = _problem(asked, machine_of(scene), [other] if other else [])
     names = ("starts", "max_steps", "tolerance", "samples", "seed")

@@ -1,7 +1,7 @@
 """`jaxcomp respond`: harmonic response of rotor, crankcase and housing to unbalances and forces."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
@@ -13,9 +13,18 @@ from .._shown import RPM
 from ._arguments import assignments, changed_scene
 from ._errors import CommandError, reports_errors
 from ._json import plain
-from ._options import AsJson, Machine, Out, Sets
+from ._options import AsJson, Excitation, ExcitationOption, Machine, Out, Sets
 from ._output import hand_out
-from ._rotor import Speed, Speeds, header, points_and_range, pull_row, rotor_of, whirl
+from ._rotor import (
+    Speed,
+    Speeds,
+    chosen_excitation,
+    header,
+    points_and_range,
+    pull_row,
+    rotor_of,
+    whirl,
+)
 from ._start import start_jax
 from ._tables import row_table
 
@@ -24,6 +33,14 @@ if TYPE_CHECKING:
 
     from ..rotor import Response, RotorModel
     from ..scene import Scene
+
+
+# Orders of the crank's forces that are shown if none are named; those above are small.
+_OF_CRANK = (1, 2, 3, 4)
+_EXCITED = {
+    "file": "unbalances and forces of the scene",
+    "crank": "unbalances and the crank's periodic state at each speed",
+}
 
 
 @reports_errors
@@ -42,6 +59,7 @@ def respond(
             "--node", help="Node to report; the target planes (or all) if absent. Repeatable."
         ),
     ] = None,
+    excitation: ExcitationOption = None,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -56,18 +74,26 @@ def respond(
     scene = changed_scene(machine, sets or (), ())
     rotor_of(scene)
     case = scene.parts.get("loads")
-    if not isinstance(case, jc.rotor.LoadCase) or not case.loads:
+    shaken_by = chosen_excitation(scene, excitation)
+    by_crank = shaken_by is Excitation.crank
+    if not isinstance(case, jc.rotor.LoadCase) or not (case.loads or by_crank):
         raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
-    wanted = whole_orders(orders, case.loads)
+    wanted = whole_orders(orders, None if by_crank else case.loads)
     points, range_ = points_and_range(scene, speed, speeds)
     model = rotor_of(scene, points, range_)
     watched = watched_nodes(scene, model, node or ())
+
+    def answer(machine, speeds):
+        return jc.respond(machine, spin_speeds=speeds, orders=wanted, excitation=shaken_by.value)
+
     with spinner("Solving (the first time it is compiled as well) ..."):
-        result, response = respond_result(scene, model, case.loads, points, wanted, watched)
+        response = answer(scene, points)
+        result = respond_result(scene, model, response, points, wanted, watched)
         if range_ is not None:
-            result["curves"] = curve_result(model, case.loads, range_, wanted, watched)
+            result["curves"] = curve_result(answer(scene, range_), range_, watched)
         if moving_films(scene):
-            result["linearised"] = linearised_result(scene, points, wanted, watched)
+            result["linearised"] = linearised_result(scene, answer, points, wanted, watched)
+    result["excitation"] = shaken_by.value
     result["set"] = assignments(sets or (), "--set")
 
     def figures():
@@ -98,12 +124,14 @@ class Watched(NamedTuple):
     base: tuple[int, ...]
 
 
-def whole_orders(text: str | None, loads: Sequence) -> tuple[int, ...]:
-    """The orders of `--orders`, or all that are loaded but the mean.
+def whole_orders(text: str | None, loads: Sequence | None) -> tuple[int, ...]:
+    """The orders of `--orders`, or all that are loaded but the mean; 1 to 4 without loads: of the crank.
 
     Raises:
         CommandError: no whole numbers above zero.
     """
+    if text is None and loads is None:
+        return _OF_CRANK
     if text is None:
         from ..running import loaded_orders
 
@@ -143,16 +171,16 @@ def watched_nodes(scene: "Scene", model: "RotorModel", given: Sequence[str]) -> 
 def respond_result(
     scene: "Scene",
     model: "RotorModel",
-    loads: tuple,
+    response: "Response",
     speeds: "np.ndarray",
     orders: tuple[int, ...],
     watched: Watched,
-) -> tuple[dict[str, Any], "Response"]:
+) -> dict[str, Any]:
     """Motions and mount forces at single speeds; the keys are stable, new ones may join them."""
     import numpy as np
 
     try:
-        response = jc.rotor.respond(model, loads, speeds, orders).checked()
+        response.checked()
     except jc.rotor.SingularResponse as error:
         raise CommandError(f"{scene.file}: {error}") from None
     forces = np.abs(jc.rotor.transmitted_forces(model, response))
@@ -186,7 +214,7 @@ def respond_result(
         "correction": np.max(response.correction),
         "status": "ok",
     }
-    return plain(result), response
+    return plain(result)
 
 
 def moving_films(scene: "Scene") -> dict[int, str]:
@@ -203,19 +231,23 @@ def moving_films(scene: "Scene") -> dict[int, str]:
 
 
 def linearised_result(
-    scene: "Scene", speeds: "np.ndarray", orders: tuple[int, ...], watched: Watched
+    scene: "Scene",
+    answer: Callable[..., "Response"],
+    speeds: "np.ndarray",
+    orders: tuple[int, ...],
+    watched: Watched,
 ) -> dict[str, Any]:
     """The vibration and the films of the journals that move, with the films linearised either way."""
     import jax.numpy as jnp
 
-    loads = scene.parts["loads"].loads  # pyright: ignore[reportAttributeAccessIssue]
     result = {}
     for place in ("mean_load", "orbit"):
-        model = jc.rotor_at(jc.with_films_linearised(scene.machine, place), speeds)
-        found, _ = respond_result(scene, model, loads, speeds, orders, watched)  # pyright: ignore
+        machine = jc.with_films_linearised(scene.machine, place)
+        model: Any = jc.rotor_at(machine, speeds)
+        found = respond_result(scene, model, answer(machine, speeds), speeds, orders, watched)
         films = {}
         for number, name in moving_films(scene).items():
-            law: Any = model.links[number].law  # pyright: ignore[reportAttributeAccessIssue]
+            law = model.links[number].law
             pairs = [law.coefficients(jnp.asarray(speed)) for speed in speeds]
             films[name] = {"stiffness": [k for k, _ in pairs], "damping": [c for _, c in pairs]}
         motion = {name: node["major_axis"] for name, node in found["nodes"].items()}
@@ -223,17 +255,10 @@ def linearised_result(
     return plain(result)
 
 
-def curve_result(
-    model: "RotorModel",
-    loads: tuple,
-    speeds: "np.ndarray",
-    orders: tuple[int, ...],
-    watched: Watched,
-) -> dict[str, Any]:
+def curve_result(response: "Response", speeds: "np.ndarray", watched: Watched) -> dict[str, Any]:
     """Major axes of the orbits over a range of speeds; `null` where there is no response."""
     import numpy as np
 
-    response = jc.rotor.respond(model, loads, speeds, orders)
     motion = _relative(response, watched)
     major = np.asarray(jc.rotor.orbit(motion[..., 0], motion[..., 1]).major)
     major = np.where(np.asarray(response.ok)[..., None], major, np.nan)
@@ -279,7 +304,8 @@ def response_tables(result: dict[str, Any]) -> Iterator[Any]:
     if "curves" in result:
         yield _peaks(result)
     solver = ("Solver", result["status"], f"last correction {result['correction']:.1e}")
-    yield row_table(None, ("Convergence", "", ""), [solver, *pull_row(result)], texts=3)
+    shaken = ("Excitation", result["excitation"], _EXCITED[result["excitation"]])
+    yield row_table(None, ("Convergence", "", ""), [shaken, solver, *pull_row(result)], texts=3)
 
 
 def _orbits(result, s):

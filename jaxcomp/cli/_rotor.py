@@ -11,6 +11,7 @@ import jaxcomp as jc
 
 from ._arguments import with_one_unit
 from ._errors import CommandError
+from ._options import Excitation
 
 if TYPE_CHECKING:
     import numpy as np
@@ -122,6 +123,19 @@ def rotor_of(scene: "Scene", *speeds: "np.ndarray | None") -> "RotorModel":
     model = rotor_at(scene, np.unique(wanted))
     assert not isinstance(model, jc.rotor.System)  # a scene holds no prepared one
     return model
+
+
+def chosen_excitation(scene: "Scene", given: Excitation | None) -> Excitation:
+    """What shakes the rotor of a scene: of `--excitation`, or by the rule of `Assembly.excitation`.
+
+    Raises:
+        CommandError: the crank's forces of a scene that does not join the crank to the rotor.
+    """
+    try:
+        return Excitation(scene.assembly.excitation(given and given.value))
+    except jc.BadInput:
+        missing = "loads.crank: is missing; --excitation crank needs it"
+        raise CommandError(f"{scene.file}: {missing}") from None
 
 
 def header(scene: "Scene", model: "RotorModel", free: bool = False) -> dict[str, Any]:

@@ -105,31 +105,30 @@ def sweep(
     _check(sampling, samples, tolerance, nodes, reversals)
     start_devices(devices)
     start_jax()
-    scene = changed_scene(machine, sets or (), designs or ())
+    scene = changed_scene(machine, sets or (), designs or (), over)
     layouts = [text for text in over if text.partition("=")[0].strip() == _LAYOUT]
-    if layouts:
-        over = [text for text in over if text not in layouts]
-        names = [name.strip() for name in assignments(layouts, "--over")[_LAYOUT].split(",")]
-        axes = axes_of(scene, over, samples is not None)
-        options = analysis_options(scene, nodes, reversals, tolerance)
-        _of_layouts(scene, names, axes, quantity, options, samples, seed, as_json, out)
-        return
+    over = [text for text in over if text not in layouts]
     axes = axes_of(scene, over, samples is not None)
+    asked = quantity or default_quantities(scene)
+    several = _with_layouts(scene, assignments(layouts, "--over")[_LAYOUT]) if layouts else {}
     try:
         with cluster(dask) as client:
-            found = jc.sweeping.sweep(
-                scene,
-                axes,
-                quantity or default_quantities(scene),
-                samples=samples,
-                sampling=sampling.value.replace("-", "_"),
-                seed=seed,
-                options=analysis_options(scene, nodes, reversals, tolerance),
-                out=None if out is None else out / "sweep.zarr",
-                batch=batch,
-                devices=devices,
-                client=client,
-            )
+            options: dict[str, Any] = {
+                "samples": samples if axes else None,
+                "sampling": sampling.value.replace("-", "_"),
+                "seed": seed,
+                "options": analysis_options(scene, nodes, reversals, tolerance),
+                "out": None if out is None else out / "sweep.zarr",
+                "batch": batch,
+                "devices": devices,
+                "client": client,
+            }
+            if several:
+                found = jc.sweeping.sweep_machines(
+                    several, axes, asked, dimension=_LAYOUT, **options
+                )
+            else:
+                found = jc.sweeping.sweep(scene, axes, asked, **options)
     except KeyboardInterrupt:
         kept = (
             f"{out / 'sweep.zarr'} is kept; go on with the same command"
@@ -138,6 +137,9 @@ def sweep(
         )
         typer.echo(f"stopped; {kept}", err=True)
         raise typer.Exit(STOPPED) from None
+    if several:
+        _hand_out_layouts(scene, found, as_json, out)
+        return
     result = sweep_result(found, scene.name, out)
 
     def figures():
@@ -147,23 +149,20 @@ def sweep(
     hand_out(result, sweep_tables(found, result), as_json, out, figures, scene, curves)
 
 
-def _of_layouts(scene, names, axes, quantity, options, samples, seed, as_json, out):
-    """Best and worst designs of each layout of the cylinders."""
+def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene]:
+    """The scene with every layout of the cylinders, by its name."""
     if getattr(scene.compressor, "cylinders", None) is None:
         raise CommandError(f"--over {_LAYOUT}: {scene.name} has no section [cylinders]")
-    changes = ({_LAYOUT: name, "cylinders.throws": None} for name in names)
-    scenes = {
-        name: jc.scene.with_values(scene, one) for name, one in zip(names, changes, strict=True)
+    changes = {_LAYOUT: None, "cylinders.throws": None}
+    return {
+        name: jc.scene.with_values(scene, changes | {_LAYOUT: name})
+        for name in dict.fromkeys(name.strip() for name in names.split(","))
     }
-    found = jc.sweeping.sweep_machines(
-        scenes,
-        axes,
-        quantity or default_quantities(scene),
-        samples=samples,
-        seed=seed,
-        options=options,
-        dimension=_LAYOUT,
-    )
+
+
+def _hand_out_layouts(scene: jc.scene.Scene, found, as_json: bool, out: Path | None) -> None:
+    """Best and worst designs of each layout of the cylinders."""
+    names = [str(name) for name in found[_LAYOUT].values]
     parts = {name: found.sel({_LAYOUT: name}, drop=True) for name in names}
     rows = []
     for name, part in parts.items():
@@ -179,11 +178,22 @@ def _of_layouts(scene, names, axes, quantity, options, samples, seed, as_json, o
                 name: {q: part[q].values for q in map(str, part.data_vars)}
                 for name, part in parts.items()
             },
+            "store": None if out is None else str(out / "sweep.zarr"),
         }
     )
+
+    def figures():
+        drawn = jc.plot.machine_figures(found, scene.name, _LAYOUT)
+        for name, part in parts.items():
+            if part["ok"].dims:
+                own = jc.plot.sweep_figures(part, f"{scene.name}, {name}")
+                drawn |= {f"{name}-{figure}": one for figure, one in own.items()}
+        return drawn
+
     heads = ("Layout", "Quantity", "Lowest", "Highest", "Failed")
     table = row_table(f"{scene.name}: {len(names)} layouts", heads, rows, texts=2)
-    hand_out(result, [table], as_json, out, dict, scene)
+    curves = None if out is None else {"designs": sweep_columns(found)}
+    hand_out(result, [table], as_json, out, figures, scene, curves)
 
 
 def _check(sampling, samples, tolerance, nodes, reversals):

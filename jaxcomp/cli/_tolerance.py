@@ -126,7 +126,7 @@ def tolerance(
 
     start_devices(None)
     start_jax()
-    scene = changed_scene(machine, sets or (), designs or ())
+    scene = changed_scene(machine, sets or (), designs or (), vary or ())
     options = AnalysisOptions(SOLVERS[accuracy.value], excitation and excitation.value)
     design = jc.machine.machine_of(scene)
     if balanced:

@@ -222,14 +222,9 @@ def rotor_excitation(machine: Assembly, options: AnalysisOptions) -> RotorExcita
     Raises:
         BadInput: a part that is missing.
     """
-    case = machine.loads
-    if machine.rotor is None or case is None:
+    if machine.rotor is None or machine.loads is None:
         raise BadInput("rotor", "absent", "given with loads and balancing planes")
-    alone = case.crank is None or machine.compressor is None
-    chosen = options.excitation or ("file" if case.forces or alone else "crank")
-    if chosen == "crank" and alone:
-        raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
-    by_crank = chosen == "crank"
+    by_crank = machine.excitation(options.excitation) == "crank"
     return RotorExcitation(by_crank, options.solver, options.orders, options.left_out)
 
 

@@ -62,6 +62,7 @@ from ._several import torsion_over_speed as torsion_over_speed
 from ._shaking import free_body_errors as free_body_errors
 from ._shaking import shaking_force as shaking_force
 from ._shaking import vibration_orbits as vibration_orbits
+from ._sweep import machine_figures as machine_figures
 from ._sweep import optimum_curve as optimum_curve
 from ._sweep import sample_cloud as sample_cloud
 from ._sweep import sweep_curves as sweep_curves

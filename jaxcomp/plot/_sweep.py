@@ -47,6 +47,35 @@ def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
     return figures
 
 
+def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict[str, Figure]:
+    """Every quantity of several machines beside each other: all designs of each, and their middle.
+
+    Args:
+        found: of `sweep_machines`.
+        title: what was swept.
+        dimension: along which the machines stand.
+    """
+    machines, figures = [str(one) for one in found[dimension].values], {}
+    for name in _quantities(found):
+        look = shown_column(found, name)
+        figure, axes = new_figure(1, 1, (7.2, 4.2), f"{title}: {look.words.lower()}")
+        ax = axes[0, 0]
+        values = found[name].transpose(dimension, ...).values.reshape(len(machines), -1)
+        for place, own in enumerate(values * look.factor):
+            good = own[np.isfinite(own)]
+            # as wide as a bar, in the order of the designs
+            at = place + (
+                np.linspace(-0.3, 0.3, good.size) if good.size > 1 else np.zeros(good.size)
+            )
+            ax.plot(at, good, "o", color=_CURVE, markersize=3.5)
+            if good.size:
+                ax.plot([place - 0.35, place + 0.35], [np.median(good)] * 2, color=_BEST)
+        ax.set_xticks(range(len(machines)), machines)
+        ylabel(ax, look.label)
+        figures[f"machines-{name}"] = figure
+    return figures
+
+
 def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """A quantity as a filled map over the first two variables, with the curve of its best values.
 

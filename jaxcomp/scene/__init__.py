@@ -20,6 +20,7 @@ from ._scene import dump as dump
 from ._scene import load as load
 from ._scene import loads as loads
 from ._scene import machines as machines
+from ._scene import with_lists as with_lists
 from ._scene import with_machine as with_machine
 from ._scene import with_value as with_value
 from ._scene import with_values as with_values

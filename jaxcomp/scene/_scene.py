@@ -1,10 +1,12 @@
 """Scene files: a machine with the source of every value, read from TOML."""
 
+import contextlib
 import copy
 import dataclasses
 import os
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
 from functools import cached_property
 from importlib import import_module, resources
 from pathlib import Path
@@ -16,7 +18,7 @@ from jaxtyping import Array
 from .._fields import BadInput, Part
 from .._registry import DESIGN_RULES
 from .._words import did_you_mean, hint
-from ..compressor import Compressor
+from ..compressor import Compressor, single_numbers
 from ..film import AbstractJournal, AbstractOil
 from ..machine import Assembly, Machine, assembled, correction_planes
 from ._csv import with_tables
@@ -204,6 +206,44 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
     return scene
 
 
+def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
+    """A scene in which numbers that are named for single cylinders are lists over the cylinders.
+
+    Args:
+        scene: with several cylinders; any other stays as it is.
+        paths: such as "mechanism.bore.2", of the third cylinder, or "mechanism.bore.*"; those that
+            name something else change nothing.
+    """
+    from ..design import matching, variable
+
+    if scene.compressor is None or scene.compressor.cylinders is None:
+        return scene
+    single = single_numbers(scene.compressor)
+    changes = {}
+    for path in paths:
+        stem, _, last = path.rpartition(".")
+        if not (last.isdigit() or "*" in last):
+            continue
+        with contextlib.suppress(BadInput):
+            matching(scene.machine, path)
+            continue
+        for name in (name for name in single if fnmatchcase(name, stem)):
+            table = _entry(scene.document, name)
+            if "value" not in table:
+                value = float(variable(scene.machine, name).current(scene.machine))
+                table = {"value": f"{value} {single[name]}".strip(), "source": "default"}
+            changes[name] = {**table, "value": [table["value"]] * scene.compressor.cylinders.count}
+    return _with_entries(scene, changes, "") if changes else scene
+
+
+def _entry(document: Mapping[str, Any], path: str) -> dict[str, Any]:
+    """The table of a value with its source as it was read; empty where none is given."""
+    node: Any = document
+    for key in path.split("."):
+        node = node.get(key, {})
+    return dict(node) if isinstance(node, Mapping) else {"value": node}
+
+
 def _is_designed(path: str) -> bool:
     return path in DESIGN_RULES or path.startswith("corrections.")
 
@@ -212,6 +252,7 @@ def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scen
     """A copy of a scene with other entries of its file."""
     from ..design import matching, variable_names
 
+    scene = with_lists(scene, changes)
     known = {*entries(Compressor), *_HEADER, *SECTIONS, *NAMED}
     for path in changes:
         if "." not in path and path not in known and not any(_places(scene.document, path)):

@@ -1,6 +1,7 @@
 """The same sweep of several machines that differ by more than numbers, as by their layout."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from .._fields import BadInput
@@ -18,6 +19,7 @@ def sweep_machines(
     quantities: Sequence[Any],
     *,
     dimension: str = "machine",
+    out: str | Path | None = None,
     **options,
 ):
     """All designs of a sweep for every one of several machines.
@@ -27,7 +29,8 @@ def sweep_machines(
         over: values of other variables as for `sweep`; empty for the machines alone.
         quantities: as for `sweep`.
         dimension: name of the dimension along which the machines stand.
-        options: other arguments of `sweep`, but for `out`.
+        out: folder in which every machine has the zarr store of its name; in memory alone if absent.
+        options: other arguments of `sweep`.
 
     Returns:
         `xarray.Dataset` with the machines along its first dimension.
@@ -40,9 +43,10 @@ def sweep_machines(
     if not machines:
         raise BadInput("machines", "none", "at least one")
     found = []
-    for one in machines.values():
+    for name, one in machines.items():
         here = machine_of(one)
         held = {_HELD: [float(variable(here, _HELD).current(here))]}
-        made = sweep(one, over or held, quantities, **options)
+        store = None if out is None else Path(out) / name
+        made = sweep(one, over or held, quantities, out=store, **options)
         found.append(made if over else made.isel({_HELD: 0}, drop=True))
     return xarray.concat(found, xarray.Variable(dimension, list(machines)))
