@@ -1,0 +1,145 @@
+"""Limits of machines with several cylinders: 1/N of everything, swapped cylinders, orders, balances."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from test_several_cylinders import COARSE, LAYOUTS, layout, losses, several
+
+from jaxcomp import solve_orbit
+from jaxcomp.compressor import instants
+from jaxcomp.mechanism import CrankState, Cylinders, rod_motion
+from jaxcomp.shaking import shaking_wrench
+
+# [J] indicated work of a cylinder, closed form
+WORK = 297.326137139
+
+
+def test_cylinders_with_a_share_of_everything_are_one():
+    """Three at one place and angle with a third of area, masses and inertias: Coulomb laws are linear."""
+    one = several([(0.0, 0.0, [0.0], -0.3)])
+    shared = [(0.0, 0.0, [0.0, 0.0, 0.0], -0.3)]
+    made = one.mechanism
+    names = ("piston_mass", "conrod_mass", "conrod_inertia")
+    third = {name: getattr(made, name) / 3 for name in names}
+    mechanism = dataclasses.replace(made, bore=made.bore / 3**0.5, **third)
+    throws = layout(shared)
+    together = dataclasses.replace(throws.throws[0], rod_pitch=0.0)
+    cylinders = dataclasses.replace(throws, throws=(together,))
+    three = dataclasses.replace(one, mechanism=mechanism, cylinders=cylinders)
+    found, wanted = solve_orbit(three, COARSE), solve_orbit(one, COARSE)
+    # the solver converges to 1e-13; areas of three bores sum to one to rounding
+    assert float(found.mechanical_efficiency) == pytest.approx(
+        float(wanted.mechanical_efficiency), abs=1e-12
+    )
+    assert float(found.speed_fluctuation) == pytest.approx(
+        float(wanted.speed_fluctuation), rel=1e-11
+    )
+    for joint in ("main", "crank_pin", "piston_pin", "wall"):
+        assert losses(found, joint) == pytest.approx(losses(wanted, joint), rel=1e-11), joint
+
+
+def test_swapped_cylinders_change_nothing():
+    """Rods at one place in another order, with a bore each: only the numbers of the cylinders change."""
+    banks, bores = np.array([-50.0, 10.0, 65.0]), np.array([0.13, 0.11, 0.12])
+
+    def solved(order):
+        throw = layout([(0.0, 0.0, list(banks[order]), -0.4)]).throws[0]
+        cylinders = Cylinders((dataclasses.replace(throw, rod_pitch=0.0),))
+        made = several([(0.0, 0.0, list(banks), -0.4)], cylinders=cylinders)
+        mechanism = dataclasses.replace(made.mechanism, bore=bores[order])
+        return solve_orbit(dataclasses.replace(made, mechanism=mechanism), COARSE)
+
+    one, other = solved([0, 1, 2]), solved([2, 1, 0])
+    # sums in another order, and a revolution that begins at another top dead centre
+    assert float(one.mechanical_efficiency) == pytest.approx(
+        float(other.mechanical_efficiency), abs=1e-13
+    )
+    assert float(one.speed_fluctuation) == pytest.approx(float(other.speed_fluctuation), rel=1e-11)
+    for cylinder, swapped in ((1, 3), (2, 2), (3, 1)):
+        for joint in ("crank_pin", "wall"):
+            ours, theirs = one.energy.losses, other.energy.losses
+            wanted = float(theirs[f"{joint}_{swapped}"])
+            assert float(ours[f"{joint}_{cylinder}"]) == pytest.approx(wanted, rel=1e-11)
+
+
+def test_without_friction_nothing_is_lost():
+    orbit = solve_orbit(several(LAYOUTS[4], friction=None), COARSE)
+    assert float(orbit.mechanical_efficiency) == pytest.approx(1.0, abs=1e-13)
+    # quadrature with 6 nodes on a panel
+    assert float(orbit.energy.gas_work) == pytest.approx(4 * WORK, rel=1e-5)
+
+
+def test_moments_about_the_shaft_balance_at_every_instant():
+    """Walls, motor and friction of the main bearings are what the moving parts push the frame with."""
+    made = several([(0.0, -0.1, [-40.0, 30.0], -0.5), (170.0, 0.1, [-45.0], -0.3)])
+    orbit = solve_orbit(made, COARSE)
+    rod = rod_motion(made.mechanism, made.cylinders.own_angle(orbit.state.angle))
+    walls = jnp.stack([orbit.loads.forces[f"wall_{k}"][1] for k in (1, 2, 3)])
+    lost = orbit.loads.loss_torque
+    # the rod turns at minus the rate of its tilt and drags the piston along, which leans on the wall
+    pins = jnp.stack([lost[f"piston_pin_{k}"] for k in (1, 2, 3)]) / rod.tilt_1
+    friction = sum(m for name, m in lost.items() if name.startswith("main"))
+    frame = -jnp.sum(rod.position * walls + pins, axis=0) - orbit.motor_torque + friction
+    wrench = shaking_wrench(made, orbit.state)
+    # torques of 1 kN m; the collocation equations hold to 1e-13 of that
+    np.testing.assert_allclose(frame, wrench.moment[2], atol=1e-8)
+
+
+# f and c of order 1 and 2 by section of the throws in pitches, from the closed forms
+NAMES = (
+    "single", "in-line-2", "in-line-3", "in-line-4", "in-line-6", "boxer-2", "opposed", "V90",
+    "V60", "W60", "VV45", "radial-3", "radial-5", "V90x2", "VV45x2", "L70",
+)  # fmt: skip
+# Amplitudes A_n of -x''/(r w^2) at a crank radius of 0.17 rod lengths, exact.
+AMPLITUDES = {1: 1.0, 2: 0.171245174885237, 4: -1.255445766737e-3, 6: 1.0354557670e-5}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_orders_of_force_and_couple_are_the_closed_forms(name):
+    """By Fourier transform of the exact motion at constant speed; sums against the table elsewhere."""
+    speed, count = 100.0, 64
+    made = several(LAYOUTS[1], cylinders=Cylinders(layout=name, throw_pitch=0.3, rod_pitch=0.05))
+    length = made.mechanism.conrod_length
+    # without the rotating mass of the rod, whose mass centre lies in the small end
+    mechanism = dataclasses.replace(
+        made.mechanism, crank_radius=0.17 * length, conrod_centre=length
+    )
+    made = dataclasses.replace(made, mechanism=mechanism)
+    angle = jnp.asarray(2 * np.pi * np.arange(count) / count)
+    wrench = shaking_wrench(made, CrankState(angle, jnp.full(count, speed), jnp.zeros(count)))
+    unit = (
+        float((mechanism.piston_mass + mechanism.conrod_mass) * mechanism.crank_radius) * speed**2
+    )
+    force, moment = (
+        np.fft.fft(np.asarray(v[0] + 1j * v[1])) / (count * unit)
+        for v in (wrench.force, wrench.moment)
+    )
+    for order, amplitude in AMPLITUDES.items():
+        sums = made.cylinders.order_sums(order)
+        got = force[[order, -order]], moment[[order, -order]]
+        ahead, behind = (amplitude * complex(f) for f in sums[:2])
+        np.testing.assert_allclose(got[0], (ahead, behind), atol=1e-12, err_msg=str(order))
+        # M_x + i M_y = i times the couple
+        ahead, behind = (1j * amplitude * complex(c) for c in sums[2:])
+        np.testing.assert_allclose(got[1], (ahead, behind), atol=1e-12, err_msg=str(order))
+
+
+@pytest.mark.parametrize("name", ["V90x2", "W60x2", "VV45x2", "in-line-3"])
+def test_even_firing_leaves_the_orders_of_the_number_of_cylinders(name):
+    """Of the torque of gas and inertia at constant speed; V90 on one throw keeps its first order."""
+    points = 240  # divisible by every number of cylinders
+    angle = jnp.asarray(2 * np.pi * np.arange(points) / points)
+
+    def orders(layout):
+        made = several(LAYOUTS[1], cylinders=Cylinders(layout=layout))
+        found = instants(made, angle)
+        torque = found.conservative - 0.5 * 100.0**2 * found.inertia_1
+        return made.cylinders.count, np.abs(np.fft.rfft(torque)) / points
+
+    count, spectrum = orders(name)
+    rest = np.arange(spectrum.size) % count != 0
+    assert spectrum[rest].max() < 1e-12 * spectrum.max()
+    _, uneven = orders("V90")
+    assert uneven[1] > 0.1 * uneven.max()
