@@ -64,10 +64,11 @@ class Bound(NamedTuple):
     high_open: bool = False
 
     def inside(self, x):
-        """Whether each entry of `x` lies inside; false for NaN."""
+        """Whether each entry of `x` lies inside; false for NaN. An array of NumPy gives one of NumPy."""
         above = x > self.low if self.low_open else x >= self.low
         below = x < self.high if self.high_open else x <= self.high
-        return above & below & jnp.isfinite(x)
+        known = isinstance(x, np.ndarray | np.generic)
+        return above & below & (np.isfinite(x) if known else jnp.isfinite(x))
 
     def holds(self, x):
         """Whether every entry of `x` lies inside. Works on traced values."""
@@ -138,7 +139,11 @@ class Part(eqx.Module):
     for_each_cylinder: ClassVar[bool] = False
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
-        """Rules across fields, as {"what must hold": whether it holds}."""
+        """Rules across fields, as {"what must hold": whether it holds}.
+
+        The constructor asks a copy whose known values are arrays of NumPy: a rule written with
+        operators and methods compiles nothing there.
+        """
         return {}
 
     def repaired(self) -> "Part":
@@ -153,12 +158,12 @@ class Part(eqx.Module):
             listed = is_listed(self, field, value)
             if not listed:
                 _check_shape(type(self).__name__, name, value, field.metadata["shape"])
-            if not is_traced(value) and not _holds_now(bound, value):
-                place = int(np.argmin(bound.inside(np.asarray(value)))) if listed else 0
+            if not is_traced(value) and not (inside := bound.inside(np.asarray(value))).all():
+                place = int(np.argmin(inside)) if listed else 0
                 where = f"{bound} in cylinder {place + 1}" if listed else str(bound)
                 raise BadInput(name, value[place] if listed else value, where)
-        for rule, holds in self.conditions().items():
-            if not is_traced(holds) and not bool(jnp.all(holds)):
+        for rule, holds in _known(self).conditions().items():
+            if not is_traced(holds) and not np.all(holds):
                 where = f" in cylinder {int(np.argmin(holds)) + 1}" if np.ndim(holds) else ""
                 raise BadInput(type(self).__name__, self._values(), f"{rule}{where}")
 
@@ -313,10 +318,12 @@ def _as_float(value: Any) -> Any:
     return jnp.asarray(value, dtype=jnp.result_type(float))
 
 
-def _holds_now(bound: Bound, value: Any) -> bool:
-    # within `jit` even a comparison of known numbers would be traced
-    with jax.ensure_compile_time_eval():
-        return bool(bound.holds(value))
+def _known(part: _Tree) -> _Tree:
+    """A copy whose values are arrays of NumPy, where they are known: comparing them compiles nothing."""
+    def of(leaf):
+        return np.asarray(leaf) if isinstance(leaf, Array) and not is_traced(leaf) else leaf
+
+    return jax.tree.map(of, part)
 
 
 def is_traced(value: Any) -> bool:

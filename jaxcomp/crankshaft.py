@@ -11,6 +11,7 @@ $$\sum U (\cos\delta, \sin\delta), \qquad \sum U z (\cos\delta, \sin\delta) .$$
 from collections.abc import Iterable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -37,6 +38,7 @@ class Crankshaft(NamedTuple):
     couple: Float[Array, "2"]
 
 
+@eqx.filter_jit  # one program where a machine is put together, instead of one for each product
 def crankshaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node) -> Crankshaft:
     """The crankshaft of a rotor, differentiable in all its numbers.
 

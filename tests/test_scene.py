@@ -1,6 +1,8 @@
 """Scene files: values, units, sources, changes and the way back to TOML."""
 
 import math
+import subprocess
+import sys
 from importlib import resources
 from typing import Literal, Protocol, runtime_checkable
 
@@ -15,7 +17,7 @@ from jaxcomp._fields import NONNEGATIVE, POSITIVE, Part, quantity
 from jaxcomp.friction import CoulombSlide, RegularisedSlide
 from jaxcomp.gas import CrankAngleTable, PolytropicCycle
 from jaxcomp.motor import Kloss, MeanSpeed, SlipLine
-from jaxcomp.scene import describe, dump, load, loads, machines, with_machine, with_value
+from jaxcomp.scene import _units, describe, dump, load, loads, machines, with_machine, with_value
 from jaxcomp.scene import with_values as changed
 
 MINIMAL = """
@@ -347,3 +349,15 @@ def test_slider_link_machine_runs_from_its_scene():
     # mechanism have the parts): rounding of the figures as they are kept there
     np.testing.assert_allclose(float(orbit.motor_power), 75.9, atol=0.05)
     np.testing.assert_allclose(float(orbit.mean_speed) * 30 / np.pi, 2907, atol=0.5)
+
+
+def test_frequent_units_are_those_of_the_registry(monkeypatch):
+    frequent = dict(_units.FREQUENT)
+    monkeypatch.setattr(_units, "FREQUENT", {})
+    for (given, unit), size in frequent.items():
+        assert _units.factor(given, unit) == size, f"{given} in {unit}"
+
+
+def test_a_scene_with_frequent_units_is_read_without_the_registry():
+    program = "import sys, jaxcomp; jaxcomp.load('mayekawa-wbhe'); assert 'pint' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], check=True)

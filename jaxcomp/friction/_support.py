@@ -83,7 +83,7 @@ class MainBearings(Part):
     def conditions(self):
         if self.position is None or len(self.bearings) < 2:
             return {}
-        apart = jnp.max(self.position) > jnp.min(self.position)
+        apart = self.position.max() > self.position.min()
         return {"a shaft with bearings in different places": apart}
 
     def reactions(self, force: Vector, moment: Vector | None) -> dict[str, Vector]:

@@ -80,7 +80,7 @@ class SliderCrank(AbstractMechanism):
     )
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
-        reach = self.crank_radius + jnp.abs(self.offset) < self.conrod_length
+        reach = self.crank_radius + abs(self.offset) < self.conrod_length
         return {"a machine with crank_radius + |offset| < conrod_length": reach}
 
     def repaired(self):

@@ -39,7 +39,7 @@ class MotorEfficiency(Part):
     def conditions(self):
         if self.torque is None:
             return {}
-        return {"torques that rise": jnp.all(jnp.diff(self.torque) > 0)}
+        return {"torques that rise": (self.torque[1:] > self.torque[:-1]).all()}
 
     def __check_init__(self):
         count = 1 if self.torque is None else self.torque.size

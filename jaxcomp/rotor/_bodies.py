@@ -54,25 +54,27 @@ class RigidBody(Part):
 
 def arm_matrix(arm: Float[Array, "n 3"], dof: int) -> Float[Array, "n dof dof"]:
     """Motion of slaved nodes from that of the centre, in the model's degrees of freedom."""
-    rx, ry, rz = arm.T
-    o = jnp.zeros_like(rx)
-    skew = jnp.stack(  # th x r as a matrix acting on th
-        [jnp.stack([o, rz, -ry], -1), jnp.stack([-rz, o, rx], -1), jnp.stack([ry, -rx, o], -1)], -2
-    )
-    full = jnp.tile(jnp.eye(6), (arm.shape[0], 1, 1)).at[:, :3, 3:].set(skew)
-    return full[:, _rows(dof)[:, None], _rows(dof)[None, :]]
+    rows = _rows(dof)
+    cross = (arm @ _CROSS.reshape(3, 36)).reshape(-1, 6, 6)
+    return (np.eye(6) + cross)[:, rows[:, None], rows]
 
 
 def body_matrices(
     body: RigidBody, dof: int
 ) -> tuple[Float[Array, "dof dof"], Float[Array, "dof dof"]]:
     """Inertia and gyroscopic matrix (per unit spin speed) at the centre."""
-    mass = jnp.zeros((6, 6)).at[:3, :3].set(body.mass * jnp.eye(3)).at[3:, 3:].set(body.inertia)
+    move, turn = np.diag([1.0, 1, 1, 0, 0, 0]), np.eye(6)[:, 3:]
+    mass = body.mass * move + turn @ body.inertia @ turn.T
     spin = 0.0 if body.spin_inertia is None else body.spin_inertia
-    gyro = jnp.zeros((6, 6)).at[3, 4].set(spin).at[4, 3].set(-spin)
+    gyro = spin * (np.outer(turn[:, 0], turn[:, 1]) - np.outer(turn[:, 1], turn[:, 0]))
     rows = _rows(dof)
-    return mass[jnp.ix_(rows, rows)], gyro[jnp.ix_(rows, rows)]
+    return mass[rows[:, None], rows], gyro[rows[:, None], rows]
 
 
 def _rows(dof: int) -> np.ndarray:
     return np.array([SPACE_AXES.index(a) for a in AXES[dof]])
+
+
+# th x r for each component of r, as a matrix acting on (u, th)
+_CROSS = np.zeros((3, 6, 6))
+_CROSS[:, :3, 3:] = np.cross(np.eye(3)[None, :, :], np.eye(3)[:, None, :]).transpose(0, 2, 1)

@@ -108,8 +108,9 @@ class ShaftElements(Part):
         return self.nodes  # pyright: ignore[reportReturnType]
 
     def conditions(self):
-        outer, inner = end_diameters(self)
-        return {"a table with inner diameters below the outer ones": jnp.all(inner < outer)}
+        (outer, inner), (outer_end, inner_end) = end_diameters(self)
+        hollow = (inner < outer) & (inner_end < outer_end)
+        return {"a table with inner diameters below the outer ones": hollow.all()}
 
 
 class ElementMatrices(NamedTuple):
@@ -137,20 +138,18 @@ class ElementMatrices(NamedTuple):
     axial_mass: Array
 
 
-def end_diameters(
-    shaft: ShaftElements,
-) -> tuple[Float[Array, "n 2"], Float[Array, "n 2"]]:
-    """[m] Outer and inner diameters at both ends."""
+def end_diameters(shaft: ShaftElements) -> tuple[tuple[Float[Array, " n"], Float[Array, " n"]], ...]:
+    """[m] Outer and inner diameters at the first ends and at the second ones."""
     outer = shaft.outer_diameter
-    inner = jnp.zeros_like(outer) if shaft.inner_diameter is None else shaft.inner_diameter
+    inner = 0.0 * outer if shaft.inner_diameter is None else shaft.inner_diameter
     outer_end = outer if shaft.outer_diameter_end is None else shaft.outer_diameter_end
     inner_end = inner if shaft.inner_diameter_end is None else shaft.inner_diameter_end
-    return jnp.stack([outer, outer_end], -1), jnp.stack([inner, inner_end], -1)
+    return (outer, inner), (outer_end, inner_end)
 
 
 def shaft_mass(shaft: ShaftElements) -> Float[Array, " n"]:
     """[kg] Mass of each element."""
-    (d1, d2), (b1, b2) = (e.T for e in end_diameters(shaft))
+    (d1, b1), (d2, b2) = end_diameters(shaft)
     square = (d1**2 + d1 * d2 + d2**2 - b1**2 - b1 * b2 - b2**2) / 3
     return shaft.density * jnp.pi / 4 * square * shaft.length
 
@@ -159,7 +158,7 @@ def shaft_polar_inertia(shaft: ShaftElements) -> Float[Array, " n"]:
     """[kg m^2] Inertia of each element about the axis, exact for cones as well."""
     fourth = [
         sum(a ** (4 - k) * b**k for k in range(5)) / 5
-        for a, b in (e.T for e in end_diameters(shaft))
+        for a, b in zip(*end_diameters(shaft), strict=True)
     ]
     return shaft.density * jnp.pi / 32 * (fourth[0] - fourth[1]) * shaft.length
 
@@ -196,7 +195,7 @@ _LENGTH_SHAPE = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, -0.5, 0.0, -0.5]])
 
 
 def _columns(shaft):
-    outer, inner = end_diameters(shaft)
+    outer, inner = (jnp.stack(ends, -1) for ends in zip(*end_diameters(shaft), strict=True))
     constant = jnp.ones_like(shaft.length) if shaft.shear_constant is None else shaft.shear_constant
     sizes = shaft.length, outer, inner
     return *sizes, shaft.young_modulus, shaft.density, shaft.poisson, constant

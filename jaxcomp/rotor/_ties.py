@@ -8,7 +8,6 @@ Everything is in the order of the planes of `_conventions`.
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -72,8 +71,7 @@ def find_ties(n: int, dof: int, slaved: tuple, holds: tuple[Hold, ...]) -> Ties:
     """
     # Arms of no particular place, so that what is zero or one is so for all of them.
     places = np.random.default_rng(3).uniform(1.0, 2.0, (len(slaved), 3))
-    with jax.ensure_compile_time_eval():
-        arms = np.asarray(_in_planes(arm_matrix(jnp.asarray(places), dof), dof))
+    arms = _in_planes(arm_matrix(places, dof), dof)
     relations, holds, own = _solved(n, dof, slaved, arms, holds)
     pairs = [
         (node, master)
@@ -170,4 +168,4 @@ def _with_lost(hold: Hold, gap, own, centres) -> Hold:
 
 def _in_planes(matrices, dof) -> Array:
     order, signs = coordinates(dof)
-    return jnp.asarray(signs[:, None] * signs) * matrices[..., order[:, None], order]
+    return signs[:, None] * signs * matrices[..., order[:, None], order]

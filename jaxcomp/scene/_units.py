@@ -47,6 +47,13 @@ _EXAMPLES = {
     "N m": "120 N m",
     "Pa s": "4 mPa s",
 }
+# What most files use, so that they are read without the registry of units, which takes half a second.
+FREQUENT = {
+    ("mm", "m"): 1e-3, ("um", "m"): 1e-6, ("g", "kg"): 1e-3, ("g mm", "kg m"): 1e-6,
+    ("deg", "rad"): math.radians(1), ("rpm", "rad/s"): 0.10471975511965977, ("%", ""): 0.01,
+    ("kPa", "Pa"): 1e3, ("bar", "Pa"): 1e5, ("MPa", "Pa"): 1e6, ("GPa", "Pa"): 1e9,
+    ("kN/m", "N/m"): 1e3, ("N/mm", "N/m"): 1e3, ("mPa s", "Pa s"): 1e-3, ("W/m/K", "W/(m K)"): 1.0,
+}  # fmt: skip
 
 
 def to_si(given: Any, unit: str, key: str, default_unit: str | None = None) -> np.ndarray:
@@ -107,6 +114,10 @@ def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> floa
     Raises:
         SceneError: an unknown unit, or one of another dimension.
     """
+    if given_unit == unit:
+        return 1.0
+    if (given_unit, unit) in FREQUENT:
+        return FREQUENT[given_unit, unit]
     source, target = _parsed(given_unit), _parsed(unit)
     advice = _advice(given_unit, unit, given)
     if advice:

@@ -122,7 +122,7 @@ class AbstractMovingValve(AbstractValve):
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         if self.lift_table is None:
             return {}
-        rising = jnp.all(jnp.diff(self.lift_table) > 0) & (self.lift_table[0] == 0)
+        rising = (self.lift_table[1:] > self.lift_table[:-1]).all() & (self.lift_table[0] == 0)
         return {"a table with lifts that rise from 0": rising}
 
     def __check_init__(self):
