@@ -14,6 +14,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optimistix
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -154,11 +155,7 @@ class Shooting(eqx.Module):
         The integration gives the accounts and the speed as well, and the dependence of everything on
         the unknowns.
         """
-
-        def shoot(unknowns):
-            end, speed = self._march(machine, unknowns, fixed, diffrax.ForwardMode())
-            result = unknowns, end, speed
-            return (result, _gap_at(end, unknowns, machine, fixed)), result
+        eye = jnp.eye(start.size)
 
         def going_on(carry):
             _, _, size, steps = carry
@@ -166,12 +163,19 @@ class Shooting(eqx.Module):
 
         def advance(carry):
             unknowns, _, _, steps = carry
-            (by_unknowns, jacobian), result = jax.jacfwd(shoot, has_aux=True)(unknowns)
-            gap = _gap_at(result[1], unknowns, machine, fixed)
+            (end, speed), (end_slope, speed_slope) = self._march(
+                machine, unknowns, fixed, diffrax.ForwardMode(), slopes=True
+            )
+            result, by_unknowns = (unknowns, end, speed), (eye, end_slope, speed_slope)
+            gap, jacobian = _along(
+                lambda end, unknowns: _gap_at(end, unknowns, machine, fixed),
+                (end, unknowns),
+                (end_slope, eye),
+            )
             step = jnp.linalg.solve(jacobian, gap)
             # A revolution that could not be integrated has no step to offer; the gap reports it.
             lost = ~jnp.all(jnp.isfinite(step))
-            jacobian = jnp.where(lost, jnp.eye(start.size), jacobian)
+            jacobian = jnp.where(lost, eye, jacobian)
             # a long step may reach a halt; half the speed at a time is far enough
             step = jnp.where(lost, 0.0, jnp.clip(step, -0.5, 0.5))
             # the last step is so short that everything follows it linearly
@@ -179,62 +183,50 @@ class Shooting(eqx.Module):
             shot = _Shot(result, by_unknowns, jacobian)
             return unknowns - step, shot, jnp.max(jnp.abs(step)), steps + 1
 
-        shapes = jax.eval_shape(advance, (start, None, None, jnp.asarray(0)))[1]
-        begin = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-        carry = (start, begin, jnp.asarray(jnp.inf), jnp.asarray(0))
+        nothing = start, _at_rest(machine, start, fixed), jnp.zeros(self._nodes(fixed).size)
+        slopes = jax.tree.map(lambda x: jnp.zeros((*x.shape, start.size)), nothing)
+        carry = (start, _Shot(nothing, slopes, eye), jnp.asarray(jnp.inf), jnp.asarray(0))
         _, shot, _, steps = lax.while_loop(going_on, advance, carry)
         return lax.stop_gradient(shot), steps
 
-    def _march(self, machine: Compressor, unknowns, fixed: "_Fixed", adjoint):
-        """Integrate one revolution: speed, time and accounts at its end, speed at the panels' nodes."""
-        edges = fixed.edges
-        closure = closure_of(machine.motor)
-        moving = revolution_edges(kink_angles(machine))
+    def _nodes(self, fixed: "_Fixed"):
+        """[rad] Where the speed is reported."""
+        return panels(fixed.places, self.output_nodes).angle.ravel()
 
-        def rate(place, y, args):
-            del args
-            branch, stretch = _follow(edges, moving, place)
-            # A halt is reported by the end values; the floor keeps them finite.
-            speed = jnp.maximum(y["speed"], 1e-3) * fixed.speed
-            motor = machine.motor.torque(speed)
-            if closure.level_is_unknown:
-                motor = motor * unknowns[1] * fixed.level
-            now = solve_motion(machine, branch, speed, motor)
-            torques = {
-                "motor": motor,
-                "gas": -now.at.conservative,
-                "losses": now.loads.loss_torque,
-            }
-            out = {
-                "speed": now.acceleration / speed / fixed.speed,
-                "time": fixed.speed / speed / (2 * jnp.pi),
-                "work": jax.tree.map(lambda torque: torque / fixed.energy, torques),
-            }
-            return jax.tree.map(lambda x: x * stretch, out)
+    def _march(self, machine: Compressor, unknowns, fixed: "_Fixed", adjoint, slopes=False):
+        """Integrate one revolution: speed, time and accounts at its end, speed at the panels' nodes.
 
-        y0: dict[str, Any] = {"speed": unknowns[0], "time": jnp.zeros(())}
-        losses = jax.eval_shape(rate, edges[0], y0, None)["work"]["losses"]
-        y0["work"] = {
-            "motor": jnp.zeros(()),
-            "gas": jnp.zeros(()),
-            "losses": {name: jnp.zeros(()) for name in losses},
-        }
-        nodes = panels(fixed.places, self.output_nodes).angle.ravel()
+        With `slopes` these and how they change with the unknowns, (..., u), which the same steps
+        integrate beside them.
+        """
+        y0 = _at_rest(machine, unknowns, fixed)
+        if slopes:
+            none = jax.tree.map(lambda x: jnp.zeros((*x.shape, unknowns.size)), y0)
+            first = jnp.zeros(unknowns.size).at[0].set(1.0)
+            y0 = y0, none | {"speed": first}
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(rate),
+            diffrax.ODETerm(_rate_and_slopes if slopes else _rate),
             self.solver,
-            t0=edges[0],
-            t1=edges[-1],
+            t0=fixed.edges[0],
+            t1=fixed.edges[-1],
             dt0=0.01,
             y0=y0,
+            args=(machine, unknowns, fixed, revolution_edges(kink_angles(machine))),
             saveat=diffrax.SaveAt(
                 subs=[
                     diffrax.SubSaveAt(t1=True),
-                    diffrax.SubSaveAt(ts=nodes, fn=lambda t, y, args: y["speed"]),
+                    diffrax.SubSaveAt(
+                        ts=self._nodes(fixed),
+                        fn=lambda t, y, args: tuple(x["speed"] for x in y) if slopes else y["speed"],
+                    ),
                 ]
             ),
             stepsize_controller=diffrax.ClipStepSizeController(
-                diffrax.PIDController(rtol=self.step_tolerance, atol=self.step_tolerance),
+                diffrax.PIDController(
+                    rtol=self.step_tolerance,
+                    atol=self.step_tolerance,
+                    norm=lambda y: optimistix.rms_norm(y[0] if slopes else y),
+                ),
                 jump_ts=fixed.stops,
             ),
             max_steps=self.max_steps,
@@ -243,7 +235,8 @@ class Shooting(eqx.Module):
         )
         assert solution.ys is not None
         end, speed = solution.ys
-        return jax.tree.map(lambda x: x[-1], end), speed
+        end = jax.tree.map(lambda x: x[-1], end)
+        return tuple(zip(end, speed, strict=True)) if slopes else (end, speed)
 
     def _orbit(self, compressor, unknowns, fixed: "_Fixed", end, speed, status, report) -> Orbit:
         edges = revolution_edges(kink_angles(compressor))
@@ -299,6 +292,52 @@ class _Shot(NamedTuple):
     result: Any
     by_unknowns: Any
     jacobian: Float[Array, "u u"]
+
+
+def _at_rest(machine, unknowns, fixed) -> dict[str, Any]:
+    """Speed, time and accounts at the beginning of a revolution."""
+    y: dict[str, Any] = {"speed": unknowns[0], "time": jnp.zeros(())}
+    moving = jnp.zeros_like(fixed.edges)
+    shapes = eqx.filter_eval_shape(_rate, fixed.edges[0], y, (machine, unknowns, fixed, moving))
+    return y | {"work": jax.tree.map(lambda _: jnp.zeros(()), shapes["work"])}
+
+
+def _along(function, values, slopes):
+    """Values of a function, and their change with the unknowns that the last axis of `slopes` counts."""
+    value, change = jax.linearize(function, *values)
+    return value, jax.vmap(change, -1, -1)(*slopes)
+
+
+@eqx.filter_jit
+def _rate_and_slopes(place, y, args):
+    machine, unknowns, fixed, moving = args
+    values, slopes = y
+
+    def rate(values, unknowns):
+        return _rate(place, values, (machine, unknowns, fixed, moving))
+
+    return _along(rate, (values, unknowns), (slopes, jnp.eye(unknowns.size)))
+
+
+@eqx.filter_jit  # of one program, so that its stages, derivatives and batches trace it once
+def _rate(place, y, args):
+    """Change of speed, time and accounts with the place in the fixed turn."""
+    machine, unknowns, fixed, moving = args
+    closure = closure_of(machine.motor)
+    branch, stretch = _follow(fixed.edges, moving, place)
+    # A halt is reported by the end values; the floor keeps them finite.
+    speed = jnp.maximum(y["speed"], 1e-3) * fixed.speed
+    motor = machine.motor.torque(speed)
+    if closure.level_is_unknown:
+        motor = motor * unknowns[1] * fixed.level
+    now = solve_motion(machine, branch, speed, motor)
+    torques = {"motor": motor, "gas": -now.at.conservative, "losses": now.loads.loss_torque}
+    out = {
+        "speed": now.acceleration / speed / fixed.speed,
+        "time": fixed.speed / speed / (2 * jnp.pi),
+        "work": jax.tree.map(lambda torque: torque / fixed.energy, torques),
+    }
+    return jax.tree.map(lambda x: x * stretch, out)
 
 
 def _gap_at(end, unknowns, machine, fixed: _Fixed):
