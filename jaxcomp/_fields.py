@@ -320,6 +320,7 @@ def _as_float(value: Any) -> Any:
 
 def _known(part: _Tree) -> _Tree:
     """A copy whose values are arrays of NumPy, where they are known: comparing them compiles nothing."""
+
     def of(leaf):
         return np.asarray(leaf) if isinstance(leaf, Array) and not is_traced(leaf) else leaf
 

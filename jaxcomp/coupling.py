@@ -16,7 +16,7 @@ with `linearised="orbit"` take their means along the orbits of their journals in
 """
 
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -26,7 +26,7 @@ from jaxtyping import Array, Bool, Float
 from ._fields import BadInput, of_cylinder, replaced
 from ._words import one_of
 from .compressor import Compressor, at_speed, first_top, instants
-from .crank import Collocation, Orbit, Shooting, journal_films, solve_orbit
+from .crank import Collocation, Orbit, journal_films, solve_orbit
 from .crankshaft import main_films
 from .film import DynamicCoefficients, NamedBearing
 from .friction import joints_of_cylinder, shares
@@ -43,6 +43,9 @@ from .rotor import (
     Unbalances,
     steady_coefficients,
 )
+
+if TYPE_CHECKING:
+    from .crank import Shooting
 
 # [rad/s] Below this speed the static loads of the films are those of this speed.
 _SLOWEST = 1.0
@@ -298,7 +301,7 @@ def crank_loads(
     machine: Assembly,
     speed: Float[Array, ""],
     orders: tuple[int, ...] = (1,),
-    solver: Collocation | Shooting | None = None,
+    solver: "Collocation | Shooting | None" = None,
     *,
     crank: bool = True,
     left_out: tuple[str, ...] = (),
@@ -360,7 +363,7 @@ def running_rotor(
 
 
 def loaded_rotor(
-    machine: Assembly, speeds: Float[Array, " m"], solver: Collocation | Shooting | None = None
+    machine: Assembly, speeds: Float[Array, " m"], solver: "Collocation | Shooting | None" = None
 ) -> RotorModel:
     """The rotor with a table of static loads over the speed in every film that leaves them open.
 

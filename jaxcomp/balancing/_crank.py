@@ -4,7 +4,7 @@ None of the seed papers couples the two: at every speed the periodic state of th
 Fourier coefficients of the forces and, by the mean force, stiffness and damping of the films.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -13,16 +13,19 @@ from jaxtyping import Array, Complex, Float
 
 from .._fields import BadInput
 from ..coupling import CrankLoads, crank_loads, running_rotor
-from ..crank import Collocation, Shooting
+from ..crank import Collocation
 from ..machine import Assembly, assembled, machine_of
 from ..rotor import BalancingPlanes
 from ._influence import Influence, flexibility, influence_of
+
+if TYPE_CHECKING:
+    from ..crank import Shooting
 
 
 def machine_influence(
     machine: Any,
     speeds: Float[Array, " speeds"] | None = None,
-    solver: Collocation | Shooting | None = None,
+    solver: "Collocation | Shooting | None" = None,
     *,
     crank: bool = True,
     left_out: tuple[str, ...] = (),

@@ -217,7 +217,9 @@ class Shooting(eqx.Module):
                     diffrax.SubSaveAt(t1=True),
                     diffrax.SubSaveAt(
                         ts=self._nodes(fixed),
-                        fn=lambda t, y, args: tuple(x["speed"] for x in y) if slopes else y["speed"],
+                        fn=lambda t, y, args: (
+                            tuple(x["speed"] for x in y) if slopes else y["speed"]
+                        ),
                     ),
                 ]
             ),

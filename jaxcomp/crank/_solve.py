@@ -1,6 +1,6 @@
 """`solve_orbit`: the periodic state, by either solver."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -14,9 +14,10 @@ from ..cylinder import Cylinder
 from ._collocation import Collocation
 from ._cylinder import solve_with_cylinder
 from ._orbit import Orbit, Verification
-from ._shooting import Shooting
-from ._transient import TimeIntegration
-from ._verify import march_options, verification
+
+if TYPE_CHECKING:
+    from ._shooting import Shooting
+    from ._transient import TimeIntegration
 
 # [-] Resolution beyond which a revolution is not resolved. Seen at a conrod ratio of 0.95 without
 # edges at the load reversals: 0.21 with 5 nodes on a panel, the fluctuation 3.9 % off; 0.06 with 8,
@@ -31,9 +32,9 @@ _LOSS_ERROR = 1e-2
 
 def solve_orbit(
     machine: Any,
-    solver: Shooting | Collocation | None = None,
+    solver: "Shooting | Collocation | None" = None,
     *,
-    verify: bool | TimeIntegration = False,
+    verify: "bool | TimeIntegration" = False,
     throw: bool = True,
 ) -> Orbit:
     """Find the periodic state of the crank.
@@ -69,7 +70,9 @@ def solve_orbit(
     compressor = compressor_of(machine)
     if solver is None:
         solver = Collocation(reversals=compressor.load_reversals)
-    orbit = _solve(compressor, solver)
+    # within a program that is traced anyway, a program of its own would be traced twice for derivatives
+    traced = any(is_traced(leaf) for leaf in jax.tree.leaves(compressor))
+    orbit = (_solved if traced else _solve)(compressor, solver)
     if throw and not is_traced(orbit.status._value):
         failed = orbit.status != Status.converged
         if bool(jnp.any(failed)):
@@ -84,6 +87,8 @@ def solve_orbit(
             )
     if verify is False:
         return orbit
+    from ._verify import march_options
+
     options = march_options() if verify is True else verify
     orbit = eqx.tree_at(
         lambda o: o.verification,
@@ -101,8 +106,7 @@ def solve_orbit(
     return orbit
 
 
-@eqx.filter_jit
-def _solve(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
+def _solved(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     good = admissible(compressor)
     orbit = _orbit(clipped(compressor), solver)
     status = Status.where(orbit.margin > 0, orbit.status, Status.self_locking)
@@ -110,15 +114,20 @@ def _solve(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
     return eqx.tree_at(lambda o: o.status, orbit, status)
 
 
+_solve = eqx.filter_jit(_solved)
+
+
 @eqx.filter_jit
-def _verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration) -> Verification:
+def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegration") -> Verification:
+    from ._verify import verification
+
     machine = clipped(compressor)
     if orbit.cycle is not None:
         machine = eqx.tree_at(lambda c: c.gas, machine, orbit.cycle.gas())
     return verification(machine, orbit, options)
 
 
-def _orbit(compressor: Compressor, solver: Shooting | Collocation) -> Orbit:
+def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     """The orbit with the checks that hold for every motor and solver."""
     if isinstance(compressor.gas, Cylinder):
         if compressor.cylinders is not None:

@@ -1,7 +1,7 @@
 r"""The analysis of one design: its options, and results that are computed on first access."""
 
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,7 +18,6 @@ from ..crank import (
     JournalFilm,
     Orbit,
     Performance,
-    Shooting,
     journal_films,
     performance,
     solve_orbit,
@@ -34,6 +33,9 @@ from ._vibration import (
     places_of,
     vibration_of,
 )
+
+if TYPE_CHECKING:
+    from ..crank import Shooting
 
 
 class AnalysisOptions(eqx.Module):
@@ -53,7 +55,7 @@ class AnalysisOptions(eqx.Module):
         BadInput: another excitation, or an order below one.
     """
 
-    solver: Collocation | Shooting | None = None
+    solver: "Collocation | Shooting | None" = None
     excitation: Literal["crank", "file"] | None = eqx.field(static=True, default=None)
     orders: tuple[int, ...] = eqx.field(static=True, default=(1,))
     left_out: tuple[str, ...] = eqx.field(static=True, default=())

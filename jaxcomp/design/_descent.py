@@ -14,17 +14,20 @@ import dataclasses
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import numpy as np
-import optax
 from jaxtyping import Float
 
 from .._fields import BadInput
 from ._goal import Goal
 from ._ranges import Ranges
 from ._together import Evaluate
+
+if TYPE_CHECKING:
+    import optax
+
 
 METHODS = ("slsqp", "least-squares", "adam")
 # [-] of a constraint's spread over the sample.
@@ -312,7 +315,7 @@ def _least_squares(descent: Descent, start) -> None:
     least_squares(residuals, start, jac=slope, bounds=(0, 1), method="dogbox", **small)
 
 
-def _first_order(transformation: optax.GradientTransformation) -> Method:
+def _first_order(transformation: "optax.GradientTransformation") -> Method:
     """Steps of Optax, cut off at the bounds; half of the way back from where nothing can be solved."""
     update = jax.jit(transformation.update)
 
@@ -329,7 +332,7 @@ def _first_order(transformation: optax.GradientTransformation) -> Method:
     return method
 
 
-def method_of(method: str | optax.GradientTransformation | None, goal: Goal) -> Method:
+def method_of(method: "str | optax.GradientTransformation | None", goal: Goal) -> Method:
     """A method by name, or any transformation of Optax.
 
     Raises:
@@ -348,4 +351,8 @@ def method_of(method: str | optax.GradientTransformation | None, goal: Goal) -> 
         if not goal.targets:
             raise BadInput("method", named, "'slsqp' for an objective without targets to meet")
         return _least_squares
-    return _first_order(optax.adam(_ADAM_STEP) if isinstance(method, str) else method)
+    if isinstance(method, str):
+        import optax
+
+        method = optax.adam(_ADAM_STEP)
+    return _first_order(method)

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
-from ..crank import Shooting
 from ._analysis import quantity
 from ._problem import Asked, Problem, name_of, prepared
 
@@ -110,9 +109,8 @@ def goal_of(
 
 @eqx.filter_jit
 def _answers(problem: Problem, points):
-    backwards = isinstance(
-        problem.options.solver, Shooting
-    )  # diffrax's checkpoints run backwards only
+    # diffrax's checkpoints run backwards only
+    backwards = getattr(problem.options.solver, "name", "") == "shooting"
     # Each direction costs about one more solution, forwards by variable and backwards by quantity.
     backwards |= len(problem.variables) > 4 * len(problem.quantities)
 

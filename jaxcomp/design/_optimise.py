@@ -8,9 +8,9 @@ the objective and the constraints, offers the starts, and is what the result is 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-import optax
 from jaxtyping import ArrayLike, Float
 
 from .._fields import BadInput
@@ -21,6 +21,9 @@ from ._optimum import Optimum, Sample, optimum_of
 from ._problem import Asked, Problem
 from ._ranges import Ranges, even_sample, ranges_of
 from ._together import run_together
+
+if TYPE_CHECKING:
+    import optax
 
 # Called with "sample" or "descent", the designs solved (from each start) and the largest number of them.
 Callback = Callable[[str, int, int], None]
@@ -33,7 +36,7 @@ def optimise(
     maximise: bool | None = None,
     constraints: Mapping[Asked, Interval] | None = None,
     starts: int | ArrayLike = 8,
-    method: str | optax.GradientTransformation | None = None,
+    method: "str | optax.GradientTransformation | None" = None,
     max_steps: int = 100,
     tolerance: float = 1e-5,
     samples: int = 256,

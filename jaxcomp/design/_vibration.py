@@ -5,7 +5,7 @@ need not be solved again: `known_response` keeps what a unit of load on each loa
 design costs the product of that with its own loads.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import BadInput
 from ..coupling import CrankLoads, crank_loads, running_rotor
-from ..crank import Collocation, Shooting
+from ..crank import Collocation
 from ..machine import Assembly, Machine, assembled
 from ..rotor import (
     AXES,
@@ -27,6 +27,9 @@ from ..rotor import (
     respond,
     transmitted_forces,
 )
+
+if TYPE_CHECKING:
+    from ..crank import Shooting
 
 
 class Vibration(NamedTuple):
@@ -77,7 +80,7 @@ class RotorExcitation(NamedTuple):
     """What shakes the rotor, see `AnalysisOptions`."""
 
     by_crank: bool
-    solver: Collocation | Shooting | None
+    solver: "Collocation | Shooting | None"
     orders: tuple[int, ...]
     left_out: tuple[str, ...]
 

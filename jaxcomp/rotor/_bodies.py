@@ -5,7 +5,6 @@ u = u_c + th x r, th = th_c; the forces on it act on the centre with their momen
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 

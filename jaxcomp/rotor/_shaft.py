@@ -138,7 +138,9 @@ class ElementMatrices(NamedTuple):
     axial_mass: Array
 
 
-def end_diameters(shaft: ShaftElements) -> tuple[tuple[Float[Array, " n"], Float[Array, " n"]], ...]:
+def end_diameters(
+    shaft: ShaftElements,
+) -> tuple[tuple[Float[Array, " n"], Float[Array, " n"]], ...]:
     """[m] Outer and inner diameters at the first ends and at the second ones."""
     outer = shaft.outer_diameter
     inner = 0.0 * outer if shaft.inner_diameter is None else shaft.inner_diameter

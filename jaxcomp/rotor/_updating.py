@@ -15,7 +15,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
@@ -105,6 +104,8 @@ def _fit(model, insert, start, low, high, measured, weight, settings) -> Update:
     def errors(t, _):
         distance = weight * (inside(t) - start) / (high - low)
         return jnp.concatenate([frequencies(t) / measured - 1, distance])
+
+    import optimistix as optx
 
     solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
     begin = jnp.arcsin(2 * (start - low) / (high - low) - 1)

@@ -9,8 +9,8 @@ Eqs. (42), (43).
 """
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,6 +21,9 @@ from ..crank import Orbit, time_harmonics
 from ..mechanism import AbstractMechanism
 from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
 from ._wrench import Wrench, shaking_wrench, wrench_about
+
+if TYPE_CHECKING:
+    import diffrax
 
 
 class Harmonics(eqx.Module):
@@ -186,7 +189,7 @@ def simulate(
     *,
     tolerance: float = 1e-8,
     max_steps: int = 100_000,
-    adjoint: diffrax.AbstractAdjoint | None = None,
+    adjoint: "diffrax.AbstractAdjoint | None" = None,
 ) -> BlockMotion:
     r"""Motion of the block in time, $M\ddot X = F(t) - C\dot X - SX$.
 
@@ -202,6 +205,8 @@ def simulate(
     Returns:
         The motion at the instants, shape (t, 6).
     """
+    import diffrax
+
     inverse = 1 / jnp.diag(mass_matrix(suspension))
     stiffness, damping = stiffness_matrix(suspension), damping_matrix(suspension)
     if start is None:
