@@ -20,6 +20,12 @@ _QUICK = {
     "--xla_llvm_disable_expensive_passes": "true",
     "--xla_backend_optimization_level": "1",
 }
+# One kernel of every loop that touches less memory than this: the march of a cylinder's cycle runs seven
+# times as fast, what else was measured as fast as before. Known to 0.9; a process that names an option
+# which its XLA does not know ends.
+_ONE_KERNEL = {
+    "--xla_backend_extra_options": "xla_cpu_small_while_loop_byte_threshold=1000000",
+}
 
 
 _told: dict[str, str] = {}
@@ -38,5 +44,6 @@ def tell_xla(flag: str, value: str) -> None:
 if os.environ.get("JAXCOMP_X64", "1") != "0":
     jax.config.update("jax_enable_x64", True)
 if os.environ.get("JAXCOMP_XLA_FLAGS", "1") != "0" and __version_info__ < (0, 10):
-    for _flag, _value in _QUICK.items():
+    _flags = _QUICK | (_ONE_KERNEL if __version_info__ >= (0, 9) else {})
+    for _flag, _value in _flags.items():
         tell_xla(_flag, _value)

@@ -286,13 +286,14 @@ def jacobian(case: Case, angle, state, flags):
         T, rho = inputs(packed)
         at = GasState(T=T, rho=rho, s=0 * T, **dict(zip(columns, values, strict=True)))
         found = rates(case, packed[0], packed[1:], flags, at)
-        both = jnp.concatenate([found.state, found.events])
-        return both, both
+        return jnp.concatenate([found.state, found.events])
 
     packed = jnp.concatenate([angle[None], state])
     in_gas, values = jax.jacfwd(properties, has_aux=True)(inputs(packed))
-    (direct, through), both = jax.jacfwd(law, argnums=(0, 1), has_aux=True)(packed, values)
-    total = direct + through @ in_gas @ jax.jacfwd(inputs)(packed)
+    # one direction for every column, each with what it does to the gas
+    along_gas = (in_gas @ jax.jacfwd(inputs)(packed)).T
+    both, push = jax.linearize(law, packed, values)
+    total = jax.vmap(push)(jnp.eye(1 + STATES), along_gas).T
     first, second = total[:STATES], total[STATES:]
     return (
         (both[:STATES], both[STATES:]),

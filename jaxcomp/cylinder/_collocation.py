@@ -27,6 +27,8 @@ from ._march import START, TURN, Record
 _LEFT = 1e-6
 # [-] A step of Newton's method beyond this has lost the solution.
 _LOST = 10.0
+# [-] A step below this part of the one before is taken with the same Jacobian, so many at most.
+_FAST, _MOST_WITH_ONE = 0.1, 6
 
 
 class Rule(NamedTuple):
@@ -152,14 +154,15 @@ def at_points(function, mesh: Mesh, z: Unknowns):
     return jax.vmap(along)(angle, z.points, mesh.flags)
 
 
-def residual(case: Case, mesh: Mesh, z: Unknowns) -> Residual:
-    """The equations of the periodic cycle."""
+def evaluate(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Array]:
+    """The equations of the periodic cycle, and the event functions."""
 
     def law(angle, state, flags):
         found = rates(case, angle, state, flags)
         return found.state, found.events
 
-    return _residual(case, mesh, z, *at_points(law, mesh, z))
+    slopes, events = at_points(law, mesh, z)
+    return _residual(case, mesh, z, slopes, events), events
 
 
 def _residual(case: Case, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
@@ -199,7 +202,7 @@ class Blocks(NamedTuple):
 
 
 def linearise(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Array]:
-    """`residual`, its Jacobian and the event functions, from one evaluation of the law."""
+    """The equations, their Jacobian and the event functions, from one evaluation of the law."""
     panels, s, n = z.points.shape[0], z.points.shape[1] - 1, z.points.shape[2]
     rule = gauss(s)
     a, b, c = map(jnp.asarray, (rule.integral, rule.weights, rule.nodes))
@@ -236,85 +239,177 @@ def linearise(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Ar
     return left, blocks, events
 
 
-def solve_blocks(blocks: Blocks, given: Residual) -> Unknowns:
-    """Solve the linearised equations; linear in `given`, whose part is kept apart for that reason."""
-    panels, s, n = given.points.shape[0], given.points.shape[1] - 1, given.points.shape[2]
+class Factors(NamedTuple):
+    """`Blocks`, eliminated: what a right-hand side needs to be solved for.
+
+    Attributes:
+        stages: factors and permutation of the nodes' equations.
+        nodes, ends: (p, 8 s, 10) and (p, 8, 10) what the nodes and the end of a panel owe to its inputs.
+        gradient: (p, 8) of the event function in the state.
+        share: (p,) inverse slope of the event function along the angle of the edge, 0 without an event.
+        by_edge: (p, 8) what the end owes to its edge.
+        out, jump: of the blocks.
+        maps: (p, 9, 9) from the beginning of a panel and its angle to those of the next.
+    """
+
+    stages: tuple[Array, Array]
+    nodes: Float[Array, "p n 10"]
+    ends: Float[Array, "p 8 10"]
+    gradient: Float[Array, "p 8"]
+    share: Float[Array, " p"]
+    by_edge: Float[Array, "p 8"]
+    out: Float[Array, "p 8 n"]
+    jump: Float[Array, "p 8 8"]
+    maps: Float[Array, "p 9 9"]
+
+
+def _solve_stages(stages: tuple[Array, Array], right_side):
+    factors, order = stages
+    shuffled = jnp.take_along_axis(right_side, order[:, :, None], axis=1)
+    options = {"left_side": True, "lower": True, "unit_diagonal": True}
+    half = lax.linalg.triangular_solve(factors, shuffled, **options)
+    return lax.linalg.triangular_solve(factors, half, left_side=True, lower=False)
+
+
+def factorise(blocks: Blocks) -> Factors:
+    """Condense every panel to its ends."""
+    n = blocks.jump.shape[-1]
     factors, _, order = lax.linalg.lu(blocks.stages)
-
-    def inner_solve(right_side):
-        shuffled = jnp.take_along_axis(right_side, order[:, :, None], axis=1)
-        options = {"left_side": True, "lower": True, "unit_diagonal": True}
-        half = lax.linalg.triangular_solve(factors, shuffled, **options)
-        return lax.linalg.triangular_solve(factors, half, left_side=True, lower=False)
-
-    # what the nodes and the end of a panel owe to its inputs, and to what is given
-    nodes = inner_solve(blocks.inputs)
+    nodes = _solve_stages((factors, order), blocks.inputs)
     ends = blocks.out @ nodes + blocks.direct
-    own_nodes = inner_solve(given.points[:, :s].reshape(panels, s * n, 1))
-    own_ends = (blocks.out @ own_nodes)[:, :, 0] + given.points[:, -1]
 
     # the edge at the end follows its event, and is no input any more
     gradient, by_edge = blocks.event[:, :n], ends[:, :, n + 1]
     slope = jnp.sum(gradient * by_edge, axis=1) + blocks.event[:, n]
     share = jnp.where(blocks.has_event, 1 / jnp.where(blocks.has_event, slope, 1.0), 0.0)
     edge = -share[:, None] * jnp.einsum("pa,pak->pk", gradient, ends[:, :, : n + 1])
-    own_edge = share * (given.events - jnp.sum(gradient * own_ends, axis=1))
     end = ends[:, :, : n + 1] + by_edge[:, :, None] * edge[:, None]
-    own_end = own_ends + by_edge * own_edge[:, None]
-    maps = jnp.concatenate([blocks.jump @ end, edge[:, None]], axis=1)  # (p, 9, 9)
-    own_new = jnp.einsum("pab,pb->pa", blocks.jump, own_end) + given.ends
+    maps = jnp.concatenate([blocks.jump @ end, edge[:, None]], axis=1)
+    # the angle at which the revolution begins does not move
+    maps = maps.at[0, :, n].set(0.0)
+    return Factors(
+        (factors, order), nodes, ends, gradient, share, by_edge, blocks.out, blocks.jump, maps
+    )
+
+
+def _product(a, b):
+    """a @ b of small matrices, as a sum: a loop with a matrix product is no single kernel for XLA."""
+    return jnp.sum(a[:, :, None] * b[None], axis=1)
+
+
+def _around(maps: Float[Array, "p m m"], own: Float[Array, "p m"]) -> Float[Array, "p m"]:
+    """The ends x of all panels where each follows from the one before, x_p = A_p x_(p-1) + b_p."""
+
+    def pass_panel(before, panel):
+        # one column for what is given, the others for the beginning
+        matrix, vector = panel
+        after = _product(matrix, before)
+        return after.at[:, 0].add(vector), None
+
+    size = maps.shape[-1]
+    start = jnp.eye(size, size + 1, k=1)
+    whole, _ = lax.scan(pass_panel, start, (maps, own))
+    first = jnp.linalg.solve(jnp.eye(size) - whole[:, 1:], whole[:, 0])
+
+    def follow(before, panel):
+        matrix, vector = panel
+        after = _product(matrix, before[:, None])[:, 0] + vector
+        return after, after
+
+    return lax.scan(follow, first, (maps, own))[1]
+
+
+def solve_factors(factors: Factors, given: Residual) -> Unknowns:
+    """Solve the linearised equations; linear in `given`, whose part is kept apart for that reason."""
+    panels, s, n = given.points.shape[0], given.points.shape[1] - 1, given.points.shape[2]
+    own_nodes = _solve_stages(factors.stages, given.points[:, :s].reshape(panels, s * n, 1))
+    own_ends = (factors.out @ own_nodes)[:, :, 0] + given.points[:, -1]
+    own_edge = factors.share * (given.events - jnp.sum(factors.gradient * own_ends, axis=1))
+    own_end = own_ends + factors.by_edge * own_edge[:, None]
+    own_new = jnp.einsum("pab,pb->pa", factors.jump, own_end) + given.ends
     own = jnp.concatenate([own_new, own_edge[:, None]], axis=1)
 
-    # all products of the maps from the beginning of the revolution; its angle does not move
-    matrices, vectors = lax.associative_scan(_compose, (maps, own))
-    matrix, vector = matrices[-1, :n, :n], vectors[-1, :n]
-    first = jnp.linalg.solve(jnp.eye(n) - matrix, vector)
-    first = jnp.append(first, 0.0)
-    states = jnp.concatenate([first[None], (matrices @ first + vectors)[:-1]])  # (p, 9)
+    # one linear operation, whose transpose goes round the other way
+    maps, turned = factors.maps, jnp.roll(factors.maps[::-1], 1, axis=0).transpose(0, 2, 1)
+    after = lax.custom_linear_solve(
+        lambda x: x - (maps @ jnp.roll(x, 1, axis=0)[:, :, None])[:, :, 0],
+        own,
+        lambda _, given: _around(maps, given),
+        lambda _, given: _around(turned, given[::-1])[::-1],
+    )
+    states = jnp.roll(after, 1, axis=0).at[0, n].set(0.0)
     edges = jnp.concatenate([states[:, n], jnp.zeros(1)])
     inputs = jnp.concatenate([states, edges[1:, None]], axis=1)
-    points = jnp.concatenate([nodes, ends], axis=1) @ inputs[:, :, None]
+    points = jnp.concatenate([factors.nodes, factors.ends], axis=1) @ inputs[:, :, None]
     points = points[:, :, 0] + jnp.concatenate([own_nodes[:, :, 0], own_ends], axis=1)
     return Unknowns(points.reshape(panels, s + 1, n), states[:, :n], edges)
 
 
-def _compose(first, second):
-    """One affine map after another."""
-    (a, x), (b, y) = first, second
-    return b @ a, (b @ x[..., None])[..., 0] + y
-
-
 class NewtonReport(NamedTuple):
-    """How Newton's method ended: size of the last step, steps, and whether all branches hold."""
+    """How Newton's method ended.
+
+    Attributes:
+        size: [-] of the last step.
+        steps: with a Jacobian of their own.
+        more: steps with the Jacobian of the one before.
+        holds: whether all branches hold.
+    """
 
     size: Float[Array, ""]
     steps: Int[Array, ""]
+    more: Int[Array, ""]
     holds: Bool[Array, ""]
 
 
 def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
-    """The periodic cycle near a start, with its report."""
+    """The periodic cycle near a start, with its report.
 
-    def going_on(carry):
-        _, size, last, steps, _ = carry
-        falling = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * last))
-        return falling & (size < _LOST) & (steps < max_steps) & mesh.fits
+    Every Jacobian serves as long as the steps with it shrink fast: another costs as much as five of
+    them.
+    """
 
-    def advance(carry):
-        z, size, _, steps, _ = carry
-        left, blocks, events = linearise(case, mesh, z)
-        step = solve_blocks(blocks, jax.tree.map(jnp.negative, left))
+    def falling(size, last, steps):
+        going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * last))
+        return going & (size < _LOST) & (steps < max_steps)
+
+    def take(z, left, factors):
+        step = solve_factors(factors, jax.tree.map(jnp.negative, left))
         # the velocity in the port of a shut valve may be anything at the start; it decides nothing
         counts = jnp.asarray([1, 1, 1, 1, 0, 1, 1, 0.0])
-        new = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
-        new = jnp.where(jnp.isfinite(new), new, 2 * _LOST)
-        taken = new < _LOST
-        z = jax.tree.map(lambda x, d: jnp.where(taken, x + d, x), z, step)
-        return z, new, size, steps + 1, _holds(z, events)
+        size = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
+        size = jnp.where(jnp.isfinite(size), size, 2 * _LOST)
+        taken = size < _LOST
+        return jax.tree.map(lambda x, d: jnp.where(taken, x + d, x), z, step), size
 
-    begin = (start, jnp.asarray(1.0), jnp.asarray(_LOST), jnp.zeros((), int), jnp.asarray(False))
-    z, size, _, steps, good = lax.while_loop(going_on, advance, begin)
-    return z, NewtonReport(size, steps, good)
+    def going_on(carry):
+        _, size, last, steps, _, _ = carry
+        return falling(size, last, steps) & mesh.fits
+
+    def advance(carry):
+        z, last, _, steps, more, _ = carry
+        left, blocks, events = linearise(case, mesh, z)
+        factors = factorise(blocks)
+        z, size = take(z, left, factors)
+
+        def fast(carry):
+            _, size, last, count, _ = carry
+            return (size > tolerance) & (size < _FAST * last) & (count < _MOST_WITH_ONE)
+
+        def again(carry):
+            z, last, _, count, _ = carry
+            left, events = evaluate(case, mesh, z)
+            z, size = take(z, left, factors)
+            return z, size, last, count + 1, _holds(z, events)
+
+        begin = (z, size, jnp.asarray(jnp.inf), jnp.zeros((), int), _holds(z, events))
+        z, size, before, count, good = lax.while_loop(fast, again, begin)
+        last = jnp.where(count > 0, before, last)
+        return z, size, last, steps + 1, more + count, good
+
+    none = jnp.zeros((), int)
+    begin = (start, jnp.asarray(1.0), jnp.asarray(_LOST), none, none, jnp.asarray(False))
+    z, size, _, steps, more, good = lax.while_loop(going_on, advance, begin)
+    return z, NewtonReport(size, steps, more, good)
 
 
 def _holds(z: Unknowns, events) -> Bool[Array, ""]:
@@ -341,7 +436,7 @@ def _attached_jvp(primals, tangents):
         case,
         is_leaf=lambda t: t is None,
     )
-    _, pushed = eqx.filter_jvp(lambda case: residual(case, mesh, z), (case,), (tangent,))
+    _, pushed = eqx.filter_jvp(lambda case: evaluate(case, mesh, z)[0], (case,), (tangent,))
     left = jax.tree.map(jnp.negative, pushed)
     _, blocks, _ = linearise(case, mesh, z)
-    return z, solve_blocks(blocks, left)
+    return z, solve_factors(factorise(blocks), left)

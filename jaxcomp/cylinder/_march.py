@@ -34,7 +34,7 @@ _E = _A[6] - np.array(
 START = -np.pi / 2  # crank angle at which a revolution begins, within the compression
 TURN = 2 * np.pi
 _CROSSED = -1e-12  # [-] event function below which an event has happened
-_LOCATED = 1e-6  # [-] of the tolerance of a step: event function within which it is located
+_LOCATED = 1e-2  # [-] of the tolerance of a step: event function within which it is located
 _LONGEST = 0.3  # [rad] step
 _NARROW = 1e-14  # [rad] bracket beyond which rounding rules
 _ACCOUNTS = len(Accounts._fields)
@@ -134,14 +134,14 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
 
         def stage(i, work):
             slopes, _, _, _ = work
-            state = carry.state + carry.width * (a[i] @ slopes)
+            state = carry.state + carry.width * _weighted(a[i], slopes)
             slope, events, force = derivative(carry.angle + c[i] * carry.width, state, carry.flags)
             return slopes.at[i].set(slope), state, events, force
 
         empty = jnp.zeros((7, STATES + _ACCOUNTS))
         work = (empty, carry.state, jnp.ones(EVENTS), jnp.zeros(2))
         slopes, state, events, force = lax.fori_loop(0, 7, stage, work)
-        error = jnp.max(jnp.abs(carry.width * (e @ slopes)) / (1 + jnp.abs(carry.state)))
+        error = jnp.max(jnp.abs(carry.width * _weighted(e, slopes)) / (1 + jnp.abs(carry.state)))
         error = jnp.where(jnp.all(jnp.isfinite(state)), error / tolerance, jnp.inf)
         return slopes, state, events, force, error
 
@@ -181,8 +181,8 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
         new_search = jax.tree.map(lambda x, y: jnp.where(seeking, x, y), going, nothing)
 
         # what has happened, if anything
-        _, which = lax.top_k(-jnp.abs(jnp.where(search.at_high < _CROSSED, events, jnp.inf)), 1)
-        event = jnp.where(accept & located, which[0], -1)
+        which = jnp.argmin(jnp.abs(jnp.where(search.at_high < _CROSSED, events, jnp.inf)))
+        event = jnp.where(accept & located, which, -1)
         code, new_flags = after_event(case, event, state[:STATES], carry.flags, force)
         jumped = state.at[:STATES].set(jump(case, event, code, state[:STATES]))
 
@@ -226,13 +226,7 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
         )
 
     # one row more than are kept takes what is thrown away
-    rows = capacity + 1
-    table = jnp.zeros((rows, STATES))
-    flat = jnp.full(rows, -1)
-    record = Record(
-        jnp.full(rows, jnp.inf), jnp.zeros(rows), table, table, table, table,
-        jnp.zeros((rows, 6), flags.dtype), flat, flat,
-    )  # fmt: skip
+    record = _empty_record(capacity + 1)
     events = jnp.ones(EVENTS)  # not known yet; only a guess within the bracket of an event
     first = jnp.minimum(0.02, _longest_step(case, flags))
     search = _Search(
@@ -263,6 +257,12 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
         whole,
         record,
     )
+
+
+def _empty_record(rows: int) -> Record:
+    table, row, flat = jnp.zeros((rows, STATES)), jnp.zeros(rows), jnp.full(rows, -1)
+    flags = jnp.zeros((rows, 6), int)
+    return Record(jnp.full(rows, jnp.inf), row, table, table, table, table, flags, flat, flat)
 
 
 class March(NamedTuple):
@@ -322,13 +322,17 @@ def _march(case, tolerance, repeat, state, flags, max_revolutions, max_passes, c
         next_state = new.end.at[:2].set(jnp.maximum(next_state[:2], 0.5 * new.end[:2]))
         return next_state, new.flags, change, March(new, jnp.max(jnp.abs(change)), count, passes)
 
-    empty = jax.tree.map(
-        lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), eqx.filter_eval_shape(turn, state, flags)
-    )
-    empty = empty._replace(whole=jnp.asarray(True))
+    record = _empty_record(capacity)
     none = jnp.zeros((), int)
+    totals, true = jnp.zeros(_ACCOUNTS), jnp.asarray(True)
+    empty = Revolution(state, state, flags, totals, none, none, true, record)
     begin = (state, flags, jnp.zeros(STATES), March(empty, jnp.asarray(jnp.inf), none, none))
     return lax.while_loop(going_on, advance, begin)[3]
+
+
+def _weighted(weights, slopes):
+    """Sum of the slopes with their weights; a matrix product would end XLA's one kernel for the loop."""
+    return jnp.sum(weights[:, None] * slopes, axis=0)
 
 
 def _longest_step(case: Case, flags):

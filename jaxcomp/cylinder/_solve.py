@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._fields import admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
-from ._balance import FREE, Accounts, initial, rates, temperature_and_density, valve_scales
+from ._balance import FREE, STATES, Accounts, initial, rates, temperature_and_density, valve_scales
 from ._collocation import (
     Mesh,
     Unknowns,
@@ -48,10 +48,10 @@ class CycleOptions(eqx.Module):
     """
 
     method: Literal["collocation", "march"] = eqx.field(static=True, default="collocation")
-    nodes: int = eqx.field(static=True, default=8)
+    nodes: int = eqx.field(static=True, default=6)
     panels: int = eqx.field(static=True, default=48)
     tolerance: float | Float[Array, ""] = 1e-11
-    march_tolerance: float | Float[Array, ""] = 1e-4
+    march_tolerance: float | Float[Array, ""] = 3e-5
     value_tolerance: float | Float[Array, ""] = 1e-8
     max_newton: int = eqx.field(static=True, default=8)
     max_revolutions: int = eqx.field(static=True, default=30)
@@ -189,7 +189,8 @@ def _rounds(case: Case, options: CycleOptions) -> _Found:
         tolerance = options.march_tolerance * 0.1**rounds
         # further revolutions cost more than another round
         few = min(8, options.max_revolutions)
-        end = _march(case, options, tolerance, 10 * tolerance, state, flags, ~last.solved, few)
+        repeat = 100 * tolerance  # Newton's method closes the rest
+        end = _march(case, options, tolerance, repeat, state, flags, ~last.solved, few)
         mesh, z = lay_mesh(end.last.record, options.panels, options.nodes)
         counts = last.revolutions + end.revolutions, last.passes + end.passes
         found = _after_newton(case, options, mesh, z, end.last.totals, counts)
@@ -204,21 +205,19 @@ def _rounds(case: Case, options: CycleOptions) -> _Found:
         return ~found.solved & (rounds < options.max_rounds)
 
     state, flags = initial(case, START)
-    none = jnp.zeros((), int)
-    # the shapes of a round, without a round
-    empty = eqx.filter_eval_shape(
-        lambda state, flags: advance((state, flags, _Start(jnp.asarray(False), none, none), none)),
-        state,
-        flags,
-    )[2]
-    empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), empty)
-    return lax.while_loop(going_on, advance, (state, flags, empty, none))[2]
+    return lax.while_loop(going_on, advance, (state, flags, _nothing(options), jnp.zeros((), int)))[
+        2
+    ]
 
 
-class _Start(NamedTuple):
-    solved: Bool[Array, ""]
-    revolutions: Int[Array, ""]
-    passes: Int[Array, ""]
+def _nothing(options: CycleOptions) -> _Found:
+    """What there is before the first round."""
+    p, s, none = options.panels, options.nodes, jnp.zeros((), int)
+    flat = jnp.zeros(p, int)
+    mesh = Mesh(jnp.zeros((p, 6), int), flat, flat, jnp.asarray(False))
+    z = Unknowns(jnp.zeros((p, s + 1, STATES)), jnp.zeros((p, STATES)), jnp.zeros(p + 1))
+    totals, solved = jnp.zeros(len(Accounts._fields)), jnp.asarray(False)
+    return _Found(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
 
 
 def _law(case: Case):
