@@ -1,4 +1,4 @@
-"""Fixed points with derivatives of any order and either mode, by the implicit function theorem."""
+"""Roots and fixed points with derivatives of any order and either mode: implicit functions."""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -41,6 +41,46 @@ _RUNAWAY = 1e6
 def frozen(tree: Y) -> Y:
     """A tree without derivatives; what is no array, as a function among the parameters, stays."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
+
+
+class AbstractRoot(eqx.Module):
+    """Equations whose unknowns follow from the parts of this module."""
+
+    @abstractmethod
+    def solve(self) -> Any:
+        """The unknowns, by whatever means."""
+
+    @abstractmethod
+    def rest(self, unknowns) -> Any:
+        """What is left over of the equations: zero at the root."""
+
+    def removed(self, unknowns, rest) -> Any:
+        """Change of the unknowns that removes a small rest; here of equations that are independent."""
+        return -rest / jax.jvp(self.rest, (unknowns,), (jnp.ones_like(unknowns),))[1]
+
+
+@eqx.filter_custom_jvp
+def root(equations: AbstractRoot):
+    """The unknowns of equations, with derivatives by the implicit function theorem.
+
+    Derivatives are those at the root, of every order and in both modes: the iteration that finds it is
+    not differentiated.
+    """
+    return equations.solve()
+
+
+@root.def_jvp
+def _root_jvp(primals, tangents):
+    unknowns = root(*primals)
+    _, moved = eqx.filter_jvp(lambda equations: equations.rest(unknowns), primals, tangents)
+    moved = jax.tree.map(
+        lambda m, x: jnp.zeros_like(x) if m is None else m, moved, unknowns, is_leaf=_absent
+    )
+    return unknowns, primals[0].removed(unknowns, moved)
+
+
+def _absent(leaf) -> bool:
+    return leaf is None
 
 
 class AbstractFixedPoint(eqx.Module):

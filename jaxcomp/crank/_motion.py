@@ -8,12 +8,12 @@ the equation is implicit. It is solved together with the joint loop, by Newton's
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._implicit import AbstractRoot, root
 from ..compressor import Compressor, Instants, instants, loop_of
 from ..friction import JointLoads, newton_step
 from ..mechanism import CrankState
@@ -78,11 +78,11 @@ def solve_motion(
     if compressor.friction is None:
         loop = equation.loop(value)
         return Instantaneous(value, at, loop.loads(loop.start(), evidence))
-    value, joint = _solved(equation)
+    value, joint = root(equation)
     return Instantaneous(value, at, equation.loop(value).loads(joint, evidence))
 
 
-class _Equation(eqx.Module):
+class _Equation(AbstractRoot):
     """Balance of torques and of joint forces at instants, for acceleration and unknown of the joints."""
 
     compressor: Compressor
@@ -95,22 +95,40 @@ class _Equation(eqx.Module):
         state = CrankState(at.angle, self.speed, value)
         return loop_of(self.compressor, state, at.gas_force, at.kinematics)
 
-    def rest(self, value, joint):
+    def solve(self):
+        start = self.drive / self.at.inertia
+        first = self.loop(start)
+        limit = first.limit()
+
+        def improve(_, unknowns):
+            change, moved = self.newton(*self.slopes(unknowns))
+            return unknowns[0] + change, newton_step(
+                unknowns[1], -moved, jnp.ones_like(moved), limit
+            )
+
+        return lax.fori_loop(0, _NEWTON_STEPS, improve, (start, first.start()))
+
+    def rest(self, unknowns):
         """Torque [N m] and force [N] that are left over."""
+        value, joint = unknowns
         loop = self.loop(value)
         excess, loss, _ = loop.balance(joint)
         return self.at.inertia * value - self.drive + loop.total_loss(loss), excess
 
-    def slopes(self, value, joint):
+    def removed(self, unknowns, rest):
+        return self.newton(rest, self.slopes(unknowns)[1])
+
+    def slopes(self, unknowns):
         """Slopes of both remainders along the acceleration and along the joints, with the remainders."""
+        value, joint = unknowns
         each = self.loop(value).directions(joint)
         one, none = jnp.ones_like(value), jnp.zeros_like(value)
         ways = (
             jnp.stack([one, *[none] * len(each)]),
             jnp.concatenate([jnp.zeros_like(joint)[None], each]),
         )
-        rest, linear = jax.linearize(self.rest, value, joint)
-        return rest, jax.vmap(linear)(*ways)
+        rest, linear = jax.linearize(self.rest, unknowns)
+        return rest, jax.vmap(linear)(ways)
 
     def newton(self, rest, slopes):
         """Changes of acceleration and joints that remove the remainders.
@@ -124,30 +142,3 @@ class _Equation(eqx.Module):
         inertia = jnp.maximum(inertia, 0.1 * self.at.inertia)
         change = -(torque - jnp.sum(by_torque[1:] * force / stiff, axis=0)) / inertia
         return change, -(force + by_force[0] * change) / stiff
-
-
-@eqx.filter_custom_jvp
-def _solved(equation: _Equation) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-    """Acceleration [rad/s^2] and unknown of the joint loop; derivatives by the implicit function."""
-    start = equation.drive / equation.at.inertia
-    first = equation.loop(start)
-    limit = first.limit()
-
-    def improve(_, unknowns):
-        value, joint = unknowns
-        change, moved = equation.newton(*equation.slopes(value, joint))
-        return value + change, newton_step(joint, -moved, jnp.ones_like(moved), limit)
-
-    return lax.fori_loop(0, _NEWTON_STEPS, improve, (start, first.start()))
-
-
-@_solved.def_jvp
-def _solved_jvp(primals, tangents):
-    (equation,) = primals
-    value, joint = _solved(equation)
-    _, moved = eqx.filter_jvp(lambda e: e.rest(value, joint), primals, tangents)
-    moved = tuple(
-        jnp.zeros_like(x) if m is None else m for m, x in zip(moved, (value, joint), strict=True)
-    )
-    _, slopes = equation.slopes(value, joint)
-    return (value, joint), equation.newton(moved, slopes)

@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import BadInput, is_traced
+from .._implicit import AbstractRoot, root
 
 Scalar = Float[Array, ""]
 
@@ -131,7 +132,7 @@ def film_ratio(film: AbstractCarryingFilm, load_number: Scalar) -> Scalar:
     # Rules of derivatives of one's own fail in JAX 0.9 on arrays of NumPy that `vmap` maps within `jit`;
     # the sum makes them arrays of JAX.
     held = jax.tree.map(lambda leaf: leaf + 0 if is_traced(leaf) else leaf, (film, load_number))
-    return load_number * jnp.exp(_log_compliance(*held))
+    return load_number * jnp.exp(root(_LogCompliance(*held)))
 
 
 def film_ratio_of(eccentricity_ratio: Scalar) -> Scalar:
@@ -318,33 +319,26 @@ def _film_axes(film: AbstractSolvedFilm, x: Scalar) -> tuple[Array, Array]:
     return stiffness, damping
 
 
-@jax.custom_jvp
-@jax.jit
-def _log_compliance(film: AbstractCarryingFilm, load_number: Scalar) -> Scalar:
+class _LogCompliance(AbstractRoot):
     """z = ln(x/Phi_p), the root of ln(load gain(Phi_p e^z)) + z: regular at zero load."""
-    light = film.load_gain(jnp.zeros_like(load_number))
-    # Start: Phi_p ~ light x + q^2 x^2/2 (short bearing), or Phi_p ~ 1.2 x (thin zone), whichever
-    # gives the thinner film. The slope d ln Phi_p/d ln x lies between 0.7 and 2, so that Newton's
-    # method in ln x needs neither damping nor a bracket: the sixth step is below rounding.
-    short = 2 / (light + jnp.sqrt(light**2 + 2 * film.length_ratio**2 * load_number))
-    start = jnp.log(short + 1 / 1.2)
 
-    def step(_, z):
-        residual, slope = jax.jvp(
-            lambda z: _residual(film, load_number, z), (z,), (jnp.ones_like(z),)
-        )
-        return z - residual / slope
+    film: AbstractCarryingFilm
+    load_number: Scalar
 
-    return jax.lax.fori_loop(0, 6, step, start)
+    @eqx.filter_jit
+    def solve(self):
+        film, load_number = self.film, self.load_number
+        light = film.load_gain(jnp.zeros_like(load_number))
+        # Start: Phi_p ~ light x + q^2 x^2/2 (short bearing), or Phi_p ~ 1.2 x (thin zone), whichever
+        # gives the thinner film. The slope d ln Phi_p/d ln x lies between 0.7 and 2, so that Newton's
+        # method in ln x needs neither damping nor a bracket: the sixth step is below rounding.
+        short = 2 / (light + jnp.sqrt(light**2 + 2 * film.length_ratio**2 * load_number))
 
+        def step(_, z):
+            rest, slope = jax.jvp(self.rest, (z,), (jnp.ones_like(z),))
+            return z - rest / slope
 
-@_log_compliance.defjvp
-def _log_compliance_jvp(primals, tangents):
-    z = _log_compliance(*primals)  # this rule is differentiated in its turn: all orders are exact
-    _, slope = jax.jvp(lambda z: _residual(*primals, z), (z,), (jnp.ones_like(z),))
-    _, change = jax.jvp(lambda *args: _residual(*args, z), primals, tangents)
-    return z, -change / slope
+        return jax.lax.fori_loop(0, 6, step, jnp.log(short + 1 / 1.2))
 
-
-def _residual(film: AbstractCarryingFilm, load_number: Scalar, z: Scalar) -> Scalar:
-    return jnp.log(film.load_gain(load_number * jnp.exp(z))) + z
+    def rest(self, unknowns):
+        return jnp.log(self.film.load_gain(self.load_number * jnp.exp(unknowns))) + unknowns

@@ -29,6 +29,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._implicit import AbstractRoot, root
 from ._chebyshev import collapsed
 from ._film import Scalar
 
@@ -136,7 +137,9 @@ class OcvirkSqueeze(AbstractSqueeze):
         x, y = _dot(position, along), _cross(along, position)
         room = jnp.maximum(1 - x, 1e-9)
         start = room**2.5 / jnp.pi * along - 4 * y * room**1.5 / jnp.pi**2 * quarter_turn(along)
-        return size * _inverse(_Impedance(self), position, along, start / self.length_ratio**2)
+        return size * root(
+            _Inverse(_Impedance(self), position, along, start / self.length_ratio**2)
+        )
 
     def peak_pressure(self, position, force, velocity):
         # In Sommerfeld's angle y, 1/(1 - eps cos) = (1 + eps cos y)/s^2: a trigonometric polynomial of
@@ -214,7 +217,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
     def impedance(self, position, velocity):
         size, along = _split(velocity)
         start = OcvirkSqueeze(self.length_ratio).impedance(position, along)
-        return size * _inverse(_Mobility(self), position, along, start)
+        return size * root(_Inverse(_Mobility(self), position, along, start))
 
     def peak_pressure(self, position, force, velocity):
         size, along = _split(force)
@@ -278,29 +281,31 @@ def two_by_two(columns, right: Pair) -> Pair:
     return jnp.stack([d * right[0] - b * right[1], a * right[1] - c * right[0]]) / size
 
 
-@eqx.filter_custom_jvp
-def _inverse(function, position: Pair, target: Pair, start: Pair) -> Pair:
-    """Where a monotone map, homogeneous of degree one, takes a value; from a start.
+class _Inverse(AbstractRoot):
+    """Where a monotone map, homogeneous of degree one, takes a value; sought from a start.
 
     The slope times the place is the value: to solve with the last slope is Newton's method.
     """
 
-    def improve(_, place):
-        _, columns = _columns(lambda p: function(position, p), place)
-        return two_by_two(columns, target)
+    map: _Impedance | _Mobility
+    position: Pair
+    target: Pair
+    start: Pair
 
-    return lax.fori_loop(0, _INVERSIONS, improve, start)
+    def columns(self, place):
+        return _columns(lambda p: self.map(self.position, p), place)[1]
 
+    def solve(self):
+        def improve(_, place):
+            return two_by_two(self.columns(place), self.target)
 
-@_inverse.def_jvp
-def _inverse_jvp(primals, tangents):
-    function, position, target, start = primals
-    place = _inverse(function, position, target, start)
-    _, moved = eqx.filter_jvp(lambda f, p: f(p, place), (function, position), tuple(tangents[:2]))
-    change = jnp.zeros_like(place) if tangents[2] is None else tangents[2]
-    change = change if moved is None else change - moved
-    _, columns = _columns(lambda p: function(position, p), place)
-    return place, two_by_two(columns, change)
+        return lax.fori_loop(0, _INVERSIONS, improve, self.start)
+
+    def rest(self, unknowns):
+        return self.map(self.position, unknowns) - self.target
+
+    def removed(self, unknowns, rest):
+        return -two_by_two(self.columns(unknowns), rest)
 
 
 def _slope_and_bend(function, x):

@@ -6,7 +6,8 @@ Derivatives of any order follow from the implicit function theorem.
 """
 
 from abc import abstractmethod
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,6 +16,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from .._fields import Part
+from .._implicit import AbstractRoot, root
 
 
 class GasState(NamedTuple):
@@ -108,22 +110,22 @@ class AbstractFluid(Part):
         """
 
         def misfit(rho, inputs):
-            T, p = inputs
-            return self.state(T, rho).p / p - 1
+            fluid, T, p = inputs
+            return fluid.state(T, rho).p / p - 1
 
         def solve(inputs):
-            T, p = inputs
+            fluid, T, p = inputs
 
             def newton(_, rho):
-                state = self.state(T, rho)
-                slope = jnp.maximum(state.dp_drho, 1e-3 * self.specific_gas_constant * T)
+                state = fluid.state(T, rho)
+                slope = jnp.maximum(state.dp_drho, 1e-3 * fluid.specific_gas_constant * T)
                 return jnp.clip(rho + (p - state.p) / slope, 0.5 * rho, 1.3 * rho)
 
             # From the perfect gas, which is thinner: p(rho) of a gas bends down, so the steps come
             # from below and do not overshoot.
-            return lax.fori_loop(0, 40, newton, p / (self.specific_gas_constant * T))
+            return lax.fori_loop(0, 40, newton, p / (fluid.specific_gas_constant * T))
 
-        return _root(misfit, solve, (T, p))
+        return root(SmallSystem(misfit, solve, (self, T, p)))
 
     @eqx.filter_jit
     def at_entropy(self, p: Float[Array, ""], s: Float[Array, ""], start: GasState) -> GasState:
@@ -139,8 +141,8 @@ class AbstractFluid(Part):
         low, high = self.temperature_range
 
         def misfit(unknowns, inputs):
-            p, value, scale, _ = inputs
-            state = self.state(*jnp.exp(unknowns))
+            fluid, p, value, scale, _ = inputs
+            state = fluid.state(*jnp.exp(unknowns))
             return jnp.stack([jnp.log(state.p / p), (caloric(state) - value) / scale])
 
         def solve(inputs):
@@ -151,32 +153,31 @@ class AbstractFluid(Part):
                 T, rho = unknowns - jnp.where(jnp.isfinite(step), step, 0.0)
                 return jnp.stack([jnp.clip(T, jnp.log(low), jnp.log(2 * high)), rho])
 
-            return lax.fori_loop(0, 40, newton, inputs[3])
+            return lax.fori_loop(0, 40, newton, inputs[-1])
 
         # the perfect gas's isentrope is near enough to start from
         ratio = p / start.p
         exponent = jnp.clip((start.kappa - 1) / start.kappa, 0.0, 0.4)
         T = jnp.clip(start.T * ratio**exponent, low, high)
         guess = jnp.log(jnp.stack([T, start.rho * ratio * start.T / T]))
-        inputs = (p, value, lax.stop_gradient(start.c_v), lax.stop_gradient(guess))
-        return self.state(*jnp.exp(_root(misfit, solve, inputs)))
+        inputs = (self, p, value, lax.stop_gradient(start.c_v), lax.stop_gradient(guess))
+        return self.state(*jnp.exp(root(SmallSystem(misfit, solve, inputs))))
 
 
-def _root(misfit, solve, inputs):
-    """The root of a small system with derivatives of any order.
+class SmallSystem(AbstractRoot):
+    """A small system of equations of inputs, and how its root is found."""
 
-    Args:
-        misfit: of (unknowns, inputs), zero at the root.
-        solve: of the inputs, finds the root by whatever means.
-        inputs: arrays that the root depends on.
-    """
+    misfit: Callable = eqx.field(static=True)
+    find: Callable = eqx.field(static=True)
+    inputs: Any
 
-    def tangent_solve(linear, right_side):
-        if right_side.ndim == 0:
-            return right_side / linear(jnp.ones_like(right_side))
-        return jnp.linalg.solve(jax.jacfwd(linear)(jnp.zeros_like(right_side)), right_side)
+    def solve(self):
+        return self.find(self.inputs)
 
-    found = lax.stop_gradient(solve(lax.stop_gradient(inputs)))
-    return lax.custom_root(
-        lambda unknowns: misfit(unknowns, inputs), found, lambda _, start: start, tangent_solve
-    )
+    def rest(self, unknowns):
+        return self.misfit(unknowns, self.inputs)
+
+    def removed(self, unknowns, rest):
+        if unknowns.ndim == 0:
+            return super().removed(unknowns, rest)
+        return -jnp.linalg.solve(jax.jacfwd(self.rest)(unknowns), rest)

@@ -21,7 +21,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from ._base import AbstractFluid, GasState, _root
+from .._implicit import root
+from ._base import AbstractFluid, GasState, SmallSystem
 
 
 class Saturation(NamedTuple):
@@ -175,7 +176,7 @@ class RealGas(AbstractFluid):
 
             return lax.fori_loop(0, 12, newton, jnp.stack([log_T, *guess]))
 
-        T, liquid, vapour = jnp.exp(_root(misfit, solve, given))
+        T, liquid, vapour = jnp.exp(root(SmallSystem(misfit, solve, given)))
         return Saturation(T, self.state(T, vapour).p, liquid, vapour)
 
 

@@ -11,6 +11,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._fields import Part
+from .._implicit import AbstractRoot, root
 from ..film import PlacedJournal
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
 
@@ -58,7 +59,7 @@ _NEWTON_STEPS = 6
 _LEAST_SLOPE = 1e-3
 
 
-class AbstractJointLoop(eqx.Module):
+class AbstractJointLoop(AbstractRoot):
     """The joints at given instants, up to one unknown of each instant that closes their balance.
 
     Everything else follows from the unknown, a force, explicitly. A solver of the motion carries the
@@ -119,6 +120,21 @@ class AbstractJointLoop(eqx.Module):
         """[-] of the excess over the unknown."""
         return jax.jvp(self.excess, (unknown,), (jnp.ones_like(unknown),))[1]
 
+    def solve(self):
+        limit = self.limit()
+
+        def improve(_, unknown):
+            excess, slope = jax.jvp(self.excess, (unknown,), (jnp.ones_like(unknown),))
+            return newton_step(unknown, excess, slope, limit)
+
+        return lax.fori_loop(0, _NEWTON_STEPS, improve, self.start())
+
+    def rest(self, unknowns):
+        return self.excess(unknowns)
+
+    def removed(self, unknowns, rest):
+        return -rest / jnp.maximum(self.slope(unknowns), _LEAST_SLOPE)
+
 
 def newton_step(unknown, excess, slope, limit):
     """The unknown of a joint loop after one step of Newton's method."""
@@ -132,28 +148,7 @@ def relative(left, size):
 
 def closed(loop: AbstractJointLoop) -> Float[Array, "*n"]:
     """The unknown that closes a joint loop; derivatives of any order by the implicit function theorem."""
-    return _root(loop) if loop.coupled else loop.start()
-
-
-@eqx.filter_custom_jvp
-def _root(loop: AbstractJointLoop) -> Float[Array, "*n"]:
-    limit = loop.limit()
-
-    def improve(_, unknown):
-        excess, slope = jax.jvp(loop.excess, (unknown,), (jnp.ones_like(unknown),))
-        return newton_step(unknown, excess, slope, limit)
-
-    return lax.fori_loop(0, _NEWTON_STEPS, improve, loop.start())
-
-
-@_root.def_jvp
-def _root_jvp(primals, tangents):
-    (loop,) = primals
-    unknown = _root(loop)
-    _, moved = eqx.filter_jvp(lambda loop: loop.excess(unknown), primals, tangents)
-    if moved is None:
-        return unknown, None
-    return unknown, -moved / jnp.maximum(loop.slope(unknown), _LEAST_SLOPE)
+    return root(loop) if loop.coupled else loop.start()
 
 
 @singledispatch
