@@ -15,7 +15,7 @@ from jaxcomp.cli import app
 from jaxcomp.cli._sweep import axes_of
 
 RUNNER = CliRunner()
-FAST = ["--solver-nodes", "5", "--solver-reversals", "0", "--solver-tolerance", "1e-5"]
+FAST = ["--accuracy", "coarse"]
 RPM = np.pi / 30
 
 
@@ -198,9 +198,7 @@ REFUSED = {
     "sampling": ([*BORES, "--sampling", "random"], "--sampling random: has no meaning"),
     "quantity": ([*BORES, "--quantity", "speed"], "mechanical_efficiency"),
     "joint": ([*BORES, "--quantity", "loss_power.knee", *FAST], "crank_pin"),
-    "nodes": ([*BORES, "--solver-nodes", "1"], "--solver-nodes 1: must be >= 2"),
-    "reversals": ([*BORES, "--solver-reversals", "-1"], "--solver-reversals -1: must be >= 0"),
-    "tolerance": ([*BORES, "--solver-tolerance", "2"], "--solver-tolerance 2: must be > 0"),
+    "accuracy": ([*BORES, "--accuracy", "best"], "coarse"),
     "devices": ([*BORES, "--devices", "0"], "--devices 0: must be >= 1"),
     "batch": ([*BORES, "--batch", "0"], "`batch` must be >= 1"),
     "cluster": (

@@ -13,7 +13,7 @@ from jaxcomp.cli._completion import complete_quantity
 from jaxcomp.design import available_quantities, by_name, matching, variable
 from jaxcomp.scene import SceneError, with_values
 
-FAST = ["--solver-nodes", "5", "--solver-reversals", "0", "--solver-tolerance", "1e-5"]
+FAST = ["--accuracy", "coarse"]
 
 
 def invoke(*arguments):

@@ -7,7 +7,7 @@ import typer
 
 from ._completion import complete_quantity, complete_variable
 from ._errors import CommandError, reports_errors
-from ._options import AsJson, Machine, Out, Sets
+from ._options import Accuracy, AccuracyOption, AsJson, Machine, Out, Sets
 
 
 class Method(enum.StrEnum):
@@ -16,13 +16,6 @@ class Method(enum.StrEnum):
     slsqp = "slsqp"
     least_squares = "least-squares"
     adam = "adam"
-
-
-class Accuracy(enum.StrEnum):
-    """How the periodic state is solved."""
-
-    fine = "fine"
-    fast = "fast"
 
 
 @reports_errors
@@ -120,10 +113,7 @@ def optimise(
         int, typer.Option(help="Designs of the coarse sweep that the optimum is compared with.")
     ] = 256,
     seed: Annotated[int, typer.Option(help="Of starts and samples.")] = 0,
-    accuracy: Annotated[
-        Accuracy,
-        typer.Option(help="fast: efficiency to 1e-5, compiles three times as fast."),
-    ] = Accuracy.fine,
+    accuracy: AccuracyOption = Accuracy.fine,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -174,6 +164,6 @@ def optimise(
         "tolerance": tolerance,
         "samples": samples,
         "seed": seed,
-        "accuracy": accuracy.value,
+        "accuracy": accuracy,
     }
     searched(asked, as_json, out)

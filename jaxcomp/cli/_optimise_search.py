@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from .._waits import progress_of, spinner
-from ..crank import Collocation
 from ..design import (
     AnalysisOptions,
     ParetoFront,
@@ -31,10 +30,8 @@ from ._optimise_result import (
     optimum_result,
     optimum_tables,
 )
+from ._options import analysis_solver
 from ._output import hand_out
-
-# Of the periodic state by `--accuracy`; the fine one is chosen by the design.
-SOLVERS = {"fast": Collocation(nodes=12, reversals=0, tolerance=1e-10), "fine": None}
 
 
 def searched(asked: dict[str, Any], as_json: bool, out: Path | None) -> None:
@@ -104,7 +101,7 @@ def _problem(asked: dict[str, Any], design: Machine, others: list[str]) -> Probl
         quantities = [_robust(asked, design) if asked["scatter"] else asked["objective"]]
     else:
         quantities = list(assignments(asked["targets"], "--target"))
-    options = AnalysisOptions(SOLVERS[asked["accuracy"]])
+    options = AnalysisOptions(analysis_solver(asked["accuracy"]))
     return problem(design, ranges, [*quantities, *others], options)
 
 

@@ -9,6 +9,24 @@ import typer
 from ._completion import complete_machine, complete_rule, complete_variable
 
 
+class Accuracy(enum.StrEnum):
+    """How the periodic state is solved, of many designs."""
+
+    fine = "fine"
+    fast = "fast"
+    coarse = "coarse"
+
+
+def analysis_solver(accuracy: Accuracy):
+    """The solver of an accuracy; `None` for the one that the design chooses."""
+    from ..crank import Collocation
+
+    if accuracy == Accuracy.fine:
+        return None
+    nodes, tolerance = (12, 1e-10) if accuracy == Accuracy.fast else (8, 1e-5)
+    return Collocation(nodes, reversals=0, tolerance=tolerance)
+
+
 class Excitation(enum.StrEnum):
     """Forces on the rotor."""
 
@@ -20,6 +38,14 @@ Machine = Annotated[
     str,
     typer.Argument(
         help="Bundled machine (see `jaxcomp list`) or scene file.", autocompletion=complete_machine
+    ),
+]
+AccuracyOption = Annotated[
+    Accuracy,
+    typer.Option(
+        "--accuracy",
+        help="Of the periodic state. fine: to 1e-9 of the work; fast: to 1e-5, compiles three times as "
+        "fast; coarse: to 3e-5, for the most designs a second.",
     ),
 ]
 Sets = Annotated[

@@ -14,8 +14,17 @@ from .._shown import shown
 from ._arguments import changed_scene
 from ._completion import complete_quantity
 from ._errors import CommandError, reports_errors
-from ._optimise import Accuracy
-from ._options import AsJson, Designs, ExcitationOption, Machine, Out, Sets
+from ._options import (
+    Accuracy,
+    AccuracyOption,
+    AsJson,
+    Designs,
+    ExcitationOption,
+    Machine,
+    Out,
+    Sets,
+    analysis_solver,
+)
 from ._output import hand_out
 from ._start import start_jax
 from ._sweep import default_quantities
@@ -37,10 +46,7 @@ def sensitivity(
     sets: Sets = None,
     designs: Designs = None,
     excitation: ExcitationOption = None,
-    accuracy: Annotated[
-        Accuracy,
-        typer.Option(help="fast: efficiency to 1e-5, compiles three times as fast."),
-    ] = Accuracy.fast,
+    accuracy: AccuracyOption = Accuracy.fast,
     rows: Annotated[
         int, typer.Option(help="Rows of each table; JSON and CSV have every number.", min=1)
     ] = 20,
@@ -55,11 +61,10 @@ def sensitivity(
     Example: [bold]jaxcomp sensitivity mayekawa-wbhe --quantity mechanical_efficiency --out result[/bold]
     """
     from .._waits import spinner
-    from ._optimise_search import SOLVERS
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), designs or ())
-    options = jc.AnalysisOptions(SOLVERS[accuracy.value], excitation and excitation.value)
+    options = jc.AnalysisOptions(analysis_solver(accuracy), excitation and excitation.value)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with spinner("Solving (the first time it is compiled as well) ..."):
         found = jc.design.sensitivity(scene, names, options=options)

@@ -17,7 +17,17 @@ from ._arguments import assignments, changed_scene, with_one_unit
 from ._completion import complete_quantity, complete_variable
 from ._errors import STOPPED, CommandError, reports_errors
 from ._json import plain
-from ._options import AsJson, Dask, Designs, Machine, Out, Sets
+from ._options import (
+    Accuracy,
+    AccuracyOption,
+    AsJson,
+    Dask,
+    Designs,
+    Machine,
+    Out,
+    Sets,
+    analysis_solver,
+)
 from ._output import hand_out
 from ._start import cluster, start_jax
 from ._tables import row_table
@@ -66,24 +76,7 @@ def sweep(
     ] = None,
     sampling: Annotated[Sampling, typer.Option(help="How samples are drawn.")] = Sampling.sobol,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
-    nodes: Annotated[
-        int | None,
-        typer.Option(
-            "--solver-nodes",
-            help="Collocation nodes a panel, e.g. 10 with --solver-reversals 0 --solver-tolerance 1e-5 "
-            "for many designs; its own default if absent.",
-        ),
-    ] = None,
-    reversals: Annotated[
-        int | None,
-        typer.Option(
-            "--solver-reversals", help="Load reversals that become panel edges; 0 for none."
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option("--solver-tolerance", help="Change at which the iteration stops."),
-    ] = None,
+    accuracy: AccuracyOption = Accuracy.fine,
     batch: Annotated[
         int | None, typer.Option(help="Designs that are solved and written at a time.")
     ] = None,
@@ -102,7 +95,7 @@ def sweep(
     Example: [bold]jaxcomp sweep mayekawa-wbhe --over bore=100mm:150mm:51 --over
     motor.mean_speed=600rpm:1400rpm:33 --out result[/bold]
     """
-    _check(sampling, samples, tolerance, nodes, reversals)
+    _check(sampling, samples)
     start_devices(devices)
     start_jax()
     scene = changed_scene(machine, sets or (), designs or (), over)
@@ -117,7 +110,7 @@ def sweep(
                 "samples": samples if axes else None,
                 "sampling": sampling.value.replace("-", "_"),
                 "seed": seed,
-                "options": analysis_options(scene, nodes, reversals, tolerance),
+                "options": jc.design.AnalysisOptions(analysis_solver(accuracy)),
                 "out": None if out is None else out / "sweep.zarr",
                 "batch": batch,
                 "devices": devices,
@@ -196,17 +189,11 @@ def _hand_out_layouts(scene: jc.scene.Scene, found, as_json: bool, out: Path | N
     hand_out(result, [table], as_json, out, figures, scene, curves)
 
 
-def _check(sampling, samples, tolerance, nodes, reversals):
+def _check(sampling, samples):
     if samples is None and sampling is not Sampling.sobol:
         raise CommandError(f"--sampling {sampling}: has no meaning without --samples")
     if samples is not None and samples < 1:
         raise CommandError(f"--samples {samples}: must be >= 1")
-    if tolerance is not None and not 0 < tolerance < 1:
-        raise CommandError(f"--solver-tolerance {tolerance:g}: must be > 0 and < 1")
-    if nodes is not None and not 2 <= nodes <= 200:
-        raise CommandError(f"--solver-nodes {nodes}: must be >= 2 and <= 200")
-    if reversals is not None and not 0 <= reversals <= 16:
-        raise CommandError(f"--solver-reversals {reversals}: must be >= 0 and <= 16")
 
 
 def start_devices(wanted: int | None) -> None:
@@ -230,19 +217,6 @@ def start_devices(wanted: int | None) -> None:
 def default_quantities(scene: jc.scene.Scene) -> list[str]:
     """Quantities if none are named."""
     return ["mechanical_efficiency"] if scene.compressor is not None else ["vibration"]
-
-
-def analysis_options(
-    scene: jc.scene.Scene, nodes, reversals, tolerance
-) -> jc.design.AnalysisOptions:
-    """Options of the analysis, with those of the solver that were given."""
-    given = {"nodes": nodes, "reversals": reversals, "tolerance": tolerance}
-    given = {name: value for name, value in given.items() if value is not None}
-    if not given or scene.compressor is None:
-        return jc.design.AnalysisOptions()
-    return jc.design.AnalysisOptions(
-        jc.crank.Collocation(**{"reversals": scene.compressor.load_reversals} | given)
-    )
 
 
 def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:

@@ -18,8 +18,18 @@ from ._arguments import assignments, changed_scene, entry
 from ._completion import complete_quantity, complete_variable
 from ._errors import CommandError, reports_errors
 from ._json import plain
-from ._optimise import Accuracy
-from ._options import AsJson, Dask, Designs, ExcitationOption, Machine, Out, Sets
+from ._options import (
+    Accuracy,
+    AccuracyOption,
+    AsJson,
+    Dask,
+    Designs,
+    ExcitationOption,
+    Machine,
+    Out,
+    Sets,
+    analysis_solver,
+)
 from ._output import hand_out
 from ._start import cluster, start_jax
 from ._sweep import Sampling, default_quantities, start_devices
@@ -92,10 +102,7 @@ def tolerance(
         Curvature,
         typer.Option(help="Second order by differences of slopes, by exact derivatives, or not."),
     ] = Curvature.differences,
-    accuracy: Annotated[
-        Accuracy,
-        typer.Option(help="fast: efficiency to 1e-5, compiles three times as fast."),
-    ] = Accuracy.fast,
+    accuracy: AccuracyOption = Accuracy.fast,
     dask: Dask = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -122,12 +129,11 @@ def tolerance(
     from .._waits import spinner
     from ..design import AnalysisOptions
     from ._constraints import bounds_of
-    from ._optimise_search import SOLVERS
 
     start_devices(None)
     start_jax()
     scene = changed_scene(machine, sets or (), designs or (), vary or ())
-    options = AnalysisOptions(SOLVERS[accuracy.value], excitation and excitation.value)
+    options = AnalysisOptions(analysis_solver(accuracy), excitation and excitation.value)
     design = jc.machine.machine_of(scene)
     if balanced:
         if not design.corrections:
