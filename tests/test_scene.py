@@ -358,6 +358,10 @@ def test_frequent_units_are_those_of_the_registry(monkeypatch):
         assert _units.factor(given, unit) == size, f"{given} in {unit}"
 
 
-def test_a_scene_with_frequent_units_is_read_without_the_registry():
-    program = "import sys, jaxcomp; jaxcomp.load('mayekawa-wbhe'); assert 'pint' not in sys.modules"
+def test_a_command_does_not_import_what_it_does_not_use():
+    """Half a second each: the registry of units for frequent units, diffrax for what is not marched."""
+    program = (
+        "import sys, jaxcomp, jaxcomp.design; jaxcomp.load('mayekawa-wbhe'); jaxcomp.solve_orbit; "
+        "assert not {'pint', 'diffrax', 'optax', 'optimistix'} & set(sys.modules)"
+    )
     subprocess.run([sys.executable, "-c", program], check=True)
