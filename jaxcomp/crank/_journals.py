@@ -131,19 +131,38 @@ class Drive(NamedTuple):
         film = self._grouped(lambda film, e, f: film.mobility(e, f), position)
         return film + self.turning * quarter_turn(position)
 
-    def _grouped(self, function, position):
+    def rate_and_slopes(
+        self, position: Positions
+    ) -> tuple[Positions, Positions, Float[Array, "2 2 k *n"]]:
+        """[1/rad] de/dtheta, the part of it that is the film's, and its slopes along the position."""
+
+        def film(film, e, f):
+            value, slopes = film.mobility_slopes(e, f)
+            return jnp.stack([value, *slopes])
+
+        # journals stand on the axis before the last ones, here behind the three and the components
+        both = self._grouped(film, position, out_axis=2)
+        own, along_x, along_y = both
+        turn = self.turning
+        slopes = jnp.stack([
+            jnp.stack([along_x[0], along_y[0] - turn]),
+            jnp.stack([along_x[1] + turn, along_y[1]]),
+        ])  # fmt: skip
+        return own + turn * quarter_turn(position), own, slopes
+
+    def _grouped(self, function, position, out_axis=1):
         parts = []
         for film, numbers in self.films:
             index = jnp.asarray(numbers)
             parts.append(
-                jax.vmap(function, in_axes=(0, 1, 1), out_axes=1)(
+                jax.vmap(function, in_axes=(0, 1, 1), out_axes=out_axis)(
                     film, position[:, index], self.force[:, index]
                 )
             )
         if len(parts) == 1:
             return parts[0]
         order = jnp.argsort(jnp.asarray([n for _, numbers in self.films for n in numbers]))
-        return jnp.concatenate(parts, axis=1)[:, order]
+        return jnp.take(jnp.concatenate(parts, axis=out_axis), order, axis=out_axis)
 
 
 def journal_drive(
@@ -189,15 +208,12 @@ def improved_positions(
     Returns:
         Better positions, and the power of the squeeze over c U and the square of the crank's speed.
     """
-    rate, linear = jax.linearize(drive.rate, position)
-    one, none = jnp.ones_like(position[0]), jnp.zeros_like(position[0])
-    slopes = jnp.stack([linear(jnp.stack([one, none])), linear(jnp.stack([none, one]))], axis=1)
+    rate, film, slopes = drive.rate_and_slopes(position)
     # without derivatives of the slopes: at the solution their error does not count
-    slopes = lax.stop_gradient(slopes)
-    rest = rate - jnp.einsum("abkps,bkps->akps", slopes, position)
-    new = jax.vmap(_periodic, in_axes=(None, 2, 1), out_axes=1)(grid, slopes, rest)
-    new = position + _step_share(position, new) * (new - position)
-    film = rate - drive.turning * quarter_turn(position)
+    change = jax.vmap(_correction, in_axes=(None, 2, 1, 1), out_axes=1)(
+        grid, lax.stop_gradient(slopes), rate, position
+    )
+    new = position + _step_share(position, position + change) * change
     power = jnp.sum(drive.force * film, axis=0)
     # far from the orbit the squeeze takes any power: it counts once the journals have come near
     moved, before = (jnp.hypot(*lax.stop_gradient(e)) for e in (new - position, position))
@@ -205,31 +221,56 @@ def improved_positions(
     return new, jnp.where(near, power, 0.0)
 
 
-def _periodic(grid: Panels, slopes: Float[Array, "2 2 p s"], rest: Float[Array, "2 p s"]):
-    """The periodic solution of de/dtheta = slopes e + rest at the nodes."""
-    rule, width = grid.rule, grid.width
-    count, panels = rule.nodes.size, width.size
+def _correction(
+    grid: Panels,
+    slopes: Float[Array, "2 2 p s"],
+    rate: Float[Array, "2 p s"],
+    position: Float[Array, "2 p s"],
+) -> Float[Array, "2 p s"]:
+    """What a step of Newton's method adds to positions, so that they are periodic with their rates.
+
+    On each panel e + d = left + width (integral of rate + slopes d). Derivatives pass through the
+    defect of the present positions alone; the matrices are constants to them.
+    """
+    rule, fixed = grid.rule, lax.stop_gradient(grid.width)
+    count, panels = rule.nodes.size, fixed.size
     matrix = jnp.eye(2 * count) - jnp.einsum(
-        "p,ij,abpj->paibj", width, rule.integral, slopes
+        "p,ij,abpj->paibj", fixed, rule.integral, slopes
     ).reshape(panels, 2 * count, 2 * count)
-    right = jnp.einsum("p,ij,apj->pai", width, rule.integral, rest).reshape(panels, -1, 1)
     left = jnp.broadcast_to(jnp.kron(jnp.eye(2), jnp.ones((count, 1))), (panels, 2 * count, 2))
+    defect = grid.width[:, None] * (rate @ rule.integral.T) - position
+    right = jnp.moveaxis(defect, 0, 1).reshape(panels, 2 * count, 1)
     inner = jnp.linalg.solve(matrix, jnp.concatenate([left, right], axis=-1))
-    inner = inner.reshape(
-        panels, 2, count, 3
-    )  # e at the nodes = inner[..., :2] e_left + inner[..., 2]
-    weight = width[:, None] * rule.weights
-    end = jnp.einsum("ps,abps,pbsk->pak", weight, slopes, inner)
-    through = end[..., :2] + jnp.eye(2)
-    shift = end[..., 2] + jnp.einsum("ps,aps->pa", weight, rest)
+    # d at the nodes = inner[..., :2] left + inner[..., 2], as inner is (2, 3, p, s)
+    inner = jnp.transpose(inner.reshape(panels, 2, count, 3), (1, 3, 0, 2))
+    towards = slopes * (fixed[:, None] * rule.weights)
+    end = jnp.sum(towards[:, :, None] * inner, axis=(1, -1))  # (2, 3, p)
+    through = lax.stop_gradient(end[:, :2]) + jnp.eye(2)[..., None]
+    shift = end[:, 2] + grid.width * (rate @ rule.weights)
+    maps, shifts = _prefixes(through, shift)
+    first = _two_by_two(jnp.eye(2) - maps[..., -1], shifts[:, -1])
+    lefts = _apply(maps, first[:, None]) + shifts
+    lefts = jnp.concatenate([first[:, None], lefts[:, :-1]], axis=1)
+    own = lax.stop_gradient(inner[:, :2])
+    return own[:, 0] * lefts[0][:, None] + own[:, 1] * lefts[1][:, None] + inner[:, 2]
 
-    def join(one, then):
-        return then[0] @ one[0], jnp.einsum("pab,pb->pa", then[0], one[1]) + then[1]
 
-    maps, shifts = lax.associative_scan(join, (through, shift))
-    first = _two_by_two(jnp.eye(2) - maps[-1], shifts[-1])
-    lefts = jnp.concatenate([first[None], (maps @ first + shifts)[:-1]])
-    return jnp.einsum("pask,pk->aps", inner[..., :2], lefts) + jnp.moveaxis(inner[..., 2], 0, 1)
+def _prefixes(maps: Float[Array, "2 2 p"], shifts: Float[Array, "2 p"]):
+    """The affine maps of two components over the first 1, 2 ... of p panels, by doubling."""
+    count, step = shifts.shape[1], 1
+    while step < count:
+        none = jnp.zeros((2, step))
+        before = jnp.concatenate([none, shifts[:, :-step]], axis=1)
+        shifts = _apply(maps, before) + shifts
+        unit = jnp.broadcast_to(jnp.eye(2)[..., None], (2, 2, step))
+        before = jnp.concatenate([unit, maps[..., :-step]], axis=2)
+        maps = maps[:, 0, None] * before[0] + maps[:, 1, None] * before[1]
+        step *= 2
+    return maps, shifts
+
+
+def _apply(maps, vector):
+    return maps[:, 0] * vector[0] + maps[:, 1] * vector[1]
 
 
 def _two_by_two(matrix, right):

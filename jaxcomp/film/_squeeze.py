@@ -53,6 +53,12 @@ class AbstractSqueeze(eqx.Module):
     def mobility(self, position: Pair, force: Pair) -> Pair:
         """[1/s] Effective velocity V over c that carries a force F/U [1/s]; none without a force."""
 
+    def mobility_slopes(
+        self, position: Pair, force: Pair
+    ) -> tuple[Pair, tuple[Float[Array, "2 *n"], Float[Array, "2 *n"]]]:
+        """The mobility with its slopes [1/s] along the two axes of the position."""
+        return _columns(lambda e: self.mobility(e, force), position)
+
     @abstractmethod
     def impedance(self, position: Pair, velocity: Pair) -> Pair:
         """[1/s] Force F/U that an effective velocity V over c [1/s] carries."""
@@ -111,6 +117,10 @@ class OcvirkSqueeze(AbstractSqueeze):
         self.length_ratio = jnp.asarray(length_ratio, dtype=jnp.result_type(float))
 
     def impedance(self, position, velocity):
+        return self._matrix(position, velocity)[0]
+
+    def _matrix(self, position, velocity):
+        """The impedance, and its matrix over the velocity, which is its slope as well: two columns."""
         size, along = _split(position)
         eps = jnp.minimum(size, _LAST_SHORT)
         beta = jnp.arctan2(_cross(along, velocity), _dot(along, velocity))
@@ -127,10 +137,10 @@ class OcvirkSqueeze(AbstractSqueeze):
             ])  # fmt: skip
 
         cc, sc, ss = 2 * self.length_ratio**2 * (at(beta + jnp.pi / 2) - at(beta - jnp.pi / 2))
-        radial, tangential = _dot(along, velocity), _cross(along, velocity)
-        return (cc * radial + sc * tangential) * along + (
-            sc * radial + ss * tangential
-        ) * quarter_turn(along)
+        across = quarter_turn(along)
+        radial, tangential = cc * along + sc * across, sc * along + ss * across
+        columns = tuple(along[i] * radial + across[i] * tangential for i in range(2))
+        return columns[0] * velocity[0] + columns[1] * velocity[1], columns
 
     def mobility(self, position, force):
         size, along = _split(force)
@@ -199,20 +209,65 @@ class ReynoldsSqueeze(AbstractSqueeze):
             square: eps^2.
         """
         unit = resistance_unit(jnp.minimum(x, 1 - 1e-9), self.length_ratio)
-        return unit * jnp.exp(self._series("mobility", x, square))
+        u, v = film_corner(*_held(x, square)[:2])
+        return unit * jnp.exp(_horner(self.series["mobility"], 2 * u - 1, 2 * v - 1, 0)[0])
 
     def _series(self, name, x, square):
-        within = jnp.minimum(1.0, _LAST / jnp.sqrt(jnp.maximum(square, _LAST**2)))
-        u, v = film_corner(x * within, square * within**2)
-        series = self.series[name]
-        rows, columns = (_terms(n, 2 * t - 1) for n, t in zip(series.shape, (u, v), strict=True))
-        return jnp.sum(rows * jnp.tensordot(series, columns, axes=1), axis=0)
+        u, v = film_corner(*_held(x, square)[:2])
+        return _horner(self.series[name], 2 * u - 1, 2 * v - 1, 0)[0]
 
     def mobility(self, position, force):
+        return _table_mobility(self, position, force)[0]
+
+    def mobility_slopes(self, position, force):
+        return _table_mobility(self, position, force)
+
+    def expanded(self, position, force, order: int):
+        """Size and direction of the force, and H over x = e.f with its derivatives, beside x.
+
+        The chain rule from x and eps^2 to u and v is written out: an orbit spends most of its time
+        here, and as many operations as there are must be few.
+
+        Returns:
+            Size, direction, x, H and its slope along x; with `order` 2 those along eps^2, x x and
+            x eps^2 as well.
+        """
         size, along = _split(force)
         x, square = _dot(position, along), _dot(position, position)
-        h, slope = jax.jvp(lambda x: self.resistance(x, square), (x,), (jnp.ones_like(x),))
-        return size * (h * along + 0.5 * slope * (position - x * along))
+        held, held_square, within = _held(x, square)
+        u, v = film_corner(held, held_square)
+        p, p_u, p_v, *second = _horner(self.series["mobility"], 2 * u - 1, 2 * v - 1, order)
+        one = 1 - held * held
+        u_x, v_x = -0.125 / u**3, v * held / one
+        l_x = 2 * (p_u * u_x + p_v * v_x)
+        # of ln(H_0)
+        gap = jnp.maximum(1 - x, 1e-9)
+        root = gap * jnp.sqrt(gap)
+        short = root * gap / (np.pi * self.length_ratio**2)
+        wide = np.sqrt(2) / (3 * np.pi) * root
+        unit = short + wide
+        h = unit * jnp.exp(p)
+        own = -(2.5 * short + 1.5 * wide) / (unit * gap)
+        ln_x = own + within * l_x
+        first = size, along, x, h, h * ln_x
+        if order < 2:
+            return first
+        p_uu, p_uv, p_vv = second
+        u_xx = -3 * u_x**2 / u
+        v_xx = v_x * held / one + v * (1 + held**2) / one**2
+        v_s = -0.5 * v / (1 - held_square)
+        l_s = 2 * p_v * v_s
+        l_xx = 4 * (p_uu * u_x**2 + 2 * p_uv * u_x * v_x + p_vv * v_x**2)
+        l_xx = l_xx + 2 * (p_u * u_xx + p_v * v_xx)
+        l_xs = 4 * (p_uv * u_x * v_s + p_vv * v_x * v_s) + 2 * p_v * v_s * held / one
+        # where the table is held, eps acts through x alone
+        beyond = square > _LAST**2
+        shrinks = -0.5 * within / jnp.where(beyond, square, 1.0)
+        ln_s = jnp.where(beyond, l_x * x * shrinks, l_s)
+        ln_xs = jnp.where(beyond, shrinks * (l_x + held * l_xx), l_xs)
+        own_xx = (3.75 * short + 0.75 * wide) / (unit * gap**2) - own**2
+        ln_xx = own_xx + within**2 * l_xx
+        return *first, h * ln_s, h * (ln_xx + ln_x**2), h * (ln_xs + ln_x * ln_s)
 
     def impedance(self, position, velocity):
         size, along = _split(velocity)
@@ -231,25 +286,95 @@ class ReynoldsSqueeze(AbstractSqueeze):
         return size * jnp.exp(self._series("flow", x, _dot(position, position)))
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _terms(n: int, t: Float[Array, "*b"]) -> Float[Array, "n *b"]:
-    """T_0(t) ... T_(n-1)(t); derivatives of every order are sums of the same terms."""
-    values = [jnp.ones_like(t), t]
-    for _ in range(n - 2):
-        values.append(2 * t * values[-1] - values[-2])
-    return jnp.stack(values)
+@eqx.filter_custom_jvp
+def _table_mobility(film: ReynoldsSqueeze, position: Pair, force: Pair):
+    """V = |F| (H f + dH/dx/2 t) with t = e - x f, and its slopes along e, constants to derivatives."""
+    value, slopes, _ = _mobility_and_slopes(film, position, force)
+    return value, slopes
 
 
-@_terms.defjvp
-def _terms_jvp(n, primals, tangents):
-    values = _terms(n, *primals)
-    return values, jnp.tensordot(_slope_matrix(n).T, values, axes=1) * tangents[0]
+@_table_mobility.def_jvp
+def _table_mobility_jvp(primals, tangents):
+    film, position, force = primals
+    film_dot, position_dot, force_dot = tangents
+    value, slopes, by_force = _mobility_and_slopes(film, position, force)
+
+    def by_film(film):
+        size, along, x, h, h_x = film.expanded(position, force, 1)
+        return size * (h * along + 0.5 * h_x * (position - x * along))
+
+    _, moved = eqx.filter_jvp(by_film, (film,), (film_dot,))
+    moved = jnp.zeros_like(value) if moved is None else moved
+    for columns, change in ((slopes, position_dot), (by_force, force_dot)):
+        if change is not None:
+            moved = moved + columns[0] * change[0] + columns[1] * change[1]
+    return (value, slopes), (moved, jax.tree.map(jnp.zeros_like, slopes))
 
 
-@functools.cache
-def _slope_matrix(n: int) -> np.ndarray:
-    """Coefficients of the derivative, as many as those of the series."""
-    return np.pad(np.polynomial.chebyshev.chebder(np.eye(n)), ((0, 1), (0, 0)))
+def _mobility_and_slopes(film, position, force):
+    """The mobility with its slopes along position and force."""
+    size, f, x, h, h_x, h_s, h_xx, h_xs = film.expanded(position, force, 2)
+    t = position - x * f
+    value = size * (h * f + 0.5 * h_x * t)
+    # dV/de = |F| (h_x/2 (1 + f f) + (2 h_s f + h_xs t) e + h_xx/2 t f)
+    by_place = size * (2 * h_s * f + h_xs * t)
+    by_line = 0.5 * size * (h_x * f + h_xx * t)
+    unit = [np.eye(2)[i].reshape(2, *[1] * x.ndim) for i in range(2)]
+    by_position = tuple(
+        by_place * position[i] + by_line * f[i] + 0.5 * size * h_x * unit[i] for i in range(2)
+    )
+    # dV/dF = (h f + h_x/2 t) f + (h_x/2 y f + (h - h_x/2 x + h_xx/2 y^2) g) g with g = J f, y = e.g
+    g = quarter_turn(f)
+    y = _dot(position, g)
+    along, across = (
+        h * f + 0.5 * h_x * t,
+        0.5 * h_x * y * f + (h - 0.5 * h_x * x + 0.5 * h_xx * y**2) * g,
+    )
+    by_force = tuple(along * f[i] + across * g[i] for i in range(2))
+    return value, by_position, by_force
+
+
+def _held(x, square):
+    """x and eps^2 moved to the largest eps of the table, along their ray, and the share that does it."""
+    within = jnp.minimum(1.0, _LAST / jnp.sqrt(jnp.maximum(square, _LAST**2)))
+    return x * within, square * within**2, within
+
+
+def _horner(
+    series: Float[Array, "a b"], u: Float[Array, "*n"], v: Float[Array, "*n"], order: int = 2
+) -> tuple[Float[Array, "*n"], ...]:
+    """Sum of c_ij u^i v^j; with its slopes along u and v; and the second ones along uu, uv and vv.
+
+    Unrolled, which XLA fuses into two kernels: along v for all rows at once, then along u.
+
+    Args:
+        series: of c_ij.
+        u, v: places.
+        order: of the derivatives, 0 to 2.
+    """
+    columns = [series[:, j].reshape(-1, *[1] * u.ndim) for j in range(series.shape[1])]
+    p = columns[-1] + 0 * v
+    p_v, p_vv = 0 * p, 0 * p
+    for column in columns[-2::-1]:
+        if order > 1:
+            p_vv = p_vv * v + p_v
+        if order:
+            p_v = p_v * v + p
+        p = p * v + column
+    f, f_v, f_vv = p[-1], p_v[-1], p_vv[-1]
+    f_u, f_uu, f_uv = 0 * f, 0 * f, 0 * f
+    for i in range(series.shape[0] - 2, -1, -1):
+        if order > 1:
+            f_uu = f_uu * u + f_u
+            f_uv = f_uv * u + f_v
+            f_vv = f_vv * u + p_vv[i]
+        if order:
+            f_u = f_u * u + f
+            f_v = f_v * u + p_v[i]
+        f = f * u + p[i]
+    if order == 0:
+        return (f,)
+    return (f, f_u, f_v) if order == 1 else (f, f_u, f_v, 2 * f_uu, f_uv, 2 * f_vv)
 
 
 class _Impedance(eqx.Module):
@@ -258,12 +383,18 @@ class _Impedance(eqx.Module):
     def __call__(self, position, velocity):
         return self.film.impedance(position, velocity)
 
+    def columns(self, position, velocity):
+        return self.film._matrix(position, velocity)[1]
+
 
 class _Mobility(eqx.Module):
     film: ReynoldsSqueeze
 
     def __call__(self, position, force):
         return self.film.mobility(position, force)
+
+    def columns(self, position, force):
+        return _mobility_and_slopes(self.film, position, force)[2]
 
 
 def _columns(function, value):
@@ -293,7 +424,7 @@ class _Inverse(AbstractRoot):
     start: Pair
 
     def columns(self, place):
-        return _columns(lambda p: self.map(self.position, p), place)[1]
+        return self.map.columns(self.position, place)
 
     def solve(self):
         def improve(_, place):
@@ -340,5 +471,16 @@ def _cross(a: Pair, b: Pair):
 
 @functools.cache
 def _table() -> dict[str, np.ndarray]:
+    """The tables, in powers of 2 u - 1 and 2 v - 1 instead of Chebyshev polynomials of these."""
     text = resources.files(__package__).joinpath(TABLE).read_text()
-    return {name: np.asarray(value, float) for name, value in json.loads(text).items()}
+    found = {name: np.asarray(value, float) for name, value in json.loads(text).items()}
+    for name in ("mobility", "peak", "flow"):
+        rows, columns = (_powers(n) for n in found[name].shape[:2])
+        found[name] = np.einsum("ia,jb,ijk->abk", rows, columns, found[name])
+    return found
+
+
+def _powers(n: int) -> np.ndarray:
+    """Coefficients in powers of each of n Chebyshev polynomials."""
+    each = (np.polynomial.chebyshev.cheb2poly(row) for row in np.eye(n))
+    return np.stack([np.pad(row, (0, n - row.size)) for row in each])
