@@ -30,7 +30,7 @@ from .friction import (
     joint_loop,
     several_loops,
 )
-from .gas import AbstractGas, StagedCycle, Stroke
+from .gas import AbstractGas, DoubleActing, StagedCycle, Stroke
 from .mechanism import (
     AbstractKinematics,
     AbstractMechanism,
@@ -285,6 +285,15 @@ def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1
     assert gas is not None
     gas = gas if cylinders is None else cylinders.each(gas, angle)
     return gas.pressure(stroke_at(compressor, angle, sense))
+
+
+def crank_end_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
+    """Absolute pressure [Pa] behind double-acting pistons; `None` for a gas on one side only."""
+    gas, cylinders = compressor.gas, compressor.cylinders
+    if not isinstance(gas, DoubleActing):
+        return None
+    gas = gas if cylinders is None else cylinders.each(gas, angle)
+    return gas.crank_end_pressure(stroke_at(compressor, angle, sense))
 
 
 def gas_force(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Float[Array, "*n"]:

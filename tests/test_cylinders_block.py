@@ -140,3 +140,25 @@ def test_layouts_are_swept_on_the_command_line(tmp_path):
     assert command(*arguments)["layouts"] == found["layouts"]  # read from the stores
     table = (tmp_path / "out" / "designs.csv").read_text().splitlines()
     assert len(table) == 1 + 2 * 4
+
+
+@pytest.mark.slow  # a machine of its own to compile
+def test_run_tells_the_reversal_of_the_rod_loads_and_the_crank_ends(tmp_path):
+    found = command("run", "two-stage-crosshead", "--out", str(tmp_path / "out"))
+    reversal = found["rod_load_reversal"]
+    assert set(reversal) == {"piston_pin_1", "piston_pin_2"}
+    for rod in reversal.values():
+        assert np.rad2deg(rod["angle"]) > 15
+        assert rod["share"] > 0.03
+    assert not any("reversed" in remark for remark in found["remarks"])
+    curves = np.genfromtxt(
+        tmp_path / "out" / "curves.csv", delimiter=",", names=True, deletechars=""
+    )
+    low, high = (curves[f"crank_end_pressure.{k}_[Pa]"] for k in (1, 2))
+    # the pressure between the stages: what one delivers the other one draws
+    assert low.max() == pytest.approx(high.min(), rel=1e-9)
+    assert low.min() == pytest.approx(1e5, rel=1e-9)
+    # without gas forces behind the piston the load hardly reverses at a tenth of the speed
+    slow = command("run", "two-stage-crosshead", "--set", "gas.rod_diameter=none",
+                   "--set", "motor.mean_speed=200rpm", "--set", "mechanism.crank_inertia=200 kg m^2")  # fmt: skip
+    assert any("may run dry" in remark for remark in slow["remarks"])

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from test_several_cylinders import COARSE, LAYOUTS, layout, losses, several
 
-from jaxcomp import solve_orbit
+from jaxcomp import BadInput, load, solve_orbit
 from jaxcomp.compressor import instants
+from jaxcomp.gas import StagedCycle
 from jaxcomp.mechanism import CrankState, Cylinders, rod_motion
 from jaxcomp.shaking import shaking_wrench
+from jaxcomp.work_precision import STUDIES, Measurement
+from jaxcomp.work_precision._cylinders import growth, with_layout
 
 # [J] indicated work of a cylinder, closed form
 WORK = 297.326137139
@@ -143,3 +146,27 @@ def test_even_firing_leaves_the_orders_of_the_number_of_cylinders(name):
     assert spectrum[rest].max() < 1e-12 * spectrum.max()
     _, uneven = orders("V90")
     assert uneven[1] > 0.1 * uneven.max()
+
+
+def test_cost_over_the_number_of_cylinders():
+    """The line through times by setting; layouts of the first cylinder of a machine."""
+    rows = [
+        Measurement("m", label, 1e-6, scale * (1.0 + 0.5 * count), 2.0, task=f"{count} cylinders")
+        for count in (1, 2, 4, 8)
+        for label, scale in (("coarse", 1.0), ("fine", 3.0))
+    ]
+    found = growth(rows)
+    assert found["fine"].each == pytest.approx(1.5, rel=1e-12)
+    assert found["fine"].fixed == pytest.approx(3.0, rel=1e-12)
+    assert found["coarse"].seconds == {1: 1.5, 2: 2.0, 4: 3.0, 8: 5.0}
+    several_bores = load("two-stage-crosshead").compressor
+    with pytest.raises(BadInput, match="the same for every cylinder"):
+        with_layout(
+            dataclasses.replace(several_bores, gas=StagedCycle((1, 2), 1e5, 9e5, 1.3, 0.1)), "V90"
+        )
+    made = with_layout(load("mayekawa-8wbhe").compressor, "V90x2")
+    assert made.cylinders.count == 4
+    machine = load("slider-link-8cc").compressor
+    with pytest.raises(BadInput, match="slider_crank"):
+        with_layout(machine, "V90")
+    assert "cylinders" in STUDIES

@@ -31,6 +31,7 @@ class Study(enum.StrEnum):
     response = "response"
     film = "film"
     order = "order"
+    cylinders = "cylinders"
     scenes = "scenes"
     extremes = "extremes"
 
@@ -38,7 +39,14 @@ class Study(enum.StrEnum):
 # The variable of a derivative if none is named.
 _VARIABLE = "mechanism.crank_radius"
 _FILM = ("friction_number", "stiffness", "damping")
-_WITHOUT_EXCITATION = (Study.scenes, Study.film, Study.order, Study.extremes, Study.simulate)
+_WITHOUT_EXCITATION = (
+    Study.scenes,
+    Study.film,
+    Study.order,
+    Study.cylinders,
+    Study.extremes,
+    Study.simulate,
+)
 # Errors at which methods are compared.
 _DECADES = tuple(10.0**-n for n in range(2, 13))
 
@@ -52,8 +60,9 @@ def accuracy(
             help="orbit: solvers of the periodic state; quantities: all that the machine has, by the "
             "default solver; gradient: ways to a derivative; simulate: methods in time; response: "
             "solvers by number of speeds; film: bearings beside Reynolds' equation; order: fixed steps "
-            "of diffrax; scenes: cost of each part of the machine; extremes: steep rods, near locking, "
-            "near stall, thin films, stiff motors, near-singular responses."
+            "of diffrax; cylinders: one to eight on one crank; scenes: cost of each part of the machine; "
+            "extremes: steep rods, near locking, near stall, thin films, stiff motors, near-singular "
+            "responses."
         ),
     ] = Study.orbit,
     quantity: Annotated[
@@ -169,6 +178,7 @@ def accuracy_result(report: "Report", error: float) -> dict[str, Any]:
                 for at in _reachable(report)
             },
             "orders": {name: order._asdict() for name, order in report.orders.items()},
+            "by_cylinders": {name: growth._asdict() for name, growth in report.growth.items()},
             "measured_on": _measured_on(),
         }
     )
@@ -276,6 +286,8 @@ def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
         )
     elif any(len(methods) > 1 for methods in report.tasks.values()):
         yield _side_by_side(report)
+    if report.growth:
+        yield _growth(report)
     if len(report.tasks) == 1:
         yield (
             f"{report.quantity}{_value(reference.value)} {report.unit}".rstrip()
@@ -317,6 +329,24 @@ def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
                 f"Cheapest for an error{of} of {error:g}: {best.method}, {best.setting}, "
                 f"{_duration(best.seconds)}.\n"
             )
+
+
+def _growth(report: "Report"):
+    """Time of a call over the number of cylinders, what each adds, and the compiling beside it."""
+    counts = next(iter(report.growth.values())).seconds
+    columns = {
+        f"{count}": [_duration(one.seconds[count]) for one in report.growth.values()]
+        for count in counts
+    }
+    few, many = min(counts), max(counts)
+    compiling = [
+        _times(one.compile_seconds[many] / one.compile_seconds[few])
+        for one in report.growth.values()
+    ]
+    each = [_duration(max(one.each, 0.0)) for one in report.growth.values()]
+    more = {"A cylinder more": each, f"Compiling, {many} to {few}": compiling}
+    title = "Time of a call by number of cylinders"
+    return column_table(title, {"Setting": list(report.growth), **columns, **more})
 
 
 def _side_by_side(report: "Report"):

@@ -11,7 +11,7 @@ from .._registry import registered
 
 # Keys that are no quantities of the registry, which has the units of those.
 _BY_UNIT = {
-    "": ("vibration",),  # of a suspended block, by what is measured
+    "": ("vibration", "rod_load_reversal"),  # of a suspended block, by what is measured
     "J": ("motor_work", "gas_work", "losses", "kinetic_energy_gained"),
     "N": ("mean_forces", "peak_forces", "load"),
     "N m": ("friction_torque", "bush_torque"),

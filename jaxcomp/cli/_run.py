@@ -132,6 +132,8 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     found = eqx.filter_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
     values, numbers = jax.tree.map(float, jax.device_get(found))
     grazes = numbers.pop("grazes")
+    compressor = scene.as_compressor()
+    rods = _rods(compressor, orbit)
     total = sum(numbers["losses"].values())
     share = {name: loss / total if total else 0.0 for name, loss in numbers["losses"].items()}
     power = {name: loss / numbers["period"] for name, loss in numbers["losses"].items()}
@@ -142,7 +144,8 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
         # a compiled function returns its keys sorted
         **{_KEYS.get(one.family, one.family or one.name): values[one.name] for one in known},
         **numbers,
-        **({"film_law": laws} if (laws := _film_laws(scene.as_compressor(), orbit)) else {}),
+        **({"film_law": laws} if (laws := _film_laws(compressor, orbit)) else {}),
+        **({"rod_load_reversal": rods} if rods else {}),
         "loss_power": power,
         "loss_share": share,
         "iterations": int(orbit.iterations),
@@ -150,7 +153,26 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
         "status": Status[orbit.status],
         "solver": orbit.solver,
         **({} if orbit.verification is None else {"verification": _verification(orbit)}),
-        "remarks": list(_remarks(scene.as_compressor(), grazes)),
+        "remarks": list(_remarks(compressor, grazes, rods)),
+    }
+
+
+# What API 618 asks of the load of a crosshead pin: crank angle, and share of the larger side as it is
+# usually quoted.
+_REVERSAL, _REVERSED = math.radians(15), 0.03
+
+
+def _rods(compressor: "Compressor", orbit: "Orbit") -> dict[str, dict[str, float]]:
+    """Reversal of the rod load at every crosshead pin; nothing of a machine without crossheads."""
+    from ..crank import rod_load_reversal
+    from ..gas import DoubleActing
+
+    packed = getattr(compressor.friction, "packing", None) is not None
+    if not (packed or isinstance(compressor.gas, DoubleActing)):
+        return {}
+    return {
+        name: {"angle": float(angle), "share": float(share)}
+        for name, (angle, share) in rod_load_reversal(orbit).items()
     }
 
 
@@ -200,6 +222,7 @@ def orbit_curves(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     """Everything over the revolution, by name and unit; the films of the journals as well."""
     import numpy as np
 
+    from ..compressor import crank_end_pressure
     from ..crank import film_thickness, journal_films
 
     columns, compressor = orbit.columns(), scene.as_compressor()
@@ -214,12 +237,27 @@ def orbit_curves(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
             f"shear_loss.{name} [W]": np.asarray(film.shear_loss),
             f"squeeze_loss.{name} [W]": np.asarray(film.squeeze_loss),
         }
+    crank_end = crank_end_pressure(compressor, orbit.state.angle)
+    if crank_end is not None:
+        for number, pressure in enumerate(np.atleast_2d(crank_end), 1):
+            several = f".{number}" if compressor.cylinders is not None else ""
+            columns[f"crank_end_pressure{several} [Pa]"] = pressure
     return {"crank_angle [deg]": np.rad2deg(columns["crank_angle [rad]"]), **columns}
 
 
-def _remarks(machine: "Compressor", grazes: dict[str, float]) -> Iterator[str]:
+def _remarks(
+    machine: "Compressor", grazes: dict[str, float], rods: dict[str, dict[str, float]]
+) -> Iterator[str]:
     """Reasons why numbers of a result do not mean what their names say."""
     from ..gas import PolytropicCycle
+
+    for name, rod in rods.items():
+        if rod["angle"] < _REVERSAL or rod["share"] < _REVERSED:
+            yield (
+                f"The load of {words(name).lower()} is reversed for {math.degrees(rod['angle']):.3g} "
+                f"degrees with {100 * rod['share']:.2g} % of its larger side: the pin may run dry (API 618 "
+                "asks for 15 degrees and 3 %)."
+            )
 
     if machine.friction is None:
         yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
@@ -279,6 +317,8 @@ def run_tables(scene: "Scene", result: dict[str, Any]) -> Iterator[Any]:
         yield _valves(result)
     yield _losses(result)
     yield _forces(result)
+    if "rod_load_reversal" in result:
+        yield _reversals(result)
     if result.get("film_thickness"):
         yield _journal_films(scene, result)
     yield _convergence(result)
@@ -392,6 +432,16 @@ def _forces(result: dict[str, Any]):
     shaking = ("Shaking force", "", f"{result['peak_shaking_force'] / scale:.4g}")
     heads = ("Joint force", f"Mean, {unit}", f"Peak, {unit}")
     return row_table(None, heads, [*rows, (), shaking])
+
+
+def _reversals(result: dict[str, Any]):
+    """For how long, and with which share, the load of a crosshead pin is on its smaller side."""
+    rows = [
+        (words(name), f"{math.degrees(rod['angle']):.4g}", f"{100 * rod['share']:.3g}")
+        for name, rod in result["rod_load_reversal"].items()
+    ]
+    heads = ("Rod load", "Reversed for, °", "Smaller side, %")
+    return row_table(None, heads, rows)
 
 
 def _journal_films(scene: "Scene", result: dict[str, Any]):

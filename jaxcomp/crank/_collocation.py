@@ -137,7 +137,7 @@ def _energy_error(closure, now: Instant, acceleration, growth) -> Float[Array, "
     return error / (jnp.mean(now.energy) * now.energy_scale)
 
 
-def _quadrature_error(grid: Panels, fine: Panels, values, finer) -> Float[Array, ""]:
+def _quadrature_error(grid: Panels, fine: Panels, values, finer) -> Float[Array, "*j"]:
     """Estimated error of an integral over the revolution, from its integrand at both sets of nodes.
 
     Panel by panel the larger of two estimates, so that neither errors of opposite sign nor a kink for
@@ -146,7 +146,7 @@ def _quadrature_error(grid: Panels, fine: Panels, values, finer) -> Float[Array,
     """
     change = jnp.abs(finer @ fine.rule.weights - values @ grid.rule.weights)
     last = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
-    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * last))
+    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * last), axis=-1)
 
 
 def loop_kinks(compressor: Compressor) -> int:
@@ -223,7 +223,15 @@ def orbit_of_motion(
     status = closure.verdict(compressor.motor, period, growth, status)
     lowest = jnp.min(energy)
     status = Status.where(lowest <= ENERGY_FLOOR, Status.stalled, status)
-    totals = {name: grid.total(nodes(loss)) for name, loss in loads.loss_torque.items()}
+
+    def by_joint(function):
+        """A function of losses (..., n) for each joint; the joints of several cylinders at once."""
+        losses = loads.loss_torque
+        if compressor.cylinders is None or not losses:
+            return {name: function(loss) for name, loss in losses.items()}
+        return dict(zip(losses, function(jnp.stack([*losses.values()])), strict=True))
+
+    totals = by_joint(lambda loss: grid.total(nodes(loss)))
     account = Energy(grid.total(motor), -grid.total(now.conservative), totals)
     # The error of the motion: the kinetic energy that the torques at the finer nodes add to it. All
     # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
@@ -232,10 +240,11 @@ def orbit_of_motion(
     if estimate:
         moved = _energy_error(closure, finer_now, finer(state.acceleration), growth)
         moved *= 2 * lax.stop_gradient(account.total_loss)
-        error = {
-            name: _quadrature_error(grid, fine, lax.stop_gradient(nodes(loss)), finer(loss)) + moved
-            for name, loss in loads.loss_torque.items()
-        }
+        error = by_joint(
+            lambda loss: (
+                _quadrature_error(grid, fine, lax.stop_gradient(nodes(loss)), finer(loss)) + moved
+            )
+        )
     orbit = orbit_on_panels(
         grid,
         jax.tree.map(nodes, at),

@@ -92,9 +92,9 @@ class Panels(NamedTuple):
         within = self.width[:, None] * (values @ self.rule.integral.T)
         return at_edges[:-1, None] + within, at_edges
 
-    def total(self, values: Float[Array, "p s"]) -> Float[Array, ""]:
+    def total(self, values: Float[Array, "*j p s"]) -> Float[Array, "*j"]:
         """Integral over the revolution."""
-        return jnp.sum(self.weight * values)
+        return jnp.sum(self.weight * values, axis=(-2, -1))
 
     def panel_of(self, angle: Float[Array, "*n"]) -> Int[Array, "*n"]:
         """Index of the panel that holds an angle [rad]; at an edge, the one that begins there."""

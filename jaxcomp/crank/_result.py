@@ -44,9 +44,9 @@ def orbit_on_panels(
     find = jax.vmap(partial(highest, grid.rule, grid.width))
     extremes = find(jnp.stack([-state.speed, state.speed]))
 
-    sizes = {name: magnitude(*force) for name, force in loads.forces.items()}
-    peaks = find(jnp.stack(list(sizes.values())))
-    terms = jnp.abs(lax.stop_gradient(jnp.stack(list(sizes.values()))) @ grid.rule.to_legendre.T)
+    sizes = magnitude(*jnp.stack(list(loads.forces.values()), axis=1))
+    peaks = find(sizes)
+    terms = jnp.abs(lax.stop_gradient(sizes) @ grid.rule.to_legendre.T)
     error = jnp.max(terms[..., -2] + terms[..., -1], axis=-1)
 
     def flat(values):
@@ -63,8 +63,8 @@ def orbit_on_panels(
         loads=jax.tree.map(flat, loads),
         energy=energy,
         loss_error=loss_error,
-        peak_forces=dict(zip(sizes, peaks, strict=True)),
-        peak_error=dict(zip(sizes, error, strict=True)),
+        peak_forces=dict(zip(loads.forces, peaks, strict=True)),
+        peak_error=dict(zip(loads.forces, error, strict=True)),
         mean_speed=2 * jnp.pi / at_edges[-1],
         lowest_speed=-extremes[0],
         highest_speed=extremes[1],

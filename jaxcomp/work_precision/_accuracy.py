@@ -12,6 +12,7 @@ from ..crank import solve_orbit
 from ..design import quantity
 from ..machine import Machine, machine_of
 from ..rotor import LoadCase
+from ._cylinders import cylinders_study
 from ._film import FILM_QUANTITIES, film_study
 from ._gradient import gradient_study
 from ._measure import Program
@@ -56,6 +57,7 @@ STUDIES = {
         StudyKind("simulate", transient_study, "speed", "rad/s", needs="crank"),
         StudyKind("response", response_study, "displacement", "m", needs="rotor"),
         StudyKind("film", film_study, "friction_number"),
+        StudyKind("cylinders", cylinders_study, needs="crank"),
         StudyKind("order", order_study, "mean_speed", "rad/s", needs="crank"),
     )
 }
@@ -133,6 +135,7 @@ def accuracy(
         plan.note,
         _verification(question) if verified else {},
         calls,
+        plan.growth(rows),
     )
 
 

@@ -89,6 +89,22 @@ class Order(NamedTuple):
     observed: float
 
 
+class Growth(NamedTuple):
+    """How the cost of a setting grows with the number of cylinders.
+
+    Attributes:
+        seconds: [s] of a warm call by number of cylinders.
+        compile_seconds: [s] of the program by number of cylinders.
+        fixed, each: [s] of the line through the times: what does not depend on the number, and what
+            every cylinder adds.
+    """
+
+    seconds: dict[int, float]
+    compile_seconds: dict[int, float]
+    fixed: float
+    each: float
+
+
 class Cost(NamedTuple):
     """Time of the first and of the second call of a program.
 
@@ -120,6 +136,7 @@ class Report(NamedTuple):
             peak forces, relative; empty for studies without the crank.
         calls: what the first and second call of the default solver cost: of the value, and of the value
             with its gradient over all numbers of the machine; empty for studies of something else.
+        growth: cost over the number of cylinders by setting, in the study of them.
     """
 
     study: str
@@ -132,6 +149,7 @@ class Report(NamedTuple):
     note: str
     march: dict[str, float] = {}  # noqa: RUF012  # a NamedTuple's default, which nobody changes
     calls: dict[str, Cost] = {}  # noqa: RUF012
+    growth: dict[str, Growth] = {}  # noqa: RUF012
 
     @property
     def methods(self) -> tuple[str, ...]:

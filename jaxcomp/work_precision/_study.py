@@ -22,7 +22,7 @@ from ..crank import Collocation, Shooting
 from ..design import AnalysisOptions, DesignResult, quantity
 from ..machine import Assembly, Machine, assembled
 from ._measure import Program, median_time
-from ._report import Measurement, Order, Reference
+from ._report import Growth, Measurement, Order, Reference
 
 # Of the reference.
 FINE_NODES, FINE_TOLERANCE, TIGHT_TOLERANCE = 24, 1e-13, 1e-9
@@ -129,6 +129,7 @@ class Study(NamedTuple):
         note: one line on what is varied.
         orders: of fixed-step methods, from all measurements.
         name, unit: of what the errors are of, if that is not the quantity itself.
+        growth: cost over the number of cylinders, from all measurements.
     """
 
     reference: Callable[[], Reference]
@@ -137,6 +138,7 @@ class Study(NamedTuple):
     orders: Callable[[list[Measurement], Reference], dict[str, Order]] = lambda rows, reference: {}
     name: str | None = None
     unit: str | None = None
+    growth: Callable[[list[Measurement]], dict[str, Growth]] = lambda rows: {}
 
 
 class Solved(NamedTuple):
