@@ -255,8 +255,8 @@ def _remarks(
         if rod["angle"] < _REVERSAL or rod["share"] < _REVERSED:
             yield (
                 f"The load of {words(name).lower()} is reversed for {math.degrees(rod['angle']):.3g} "
-                f"degrees with {100 * rod['share']:.2g} % of its larger side: the pin may run dry (API 618 "
-                "asks for 15 degrees and 3 %)."
+                f"degrees with {100 * rod['share']:.2g} % of its larger side: the pin may run dry "
+                "(API 618 asks for 15 degrees and 3 %)."
             )
 
     if machine.friction is None:
@@ -268,7 +268,7 @@ def _remarks(
         )
     if machine.gas is None:
         yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."
-    elif isinstance(machine.gas, PolytropicCycle) and not bool(machine.gas.delivers):
+    elif isinstance(machine.gas, PolytropicCycle) and not machine.gas.delivers.any():
         yield (
             "No gas flows: with this clearance the compression never reaches the discharge pressure, and "
             "no efficiency has a meaning."
