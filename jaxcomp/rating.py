@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -17,11 +16,10 @@ from jaxtyping import Array, Bool, Float
 
 from ._fields import BadInput, replaced
 from ._results import Data, Result
-from ._status import Status
 from ._words import one_of
 from .compressor import Compressor, compressor_of
 from .crank import Collocation, performance, solve_orbit
-from .cylinder import CycleOptions, Cylinder, solve_cycle
+from .cylinder import Cylinder, solve_cycle
 from .fluid import RealGas
 
 ZERO = 273.15  # [K] at 0 degrees Celsius
@@ -66,8 +64,6 @@ QUANTITIES = (
     ("overall_efficiency", "", False),
     ("discharge_temperature", "K", False),
 )
-# As few panels as a map would do with leave a point in thirty unsolved.
-_OPTIONS = CycleOptions()
 
 
 class RatingMap(Result, eqx.Module):
@@ -161,8 +157,7 @@ def rating_map(
 
     The valves work at the constant mean speed, and friction follows from the motion of the crank under
     the pressure so found: 1e-4 of the flow is left out. With a motor that has a torque curve both are
-    solved together, which takes some ten times as long. Each point starts from its neighbour where the
-    events of the valves are the same, and from a march elsewhere.
+    solved together, which takes some ten times as long.
 
     Args:
         machine: a compressor, a machine or a scene.
@@ -173,20 +168,14 @@ def rating_map(
         BadInput: a machine without valves or with a perfect gas, or an unknown rating.
     """
     S, D = jnp.asarray(evaporating, float), jnp.asarray(condensing, float)
-    # to and fro, so that neighbours in the list are neighbours on the map
-    column = np.tile(np.arange(D.size), (S.size, 1))
-    column[1::2] = column[1::2, ::-1]
-    row = np.repeat(np.arange(S.size), D.size)
     compressor = at_rating(machine, S[0], D[0], rating)
-    found, ok = _along(compressor, rating, S[row], D[column.ravel()])
-    back = np.argsort(column, axis=1)
-
-    def laid(values):
-        rows = np.asarray(values).reshape(column.shape)
-        return np.take_along_axis(rows, back, axis=1)
-
-    ok = laid(ok)
-    values = {name: np.where(ok, laid(found[name]), np.nan) for name, *_ in QUANTITIES}
+    shape = S.size, D.size
+    found, ok = _along(compressor, rating, jnp.repeat(S, D.size), jnp.tile(D, S.size))
+    ok = np.asarray(ok).reshape(shape)
+    values = {
+        name: np.where(ok, np.asarray(found[name]).reshape(shape), np.nan)
+        for name, *_ in QUANTITIES
+    }
     coefficients, errors = {}, {}
     if ok.sum() >= 10:
         terms = polynomial_terms(S[:, None], D[None, :])[ok]
@@ -208,26 +197,20 @@ def polynomial_terms(evaporating, condensing) -> np.ndarray:
 
 @eqx.filter_jit
 def _along(compressor: Compressor, rating: str, evaporating, condensing):
-    """All points, one after the other."""
+    """All points, one after the other: each takes as many steps as it needs."""
     assert isinstance(compressor.gas, Cylinder)
     together = compressor.motor.closes == "torque" or not compressor.gas.inert
     solver = Collocation(reversals=compressor.load_reversals)
     speed = compressor.motor.speed_guess
 
-    def cycle_at(here, start=None):
-        return solve_cycle(here.gas, here.mechanism, speed, _OPTIONS, start=start, throw=False)
-
-    def point(start, temperatures):
+    def point(temperatures):
         here = at_rating(compressor, *temperatures, rating)
         if together:
             orbit = solve_orbit(here, throw=False)
         else:
-            near = cycle_at(here, start)
-            lost = (near.status == Status.not_converged) | (near.status == Status.too_many_events)
-            start = lax.cond(lost, lambda: cycle_at(here), lambda: near)
-            moved = replaced(here, gas=start.gas())
-            orbit = solver.solve(moved)
-            orbit = eqx.tree_at(lambda o: o.cycle, orbit, start, is_leaf=lambda x: x is None)
+            cycle = solve_cycle(here.gas, here.mechanism, speed, throw=False)
+            orbit = solver.solve(replaced(here, gas=cycle.gas()))
+            orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
         cycle, result = orbit.cycle, performance(here, orbit)
         assert cycle is not None
         values = {
@@ -237,10 +220,6 @@ def _along(compressor: Compressor, rating: str, evaporating, condensing):
         }
         own = (name for name, *_ in QUANTITIES if name not in values)
         values |= {name: getattr(cycle, name) for name in own}
-        return start, (values, cycle.converged & orbit.converged)
+        return values, cycle.converged & orbit.converged
 
-    empty = None
-    if not together:
-        shapes = eqx.filter_eval_shape(cycle_at, compressor)
-        empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-    return lax.scan(point, empty, (evaporating, condensing))[1]
+    return lax.map(point, (evaporating, condensing))

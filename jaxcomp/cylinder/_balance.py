@@ -62,7 +62,7 @@ class Rates(NamedTuple):
         state: (8,) d state/d angle.
         accounts: (12,) what runs through and out.
         events: (8,) functions that an event makes negative; 1 where the event is not possible.
-        force: (2,) on the valves, over p_s and force area.
+        force: (2,) on the valves at rest, over p_s and force area.
         pressure: [Pa] in the cylinder.
     """
 
@@ -193,8 +193,10 @@ def _valve(case: Case, which: int, a: Side, b: Side, state, flags, speed) -> _Va
         place = jnp.where(free, x, 1.0 * (mode == STOP))
         area = valve.force_area(place * lift)
         spring = moving.stiffness * (place * lift + moving.preload)
-        pull = area * (a.p - b.p) - spring - moving.damping * v * velocity
-        force = pull / (area * case.suction.p)
+        push = area * (a.p - b.p) - spring
+        # decides whether the valve rests: without the damping, which ends with the motion
+        force = push / (area * case.suction.p)
+        pull = push - moving.damping * v * velocity
         scale = moving.mass * velocity * speed
         x_1 = jnp.where(free, v * case.speed / speed, -_IDLE * (x - 1.0 * (mode == STOP)))
         v_1 = jnp.where(free, pull / scale, v_1)
