@@ -24,7 +24,7 @@ from ..motor import ConstantSpeed
 from ._orbit import Orbit
 
 HARMONICS = 12  # of the time over the crank angle, whose acceleration has kinks
-_OPTIONS = CycleOptions(panels=40)
+_OPTIONS = CycleOptions(panels=40, nodes=8)
 _TOLERANCE, _MAX_ITERATIONS, _MAX_ROUNDS = 1e-10, 20, 3
 # Of derivatives: what is left of them is the contraction to this power, 1e-10 on ordinary machines.
 _TANGENT_ITERATIONS = 6

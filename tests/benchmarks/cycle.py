@@ -1,0 +1,95 @@
+"""Cost of the cycle of a cylinder with valves: `python tests/benchmarks/cycle.py`.
+
+The golden machines of `tests/test_cylinder.py`: a single operating point with its gradient, scattered
+designs in one program, a capacity map. Times are processor times, the least of several calls.
+"""
+
+import argparse
+import operator
+import sys
+import time
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from test_cylinder import SCATTERED, SPEED, golden, mechanism
+
+import jaxcomp
+from jaxcomp.cylinder import solve_cycle
+from jaxcomp.rating import rating_map
+
+
+def least(function, *arguments, calls: int = 20) -> tuple[float, float]:
+    """[s] Processor time of the first call and the least of the others."""
+    times = []
+    for _ in range(calls + 1):
+        start = time.process_time()
+        jax.block_until_ready(function(*arguments))
+        times.append(time.process_time() - start)
+    return times[0], min(times[1:])
+
+
+def single() -> None:
+    """Value and gradient to all numbers of the cylinder, on either golden machine with inertia."""
+    for name in "DC":
+        numbers, rest = eqx.partition(golden(name), eqx.is_inexact_array)
+
+        def efficiency(numbers, rest=rest):
+            cylinder = eqx.combine(numbers, rest)
+            return solve_cycle(cylinder, mechanism(), SPEED, throw=False).isentropic_efficiency
+
+        first, value = least(jax.jit(efficiency), numbers)
+        first_slope, slope = least(jax.jit(jax.value_and_grad(efficiency)), numbers)
+        print(
+            f"machine {name}: value {1e3 * value:.1f} ms (first call {first:.0f} s), with gradient "
+            f"{1e3 * slope:.1f} ms ({slope / value:.1f} times, first call {first_slope:.0f} s)",
+            flush=True,
+        )
+
+
+def scattered(count: int) -> None:
+    """Fifteen numbers of machine C at half to twice their values."""
+    base, get = golden("C"), operator.attrgetter(*SCATTERED)
+    draw = np.random.default_rng(1).uniform(-1, 1, (count, len(SCATTERED) + 1))
+
+    def one(factors):
+        numbers = tuple(x * f for x, f in zip(get(base), factors, strict=False))
+        cylinder = eqx.tree_at(get, base, numbers)
+        cycle = solve_cycle(cylinder, mechanism(), SPEED * factors[-1], throw=False)
+        return cycle.converged, cycle.indicated_work, cycle.events.which
+
+    run = jax.jit(lambda factors: jax.lax.map(one, factors))
+    _, seconds = least(run, jnp.asarray(2.0**draw), calls=2)
+    ok, _, which = run(jnp.asarray(2.0**draw))
+    sequences = len({tuple(row[row >= 0].tolist()) for row in np.asarray(which)})
+    print(
+        f"{count} scattered designs, {sequences} sequences of events: {1e3 * seconds / count:.1f} ms "
+        f"a design, {int(jnp.sum(ok))} converged",
+        flush=True,
+    )
+
+
+def mapped(machine: str) -> None:
+    """Two hundred points."""
+    loaded = jaxcomp.load(machine)
+    S, D = np.linspace(243.15, 268.15, 10), np.linspace(303.15, 333.15, 20)
+    first, seconds = least(lambda: rating_map(loaded, S, D).values, calls=3)
+    print(f"map of 200 points of {machine}: {seconds:.2f} s (first call {first:.0f} s)")
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--designs", type=int, default=300)
+    options.add_argument("--machine", default="r600a-8cc", help="of the map")
+    given = options.parse_args()
+    single()
+    scattered(given.designs)
+    mapped(given.machine)
+
+
+if __name__ == "__main__":
+    main()
