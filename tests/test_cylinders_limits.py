@@ -5,12 +5,16 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, fsolve
 from test_several_cylinders import COARSE, LAYOUTS, layout, losses, several
 
 from jaxcomp import BadInput, load, solve_orbit
 from jaxcomp.compressor import instants
+from jaxcomp.friction import Packing, SliderCrankFriction
 from jaxcomp.gas import StagedCycle
 from jaxcomp.mechanism import CrankState, Cylinders, rod_motion
+from jaxcomp.motor import MeanSpeed
 from jaxcomp.shaking import shaking_wrench
 from jaxcomp.work_precision import STUDIES, Measurement
 from jaxcomp.work_precision._cylinders import growth, with_layout
@@ -170,3 +174,110 @@ def test_cost_over_the_number_of_cylinders():
     with pytest.raises(BadInput, match="slider_crank"):
         with_layout(machine, "V90")
     assert "cylinders" in STUDIES
+
+
+class TwoStages:
+    """Double-acting two-stage machine with drag in the packings, in NumPy and SciPy alone.
+
+    The kinetic energy over the crank angle, so that no derivative of the inertia is needed; the
+    intermediate pressure by bisection.
+    """
+
+    radius, rod, place = 0.06, 0.30, 0.095
+    piston_mass, rod_mass, rod_inertia, shaft = 19.0, 9.0, 0.12, 6.0
+    bores, piston_rod = np.array([0.25, 0.15]), 0.04
+    suction, discharge, exponent, clearance = 1e5, 9e5, 1.35, np.array([0.10, 0.12])
+    phase, speed, drag = np.deg2rad([45.0, -45.0]), 77.5, 900.0
+
+    def __init__(self):
+        area = np.pi / 4 * self.bores**2
+        self.areas = area, area - np.pi / 4 * self.piston_rod**2
+        swept = (self.areas[0] + self.areas[1]) * 2 * self.radius
+
+        def drawn(stage, low, high):
+            c = self.clearance[stage]
+            return swept[stage] * low * (1 + c - c * (high / low) ** (1 / self.exponent))
+
+        def gap(between):
+            return drawn(0, self.suction, between) - drawn(1, between, self.discharge)
+
+        self.between = brentq(
+            gap, 1.01 * self.suction, 0.99 * self.discharge, xtol=1e-6, rtol=1e-14
+        )
+        self.low = np.array([self.suction, self.between])
+        self.high = np.array([self.between, self.discharge])
+
+    def pressure(self, share, opening):
+        """[Pa] Of a chamber at a share of its swept volume, while it opens or closes."""
+        volume, n = self.clearance + share, self.exponent
+        expanding = np.maximum(self.low, self.high * (self.clearance / volume) ** n)
+        closing = np.minimum(self.high, self.low * ((1 + self.clearance) / volume) ** n)
+        return np.where(opening, expanding, closing)
+
+    def at(self, angle):
+        """Inertia [kg m^2], torque of the gas and of the packings [N m]."""
+        own = angle + self.phase
+        s, c = np.sin(own), np.cos(own)
+        leg = np.sqrt(self.rod**2 - (self.radius * s) ** 2)
+        x = self.radius * c + leg
+        slope = -self.radius * s * (1 + self.radius * c / leg)
+        tilt = self.radius * c / leg
+        share = self.place / self.rod
+        along = (1 - share) * -self.radius * s + share * slope
+        across = (1 - share) * self.radius * c
+        inertia = self.piston_mass * slope**2 + self.rod_inertia * tilt**2
+        inertia += self.rod_mass * (along**2 + across**2)
+        down = np.clip((self.radius + self.rod - x) / (2 * self.radius), 0.0, 1.0)
+        head = self.pressure(down, slope < 0) * self.areas[0]
+        crank = self.pressure(1 - down, slope > 0) * self.areas[1]
+        force = head - crank - self.suction * (self.areas[0] - self.areas[1])
+        return self.shaft + inertia.sum(), -(force * slope).sum(), -self.drag * np.abs(slope).sum()
+
+    def solved(self):
+        """Efficiency, fluctuation, gas work [J] of the periodic state."""
+        points = np.linspace(0.0, 2 * np.pi, 4001)
+
+        def march(energy, level):
+            def rate(angle, y):
+                inertia, gas, packing = self.at(angle)
+                w = np.sqrt(2 * y[0] / inertia)
+                motor = level * w / self.speed
+                return [motor + gas + packing, 1 / w, motor, gas]
+
+            return solve_ivp(rate, (0, 2 * np.pi), [energy, 0.0, 0.0, 0.0], "DOP853", points,
+                             rtol=1e-11, atol=1e-11, max_step=0.01)  # fmt: skip
+
+        scale = 0.5 * self.at(0.0)[0] * self.speed**2
+
+        def misses(unknown):
+            end = march(scale * unknown[0], 1e3 * unknown[1]).y[:, -1]
+            return [end[0] / scale - unknown[0], end[1] * self.speed / (2 * np.pi) - 1]
+
+        energy, level = fsolve(misses, [1.0, 1.2], xtol=1e-12)
+        run = march(scale * energy, 1e3 * level)
+        inertia = np.array([self.at(angle)[0] for angle in points])
+        speed = np.sqrt(2 * run.y[0] / inertia)
+        swing = (speed.max() - speed.min()) / self.speed
+        return -run.y[3, -1] / run.y[2, -1], swing, -run.y[3, -1]
+
+
+@pytest.mark.slow
+def test_two_stages_by_an_independent_program():
+    program = TwoStages()
+    scene = load("two-stage-crosshead").compressor
+    friction = SliderCrankFriction(packing=Packing(program.drag))
+    made = dataclasses.replace(
+        scene,
+        cylinders=Cylinders(layout="V90"),
+        friction=friction,
+        motor=MeanSpeed(program.speed, "proportional"),
+    )
+    between = float(np.max(np.asarray(made.gas.head_end.suction_pressure)))
+    assert between == pytest.approx(program.between, rel=1e-9)
+    orbit = solve_orbit(made)
+    efficiency, swing, work = program.solved()
+    # steps of 0.01 rad over kinks that are not located
+    assert float(orbit.mechanical_efficiency) == pytest.approx(efficiency, abs=1e-8)
+    assert float(orbit.energy.gas_work) == pytest.approx(work, rel=1e-7)
+    # the extremes of the program are those of 4000 points
+    assert float(orbit.speed_fluctuation) == pytest.approx(swing, rel=1e-5)

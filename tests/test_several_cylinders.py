@@ -7,6 +7,7 @@ cylinder agreed to 1.1e-10 in efficiency, 2e-11 in fluctuation and 2e-9 of a los
 import dataclasses
 import itertools
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -812,3 +813,16 @@ def test_layouts_are_swept():
     assert bool(found["ok"].all())
     with pytest.raises(BadInput, match="machines"):
         sweep_machines({}, {}, ["swept_volume"])
+
+
+@pytest.mark.slow  # half a minute of compiling each
+@pytest.mark.parametrize("count", [1, 2, 4, 8])
+def test_golden_values_by_shooting(count):
+    """Steps of eighth order that stop at as many load reversals as collocation places edges."""
+    made = several(LAYOUTS[count])
+    solver = Shooting(
+        diffrax.Dopri8(), tolerance=1e-9, max_steps=65536, reversals=4 * count, output_nodes=37
+    )
+    orbit = solve_orbit(made, solver)
+    assert float(orbit.mechanical_efficiency) == pytest.approx(GOLDEN[count][0], abs=1e-9)
+    assert float(orbit.speed_fluctuation) == pytest.approx(GOLDEN[count][1], abs=1e-9)

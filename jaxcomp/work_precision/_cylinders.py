@@ -22,7 +22,7 @@ from ._study import Question, SolverProgram, Study
 LAYOUTS = {1: "single", 2: "V90", 4: "V90x2", 8: "VV45x2"}
 # Throws and rods stand apart by this many bores.
 _THROW_PITCH, _ROD_PITCH = 1.5, 0.3
-_NODES, _ALL_NODES = (3, 5, 8), (3, 5, 8, 12)
+_NODES, _ALL_NODES = (5, 8), (5, 8, 12)
 
 
 def cylinders_study(question: Question, thorough: bool) -> Study:
