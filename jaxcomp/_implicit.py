@@ -83,6 +83,10 @@ def _absent(leaf) -> bool:
     return leaf is None
 
 
+def _given(leaf) -> bool:
+    return leaf is not None
+
+
 class AbstractFixedPoint(eqx.Module):
     """A fixed-point problem: how it is solved, and the step whose fixed point the solution is.
 
@@ -122,14 +126,16 @@ def _fixed_point_jvp(primals, tangents):
     problem, parameters = primals
     value, data = fixed_point(problem, parameters)
     fixed = jax.lax.stop_gradient(data)
+    moving, rest = eqx.partition(parameters, jax.tree.map(_given, tangents[1], is_leaf=_absent))
 
-    def along(parameters):
-        return problem.step(parameters, fixed, value)
+    def step(moving, value):
+        return problem.step(eqx.combine(moving, rest), fixed, value)
 
-    def across(value):
-        return problem.step(parameters, fixed, value)
-
-    _, moved = eqx.filter_jvp(along, (parameters,), (tangents[1],))
+    # The step is traced once; how it follows the parameters, and how the unknowns, are two readings of it.
+    _, linear = jax.linearize(step, moving, value)
+    still = jax.tree.map(jnp.zeros_like, (moving, value))
+    _, moved = jax.jvp(lambda moving: linear(moving, still[1]), still[:1], tangents[1:])
+    _, across = jax.linearize(lambda value: linear(still[0], value), still[1])
     # An unknown that no parameter moves directly may still follow the others. Reverse mode wants each
     # right side to depend on the tangents, so its zero does.
     nothing = 0 * next(leaf for leaf in jax.tree.leaves(moved) if leaf.size).ravel()[0]
@@ -140,10 +146,9 @@ def _fixed_point_jvp(primals, tangents):
         return jnp.full_like(unknown, nothing) if tangent is None or not tangent.size else tangent
 
     moved = jax.tree.map(given, moved, value, is_leaf=lambda m: m is None)
-    _, linear = jax.linearize(across, value)
     solve = _neumann(problem.tolerance, problem.max_iterations)
     value_moved = jax.lax.custom_linear_solve(
-        lambda v: jax.tree.map(jnp.subtract, v, linear(v)), moved, solve, transpose_solve=solve
+        lambda v: jax.tree.map(jnp.subtract, v, across(v)), moved, solve, transpose_solve=solve
     )
     return (value, data), (value_moved, jax.tree.map(lambda _: None, data))
 
