@@ -131,7 +131,7 @@ def _fixed_point_jvp(primals, tangents):
     def step(moving, value):
         return problem.step(eqx.combine(moving, rest), fixed, value)
 
-    # The step is traced once; how it follows the parameters, and how the unknowns, are two readings of it.
+    # Traced once; how the step follows the parameters, and how the unknowns, are two readings of it.
     _, linear = jax.linearize(step, moving, value)
     still = jax.tree.map(jnp.zeros_like, (moving, value))
     _, moved = jax.jvp(lambda moving: linear(moving, still[1]), still[:1], tangents[1:])

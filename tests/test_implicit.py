@@ -94,4 +94,6 @@ def test_derivatives_are_traced_only_where_they_are_wanted():
     jax.jit(root).lower(jnp.asarray(0.4))
     assert len(traced) == 1
     jax.jit(jax.grad(root)).lower(jnp.asarray(0.4))
-    assert len(traced) == 1 + 2  # the value; its slopes over the parameters and the unknowns are one
+    assert (
+        len(traced) == 1 + 2
+    )  # the value; its slopes over the parameters and the unknowns are one
