@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 from jaxcomp import Collocation, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.mechanism import SliderLink
-from jaxcomp.plot import Motion, balance_motion, gif, mechanism_motion
+from jaxcomp.plot import Motion, balance_motion, gif, journal_motion, mechanism_motion
 from jaxcomp.plot._animate import Sketch, _even_in_time, sketch
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, Unbalances, respond
 from jaxcomp.rotor._bodies import RigidBody
-from jaxcomp.scene import loads, start, with_values
+from jaxcomp.scene import load, loads, start, with_value, with_values
 
 SOLVER = Collocation(nodes=10, reversals=0, tolerance=1e-8)  # compiles fast; pictures need no more
 
@@ -208,3 +208,27 @@ def test_frames_out_of_range_are_refused(tmp_path):
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 2
     assert "must be >= 4 and <= 360" in done.stderr
+
+
+def test_journals_move_in_their_clearances():
+    """Dots lie within the circle, on the path, and the cursor is at the crank angle of the frame."""
+    scene = with_value(
+        load("mayekawa-wbhe"), "friction.crank_pin",
+        {"type": "orbit", "diameter": "90 mm", "length": "45 mm", "radial_clearance": "45 um",
+         "dynamic_viscosity": "10 mPa s"},
+    )  # fmt: skip
+    orbit = solve_orbit(scene, Collocation(nodes=8, reversals=0, tolerance=1e-6))
+    motion = journal_motion(scene.as_compressor(), orbit, frames=8)
+    above = motion.figure.axes[0]
+    dot = above.lines[-1]
+    places = []
+    for frame in range(8):
+        motion.show(frame)
+        places.append([float(x[0]) for x in dot.get_data()])
+    assert np.all(np.hypot(*np.transpose(places)) < 1)
+    path = np.asarray(orbit.positions["crank_pin"])
+    # a dot lies on the line between two nodes
+    steps = np.hypot(*np.diff(path, axis=1, append=path[:, :1]))
+    away = [np.min(np.hypot(path[0] - x, path[1] - y)) for x, y in places]
+    assert np.max(away) <= 0.5 * steps.max() + 1e-12
+    assert len({tuple(place) for place in places}) == 8

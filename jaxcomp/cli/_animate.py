@@ -36,6 +36,8 @@ def animate(
 ) -> None:
     """Draw the mechanism over one revolution with its forces, and a rotor before and after balancing.
 
+    Journals that move in their films are drawn in their clearances as well.
+
     Example: [bold]jaxcomp animate slider-link-8cc --out result[/bold]
     """
     if not 4 <= frames <= 360:
@@ -48,9 +50,13 @@ def animate(
     moving, result = {}, {"machine": scene.name, "file": scene.file, "frames": frames}
     with spinner("Solving and drawing ..."):
         if scene.compressor is not None:
-            motion, found = turning_motion(scene, frames)
+            orbit = jc.crank.solve_orbit(scene)
+            motion, found = turning_motion(scene, orbit, frames)
             moving["mechanism"] = gif(motion)
             result |= found
+            if orbit.positions:
+                compressor = scene.as_compressor()
+                moving["journals"] = gif(jc.plot.journal_motion(compressor, orbit, frames))
         if {"rotor", "loads", "balancing"} <= set(scene.parts):
             motion, found = balancing_motion(scene, speed, frames)
             moving["balance"] = gif(motion)
@@ -62,10 +68,11 @@ def animate(
     show_results(result, tables, False, out, "Moving pictures and report")
 
 
-def turning_motion(scene: jc.scene.Scene, frames: int) -> tuple[jc.plot.Motion, dict[str, Any]]:
+def turning_motion(
+    scene: jc.scene.Scene, orbit: jc.Orbit, frames: int
+) -> tuple[jc.plot.Motion, dict[str, Any]]:
     """The mechanism in its periodic state."""
     machine = scene.as_compressor()
-    orbit = jc.crank.solve_orbit(machine)
     evidence = {
         "converged": bool(orbit.converged),
         "status": "converged" if bool(orbit.converged) else "not converged",

@@ -31,6 +31,7 @@ from ._interactive import interactive as interactive
 from ._interactive import interactive_page as interactive_page
 from ._interactive import offering_interactive as _offering_interactive
 from ._journals import journal_films_over_turn as journal_films_over_turn
+from ._journals import journal_motion as journal_motion
 from ._journals import journal_paths as journal_paths
 from ._motion import Motion as Motion
 from ._motion import gif as gif
