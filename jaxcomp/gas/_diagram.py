@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import ANY, NONNEGATIVE, Bound, quantity, replaced
@@ -48,7 +47,7 @@ class CrankAngleTable(AbstractDiagram):
         return {
             "a table with rising angles within one revolution, the first not again at the end": rising
             & within,
-            "a table of at least three points": np.bool_(self.angle.size > 2),
+            "a table of at least three points": jnp.asarray(self.angle.size > 2),
         }
 
     def repaired(self):
@@ -124,7 +123,7 @@ class VolumeTable(AbstractDiagram):
         whole = (self.volume[0] == 0) & (self.volume[-1] == 1)
         return {
             "a table with volumes that rise from 0 to 1": rising & whole,
-            "a table of at least three points": np.bool_(self.volume.size > 2),
+            "a table of at least three points": jnp.asarray(self.volume.size > 2),
         }
 
     def repaired(self):

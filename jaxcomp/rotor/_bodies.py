@@ -55,7 +55,7 @@ def arm_matrix(arm: Float[Array, "n 3"], dof: int) -> Float[Array, "n dof dof"]:
     """Motion of slaved nodes from that of the centre, in the model's degrees of freedom."""
     rows = _rows(dof)
     cross = (arm @ _CROSS.reshape(3, 36)).reshape(-1, 6, 6)
-    return (np.eye(6) + cross)[:, rows[:, None], rows]
+    return (np.eye(6) + cross)[:, rows[:, None], rows]  # pyright: ignore[reportReturnType]
 
 
 def body_matrices(
@@ -67,7 +67,7 @@ def body_matrices(
     spin = 0.0 if body.spin_inertia is None else body.spin_inertia
     gyro = spin * (np.outer(turn[:, 0], turn[:, 1]) - np.outer(turn[:, 1], turn[:, 0]))
     rows = _rows(dof)
-    return mass[rows[:, None], rows], gyro[rows[:, None], rows]
+    return mass[rows[:, None], rows], gyro[rows[:, None], rows]  # pyright: ignore[reportReturnType]
 
 
 def _rows(dof: int) -> np.ndarray:
