@@ -384,6 +384,21 @@ def test_a_run_in_time_settles_on_the_orbit():
     np.testing.assert_array_equal(path[:, 0], 0)
 
 
+@pytest.mark.slow
+def test_a_machine_with_a_moving_journal_starts_from_rest():
+    """A journal at rest in the middle, no wedge and no squeeze at first; the film then carries."""
+    motor = {"type": "slip_line", "slope": "200 N m s", "synchronous_speed": "1000 rpm"}
+    scene = with_value(with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN), "motor", motor)
+    options = TimeIntegration(diffrax.Kvaerno3(), tolerance=1e-4, samples=401)
+    run = simulate(scene, 0.1, options=options)
+    assert run.status == Status.converged
+    assert np.max(np.abs(run.residual)) < 1e-3  # the tolerance, over hundreds of steps
+    eps = np.hypot(*np.asarray(run.positions["crank_pin"]))
+    assert eps[0] == 0
+    assert 0.5 < eps.max() < 0.95
+    assert float(run.state.speed[-1]) > 100
+
+
 def test_films_are_quantities_of_machines_that_have_them():
     scene = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN)
     known = available_quantities(scene.machine, members=True)
