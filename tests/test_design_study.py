@@ -101,6 +101,7 @@ def test_rules_return_what_they_were_given(machine):
             design_rules[name].apply(machine, -1.0)
 
 
+@pytest.mark.slow  # every design by itself; sweeps are compared with single designs as well
 def test_study_equals_single_designs(machine, study, drives):
     """The middle of every range is the machine as it is."""
     single = drives.slider_link

@@ -264,7 +264,15 @@ def test_back_pressure_defaults_to_suction():
     assert cycle(back_pressure=None).behind_piston == GAS["suction_pressure"]
 
 
-@pytest.mark.parametrize("place", ["repeated", "swapped", "beyond", "none"])
+@pytest.mark.parametrize(
+    "place",
+    [
+        "repeated",
+        "beyond",
+        pytest.param("swapped", marks=pytest.mark.slow),
+        pytest.param("none", marks=pytest.mark.slow),
+    ],
+)
 def test_a_traced_table_outside_its_rules_is_marked_and_finite(place):
     bad = {
         "repeated": lambda x: x.at[2].set(x[1]),

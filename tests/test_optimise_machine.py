@@ -69,6 +69,7 @@ def test_optimal_bore_is_that_of_the_default_solver(scene, rpm):
     assert fine.status == "converged"
 
 
+@pytest.mark.slow  # a search of its own; failed designs of a batch are in the ordinary run
 def test_locked_joints_are_rejected_and_not_fatal(scene):
     """The least efficient bore of a machine whose crank pin locks all wide ones: at the edge of it."""
     rough = with_value(scene, "friction.crank_pin.coefficient", 4.0)

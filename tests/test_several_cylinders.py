@@ -394,6 +394,7 @@ def test_bundled_machines_balance_their_first_order(count):
     assert np.abs(first).max() < 1e-8 * np.abs(single).max()
 
 
+@pytest.mark.slow  # marches; the march of one cylinder is in the ordinary run
 def test_a_run_in_time_closes_its_energy():
     made = several(LAYOUTS[2], motor=SlipLine(60.0, 106.0))
     found = simulate(made, 0.05, speed=100.0, options=TimeIntegration(samples=3))
@@ -719,7 +720,9 @@ def test_panels_that_coincide_are_joined():
     assert np.isnan(float(orbit.efficiency_error))
 
 
-@pytest.mark.parametrize("name", ["two-stage-crosshead", "refrigeration-twin"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("two-stage-crosshead", marks=pytest.mark.slow), "refrigeration-twin"]
+)
 def test_bundled_machines_are_drawn_and_run(name):
     made = load(name).as_compressor()
     orbit = solve_orbit(made, COARSE)
@@ -799,6 +802,7 @@ def test_the_rotor_has_the_torsion_of_the_chain():
     np.testing.assert_allclose(twist, angle, rtol=1e-9)
 
 
+@pytest.mark.slow  # a program for each layout
 def test_layouts_are_swept():
     scene, layouts = load("refrigeration-twin"), ("in-line-2", "boxer-2")
     found = sweep_machines(

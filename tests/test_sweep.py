@@ -249,6 +249,7 @@ def test_a_killed_worker_of_a_cluster_loses_nothing(cluster, tmp_path):
     assert found.identical(sweep_runs.volumes(None))
 
 
+@pytest.mark.slow  # a cluster that loses a worker, and a sweep that goes on, are in the ordinary run
 def test_a_cluster_goes_on_where_a_sweep_stopped(cluster, small, tmp_path):
     out = tmp_path / "out"
     sweep_runs.small(out=out, batch=50)

@@ -16,6 +16,7 @@ from jaxcomp.design import AnalysisOptions, DesignResult, balanced_design, prepa
 from jaxcomp.machine import machine_of
 from jaxcomp.tolerancing import scatter_of
 
+pytestmark = pytest.mark.slow  # programs of a rotor and its scatter: a minute and a half
 COUNTERWEIGHT = tuple(f"loads.unbalances.0.magnitude.{i}" for i in range(2))
 PIN = tuple(f"loads.unbalances.1.magnitude.{i}" for i in range(4))
 ADDED = tuple(f"corrections.{plane}.magnitude" for plane in ("rotor-top", "counterweight"))
@@ -140,7 +141,6 @@ def test_impossible_robust_objectives_are_refused(scene):
         robust(scene, "swept_volume", volume, sigmas=3.0, samples=4)
 
 
-@pytest.mark.slow
 def test_robust_balance_is_least_squares_with_a_penalty(balanced):
     """Where a mass scatters with its size, its mean square vibration is least squares with a penalty:
 
@@ -181,7 +181,6 @@ def test_robust_balance_is_least_squares_with_a_penalty(balanced):
     assert np.abs(np.array(plain) - right).max() > 0.02 * np.abs(right).max()
 
 
-@pytest.mark.slow  # the derivatives of orbit and films compile for half a minute
 def test_tolerance_of_one_clearance_needs_no_correlation(scene):
     """The bearing stands once: its clearance scatters loss and vibration together."""
     name = "bearings.upper.radial_clearance"
