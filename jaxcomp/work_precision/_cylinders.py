@@ -26,7 +26,7 @@ _NODES, _ALL_NODES = (5, 8), (5, 8, 12)
 
 
 def cylinders_study(question: Question, thorough: bool) -> Study:
-    """Error against run time for 1, 2, 4 and 8 cylinders; the cost grows linearly in their number.
+    """Error against run time for 1, 2, 4 and 8 cylinders, and how the cost grows with their number.
 
     Args:
         question: of a machine with a slider-crank, of which the first cylinder is taken.
