@@ -14,7 +14,7 @@ from jaxcomp import Collocation, Shooting, Status, load, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.crank import journal_films
 from jaxcomp.scene import with_value
-from jaxcomp.work_precision._orbit import other_solver
+from jaxcomp.work_precision._orbit import other_method
 from jaxcomp.work_precision._study import Question
 
 FAST = Collocation(nodes=8, reversals=0, tolerance=1e-9)
@@ -166,7 +166,7 @@ def test_a_tolerance_of_the_clearance_scatters_the_film():
 def test_the_study_of_accuracy_has_a_second_method_where_journals_move(coupled):
     still = load("mayekawa-wbhe").machine
     moving = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN).machine
-    assert isinstance(other_solver(Question(still, "motor_power")), Shooting)
-    second = other_solver(Question(moving, "loss_power.crank_pin"))
+    assert isinstance(other_method(Question(still, "motor_power"))[0], Shooting)
+    second = other_method(Question(moving, "loss_power.crank_pin"))[0]
     assert isinstance(second, Collocation)
     assert second.nodes != Question(moving, "motor_power").fine_solver.nodes

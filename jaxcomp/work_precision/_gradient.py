@@ -16,11 +16,10 @@ from ..crank import Collocation, Shooting
 from ..design import AnalysisOptions, quantity, variable
 from ._film import FILM_QUANTITIES, film_gradient_study
 from ._measure import Program
-from ._orbit import other_solver
+from ._orbit import other_method
 from ._report import Reference
 from ._study import (
     FINE_TOLERANCE,
-    OTHER_NODES,
     TIGHT_TOLERANCE,
     Call,
     Question,
@@ -59,14 +58,12 @@ def gradient_study(question: Question, thorough: bool) -> Study:
         if slope == 0.0:
             bound = f"one that {question.variable} changes{_excited(question)}"
             raise BadInput("quantity", question.quantity, bound)
-        other = other_solver(question) if crank else None
-        moves = isinstance(other, Collocation)
-        options = question.options(other, FINE_TOLERANCE if moves else TIGHT_TOLERANCE)
+        other, tolerance, how = other_method(question) if crank else (None, TIGHT_TOLERANCE, "")
+        options = question.options(other, tolerance)
         shot = Program(partial(_at, question), question.design, options, _zero())
         step = _REFERENCE_STEP * _size(question)
         ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
         other = sum(w * float(end.value) for w, end in ends) / step
-        how = f"collocation, {OTHER_NODES} nodes" if moves else "shooting, Dopri8 at 1e-09"
         methods = "collocation, 24 nodes, forward", f"differences of {how}"
         return Reference(slope, other, methods if crank else ("forward", "differences"))
 

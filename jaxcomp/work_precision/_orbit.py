@@ -108,31 +108,33 @@ def orbit_reference(question: Question, shot: SolverProgram | None = None) -> Re
         BadInput: a quantity without a value, or one in which the solver has no part: the loosest
             tolerance and the other method give the same number, so that no setting has an error.
     """
+    solver, tolerance, second = other_method(question)
     if shot is None:
-        shot = SolverProgram(question, other_solver(question))
+        shot = SolverProgram(question, solver)
     fine = SolverProgram(question, question.fine_solver)
-    moves = isinstance(other_solver(question), Collocation)
-    other = shot.value(FINE_TOLERANCE if moves else TIGHT_TOLERANCE)
+    other = shot.value(tolerance)
     value, loose = fine.value(FINE_TOLERANCE), float(fine.call(0.1).run().value)
     if without_error(value, loose, other):
         excited = question.excitation is not None
         cause = f" (with the excitation '{question.excitation}')" if excited else ""
         bound = f"one that the solver of the periodic state has a part in{cause}"
         raise BadInput("quantity", question.quantity, bound)
-    second = f"collocation, {OTHER_NODES} nodes, graded twice as far"
-    return Reference(value, other, (METHODS[0], second) if moves else METHODS)
+    return Reference(value, other, (METHODS[0], second))
 
 
-def other_solver(question: Question) -> Collocation | Shooting:
-    """The second method of a reference: shooting; collocation at other places where journals move.
+def other_method(question: Question) -> tuple[Collocation | Shooting, float, str]:
+    """The second method of a reference, its tolerance and its name.
+
+    It is shooting; where journals move, collocation at other places.
 
     Shooting does not solve for the orbits of journals. An implicit march of the crank with its journals
     agrees with collocation to 1e-6 of the loss (tests of journal orbits).
     """
     assert question.compressor is not None
     if moving(question.compressor):
-        return Collocation(nodes=OTHER_NODES, reversals=question.load_reversals, grading=6)
-    return shooting(question)
+        solver = Collocation(nodes=OTHER_NODES, reversals=question.load_reversals, grading=6)
+        return solver, FINE_TOLERANCE, f"collocation, {OTHER_NODES} nodes, graded twice as far"
+    return shooting(question), TIGHT_TOLERANCE, METHODS[1]
 
 
 def shooting(question: Question, name: str = "Dopri8") -> Shooting:
@@ -156,16 +158,16 @@ def quantities_study(question: Question, thorough: bool) -> Study:
 
     @cache
     def values():
-        """By the fine solver, at a loose tolerance, and by shooting."""
-        shot = SolverProgram(question, other_solver(question), names)
+        """By the fine solver, at a loose tolerance, and by the second method."""
+        solver, tolerance, _ = other_method(question)
         return (fine.value(FINE_TOLERANCE), np.asarray(fine.call(0.1).run().value),
-                shot.value(TIGHT_TOLERANCE))  # fmt: skip
+                SolverProgram(question, solver, names).value(tolerance))  # fmt: skip
 
     def reference(place):
         value, loose, other = (row[place] for row in values())
         if without_error(value, loose, other):
             raise RuntimeError("the solver of the periodic state has no part in it")
-        return Reference(value, other, METHODS)
+        return Reference(value, other, (METHODS[0], other_method(question)[2]))
 
     def call(place):
         def run():
