@@ -145,7 +145,7 @@ def _fixed_point_jvp(primals, tangents):
             return None
         return jnp.full_like(unknown, nothing) if tangent is None or not tangent.size else tangent
 
-    moved = jax.tree.map(given, moved, value, is_leaf=lambda m: m is None)
+    moved = jax.tree.map(given, moved, value, is_leaf=_absent)
     solve = _neumann(problem.tolerance, problem.max_iterations)
     value_moved = jax.lax.custom_linear_solve(
         lambda v: jax.tree.map(jnp.subtract, v, across(v)), moved, solve, transpose_solve=solve

@@ -124,6 +124,11 @@ def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array
     return rates | {name: share * speed for name, (share, _) in shares.items()}
 
 
+def _thin_film(law):
+    """[m] Below it the film of a bearing counts as thin."""
+    return THIN_FILM if law.thin_film is None else law.thin_film
+
+
 def _share_below(values, duration, bound):
     """Share of the time below a bound of what goes in straight lines between the nodes."""
     after, wide = (jnp.roll(x, -1) for x in (values, duration))
@@ -208,9 +213,8 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
     for name, law in _journals(compressor, orbit):
         if isinstance(law, JournalBearing) and issubclass(law.model, AbstractSolvedFilm):
             film = "short" if law.film == "short" else "reynolds"
-            thin = THIN_FILM if law.thin_film is None else law.thin_film
             bearing = OrbitBearing(law.diameter, law.length, law.radial_clearance,
-                                   law.dynamic_viscosity, film, thin_film=thin)  # fmt: skip
+                                   law.dynamic_viscosity, film, thin_film=_thin_film(law))  # fmt: skip
             both = [s * orbit.state.speed + 0 * orbit.weight for s in shares.get(name, (1.0, 1.0))]
             kinds.setdefault(film, []).append(
                 (name, bearing, -orbit.loads.forces[name], jnp.stack(both))
@@ -270,7 +274,6 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
     largest = largest_of(jnp.hypot(*position))
     stiffness, damping = _coefficients(film, position, load / unit, 0.5 * total)
     loss, carried = mean(shear + squeeze), mean(flow)
-    thin = THIN_FILM if law.thin_film is None else law.thin_film
     return JournalFilm(
         position=position,
         load=load,
@@ -290,7 +293,7 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
         ),
         stiffness=unit / gap * mean(stiffness),
         damping=unit / gap * mean(damping),
-        thin_share=_share_below(thickness, duration, thin),
+        thin_share=_share_below(thickness, duration, _thin_film(law)),
         steady_film=-largest_of(-resting),
         steady_loss=mean(moment * difference),
         duration=duration,

@@ -2,7 +2,7 @@ r"""Periodic orbit by shooting with diffrax over crank angle.
 
 The state is speed, time and the energy accounts; $d\omega/d\theta = \alpha/\omega$. Newton's method
 finds the speed at the top dead centre (and the level of the motor torque, if the mean speed is given)
-for which a turn ends as it began. Steps end at the kinks that are known beforehand.
+for which a revolution ends as it began. Steps end at the kinks that are known beforehand.
 
 Derivatives follow from the implicit function theorem: one more integration, differentiable, gives the
 parameter dependence of the periodicity condition, and its known Jacobian gives that of the unknowns.
@@ -55,7 +55,7 @@ class Shooting(eqx.Module):
             al. with offset and weights, as worst relative error of an elasticity: 2e-4 at the
             default, 1e-7 with `Shooting(diffrax.Dopri8(), 1e-9)`. Given as an array, all tolerances
             share one compiled program.
-        adjoint: how diffrax differentiates a turn; the default serves reverse mode,
+        adjoint: how diffrax differentiates a revolution; the default serves reverse mode,
             `diffrax.ForwardMode()` serves forward mode.
         reversals: how many load reversals in mid-stroke the steps avoid to cross; 0 looks for none.
         max_newton: Newton steps on the periodicity condition.

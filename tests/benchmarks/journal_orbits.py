@@ -19,6 +19,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from cylinders import least
 from test_journal_orbits import PIN, SPEED, fine_edges, pin_load
 
 from jaxcomp import Collocation, load, solve_orbit
@@ -39,17 +40,6 @@ BATCH = {
     "8 nodes": Collocation(nodes=8, reversals=0, tolerance=1e-4, estimate=False),
     "11 nodes": Collocation(nodes=11, reversals=0, tolerance=1e-4, estimate=False),
 }
-
-
-def least(function, *arguments, calls: int = 20) -> float:
-    """[s] Processor time of a call."""
-    jax.block_until_ready(function(*arguments))
-    best = np.inf
-    for _ in range(calls):
-        start = time.process_time()
-        jax.block_until_ready(function(*arguments))
-        best = min(best, time.process_time() - start)
-    return best
 
 
 def loss_of(compressor, solver):
