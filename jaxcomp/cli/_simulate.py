@@ -1,6 +1,7 @@
 """`jaxcomp simulate`: crank motion in time, from rest or a speed, with the motor on or off."""
 
 import enum
+import math
 from typing import Annotated, Any
 
 import typer
@@ -43,7 +44,7 @@ def simulate(
         Method,
         typer.Option(
             help="Method of diffrax; an implicit one (kvaerno3, kvaerno5) for a stiff motor or a "
-            "narrow transition of friction."
+            "narrow transition of friction. Machines with valves have a method of their own."
         ),
     ] = Method.tsit5,
     tolerance: Annotated[
@@ -62,7 +63,7 @@ def simulate(
     """Integrate the crank in time: run-up, running, power-off and stop.
 
     The motor needs a torque at every speed: [bold]slip_line[/bold], [bold]kloss[/bold] or
-    [bold]constant_torque[/bold].
+    [bold]constant_torque[/bold]. Cylinders with valves begin with the gas of the suction line.
 
     Example: [bold]jaxcomp simulate mayekawa-wbhe --duration 3s --power-off 1s --set 'motor={type =
     "kloss", pull_out_torque = "250 N m", pull_out_slip = 0.3, synchronous_speed = "1050 rpm"}' --out
@@ -81,18 +82,26 @@ def simulate(
         raise CommandError(f"--duration {duration}: must be > 0")
     off = None if power_off is None else float(jc.scene.to_si(power_off, "s", "--power-off"))
     method = getattr(diffrax, solver.capitalize())()
+    compressor = scene.as_compressor()
+    valves, steps = isinstance(compressor.gas, jc.cylinder.Cylinder), 65536
+    if (
+        valves
+    ):  # some hundred steps a revolution, more with every cylinder; a power of two shares programs
+        count = 1 if compressor.cylinders is None else compressor.cylinders.count
+        turns = end * float(compressor.motor.speed_guess) / (2 * math.pi)
+        steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * turns))
     with spinner("Integrating (the first time it is compiled as well) ..."):
         found = jc.crank.simulate(
-            scene.as_compressor(),
+            compressor,
             end,
             angle=float(jc.scene.to_si(angle, "rad", "--angle")),
             speed=float(jc.scene.to_si(speed, "rad/s", "--speed")),
             power_off=off,
             until_rest=not swing_back,
-            options=jc.crank.TimeIntegration(method, tolerance, samples=samples),
+            options=jc.crank.TimeIntegration(method, tolerance, steps, samples),
         )
     result = simulate_result(scene, found) | {
-        "solver": solver.value,
+        "solver": "Dormand and Prince, events located" if valves else solver.value,
         "tolerance": tolerance,
         "power_off": off,
         "set": assignments(sets or (), "--set"),
@@ -100,7 +109,10 @@ def simulate(
     }
 
     def figures():
-        return {"motion": jc.plot.transient_figure(found, scene.name, off)}
+        made = {"motion": jc.plot.transient_figure(found, scene.name, off)}
+        if found.gas is not None:
+            made["gas"] = jc.plot.transient_gas_figure(found, scene.name, off)
+        return made
 
     tables = [simulate_table(result)]
     hand_out(result, tables, as_json, out, figures, scene, {"motion": found.columns()})
@@ -130,12 +142,27 @@ def simulate_result(scene, found) -> dict[str, Any]:
             "losses": {name: work[-1] for name, work in energy.losses.items()},
             "kinetic_energy_gained": found.kinetic_energy[-1] - found.kinetic_energy[0],
             "energy_residual": found.residual[-1],
+            **_of_gas(found),
             "steps": found.steps,
             "converged": Status[found.status] == "converged",
             "status": Status[found.status],
             "course": {"time": time, "angle": angle, "speed": speed},
         }
     )
+
+
+def _of_gas(found) -> dict[str, Any]:
+    """What came out of cylinders with valves since the start."""
+    if found.gas is None:
+        return {}
+    import numpy as np
+
+    totals, pressure = found.gas.totals, np.asarray(found.gas.pressure)
+    return {
+        "delivered_mass": np.sum(totals.discharge),
+        "highest_pressure": pressure.max(),
+        "highest_temperature": np.asarray(found.gas.temperature).max(),
+    }
 
 
 def simulate_table(result: dict[str, Any]):
@@ -159,6 +186,16 @@ def simulate_table(result: dict[str, Any]):
             for name, loss in result["losses"].items()
         ),
         ("Gained by the motion", f"{result['kinetic_energy_gained']:.5g} J", ""),
+        *(
+            (
+                (),
+                ("Mass delivered", f"{result['delivered_mass'] * 1e3:.5g} g", ""),
+                ("Highest pressure", f"{result['highest_pressure'] / 1e5:.5g} bar", "listed"),
+                (),
+            )
+            if "delivered_mass" in result
+            else ()
+        ),
         ("Energy closure", closure, "work that is none of these, over the work done"),
         (),
         ("Solver", result["solver"], f"{result['steps']} steps at {result['tolerance']:g}"),

@@ -13,10 +13,13 @@ from .._fields import BadInput, admissible, clipped, is_traced
 from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of, instants
+from ..cylinder import Cylinder
+from ..cylinder._cycle import values_only
 from ..mechanism import CrankState
 from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration
 from ._orbit import Energy
+from ._transient_gas import GasCourse, march_with_gas
 
 
 class TimeIntegration(eqx.Module):
@@ -24,7 +27,8 @@ class TimeIntegration(eqx.Module):
 
     Attributes:
         solver: any solver of diffrax; an implicit one (`diffrax.Kvaerno5()`) for a regularised law
-            with a narrow transition, a stiff motor or journals that move in their films.
+            with a narrow transition, a stiff motor or journals that move in their films. Cylinders with
+            valves are always marched by Dormand and Prince's method, with located events.
         tolerance: [-] relative and absolute tolerance of a step, in units of the motor's running
             speed and of the kinetic energy there; a radian for the angle. Given as an array, all
             tolerances share one compiled program.
@@ -55,6 +59,7 @@ class Transient(Result, eqx.Module):
         steps: steps of the integrator.
         status: `Status.converged` if the end or the rest was reached.
         positions: [-] (2, n) centres of the journals that move over their clearances, by joint.
+        gas: the gas in cylinders with valves; `None` where the pressure is prescribed.
 
     Files of `save` leave out the dense output, which `at` reads.
     """
@@ -68,8 +73,9 @@ class Transient(Result, eqx.Module):
     steps: Int[Array, ""]
     status: Status
     positions: dict[str, Float[Array, "2 n"]]
-    _dense: diffrax.Solution
+    _dense: Any
     _scales: tuple[Float[Array, ""], Float[Array, ""]]
+    gas: GasCourse | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("time",)
     not_saved: ClassVar[tuple[str, ...]] = ("_dense",)
@@ -90,6 +96,8 @@ class Transient(Result, eqx.Module):
         yield Data("kinetic_energy", "J", self.kinetic_energy, at)
         for name, (x, y) in self.positions.items():
             yield Data(f"eccentricity.{name}", "", jnp.hypot(x, y), at, "over the clearance")
+        if self.gas is not None:
+            yield from _of_gas(self.gas, at)
 
     @property
     def residual(self) -> Float[Array, " n"]:
@@ -126,7 +134,8 @@ def simulate(
 
     Derivatives pass through the integration, but leave out that the instants move at which friction
     jumps, at the dead centres: an error of 3e-4 to 3e-3 on the machine of Tsuji et al. Those of
-    `solve_orbit` have no such error.
+    `solve_orbit` have no such error. Cylinders with valves begin with the gas of the suction line, and
+    have no derivatives; lines with the same pressure make a start with equalised pressures.
 
     Args:
         machine: a compressor, a machine or a scene; its motor must have a torque law over speed.
@@ -140,7 +149,8 @@ def simulate(
         throw: raise if the end is not reached (not within `jit` or `vmap`; see `status` there).
 
     Raises:
-        BadInput: if the motor holds a speed, since that is no torque law.
+        BadInput: if the motor holds a speed, since that is no torque law; or journals that move in
+            their films beside cylinders with valves.
         SolveFailed: if `throw` and the integration did not reach its end.
 
     >>> from jaxcomp import load
@@ -158,6 +168,10 @@ def simulate(
             type(compressor.motor).__name__,
             "a torque law over speed (ConstantTorque, SlipLine, Kloss)",
         )
+    valves = isinstance(compressor.gas, Cylinder)
+    if valves and moving(compressor):
+        bound = "a film that carries a steady load, beside cylinders with valves, in time"
+        raise BadInput("type", "orbit", bound)
     options = TimeIntegration() if options is None else options
     if isinstance(duration, (int, float)) and not duration > 0:
         raise BadInput("duration", duration, "> 0")
@@ -165,7 +179,8 @@ def simulate(
     start = tuple(
         jnp.asarray(x, dtype=jnp.result_type(float)) for x in (duration, angle, speed, off)
     )
-    result = _simulate(compressor, options, until_rest, *start)
+    solve = _simulate_gas if valves else _simulate
+    result = solve(compressor, options, until_rest, *start)
     known = not is_traced(result.status._value)
     if throw and known and bool(result.status != Status.converged):
         raise SolveFailed(
@@ -258,3 +273,55 @@ def _simulate(
         _dense=solution,
         _scales=(speed_scale, energy_scale),
     )
+
+
+@eqx.filter_jit
+def _simulate_gas(
+    machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off
+):
+    good = admissible(machine)
+    numbers, rest = eqx.partition(clipped(machine), eqx.is_inexact_array)
+    compressor = eqx.combine(values_only(numbers), rest)
+    marched = march_with_gas(compressor, options, until_rest, duration, angle, speed, off)
+    pace = compressor.motor.speed_guess
+    time = jnp.linspace(0.0, 1.0, options.samples) * marched.end
+    ys = jax.vmap(marched.dense.evaluate)(time)
+    gas, rise = marched.gas(time, ys)
+    inertia = jax.vmap(lambda a: instants(_without_gas(compressor), a).inertia)(ys["angle"])
+    now = ys["speed"] * pace
+    energy_scale = inertia[0] * pace**2
+    work = jax.tree.map(lambda w: w * energy_scale, ys["work"])
+    status = Status.where(marched.whole, Status.converged, Status.not_converged)
+    return Transient(
+        time=time,
+        state=CrankState(ys["angle"], now, rise),
+        energy=Energy(work["motor"], work["gas"], work["losses"]),
+        kinetic_energy=0.5 * inertia * now**2,
+        stopped=marched.stopped,
+        end_time=marched.end,
+        steps=marched.steps,
+        status=Status.where(good, status, Status.bad_input),
+        positions={},
+        _dense=marched.dense,
+        _scales=(pace, energy_scale),
+        gas=gas,
+    )
+
+
+def _without_gas(compressor: Compressor) -> Compressor:
+    return eqx.tree_at(lambda c: c.gas, compressor, None)
+
+
+def _of_gas(gas: GasCourse, at) -> Iterator[Data]:
+    """Pressure, temperature, mass, lifts and flows; of several cylinders with their numbers."""
+    several = gas.pressure.ndim > 1
+    for number in range(gas.pressure.shape[0] if several else 1):
+        one = jax.tree.map(lambda leaf, number=number: leaf[number], gas) if several else gas
+        end = f".{number + 1}" if several else ""
+        yield Data(f"pressure{end}", "Pa", one.pressure, at)
+        yield Data(f"temperature{end}", "K", one.temperature, at)
+        yield Data(f"mass{end}", "kg", one.mass, at)
+        for place, valve in enumerate(("suction", "discharge")):
+            yield Data(f"lift.{valve}_valve{end}", "m", one.lift[place], at)
+            yield Data(f"flow.{valve}_valve{end}", "kg/s", one.flow[place], at)
+        yield Data(f"delivered{end}", "kg", one.totals.discharge, (), "since the start")

@@ -1,5 +1,6 @@
 """The cylinder's own thermodynamics: valves, real gas, heat and leakage over a periodic cycle."""
 
+from ._balance import Accounts as Accounts
 from ._cycle import Cycle as Cycle
 from ._cycle import SolvedPressure as SolvedPressure
 from ._cylinder import Cylinder as Cylinder

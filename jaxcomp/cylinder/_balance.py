@@ -111,6 +111,7 @@ def rates(
     state: Float[Array, " 8"],
     flags: Int[Array, " 6"],
     gas: GasState | None = None,
+    speed: Float[Array, ""] | None = None,
 ) -> Rates:
     """Right-hand side, accounts and event functions.
 
@@ -120,16 +121,21 @@ def rates(
         state: (8,) over its scales.
         flags: (6,) mode, sign of U and sign of the pressure difference of either valve.
         gas: the gas at that state; computed if absent.
+        speed: [rad/s] of the crank. The rates are then those in time, over the mean speed of the case,
+            and the crank may stand; absent: that of the case, and rates over the crank angle.
     """
     gas = gas_in(case, angle, state) if gas is None else gas
     cylinder, inside = case.cylinder, side_of(gas)
     suction, discharge = side_of(case.suction), side_of(case.discharge)
-    speed = case.speed_at(angle)
     volume, volume_1 = case.volume(angle)
+    turning = pace = case.speed_at(angle)
+    if speed is not None:
+        pace = case.speed
+        volume_1 = volume_1 * (speed / pace)
     mass = state[0] * case.mass_scale
 
-    s = _valve(case, 0, suction, inside, state[2:5], flags[:3], speed)
-    d = _valve(case, 1, inside, discharge, state[5:8], flags[3:], speed)
+    s = _valve(case, 0, suction, inside, state[2:5], flags[:3], pace)
+    d = _valve(case, 1, inside, discharge, state[5:8], flags[3:], pace)
 
     viscosity, conductivity = _transport(cylinder, gas)
     leak, leak_enthalpy = jnp.zeros(()), inside.h
@@ -139,17 +145,22 @@ def rates(
         leak = gap.flow(inside, suction, case.bore, mu)
         inward = flags[2] > 0 if cylinder.inert else suction.p > inside.p
         leak_enthalpy = jnp.where(inward, suction.h, inside.h)
-    heat = _heat(case, angle, gas, volume, volume_1, speed, (s, d), (viscosity, conductivity))
+    if speed is None:
+        spin = turning, case.speed
+    else:
+        # correlations with negative powers of the speed have no value at rest
+        spin = (jnp.maximum(jnp.abs(speed), 1e-3 * case.speed),) * 2
+    heat = _heat(case, angle, gas, volume, volume_1, spin, (s, d), (viscosity, conductivity))
 
-    mass_1 = (s.flow - d.flow - leak) / speed
+    mass_1 = (s.flow - d.flow - leak) / pace
     carried = s.flow * s.enthalpy - d.flow * d.enthalpy - leak * leak_enthalpy + heat
     energy_1 = (
-        -gas.T * gas.dp_dT * (volume_1 - mass_1 / gas.rho) - inside.h * mass_1 + carried / speed
+        -gas.T * gas.dp_dT * (volume_1 - mass_1 / gas.rho) - inside.h * mass_1 + carried / pace
     )
     first = [mass_1 / case.mass_scale, energy_1 / (mass * gas.c_v * case.suction.T)]
 
-    tiny = 1 / (speed * case.mass_scale)
-    small = 1 / (speed * case.energy_scale)
+    tiny = 1 / (pace * case.mass_scale)
+    small = 1 / (pace * case.energy_scale)
     lost = volume_1 / case.energy_scale
     accounts = Accounts(
         work=inside.p * volume_1 / case.energy_scale,
@@ -174,7 +185,7 @@ def rates(
     )
 
 
-def _valve(case: Case, which: int, a: Side, b: Side, state, flags, speed) -> _Valve:
+def _valve(case: Case, which: int, a: Side, b: Side, state, flags, pace) -> _Valve:
     valve, leak = case.cylinder.valves[which], case.cylinder.leakage is not None
     x, v, u = state
     mode, u_sign, p_sign = flags[0], flags[1], flags[2]
@@ -197,8 +208,8 @@ def _valve(case: Case, which: int, a: Side, b: Side, state, flags, speed) -> _Va
         # decides whether the valve rests: without the damping, which ends with the motion
         force = push / (area * case.suction.p)
         pull = push - moving.damping * v * velocity
-        scale = moving.mass * velocity * speed
-        x_1 = jnp.where(free, v * case.speed / speed, -_IDLE * (x - 1.0 * (mode == STOP)))
+        scale = moving.mass * velocity * pace
+        x_1 = jnp.where(free, v * case.speed / pace, -_IDLE * (x - 1.0 * (mode == STOP)))
         v_1 = jnp.where(free, pull / scale, v_1)
         first = jnp.where(free, x, jnp.where(seated, -force, force))
         events[:2] = [first, jnp.where(free, 1 - x, one)]
@@ -213,7 +224,7 @@ def _valve(case: Case, which: int, a: Side, b: Side, state, flags, speed) -> _Va
     else:
         speed_in_port = u * port_velocity
         push = port_acceleration(a, b, speed_in_port, p_sign, u_sign)
-        u_1 = push / (valve.port_length * port_velocity * speed)
+        u_1 = push / (valve.port_length * port_velocity * pace)
         u_1 = jnp.where(is_open > 0, u_1, -_IDLE * u)
         flow = area * throat_density(a, b, p_sign, u_sign) * speed_in_port
         forward = u_sign > 0
@@ -236,8 +247,8 @@ def _transport(cylinder, gas: GasState):
     return mu, conductivity
 
 
-def _heat(case: Case, angle, gas: GasState, volume, volume_1, speed, valves, transport):
-    """Heat from the wall [W]."""
+def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, transport):
+    """Heat from the wall [W]; `spin` is the speed of the crank and the one of the mean piston speed."""
     law = case.cylinder.heat
     if law is None:
         return jnp.zeros(())
@@ -254,8 +265,8 @@ def _heat(case: Case, angle, gas: GasState, volume, volume_1, speed, valves, tra
         wall_area=wall_area,
         volume=volume,
         angle=angle,
-        speed=speed,
-        piston_speed=case.mechanism.stroke * case.speed / jnp.pi,
+        speed=spin[0],
+        piston_speed=case.mechanism.stroke * spin[1] / jnp.pi,
         outward=jnp.sign(volume_1),
         suction_open=valves[0].is_open,
         discharge_open=valves[1].is_open,

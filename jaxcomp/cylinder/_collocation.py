@@ -21,7 +21,7 @@ from numpy.polynomial import legendre
 
 from ._balance import jacobian, jump, rates
 from ._cylinder import Case
-from ._march import START, TURN, Record
+from ._march import START, TURN, Record, within_steps
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
 _LEFT = 1e-6
@@ -119,25 +119,11 @@ def lay_mesh(record: Record, panels: int, nodes: int) -> tuple[Mesh, Unknowns]:
     mesh = Mesh(record.flags[first_row.astype(int)], event, code, count <= panels)
 
     # the last point's row is the panel's own: rows of no width share an angle
-    at = partial(_within_steps, record)
+    at = partial(within_steps, record)
     angle, _ = point_angles(edges, nodes)
     points = jax.vmap(jax.vmap(at))(angle)
     ended = jnp.where(ends_interval[:, None], record.end[last_row], points[:, -1])
     return mesh, Unknowns(points.at[:, -1].set(ended), jax.vmap(at)(edges[:-1], row), edges)
-
-
-def _within_steps(record: Record, angle, row=None):
-    """The state at an angle, by the cubics between the steps."""
-    if row is None:
-        row = jnp.clip(
-            jnp.searchsorted(record.angle, angle, side="right") - 1, 0, record.angle.size - 1
-        )
-    width = record.width[row]
-    t = jnp.where(width > 0, (angle - record.angle[row]) / jnp.where(width > 0, width, 1.0), 0.0)
-    s = 1 - t
-    begin, end = record.begin[row], record.end[row]
-    slope = width * (record.begin_rate[row] * s - record.end_rate[row] * t)
-    return begin * s * s * (1 + 2 * t) + end * t * t * (1 + 2 * s) + t * s * slope
 
 
 def point_angles(edges, nodes: int):

@@ -1,4 +1,4 @@
-"""One revolution by Dormand and Prince's method with located events, and revolutions until they repeat.
+"""Dormand and Prince's method with located events; one revolution, and revolutions until they repeat.
 
 A step at whose end an event function is negative is not taken: it is repeated, shorter or longer,
 until the function vanishes there; then the state jumps. One attempt a pass of the loop, so samples of
@@ -6,6 +6,7 @@ a batch whose events differ share it. The steps are kept: `_mesh` lays the panel
 after them. Values only; derivatives come from the collocation.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -41,25 +42,25 @@ _ACCOUNTS = len(Accounts._fields)
 
 
 class Record(NamedTuple):
-    """The steps of a revolution, n of them at most; unused ones have the angle `inf`.
+    """The steps of a march, n of them at most; unused ones have the angle `inf`.
 
     Attributes:
         angle: [rad] (n,) where a step begins.
         width: [rad] (n,)
-        begin, end: (n, 8) states; between them the events have not jumped.
-        begin_rate, end_rate: (n, 8) their rates.
-        flags: (n, 6) branches that hold within the step.
+        begin, end: (n, m) states; between them the events have not jumped.
+        begin_rate, end_rate: (n, m) their rates.
+        flags: (n, f) branches that hold within the step.
         event: (n,) at its end, -1 for none.
         code: (n,) of the jump there.
     """
 
     angle: Float[Array, " n"]
     width: Float[Array, " n"]
-    begin: Float[Array, "n 8"]
-    end: Float[Array, "n 8"]
-    begin_rate: Float[Array, "n 8"]
-    end_rate: Float[Array, "n 8"]
-    flags: Int[Array, "n 6"]
+    begin: Float[Array, "n m"]
+    end: Float[Array, "n m"]
+    begin_rate: Float[Array, "n m"]
+    end_rate: Float[Array, "n m"]
+    flags: Int[Array, "n f"]
     event: Int[Array, " n"]
     code: Int[Array, " n"]
 
@@ -87,27 +88,72 @@ class Revolution(NamedTuple):
     record: Record
 
 
+class Law(NamedTuple):
+    """What is marched.
+
+    Attributes:
+        rates: of (angle, state, flags): d state/d angle, event functions, and what `after` wants to know.
+        towards: of (state, events): whether each event may happen there.
+        after: of (angle, event, state, flags, what `rates` said): code of the jump, state and flags
+            after an event, or after none (-1).
+        longest: of (flags): [rad] the longest step.
+        going_on: of (flags): whether the march goes on.
+        events: how many event functions there are.
+        kept: how many states the record keeps.
+    """
+
+    rates: Callable
+    towards: Callable
+    after: Callable
+    longest: Callable
+    going_on: Callable
+    events: int
+    kept: int
+
+
 class _Search(NamedTuple):
     """Where an event is sought: a bracket of step widths with the event functions at its ends."""
 
     active: Bool[Array, ""]
     low: Float[Array, ""]
     high: Float[Array, ""]
-    at_low: Float[Array, " 8"]
-    at_high: Float[Array, " 8"]
+    at_low: Float[Array, " e"]
+    at_high: Float[Array, " e"]
     tries: Int[Array, ""]
 
 
 class _Carry(NamedTuple):
     angle: Float[Array, ""]
-    state: Float[Array, " 20"]
-    flags: Int[Array, " 6"]
-    events: Float[Array, " 8"]
+    state: Float[Array, " m"]
+    flags: Int[Array, " f"]
+    events: Float[Array, " e"]
     width: Float[Array, ""]
     next_width: Float[Array, ""]
     search: _Search
     steps: Int[Array, ""]
     passes: Int[Array, ""]
+    record: Record
+
+
+class Stretch(NamedTuple):
+    """What was marched.
+
+    Attributes:
+        angle: [rad] where it ended.
+        state: (m,) there.
+        flags: (f,) there.
+        steps: taken.
+        passes: tried, those that were rejected or located an event included.
+        whole: whether the end was reached, or the march was over before, and all steps were kept.
+        record: the steps.
+    """
+
+    angle: Float[Array, ""]
+    state: Float[Array, " m"]
+    flags: Int[Array, " f"]
+    steps: Int[Array, ""]
+    passes: Int[Array, ""]
+    whole: Bool[Array, ""]
     record: Record
 
 
@@ -122,12 +168,59 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
         max_passes: tries after which to give up.
         capacity: steps that are kept.
     """
-    at_event = jnp.maximum(_LOCATED * tolerance, 1e-11)
-    a, c, e = jnp.asarray(_A), jnp.asarray(_C), jnp.asarray(_E)
 
-    def derivative(angle, state, flags):
+    def law(angle, state, flags):
         found = rates(case, angle, state[:STATES], flags)
         return jnp.concatenate([found.state, found.accounts]), found.events, found.force
+
+    def after(angle, event, state, flags, force):
+        del angle
+        code, new_flags = after_event(case, event, state[:STATES], flags, force)
+        return code, state.at[:STATES].set(jump(case, event, code, state[:STATES])), new_flags
+
+    marched = Law(
+        law,
+        towards,
+        after,
+        lambda flags: longest_step(case, flags),
+        lambda flags: jnp.asarray(True),
+        EVENTS,
+        STATES,
+    )
+    begin = jnp.concatenate([state, jnp.zeros(_ACCOUNTS)])
+    span = jnp.asarray(START), START + TURN
+    end = stretch(marched, *span, begin, flags, tolerance, max_passes, capacity)
+    return Revolution(
+        state,
+        end.state[:STATES],
+        end.flags,
+        end.state[STATES:],
+        end.steps,
+        end.passes,
+        end.whole,
+        end.record,
+    )
+
+
+def stretch(
+    law: Law, start, stop, state, flags, tolerance, max_passes, capacity: int, knots: tuple = ()
+) -> Stretch:
+    """March from an angle to another.
+
+    Args:
+        law: what is marched.
+        start, stop: [rad]
+        state: (m,) at the beginning.
+        flags: (f,) there.
+        tolerance: [-] error of a step, in units of the scales.
+        max_passes: tries after which to give up.
+        capacity: steps that are kept.
+        knots: [rad] angles at which a step ends.
+    """
+    at_event = jnp.maximum(_LOCATED * tolerance, 1e-11)
+    a, c, e = jnp.asarray(_A), jnp.asarray(_C), jnp.asarray(_E)
+    kept = law.kept
+    forces = jax.eval_shape(law.rates, start, state, flags)[2]
 
     def attempt(carry: _Carry):
         """All stages in a loop, so that the law is traced once."""
@@ -135,23 +228,25 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
         def stage(i, work):
             slopes, _, _, _ = work
             state = carry.state + carry.width * _weighted(a[i], slopes)
-            slope, events, force = derivative(carry.angle + c[i] * carry.width, state, carry.flags)
+            slope, events, force = law.rates(carry.angle + c[i] * carry.width, state, carry.flags)
             return slopes.at[i].set(slope), state, events, force
 
-        empty = jnp.zeros((7, STATES + _ACCOUNTS))
-        work = (empty, carry.state, jnp.ones(EVENTS), jnp.zeros(2))
+        empty = jnp.zeros((7, carry.state.size))
+        work = (empty, carry.state, jnp.ones(law.events), jnp.zeros(forces.shape))
         slopes, state, events, force = lax.fori_loop(0, 7, stage, work)
         error = jnp.max(jnp.abs(carry.width * _weighted(e, slopes)) / (1 + jnp.abs(carry.state)))
         error = jnp.where(jnp.all(jnp.isfinite(state)), error / tolerance, jnp.inf)
         return slopes, state, events, force, error
 
     def going_on(carry: _Carry):
-        return (carry.angle < START + TURN - 1e-13) & (carry.passes < max_passes)
+        return (
+            (carry.angle < stop - 1e-13) & (carry.passes < max_passes) & law.going_on(carry.flags)
+        )
 
     def advance(carry: _Carry):
         slopes, state, events, force, error = attempt(carry)
         search, width = carry.search, carry.width
-        crossed = (events < jnp.minimum(_CROSSED, -0.1 * at_event)) & _towards(state, events)
+        crossed = (events < jnp.minimum(_CROSSED, -0.1 * at_event)) & law.towards(state, events)
         any_crossed = jnp.any(crossed)
         good = (error <= 1) | search.active
 
@@ -183,26 +278,25 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
         # what has happened, if anything
         which = jnp.argmin(jnp.abs(jnp.where(search.at_high < _CROSSED, events, jnp.inf)))
         event = jnp.where(accept & located, which, -1)
-        code, new_flags = after_event(case, event, state[:STATES], carry.flags, force)
-        jumped = state.at[:STATES].set(jump(case, event, code, state[:STATES]))
+        code, jumped, new_flags = law.after(carry.angle + width, event, state, carry.flags, force)
 
-        longest = _longest_step(case, jnp.where(accept, new_flags, carry.flags))
+        longest = law.longest(jnp.where(accept, new_flags, carry.flags))
         factor = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.2, 5.0)
         factor = jnp.where(jnp.isfinite(error), factor, 0.2)
         proposed = jnp.minimum(jnp.where(search.active, carry.next_width, width) * factor, longest)
         proposed = jnp.where(search.active, jnp.minimum(carry.next_width, longest), proposed)
         angle = jnp.where(accept, carry.angle + width, carry.angle)
-        left = START + TURN - angle
+        left = _ahead(angle, stop, knots)
         ahead = jnp.minimum(proposed, left)
         # a step that leaves a sliver would end in one of no width
         ahead = jnp.where((left - ahead < 1e-9) & (left - ahead > 0), left, ahead)
         entry = Record(
             carry.angle,
             width,
-            carry.state[:STATES],
-            state[:STATES],
-            slopes[0, :STATES],
-            slopes[6, :STATES],
+            carry.state[:kept],
+            state[:kept],
+            slopes[0, :kept],
+            slopes[6, :kept],
             carry.flags,
             event,
             code,
@@ -226,15 +320,17 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
         )
 
     # one row more than are kept takes what is thrown away
-    record = _empty_record(capacity + 1)
-    events = jnp.ones(EVENTS)  # not known yet; only a guess within the bracket of an event
-    first = jnp.minimum(0.02, _longest_step(case, flags))
+    record = _empty_record(capacity + 1, kept, flags.size)
+    events = jnp.ones(law.events)  # not known yet; only a guess within the bracket of an event
+    first = jnp.minimum(0.02, law.longest(flags))
+    if knots:
+        first = jnp.minimum(first, _ahead(start, stop, knots))
     search = _Search(
         jnp.asarray(False), jnp.zeros(()), jnp.zeros(()), events, events, jnp.zeros((), int)
     )
     begin = _Carry(
-        jnp.asarray(START),
-        jnp.concatenate([state, jnp.zeros(_ACCOUNTS)]),
+        start,
+        state,
         flags,
         events,
         first,
@@ -247,22 +343,35 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
     end = lax.while_loop(going_on, advance, begin)
     whole = ~going_on(end._replace(passes=jnp.zeros((), int))) & (end.steps <= capacity)
     record = jax.tree.map(lambda rows: rows[:capacity], end.record)
-    return Revolution(
-        state,
-        end.state[:STATES],
-        end.flags,
-        end.state[STATES:],
-        end.steps,
-        end.passes,
-        whole,
-        record,
-    )
+    return Stretch(end.angle, end.state, end.flags, end.steps, end.passes, whole, record)
 
 
-def _empty_record(rows: int) -> Record:
-    table, row, flat = jnp.zeros((rows, STATES)), jnp.zeros(rows), jnp.full(rows, -1)
-    flags = jnp.zeros((rows, 6), int)
+def _ahead(angle, stop, knots: tuple):
+    """[rad] To the end or to the next knot."""
+    left = stop - angle
+    for knot in knots:
+        left = jnp.where(knot > angle + 1e-9, jnp.minimum(left, knot - angle), left)
+    return left
+
+
+def _empty_record(rows: int, states: int, count: int) -> Record:
+    table, row, flat = jnp.zeros((rows, states)), jnp.zeros(rows), jnp.full(rows, -1)
+    flags = jnp.zeros((rows, count), int)
     return Record(jnp.full(rows, jnp.inf), row, table, table, table, table, flags, flat, flat)
+
+
+def within_steps(record: Record, angle, row=None):
+    """The states that were kept at an angle [rad], by the cubics between the steps."""
+    if row is None:
+        row = jnp.clip(
+            jnp.searchsorted(record.angle, angle, side="right") - 1, 0, record.angle.size - 1
+        )
+    width = record.width[row]
+    t = jnp.where(width > 0, (angle - record.angle[row]) / jnp.where(width > 0, width, 1.0), 0.0)
+    s = 1 - t
+    begin, end = record.begin[row], record.end[row]
+    slope = width * (record.begin_rate[row] * s - record.end_rate[row] * t)
+    return begin * s * s * (1 + 2 * t) + end * t * t * (1 + 2 * s) + t * s * slope
 
 
 class March(NamedTuple):
@@ -322,7 +431,7 @@ def _march(case, tolerance, repeat, state, flags, max_revolutions, max_passes, c
         next_state = new.end.at[:2].set(jnp.maximum(next_state[:2], 0.5 * new.end[:2]))
         return next_state, new.flags, change, March(new, jnp.max(jnp.abs(change)), count, passes)
 
-    record = _empty_record(capacity)
+    record = _empty_record(capacity, STATES, flags.size)
     none = jnp.zeros((), int)
     totals, true = jnp.zeros(_ACCOUNTS), jnp.asarray(True)
     empty = Revolution(state, state, flags, totals, none, none, true, record)
@@ -335,7 +444,7 @@ def _weighted(weights, slopes):
     return jnp.sum(weights[:, None] * slopes, axis=0)
 
 
-def _longest_step(case: Case, flags):
+def longest_step(case: Case, flags):
     """[rad] A tenth of the period of a valve that is free: no step dips into the seat and out again."""
     longest = jnp.asarray(_LONGEST)
     for which, valve in enumerate(case.cylinder.valves):
@@ -346,7 +455,7 @@ def _longest_step(case: Case, flags):
     return longest
 
 
-def _towards(state, events):
+def towards(state, events):
     """Whether a valve that is beyond seat or stop moves towards it; others may always cross."""
     free = jnp.ones(EVENTS, bool)
     for which in range(2):

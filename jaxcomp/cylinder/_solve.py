@@ -112,7 +112,7 @@ def _solve(cylinder, mechanism, speed, options: CycleOptions, fluctuation, start
         found = _march_only(frozen, options) if marching else _rounds(frozen, options)
     else:
         mesh, z = lax.stop_gradient(start.raw[:2])
-        totals = lax.stop_gradient(jnp.stack(start.totals) / _account_scales(case))
+        totals = lax.stop_gradient(jnp.stack(start.totals) / account_scales(case))
         found = _after_newton(frozen, options, mesh, z, totals, _NOTHING)
     z = found.z if marching else attached(case, found.mesh, found.z)
     # where Newton's method found nothing, the last march stands
@@ -228,7 +228,7 @@ def _law(case: Case):
     return law
 
 
-def _account_scales(case: Case) -> Float[Array, " 12"]:
+def account_scales(case: Case) -> Float[Array, " 12"]:
     """[kg] or [J] of every account."""
     mass, energy = case.mass_scale, case.energy_scale
     masses = ("suction", "discharge", "leakage", "suction_back", "discharge_back")
@@ -251,7 +251,7 @@ def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bo
     weight = width[:, None] * rule.weights
     totals = jnp.einsum("ps,psa->a", weight, accounts[:, :-1])
     totals = found.totals if marching else jnp.where(found.solved, totals, found.totals)
-    scales = _account_scales(case)
+    scales = account_scales(case)
 
     def flat(values):
         return values[:, :-1].reshape(-1)

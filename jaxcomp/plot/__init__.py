@@ -73,6 +73,7 @@ from ._tolerance import tolerance_figures as tolerance_figures
 from ._tolerance import tolerance_histogram as tolerance_histogram
 from ._tolerance import tornado as tornado
 from ._transient import transient_figure as transient_figure
+from ._transient import transient_gas_figure as transient_gas_figure
 
 _FIGURES = (_Figure, dict[str, _Figure])
 for _name, _function in list(globals().items()):
