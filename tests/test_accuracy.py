@@ -6,6 +6,7 @@ from benchmarks.studies import STUDIES as DEVELOPER_STUDIES
 from benchmarks.studies import refined
 
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
+from jaxcomp.crank import default_collocation
 from jaxcomp.design import AnalysisOptions
 from jaxcomp.film import eccentricity_ratio
 from jaxcomp.machine import machine_of
@@ -132,7 +133,7 @@ def test_studies_take_the_default_solver_of_the_machine():
         scene = load(name)
         question = Question(machine_of(scene), "mechanical_efficiency")
         assert question.load_reversals == scene.as_compressor().mechanism.load_reversals > 0
-        assert question.default_solver == Collocation(reversals=question.load_reversals)
+        assert question.default_solver == default_collocation(scene.as_compressor())
 
 
 def scipy_program(machine):

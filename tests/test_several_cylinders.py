@@ -40,6 +40,7 @@ from jaxcomp.crank import (
     train_over_speed,
     train_torques,
 )
+from jaxcomp.crank._collocation import _of_count
 from jaxcomp.design import AnalysisOptions
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
@@ -153,9 +154,14 @@ def losses(orbit, joint):
     return sum(float(v) for name, v in orbit.energy.losses.items() if name.startswith(joint))
 
 
+def located(made: Compressor) -> Collocation:
+    """With panel edges at all load reversals."""
+    return Collocation(reversals=made.load_reversals)
+
+
 @pytest.fixture(scope="module")
 def twin():
-    return solve_orbit(several(LAYOUTS[2]))
+    return solve_orbit(several(LAYOUTS[2]), located(several(LAYOUTS[2])))
 
 
 def check_golden(orbit, count):
@@ -177,7 +183,7 @@ def test_twin_has_the_golden_values(twin):
 @pytest.mark.slow  # half a minute of compiling each
 @pytest.mark.parametrize("count", [1, 4, 8])
 def test_golden_values(count):
-    check_golden(solve_orbit(several(LAYOUTS[count])), count)
+    check_golden(solve_orbit(several(LAYOUTS[count]), located(several(LAYOUTS[count]))), count)
 
 
 @pytest.mark.slow
@@ -188,6 +194,17 @@ def test_golden_values_to_their_digits(count, nodes):
     orbit = solve_orbit(several(LAYOUTS[count]), solver)
     assert float(orbit.mechanical_efficiency) == pytest.approx(GOLDEN[count][0], abs=1e-9)
     assert float(orbit.speed_fluctuation) == pytest.approx(GOLDEN[count][1], abs=1e-9)
+
+
+@pytest.mark.slow  # three programs
+def test_default_errs_by_a_millionth():
+    """On as many panels for every number of cylinders; 1.1e-6 and 2e-7 seen."""
+    for count in (2, 4, 8):
+        orbit = solve_orbit(several(LAYOUTS[count]))
+        assert orbit.weight.size == 36 * 8
+        assert orbit.mechanical_efficiency == pytest.approx(GOLDEN[count][0], abs=3e-6)
+        assert orbit.speed_fluctuation == pytest.approx(GOLDEN[count][1], abs=1e-6)
+        assert abs(orbit.energy.residual) < 1e-12
 
 
 @pytest.mark.slow
@@ -709,12 +726,21 @@ def test_a_layout_by_name_has_its_count_without_numbers():
     assert shapes.count == 4
 
 
-def test_panels_that_coincide_are_joined():
-    """Half of the kinks of this machine coincide; with the others joined too the error stays small."""
+def test_panels_of_a_fixed_number():
+    """The same edges for every number of cylinders; half of the kinks of this machine coincide."""
     made = several(LAYOUTS[4])
-    fast = Collocation(nodes=5, reversals=0, tolerance=1e-3, most_panels=14, estimate=False)
+    fast = Collocation(nodes=5, reversals=0, tolerance=1e-3, panel_count=14, estimate=False)
     orbit = solve_orbit(made, fast)
     assert orbit.weight.size == 70
+    kinks = np.array([0.0, 0.0, 1.0, 1.0 + 1e-9, 2.0, 5.0])
+    for count in (4, 9, 14):
+        edges = np.asarray(_of_count(jnp.asarray(kinks), count))
+        assert edges.size == count
+        # all kinks are edges, no panel has no width, and the widest were cut
+        assert all(np.abs(edges - kink).min() < 1e-8 for kink in kinks[[0, 2, 4, 5]])
+        widths = np.diff(np.append(edges, 2 * np.pi))
+        assert widths.min() > 0.2
+        assert count < 9 or widths.max() < 1.01
     # as of one cylinder with five nodes on a panel; 4e-5 seen
     assert float(orbit.mechanical_efficiency) == pytest.approx(GOLDEN[4][0], abs=1e-4)
     assert np.isnan(float(orbit.efficiency_error))

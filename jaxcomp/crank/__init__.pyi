@@ -1,4 +1,5 @@
 from ._collocation import Collocation as Collocation
+from ._collocation import default_collocation as default_collocation
 from ._films import JournalFilm as JournalFilm
 from ._films import JournalOrbit as JournalOrbit
 from ._films import film_thickness as film_thickness

@@ -11,7 +11,7 @@ from .._fields import BadInput, admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
 from ..cylinder import Cylinder
-from ._collocation import Collocation
+from ._collocation import Collocation, default_collocation
 from ._cylinder import solve_with_cylinder
 from ._orbit import Orbit, Verification
 
@@ -41,8 +41,10 @@ def solve_orbit(
 
     Args:
         machine: a compressor, a machine or a scene.
-        solver: options of the solver. If absent, `Collocation()` with panel edges for as many load
-            reversals as the mechanism has: the whole revolution at once. `Shooting()` integrates it
+        solver: options of the solver. If absent, `default_collocation`: the whole revolution at once,
+            with panel edges for as many load reversals as the mechanism has; of several cylinders
+            without, to 1e-6 in efficiency, and `Collocation(reversals=compressor.load_reversals)` has
+            these as well. `Shooting()` integrates it
             with diffrax and shares no more than the laws, at many times the cost.
         verify: march one revolution from the found state with diffrax, independently of the solver:
             `orbit.verification` then has the error of speed, losses, efficiency and peaks. `True` takes
@@ -69,7 +71,7 @@ def solve_orbit(
     """
     compressor = compressor_of(machine)
     if solver is None:
-        solver = Collocation(reversals=compressor.load_reversals)
+        solver = default_collocation(compressor)
     # within a program that is traced anyway, a program of its own would be traced twice for derivatives
     traced = any(is_traced(leaf) for leaf in jax.tree.leaves(compressor))
     orbit = (_solved if traced else _solve)(compressor, solver)

@@ -18,7 +18,7 @@ import numpy as np
 from .._fields import BadInput
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
-from ..crank import Collocation, Shooting
+from ..crank import Collocation, Shooting, default_collocation
 from ..design import AnalysisOptions, DesignResult, quantity
 from ..machine import Assembly, Machine, assembled
 from ._measure import Program, median_time
@@ -62,7 +62,8 @@ class Question(NamedTuple):
     @property
     def default_solver(self) -> Collocation:
         """What `solve_orbit` takes for this machine."""
-        return Collocation(reversals=self.load_reversals)
+        machine = self.compressor
+        return Collocation(reversals=0) if machine is None else default_collocation(machine)
 
     @property
     def fine_solver(self) -> Collocation:

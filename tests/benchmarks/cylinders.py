@@ -19,16 +19,18 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from test_several_cylinders import GOLDEN, LAYOUTS, several
 
 from jaxcomp import Collocation, solve_orbit
+from jaxcomp.crank import default_collocation
 
-# Panels that remain where coinciding kinks are joined.
+# Panels of many designs, and all that the kinks make where they coincide.
 PANELS = {1: 7, 2: 11, 4: 14, 8: 24}
 
 
-def settings(count: int):
-    fast = {"reversals": 0, "most_panels": PANELS[count]}
-    yield "5 nodes, joined", Collocation(nodes=5, tolerance=1e-3, estimate=False, **fast)
-    yield "8 nodes, joined", Collocation(nodes=8, tolerance=1e-6, estimate=False, **fast)
-    yield "8 nodes", Collocation(nodes=8, tolerance=1e-8, reversals=0)
+def settings(made):
+    fast = {"reversals": 0, "panel_count": PANELS[made.cylinders.count], "estimate": False}
+    yield "4 nodes, coarse", Collocation(nodes=4, tolerance=1e-3, **fast)
+    yield "5 nodes, coarse", Collocation(nodes=5, tolerance=1e-3, **fast)
+    yield "default", default_collocation(made)
+    yield "located", Collocation(reversals=made.load_reversals)
 
 
 def least(function, *arguments, calls: int = 20) -> float:
@@ -53,12 +55,13 @@ def main() -> None:
     )
     rng = np.random.default_rng(0)
     for count in given.cylinders:
-        numbers, rest = eqx.partition(several(LAYOUTS[count]), eqx.is_inexact_array)
+        made = several(LAYOUTS[count])
+        numbers, rest = eqx.partition(made, eqx.is_inexact_array)
         many = jax.tree.map(
             lambda x: x * (1 + 0.02 * rng.standard_normal((given.designs,) + (1,) * x.ndim)),
             numbers,
         )
-        for name, solver in settings(count):
+        for name, solver in settings(made):
 
             def efficiency(p, rest=rest, solver=solver):
                 return solve_orbit(eqx.combine(p, rest), solver, throw=False).mechanical_efficiency
