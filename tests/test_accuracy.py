@@ -392,7 +392,7 @@ def test_only_settings_of_one_task_compete():
     assert made.cheapest(1e-6).method == "least squares"
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", [*MACHINES[:2], pytest.param(MACHINES[2], marks=pytest.mark.slow)])
 def test_every_quantity_of_a_problem_is_known_by_its_full_name(name):
     from jaxcomp import problem
     from jaxcomp.design import available_quantities
@@ -598,7 +598,7 @@ PEAKS, MARGIN, REST = 1e-3, 1e-4, 1e-5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", [*MACHINES[:2], pytest.param(MACHINES[2], marks=pytest.mark.slow)])
 def test_every_quantity_has_a_true_error_or_a_refusal_in_words(name):
     found = accuracy(load(name), None, "quantities")
     assert [row.method for row in found.rows] == list(known_quantities(machine_of(load(name))))

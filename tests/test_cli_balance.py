@@ -274,6 +274,7 @@ def test_a_weight_makes_a_target_count_more(hermetic):
     assert left(found("hermetic-68cc", "--weight", "TP6=20")) < 0.8 * left(hermetic)
 
 
+@pytest.mark.slow
 def test_a_speed_may_be_a_frequency():
     rows = found("hermetic-68cc", "--speeds", "50Hz")["rows"]
     assert rows[0]["speed"] == pytest.approx(100 * np.pi, rel=1e-12)

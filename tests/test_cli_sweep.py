@@ -127,6 +127,7 @@ def test_samples_scatter_about_their_ranges(tmp_path):
     assert found(*arguments, "--seed", 1)["variables"]["bore"]["values"] != bore.tolist()
 
 
+@pytest.mark.slow
 def test_three_variables_are_drawn_at_the_best_of_the_third(tmp_path):
     result = found(
         "--over", "bore=120mm:140mm:3", "--over", "motor.mean_speed=log:800rpm:1200rpm:3",
@@ -142,6 +143,7 @@ def test_three_variables_are_drawn_at_the_best_of_the_third(tmp_path):
     assert (tmp_path / "out/map-mechanical_efficiency.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_bar_is_shown_on_a_terminal_alone(tmp_path):
     """A bar on a terminal; nothing on a pipe, so that the error output stays clean."""
     arguments = ["sweep", "mayekawa-wbhe", "--over", "bore=110mm:140mm:40", "--quantity"]

@@ -306,6 +306,7 @@ def test_failures_are_words_and_leave_the_batch_alone():
     np.testing.assert_allclose(into, t.work, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_failure_is_raised_with_its_reason():
     shut = eqx.tree_at(lambda c: c.clearance_ratio, golden("D"), jnp.asarray(0.8))
     with pytest.raises(SolveFailed, match="does not open the discharge valve"):

@@ -330,6 +330,7 @@ def test_kloss_motors_from_soft_to_stiff():
             assert abs(float(orbit.energy.residual)) < 1e-10, numbers
 
 
+@pytest.mark.slow
 def test_a_stiff_kloss_motor_is_the_slip_line_that_it_is_near_its_synchronous_speed():
     """Constant energy, whose speed swings by some per cent, lies beyond the pull-out slip."""
     for slip in (0.02, 0.003):

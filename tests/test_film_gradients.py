@@ -66,6 +66,7 @@ def test_position_has_exact_first_and_second_derivatives(model):
         np.testing.assert_allclose(hessian, hessian.T, rtol=1e-9, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_position_has_an_exact_third_derivative():
     film = Reynolds(0.6)
 

@@ -314,7 +314,9 @@ value_of = jax.jit(total)
 gradient_of = jax.jit(jax.grad(total, argnums=(0, 1, 2)))
 
 
-@pytest.mark.parametrize("law", ["coulomb", "regularised", "film"])
+@pytest.mark.parametrize(
+    "law", ["coulomb", pytest.param("regularised", marks=pytest.mark.slow), "film"]
+)
 def test_gradient_equals_finite_differences(law):
     point = (
         machine(friction=FRICTION[law], offset=0.01, gravity=(2.0, -9.0)),
@@ -369,7 +371,13 @@ def test_hessian_equals_differences_of_the_gradient():
     np.testing.assert_allclose(hessian, estimate, rtol=1e-7, atol=1e-8)
 
 
-@pytest.mark.parametrize("law", list(FRICTION))
+@pytest.mark.parametrize(
+    "law",
+    [
+        law if law != "regularised" else pytest.param(law, marks=pytest.mark.slow)
+        for law in FRICTION
+    ],
+)
 def test_everything_is_finite_at_dead_centres_and_at_zero_load(law):
     """Also the derivatives, where loads vanish and sliding directions turn."""
     friction = FRICTION[law]

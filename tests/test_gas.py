@@ -267,7 +267,7 @@ def test_back_pressure_defaults_to_suction():
 @pytest.mark.parametrize(
     "place",
     [
-        "repeated",
+        pytest.param("repeated", marks=pytest.mark.slow),
         "beyond",
         pytest.param("swapped", marks=pytest.mark.slow),
         pytest.param("none", marks=pytest.mark.slow),

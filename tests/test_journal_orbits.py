@@ -162,6 +162,7 @@ def rotating(size, share):
 BEARING = OrbitBearing(0.04, 0.02, 30e-6, 0.02)
 
 
+@pytest.mark.slow
 def test_a_constant_load_is_carried_where_a_steady_film_carries_it():
     bearing = OrbitBearing(0.04, 0.02, 30e-6, 0.02, "short")
     film = journal_orbit(bearing, lambda a: jnp.stack([0 * a + 2000.0, 0 * a]), 300.0).film
@@ -190,6 +191,7 @@ def test_a_load_at_half_speed_collapses_the_film_by_name():
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(orbit.film))
 
 
+@pytest.mark.slow
 def test_two_lands_carry_half_the_load_each():
     one = journal_orbit(OrbitBearing(0.04, 0.01, 30e-6, 0.02), rotating(500.0, 0.0), 300.0).film
     two = journal_orbit(

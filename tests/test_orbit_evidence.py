@@ -132,6 +132,7 @@ def test_an_open_account_is_not_converged():
     assert status_of(fine) == "converged"
 
 
+@pytest.mark.slow
 def test_numbers_that_are_not_finite_are_not_converged():
     def pressure(stroke):
         return jnp.where(stroke.angle > 3.0, jnp.nan, 1e5)
@@ -208,6 +209,7 @@ def test_a_reversal_that_runs_into_a_valve_event_is_given_up():
     assert float(abs(orbit.mechanical_efficiency - fine.mechanical_efficiency)) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_loose_tolerance_does_not_count_as_failed():
     """The joints close with the motion: at 1e-5 their residual is of that size, and no failure."""
     machine = with_bore(load("mayekawa-wbhe").compressor, 0.1225)

@@ -71,7 +71,7 @@ def test_an_empty_word_is_named():
     assert str(BadInput("ring", "", "one of two")) == "`ring` must be one of two, but is empty."
 
 
-@pytest.mark.parametrize("stiffness", [1e16, 3e16, 1e18])
+@pytest.mark.parametrize("stiffness", [1e16, pytest.param(3e16, marks=pytest.mark.slow), 1e18])
 def test_critical_speeds_on_stiff_springs_are_those_of_a_pinned_rotor(stiffness):
     """From 1e12 N/m on, the springs are a hundred thousand times as stiff as the shaft."""
     pinned, found = (critical_speeds(rotor(k), 2) for k in (1e12, stiffness))
@@ -113,6 +113,7 @@ def test_a_traced_rotor_out_of_bounds_is_marked(what, value):
     assert int(status(bad)[0, 0]) != 0
 
 
+@pytest.mark.slow
 def test_modes_of_a_traced_rotor_out_of_bounds_are_not_numbers():
     model = rotor(damping=10.0)
     verbs = {

@@ -148,7 +148,7 @@ def nelson_rotor():
     return RotorModel((shaft,), (Disks((5,), [1.401], [0.00136], [0.00203]),), links=links)
 
 
-@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_rotor_of_nelson_and_mcvaugh(order):
     model = nelson_rotor()
     found = critical_speeds(model, 5, order=order).speed / RPM * order

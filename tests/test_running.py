@@ -45,6 +45,7 @@ def test_response_to_the_forces_of_the_scene_counts_corrections(scene):
     assert float(jnp.abs(found.displacement - bare.displacement).max()) > 1e-6
 
 
+@pytest.mark.slow
 def test_modes_of_a_scene_stand_in_their_films(scene):
     model = loaded_rotor(scene.assembly, SPEEDS[:1])
     by_hand = rotor.damped_modes(model, SPEEDS[0], 4).eigenvalue

@@ -389,6 +389,7 @@ def test_derivatives_to_bank_and_throw_angle():
     assert float(slope) == pytest.approx(float(ahead - back) / (2 * step), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_torque_curve_and_gravity_close_the_energy():
     made = several(LAYOUTS[2], motor=SlipLine(60.0, 106.0), gravity=jnp.array([0.0, -9.81]))
     orbit = solve_orbit(made, COARSE)
@@ -558,6 +559,7 @@ def test_a_bad_cylinder_is_named():
         dataclasses.replace(made, mechanism=short)
 
 
+@pytest.mark.slow
 def test_extreme_layouts_have_an_orbit():
     """Sixteen cylinders, of which some share one angle, pins at 0 and 360, very different bores."""
     throws = [(90.0 * i, 0.1 * i, [-30.0, -30.0, 30.0, 30.0], 0.0) for i in range(3)]
@@ -776,6 +778,7 @@ def test_bundled_machines_are_drawn_and_run(name):
     assert len(figure.axes) == 3
 
 
+@pytest.mark.slow
 def test_a_stiff_train_carries_what_the_motor_gives(twin):
     """The coupling of a rigid train: the motor's torque less what turns the motor itself."""
     made = several(LAYOUTS[2])

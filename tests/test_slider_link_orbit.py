@@ -194,6 +194,7 @@ def test_command_line_reports_vibration_and_losses():
     assert "vibration" not in read_json(bare.stdout)
 
 
+@pytest.mark.slow
 def test_pictures_of_loads_and_vibration(isobutane, tmp_path):
     orbit, _, load = isobutane
     figures = plot.orbit_figures(household(), orbit, suspension())

@@ -146,6 +146,7 @@ def test_blocks_change_nothing(small, batch, tmp_path):
     assert found.load().identical(small)
 
 
+@pytest.mark.slow
 def test_devices_change_nothing(small, tmp_path):
     run, environment = sweep_runs.command("devices", out=tmp_path / "both.npy", devices=2)
     environment["XLA_FLAGS"] += " --xla_force_host_platform_device_count=2"

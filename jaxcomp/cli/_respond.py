@@ -72,7 +72,7 @@ def respond(
 
     start_jax(once=True)
     scene = changed_scene(machine, sets or (), ())
-    rotor_of(scene)
+    watched = watched_nodes(scene, rotor_of(scene), node or ())
     case = scene.parts.get("loads")
     shaken_by = chosen_excitation(scene, excitation)
     by_crank = shaken_by is Excitation.crank
@@ -81,7 +81,6 @@ def respond(
     wanted = whole_orders(orders, None if by_crank else case.loads)
     points, range_ = points_and_range(scene, speed, speeds)
     model = rotor_of(scene, points, range_)
-    watched = watched_nodes(scene, model, node or ())
 
     def answer(machine, speeds):
         return jc.respond(machine, spin_speeds=speeds, orders=wanted, excitation=shaken_by.value)
