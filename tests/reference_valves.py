@@ -85,7 +85,7 @@ class Reference:
         return self.walk(y, None, None)[:2]
 
     def walk(self, y, suction, discharge):
-        """Both chains; `suction` and `discharge` are (flow, enthalpy) through the valves."""
+        """Both chains; `suction` and `discharge` are flow and stream of enthalpy through the valves."""
         rates, ends, place = [], [], 10
         for which, chain in enumerate(self.chains):
             line = self.line(which)
@@ -101,15 +101,20 @@ class Reference:
                 place += 3 * len(chain)
                 continue
             flows = [s[0] for s in states]
-            carried = [
-                f * self.h((towards[i] if f > 0 else towards[i + 1])[2])
-                for i, f in enumerate(flows)
-            ]
+            # a fifth of the flow of a full cylinder, below which both sides of a neck mix
+            least = 0.2 * self.line(0)[1] * self.swept * self.scale / (2 * np.pi)
+            sizes = [np.hypot(f, least) for f in flows]
+            density, carried = [], []
+            for i, (f, size) in enumerate(zip(flows, sizes, strict=True)):
+                share = 0.5 + 0.5 * f / size
+                (_, rho_a, T_a), (_, rho_b, T_b) = towards[i], towards[i + 1]
+                density.append(share * rho_a + (1 - share) * rho_b)
+                carried.append(f * (share * self.h(T_a) + (1 - share) * self.h(T_b)))
             for i, (_, given, length, area, loss) in enumerate(chain):
                 f, m, T = states[i]
-                up = towards[i] if f > 0 else towards[i + 1]
                 dp = towards[i][0] - towards[i + 1][0]
-                f_1 = (dp - loss / (2 * up[1] * area**2) * f * abs(f)) * area / length
+                lost = loss / (2 * density[i] * area**2) * f * sizes[i]
+                f_1 = (dp - lost) * area / length
                 if which == 0:
                     last = i == len(chain) - 1
                     come, go = (f, carried[i]), suction if last else (flows[i + 1], carried[i + 1])
@@ -144,7 +149,7 @@ class Reference:
             push -= coefficient * v / (lift + film) ** 3
             free = modes[i] == 1
             slopes += [v if free else 0.0, push / mass if free else 0.0, u_1]
-        p_c, rho_c, T_c = self.line(0) if not self.chains[0] else s
+        p_c, rho_c, T_c = self.line(0)
         leak = np.pi * self.bore * self.gap**3 / (12 * self.mu * self.gap_length)
         leak *= (here[0] - p_c) * (here[1] + rho_c) / 2
         h_leak = self.h(T if leak > 0 else T_c)
@@ -158,7 +163,7 @@ class Reference:
         c_v = AIR["R"] / (AIR["k"] - 1)
         energy = f_s * h_s - f_d * h_d - leak * h_leak + heat - here[0] * self.area * x_1 * w
         T_1 = (energy - c_v * T * m_1) / (m * c_v)
-        chain = self.walk(y, flows[0], flows[1])[2]
+        chain = self.walk(y, *((f, f * h) for f, h in flows))[2]
         J, J_1 = self.inertia + self.piston_mass * x_1**2, 0.0
         J_1 = 2 * self.piston_mass * x_1 * self.piston_2(th)
         gas = (here[0] - p_c) * self.area * x_1
@@ -175,7 +180,7 @@ class Reference:
         s, d, _ = self.walk(y, None, None)
         return [(s, here), (here, d)]
 
-    def run(self, duration, angle, speed, scale, rtol=1e-10):
+    def run(self, duration, angle, speed, scale, rtol=1e-10, start=None):
         """State at the end: angle, speed, m, T, valves, chains, delivered mass and enthalpy."""
         self.scale = scale
         x, _ = self.piston(angle)
@@ -183,8 +188,9 @@ class Reference:
         y = [angle, speed, rho * (self.area * x + self.c * self.swept), T, *[0.0] * 6]
         for chain in self.chains:
             for volume, given, *_ in chain:
-                start = T if given is None else given
-                y += [0.0, p / (AIR["R"] * start) * volume, start]
+                at = T if given is None else given
+                y += [0.0, p / (AIR["R"] * at) * volume, at]
+        y = y if start is None else [angle, speed, *start]
         y, t, modes = np.array([*y, 0.0, 0.0]), 0.0, [0, 0]
 
         def contact(i, kind):
@@ -213,7 +219,8 @@ class Reference:
                 events=[contact(*one) for one in events], max_step=longest,
             )  # fmt: skip
             t, y = found.t[-1], found.y[:, -1].copy()
-            if found.status != 1:
+            assert found.status >= 0, found.message
+            if found.status == 0:
                 break
             which = next(k for k, times in enumerate(found.t_events) if times.size)
             i, kind = events[which]

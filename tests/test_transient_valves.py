@@ -10,6 +10,7 @@ from test_cylinder import SPEED, golden, mechanism
 
 from jaxcomp import BadInput, Compressor, SliderCrank, Status, load, plot, simulate
 from jaxcomp.crank import TimeIntegration
+from jaxcomp.cylinder import Plenum
 from jaxcomp.mechanism import Cylinders
 from jaxcomp.motor import ConstantTorque, SlipLine
 from jaxcomp.scene import with_value
@@ -49,6 +50,47 @@ def test_a_start_from_rest_is_that_of_scipy():
     reference[-1] -= 287.0 / 0.4 * 273.15 * reference[-2]
     # kinks within steps of 1e-10, twenty contacts in each revolution
     np.testing.assert_allclose(got, reference, rtol=2e-6, atol=1e-9)
+
+
+def with_plenums(suction=(), discharge=(), name="D"):
+    """The golden machine with plenums of (volume, temperature, length, area, loss) of the reference."""
+    gas = golden(name)
+    for which, rows in (("suction", suction), ("discharge", discharge)):
+        made = tuple(
+            Plenum(
+                volume=volume,
+                neck_length=length,
+                neck_diameter=np.sqrt(4 / np.pi * area),
+                loss_coefficient=loss,
+                temperature=given,
+            )
+            for volume, given, length, area, loss in rows
+        )
+        gas = eqx.tree_at(lambda g, which=which: getattr(g, which).plenums, gas, made)
+    return gas
+
+
+# two chambers of a muffler, one of them at a given temperature, and an adiabatic discharge plenum
+MUFFLER = ((20e-6, None, 0.02, 3e-5, 1.5), (8e-6, 310.0, 0.015, 4e-5, 1.0))
+BEHIND = ((10e-6, None, 0.03, 1.2e-5, 1.5),)
+
+
+def test_plenums_pump_up_from_rest_as_in_scipy():
+    motor = SlipLine(0.05, 300.0)
+    machine = Compressor(light_rod(), motor, with_plenums(MUFFLER, BEHIND))
+    found = simulate(machine, 0.08, angle=0.7, options=OPTIONS)
+    reference = Reference(MUFFLER, BEHIND, motor=lambda w: 0.05 * (300.0 - w))
+    wanted = reference.run(0.08, 0.7, 0.0, 300.0)
+    got = state_at_end(found)
+    known = np.array([*wanted[:4], wanted[4], wanted[7], *wanted[-2:]])
+    known[-1] -= 287.0 / 0.4 * 273.15 * known[-2]
+    # kinks within steps of 1e-10, those of the flow in the necks as well
+    np.testing.assert_allclose(got, known, rtol=2e-6, atol=1e-9)
+    flow_m_T = wanted[10:19].reshape(3, 3)
+    T = [flow_m_T[0, 2], 310.0, flow_m_T[2, 2]]
+    volume = [20e-6, 8e-6, 10e-6]
+    pressure = 287.0 * flow_m_T[:, 1] * T / volume
+    np.testing.assert_allclose(found.gas.plenum_pressure[:, -1], pressure, rtol=2e-6)
 
 
 def test_running_on_at_constant_speed_becomes_the_periodic_cycle():
@@ -134,5 +176,7 @@ def test_pictures_show_the_pressure_and_the_end():
     close = plot.transient_gas_figure(found, "air", 0.1)
     assert len(close.axes[0].lines) == 2  # the pressure, and the instant of power-off
     lift = close.axes[1].lines[0].get_ydata()
-    np.testing.assert_allclose(lift.max(), 1.5)  # mm: the suction valve's stop
+    assert (
+        1.2 < lift.max() <= 1.5
+    )  # mm: the suction valve's stop, between the instants that are listed
     assert lift.size < 101

@@ -158,18 +158,25 @@ def _of_cylinders(compressor: jc.Compressor):
 def _of_valves(gas: jc.cylinder.Cylinder, speed: float):
     """What follows from the lines and valves of a cylinder, and what it leaves out."""
     suction = gas.suction.state(gas.fluid)
-    ratio = float(gas.discharge.states(gas.fluid, suction)[0].p / suction.p)
-    yield "Pressure ratio", ratio, ""
+    behind = gas.discharge.states(gas.fluid, suction)[0]
+    yield "Pressure ratio", float(behind.p / suction.p), ""
     for name, valve in zip(("suction", "discharge"), gas.valves, strict=True):
         if valve.oscillator is not None:
             own = math.sqrt(float(valve.oscillator.stiffness / valve.oscillator.mass))
             note = f"{own / speed:.3g} times the crank's speed"
             yield f"Natural frequency of the {name} valve", own / (2 * math.pi), f"Hz, {note}"
+    lines = ("suction", suction, gas.suction.plenums), ("discharge", behind, gas.discharge.plenums)
+    for name, state, plenums in lines:
+        for number, plenum in enumerate(plenums, 1):
+            stiffness = plenum.neck_area / (plenum.volume * plenum.neck_length)
+            own = float(state.speed_of_sound) * math.sqrt(float(stiffness))
+            note = f"Hz, {own / speed:.3g} times the crank's speed"
+            yield f"Resonance of {name} plenum {number}", own / (2 * math.pi), note
     if not gas.inert:
         yield "Flow through the ports", "quasi-steady", "values only: derivatives are refused"
     yield (
         "Not modelled",
-        "stratified gas, pulsation in the lines",
+        "stratified gas, pulsation in the lines beyond their plenums",
         "oil in the gas, wet compression",
     )
 

@@ -315,6 +315,10 @@ def _without_gas(compressor: Compressor) -> Compressor:
 def _of_gas(gas: GasCourse, at) -> Iterator[Data]:
     """Pressure, temperature, mass, lifts and flows; of several cylinders with their numbers."""
     several = gas.pressure.ndim > 1
+    plenums = () if gas.plenum_pressure is None else gas.plenum_pressure
+    for number, pressure in enumerate(plenums, 1):
+        yield Data(f"plenum_pressure.{number}", "Pa", pressure, at)
+    gas = eqx.tree_at(lambda g: g.plenum_pressure, gas, None, is_leaf=lambda leaf: leaf is None)
     for number in range(gas.pressure.shape[0] if several else 1):
         one = jax.tree.map(lambda leaf, number=number: leaf[number], gas) if several else gas
         end = f".{number + 1}" if several else ""

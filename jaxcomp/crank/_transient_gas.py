@@ -1,8 +1,9 @@
 r"""Crank and cylinders with valves in time: the equation of motion, and the balances of the gas.
 
 The unknowns are angle, speed and works of the crank, and mass and temperature of the gas with lift,
-velocity and port velocity of every valve, for each cylinder. What the valves do and the crank's rest are
-events: a step ends there, and the state jumps. The heat transfer takes the mean piston speed from the
+velocity and port velocity of every valve, for each cylinder, and the states of the plenums, which all
+cylinders share. What the valves do and the crank's rest are events: a step
+ends there, and the state jumps. The heat transfer takes the mean piston speed from the
 speed of the instant. Values only.
 """
 
@@ -16,10 +17,12 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._fields import ANY, of_cylinder, quantity
 from ..compressor import Compressor, instants, without_crank
-from ..cylinder import Accounts, Cylinder
+from ..cylinder import Cylinder
 from ..cylinder._balance import (
     EVENTS,
+    FLAGS,
     STATES,
+    Accounts,
     after_event,
     jump,
     rates,
@@ -28,11 +31,11 @@ from ..cylinder._balance import (
 )
 from ..cylinder._cylinder import Case, prepare
 from ..cylinder._march import Law, Record, longest_step, stretch, towards, within_steps
+from ..cylinder._plenum import chain_rates, chains, first_states, valve_sides
 from ..cylinder._solve import account_scales
 from ..gas import AbstractGas
 from ._motion import acceleration
 
-_FLAGS = 6  # of a cylinder; two more for the motor being on and for the crank having stopped
 _LONGEST_TRIES = 8  # passes for a step that is kept, on the average, after which to give up
 
 
@@ -68,6 +71,8 @@ class GasCourse(eqx.Module):
         lift: [m] (2, n) of suction and discharge valve.
         flow: [kg/s] (2, n) through them, forward.
         totals: [kg] and [J] since the start.
+        plenum_pressure: [Pa] (p, n) in the plenums before the suction valves and behind the discharge
+            valves, which all cylinders share; `None` without any.
     """
 
     pressure: Float[Array, "*k n"]
@@ -76,6 +81,7 @@ class GasCourse(eqx.Module):
     lift: Float[Array, "*k 2 n"]
     flow: Float[Array, "*k 2 n"]
     totals: Accounts
+    plenum_pressure: Float[Array, "p n"] | None = None
 
 
 class DenseSteps(eqx.Module):
@@ -135,6 +141,30 @@ def march_with_gas(
     cases = _cases(compressor)
     count = cases.top.size
     places = jnp.arange(count)
+    shared: Case = jax.tree.map(lambda leaf: leaf[0], cases)  # lines and plenums
+    plenums = first_states(shared, rest=True)
+
+    def cut(flags):
+        """Those of the cylinders, and that of the motor."""
+        return flags[:-2].reshape(count, FLAGS), flags[-2] > 0
+
+    def gases(at, own, now, flags):
+        """The rates of all cylinders and of the plenums."""
+        of_gas, _ = cut(flags)
+        pair = chains(shared, at["plenums"]) if plenums.size else None
+        sides = valve_sides(pair) if pair else None
+
+        def one(case, angle, state, flags):
+            return rates(case, angle, state, flags, speed=now, sides=sides)
+
+        found = jax.vmap(one)(cases, own, at["gas"], of_gas)
+        if not pair:
+            return found, jnp.zeros(0)
+        totals = jax.vmap(lambda a, case: a * account_scales(case) * pace)(found.accounts, cases)
+        totals = Accounts(*jnp.sum(totals, axis=0))
+        suction = totals.suction, totals.suction_heat
+        discharge = totals.discharge, totals.discharge_heat
+        return found, chain_rates(shared, pair, at["plenums"], suction, discharge, pace)
 
     def crank(at, pressure, motor_on):
         motor = jnp.where(motor_on, compressor.motor.torque(at["speed"] * pace), 0.0)
@@ -151,6 +181,7 @@ def march_with_gas(
         "angle": angle,
         "speed": speed / pace,
         "gas": jax.vmap(_at_suction)(cases, own_angles(angle)),
+        "plenums": plenums,
     }
     own_work = jax.eval_shape(lambda at: _works(*crank(at, jnp.zeros(count), True)), first)
     first["work"] = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), own_work)
@@ -162,10 +193,8 @@ def march_with_gas(
         del t
         at = unravel(y[:kept])
         own, now = own_angles(at["angle"]), at["speed"] * pace
-        found = jax.vmap(lambda case, a, x, f: rates(case, a, x, f, speed=now))(
-            cases, own, at["gas"], flags[:-2].reshape(count, _FLAGS)
-        )
-        motor, rise, *torques = crank(at, found.pressure, flags[-2] > 0)
+        found, of_plenums = gases(at, own, now, flags)
+        motor, rise, *torques = crank(at, found.pressure, cut(flags)[1])
         work = jax.tree.map(
             lambda torque: torque * at["speed"] / energy_scale, _works(motor, rise, *torques)
         )
@@ -173,6 +202,7 @@ def march_with_gas(
             "angle": at["speed"],
             "speed": rise / pace**2,
             "gas": found.state,
+            "plenums": of_plenums,
             "work": work,
         }
         slopes = jnp.concatenate([ravel_pytree(rate)[0], found.accounts.ravel()])
@@ -185,7 +215,7 @@ def march_with_gas(
 
     def after(t, event, y, flags, force):
         at = unravel(y[:kept])
-        of_gas = flags[:-2].reshape(count, _FLAGS)
+        of_gas, _ = cut(flags)
 
         def one(case, place, state, flags, force):
             own = event - EVENTS * place
@@ -201,7 +231,7 @@ def march_with_gas(
         return jnp.max(code), y.at[:kept].set(jumped), new_flags
 
     def longest(flags):
-        each = jax.vmap(longest_step)(cases, flags[:-2].reshape(count, _FLAGS))
+        each = jax.vmap(longest_step)(cases, cut(flags)[0])
         return jnp.min(each)
 
     signs = jax.vmap(_first_flags)(cases).ravel()
@@ -227,23 +257,26 @@ def march_with_gas(
 
         def instant(at, flags):
             own, now = own_angles(at["angle"]), at["speed"] * pace
-            of_gas = flags[:-2].reshape(count, _FLAGS)
-            found = jax.vmap(lambda case, a, x, f: rates(case, a, x, f, speed=now))(
-                cases, own, at["gas"], of_gas
-            )
+            found, *_ = gases(at, own, now, flags)
             T, rho = jax.vmap(temperature_and_density)(cases, own, at["gas"])
             volume = jax.vmap(lambda case, a: case.volume(a)[0])(cases, own)
             scale = jax.vmap(lambda c: jnp.stack([valve_scales(c, i)[0] for i in (0, 1)]))(cases)
             lift = jnp.maximum(at["gas"][:, jnp.asarray([2, 5])], 0.0) * scale
             flow = found.accounts[:, 1:3] * cases.mass_scale[:, None] * pace
-            rise = crank(at, found.pressure, flags[-2] > 0)[1]
-            return (found.pressure, T, rho * volume, lift, flow), rise
+            rise = crank(at, found.pressure, cut(flags)[1])[1]
+            pressures = [gas.p for chain in chains(shared, at["plenums"]) for gas in chain.gases]
+            of_plenums = jnp.stack(pressures) if plenums.size else None
+            return (found.pressure, T, rho * volume, lift, flow), of_plenums, rise
 
-        values, rise = jax.lax.map(lambda one: instant(*one), (at, flags), batch_size=64)
+        values, of_plenums, rise = jax.lax.map(
+            lambda one: instant(*one), (at, flags), batch_size=64
+        )
         turned = [jnp.moveaxis(value, 0, -1) for value in values]
         made = GasCourse(*turned, totals=Accounts(*totals.T))
         if compressor.cylinders is None:
             made = jax.tree.map(lambda leaf: leaf[0], made)
+        if plenums.size:
+            made = eqx.tree_at(lambda g: g.plenum_pressure, made, of_plenums.T, is_leaf=_absent)
         return made, rise
 
     stopped = marched.flags[-1] > 0
@@ -255,6 +288,10 @@ def march_with_gas(
         DenseSteps(marched.record, pace, unravel),
         course,
     )
+
+
+def _absent(leaf):
+    return leaf is None
 
 
 def _works(motor, rise, conservative, loads):

@@ -7,7 +7,8 @@ $$m c_v T' = -T\left(\frac{\partial p}{\partial T}\right)_\rho\left(V' - \frac{m
 h* is the enthalpy of where the flow comes from. The state is m, T and for either valve lift x,
 velocity v and port velocity U, each over its scale. Between events the law is smooth: where it has
 branches, integers say which one holds. For either valve these are its mode (0 on the seat, 1 free, 2 on
-the stop), the sign of U and the sign of the forward pressure difference.
+the stop), the sign of U and the sign of the forward pressure difference. Plenums add mass, temperature
+and flow in the neck each.
 """
 
 from typing import Any, NamedTuple
@@ -20,8 +21,12 @@ from ..fluid import GasState
 from ..valve import Side, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
 from ._heat import HeatInput
+from ._plenum import PER_PLENUM, chain_rates, chains, first_states, valve_sides
 
-STATES = 8  # m, T, then x, v, U of the suction and of the discharge valve
+STATES = (
+    8  # m, T, then x, v, U of the suction and of the discharge valve; then those of the plenums
+)
+FLAGS = 6
 SEAT, FREE, STOP = 0, 1, 2
 # For either valve: leaves its seat, meets it or leaves its stop; meets its stop; U = 0; dp = 0.
 EVENTS = 8
@@ -59,14 +64,14 @@ class Rates(NamedTuple):
     """What happens at a crank angle.
 
     Attributes:
-        state: (8,) d state/d angle.
+        state: (n,) d state/d angle.
         accounts: (12,) what runs through and out.
         events: (8,) functions that an event makes negative; 1 where the event is not possible.
         force: (2,) on the valves at rest, over p_s and force area.
         pressure: [Pa] in the cylinder.
     """
 
-    state: Float[Array, " 8"]
+    state: Float[Array, " n"]
     accounts: Float[Array, " 12"]
     events: Float[Array, " 8"]
     force: Float[Array, " 2"]
@@ -108,24 +113,32 @@ def valve_scales(case: Case, which: int):
 def rates(
     case: Case,
     angle,
-    state: Float[Array, " 8"],
+    state: Float[Array, " n"],
     flags: Int[Array, " 6"],
     gas: GasState | None = None,
     speed: Float[Array, ""] | None = None,
+    sides: tuple[GasState, GasState] | None = None,
 ) -> Rates:
     """Right-hand side, accounts and event functions.
 
     Args:
         case: cylinder and lines.
         angle: [rad] crank angle.
-        state: (8,) over its scales.
+        state: (n,) over its scales.
         flags: (6,) mode, sign of U and sign of the pressure difference of either valve.
         gas: the gas at that state; computed if absent.
         speed: [rad/s] of the crank. The rates are then those in time, over the mean speed of the case,
             and the crank may stand; absent: that of the case, and rates over the crank angle.
+        sides: the gas before the suction valve and behind the discharge valve, where somebody else
+            follows the plenums; absent: that of the lines, or of the plenums among the states.
     """
     gas = gas_in(case, angle, state) if gas is None else gas
     cylinder, inside = case.cylinder, side_of(gas)
+    pair = None
+    if sides is None and cylinder.plenums:
+        pair = chains(case, state[STATES:])
+        sides = valve_sides(pair)
+    before, behind = map(side_of, (case.suction, case.discharge) if sides is None else sides)
     suction, discharge = side_of(case.suction), side_of(case.discharge)
     volume, volume_1 = case.volume(angle)
     turning = pace = case.speed_at(angle)
@@ -134,8 +147,8 @@ def rates(
         volume_1 = volume_1 * (speed / pace)
     mass = state[0] * case.mass_scale
 
-    s = _valve(case, 0, suction, inside, state[2:5], flags[:3], pace)
-    d = _valve(case, 1, inside, discharge, state[5:8], flags[3:], pace)
+    s = _valve(case, 0, before, inside, state[2:5], flags[:3], pace)
+    d = _valve(case, 1, inside, behind, state[5:8], flags[3:], pace)
 
     viscosity, conductivity = _transport(cylinder, gas)
     leak, leak_enthalpy = jnp.zeros(()), inside.h
@@ -143,7 +156,9 @@ def rates(
         gap = cylinder.leakage
         mu = viscosity if gap.viscosity is None else gap.viscosity
         leak = gap.flow(inside, suction, case.bore, mu)
-        inward = flags[2] > 0 if cylinder.inert else suction.p > inside.p
+        # the sign of the suction valve's difference, where that is the one to the line
+        known = cylinder.inert and sides is None
+        inward = flags[2] > 0 if known else suction.p > inside.p
         leak_enthalpy = jnp.where(inward, suction.h, inside.h)
     if speed is None:
         spin = turning, case.speed
@@ -176,8 +191,13 @@ def rates(
         suction_loss=s.is_open * jnp.maximum(suction.p - inside.p, 0.0) * lost,
         discharge_loss=-d.is_open * jnp.maximum(inside.p - discharge.p, 0.0) * lost,
     )
+    slopes = jnp.stack([*first, *s.rates, *d.rates])
+    if pair is not None:
+        streams = [(valve.flow, valve.flow * valve.enthalpy) for valve in (s, d)]
+        more = chain_rates(case, pair, state[STATES:], *streams, pace)
+        slopes = jnp.concatenate([slopes, more])
     return Rates(
-        jnp.stack([*first, *s.rates, *d.rates]),
+        slopes,
         jnp.stack(accounts),
         jnp.stack([*s.events, *d.events]),
         jnp.stack([s.force, d.force]),
@@ -282,7 +302,7 @@ def jacobian(case: Case, angle, state, flags):
     state and in the few properties it uses.
 
     Returns:
-        (state', events), then (8, 8) and (8,) of state', then (8, 8) and (8,) of the events.
+        (state', events), then (n, n) and (n,) of state', then (8, n) and (8,) of the events.
     """
     columns = ("p", "u", "c_v", "dp_dT", "dp_drho")
     fluid = case.cylinder.fluid
@@ -306,10 +326,11 @@ def jacobian(case: Case, angle, state, flags):
     # one direction for every column, each with what it does to the gas
     along_gas = (in_gas @ jax.jacfwd(inputs)(packed)).T
     both, push = jax.linearize(law, packed, values)
-    total = jax.vmap(push)(jnp.eye(1 + STATES), along_gas).T
-    first, second = total[:STATES], total[STATES:]
+    total = jax.vmap(push)(jnp.eye(packed.size), along_gas).T
+    count = state.size
+    first, second = total[:count], total[count:]
     return (
-        (both[:STATES], both[STATES:]),
+        (both[:count], both[count:]),
         (first[:, 1:], first[:, 0]),
         (second[:, 1:], second[:, 0]),
     )
@@ -332,7 +353,7 @@ def jump(case: Case, event: Int[Array, ""], code: Int[Array, ""], state: Float[A
         x = jnp.where(at > 0, 1.0 * (event % 4 == 1), x)
         v = jnp.where(at == 3, bounce, jnp.where(at > 0, 0.0, v))
         parts.append(jnp.stack([x, v, jnp.where(at == 1, 0.0, u)]))
-    return jnp.concatenate(parts)
+    return jnp.concatenate([*parts, state[STATES:]])
 
 
 def after_event(case: Case, event, state, flags, force):
@@ -362,7 +383,12 @@ def after_event(case: Case, event, state, flags, force):
     return code, new
 
 
-def initial(case: Case, angle) -> tuple[Float[Array, " 8"], Int[Array, " 6"]]:
+def states_of(cylinder) -> int:
+    """Number of states."""
+    return STATES + PER_PLENUM * len(cylinder.plenums)
+
+
+def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:
     """A guess within the compression: all valves shut, gas of the suction line compressed."""
     volume, _ = case.volume(angle)
     full = (1 + case.cylinder.clearance_ratio) * case.swept
@@ -370,5 +396,7 @@ def initial(case: Case, angle) -> tuple[Float[Array, " 8"], Int[Array, " 6"]]:
     state = jnp.zeros(STATES).at[0].set(full / case.swept).at[1].set(squeeze)
     p = gas_in(case, angle, state).p
     signs = [jnp.where(case.suction.p > p, 1, -1), jnp.where(p > case.discharge.p, 1, -1)]
-    flags = [0, 1, signs[0], 0, 1, signs[1]]
-    return state, jnp.stack([jnp.asarray(f) for f in flags])
+    flags = jnp.stack([jnp.asarray(f) for f in [0, 1, signs[0], 0, 1, signs[1]]])
+    if not case.cylinder.plenums:
+        return state, flags
+    return jnp.concatenate([state, first_states(case, rest=False)]), flags

@@ -68,21 +68,21 @@ class Unknowns(NamedTuple):
     """A revolution on panels.
 
     Attributes:
-        points: (p, s + 1, 8) states at the s Gauss nodes and at the end, before anything jumps there.
-        left: (p, 8) at the beginnings.
+        points: (p, s + 1, n) states at the s Gauss nodes and at the end, before anything jumps there.
+        left: (p, n) at the beginnings.
         edges: [rad] (p + 1,); those without an event do not move.
     """
 
-    points: Float[Array, "p s+1 8"]
-    left: Float[Array, "p 8"]
+    points: Float[Array, "p s+1 n"]
+    left: Float[Array, "p n"]
     edges: Float[Array, " p+1"]
 
 
 class Residual(NamedTuple):
     """What is left of the equations, shaped as the unknowns they determine."""
 
-    points: Float[Array, "p s+1 8"]
-    ends: Float[Array, "p 8"]
+    points: Float[Array, "p s+1 n"]
+    ends: Float[Array, "p n"]
     events: Float[Array, " p"]
 
 
@@ -166,24 +166,24 @@ def _residual(case: Case, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
 
 
 class Blocks(NamedTuple):
-    """The Jacobian, panel by panel; ten inputs of a panel are its beginning and its two edges.
+    """The Jacobian, panel by panel; n + 2 inputs of a panel are its beginning and its two edges.
 
     Attributes:
-        stages: (p, 8 s, 8 s) of the nodes.
-        inputs: (p, 8 s, 10) what the inputs put on their right-hand sides.
-        out: (p, 8, 8 s) from the nodes to the end of the panel.
-        direct: (p, 8, 10) from the inputs to it.
-        jump: (p, 8, 8)
-        event: (p, 9) gradient of the event function in the state and in the angle.
+        stages: (p, n s, n s) of the nodes.
+        inputs: (p, n s, n + 2) what the inputs put on their right-hand sides.
+        out: (p, n, n s) from the nodes to the end of the panel.
+        direct: (p, n, n + 2) from the inputs to it.
+        jump: (p, n, n)
+        event: (p, n + 1) gradient of the event function in the state and in the angle.
         has_event: (p,)
     """
 
     stages: Float[Array, "p m m"]
-    inputs: Float[Array, "p m 10"]
-    out: Float[Array, "p 8 m"]
-    direct: Float[Array, "p 8 10"]
-    jump: Float[Array, "p 8 8"]
-    event: Float[Array, "p 9"]
+    inputs: Float[Array, "p m n+2"]
+    out: Float[Array, "p n m"]
+    direct: Float[Array, "p n n+2"]
+    jump: Float[Array, "p n n"]
+    event: Float[Array, "p n+1"]
     has_event: Bool[Array, " p"]
 
 
@@ -230,23 +230,24 @@ class Factors(NamedTuple):
 
     Attributes:
         stages: factors and permutation of the nodes' equations.
-        nodes, ends: (p, 8 s, 10) and (p, 8, 10) what the nodes and the end of a panel owe to its inputs.
-        gradient: (p, 8) of the event function in the state.
+        nodes, ends: (p, n s, n + 2) and (p, n, n + 2) what the nodes and the end of a panel owe to its
+            inputs.
+        gradient: (p, n) of the event function in the state.
         share: (p,) inverse slope of the event function along the angle of the edge, 0 without an event.
-        by_edge: (p, 8) what the end owes to its edge.
+        by_edge: (p, n) what the end owes to its edge.
         out, jump: of the blocks.
-        maps: (p, 9, 9) from the beginning of a panel and its angle to those of the next.
+        maps: (p, n + 1, n + 1) from the beginning of a panel and its angle to those of the next.
     """
 
     stages: tuple[Array, Array]
-    nodes: Float[Array, "p n 10"]
-    ends: Float[Array, "p 8 10"]
-    gradient: Float[Array, "p 8"]
+    nodes: Float[Array, "p m n+2"]
+    ends: Float[Array, "p n n+2"]
+    gradient: Float[Array, "p n"]
     share: Float[Array, " p"]
-    by_edge: Float[Array, "p 8"]
-    out: Float[Array, "p 8 n"]
-    jump: Float[Array, "p 8 8"]
-    maps: Float[Array, "p 9 9"]
+    by_edge: Float[Array, "p n"]
+    out: Float[Array, "p n m"]
+    jump: Float[Array, "p n n"]
+    maps: Float[Array, "p n+1 n+1"]
 
 
 def _solve_stages(stages: tuple[Array, Array], right_side):
@@ -361,7 +362,7 @@ def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
     def take(z, left, factors):
         step = solve_factors(factors, jax.tree.map(jnp.negative, left))
         # the velocity in the port of a shut valve may be anything at the start; it decides nothing
-        counts = jnp.asarray([1, 1, 1, 1, 0, 1, 1, 0.0])
+        counts = jnp.ones(z.left.shape[1]).at[jnp.asarray([4, 7])].set(0.0)
         size = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
         size = jnp.where(jnp.isfinite(size), size, 2 * _LOST)
         taken = size < _LOST

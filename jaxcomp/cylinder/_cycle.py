@@ -120,6 +120,8 @@ class Cycle(Result, eqx.Module):
         case: cylinder, lines and speed.
         solver: its name.
         raw: panels of the collocation, from which a similar machine may start.
+        plenum_pressure: [Pa] (p, n) in the plenums before the suction valve, then behind the discharge
+            valve; `None` without any.
     """
 
     angle: Float[Array, " n"]
@@ -143,6 +145,7 @@ class Cycle(Result, eqx.Module):
     case: Case
     solver: str = eqx.field(static=True)
     raw: Any = None
+    plenum_pressure: Float[Array, "p n"] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
 
@@ -167,6 +170,9 @@ class Cycle(Result, eqx.Module):
         for number, valve in enumerate(VALVES):
             yield Data(f"lift.{valve}_valve", "m", self.lift[..., number, :], at)
             yield Data(f"flow.{valve}_valve", "kg/s", self.flow[..., number, :], at)
+        if self.plenum_pressure is not None:
+            for number, pressure in enumerate(jnp.moveaxis(self.plenum_pressure, -2, 0), 1):
+                yield Data(f"plenum_pressure.{number}", "Pa", pressure, at)
 
     @property
     def converged(self) -> Bool[Array, ""]:
@@ -242,8 +248,9 @@ class Cycle(Result, eqx.Module):
     def work_losses(self) -> dict[str, Float[Array, ""]]:
         """[J] Where the indicated work goes, by name; the values add up to it.
 
-        Heating, throttling of back flow and the loss of the gas that expands again act upon each
-        other; what they cost together is the last entry, negative where cooling saves work.
+        Plenums and their necks count with their valve. Heating, throttling of back flow and the loss of
+        the gas that expands again act upon each other; what they cost together is the last entry,
+        negative where cooling saves work.
         """
         named = {
             "isentropic": self.delivered * self.isentropic_rise,

@@ -13,6 +13,7 @@ from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve, Side
 from ._heat import AbstractHeat
 from ._leakage import LaminarGap
+from ._plenum import Plenum
 
 
 class SuctionLine(Part):
@@ -25,6 +26,8 @@ class SuctionLine(Part):
         superheat: [K] above the dew temperature, instead of the gas's temperature.
         heating: [K] from there to the suction valve, in shell and muffler; none if absent. Capacity
             and overall efficiency count from the gas before it, as the standards do.
+        plenums: between line and valve, in the order of the flow; each with its neck on the side of the
+            line. Without any the valve sees the gas of the line.
 
     Raises:
         ValueError: neither or both of a pair.
@@ -43,6 +46,7 @@ class SuctionLine(Part):
     heating: Float[Array, ""] | None = quantity(
         "K", NONNEGATIVE, default=None, doc="from there to the suction valve, in shell and muffler"
     )
+    plenums: tuple[Plenum, ...] = ()
 
     def __check_init__(self):
         _one_of(self, "pressure", "evaporating")
@@ -74,6 +78,8 @@ class DischargeLine(Part):
         subcooling: [K] of the liquid before the expansion below the condensing temperature, for the
             capacity; none if absent.
         liquid_temperature: [K] of that liquid, instead of the subcooling.
+        plenums: between valve and line, in the order of the flow; each with its neck on the side of the
+            line. Without any the valve sees the pressure of the line.
 
     Raises:
         ValueError: neither or both of pressure and condensing temperature, or two temperatures of the
@@ -98,6 +104,7 @@ class DischargeLine(Part):
     liquid_temperature: Float[Array, ""] | None = quantity(
         "K", POSITIVE, default=None, doc="of that liquid, instead of the subcooling"
     )
+    plenums: tuple[Plenum, ...] = ()
 
     def __check_init__(self):
         _one_of(self, "pressure", "condensing")
@@ -183,6 +190,11 @@ class Cylinder(AbstractGas):
     def valves(self) -> tuple[AbstractValve, AbstractValve]:
         """Suction and discharge valve."""
         return self.suction_valve, self.discharge_valve
+
+    @property
+    def plenums(self) -> tuple[Plenum, ...]:
+        """Those before the suction valve, then those behind the discharge valve."""
+        return (*self.suction.plenums, *self.discharge.plenums)
 
     @property
     def inert(self) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from ._balance import EVENTS, FREE, STATES, Accounts, after_event, jump, rates
+from ._balance import EVENTS, FREE, Accounts, after_event, jump, rates
 from ._cylinder import Case
 
 # Dormand, Prince (1980): nodes, stages, and the difference to the embedded method of order 4
@@ -69,7 +69,7 @@ class Revolution(NamedTuple):
     """One revolution.
 
     Attributes:
-        begin, end: (8,) states.
+        begin, end: (n,) states.
         flags: (6,) at the end.
         totals: (12,) integrals of the accounts.
         steps: taken.
@@ -78,8 +78,8 @@ class Revolution(NamedTuple):
         record: the steps.
     """
 
-    begin: Float[Array, " 8"]
-    end: Float[Array, " 8"]
+    begin: Float[Array, " n"]
+    end: Float[Array, " n"]
     flags: Int[Array, " 6"]
     totals: Float[Array, " 12"]
     steps: Int[Array, ""]
@@ -162,21 +162,23 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
 
     Args:
         case: cylinder and lines.
-        state: (8,) at the beginning.
-        flags: (6,) there.
+        state: (n,) at the beginning.
+        flags: (f,) there.
         tolerance: [-] error of a step, in units of the scales.
         max_passes: tries after which to give up.
         capacity: steps that are kept.
     """
 
+    count = state.size
+
     def law(angle, state, flags):
-        found = rates(case, angle, state[:STATES], flags)
+        found = rates(case, angle, state[:count], flags)
         return jnp.concatenate([found.state, found.accounts]), found.events, found.force
 
     def after(angle, event, state, flags, force):
         del angle
-        code, new_flags = after_event(case, event, state[:STATES], flags, force)
-        return code, state.at[:STATES].set(jump(case, event, code, state[:STATES])), new_flags
+        code, new_flags = after_event(case, event, state[:count], flags, force)
+        return code, state.at[:count].set(jump(case, event, code, state[:count])), new_flags
 
     marched = Law(
         law,
@@ -185,16 +187,16 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
         lambda flags: longest_step(case, flags),
         lambda flags: jnp.asarray(True),
         EVENTS,
-        STATES,
+        count,
     )
     begin = jnp.concatenate([state, jnp.zeros(_ACCOUNTS)])
     span = jnp.asarray(START), START + TURN
     end = stretch(marched, *span, begin, flags, tolerance, max_passes, capacity)
     return Revolution(
         state,
-        end.state[:STATES],
+        end.state[:count],
         end.flags,
-        end.state[STATES:],
+        end.state[count:],
         end.steps,
         end.passes,
         end.whole,
@@ -431,11 +433,11 @@ def _march(case, tolerance, repeat, state, flags, max_revolutions, max_passes, c
         next_state = new.end.at[:2].set(jnp.maximum(next_state[:2], 0.5 * new.end[:2]))
         return next_state, new.flags, change, March(new, jnp.max(jnp.abs(change)), count, passes)
 
-    record = _empty_record(capacity, STATES, flags.size)
+    record = _empty_record(capacity, state.size, flags.size)
     none = jnp.zeros((), int)
     totals, true = jnp.zeros(_ACCOUNTS), jnp.asarray(True)
     empty = Revolution(state, state, flags, totals, none, none, true, record)
-    begin = (state, flags, jnp.zeros(STATES), March(empty, jnp.asarray(jnp.inf), none, none))
+    begin = (state, flags, jnp.zeros(state.size), March(empty, jnp.asarray(jnp.inf), none, none))
     return lax.while_loop(going_on, advance, begin)[3]
 
 

@@ -11,7 +11,16 @@ from jaxtyping import Array, Bool, Float, Int
 from .._fields import admissible, clipped, is_traced
 from .._status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
-from ._balance import FREE, STATES, Accounts, initial, rates, temperature_and_density, valve_scales
+from ._balance import (
+    FREE,
+    STATES,
+    Accounts,
+    initial,
+    rates,
+    states_of,
+    temperature_and_density,
+    valve_scales,
+)
 from ._collocation import (
     Mesh,
     Unknowns,
@@ -25,6 +34,7 @@ from ._collocation import (
 from ._cycle import Cycle, Events, highest, values_only
 from ._cylinder import Case, Cylinder, prepare
 from ._march import START, march
+from ._plenum import chains
 
 
 class CycleOptions(eqx.Module):
@@ -205,17 +215,18 @@ def _rounds(case: Case, options: CycleOptions) -> _Found:
         return ~found.solved & (rounds < options.max_rounds)
 
     state, flags = initial(case, START)
-    return lax.while_loop(going_on, advance, (state, flags, _nothing(options), jnp.zeros((), int)))[
-        2
-    ]
+    return lax.while_loop(
+        going_on, advance, (state, flags, _nothing(case, options), jnp.zeros((), int))
+    )[2]
 
 
-def _nothing(options: CycleOptions) -> _Found:
+def _nothing(case: Case, options: CycleOptions) -> _Found:
     """What there is before the first round."""
+    states = states_of(case.cylinder)
     p, s, none = options.panels, options.nodes, jnp.zeros((), int)
     flat = jnp.zeros(p, int)
     mesh = Mesh(jnp.zeros((p, 6), int), flat, flat, jnp.asarray(False))
-    z = Unknowns(jnp.zeros((p, s + 1, STATES)), jnp.zeros((p, STATES)), jnp.zeros(p + 1))
+    z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), jnp.zeros(p + 1))
     totals, solved = jnp.zeros(len(Accounts._fields)), jnp.asarray(False)
     return _Found(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
 
@@ -299,4 +310,17 @@ def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bo
         case=case,
         solver="march" if marching else "collocation",
         raw=(mesh, z, pressure),
+        plenum_pressure=_plenum_pressures(case, z.points),
     )
+
+
+def _plenum_pressures(case: Case, points: Float[Array, "p s+1 n"]):
+    """[Pa] At the nodes, (plenums, n); `None` without any."""
+    if not case.cylinder.plenums:
+        return None
+
+    def at(state):
+        return jnp.stack([gas.p for chain in chains(case, state[STATES:]) for gas in chain.gases])
+
+    states = points[:, :-1].reshape(-1, points.shape[-1])
+    return jax.vmap(at)(states).T

@@ -54,8 +54,10 @@ def valve_losses(cycle: Cycle) -> Figure:
 
 
 def valve_motion(cycle: Cycle) -> Figure:
-    """Lift of the valves and flow through them over the crank angle."""
-    figure, axes = new_figure(2, 1, (7.2, 5.2), "Valves over one revolution")
+    """Lift of the valves, flow through them and pressure in the plenums over the crank angle."""
+    plenums = cycle.plenum_pressure
+    rows = 2 if plenums is None else 3
+    figure, axes = new_figure(rows, 1, (7.2, 2.6 * rows), "Valves over one revolution")
     for number, (name, tint) in enumerate((("Suction", _SUCTION), ("Discharge", _DISCHARGE))):
         for ax, curve in (
             (axes[0, 0], cycle.lift[number] * 1e3),
@@ -66,8 +68,19 @@ def valve_motion(cycle: Cycle) -> Figure:
     ylabel(axes[0, 0], "Lift, mm")
     ylabel(axes[1, 0], "Flow, forward positive, g/s")
     axes[1, 0].axhline(0, color="#888888", linewidth=0.8)
-    crank_axis(axes[0, 0], label=False)
-    crank_axis(axes[1, 0])
+    if plenums is not None:
+        parts = cycle.case.cylinder
+        names = [f"Suction {i + 1}" for i in range(len(parts.suction.plenums))]
+        names += [f"Discharge {i + 1}" for i in range(len(parts.discharge.plenums))]
+        lines = [cycle.case.suction.p] * len(parts.suction.plenums)
+        lines += [cycle.case.discharge.p] * len(parts.discharge.plenums)
+        for name, line, course in zip(names, lines, plenums, strict=True):
+            degrees, values = over_turn(cycle.angle, 100 * (course / line - 1))
+            axes[2, 0].plot(degrees, values, linewidth=1.5, label=name)
+        ylabel(axes[2, 0], "Plenums above their line, %")
+        legend_above(axes[2, 0])
+    for row in range(rows):
+        crank_axis(axes[row, 0], label=row == rows - 1)
     legend_above(axes[0, 0])
     return figure
 

@@ -1,0 +1,195 @@
+r"""Plenums with necks between the lines and the valves: suction muffler and discharge plenum.
+
+Every plenum has the balances of the cylinder with a constant volume,
+
+$$\dot m = \dot m_{in} - \dot m_{out},\quad
+m c_v\dot T = T\left(\frac{\partial p}{\partial T}\right)_\rho\frac{\dot m}{\rho} - h\dot m
+  + \dot m_{in} h^* - \dot m_{out} h^* ,$$
+
+or a given temperature. The gas in the neck on its side of the line has inertia and a loss,
+
+$$\frac{L}{A}\,\frac{d\dot m}{dt} = \Delta p
+  - \frac{\zeta}{2\rho A^2}\,\dot m\sqrt{\dot m^2 + \dot m_0^2} ,$$
+
+with density and enthalpy of where the gas comes from. Where the flow reverses, what comes first is what
+has just gone: both sides count by the weights $(1 \pm \dot m/\sqrt{\dot m^2 + \dot m_0^2})/2$ with
+$\dot m_0$ a fifth of the flow of a full cylinder. So the law is smooth, and a muffler that rings
+makes no events.
+"""
+
+from typing import ClassVar, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
+from ..fluid import AbstractFluid, GasState
+
+PER_PLENUM = 3  # states: mass, temperature, and flow in the neck
+_MIXED = 0.2  # [-] of the flow of a full cylinder: flow in a neck below which both sides mix
+_IDLE = 1.0  # [1/rad] how fast a given temperature returns to its place, where it is already
+
+
+class Plenum(Part):
+    """A volume of gas with a neck towards the line.
+
+    Args:
+        volume: [m^3]
+        neck_length: [m] of the gas column, end correction included.
+        neck_diameter: [m]
+        loss_coefficient: [-] pressure loss over the dynamic pressure in the neck: 1.5 for a sharp
+            entrance and a free jet.
+        temperature: [K] of the gas; adiabatic if absent.
+    """
+
+    kind: ClassVar[str] = "plenum"
+
+    volume: Float[Array, ""] = quantity("m^3", POSITIVE)
+    neck_length: Float[Array, ""] = quantity("m", POSITIVE, doc="with its end correction")
+    neck_diameter: Float[Array, ""] = quantity("m", POSITIVE)
+    loss_coefficient: Float[Array, ""] = quantity(
+        "", NONNEGATIVE, default=1.5, doc="of the neck, over its dynamic pressure"
+    )
+    temperature: Float[Array, ""] | None = quantity(
+        "K", POSITIVE, default=None, doc="of the gas; adiabatic if absent"
+    )
+
+    @property
+    def neck_area(self) -> Float[Array, ""]:
+        """[m^2]"""
+        return jnp.pi / 4 * self.neck_diameter**2
+
+
+class Chain(NamedTuple):
+    """Plenums between a line and a valve, in the order of the flow.
+
+    Attributes:
+        plenums: the parts.
+        gases: [-] the gas in each.
+        flows: [kg/s] through each neck, in the order of the flow.
+        nodes: gases before and behind every neck, the line with them.
+        inward: whether the necks stand before their plenums.
+    """
+
+    plenums: tuple[Plenum, ...]
+    gases: tuple[GasState, ...]
+    flows: tuple[Float[Array, ""], ...]
+    nodes: tuple[GasState, ...]
+    inward: bool
+
+
+class Scales(NamedTuple):
+    """Scales of the states: [kg] of every plenum, [K], and [kg/s] of the flows."""
+
+    mass: tuple[Float[Array, ""], ...]
+    temperature: Float[Array, ""]
+    flow: Float[Array, ""]
+
+
+def chain_scales(case) -> Scales:
+    """Scales of the plenums of a `Case`."""
+    suction, discharge = case.cylinder.suction.plenums, case.cylinder.discharge.plenums
+    mass = [p.volume * case.suction.rho for p in suction]
+    mass += [p.volume * case.discharge.rho for p in discharge]
+    return Scales(tuple(mass), case.suction.T, case.mass_scale * case.speed / (2 * jnp.pi))
+
+
+def chains(case, state: Float[Array, " 3p"]) -> tuple[Chain, Chain]:
+    """Both chains with their gases, from the states of all plenums."""
+    scales, fluid = chain_scales(case), case.cylinder.fluid
+    suction, discharge = case.cylinder.suction.plenums, case.cylinder.discharge.plenums
+    gases, flows = [], []
+    for i, plenum in enumerate((*suction, *discharge)):
+        m, T, f = state[PER_PLENUM * i : PER_PLENUM * (i + 1)]
+        gases.append(_gas(fluid, plenum, m * scales.mass[i], T * scales.temperature))
+        flows.append(f * scales.flow)
+    cut = len(suction)
+    before, behind = tuple(gases[:cut]), tuple(gases[cut:])
+    return (
+        Chain(suction, before, tuple(flows[:cut]), (case.suction, *before), True),
+        Chain(discharge, behind, tuple(flows[cut:]), (*behind, case.discharge), False),
+    )
+
+
+def valve_sides(pair: tuple[Chain, Chain]) -> tuple[GasState, GasState]:
+    """The gas before the suction valves and behind the discharge valves."""
+    return pair[0].nodes[-1], pair[1].nodes[0]
+
+
+def chain_rates(case, pair, state, suction, discharge, pace) -> Float[Array, " 3p"]:
+    """Rates of the states over time times `pace`.
+
+    Args:
+        case: cylinder and lines.
+        pair: of `chains`.
+        state: (3 p,) over its scales.
+        suction, discharge: [kg/s] and [W] through the valves, forward.
+        pace: [rad/s]
+    """
+    scales = chain_scales(case)
+    out, place, least = [], 0, _MIXED * scales.flow
+    for chain, at_valve in zip(pair, (suction, discharge), strict=True):
+        count = len(chain.plenums)
+        sizes = [jnp.sqrt(flow**2 + least**2) for flow in chain.flows]
+        up = [
+            _mixed(flow / size, *chain.nodes[i : i + 2])
+            for i, (flow, size) in enumerate(zip(chain.flows, sizes, strict=True))
+        ]
+        streams = [(flow, flow * gas.h) for flow, gas in zip(chain.flows, up, strict=True)]
+        # the streams into the first plenum, between plenums, and out of the last
+        along = [*streams, at_valve] if chain.inward else [at_valve, *streams]
+        for i, (plenum, gas) in enumerate(zip(chain.plenums, chain.gases, strict=True)):
+            (come, with_it), (go, away) = along[i], along[i + 1]
+            gained = come - go
+            mass = gas.rho * plenum.volume
+            energy = gas.T * gas.dp_dT * gained / gas.rho - gas.h * gained + with_it - away
+            T = state[PER_PLENUM * (place + i) + 1]
+            T_1 = energy / (mass * gas.c_v * scales.temperature * pace)
+            if plenum.temperature is not None:
+                T_1 = -_IDLE * (T - plenum.temperature / scales.temperature)
+            area, flow = plenum.neck_area, chain.flows[i]
+            loss = plenum.loss_coefficient / (2 * up[i].rho * area**2) * flow * sizes[i]
+            push = (chain.nodes[i].p - chain.nodes[i + 1].p - loss) * area / plenum.neck_length
+            out += [gained / (scales.mass[place + i] * pace), T_1, push / (scales.flow * pace)]
+        place += count
+    return jnp.stack(out)
+
+
+def first_states(case, rest: bool) -> Float[Array, " 3p"]:
+    """A start of the plenums.
+
+    Args:
+        case: cylinder and lines.
+        rest: everything at the state of the suction line and without flow; else every plenum as its line,
+            with a usual flow.
+    """
+    scales, fluid = chain_scales(case), case.cylinder.fluid
+    suction, discharge = case.cylinder.suction.plenums, case.cylinder.discharge.plenums
+    states = []
+    for i, plenum in enumerate((*suction, *discharge)):
+        line = case.suction if i < len(suction) or rest else case.discharge
+        T = line.T if plenum.temperature is None else plenum.temperature
+        rho = line.rho if plenum.temperature is None else fluid.density(T, line.p)
+        flow = jnp.asarray(0.0 if rest else 0.7)
+        states += [rho * plenum.volume / scales.mass[i], T / scales.temperature, flow]
+    return jnp.stack(states) if states else jnp.zeros(0)
+
+
+def _gas(fluid: AbstractFluid, plenum: Plenum, mass, T) -> GasState:
+    low, high = fluid.temperature_range
+    T = jnp.clip(T, low, 2 * high) if plenum.temperature is None else plenum.temperature
+    return fluid.state(T, jnp.maximum(mass / plenum.volume, 1e-9))
+
+
+def _mixed(forward, a: GasState, b: GasState) -> "_Carried":
+    def mix(x, y):
+        return 0.5 * ((1 + forward) * x + (1 - forward) * y)
+
+    return _Carried(mix(a.rho, b.rho), mix(a.h, b.h))
+
+
+class _Carried(NamedTuple):
+    """[kg/m^3] and [J/kg] of the gas that flows."""
+
+    rho: Float[Array, ""]
+    h: Float[Array, ""]
