@@ -95,7 +95,13 @@ def _check_single(mechanism: AbstractMechanism) -> None:
     if not isinstance(mechanism, SliderCrank | SliderLink):
         kind = type(mechanism).__name__
         raise BadInput("mechanism", kind, "a slider_crank or slider_link, for several cylinders")
-    for name in ("crank_unbalance", "crank_unbalance_across", "crank_couple", "crank_product"):
+    for name in (
+        "crank_unbalance",
+        "crank_unbalance_across",
+        "crank_couple",
+        "crank_product",
+        "crank_product_across",
+    ):
         given = getattr(mechanism, name, None)
         if given is not None and not is_traced(given) and bool(jnp.any(given != 0)):
             bound = "0: with several cylinders the throws have the unbalances"

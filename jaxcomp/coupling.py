@@ -31,7 +31,7 @@ from .crankshaft import main_films
 from .film import DynamicCoefficients, NamedBearing
 from .friction import joints_of_cylinder, shares
 from .machine import Assembly, Machine
-from .mechanism import SliderCrank, Vector, rod_motion
+from .mechanism import SliderCrank, SliderLink, Vector, contact_arms, rod_motion
 from .motor import ConstantSpeed
 from .rotor import (
     ConstantLaw,
@@ -81,7 +81,7 @@ def crank_forces(
     """Fourier coefficients of the crank's forces, by the quadrature of its own solver.
 
     Args:
-        compressor: with a slider-crank.
+        compressor: with a slider-crank or slider-link.
         state: its periodic state, from `solve_orbit`; its nodes respect the kinks of the gas, and
             the orders should stay well below half their number.
         nodes: where the forces act.
@@ -91,8 +91,8 @@ def crank_forces(
         BadInput: another mechanism.
     """
     mechanism, cylinders = compressor.mechanism, compressor.cylinders
-    if not isinstance(mechanism, SliderCrank):
-        raise BadInput("mechanism", type(mechanism).__name__, "a slider-crank")
+    if not isinstance(mechanism, SliderCrank | SliderLink):
+        raise BadInput("mechanism", type(mechanism).__name__, "a slider-crank or slider-link")
     angle, lost = state.state.angle, state.loads.loss_torque
     none = jnp.zeros_like(angle)
     phase = state.mean_speed * state.time + first_top(compressor)
@@ -112,19 +112,18 @@ def crank_forces(
             single = of_cylinder(mechanism, place + 1)
             own, gas = angle + cylinders.phase[place], gas_forces[place]
         of_pins |= set(joints.values())
-        position, _, _ = single.piston(own)
-        rod = -state.loads.forces[joints["crank_pin"]]
-        side = -state.loads.forces[joints["wall"]]
-        radius, offset = single.crank_radius, single.offset
-        # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
-        tilt = rod_motion(single, own).tilt_1
-        torque = radius * (jnp.cos(own) * rod[1] - jnp.sin(own) * rod[0])
-        torque = torque - lost.get(joints["crank_pin"], none) / (1 + tilt)
-        lever = (position - nodes.wall_position) * side[1] - offset * side[0]
-        lever = lever - lost.get(joints["piston_pin"], none) / jnp.where(tilt == 0, 1.0, tilt)
+        at = {
+            name: state.loads.forces[joints[name]]
+            for name in _PRESSED
+            if joints[name] in state.loads.forces
+        }
+        losses = {name: lost.get(joints[name], none) for name in ("crank_pin", "piston_pin")}
+        of_joints = _rod_and_wall if isinstance(single, SliderCrank) else _slider_and_wall
+        pin, torque, side, lever = of_joints(single, own, at, losses)
+        lever = lever - nodes.wall_position * side[1] - single.offset * side[0]
         wrenches = (
-            ("rod", rod[0], rod[1], torque),
-            ("gas", gas, none, -offset * gas),
+            ("rod", pin[0], pin[1], torque),
+            ("gas", gas, none, -single.offset * gas),
             ("wall", side[0], side[1], lever),
         )
         for node, (name, fx, fy, mz) in zip(own_nodes, wrenches, strict=True):
@@ -144,6 +143,47 @@ def crank_forces(
         zero = jnp.zeros_like(cosine)
         forces.append(PeriodicForce(nodes.rotor, nodes.stator, orders, zero, zero, cosine, sine))
     return CrankForces(tuple(forces), state.mean_speed, missing)
+
+
+# Joints whose forces act on crank pin and cylinder.
+_PRESSED = ("crank_pin", "wall", "wall_crown", "wall_edge", "piston_film")
+
+
+def _rod_and_wall(mechanism: SliderCrank, angle, forces, lost):
+    """What a slider-crank does to crank and crankcase, in the axes of its cylinder.
+
+    Returns:
+        Force on the pin [N] (2, n), its torque on the crank [N m], force on the wall [N] (2, n), and its
+        moment [N m] about the shaft but for that of the force along the axis.
+    """
+    rod, side = -forces["crank_pin"], -forces["wall"]
+    tilt = rod_motion(mechanism, angle).tilt_1
+    # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
+    torque = _pin_torque(mechanism, angle, rod) - lost["crank_pin"] / (1 + tilt)
+    lever = mechanism.piston(angle)[0] * side[1]
+    return rod, torque, side, lever - lost["piston_pin"] / jnp.where(tilt == 0, 1.0, tilt)
+
+
+def _slider_and_wall(mechanism: SliderLink, angle, forces, lost):
+    """The same of a slider-link. The piston touches with opposite sides of its diameter.
+
+    With `slider_moment = "paper"` the couple between slider and link is in none of the forces, and
+    missing in the moments.
+    """
+    pin = -forces["crank_pin"]
+    torque = _pin_torque(mechanism, angle, pin) - lost["crank_pin"]
+    crown, edge = -forces["wall_crown"], -forces["wall_edge"]
+    at_crown = mechanism.piston(angle)[0]
+    at_edge = at_crown - contact_arms(mechanism, angle).engaged
+    lever = at_crown * crown[1] + at_edge * edge[1]
+    for touch in (crown, edge):
+        # the wall is pressed along y where y is on the same side of the axis
+        lever = lever - 0.5 * mechanism.bore * jnp.sign(touch[1]) * touch[0]
+    return pin, torque, crown + edge - forces["piston_film"], lever
+
+
+def _pin_torque(mechanism: SliderCrank | SliderLink, angle, force):
+    return mechanism.crank_radius * (jnp.cos(angle) * force[1] - jnp.sin(angle) * force[0])
 
 
 def open_films(rotor: RotorModel | None) -> tuple[int, ...]:
@@ -258,9 +298,9 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
     """The compressor without some of what makes its forces, to see what each of them is worth.
 
     Args:
-        compressor: with a slider-crank.
-        left_out: "gas"; "inertia" (of piston and rod); "friction"; "fluctuation" (of the speed,
-            by a flywheel a million times as heavy).
+        compressor: with a slider-crank or slider-link.
+        left_out: "gas"; "inertia" (of piston with rod, or with link and slider); "friction";
+            "fluctuation" (of the speed, by a flywheel a million times as heavy).
 
     Raises:
         BadInput: another word.
@@ -272,6 +312,8 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
     if "inertia" in left_out:
         # Their bounds leave out zero; a millionth is as good.
         names = ("piston_mass", "conrod_mass", "conrod_inertia")
+        if isinstance(mechanism, SliderLink):
+            names = ("piston_mass", "slider_mass")
         mechanism = replaced(mechanism, **{n: 1e-6 * getattr(mechanism, n) for n in names})
     if "fluctuation" in left_out:
         mechanism = replaced(mechanism, crank_inertia=1e6 * mechanism.crank_inertia)

@@ -20,7 +20,7 @@ from ._words import one_of
 from .compressor import Compressor, staged
 from .film import AbstractJournal, AbstractOil, NamedBearing
 from .friction import MainBearings
-from .mechanism import Cylinders
+from .mechanism import Cylinders, SliderLink
 
 if TYPE_CHECKING:  # a compressor alone does not import the rotor
     from .rotor import BalancingPlanes, LoadCase, PeriodicForce, RotorModel, Unbalances
@@ -33,7 +33,12 @@ OF_ROTOR = (
     "crank_unbalance",
     "crank_unbalance_across",
     "crank_couple",
+    "crank_eccentricity",
+    "crank_product",
+    "crank_product_across",
 )
+# Those of a slider-link as well where the rotor has its bearings.
+OF_ROTOR_BEARINGS = ("overhang", "bearing_span")
 # Numbers of several cylinders that do.
 OF_ROTOR_CYLINDERS = ("position", "rod_pitch", "throw_pitch", "unbalance", "places", "couple")
 
@@ -162,6 +167,8 @@ def assembled(machine: Machine) -> Assembly:
     compressor = machine.compressor
     if compressor is not None and follows_rotor(machine):
         unbalances = (*case.unbalances, *corrections)
+        if isinstance(compressor.mechanism, SliderLink):
+            rotor = _with_joints(rotor, compressor.friction)
         compressor = _with_rotor(compressor, rotor, unbalances, case.crank.pins)
     return Assembly(
         None if compressor is None else staged(_filled(compressor, names)),
@@ -194,18 +201,36 @@ def _with_rotor(compressor: Compressor, rotor, unbalances, pins) -> Compressor:
     if len(pins) != (1 if cylinders is None else cylinders.count):
         count = "one node" if cylinders is None else f"a list of {cylinders.count} nodes"
         raise BadInput("loads.crank.pin", str(pins), f"{count}, one for each cylinder")
-    if not hasattr(mechanism, "crank_couple"):
-        raise BadInput(
-            "mechanism", type(mechanism).__name__, "a slider_crank, for the loads of a rotor"
-        )
-    for name in OF_ROTOR:
-        value = getattr(mechanism, name)
+    linked, friction = isinstance(mechanism, SliderLink), compressor.friction
+    if not (linked or hasattr(mechanism, "crank_couple")):
+        kind = type(mechanism).__name__
+        raise BadInput("mechanism", kind, "a slider_crank or slider_link, for the loads of a rotor")
+    stand = bearing_positions(rotor, pin)
+    on_films = linked and all(name in stand for name in _shaft_bearings(friction))
+    for name in reversed(OF_ROTOR + OF_ROTOR_BEARINGS * on_films):
+        value = getattr(mechanism, name, None)
         if value is not None and (name == "crank_inertia" or _given(value)):
             bound = "absent: it follows from the rotor that `loads.crank` joins to the crank"
             raise BadInput(f"mechanism.{name}", value, bound)
     shaft = crankshaft(rotor, unbalances, pin)
     mechanism = replaced(mechanism, crank_inertia=shaft.inertia, crank_mass=shaft.mass)
-    if cylinders is None:
+    if on_films:
+        upper, lower = (stand[name] for name in _shaft_bearings(friction))
+        if not is_traced(lower) and not 0 <= float(upper) < float(lower):
+            bound = (
+                "the upper bearing behind the pin and the lower one behind that, along the shaft"
+            )
+            raise BadInput("loads.crank.pin", str(pins), bound)
+        mechanism = replaced(mechanism, overhang=upper, bearing_span=lower - upper)
+    if cylinders is None and linked:
+        mechanism = replaced(
+            mechanism,
+            crank_eccentricity=-shaft.unbalance[0] / shaft.mass,
+            crank_product=shaft.couple[0],
+            crank_unbalance_across=shaft.unbalance[1],
+            crank_product_across=shaft.couple[1],
+        )
+    elif cylinders is None:
         mechanism = replaced(
             mechanism,
             crank_unbalance=shaft.unbalance[0],
@@ -216,17 +241,33 @@ def _with_rotor(compressor: Compressor, rotor, unbalances, pins) -> Compressor:
         along = axial_positions(rotor, pin)
         places = jnp.stack([along[node] for node in pins])
         cylinders = _on_rotor(cylinders, places, shaft)
-    friction = compressor.friction
     support = getattr(friction, "main_journal", None)
     if isinstance(support, MainBearings) and support.position is None:
-        places = bearing_positions(rotor, pin)
         for name in support.names or ():
-            if len(support.bearings) > 1 and name not in places:
-                bound = one_of(name, places) + ", the bearings of the rotor's links"
+            if len(support.bearings) > 1 and name not in stand:
+                bound = one_of(name, stand) + ", the bearings of the rotor's links"
                 raise BadInput("friction.main_journal.bearings", name, bound)
-        position = jnp.stack([jnp.asarray(places.get(n, 0.0)) for n in support.names or ()])
+        position = jnp.stack([jnp.asarray(stand.get(n, 0.0)) for n in support.names or ()])
         friction = replaced(friction, main_journal=replaced(support, position=position))
     return replaced(compressor, mechanism=mechanism, friction=friction, cylinders=cylinders)
+
+
+def _shaft_bearings(friction) -> tuple[str, ...]:
+    """Names of upper and lower bearing of a slider-link machine; "" for one without a name."""
+    laws = (getattr(friction, joint, None) for joint in ("upper_bearing", "lower_bearing"))
+    return tuple(law.name if isinstance(law, NamedBearing) else "" for law in laws)
+
+
+def _with_joints(rotor, friction):
+    """The rotor, its films named as the joints of a slider-link machine that they are."""
+    joints = dict(zip(_shaft_bearings(friction), ("upper_bearing", "lower_bearing"), strict=True))
+    links = tuple(
+        _rebuilt(link, {"law": _rebuilt(link.law, {"name": joints[link.law.name]})})
+        if getattr(link.law, "name", None) in joints
+        else link
+        for link in rotor.links
+    )
+    return eqx.tree_at(lambda r: r.links, rotor, links)
 
 
 def _on_rotor(cylinders: Cylinders, places, shaft) -> Cylinders:

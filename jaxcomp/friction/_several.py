@@ -202,6 +202,6 @@ def _shaft_apart(mechanism, friction, shaft_mass):
     if upper is None or lower is None:
         return rods, None
     # from the plane z = 0, as from that of the piston of a single cylinder
-    places = jnp.stack([mechanism.overhang, mechanism.overhang + mechanism.bearing_span])
+    places = jnp.stack(mechanism.bearing_places)
     made = MainBearings((upper, lower), jnp.array([0.0, 1.0]), 0.0, thrust, pump, names[:2])
     return rods, replaced(made, position=places, shaft_mass=shaft_mass)

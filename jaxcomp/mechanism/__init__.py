@@ -4,6 +4,7 @@ from ._base import AbstractKinematics as AbstractKinematics
 from ._base import AbstractMechanism as AbstractMechanism
 from ._base import CrankState as CrankState
 from ._base import Vector as Vector
+from ._base import turned_with as turned_with
 from ._cylinders import Cylinders as Cylinders
 from ._cylinders import OrderSums as OrderSums
 from ._cylinders import Throw as Throw

@@ -37,6 +37,18 @@ class Vector(NamedTuple):
         return jnp.stack(self)
 
 
+def turned_with(along, ahead, second: Vector) -> Vector:
+    """A vector fixed to the crank times an acceleration, such as an unbalance [kg m] for its force [N].
+
+    Args:
+        along, ahead: of the vector towards the pin, and 90 degrees ahead of it; `None` for none there.
+        second: [1/s^2] second time derivative of the unit vector towards the pin.
+    """
+    if ahead is None:
+        return Vector(along * second.x, along * second.y)
+    return Vector(along * second.x - ahead * second.y, along * second.y + ahead * second.x)
+
+
 @jax.jit
 def crank_direction(angle: Float[Array, "*n"]) -> Vector:
     """Unit vector along the crank: cosine and sine of the crank angle [rad].

@@ -18,7 +18,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, quantity, replaced
-from ._base import AbstractKinematics, AbstractMechanism, CrankState, Vector, crank_direction
+from ._base import (
+    AbstractKinematics,
+    AbstractMechanism,
+    CrankState,
+    Vector,
+    crank_direction,
+    turned_with,
+)
 
 
 class SliderCrank(AbstractMechanism):
@@ -324,18 +331,14 @@ def crank_pull(mechanism: SliderCrank, second: Vector) -> Vector:
     Returns:
         [N] in x and y.
     """
-    along, ahead = mechanism.crank_unbalance, mechanism.crank_unbalance_across
-    if ahead is None:
-        return Vector(along * second.x, along * second.y)
-    return Vector(along * second.x - ahead * second.y, along * second.y + ahead * second.x)
+    return turned_with(mechanism.crank_unbalance, mechanism.crank_unbalance_across, second)
 
 
 def _turned(vector, second: Vector) -> Vector | None:
     """A vector fixed to the crank (towards the pin, ahead of it) times the acceleration."""
     if vector is None:
         return None
-    along, ahead = vector
-    return Vector(along * second.x - ahead * second.y, along * second.y + ahead * second.x)
+    return turned_with(*vector, second)
 
 
 class PinForces(NamedTuple):

@@ -31,8 +31,8 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity
-from ._base import AbstractKinematics, AbstractMechanism, Vector, crank_direction
+from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, quantity
+from ._base import AbstractKinematics, AbstractMechanism, Vector, crank_direction, turned_with
 
 
 class SliderLink(AbstractMechanism):
@@ -63,6 +63,11 @@ class SliderLink(AbstractMechanism):
         piston_centre_offset: [m] e_cl, mass centre of the piston from the cylinder axis, to +y.
         piston_centre_lead: [m] the same from the link's centre line, to the crown; for weight.
         crank_centre_depth: [m] mass centre of the crank below the piston plane; for weight.
+        crank_unbalance_across: [kg m] of the crank alone, 90 degrees ahead of the pin; `None` for none.
+        crank_product_across: [kg m^2] as `crank_product`, 90 degrees ahead of the pin.
+
+    Inertia, unbalances and products of the crank, and the places of the bearings, follow from the rotor
+    of a machine in which `loads.crank` joins the two.
     """
 
     kind: ClassVar[str] = "slider_link"
@@ -78,14 +83,23 @@ class SliderLink(AbstractMechanism):
     slider_diameter: Float[Array, ""] = quantity("m", NONNEGATIVE, doc="D_s")
     piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="m_p, piston with link")
     slider_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="m_s")
-    crank_inertia: Float[Array, ""] = quantity(
-        "kg m^2", POSITIVE, doc="J_z, crankshaft with rotor about the shaft axis"
+    crank_inertia: Float[Array, ""] | None = quantity(
+        "kg m^2",
+        POSITIVE,
+        default=None,
+        doc="J_z, crankshaft with rotor about the shaft axis; absent where it follows from [rotor]",
     )
-    overhang: Float[Array, ""] = quantity(
-        "m", NONNEGATIVE, doc="z_p, from the piston plane to the upper bearing"
+    overhang: Float[Array, ""] | None = quantity(
+        "m",
+        NONNEGATIVE,
+        default=None,
+        doc="z_p, from the piston plane to the upper bearing; absent where [rotor] has the bearings",
     )
-    bearing_span: Float[Array, ""] = quantity(
-        "m", POSITIVE, doc="z_b, from the upper to the lower bearing"
+    bearing_span: Float[Array, ""] | None = quantity(
+        "m",
+        POSITIVE,
+        default=None,
+        doc="z_b, from the upper to the lower bearing; absent where [rotor] has the bearings",
     )
     plane_height: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="z_s, piston plane above the mass centre of the machine"
@@ -109,6 +123,12 @@ class SliderLink(AbstractMechanism):
     crank_centre_depth: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="mass centre of the crank below the piston plane; for weight"
     )
+    crank_unbalance_across: Float[Array, ""] | None = quantity(
+        "kg m", ANY, default=None, doc="of the crank alone, 90 degrees ahead of the pin"
+    )
+    crank_product_across: Float[Array, ""] | None = quantity(
+        "kg m^2", ANY, default=None, doc="as crank_product, 90 degrees ahead of the pin"
+    )
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         engaged = self.cylinder_length > 2 * self.crank_radius
@@ -117,6 +137,20 @@ class SliderLink(AbstractMechanism):
     @property
     def piston_area(self) -> Float[Array, ""]:
         return jnp.pi / 4 * self.bore**2
+
+    @property
+    def bearing_places(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """[m] Upper and lower bearing below the piston plane.
+
+        Raises:
+            BadInput: not given, as in a machine whose rotor is not put together yet.
+        """
+        for name in ("overhang", "bearing_span"):
+            if getattr(self, name) is None:
+                raise BadInput(
+                    name, "absent", "given, or a machine with these bearings in its rotor"
+                )
+        return self.overhang, self.overhang + self.bearing_span
 
     @property
     def crank_unbalance(self) -> Float[Array, ""]:
@@ -128,6 +162,14 @@ class SliderLink(AbstractMechanism):
         """[kg m^2] J_xz, the sum of m x z over the crank with z from the machine's mass centre."""
         return self.crank_product - self.plane_height * self.crank_unbalance
 
+    @property
+    def product_of_inertia_across(self) -> Float[Array, ""] | None:
+        """[kg m^2] J_yz in the axes of the crank; `None` without an unbalance there."""
+        if self.crank_unbalance_across is None:
+            return self.crank_product_across
+        product = 0.0 if self.crank_product_across is None else self.crank_product_across
+        return product - self.plane_height * self.crank_unbalance_across
+
     def kinematics(self, angle):
         cosine, sine = crank_direction(angle)
         along, across = self.crank_radius * cosine, self.crank_radius * sine
@@ -136,6 +178,8 @@ class SliderLink(AbstractMechanism):
     def reduced_inertia(self, kinematics):
         r"""$J = J_z + m_s R^2 + m_p R^2\sin^2\varphi$ with its rate."""
         across, along = kinematics.position_1, kinematics.position_2
+        if self.crank_inertia is None:
+            raise BadInput("crank_inertia", "absent", "given, or a machine with a rotor")
         value = (
             self.crank_inertia
             + self.slider_mass * self.crank_radius**2
@@ -168,9 +212,13 @@ class SliderLink(AbstractMechanism):
     def weight_torque(self, kinematics, gravity):
         across = -kinematics.sine * gravity[0]
         with_pin = self.slider_mass * self.crank_radius + self.crank_unbalance
-        return with_pin * (across + kinematics.cosine * gravity[1]) + (
+        torque = with_pin * (across + kinematics.cosine * gravity[1]) + (
             self.piston_mass * self.crank_radius * across
         )
+        if self.crank_unbalance_across is not None:
+            ahead = kinematics.cosine * gravity[0] + kinematics.sine * gravity[1]
+            torque = torque - self.crank_unbalance_across * ahead
+        return torque
 
 
 class LinkMotion(AbstractKinematics):
@@ -326,12 +374,16 @@ def bearing_reactions(
         gravity: [m/s^2] field in x and y.
     """
     weights = (None, None) if gravity is None else mechanism.crank_mass * gravity
-    reach = mechanism.overhang + mechanism.bearing_span
+    _, reach = mechanism.bearing_places
     upper, lower = [], []
-    for second, pin, weight in zip(crank_acceleration, crank_pin, weights, strict=True):
+    unbalance = mechanism.crank_unbalance, mechanism.crank_unbalance_across
+    product = mechanism.crank_product, mechanism.crank_product_across
+    pulls, tilts = (
+        turned_with(*vector, Vector(*crank_acceleration)) for vector in (unbalance, product)
+    )
+    for own, tilt, pin, weight in zip(pulls, tilts, crank_pin, weights, strict=True):
         # forces on the shaft besides those of the bearings, negative
-        pull = pin + mechanism.crank_unbalance * second
-        tilt = mechanism.crank_product * second
+        pull = pin + own
         if weight is not None:
             pull = pull - weight
             tilt = tilt - mechanism.crank_centre_depth * weight

@@ -24,6 +24,7 @@ from ..mechanism import (
     Vector,
     crank_pull,
     rod_motion,
+    turned_with,
 )
 from ..mechanism._base import cross, rotating
 
@@ -65,20 +66,17 @@ def shaking_wrench(mechanism: AbstractMechanism | Compressor, state: CrankState)
 def _(mechanism: SliderLink, state: CrankState) -> Wrench:
     # U = w^2 cos + a sin, V = w^2 sin - a cos
     _, second = rotating(*state)
-    u, v = -second[0], -second[1]
+    minus = u, v = Vector(-second[0], -second[1])
     along = (mechanism.piston_mass + mechanism.slider_mass) * mechanism.crank_radius
     across = mechanism.slider_mass * mechanism.crank_radius
-    height, product = mechanism.plane_height, mechanism.product_of_inertia
-    arm = -mechanism.offset - mechanism.piston_centre_offset
+    pull = turned_with(mechanism.crank_unbalance, mechanism.crank_unbalance_across, minus)
+    tilt = turned_with(mechanism.product_of_inertia, mechanism.product_of_inertia_across, minus)
+    height, arm = mechanism.plane_height, -mechanism.offset - mechanism.piston_centre_offset
     with_shaft = mechanism.crank_inertia + across * mechanism.crank_radius
-    force = [
-        (along + mechanism.crank_unbalance) * u,
-        (across + mechanism.crank_unbalance) * v,
-        jnp.zeros_like(u),
-    ]
+    force = [along * u + pull.x, across * v + pull.y, jnp.zeros_like(u)]
     moment = [
-        (across * height - product) * v,
-        (product - along * height) * u,
+        across * height * v - tilt.y,
+        tilt.x - along * height * u,
         -with_shaft * state.acceleration + mechanism.piston_mass * mechanism.crank_radius * arm * u,
     ]
     return Wrench(jnp.stack(force), jnp.stack(moment))
