@@ -44,7 +44,7 @@ def outside_sectors(influence: Influence, sectors: Sequence[Sector]) -> Balance:
         if sector.plane not in influence.planes:
             raise BadInput("plane", sector.plane, f"one of {', '.join(influence.planes)}")
         if not 0 < sector.end - sector.start < 2 * np.pi:
-            raise BadInput("end", sector.end, "more than `start`, by less than a turn")
+            raise BadInput("end", sector.end, "more than `start`, by less than a revolution")
         by_plane[influence.planes.index(sector.plane)].append(sector)
     choices = [
         [None, 0.0, *(np.exp(1j * a) for s in own for a in (s.start, s.end))] if own else [None]

@@ -19,7 +19,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from .._implicit import FixedPointReport, frozen
+from .._implicit import AbstractRoot, FixedPointReport, frozen, root
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..mechanism import CrankState
@@ -32,9 +32,12 @@ from ._orbit import Energy, Orbit
 from ._panels import panels
 from ._result import orbit_on_panels
 
-# [rad] Distance of a step's end from a change of side, more than the error of its place. Derivatives
+# [rad] Distance of a step's end from a load reversal, more than the error of its place. Derivatives
 # err by about as much: the one step across the change takes its sides at random.
 _BESIDE = 2e-7
+# Nodes of the solution that gives the places. With 8 they err by more than that on a machine with offset
+# and weights: a long step then began on the wrong side, and a derivative was 7e-4 off.
+_PLACING = 16
 # Stops on either side of a load minimum, at 0.1 rad and closing in by 0.15 each: the last at 8e-6 rad. On
 # the machine of Tsuji et al. the load of the piston pin turns round within 6e-5 rad.
 _CLOSING = 6
@@ -90,7 +93,7 @@ class Shooting(eqx.Module):
         still = frozen(compressor)
         fixed = self._prepared(still)
         shot, steps = self._newton(still, fixed, jnp.ones(2 if closure.level_is_unknown else 1))
-        result = _following(compressor, shot, fixed, self)
+        result = root(_Following(compressor, shot, fixed, self))
         unknowns, end, _ = result
         gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, fixed))))
         gap_size = jnp.where(jnp.isfinite(gap_size), gap_size, _LOST)
@@ -132,7 +135,7 @@ class Shooting(eqx.Module):
         edges = known.edges
         if machine.friction is None or not self.reversals:
             return edges[1:-1], edges
-        problem = Collocation(8, self.reversals).problem(machine)
+        problem = Collocation(_PLACING, self.reversals).problem(machine)
         motion, (reversals, _) = problem.solve(known)
         kinks, minima = jnp.split(motion.places, 2)
         beside = jnp.array([-_BESIDE, _BESIDE])
@@ -350,29 +353,28 @@ def _gap_at(end, unknowns, machine, fixed: _Fixed):
     return jnp.stack(gaps)
 
 
-@eqx.filter_custom_jvp
-def _following(machine, shot: _Shot, fixed: _Fixed, options: Shooting):
-    """The result of a shot, with its dependence on the machine by the implicit function theorem.
+class _Following(AbstractRoot):
+    """A shot that follows the machine; only a derivative asks for one more integration."""
 
-    Only a derivative asks for one more integration.
-    """
-    del machine, fixed, options
-    return shot.result
+    machine: Any
+    shot: _Shot
+    fixed: _Fixed
+    options: Shooting
 
+    def solve(self):
+        return self.shot.result
 
-@_following.def_jvp
-def _following_jvp(primals, tangents):
-    machine, shot, fixed, options = primals
-    unknowns = shot.result[0]
+    def rest(self, unknowns):
+        start, end, speed = unknowns
+        marched = self.options._march(self.machine, start, self.fixed, self.options.adjoint)
+        gap = _gap_at(marched[0], start, self.machine, self.fixed)
+        return gap, *jax.tree.map(jnp.subtract, marched, (end, speed))
 
-    def march(machine):
-        end, speed = options._march(machine, unknowns, fixed, options.adjoint)
-        return (end, speed), _gap_at(end, unknowns, machine, fixed)
-
-    _, (moved, gap) = eqx.filter_jvp(march, (machine,), (tangents[0],))
-    moved = (jnp.zeros_like(unknowns), *moved)
-    follow = -jnp.linalg.solve(shot.jacobian, gap)
-    return shot.result, jax.tree.map(lambda m, slope: m + slope @ follow, moved, shot.by_unknowns)
+    def removed(self, unknowns, rest):
+        gap, *moved = rest
+        moved = (jnp.zeros_like(gap), *moved)
+        follow = -jnp.linalg.solve(self.shot.jacobian, gap)
+        return jax.tree.map(lambda m, slope: m + slope @ follow, moved, self.shot.by_unknowns)
 
 
 def _follow(

@@ -1,4 +1,4 @@
-"""What every crank mechanism offers to the rest of the house."""
+"""What every crank mechanism offers to the rest of the package."""
 
 from abc import abstractmethod
 from typing import ClassVar, NamedTuple
