@@ -59,7 +59,7 @@ def new_figure(rows: int, columns: int, size: tuple[float, float], title: str, s
 
 
 def new_polar_figure(rows: int, columns: int, title: str):
-    """A figure with a grid of polar axes in the style of the package, as an array of shape (rows, columns)."""
+    """A figure with a grid of polar axes in the same style, as an array of shape (rows, columns)."""
     size = (4.0 * columns, 4.0 * rows + 0.4)
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
     axes = figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": "polar"})
