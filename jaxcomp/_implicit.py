@@ -154,7 +154,7 @@ def _fixed_point_jvp(primals, tangents):
 
 
 def settle(
-    step: Callable[[Y], tuple[Y, Any]],
+    step: Callable[[Y, Any], tuple[Y, Any]],
     start: Y,
     beside: Any,
     tolerance: float | Float[Array, ""],
@@ -163,9 +163,10 @@ def settle(
     """Iterate a contraction until it converges, without derivatives.
 
     Args:
-        step: maps the unknowns, arrays of order one, to better ones and to data that comes along.
+        step: maps the unknowns, arrays of order one, and the data of the iteration before to better
+            ones and new data.
         start: first guess.
-        beside: data of the first guess, for its shape.
+        beside: data of the first guess.
         tolerance: largest change of any entry at which to stop.
         max_iterations: iterations after which to give up.
     """
@@ -176,8 +177,8 @@ def settle(
         return moving & ~report.settled & (report.steps < max_iterations)
 
     def advance(carry):
-        value, _, last, share, stood = carry
-        new, data = step(value)
+        value, data, last, share, stood = carry
+        new, data = step(value, data)
         change = _distance(new, value)
         # An iteration that runs away (NaN included) is not taken: what is reported stays finite.
         lost = ~(change < _RUNAWAY)

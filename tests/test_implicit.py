@@ -21,7 +21,7 @@ class Kepler(AbstractFixedPoint):
 
     def solve(self, parameters):
         start = {"angle": parameters[1]}
-        step = lambda y: (self.step(parameters, None, y), None)  # noqa: E731
+        step = lambda y, _: (self.step(parameters, None, y), None)  # noqa: E731
         value, _, report = settle(step, start, None, self.tolerance, self.max_iterations)
         return value, report
 
@@ -75,7 +75,7 @@ def test_running_out_of_steps_is_reported():
     "step", [lambda y: 3 * y + 1, lambda y: jnp.full_like(y, jnp.nan), lambda y: 1e300 * (y + 1)]
 )
 def test_a_step_that_runs_away_ends_soon_and_finite(step):
-    value, _, report = settle(lambda y: (step(y), None), jnp.ones(3), None, 1e-12, 50)
+    value, _, report = settle(lambda y, _: (step(y), None), jnp.ones(3), None, 1e-12, 50)
     assert np.all(np.isfinite(value))
     assert np.isfinite(report.change)
     assert not bool(report.settled)

@@ -337,7 +337,7 @@ class _Periodic(AbstractFixedPoint):
         drive = frozen(parameters)
         start = jnp.zeros_like(drive.force)
         position, _, report = settle(
-            lambda e: (improved_positions(self.grid, drive, e)[0], None),
+            lambda e, _: (improved_positions(self.grid, drive, e)[0], None),
             start,
             None,
             self.tolerance,

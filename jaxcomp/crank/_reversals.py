@@ -76,7 +76,7 @@ class OrbitProblem(AbstractFixedPoint):
             # panels that stay where they are need not be cut in every iteration
             cut = revolution(known, resolution, places)
             motion, _, report = settle(
-                lambda m: (improve(known, resolution, reversals, m, cut)[0], None),
+                lambda m, _: (improve(known, resolution, reversals, m, cut)[0], None),
                 motion,
                 None,
                 self.tolerance,
@@ -93,7 +93,7 @@ class OrbitProblem(AbstractFixedPoint):
             reversals = eqx.tree_at(lambda r: r.moving, reversals, last)
             tolerance = jnp.where(last, self.tolerance, _PLACING)
             motion, marks, report = settle(
-                lambda m: improve(known, resolution, reversals, m),
+                lambda m, _: improve(known, resolution, reversals, m),
                 motion,
                 nothing,
                 tolerance,

@@ -359,39 +359,35 @@ def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
         going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * last))
         return going & (size < _LOST) & (steps < max_steps)
 
-    def take(z, left, factors):
-        step = solve_factors(factors, jax.tree.map(jnp.negative, left))
-        # the velocity in the port of a shut valve may be anything at the start; it decides nothing
-        counts = jnp.ones(z.left.shape[1]).at[jnp.asarray([4, 7])].set(0.0)
-        size = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
-        size = jnp.where(jnp.isfinite(size), size, 2 * _LOST)
-        taken = size < _LOST
-        return jax.tree.map(lambda x, d: jnp.where(taken, x + d, x), z, step), size
-
     def going_on(carry):
         _, size, last, steps, _, _ = carry
         return falling(size, last, steps) & mesh.fits
 
     def advance(carry):
-        z, last, _, steps, more, _ = carry
-        left, blocks, events = linearise(case, mesh, z)
+        z, _, _, steps, more, _ = carry
+        left, blocks, _ = linearise(case, mesh, z)
         factors = factorise(blocks)
-        z, size = take(z, left, factors)
 
         def fast(carry):
-            _, size, last, count, _ = carry
-            return (size > tolerance) & (size < _FAST * last) & (count < _MOST_WITH_ONE)
+            _, _, size, last, count, _ = carry
+            again = (size > tolerance) & (size < _FAST * last) & (count <= _MOST_WITH_ONE)
+            return again | (count == 0)
 
-        def again(carry):
-            z, last, _, count, _ = carry
+        def step(carry):
+            z, left, last, _, count, _ = carry
+            step = solve_factors(factors, jax.tree.map(jnp.negative, left))
+            # the velocity in the port of a shut valve may be anything at the start; it decides nothing
+            counts = jnp.ones(z.left.shape[1]).at[jnp.asarray([4, 7])].set(0.0)
+            size = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
+            size = jnp.where(jnp.isfinite(size), size, 2 * _LOST)
+            z = jax.tree.map(lambda x, d: jnp.where(size < _LOST, x + d, x), z, step)
             left, events = evaluate(case, mesh, z)
-            z, size = take(z, left, factors)
-            return z, size, last, count + 1, _holds(z, events)
+            return z, left, size, last, count + 1, _holds(z, events)
 
-        begin = (z, size, jnp.asarray(jnp.inf), jnp.zeros((), int), _holds(z, events))
-        z, size, before, count, good = lax.while_loop(fast, again, begin)
-        last = jnp.where(count > 0, before, last)
-        return z, size, last, steps + 1, more + count, good
+        endless = jnp.asarray(jnp.inf)
+        begin = (z, left, endless, endless, none, jnp.asarray(False))
+        z, _, size, before, count, good = lax.while_loop(fast, step, begin)
+        return z, size, before, steps + 1, more + count - 1, good
 
     none = jnp.zeros((), int)
     begin = (start, jnp.asarray(1.0), jnp.asarray(_LOST), none, none, jnp.asarray(False))

@@ -1,5 +1,6 @@
 """`solve_cycle`: the periodic cycle at a given motion of the crank."""
 
+from functools import partial
 from typing import Literal, NamedTuple
 
 import equinox as eqx
@@ -70,6 +71,20 @@ class CycleOptions(eqx.Module):
     capacity: int = eqx.field(static=True, default=768)
 
 
+class Found(NamedTuple):
+    """What march and Newton's method found: panels, their start, totals of the march, and counts."""
+
+    mesh: Mesh
+    z: Unknowns
+    marched: Unknowns
+    totals: Float[Array, " 12"]
+    solved: Bool[Array, ""]
+    residual: Float[Array, ""]
+    steps: Int[Array, ""]
+    revolutions: Int[Array, ""]
+    passes: Int[Array, ""]
+
+
 def solve_cycle(
     cylinder: Cylinder,
     mechanism: AbstractMechanism,
@@ -77,7 +92,7 @@ def solve_cycle(
     options: CycleOptions | None = None,
     *,
     fluctuation: tuple[Float[Array, " k"], Float[Array, " k"]] | None = None,
-    start: Cycle | None = None,
+    start: Cycle | Found | None = None,
     throw: bool = True,
 ) -> Cycle:
     """Find the periodic cycle.
@@ -89,8 +104,8 @@ def solve_cycle(
         options: of the solver.
         fluctuation: [-] cosine and sine harmonics over the crank angle, from the first on, of the time
             that an angle takes, relative to its mean.
-        start: a cycle of a similar machine by collocation, whose events this one has as well:
-            nothing is marched then.
+        start: a cycle of a similar machine by collocation with as many panels and nodes. Nothing is
+            marched where this one has the same events.
         throw: raise if the cycle was not found. Within `jit`, `vmap` or `grad` nothing is raised;
             look at `status` there.
 
@@ -101,7 +116,7 @@ def solve_cycle(
     Raises:
         SolveFailed: if `throw` and the status is not `Status.converged`.
     """
-    cycle = _solve(cylinder, mechanism, speed, options or CycleOptions(), fluctuation, start)
+    cycle = _solved(cylinder, mechanism, speed, options or CycleOptions(), fluctuation, start)
     shown = throw and not is_traced(cycle.status._value)
     if shown and bool(jnp.any(cycle.status != Status.converged)):
         raise SolveFailed(cycle.status, f"residual {float(jnp.max(cycle.residual)):.2g}")
@@ -109,21 +124,46 @@ def solve_cycle(
 
 
 @eqx.filter_jit
-def _solve(cylinder, mechanism, speed, options: CycleOptions, fluctuation, start) -> Cycle:
-    good = admissible(cylinder) & admissible(mechanism) & (jnp.asarray(speed) > 0)
-    speed = jnp.where(jnp.asarray(speed) > 0, speed, 1.0)
-    case = prepare(clipped(cylinder), clipped(mechanism), speed, fluctuation)
+def _solved(cylinder, mechanism, speed, options: CycleOptions, fluctuation, start) -> Cycle:
+    case, good = _admitted(cylinder, mechanism, speed, fluctuation)
     marching = options.method == "march" or not cylinder.inert
     if marching:
         arrays, rest = eqx.partition(case, eqx.is_inexact_array)
         case = eqx.combine(values_only(arrays), rest)
     frozen = lax.stop_gradient(case)
-    if start is None:
-        found = _march_only(frozen, options) if marching else _rounds(frozen, options)
+    if marching:
+        found = _march_only(frozen, options)
     else:
-        mesh, z = lax.stop_gradient(start.raw[:2])
-        totals = lax.stop_gradient(jnp.stack(start.totals) / account_scales(case))
-        found = _after_newton(frozen, options, mesh, z, totals, _NOTHING)
+        found = _rounds(frozen, options, found_of(start) if isinstance(start, Cycle) else start)
+    return _result(case, good, found, options, marching)
+
+
+def follow_cycle(
+    cylinder: Cylinder, mechanism: AbstractMechanism, speed, options, fluctuation, cycle: Cycle
+) -> Cycle:
+    """A cycle that has been found, with its dependence on the machine; nothing is solved.
+
+    Args:
+        cylinder, mechanism, speed, options, fluctuation: as in `solve_cycle`.
+        cycle: what it found, by collocation.
+    """
+    case, good = _admitted(cylinder, mechanism, speed, fluctuation)
+    return _result(case, good, found_of(cycle), options, False)
+
+
+def is_solved(cycle: Cycle) -> Bool[Array, ""]:
+    """Whether Newton's method found the cycle, be it one without delivery or of wet gas."""
+    failed = (Status.not_converged, Status.too_many_events, Status.bad_input)
+    return jnp.all(jnp.stack([cycle.status != one for one in failed]))
+
+
+def _admitted(cylinder, mechanism, speed, fluctuation) -> tuple[Case, Bool[Array, ""]]:
+    good = admissible(cylinder) & admissible(mechanism) & (jnp.asarray(speed) > 0)
+    speed = jnp.where(jnp.asarray(speed) > 0, speed, 1.0)
+    return prepare(clipped(cylinder), clipped(mechanism), speed, fluctuation), good
+
+
+def _result(case: Case, good, found: Found, options: CycleOptions, marching: bool) -> Cycle:
     z = found.z if marching else attached(case, found.mesh, found.z)
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
@@ -141,23 +181,6 @@ def _solve(cylinder, mechanism, speed, options: CycleOptions, fluctuation, start
     return eqx.tree_at(lambda c: c.status, cycle, status)
 
 
-class _Found(NamedTuple):
-    """What march and Newton's method found: panels, their start, totals of the march, and counts."""
-
-    mesh: Mesh
-    z: Unknowns
-    marched: Unknowns
-    totals: Float[Array, " 12"]
-    solved: Bool[Array, ""]
-    residual: Float[Array, ""]
-    steps: Int[Array, ""]
-    revolutions: Int[Array, ""]
-    passes: Int[Array, ""]
-
-
-_NOTHING = (0, 0)
-
-
 def _march(case: Case, options: CycleOptions, tolerance, repeat, state, flags, wanted, count):
     return march(
         case,
@@ -172,7 +195,7 @@ def _march(case: Case, options: CycleOptions, tolerance, repeat, state, flags, w
     )
 
 
-def _march_only(case: Case, options: CycleOptions) -> _Found:
+def _march_only(case: Case, options: CycleOptions) -> Found:
     tolerance = jnp.asarray(options.value_tolerance)
     begin = initial(case, START)
     wanted, count = jnp.asarray(True), options.max_revolutions
@@ -180,30 +203,48 @@ def _march_only(case: Case, options: CycleOptions) -> _Found:
     solved = (end.change <= 10 * tolerance) & end.last.whole
     mesh, z = lay_mesh(end.last.record, options.panels, options.nodes)
     counts = jnp.zeros((), int), end.revolutions, end.passes
-    return _Found(mesh, z, z, end.last.totals, solved, end.change, *counts)
+    return Found(mesh, z, z, end.last.totals, solved, end.change, *counts)
 
 
-def _after_newton(case, options: CycleOptions, mesh, z, totals, counts) -> _Found:
+def _after_newton(case, options: CycleOptions, mesh, z, totals, counts) -> Found:
     new, report = newton(case, mesh, z, options.tolerance, options.max_newton)
     solved = mesh.fits & (report.size < 1e-7) & report.holds
     counts = tuple(jnp.asarray(count) for count in counts)
-    return _Found(mesh, new, z, totals, solved, report.size, report.steps, *counts)
+    return Found(mesh, new, z, totals, solved, report.size, report.steps, *counts)
 
 
-def _rounds(case: Case, options: CycleOptions) -> _Found:
-    """March and Newton's method in turns: where Newton leaves the sequence, march from there."""
+def found_of(cycle: Cycle) -> Found:
+    """What was found of a cycle by collocation."""
+    cycle = lax.stop_gradient(cycle)
+    mesh, z, _ = cycle.raw
+    totals = jnp.stack(cycle.totals) / account_scales(cycle.case)
+    counts = cycle.iterations, cycle.revolutions, cycle.passes
+    return Found(mesh, z, z, totals, is_solved(cycle), cycle.residual, *counts)
+
+
+def _rounds(case: Case, options: CycleOptions, start: Found | None) -> Found:
+    """March and Newton's method in turns: where Newton leaves the sequence, march from there.
+
+    If there is a start, the first round takes its panels instead of a march.
+    """
+    given = jnp.asarray(False) if start is None else start.solved
 
     def advance(carry):
         state, flags, last, rounds = carry
+        ready = rounds < 0
         # where a branch was left, a coarser march has missed an event
-        tolerance = options.march_tolerance * 0.1**rounds
+        tolerance = options.march_tolerance * 0.1 ** jnp.maximum(rounds, 0)
         # further revolutions cost more than another round
         few = min(8, options.max_revolutions)
         repeat = 100 * tolerance  # Newton's method closes the rest
-        end = _march(case, options, tolerance, repeat, state, flags, ~last.solved, few)
-        mesh, z = lay_mesh(end.last.record, options.panels, options.nodes)
+        end = _march(case, options, tolerance, repeat, state, flags, ~(last.solved | ready), few)
+        laid = *lay_mesh(end.last.record, options.panels, options.nodes), end.last.totals
+        if start is not None:
+            known = start.mesh, start.z, start.totals
+            laid = jax.tree.map(partial(jnp.where, ready), known, laid)
         counts = last.revolutions + end.revolutions, last.passes + end.passes
-        found = _after_newton(case, options, mesh, z, end.last.totals, counts)
+        found = _after_newton(case, options, *laid, counts)
+        mesh = found.mesh
         sound = mesh.fits & (found.residual < 1e-7) & (jnp.min(found.z.left[:, :2]) > 0.01)
         state = jnp.where(sound, found.z.left[0], end.last.end)
         flags = jnp.where(sound, mesh.flags[0], end.last.flags)
@@ -215,20 +256,22 @@ def _rounds(case: Case, options: CycleOptions) -> _Found:
         return ~found.solved & (rounds < options.max_rounds)
 
     state, flags = initial(case, START)
-    return lax.while_loop(
-        going_on, advance, (state, flags, _nothing(case, options), jnp.zeros((), int))
-    )[2]
+    nothing = nothing_found(case.cylinder, options)
+    if start is not None:
+        nothing = nothing._replace(revolutions=start.revolutions, passes=start.passes)
+    begin = state, flags, nothing, -1 * given
+    return lax.while_loop(going_on, advance, begin)[2]
 
 
-def _nothing(case: Case, options: CycleOptions) -> _Found:
+def nothing_found(cylinder: Cylinder, options: CycleOptions) -> Found:
     """What there is before the first round."""
-    states = states_of(case.cylinder)
+    states = states_of(cylinder)
     p, s, none = options.panels, options.nodes, jnp.zeros((), int)
     flat = jnp.zeros(p, int)
     mesh = Mesh(jnp.zeros((p, 6), int), flat, flat, jnp.asarray(False))
     z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), jnp.zeros(p + 1))
     totals, solved = jnp.zeros(len(Accounts._fields)), jnp.asarray(False)
-    return _Found(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
+    return Found(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
 
 
 def _law(case: Case):
@@ -254,7 +297,7 @@ def _rise(case: Case, pressure):
     return share * (case.isentropic.h - case.suction.h)
 
 
-def _cycle(case: Case, found: _Found, z: Unknowns, points, options, marching: bool) -> Cycle:
+def _cycle(case: Case, found: Found, z: Unknowns, points, options, marching: bool) -> Cycle:
     """The result in SI units; where only the march stands, its totals replace the quadrature."""
     mesh, (accounts, pressure) = found.mesh, points
     rule = gauss(options.nodes)
