@@ -285,15 +285,10 @@ class Cycle(Result, eqx.Module):
     def gas(self) -> "SolvedPressure":
         """The pressure as a gas that is prescribed over the crank angle."""
         _, z, pressure = self.raw
-        kinks = [
-            angle(valve)
-            for valve in (0, 1)
-            for angle in (self.events.opening_angle, self.events.closing_angle)
-        ]
-        # between these the pressure swings with the valves: every other panel's edge as well, and none so
-        # wide that the harmonics of the speed could not be told from the nodes on it
+        # all edges, since the valves' events are among them and the pressure swings between; and none
+        # so wide that the harmonics of the speed could not be told from the nodes on it
         even = z.edges[0] + np.pi / 3 * (np.arange(6) + 0.5)
-        kinks = jnp.concatenate([jnp.stack(kinks), z.edges[2:-1:2], even])
+        kinks = jnp.concatenate([z.edges[1:-1], even])
         return SolvedPressure(z.edges, pressure, kinks, self.case.suction.p)
 
     @property
