@@ -199,8 +199,8 @@ def listed(tree: Any) -> dict[str, Array]:
 
 
 def of_cylinder(tree: _Tree, number: int = 1) -> _Tree:
-    """A part with the numbers of one cylinder, from 1, where lists have one for each."""
-    return _with_lists(tree, lambda value: value[number - 1])
+    """A part with the numbers of one cylinder, from 1, where lists or laws have one for each."""
+    return _with_lists(tree, lambda value: value[number - 1], number)
 
 
 def along_cylinders(tree: _Tree, like: Array) -> _Tree:
@@ -208,15 +208,21 @@ def along_cylinders(tree: _Tree, like: Array) -> _Tree:
     return _with_lists(tree, lambda value: value.reshape(value.shape + (1,) * jnp.ndim(like)))
 
 
-def _with_lists(tree: _Tree, change: Callable[[Array], Array]) -> _Tree:
-    """A part with every list over cylinders changed by a function, in the parts inside it as well."""
+def _with_lists(tree: _Tree, change: Callable[[Array], Array], number: int | None = None) -> _Tree:
+    """A part with every list over cylinders changed by a function, in the parts inside it as well.
+
+    With a number of a cylinder, laws that differ in kind are replaced by that cylinder's.
+    """
     if not isinstance(tree, Part):
         return tree
+    pick: Any = getattr(tree, "one", None)
+    if pick is not None and number is not None:
+        return pick(number)
     changes = {}
     for field in dataclasses.fields(tree):
         value = getattr(tree, field.name)
         if isinstance(value, Part):
-            new = _with_lists(value, change)
+            new = _with_lists(value, change, number)
             changes |= {} if new is value else {field.name: new}
         elif "unit" in field.metadata and is_listed(tree, field, value):
             changes[field.name] = change(value)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ._each import AbstractEach
 from ._fields import (
     ANY,
     BadInput,
@@ -123,6 +124,7 @@ def single_numbers(compressor: Compressor) -> dict[str, str]:
         if part.for_each_cylinder
         and field.metadata["shape"] == ()
         and not (path or name).startswith(_OF_SHAFT)
+        and ".laws." not in f".{path}"
         and getattr(part, name) is not None
         and jnp.ndim(getattr(part, name)) == 0
     }
@@ -135,6 +137,15 @@ def _check_lists(compressor: Compressor) -> None:
         stages = str(compressor.gas.stages)
         raise BadInput("gas.stages", stages, f"one stage for each of {count} cylinders")
     for section in _LISTED:
+        for path, part in subparts(getattr(compressor, section)):
+            if isinstance(part, AbstractEach) and (
+                path.startswith(_OF_SHAFT) or len(part.of_cylinder) != count
+            ):
+                bound = (
+                    f"one law for each of {count} cylinders" if count else "of several cylinders"
+                )
+                where = f"{section}.{path}".rstrip(".")
+                raise BadInput(f"{where}.of_cylinder", str(part.of_cylinder), bound)
         for path, value in listed(getattr(compressor, section)).items():
             of_shaft = path.startswith(_OF_SHAFT)
             if of_shaft or value.shape != (count,):

@@ -133,14 +133,22 @@ def _of_cylinders(compressor: jc.Compressor):
     """What follows from how several cylinders stand."""
     import numpy as np
 
-    from .._fields import listed
+    from .._each import AbstractEach
+    from .._fields import listed, subparts
 
     cylinders = compressor.cylinders
     assert cylinders is not None
     intervals = np.rad2deg(np.asarray(cylinders.firing_intervals))
     even = np.ptp(intervals) < 0.01
     shown = f"{intervals[0]:.4g}" if even else ", ".join(f"{x:.4g}" for x in intervals)
-    differing = ", ".join(listed((compressor.mechanism, compressor.gas)))
+    parts = {"gas": compressor.gas, "friction": compressor.friction}
+    kinds = [
+        f"the kind of {section}.{path}".rstrip(".")
+        for section, whole in parts.items()
+        for path, part in subparts(whole)
+        if isinstance(part, AbstractEach)
+    ]
+    differing = ", ".join([*listed((compressor.mechanism, compressor.gas)), *kinds])
     yield "Cylinders", cylinders.count, f"different in {differing}" if differing else ""
     gas = getattr(compressor.gas, "head_end", compressor.gas)
     suction = np.unique(np.atleast_1d(getattr(gas, "suction_pressure", 0.0)))

@@ -30,7 +30,7 @@ from ..film import (
     shear_drag,
     squeeze_of,
 )
-from ..friction import film_journals, joints_of_cylinder
+from ..friction import EachJournal, film_journals, joints_of_cylinder
 from ._journals import CLOSED, Drive, improved_positions, rate_shares
 from ._orbit import Orbit
 from ._panels import Panels, gauss, highest, panels
@@ -167,6 +167,12 @@ def _journals(compressor: Compressor, orbit: Orbit):
         for number, names in enumerate(own, 1):
             if names.get(joint) in orbit.loads.forces:
                 yield names[joint], of_cylinder(law, number)
+    for joint, law in vars(compressor.friction).items() if count else ():
+        if isinstance(law, EachJournal):
+            for number, names in enumerate(own, 1):
+                one = law.one(number)
+                if isinstance(one, JournalBearing):
+                    yield names[joint], one
 
 
 @eqx.filter_jit

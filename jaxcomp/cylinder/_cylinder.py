@@ -161,6 +161,7 @@ class Cylinder(AbstractGas):
     """
 
     kind: ClassVar[str] = "cylinder"
+    of_whole_machine: ClassVar[bool] = True
 
     fluid: AbstractFluid
     suction: SuctionLine

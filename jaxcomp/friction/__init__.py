@@ -5,6 +5,8 @@ from . import _slider_link as _slider_link
 from ._drag import AbstractDrag as AbstractDrag
 from ._drag import OilPump as OilPump
 from ._drag import ThrustBearing as ThrustBearing
+from ._each import EachJournal as EachJournal
+from ._each import EachSlide as EachSlide
 from ._laws import AbstractJournal as AbstractJournal
 from ._laws import AbstractSlide as AbstractSlide
 from ._laws import CoulombJournal as CoulombJournal

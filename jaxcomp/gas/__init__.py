@@ -6,6 +6,7 @@ from ._diagram import CallableDiagram as CallableDiagram
 from ._diagram import CrankAngleTable as CrankAngleTable
 from ._diagram import FourierDiagram as FourierDiagram
 from ._diagram import VolumeTable as VolumeTable
+from ._each import EachGas as EachGas
 from ._polytropic import PolytropicCycle as PolytropicCycle
 from ._stages import DoubleActing as DoubleActing
 from ._stages import StagedCycle as StagedCycle

@@ -91,6 +91,7 @@ class StagedCycle(AbstractGas):
     """
 
     kind: ClassVar[str] = "staged"
+    of_whole_machine: ClassVar[bool] = True
     for_each_cylinder: ClassVar[bool] = True
 
     stages: tuple[int, ...] = eqx.field(static=True)

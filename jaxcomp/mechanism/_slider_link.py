@@ -145,12 +145,11 @@ class SliderLink(AbstractMechanism):
         Raises:
             BadInput: not given, as in a machine whose rotor is not put together yet.
         """
-        for name in ("overhang", "bearing_span"):
-            if getattr(self, name) is None:
-                raise BadInput(
-                    name, "absent", "given, or a machine with these bearings in its rotor"
-                )
-        return self.overhang, self.overhang + self.bearing_span
+        upper, span = self.overhang, self.bearing_span
+        if upper is None or span is None:
+            name = "overhang" if upper is None else "bearing_span"
+            raise BadInput(name, "absent", "given, or a machine with these bearings in its rotor")
+        return upper, upper + span
 
     @property
     def crank_unbalance(self) -> Float[Array, ""]:
