@@ -10,10 +10,11 @@ from test_cylinder import SPEED, golden, mechanism
 
 from jaxcomp import BadInput, Compressor, SliderCrank, Status, load, plot, simulate
 from jaxcomp.crank import TimeIntegration
-from jaxcomp.cylinder import Plenum
+from jaxcomp.cylinder import CycleOptions, Plenum, solve_cycle
 from jaxcomp.mechanism import Cylinders
 from jaxcomp.motor import ConstantTorque, SlipLine
 from jaxcomp.scene import with_value
+from jaxcomp.valve import OilFilm
 
 OPTIONS = TimeIntegration(tolerance=1e-9, samples=101, max_steps=2**14)
 
@@ -91,6 +92,42 @@ def test_plenums_pump_up_from_rest_as_in_scipy():
     volume = [20e-6, 8e-6, 10e-6]
     pressure = 287.0 * flow_m_T[:, 1] * T / volume
     np.testing.assert_allclose(found.gas.plenum_pressure[:, -1], pressure, rtol=2e-6)
+
+
+OIL = OilFilm(viscosity=0.01, seat_width=1e-3, thickness=3e-5)
+
+
+def oiled(film=OIL):
+    """The golden machine with oil on the seats of both valves."""
+    for which in ("suction_valve", "discharge_valve"):
+        gas = golden("D") if which == "suction_valve" else gas
+        gas = eqx.tree_at(
+            lambda g, which=which: getattr(g, which).stiction,
+            gas,
+            film,
+            is_leaf=lambda x: x is None,
+        )
+    return gas
+
+
+def test_oil_on_the_seats_holds_the_plates_as_in_scipy():
+    machine = Compressor(light_rod(), SlipLine(0.05, 300.0), oiled())
+    found = simulate(machine, 0.06, angle=0.7, options=OPTIONS)
+    films = [(np.pi * d * 0.01 * 1e-9, 3e-5) for d in (7e-3, 5e-3)]
+    reference = Reference(motor=lambda w: 0.05 * (300.0 - w), stiction=films)
+    wanted = reference.run(0.06, 0.7, 0.0, 300.0)
+    known = np.array([*wanted[:4], wanted[4], wanted[7], *wanted[-2:]])
+    known[-1] -= 287.0 / 0.4 * 273.15 * known[-2]
+    np.testing.assert_allclose(state_at_end(found), known, rtol=2e-6, atol=1e-9)
+
+
+def test_oil_on_the_seats_costs_overpressure_and_softens_the_impact():
+    options = CycleOptions(nodes=10, panels=48)
+    wet = solve_cycle(oiled(), light_rod(), SPEED, options)
+    dry = solve_cycle(golden("D"), light_rod(), SPEED, options)
+    assert wet.peak_pressure > dry.peak_pressure + 1e4
+    assert wet.impact_speeds["discharge_seat"] < 0.5 * dry.impact_speeds["discharge_seat"]
+    assert abs(wet.energy_closure) < 1e-6
 
 
 def test_running_on_at_constant_speed_becomes_the_periodic_cycle():

@@ -227,7 +227,11 @@ def _valve(case: Case, which: int, a: Side, b: Side, state, flags, pace) -> _Val
         push = area * (a.p - b.p) - spring
         # decides whether the valve rests: without the damping, which ends with the motion
         force = push / (area * case.suction.p)
-        pull = push - moving.damping * v * velocity
+        slowing = moving.damping
+        film = getattr(valve, "stiction", None)
+        if film is not None:
+            slowing = slowing + film.resistance(place * lift, valve.port_diameter)
+        pull = push - slowing * v * velocity
         scale = moving.mass * velocity * pace
         x_1 = jnp.where(free, v * case.speed / pace, -_IDLE * (x - 1.0 * (mode == STOP)))
         v_1 = jnp.where(free, pull / scale, v_1)

@@ -7,6 +7,7 @@ from ._flow import throat_density as throat_density
 from ._valves import AbstractMovingValve as AbstractMovingValve
 from ._valves import AbstractValve as AbstractValve
 from ._valves import CheckValve as CheckValve
+from ._valves import OilFilm as OilFilm
 from ._valves import Oscillator as Oscillator
 from ._valves import PlateValve as PlateValve
 from ._valves import ReedBeam as ReedBeam

@@ -95,6 +95,36 @@ class CheckValve(AbstractValve):
         return self.port_area + 0 * lift
 
 
+class OilFilm(Part):
+    r"""Oil between plate and seat, which holds the plate when it lifts and cushions it when it seats.
+
+    Squeeze film of a ring of width b and radius r at the lift x:
+    $F = 2\pi r\mu b^3\,\dot x/(x + x_{oil})^3$ (Khalifa and Liu 1998). It fades with the cube of the lift,
+    and is taken to hold all the while: nothing of it cavitates.
+
+    Args:
+        viscosity: [Pa s] dynamic, of the oil with the gas that is dissolved in it.
+        seat_width: [m] of the ring.
+        thickness: [m] of the film with the plate on its seat.
+        seat_diameter: [m] of the ring; that of the port if absent.
+    """
+
+    kind: ClassVar[str] = "oil_film"
+
+    viscosity: Float[Array, ""] = quantity("Pa s", NONNEGATIVE, doc="dynamic, of the oil")
+    seat_width: Float[Array, ""] = quantity("m", POSITIVE)
+    thickness: Float[Array, ""] = quantity("m", POSITIVE, doc="with the plate on its seat")
+    seat_diameter: Float[Array, ""] | None = quantity(
+        "m", POSITIVE, default=None, doc="that of the port if absent"
+    )
+
+    def resistance(self, lift: Float[Array, ""], port_diameter) -> Float[Array, ""]:
+        """Force over the plate's velocity [N s/m] at a lift [m]."""
+        diameter = port_diameter if self.seat_diameter is None else self.seat_diameter
+        gap = jnp.maximum(lift, 0.0) + self.thickness
+        return jnp.pi * diameter * self.viscosity * (self.seat_width / gap) ** 3
+
+
 class AbstractMovingValve(AbstractValve):
     """What the moving valves share."""
 
@@ -118,6 +148,7 @@ class AbstractMovingValve(AbstractValve):
     force_area_table: Float[Array, " n"] | None = quantity(
         "m^2", POSITIVE, shape=(None,), default=None, doc="in place of C_f times the port"
     )
+    stiction: OilFilm | None = None
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         if self.lift_table is None:
@@ -160,6 +191,7 @@ class PlateValve(AbstractMovingValve):
         lift_table: [m] (n,) of the areas beside it.
         flow_area_table: [m^2] (n,) effective.
         force_area_table: [m^2] (n,)
+        stiction: oil between plate and seat; none if absent.
         mass: [kg] moving.
         stiffness: [N/m]
     """
@@ -193,6 +225,7 @@ class ReedBeam(AbstractMovingValve):
         lift_table: [m] (n,) of the areas beside it.
         flow_area_table: [m^2] (n,) effective.
         force_area_table: [m^2] (n,)
+        stiction: oil between plate and seat; none if absent.
         thickness: [m]
         width: [m]
         length: [m] from the root to the tip.
