@@ -100,7 +100,7 @@ def crank_forces(
     share = share / jnp.sum(share)
     gas_forces = none
     if cylinders is not None:
-        gas_forces = instants(compressor, angle).gas_force
+        gas_forces = instants(state.under_gas(compressor), angle).gas_force
     elif state.pressure is not None and compressor.gas is not None:
         gas_forces = (state.pressure - compressor.gas.behind_piston) * mechanism.piston_area
     forces, missing, of_pins = [], {}, set()

@@ -200,6 +200,7 @@ def _along(compressor: Compressor, rating: str, evaporating, condensing):
     """All points, one after the other: each takes as many steps as it needs."""
     assert isinstance(compressor.gas, Cylinder)
     together = compressor.motor.closes == "torque" or not compressor.gas.inert
+    together |= compressor.cylinders is not None
     solver = Collocation(reversals=compressor.load_reversals)
     speed = compressor.motor.speed_guess
 

@@ -8,6 +8,8 @@ a motor with a torque curve is found with it. Derivatives follow from the implic
 with the iteration linearised once. Cycle and crank are traced once for values and once for derivatives,
 since such a program takes far longer to compile than to run.
 
+Several cylinders between the same lines each have a cycle of their own, by their own crank angle.
+
 Of the speed the cylinder sees its mean and twelve harmonics; what they leave out is about a hundredth of
 the fluctuation, at the corners that the valves make.
 """
@@ -17,10 +19,11 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from .._fields import listed, of_cylinder
 from .._implicit import frozen, settle
 from .._status import Status
 from ..compressor import Compressor
-from ..cylinder import Cycle, CycleOptions, Cylinder, solve_cycle
+from ..cylinder import Cycle, CycleOptions, Cylinder, SeveralCycles, solve_cycle
 from ..cylinder._solve import Found, follow_cycle, found_of, nothing_found
 from ..motor import ConstantSpeed
 from ._orbit import Orbit
@@ -42,8 +45,7 @@ def solve_with_cylinder(compressor: Compressor, solver) -> Orbit:
     assert isinstance(compressor.gas, Cylinder)
     if isinstance(compressor.motor, ConstantSpeed) or not compressor.gas.inert:
         # a marched cycle has no panels to start from: its speed is the mean one
-        speed = compressor.motor.speed_guess
-        cycle = solve_cycle(compressor.gas, compressor.mechanism, speed, _OPTIONS, throw=False)
+        cycle = _at_constant_speed(compressor)
         settled = jnp.asarray(True)
         orbit = _orbit_of(compressor, cycle, solver)
     else:
@@ -64,15 +66,17 @@ def _coupled(compressor: Compressor, solver):
     """
     compressor = frozen(compressor)
     still = jnp.zeros(1 + 2 * HARMONICS)
-    shapes = eqx.filter_eval_shape(
-        _iteration, compressor, solver, still, nothing_found(compressor.gas, _OPTIONS)
-    )
+    shapes = eqx.filter_eval_shape(_iteration, compressor, solver, still, _nothing(compressor))
     # nothing is known of a cycle and an orbit before the first iteration
     beside = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes[1])
-    beside = eqx.tree_at(lambda found: found[0].status, beside, Status.not_converged)
+    none = _repeated(compressor, Status.not_converged)
+    beside = eqx.tree_at(lambda found: _cycles(found[0]).status, beside, none)
 
     def step(motion, last):
-        return _iteration(compressor, solver, motion, found_of(last[0]))
+        cycle = last[0]
+        several = isinstance(cycle, SeveralCycles)
+        found = jax.vmap(found_of)(cycle.each) if several else found_of(cycle)
+        return _iteration(compressor, solver, motion, found)
 
     motion, found, report = settle(step, still, beside, _TOLERANCE, _MAX_ITERATIONS)
     return found, motion, report.settled
@@ -84,8 +88,20 @@ def _iteration(compressor: Compressor, solver, motion, start: Found):
 
     The cycle is marched where nothing has been found, and where the motion has changed its events.
     """
-    *problem, fluctuation = _problem(compressor, motion)
-    cycle = solve_cycle(*problem, fluctuation=fluctuation, start=start, throw=False)
+    speed, fluctuation = _speeds(compressor, motion)
+
+    def one(mechanism, fluctuation, start):
+        return solve_cycle(
+            compressor.gas,
+            mechanism,
+            speed,
+            _OPTIONS,
+            fluctuation=tuple(fluctuation),
+            start=start,
+            throw=False,
+        )
+
+    cycle = _of_each(compressor, one, fluctuation, start)
     orbit = _orbit_of(compressor, cycle, solver)
     return _motion(compressor, orbit), (cycle, orbit)
 
@@ -99,7 +115,13 @@ def _coupled_jvp(primals, tangents):
 
     def iteration(numbers, motion):
         compressor = eqx.combine(numbers, rest)
-        made = follow_cycle(*_problem(compressor, motion), frozen(cycle))
+        speed, fluctuation = _speeds(compressor, motion)
+
+        def one(mechanism, fluctuation, cycle):
+            fluctuation = tuple(fluctuation)
+            return follow_cycle(compressor.gas, mechanism, speed, _OPTIONS, fluctuation, cycle)
+
+        made = _of_each(compressor, one, fluctuation, _cycles(frozen(cycle)))
         orbit = _orbit_of(compressor, made, solver)
         return eqx.filter((_motion(compressor, orbit), (made, orbit)), eqx.is_inexact_array)
 
@@ -123,14 +145,59 @@ def _coupled_jvp(primals, tangents):
     return out, (found, moved, None)
 
 
-def _problem(compressor: Compressor, motion):
-    """Cylinder, mechanism, speed, options and fluctuation at a motion of the crank."""
-    cosine, sine = motion[1:].reshape(2, HARMONICS)
+def _speeds(compressor: Compressor, motion):
+    """Mean speed, and harmonics (2, h) over the crank angle; of several cylinders each its own."""
+    harmonics = motion[1:].reshape(2, HARMONICS)
     speed = compressor.motor.speed_guess * jnp.exp(motion[0])
-    return compressor.gas, compressor.mechanism, speed, _OPTIONS, (cosine, sine)
+    if compressor.cylinders is None:
+        return speed, harmonics
+    phase = compressor.cylinders.phase[:, None] * jnp.arange(1, HARMONICS + 1)
+    c, s = jnp.cos(phase), jnp.sin(phase)
+    cosine, sine = harmonics
+    return speed, jnp.stack([cosine * c - sine * s, cosine * s + sine * c], axis=1)
 
 
-def _orbit_of(compressor: Compressor, cycle: Cycle, solver) -> Orbit:
+def _of_each(compressor: Compressor, one, *given) -> Cycle | SeveralCycles:
+    """The cycle of every cylinder, by a function of its mechanism and of what else is given for each."""
+    if compressor.cylinders is None:
+        return one(compressor.mechanism, *given)
+    count = compressor.cylinders.count
+    each = [of_cylinder(compressor.mechanism, i + 1) for i in range(count)]
+    mechanisms = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
+    return SeveralCycles(eqx.filter_vmap(one)(mechanisms, *given))
+
+
+def _at_constant_speed(compressor: Compressor) -> Cycle | SeveralCycles:
+    speed = compressor.motor.speed_guess
+
+    def one(mechanism):
+        return solve_cycle(compressor.gas, mechanism, speed, _OPTIONS, throw=False)
+
+    if compressor.cylinders is None or listed(compressor.mechanism):
+        return _of_each(compressor, one)
+    # cylinders that are alike have one cycle
+    return SeveralCycles(_repeated(compressor, one(compressor.mechanism)))
+
+
+def _cycles(cycle: Cycle | SeveralCycles) -> Cycle:
+    """One, or all of several stacked."""
+    return cycle.each if isinstance(cycle, SeveralCycles) else cycle
+
+
+def _repeated(compressor: Compressor, tree):
+    """The same for each of several cylinders."""
+    if compressor.cylinders is None:
+        return tree
+    count = compressor.cylinders.count
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), tree)
+
+
+def _nothing(compressor: Compressor) -> Found:
+    """What there is of every cylinder's cycle before the first iteration."""
+    return _repeated(compressor, nothing_found(compressor.gas, _OPTIONS))
+
+
+def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
     """The motion of the crank under the pressure of a cycle."""
     return solver.solve(eqx.tree_at(lambda c: c.gas, compressor, cycle.gas()))
 

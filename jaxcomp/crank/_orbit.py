@@ -11,7 +11,8 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from .._registry import Quantity, registered
 from .._results import Data, Result
 from .._status import Status
-from ..cylinder import Cycle
+from ..compressor import Compressor
+from ..cylinder import Cycle, SeveralCycles
 from ..friction import JointLoads
 from ..mechanism import CrankState
 from ._panels import gauss, highest
@@ -132,7 +133,7 @@ class Orbit(Result, eqx.Module):
     iterations: Int[Array, ""]
     solver: str = eqx.field(static=True)
     panel_nodes: int = eqx.field(static=True)
-    cycle: Cycle | None = None
+    cycle: Cycle | SeveralCycles | None = None
     verification: Verification | None = None
     positions: dict[str, Float[Array, "2 n"]] | None = None
 
@@ -169,6 +170,16 @@ class Orbit(Result, eqx.Module):
             yield Data(f"joint_force.{name}.x", "N", x, at)
             yield Data(f"joint_force.{name}.y", "N", y, at)
             yield Data(f"joint_force.{name}", "N", jnp.hypot(x, y), at)
+
+    def under_gas(self, compressor: Compressor) -> Compressor:
+        """The compressor with the pressures of this orbit in the place of a cylinder's own gas.
+
+        Args:
+            compressor: whose orbit it is.
+        """
+        if self.cycle is None:
+            return compressor
+        return eqx.tree_at(lambda c: c.gas, compressor, self.cycle.gas())
 
     @property
     def converged(self) -> Bool[Array, ""]:

@@ -59,7 +59,7 @@ def solve_orbit(
         locks or that stalls has finite numbers and a status that says so.
 
     Raises:
-        BadInput: several cylinders whose gas is solved with valves.
+        BadInput: several cylinders with valves that share plenums.
         SolveFailed: if `throw` and the status is not `Status.converged`, or the march did not end.
 
     >>> from jaxcomp import load
@@ -123,18 +123,18 @@ _solve = eqx.filter_jit(_solved)
 def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegration") -> Verification:
     from ._verify import verification
 
-    machine = clipped(compressor)
-    if orbit.cycle is not None:
-        machine = eqx.tree_at(lambda c: c.gas, machine, orbit.cycle.gas())
-    return verification(machine, orbit, options)
+    return verification(orbit.under_gas(clipped(compressor)), orbit, options)
 
 
 def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     """The orbit with the checks that hold for every motor and solver."""
     if isinstance(compressor.gas, Cylinder):
-        if compressor.cylinders is not None:
-            bound = "absent: the valves and gas of several cylinders are not solved"
-            raise BadInput("cylinders", compressor.cylinders.count, bound)
+        if compressor.cylinders is not None and compressor.gas.plenums:
+            which = "suction" if compressor.gas.suction.plenums else "discharge"
+            bound = (
+                "absent beside several cylinders: only `simulate` follows plenums that they share"
+            )
+            raise BadInput(f"gas.{which}.plenums", len(compressor.gas.plenums), bound)
         orbit = solve_with_cylinder(compressor, solver)
     else:
         orbit = solver.solve(compressor)

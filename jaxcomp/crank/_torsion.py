@@ -242,7 +242,7 @@ def throw_torques(compressor: Compressor, orbit: Orbit) -> Float[Array, "t n"]:
         BadInput: a compressor without a description of its cylinders.
     """
     cylinders = _cylinders_of(compressor)
-    each = of_each_cylinder(compressor, orbit.state.angle)
+    each = of_each_cylinder(orbit.under_gas(compressor), orbit.state.angle)
     state, losses = orbit.state, orbit.loads.loss_torque
     swing = each.inertia - _mean_inertia(compressor)
     torque = each.conservative - swing * state.acceleration - 0.5 * each.inertia_1 * state.speed**2

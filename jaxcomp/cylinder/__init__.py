@@ -15,5 +15,6 @@ from ._heat import Todescat as Todescat
 from ._heat import Woschni as Woschni
 from ._leakage import LaminarGap as LaminarGap
 from ._plenum import Plenum as Plenum
+from ._several import SeveralCycles as SeveralCycles
 from ._solve import CycleOptions as CycleOptions
 from ._solve import solve_cycle as solve_cycle

@@ -65,7 +65,8 @@ class SolvedPressure(AbstractGas):
     """The pressure of a solved cycle, by the polynomials of its panels.
 
     Args:
-        edges: [rad] (p + 1,) of the panels over one revolution.
+        edges: [rad] (p + 1,) of the panels over one revolution; of several cylinders with an axis of
+            these before, as all entries.
         values: [Pa] (p, s + 1) at the Gauss nodes and at the end of every panel.
         kinks: [rad] (k,) where the crank begins another panel.
         back_pressure: [Pa] behind the piston.
@@ -73,19 +74,25 @@ class SolvedPressure(AbstractGas):
 
     in_files: ClassVar[bool] = False  # the solver makes it
 
-    edges: Float[Array, " p"] = quantity("rad", ANY, shape=(None,))
-    values: Float[Array, "p m"] = quantity("Pa", ANY, shape=(None, None))
-    kinks: Float[Array, " k"] = quantity("rad", ANY, shape=(None,))
-    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+    edges: Float[Array, "*c p"] = quantity("rad", ANY, shape=(...,))
+    values: Float[Array, "*c p m"] = quantity("Pa", ANY, shape=(...,))
+    kinks: Float[Array, "*c k"] = quantity("rad", ANY, shape=(...,))
+    back_pressure: Float[Array, "*c"] = quantity("Pa", NONNEGATIVE, shape=(...,))
 
     @property
     def behind_piston(self):
-        return self.back_pressure
+        return self.back_pressure if self.edges.ndim == 1 else self.back_pressure[0]
 
     def event_angles(self):
-        return tuple(self.kinks)
+        return tuple(self.kinks.T)
 
     def pressure(self, stroke):
+        if self.edges.ndim == 1:
+            return self._at(stroke)
+        own = jnp.broadcast_to(stroke.angle, (self.edges.shape[0], *stroke.angle.shape[1:]))
+        return jax.vmap(lambda one, angle: one._at(stroke._replace(angle=angle)))(self, own)
+
+    def _at(self, stroke):
         start, count = self.edges[0], self.values.shape[1]
         angle = start + jnp.mod(stroke.angle - start, 2 * jnp.pi)
         panel = jnp.searchsorted(self.edges[1:-1], angle, side="right")
@@ -282,9 +289,21 @@ class Cycle(Result, eqx.Module):
         rest = 1 - sum(named.values(), start=jnp.zeros(()))
         return {**named, "heating": rest}
 
-    def gas(self) -> "SolvedPressure":
-        """The pressure as a gas that is prescribed over the crank angle."""
+    def gas(self, few: bool = False) -> "SolvedPressure":
+        """The pressure as a gas that is prescribed over the crank angle.
+
+        Args:
+            few: whether the crank gets fewer panels from it, as several cylinders have enough of them.
+        """
         _, z, pressure = self.raw
+        if few:
+            kinks = [
+                angle(valve)
+                for valve in (0, 1)
+                for angle in (self.events.opening_angle, self.events.closing_angle)
+            ]
+            kinks = jnp.concatenate([jnp.stack(kinks), z.edges[2:-1:3]])
+            return SolvedPressure(z.edges, pressure, kinks, self.case.suction.p)
         # all edges, since the valves' events are among them and the pressure swings between; and none
         # so wide that the harmonics of the speed could not be told from the nodes on it
         even = z.edges[0] + np.pi / 3 * (np.arange(6) + 0.5)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from .._shown import shown
 from ..crank import POWER, Performance
-from ..cylinder import Cycle
+from ..cylinder import Cycle, SeveralCycles
 from ..fluid import RealGas
 from ..rating import QUANTITIES, ZERO, RatingMap
 from ._style import INK, crank_axis, legend, legend_above, new_figure, over_turn, words, ylabel
@@ -15,8 +15,17 @@ from ._style import INK, crank_axis, legend, legend_above, new_figure, over_turn
 _SUCTION, _DISCHARGE, _GAS = "#0072B2", "#D55E00", "#444444"
 
 
-def cylinder_figures(cycle: Cycle, performance: Performance | None = None) -> dict[str, Figure]:
-    """All pictures of a cycle by name; the use of power where the performance is given."""
+def cylinder_figures(
+    cycle: Cycle | SeveralCycles, performance: Performance | None = None
+) -> dict[str, Figure]:
+    """All pictures of a cycle by name, of several that of the first cylinder.
+
+    Args:
+        cycle: to show.
+        performance: for the use of power, of the whole machine.
+    """
+    if isinstance(cycle, SeveralCycles):
+        cycle = cycle.first
     figures = {"valve_losses": valve_losses(cycle), "valve_motion": valve_motion(cycle)}
     if isinstance(cycle.case.cylinder.fluid, RealGas):
         figures["log_p_h"] = log_p_h(cycle)

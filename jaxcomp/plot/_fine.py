@@ -36,8 +36,7 @@ def fine_turn(compressor: Compressor, orbit: Orbit) -> FineTurn:
     The speed is the cubic through the nodes with the slope that the acceleration gives; everything
     else follows from speed and angle.
     """
-    if orbit.cycle is not None:
-        compressor = eqx.tree_at(lambda c: c.gas, compressor, orbit.cycle.gas())
+    compressor = orbit.under_gas(compressor)
     kinks = kink_angles(compressor)
     start = kinks[0]
     even = start + jnp.linspace(0.0, 2 * jnp.pi, _SAMPLES + 1)

@@ -229,7 +229,7 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
 def cylinder_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     """Torque of the gas of each cylinder on the crank, and their sum with the weights."""
     turn = fine_turn(compressor, orbit)
-    at = instants(compressor, turn.state.angle)
+    at = instants(orbit.under_gas(compressor), turn.state.angle)
     figure, ((ax,),) = new_figure(1, 1, (7.2, 4.2), "Gas torque of each cylinder")
     for number, torque in enumerate(-at.gas_force * at.kinematics.position_1, 1):
         degrees, values = over_turn(turn.state.angle, torque)

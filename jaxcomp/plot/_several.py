@@ -109,7 +109,7 @@ def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
     """Orders of time of the torque of gas and weights, the shaking force and its couples."""
     assert compressor.cylinders is not None
     instants = orbit.time, orbit.weight / orbit.state.speed
-    each = of_each_cylinder(compressor, orbit.state.angle).conservative
+    each = of_each_cylinder(orbit.under_gas(compressor), orbit.state.angle).conservative
     torque, _ = time_harmonics(jnp.stack([jnp.sum(each, axis=0), each[0]]), *instants, _ORDERS)
     wrench = shaking_wrench(compressor, orbit.state)
     force, _ = time_harmonics(wrench.force[:2], *instants, _ORDERS)

@@ -99,8 +99,8 @@ class OilFilm(Part):
     r"""Oil between plate and seat, which holds the plate when it lifts and cushions it when it seats.
 
     Squeeze film of a ring of width b and radius r at the lift x:
-    $F = 2\pi r\mu b^3\,\dot x/(x + x_{oil})^3$ (Khalifa and Liu 1998). It fades with the cube of the lift,
-    and is taken to hold all the while: nothing of it cavitates.
+    $F = 2\pi r\mu b^3\,\dot x/(x + x_{oil})^3$ (Khalifa and Liu 1998). It fades with the cube of the
+    lift, and is taken to hold all the while: nothing of it cavitates.
 
     Args:
         viscosity: [Pa s] dynamic, of the oil with the gas that is dissolved in it.
