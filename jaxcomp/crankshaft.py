@@ -8,16 +8,30 @@ rod counts as
 $$\sum U (\cos\delta, \sin\delta), \qquad \sum U z (\cos\delta, \sin\delta) .$$
 """
 
-from collections.abc import Iterable
-from typing import NamedTuple
+import dataclasses
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._fields import BadInput
+from ._fields import BadInput, replaced
 from .film import NamedBearing
-from .rotor import LoadedFilm, RotorModel, Unbalances, shaft_mass, shaft_polar_inertia, subsets
+from .friction import MainBearings, ShaftBearings
+from .rotor import (
+    Link,
+    LoadedFilm,
+    Mount,
+    RotorModel,
+    Unbalances,
+    nodal_load,
+    node_names,
+    receptance,
+    shaft_mass,
+    shaft_polar_inertia,
+    subsets,
+)
 
 Node = int | str
 
@@ -94,12 +108,15 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
 def main_films(rotor: RotorModel, pin: Node) -> list[tuple[int, Float[Array, ""]]]:
     """Number among the links and [m] z from the plane of the rod of every film under the shaft."""
     place = axial_positions(rotor, pin)
-    found = []
+    return [(number, place[node]) for number, node in _film_nodes(rotor, place)]
+
+
+def _film_nodes(rotor: RotorModel, place) -> Iterator[tuple[int, Any]]:
+    """Number among the links and node of the shaft of every film under it."""
     for number, link in enumerate(rotor.links):
         nodes = [node for node in link.nodes if node in place]
         if isinstance(link.law, LoadedFilm) and nodes:
-            found.append((number, place[nodes[0]]))
-    return found
+            yield number, nodes[0]
 
 
 def bearing_positions(rotor: RotorModel, pin: Node) -> dict[str, Float[Array, ""]]:
@@ -110,3 +127,54 @@ def bearing_positions(rotor: RotorModel, pin: Node) -> dict[str, Float[Array, ""
         if isinstance(bearing, NamedBearing):
             found[bearing.name] = z
     return found
+
+
+@eqx.filter_jit
+def shaft_bearings(rotor: RotorModel, support: MainBearings, pin: Node) -> ShaftBearings:
+    """Main bearings that share forces as the shaft of a rotor on their films does, quasi-static.
+
+    The reaction of a spring to a force at any node is, by reciprocity, its stiffness times the deflection
+    there under a force on the spring.
+
+    Args:
+        rotor: the model; of it the shaft's stiffness counts.
+        support: with the position and stiffness of every bearing, by the names of the rotor's links.
+        pin: node from which places count.
+
+    Raises:
+        BadInput: shaft elements that share a section with those of other shafts.
+    """
+    place = axial_positions(rotor, pin)
+    shafts = tuple(
+        s for s in rotor.shafts if any(node in place for pair in s.pairs for node in pair)
+    )
+    for shaft in shafts:
+        if not all(node in place for pair in shaft.pairs for node in pair):
+            raise BadInput("rotor.shafts", str(shaft.pairs), "of one shaft each")
+    laws: Any = [link.law for link in rotor.links]
+    nodes = {laws[number].bearing.name: node for number, node in _film_nodes(rotor, place)}
+    held = [nodes[name] for name in support.names or ()]
+    assert support.stiffness is not None
+    links = tuple(
+        Link((node, None), replaced(Mount(jnp.ones(2), jnp.zeros(2)), stiffness=jnp.full(2, k)))
+        for node, k in zip(held, support.stiffness, strict=True)
+    )
+    model = RotorModel(shafts, dof=4, links=links)
+    names = node_names(model)
+    along = jnp.stack([place[name] for name in names])
+    force = jnp.stack([nodal_load(model, node, "ux") for node in held])
+    lateral, turned = (
+        jnp.stack([nodal_load(model, node, axis) for node in names]) for axis in ("ux", "thy")
+    )
+    still = jnp.zeros(())
+    deflections = (receptance(model, force, out, still, still).real for out in (lateral, turned))
+    values, slopes = (support.stiffness[:, None] * found.T for found in deflections)
+    order = jnp.argsort(along)
+    given = {f.name: getattr(support, f.name) for f in dataclasses.fields(support)}
+    made = ShaftBearings(**given)
+    return eqx.tree_at(
+        lambda b: (b.places, b.values, b.slopes),
+        made,
+        (along[order], values[:, order], slopes[:, order]),
+        is_leaf=lambda leaf: leaf is None,
+    )

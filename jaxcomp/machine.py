@@ -195,7 +195,7 @@ def _with_rotor(compressor: Compressor, rotor, unbalances, pins) -> Compressor:
 
     Places along the shaft count from the node of the first rod.
     """
-    from .crankshaft import axial_positions, bearing_positions, crankshaft
+    from .crankshaft import axial_positions, bearing_positions, crankshaft, shaft_bearings
 
     mechanism, cylinders, pin = compressor.mechanism, compressor.cylinders, pins[0]
     if len(pins) != (1 if cylinders is None else cylinders.count):
@@ -248,7 +248,10 @@ def _with_rotor(compressor: Compressor, rotor, unbalances, pins) -> Compressor:
                 bound = one_of(name, stand) + ", the bearings of the rotor's links"
                 raise BadInput("friction.main_journal.bearings", name, bound)
         position = jnp.stack([jnp.asarray(stand.get(n, 0.0)) for n in support.names or ()])
-        friction = replaced(friction, main_journal=replaced(support, position=position))
+        support = replaced(support, position=position)
+        if support.shaft == "rotor" and len(support.bearings) > 2:
+            support = shaft_bearings(rotor, support, pin)
+        friction = _rebuilt(friction, {"main_journal": support})
     return replaced(compressor, mechanism=mechanism, friction=friction, cylinders=cylinders)
 
 

@@ -29,6 +29,7 @@ from ._slider_crank import SliderCrankFriction as SliderCrankFriction
 from ._slider_link import SliderLinkFriction as SliderLinkFriction
 from ._slider_link import substitution as substitution
 from ._support import MainBearings as MainBearings
+from ._support import ShaftBearings as ShaftBearings
 from ._support import film_journals as film_journals
 from ._support import moving_journals as moving_journals
 from ._support import placed as placed

@@ -13,7 +13,10 @@ projected area; the bending of the shaft is left out.
 
 With `shaft="beam"` the bearings are rigid, and a uniform shaft bends between them. Its line
 $w(z) = a + bz + \tfrac{1}{12EI}(\sum R_i |z - z_i|^3 - \sum F_j |z - z_j|^3)$ vanishes at the bearings,
-which with the balances of force and moment gives the reactions: those of the three-moment equation.
+which with the balances of force and moment gives the reactions: those of the three-moment equation. On
+films of the stiffness $k_i$, quasi-static, it gives way at every bearing by $R_i/k_i$ instead. The shaft
+of a rotor is no uniform beam: `shaft="rotor"` takes the deflections of its finite elements on these
+springs.
 """
 
 from typing import Any, ClassVar, Literal
@@ -23,7 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, BadInput, Part, quantity, replaced
+from .._fields import NONNEGATIVE, POSITIVE, BadInput, Part, quantity, replaced
 from ..film import AbstractJournal, JournalBearing, NamedBearing, OrbitBearing, PlacedJournal
 from ..mechanism import Vector
 from ._drag import STANDARD_GRAVITY, OilPump, ThrustBearing
@@ -41,11 +44,14 @@ class MainBearings(Part):
         thrust_bearing: its law; `None` for none.
         pump: drag of the oil pump; `None` for none.
         names: of the bearings in results; by default their own, or "main_1" and so on.
-        shaft: "rigid" on films, or a "beam" of constant section on rigid bearings; see the head of the
-            module. For two bearings both are the law of the lever.
+        shaft: "rigid" on films, a "beam" of constant section, or the shaft of the "rotor" of the same
+            machine; see the head of the module. For two bearings all are the law of the lever.
+        stiffness: [N/m] (n,) of the films, for a beam or rotor; absent for rigid bearings under a beam.
+        bending_stiffness: [N m^2] of a beam on films.
 
     Raises:
-        BadInput: no bearing, names that are not one a bearing, or positions that are not.
+        BadInput: no bearing, names that are not one a bearing, positions or stiffnesses that are not, or
+            stiffnesses that the shaft has no use for.
     """
 
     kind: ClassVar[str] = "main_bearings"
@@ -60,7 +66,13 @@ class MainBearings(Part):
     thrust_bearing: ThrustBearing | None = None
     pump: OilPump | None = None
     names: tuple[str, ...] | None = eqx.field(static=True, default=None)
-    shaft: Literal["rigid", "beam"] = eqx.field(static=True, default="rigid")
+    shaft: Literal["rigid", "beam", "rotor"] = eqx.field(static=True, default="rigid")
+    stiffness: Float[Array, " n"] | None = quantity(
+        "N/m", POSITIVE, shape=(None,), default=None, doc="of the films, for a beam or rotor"
+    )
+    bending_stiffness: Float[Array, ""] | None = quantity(
+        "N m^2", POSITIVE, default=None, doc="of a beam on films"
+    )
 
     def __post_init__(self):
         if self.names is None and isinstance(self.bearings, tuple):
@@ -77,8 +89,18 @@ class MainBearings(Part):
             raise BadInput("names", str(self.names), f"{count} different names, one a bearing")
         if self.position is not None and self.position.shape != (count,):
             raise BadInput("position", self.position, f"one for each of {count} bearings")
-        if self.shaft not in ("rigid", "beam"):
-            raise BadInput("shaft", self.shaft, '"rigid" or "beam"')
+        if self.shaft not in ("rigid", "beam", "rotor"):
+            raise BadInput("shaft", self.shaft, '"rigid", "beam" or "rotor"')
+        stiffness = self.stiffness
+        if stiffness is None and self.shaft == "rotor":
+            raise BadInput("stiffness", None, 'given beside shaft = "rotor"')
+        if stiffness is not None and (self.shaft == "rigid" or stiffness.shape != (count,)):
+            bound = f"one for each of {count} bearings, of a beam or rotor"
+            raise BadInput("stiffness", stiffness, bound)
+        on_films = self.shaft == "beam" and stiffness is not None
+        if on_films != (self.bending_stiffness is not None):
+            bound = "given for a beam on films, and only there"
+            raise BadInput("bending_stiffness", self.bending_stiffness, bound)
 
     def conditions(self):
         if self.position is None or len(self.bearings) < 2:
@@ -105,19 +127,24 @@ class MainBearings(Part):
         return found
 
     def influence(self, places: Float[Array, " k"]) -> Float[Array, "m k"]:
-        """[-] What each of m bearings takes of a force at places [m] along the shaft."""
+        """[-] What each of m bearings takes of a force at places [m] along the shaft.
+
+        Raises:
+            BadInput: the shaft of a rotor that is not there.
+        """
         if self.shaft == "beam" and len(self.bearings) > 2:
-            return _beam(self._positions(), places)
+            return _beam(self._positions(), places, self.stiffness, self.bending_stiffness)
+        if self.shaft == "rotor" and len(self.bearings) > 2:
+            raise BadInput("shaft", "rotor", "of a machine with a rotor that `loads.crank` joins")
         return jnp.stack([share + lever * places for share, lever in self.line()])
 
     def line(self):
         """What each bearing takes of a force at the origin [-] and of a moment there [1/m]."""
-        position = self._positions()
-        if self.shaft == "beam" and len(self.bearings) > 2:
+        if self.shaft != "rigid" and len(self.bearings) > 2:
             zero, one = jnp.zeros(1), jnp.ones(1)
-            share, lever = jax.jvp(lambda z: _beam(position, z), (zero,), (one,))
+            share, lever = jax.jvp(self.influence, (zero,), (one,))
             return list(zip(share[:, 0], lever[:, 0], strict=True))
-        return shares(self.bearings, position)
+        return shares(self.bearings, self._positions())
 
     def _positions(self):
         if len(self.bearings) > 1 and self.position is None:
@@ -158,12 +185,56 @@ def shares(
     return list(zip(weight / total - centre * lever, lever, strict=True))
 
 
-def _beam(supports: Float[Array, " m"], places: Float[Array, " k"]) -> Float[Array, "m k"]:
-    """[-] Reactions of rigid supports of a uniform beam to unit forces at places [m]."""
+class ShaftBearings(MainBearings):
+    """Main bearings under the shaft of a rotor, by the deflections of its finite elements.
+
+    Between the nodes the elements are cubics, so that reactions are exact everywhere for a shaft
+    without shear, and at the nodes for any.
+
+    Args:
+        places: [m] (k,) of the nodes, rising.
+        values: [-] (n, k) what each bearing takes of a force at a node.
+        slopes: [1/m] (n, k) its derivative along the shaft.
+    """
+
+    kind: ClassVar[str] = "shaft_bearings"
+    in_files: ClassVar[bool] = False
+
+    places: Float[Array, " k"] | None = None
+    values: Float[Array, "n k"] | None = None
+    slopes: Float[Array, "n k"] | None = None
+
+    def influence(self, places):
+        assert self.places is not None
+        assert self.values is not None
+        assert self.slopes is not None
+        last = self.places.size - 2
+        left = jnp.clip(jnp.searchsorted(self.places, places, side="right") - 1, 0, last)
+        width = self.places[left + 1] - self.places[left]
+        t = (places - self.places[left]) / width
+        s = 1 - t
+        ends = (
+            (s * s * (1 + 2 * t), self.values[:, left]),
+            (t * t * (1 + 2 * s), self.values[:, left + 1]),
+        )
+        tilts = self.slopes[:, left] * s - self.slopes[:, left + 1] * t
+        return sum((share * value for share, value in ends), width * t * s * tilts)
+
+
+def _beam(
+    supports: Float[Array, " m"], places: Float[Array, " k"], stiffness=None, bending=None
+) -> Float[Array, "m k"]:
+    """[-] Reactions of the supports of a uniform beam to unit forces at places [m].
+
+    The supports are rigid, or springs of a stiffness [N/m] under a bending stiffness [N m^2].
+    """
     count, span = supports.size, jnp.max(supports) - jnp.min(supports)
     at, z = supports / span, places / span
     lines = jnp.stack([jnp.ones(count), at])
-    matrix = jnp.block([[jnp.abs(at[:, None] - at) ** 3, lines.T], [lines, jnp.zeros((2, 2))]])
+    bent = jnp.abs(at[:, None] - at) ** 3
+    if stiffness is not None:
+        bent = bent + jnp.diag(12 * bending / (stiffness * span**3))
+    matrix = jnp.block([[bent, lines.T], [lines, jnp.zeros((2, 2))]])
     right = jnp.concatenate([jnp.abs(at[:, None] - z) ** 3, jnp.stack([jnp.ones_like(z), z])])
     return jnp.linalg.solve(matrix, right)[:count]
 
