@@ -4,14 +4,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, problem, solve_orbit
+from jaxcomp.cli import app
 from jaxcomp.compressor import cylinder_pressure
 from jaxcomp.crank import performance
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.design import available_quantities
 from jaxcomp.motor import MotorEfficiency
-from jaxcomp.rating import at_rating, polynomial_terms, rating_map
+from jaxcomp.rating import QUANTITIES, RatingMap, at_rating, polynomial_terms, rating_map
 from jaxcomp.scene import with_value
 
 
@@ -55,6 +57,35 @@ def test_pressure_and_speed_agree_with_each_other():
     rise = cycle.capacity / cycle.mass_flow
     np.testing.assert_allclose(rise, 185548.2396, rtol=1e-9)
     assert not any(map(bool, cycle.grazes.values()))
+
+
+@pytest.mark.slow  # half a minute of compilation
+def test_run_writes_the_pictures_of_a_cycle(tmp_path):
+    result = CliRunner().invoke(app, ["run", "r134a-7cc", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.stderr
+    names = {"pv_diagram", "valve_losses", "valve_motion", "log_p_h", "power_use"}
+    assert names <= {file.stem for file in tmp_path.glob("*.png")}
+
+
+def test_a_map_writes_its_points_and_pictures(tmp_path, monkeypatch):
+    """Of numbers that no compressor has: what is tested is what becomes of them."""
+
+    def made_up(scene, evaporating, condensing, standard):
+        S, D = np.meshgrid(evaporating, condensing, indexing="ij")
+        values = {name: S + number * D for number, (name, _, _) in enumerate(QUANTITIES)}
+        values["cop"][0, 0] = np.nan
+        ok = np.isfinite(values["cop"])
+        return RatingMap(evaporating, condensing, values, ok, {}, {}, standard)
+
+    monkeypatch.setattr("jaxcomp.rating.rating_map", made_up)
+    given = ["--evaporating=-30:-10:3", "--condensing=40:50:2", "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, ["map", "r134a-7cc", *given])
+    assert result.exit_code == 0, result.stderr
+    assert "1 of 6 points failed" in result.stdout
+    pictures = {file.stem for file in tmp_path.glob("*.png")}
+    assert pictures == {"capacity", "power", "cop", "overall_efficiency"}
+    rows = (tmp_path / "map.csv").read_text().splitlines()
+    assert len(rows) == 1 + 6
 
 
 @pytest.mark.slow  # two minutes of compilation

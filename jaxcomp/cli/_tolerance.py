@@ -95,7 +95,12 @@ def tolerance(
         typer.Option("--balanced", help="Apply the least-squares balance to the machine first."),
     ] = False,
     excitation: ExcitationOption = None,
-    samples: Annotated[int, typer.Option(help="Number of Monte Carlo samples.")] = 16384,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            help="Number of Monte Carlo samples; 16384, or 512 of a machine with valves, if absent."
+        ),
+    ] = None,
     sampling: Annotated[Sampling, typer.Option(help="Sampling method.")] = Sampling.sobol,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     curvature: Annotated[
@@ -124,7 +129,7 @@ def tolerance(
         raise CommandError("--vary: is missing; e.g. --vary mechanism.bore='+-0.02 mm'")
     if rejects is not None and not limit:
         raise CommandError("--rejects: needs a --limit, by which machines are rejected")
-    if samples < 16:
+    if samples is not None and samples < 16:
         raise CommandError(f"--samples {samples}: must be >= 16")
     from .._waits import spinner
     from ..design import AnalysisOptions

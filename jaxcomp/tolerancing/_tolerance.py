@@ -11,6 +11,7 @@ from jaxtyping import Float
 from .._fields import BadInput
 from .._results import Data, Result
 from .._shown import shown
+from ..cylinder import Cylinder
 from ..design import AnalysisOptions, Problem, by_name, prepared, problem
 from ..design._problem import Asked, name_of
 from ..machine import machine_of
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 # From here on a method is said to disagree with the samples: share of the samples' deviation.
 _DISAGREES = 0.1
+# Samples if their number is left open: ordinary machines, and those whose gas is solved with valves.
+_MANY, _FEW = 16384, 512
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -135,7 +138,7 @@ def tolerance(
     correlations: Correlations | None = None,
     limits: Mapping[str, tuple[float | None, float | None]] | None = None,
     options: AnalysisOptions | None = None,
-    samples: int = 16384,
+    samples: int | None = None,
     sampling: Sampling = "sobol",
     seed: int = 0,
     curvature: Curvature = "differences",
@@ -154,7 +157,8 @@ def tolerance(
         limits: [SI] (low, high) by quantity, `None` for an open end: the probability of breaking
             each is computed.
         options: of the analysis of a design.
-        samples: machines of the Monte Carlo.
+        samples: machines of the Monte Carlo. If absent, 16384; 512 where the gas is solved with its
+            valves, since each of these costs as much as fifty others.
         sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
         seed: of the samples.
         curvature: how the second order comes about, see `local`; `None` for the first alone.
@@ -179,6 +183,9 @@ def tolerance(
     deviation, covariance = scatter.deviation(nominal), scatter.covariance(nominal)
     excess = jnp.array([one.excess for one in scatter.tolerances.values()])
     near = local(made, mean, deviation, curvature)
+    if samples is None:
+        solved = isinstance(getattr(made.design.compressor, "gas", None), Cylinder)
+        samples = _FEW if solved else _MANY
     many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client)
     ends = _limits(limits, made)
     value, swings = _one_at_a_time(made, scatter, nominal)
