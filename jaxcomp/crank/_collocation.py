@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from .._implicit import FixedPointReport, fixed_point, frozen
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles, loop_of
+from ..cylinder import Cylinder
 from ..mechanism import CrankState
 from ._closure import Instant, closure_of
 from ._iteration import (
@@ -107,11 +108,12 @@ def default_collocation(compressor: Compressor) -> Collocation:
     Of a single cylinder the load reversals in mid-stroke are located. Of several every one would be an
     edge for all cylinders, and the cost would go with the square of their number. A fixed number of
     panels without them leaves an error of 1e-6 in efficiency, rarely 1e-5, and of 1e-3 of the largest
-    in its relative derivatives.
+    in its relative derivatives. With valves all events of the cycles stay edges.
     """
     if compressor.cylinders is None or compressor.cylinders.count == 1:
         return Collocation(reversals=compressor.load_reversals)
-    return Collocation(reversals=0, panel_count=_PANELS)
+    valves = isinstance(compressor.gas, Cylinder)
+    return Collocation(reversals=0, panel_count=None if valves else _PANELS)
 
 
 def _of_count(kinks: Float[Array, " k"], count: int) -> Float[Array, " count"]:
