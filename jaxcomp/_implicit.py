@@ -137,13 +137,15 @@ def _fixed_point_jvp(primals, tangents):
     _, moved = jax.jvp(lambda moving: linear(moving, still[1]), still[:1], tangents[1:])
     _, across = jax.linearize(lambda value: linear(still[0], value), still[1])
     # An unknown that no parameter moves directly may still follow the others. Reverse mode wants each
-    # right side to depend on the tangents, so its zero does.
-    nothing = 0 * next(leaf for leaf in jax.tree.leaves(moved) if leaf.size).ravel()[0]
+    # right side to depend on the tangents, so a zero that does is added to all.
+    nothing = 0 * sum(leaf.ravel()[0] for leaf in jax.tree.leaves(tangents[1]) if leaf.size)
 
     def given(tangent, unknown):
         if unknown is None:  # a machine without it
             return None
-        return jnp.full_like(unknown, nothing) if tangent is None or not tangent.size else tangent
+        if tangent is None or not tangent.size:
+            return jnp.full_like(unknown, nothing)
+        return tangent + nothing
 
     moved = jax.tree.map(given, moved, value, is_leaf=_absent)
     solve = _neumann(problem.tolerance, problem.max_iterations)

@@ -64,12 +64,11 @@ def test_panels_end_where_loads_change_their_side(held, orbit):
 @pytest.mark.slow
 def test_both_solvers_hand_it_out(held, orbit):
     found = solve_orbit(held, Shooting(output_nodes=12))
-    assert found.solver == orbit.solver == "given speed"
+    assert found.solver == orbit.solver
     # the same nodes, so the same numbers
     assert float(found.mechanical_efficiency) == float(orbit.mechanical_efficiency)
 
 
-@pytest.mark.slow
 def test_derivatives_equal_differences(held):
     def loss(speed, bore):
         changed = eqx.tree_at(lambda c: (c.motor.mean_speed, c.mechanism.bore), held, (speed, bore))
