@@ -429,7 +429,10 @@ def _forces(result: dict[str, Any]):
         (words(name), f"{result['mean_forces'][name] / scale:.4g}", f"{peak / scale:.4g}")
         for name, peak in result["peak_forces"].items()
     ]
-    shaking = ("Shaking force", "", f"{result['peak_shaking_force'] / scale:.4g}")
+    # where the cylinders balance each other, rounding is left
+    size = result["peak_shaking_force"]
+    size = size if size > 1e-9 * max(result["peak_forces"].values(), default=0.0) else 0.0
+    shaking = ("Shaking force", "", f"{size / scale:.4g}")
     heads = ("Joint force", f"Mean, {unit}", f"Peak, {unit}")
     return row_table(None, heads, [*rows, (), shaking])
 
@@ -441,7 +444,8 @@ def _reversals(result: dict[str, Any]):
         for name, rod in result["rod_load_reversal"].items()
     ]
     heads = ("Rod load", "Reversed for, °", "Smaller side, %")
-    return row_table(None, heads, rows)
+    title = "Load reversal (API 618: 15°, 3 %)"
+    return row_table(title, heads, rows)
 
 
 def _journal_films(scene: "Scene", result: dict[str, Any]):
@@ -563,7 +567,7 @@ def _torsion(torsion: dict[str, Any]):
     """What each spring of the crank train carries."""
     hertz = ", ".join(f"{w / (2 * math.pi):.4g}" for w in torsion["natural_frequencies"])
     first = torsion["natural_frequencies"][0]
-    critical = ", ".join(f"{RPM * first / order:.4g}" for order in (1, 2, 3, 4))
+    critical = ", ".join(f"{RPM * first / order:.0f}" for order in (1, 2, 3, 4))
     columns = (torsion[key] for key in ("mean_torque", "peak_torque", "largest_order"))
     rows = [
         (str(number), f"{mean:.4g}", f"{peak:.4g}", f"{peak / abs(mean):.3g}", str(order))
