@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput
 from ._analysis import quantity
-from ._problem import Asked, Problem, name_of, prepared
+from ._problem import Asked, Problem, name_of, of_each, prepared
 
 Interval = tuple[float | None, float | None]
 Objective = Asked | Mapping[Asked, float]
@@ -127,7 +127,7 @@ def _answers(problem: Problem, points):
             slope = jax.vmap(forward, out_axes=1)(jnp.eye(point.size))
         return answer.values, answer.ok & jnp.all(jnp.isfinite(slope)), slope
 
-    return jax.vmap(one)(points)
+    return of_each(one, problem, points)
 
 
 class Solved(NamedTuple):

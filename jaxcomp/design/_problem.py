@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, MissingPart
+from ..cylinder import Cylinder
 from ..machine import Machine, assembled, machine_of
 from ._analysis import AnalysisOptions, DesignResult, quantity, rotor_excitation
 from ._design import Variable, by_name, variable
@@ -147,6 +148,20 @@ def problem(
     # Refuses what the scene does not have before anything is compiled.
     eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(chosen),), float))
     return made
+
+
+def solves_gas(problem: Problem) -> bool:
+    """Whether the gas is solved with its valves."""
+    return isinstance(getattr(problem.design.compressor, "gas", None), Cylinder)
+
+
+def of_each(function: Callable, problem: Problem, points):
+    """A function of every point: all at once, or one after another where the gas is solved.
+
+    The steps of such designs differ in number, so nothing is gained at once, and the program of a
+    batch is several times as large.
+    """
+    return jax.lax.map(function, points) if solves_gas(problem) else jax.vmap(function)(points)
 
 
 # Variables that change the loads of a rotor and not the rotor.

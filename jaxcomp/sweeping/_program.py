@@ -21,6 +21,7 @@ from jaxtyping import Bool, Float
 
 from .._fields import BadInput
 from ..design import Answer, Problem
+from ..design._problem import of_each
 from ._points import Rows, neighbours_together
 
 # Widest groups whose intermediate results stay in the cache of a core; a GPU wants many at once.
@@ -120,7 +121,7 @@ def block_program(
 @eqx.filter_jit
 def _work(problem: Problem, groups, count) -> Answer:
     def step(lane, done):
-        answer = jax.vmap(problem)(groups[lane])
+        answer = of_each(problem, problem, groups[lane])
         return jax.tree.map(lambda whole, new: whole.at[lane].set(new), done, answer)
 
     shape = groups.shape[:-1]

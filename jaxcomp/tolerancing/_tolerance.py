@@ -11,9 +11,8 @@ from jaxtyping import Float
 from .._fields import BadInput
 from .._results import Data, Result
 from .._shown import shown
-from ..cylinder import Cylinder
 from ..design import AnalysisOptions, Problem, by_name, prepared, problem
-from ..design._problem import Asked, name_of
+from ..design._problem import Asked, name_of, solves_gas
 from ..machine import machine_of
 from ._local import Curvature, Local, Moments, first_order, local, second_order, shares
 from ._monte_carlo import Sampled, Sampling, sampled, solved_rows
@@ -184,8 +183,7 @@ def tolerance(
     excess = jnp.array([one.excess for one in scatter.tolerances.values()])
     near = local(made, mean, deviation, curvature)
     if samples is None:
-        solved = isinstance(getattr(made.design.compressor, "gas", None), Cylinder)
-        samples = _FEW if solved else _MANY
+        samples = _FEW if solves_gas(made) else _MANY
     many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client)
     ends = _limits(limits, made)
     value, swings = _one_at_a_time(made, scatter, nominal)
