@@ -27,6 +27,7 @@ _WORDS = {
     "valves": "valves (gas of type cylinder)",
     "refrigerant": "a real gas",
     "motor.losses": "a motor with losses",
+    "gas.walls": "a cylinder with walls",
 }
 _FAMILY = re.compile(r"(.*\.)<(\w+)>")
 
@@ -83,6 +84,7 @@ class Quantity(NamedTuple):
             "valves": hasattr(gas, "suction_valve"),
             "refrigerant": hasattr(getattr(gas, "fluid", None), "saturation"),
             "journals": _has_journals(compressor),
+            "gas.walls": getattr(gas, "walls", None) is not None,
             "motor.losses": getattr(getattr(compressor, "motor", None), "losses", None) is not None,
         }
         for section in self.sections:
@@ -185,6 +187,8 @@ _BUILT_IN = (
              lambda r: r.orbit.cycle.isentropic_efficiency, _CYCLE, percent=True),
     Quantity("discharge_temperature", "K", "less", "Mean temperature of the gas delivered.",
              lambda r: r.orbit.cycle.discharge_temperature, _CYCLE),
+    Quantity("wall_temperature", "K", "less", "Of the cylinder's wall, by its steady balance of heat.",
+             lambda r: r.orbit.cycle.wall_temperature, (*_CYCLE, "gas.walls")),
     Quantity("peak_pressure", "Pa", "less", "Highest pressure in the cylinder.",
              lambda r: r.orbit.cycle.peak_pressure, _CYCLE),
     Quantity("impact_speed.<contact>", "m/s", "less",

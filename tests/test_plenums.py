@@ -47,6 +47,7 @@ def test_the_periodic_state_returns_in_scipy():
     assert {"Suction 1", "Suction 2", "Discharge 1"} <= labels
 
 
+@pytest.mark.slow  # another structure to compile
 def test_a_very_large_plenum_is_a_line():
     """The golden values of constant pressures, to the swept volume over that of the plenum."""
     room = ((10.0, 300.0, 0.01, 8e-3, 0.0),)

@@ -121,6 +121,7 @@ def test_oil_on_the_seats_holds_the_plates_as_in_scipy():
     np.testing.assert_allclose(state_at_end(found), known, rtol=2e-6, atol=1e-9)
 
 
+@pytest.mark.slow  # two structures of their own
 def test_oil_on_the_seats_costs_overpressure_and_softens_the_impact():
     options = CycleOptions(nodes=10, panels=48)
     wet = solve_cycle(oiled(), light_rod(), SPEED, options)

@@ -180,6 +180,12 @@ def _of_valves(gas: jc.cylinder.Cylinder, speed: float):
             own = float(state.speed_of_sound) * math.sqrt(float(stiffness))
             note = f"Hz, {own / speed:.3g} times the crank's speed"
             yield f"Resonance of {name} plenum {number}", own / (2 * math.pi), note
+    if gas.walls is not None:
+        total = sum(
+            float(getattr(gas.walls, f"{name}_conductance"))
+            for name in ("ambient", "suction", "discharge")
+        )
+        yield "Conductance of the wall", total, "W/K in all; its temperature is an unknown"
     if not gas.inert:
         yield "Flow through the ports", "quasi-steady", "values only: derivatives are refused"
     yield (

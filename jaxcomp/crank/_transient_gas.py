@@ -164,7 +164,8 @@ def march_with_gas(
         totals = Accounts(*jnp.sum(totals, axis=0))
         suction = totals.suction, totals.suction_heat
         discharge = totals.discharge, totals.discharge_heat
-        return found, chain_rates(shared, pair, at["plenums"], suction, discharge, pace)
+        wall = shared.cylinder.wall_temperature
+        return found, chain_rates(shared, pair, at["plenums"], suction, discharge, pace, wall)
 
     def crank(at, pressure, motor_on):
         motor = jnp.where(motor_on, compressor.motor.torque(at["speed"] * pace), 0.0)

@@ -18,3 +18,4 @@ from ._plenum import Plenum as Plenum
 from ._several import SeveralCycles as SeveralCycles
 from ._solve import CycleOptions as CycleOptions
 from ._solve import solve_cycle as solve_cycle
+from ._walls import WallNetwork as WallNetwork

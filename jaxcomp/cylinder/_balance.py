@@ -22,10 +22,10 @@ from ..valve import Side, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
 from ._heat import HeatInput
 from ._plenum import PER_PLENUM, chain_rates, chains, first_states, valve_sides
+from ._walls import OF_WALL
 
-STATES = (
-    8  # m, T, then x, v, U of the suction and of the discharge valve; then those of the plenums
-)
+# m, T, then x, v, U of the suction and of the discharge valve; then those of the plenums and of the wall
+STATES = 8
 FLAGS = 6
 SEAT, FREE, STOP = 0, 1, 2
 # For either valve: leaves its seat, meets it or leaves its stop; meets its stop; U = 0; dp = 0.
@@ -134,9 +134,12 @@ def rates(
     """
     gas = gas_in(case, angle, state) if gas is None else gas
     cylinder, inside = case.cylinder, side_of(gas)
-    pair = None
+    pair, of_plenums = None, STATES + PER_PLENUM * len(cylinder.plenums)
+    # within a revolution the wall's temperature does not vary
+    walls = cylinder.walls if speed is None else None
+    wall = cylinder.wall_temperature if walls is None else state[-2] * case.suction.T
     if sides is None and cylinder.plenums:
-        pair = chains(case, state[STATES:])
+        pair = chains(case, state[STATES:of_plenums])
         sides = valve_sides(pair)
     before, behind = map(side_of, (case.suction, case.discharge) if sides is None else sides)
     suction, discharge = side_of(case.suction), side_of(case.discharge)
@@ -165,7 +168,8 @@ def rates(
     else:
         # correlations with negative powers of the speed have no value at rest
         spin = (jnp.maximum(jnp.abs(speed), 1e-3 * case.speed),) * 2
-    heat = _heat(case, angle, gas, volume, volume_1, spin, (s, d), (viscosity, conductivity))
+    transport = viscosity, conductivity
+    heat = _heat(case, angle, gas, volume, volume_1, spin, (s, d), transport, wall)
 
     mass_1 = (s.flow - d.flow - leak) / pace
     carried = s.flow * s.enthalpy - d.flow * d.enthalpy - leak * leak_enthalpy + heat
@@ -194,8 +198,11 @@ def rates(
     slopes = jnp.stack([*first, *s.rates, *d.rates])
     if pair is not None:
         streams = [(valve.flow, valve.flow * valve.enthalpy) for valve in (s, d)]
-        more = chain_rates(case, pair, state[STATES:], *streams, pace)
+        more = chain_rates(case, pair, state[STATES:of_plenums], *streams, pace, wall)
         slopes = jnp.concatenate([slopes, more])
+    if walls is not None:
+        gained = walls.gained(wall, heat, walls.to_plenums(wall, pair)) * small
+        slopes = jnp.concatenate([slopes, jnp.stack([jnp.zeros(()), gained])])
     return Rates(
         slopes,
         jnp.stack(accounts),
@@ -271,7 +278,7 @@ def _transport(cylinder, gas: GasState):
     return mu, conductivity
 
 
-def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, transport):
+def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, transport, wall):
     """Heat from the wall [W]; `spin` is the speed of the crank and the one of the mean piston speed."""
     law = case.cylinder.heat
     if law is None:
@@ -296,7 +303,7 @@ def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, tran
         discharge_open=valves[1].is_open,
         port_speed=jnp.maximum(jnp.abs(valves[0].flow), jnp.abs(valves[1].flow)) / (gas.rho * area),
     )
-    return law.coefficient(at) * wall_area * (case.cylinder.wall_temperature - gas.T)
+    return law.coefficient(at) * wall_area * (wall - gas.T)
 
 
 def jacobian(case: Case, angle, state, flags):
@@ -389,7 +396,8 @@ def after_event(case: Case, event, state, flags, force):
 
 def states_of(cylinder) -> int:
     """Number of states."""
-    return STATES + PER_PLENUM * len(cylinder.plenums)
+    wall = 0 if cylinder.walls is None else OF_WALL
+    return STATES + PER_PLENUM * len(cylinder.plenums) + wall
 
 
 def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:
@@ -401,6 +409,9 @@ def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:
     p = gas_in(case, angle, state).p
     signs = [jnp.where(case.suction.p > p, 1, -1), jnp.where(p > case.discharge.p, 1, -1)]
     flags = jnp.stack([jnp.asarray(f) for f in [0, 1, signs[0], 0, 1, signs[1]]])
-    if not case.cylinder.plenums:
-        return state, flags
-    return jnp.concatenate([state, first_states(case, rest=False)]), flags
+    more = []
+    if case.cylinder.plenums:
+        more.append(first_states(case, rest=False))
+    if case.cylinder.walls is not None:
+        more.append(jnp.stack([case.cylinder.wall_temperature / case.suction.T, jnp.zeros(())]))
+    return jnp.concatenate([state, *more]), flags

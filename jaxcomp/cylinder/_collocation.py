@@ -22,6 +22,7 @@ from numpy.polynomial import legendre
 from ._balance import jacobian, jump, rates
 from ._cylinder import Case
 from ._march import START, TURN, Record, within_steps
+from ._walls import next_revolution
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
 _LEFT = 1e-6
@@ -157,6 +158,8 @@ def _residual(case: Case, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
     width = jnp.diff(z.edges)[:, None, None]
     moved = width * jnp.einsum("ij,pja->pia", integral, slopes[:, :-1])
     jumped = jax.vmap(partial(jump, case))(mesh.event, mesh.code, z.points[:, -1])
+    if case.cylinder.walls is not None:
+        jumped = jumped.at[-1].set(next_revolution(case, jumped[-1]))
     value = jnp.take_along_axis(events[:, -1], jnp.maximum(mesh.event, 0)[:, None], axis=1)[:, 0]
     return Residual(
         z.points - z.left[:, None] - moved,
@@ -211,6 +214,10 @@ def linearise(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Ar
         [jnp.broadcast_to(jnp.eye(n), (panels, n, n)), jnp.einsum("j,pjak->pak", b, moved)], axis=2
     )
     jumps = jax.vmap(jax.jacfwd(partial(jump, case), argnums=2))
+    jump_by_state = jumps(mesh.event, mesh.code, z.points[:, -1])
+    if case.cylinder.walls is not None:
+        turn = jax.jacfwd(partial(next_revolution, case))(z.points[-1, -1])
+        jump_by_state = jump_by_state.at[-1].set(turn @ jump_by_state[-1])
     which = jnp.maximum(mesh.event, 0)[:, None, None]
     gradient = jnp.concatenate([events_by_state[:, -1], events_by_angle[:, -1, :, None]], axis=2)
     blocks = Blocks(
@@ -218,7 +225,7 @@ def linearise(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Ar
         jnp.concatenate([ones, by_edges], axis=2),
         out,
         direct,
-        jumps(mesh.event, mesh.code, z.points[:, -1]),
+        jump_by_state,
         jnp.take_along_axis(gradient, which, axis=1)[:, 0],
         mesh.event >= 0,
     )

@@ -165,6 +165,8 @@ class Cycle(Result, eqx.Module):
         yield Data("indicated_power", "W", self.indicated_power)
         yield Data("discharge_temperature", "K", self.discharge_temperature)
         yield Data("peak_pressure", "Pa", self.peak_pressure)
+        if self.wall_temperature is not None:
+            yield Data("wall_temperature", "K", self.wall_temperature)
         for name, work in self.work_losses.items():
             yield Data(f"indicated_work.{name}", "J", work)
         yield Data("mass_closure", "", self.mass_closure)
@@ -185,6 +187,14 @@ class Cycle(Result, eqx.Module):
     def converged(self) -> Bool[Array, ""]:
         """Whether the solution can be relied on."""
         return self.status == Status.converged
+
+    @property
+    def wall_temperature(self) -> Float[Array, ""] | None:
+        """[K] of the cylinder's wall, given or by its network; `None` without heat transfer."""
+        cylinder = self.case.cylinder
+        if cylinder.walls is None:
+            return cylinder.wall_temperature
+        return self.raw[1].left[..., 0, -2] * self.case.suction.T
 
     @property
     def frequency(self) -> Float[Array, ""]:

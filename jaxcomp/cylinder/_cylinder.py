@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
+from .._fields import NONNEGATIVE, POSITIVE, Part, is_traced, quantity
 from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
@@ -14,6 +14,7 @@ from ..valve import AbstractValve, Side
 from ._heat import AbstractHeat
 from ._leakage import LaminarGap
 from ._plenum import Plenum
+from ._walls import WallNetwork
 
 
 class SuctionLine(Part):
@@ -152,12 +153,15 @@ class Cylinder(AbstractGas):
         suction_valve: into the cylinder.
         discharge_valve: out of the cylinder.
         clearance_ratio: [-] clearance volume over swept volume.
-        wall_temperature: [K] of cylinder, head and piston; needed for heat transfer.
+        wall_temperature: [K] of cylinder, head and piston; needed for heat transfer. With `walls` the
+            guess of the periodic state, and what a run in time holds.
         heat: correlation of the heat transfer; adiabatic if absent.
         leakage: past the piston; tight if absent.
+        walls: conductances that decide the wall's temperature; `wall_temperature` holds if absent.
 
     Raises:
-        ValueError: heat transfer without a wall temperature.
+        ValueError: heat transfer without a wall temperature, walls without heat transfer, or a
+            conductance to a plenum that is not there.
     """
 
     kind: ClassVar[str] = "cylinder"
@@ -172,8 +176,16 @@ class Cylinder(AbstractGas):
     wall_temperature: Float[Array, ""] | None = quantity("K", POSITIVE, default=None)
     heat: AbstractHeat | None = None
     leakage: LaminarGap | None = None
+    walls: WallNetwork | None = None
 
     def __check_init__(self):
+        if self.walls is not None:
+            if self.heat is None:
+                raise ValueError("`walls` need a `heat`, by which the gas reaches them.")
+            for name, line in (("suction", self.suction), ("discharge", self.discharge)):
+                given = getattr(self.walls, f"{name}_conductance")
+                if not line.plenums and not is_traced(given) and bool(given != 0):
+                    raise ValueError(f"`walls.{name}_conductance` needs `{name}.plenums`.")
         if self.heat is not None and self.wall_temperature is None:
             raise ValueError("heat transfer needs a `wall_temperature`.")
 

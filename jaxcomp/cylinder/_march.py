@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._balance import EVENTS, FREE, Accounts, after_event, jump, rates
 from ._cylinder import Case
+from ._walls import next_revolution
 
 # Dormand, Prince (1980): nodes, stages, and the difference to the embedded method of order 4
 _C = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
@@ -194,7 +195,7 @@ def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int)
     end = stretch(marched, *span, begin, flags, tolerance, max_passes, capacity)
     return Revolution(
         state,
-        end.state[:count],
+        next_revolution(case, end.state[:count]),
         end.flags,
         end.state[count:],
         end.steps,

@@ -116,7 +116,7 @@ def valve_sides(pair: tuple[Chain, Chain]) -> tuple[GasState, GasState]:
     return pair[0].nodes[-1], pair[1].nodes[0]
 
 
-def chain_rates(case, pair, state, suction, discharge, pace) -> Float[Array, " 3p"]:
+def chain_rates(case, pair, state, suction, discharge, pace, wall) -> Float[Array, " 3p"]:
     """Rates of the states over time times `pace`.
 
     Args:
@@ -125,10 +125,13 @@ def chain_rates(case, pair, state, suction, discharge, pace) -> Float[Array, " 3
         state: (3 p,) over its scales.
         suction, discharge: [kg/s] and [W] through the valves, forward.
         pace: [rad/s]
+        wall: [K] temperature of the cylinder's wall, for the plenums that `walls` ties to it.
     """
     scales = chain_scales(case)
     out, place, least = [], 0, _MIXED * scales.flow
-    for chain, at_valve in zip(pair, (suction, discharge), strict=True):
+    walls = case.cylinder.walls
+    heats = (0.0, 0.0) if walls is None else walls.to_plenums(wall, pair)
+    for chain, at_valve, heat in zip(pair, (suction, discharge), heats, strict=True):
         count = len(chain.plenums)
         sizes = [jnp.sqrt(flow**2 + least**2) for flow in chain.flows]
         up = [
@@ -143,6 +146,8 @@ def chain_rates(case, pair, state, suction, discharge, pace) -> Float[Array, " 3
             gained = come - go
             mass = gas.rho * plenum.volume
             energy = gas.T * gas.dp_dT * gained / gas.rho - gas.h * gained + with_it - away
+            if walls is not None and i == (count - 1 if chain.inward else 0):
+                energy = energy + heat
             T = state[PER_PLENUM * (place + i) + 1]
             T_1 = energy / (mass * gas.c_v * scales.temperature * pace)
             if plenum.temperature is not None:

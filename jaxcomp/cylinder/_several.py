@@ -142,6 +142,13 @@ class SeveralCycles(Result, eqx.Module):
         return jnp.max(self.each.peak_pressure)
 
     @property
+    def wall_temperature(self) -> Float[Array, ""] | None:
+        """[K] of the warmest cylinder's wall; `None` without heat transfer."""
+        if self.each.case.cylinder.heat is None:
+            return None
+        return jnp.max(self._of_each("wall_temperature"))
+
+    @property
     def mass_closure(self) -> Float[Array, ""]:
         """[-] The largest."""
         return jnp.max(jnp.abs(self._of_each("mass_closure")))

@@ -35,7 +35,7 @@ from ._collocation import (
 from ._cycle import Cycle, Events, highest, values_only
 from ._cylinder import Case, Cylinder, prepare
 from ._march import START, march
-from ._plenum import chains
+from ._plenum import PER_PLENUM, chains
 
 
 class CycleOptions(eqx.Module):
@@ -364,8 +364,11 @@ def _plenum_pressures(case: Case, points: Float[Array, "p s+1 n"]):
     if not case.cylinder.plenums:
         return None
 
+    last = STATES + PER_PLENUM * len(case.cylinder.plenums)
+
     def at(state):
-        return jnp.stack([gas.p for chain in chains(case, state[STATES:]) for gas in chain.gases])
+        both = chains(case, state[STATES:last])
+        return jnp.stack([gas.p for chain in both for gas in chain.gases])
 
     states = points[:, :-1].reshape(-1, points.shape[-1])
     return jax.vmap(at)(states).T
