@@ -37,7 +37,7 @@ def test_each_cylinder_at_constant_speed_has_the_cycle_of_a_machine_of_its_own()
     apart = np.mod(top[1] - top[0], 2 * np.pi)
     np.testing.assert_allclose(apart, np.pi, atol=0.05)
     # the crank's quadrature of the pressures and the cycle's own
-    np.testing.assert_allclose(orbit.energy.gas_work, cycle.indicated_work, rtol=1e-5)
+    np.testing.assert_allclose(orbit.energy.gas_work, cycle.indicated_work, rtol=1e-9)
     made = performance(machine, orbit)
     np.testing.assert_allclose(sum(made.power.values()), made.electric_power, rtol=1e-12)
 
@@ -48,7 +48,7 @@ def test_cylinders_that_are_alike_have_one_cycle_with_a_speed_that_varies_as_wel
     orbit = solve_orbit(twin)
     cycle = orbit.cycle
     assert abs(orbit.energy.residual) < 1e-12
-    np.testing.assert_allclose(orbit.energy.gas_work, cycle.indicated_work, rtol=3e-6)
+    np.testing.assert_allclose(orbit.energy.gas_work, cycle.indicated_work, rtol=1e-9)
     # even orders of the speed alone: both see the same fluctuation
     work = cycle.each.indicated_work
     np.testing.assert_allclose(work[0], work[1], rtol=1e-9)

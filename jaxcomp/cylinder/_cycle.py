@@ -299,21 +299,9 @@ class Cycle(Result, eqx.Module):
         rest = 1 - sum(named.values(), start=jnp.zeros(()))
         return {**named, "heating": rest}
 
-    def gas(self, few: bool = False) -> "SolvedPressure":
-        """The pressure as a gas that is prescribed over the crank angle.
-
-        Args:
-            few: whether the crank gets fewer panels from it, as several cylinders have enough of them.
-        """
+    def gas(self) -> "SolvedPressure":
+        """The pressure as a gas that is prescribed over the crank angle."""
         _, z, pressure = self.raw
-        if few:
-            kinks = [
-                angle(valve)
-                for valve in (0, 1)
-                for angle in (self.events.opening_angle, self.events.closing_angle)
-            ]
-            kinks = jnp.concatenate([jnp.stack(kinks), z.edges[2:-1:3]])
-            return SolvedPressure(z.edges, pressure, kinks, self.case.suction.p)
         # all edges, since the valves' events are among them and the pressure swings between; and none
         # so wide that the harmonics of the speed could not be told from the nodes on it
         even = z.edges[0] + np.pi / 3 * (np.arange(6) + 0.5)

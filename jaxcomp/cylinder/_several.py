@@ -185,4 +185,4 @@ class SeveralCycles(Result, eqx.Module):
 
     def gas(self) -> SolvedPressure:
         """The pressures as a gas that is prescribed over the crank angle of every cylinder."""
-        return jax.vmap(lambda cycle: cycle.gas(few=True))(self.each)
+        return jax.vmap(lambda cycle: cycle.gas())(self.each)
