@@ -90,9 +90,10 @@ def test_the_crank_shakes_the_block_where_the_scene_gives_no_forces():
     # the counterweights stand against the rods, whose inertia only the crank has
     before, without = (r["nodes"][name]["major_axis"][0][0] for r in (crank, file))
     assert before < without
-    found = command("balance", NAME)
+    # corrections load the main bearings, whose friction moves the crank and the result by up to 4e-4
+    sets = ["--set", "friction.main_journal=none"]
+    found = command("balance", NAME, *sets)
     assert found["excitation"] == "crank"
-    sets = []
     for one in found["planes"]:
         plane, size, angle = one["name"], one["correction"], one["phase"]
         for axis, value in zip("xy", (size * np.cos(angle), size * np.sin(angle)), strict=True):
@@ -101,8 +102,8 @@ def test_the_crank_shakes_the_block_where_the_scene_gives_no_forces():
     rows = [row for row in found["rows"] if row["target"] == "mounts"]
     for row in rows:
         seen = after["nodes"][name]["amplitude"][row["axis"]][0][0]
-        # the corrections load the main bearings, whose friction moves the crank: 2e-6 seen
-        assert seen == pytest.approx(row["after"], rel=2e-5), row["axis"]
+        # the same linear equations: 4e-14 seen
+        assert seen == pytest.approx(row["after"], rel=1e-11), row["axis"]
 
 
 def test_a_number_of_one_cylinder_makes_a_list():

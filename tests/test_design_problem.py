@@ -189,8 +189,9 @@ def test_vibration_is_that_of_the_influence_coefficients(scene):
     left = np.asarray(influence.vibration(added))
     own = [row.target == "TP4" for row in influence.rows]
     balanced = influence.vibration(least_squares(influence).correction)
-    # Two ways through the same solver, refined to 1e-10.
-    np.testing.assert_allclose(found.values, [rms(left), rms(balanced), rms(left[own])], rtol=1e-9)
+    # Masses turn with the crank and move the mean forces that load its films, by 1e-8; influence
+    # coefficients know nothing of that.
+    np.testing.assert_allclose(found.values, [rms(left), rms(balanced), rms(left[own])], rtol=1e-7)
 
 
 @pytest.mark.slow
