@@ -13,6 +13,8 @@ from jaxtyping import Bool, Float
 from .._fields import BadInput
 from .._results import Data, Result
 from .._shown import Shown, shown, small_unit
+from ..crank import Collocation
+from ..cylinder import Cylinder
 from ..machine import Machine, machine_of
 from ._analysis import AnalysisOptions, DesignResult
 from ._design import given_numbers
@@ -167,7 +169,8 @@ def sensitivity(
         scene: of `jaxcomp.load`, or a `Machine`.
         quantities: see `available_quantities`; or functions of a `DesignResult`. Mechanical efficiency if
             absent.
-        options: of the analysis of a design.
+        options: of the analysis of a design. Without a solver, load reversals of several cylinders are
+            located as well, without which derivatives err by 1e-3 of the largest.
 
     Raises:
         BadInput: an unknown quantity, or one that the machine does not have.
@@ -180,7 +183,16 @@ def sensitivity(
     crank radius 50 mm +1 % per %
     """
     design, asked = machine_of(scene), tuple(quantities or ("mechanical_efficiency",))
-    value, ok, slope = _solved(design, asked, options or AnalysisOptions())
+    options, compressor = options or AnalysisOptions(), design.compressor
+    if (
+        options.solver is None
+        and compressor is not None
+        and not isinstance(compressor.gas, Cylinder)
+    ):
+        options = dataclasses.replace(
+            options, solver=Collocation(reversals=compressor.load_reversals)
+        )
+    value, ok, slope = _solved(design, asked, options)
     rows, slope = list(given_numbers(design)), jax.device_get(slope)
     rises = [np.tensordot(one.at(slope), one.weight, one.weight.ndim) for one in rows]
     return Sensitivity(
