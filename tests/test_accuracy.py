@@ -285,6 +285,9 @@ def test_impossible_questions_are_refused_by_name():
             for n in ("mesh", "harmonics", "balancing")
         ),
         (crank, "mean_speed", "simulate", {}, "quantity"),
+        (crank, None, "cycle", {}, "gas"),
+        (rotor, None, "cycle", {}, "gas"),
+        (crank, "indicated_power", "cycle", {}, "quantity"),
         (crank, "mechanical_efficiency", "film", {}, "quantity"),
         (crank, "mechanical_efficiency", "orbit", {"variable": "bore"}, "variable"),
         (
@@ -622,7 +625,7 @@ ALL_STUDIES = STUDIES | DEVELOPER_STUDIES
 @pytest.mark.parametrize("name", MACHINES)
 def test_every_study_of_every_machine_ends_in_a_report_or_in_words(name, study):
     kind, variable = ALL_STUDIES[study], "mechanism.crank_radius" if study == "gradient" else None
-    if kind.needs == "rotor" and name != "hermetic-68cc":
+    if study == "cycle" or (kind.needs == "rotor" and name != "hermetic-68cc"):
         with pytest.raises(BadInput):
             accuracy(load(name), None, kind, variable=variable)
         return

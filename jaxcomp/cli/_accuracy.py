@@ -32,6 +32,7 @@ class Study(enum.StrEnum):
     film = "film"
     order = "order"
     cylinders = "cylinders"
+    cycle = "cycle"
     scenes = "scenes"
     extremes = "extremes"
 
@@ -44,6 +45,7 @@ _WITHOUT_EXCITATION = (
     Study.film,
     Study.order,
     Study.cylinders,
+    Study.cycle,
     Study.extremes,
     Study.simulate,
 )
@@ -60,7 +62,8 @@ def accuracy(
             help="orbit: solvers of the periodic state; quantities: all that the machine has, by the "
             "default solver; gradient: ways to a derivative; simulate: methods in time; response: "
             "solvers by number of speeds; film: bearings beside Reynolds' equation; order: fixed steps "
-            "of diffrax; cylinders: one to eight on one crank; scenes: cost of each part of the machine; "
+            "of diffrax; cylinders: one to eight on one crank; cycle: a cylinder with valves at constant "
+            "speed, values and derivatives; scenes: cost of each part of the machine; "
             "extremes: steep rods, near locking, near stall, thin films, stiff motors, near-singular "
             "responses."
         ),
@@ -179,6 +182,7 @@ def accuracy_result(report: "Report", error: float) -> dict[str, Any]:
             },
             "orders": {name: order._asdict() for name, order in report.orders.items()},
             "by_cylinders": {name: growth._asdict() for name, growth in report.growth.items()},
+            "derivatives": _checked(report),
             "measured_on": _measured_on(),
         }
     )
@@ -309,8 +313,15 @@ def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
                 "Program, lines": [f"{cost.lines:,}" for cost in report.calls.values()],
             },
         )
+    if report.derivatives is not None:
+        check = report.derivatives
+        yield (
+            f"At the default options ({check.setting}) derivatives err by {check.gradient:.1e} and "
+            f"values by {check.value:.1e}: {check.ratio:.2g} times as much, "
+            f"{'at most' if check.holds else 'more than'} ten times.\n"
+        )
     for why, settings in report.failures.items():
-        yield f"Failed: {'; '.join(settings)}: {why}.\n"
+        yield f"Failed: {'; '.join(settings)}: {why.rstrip('.')}.\n"
     if report.march:
         march = report.march
         yield (
@@ -405,6 +416,11 @@ def _time(report: "Report", error: float, method: str) -> float | None:
 
 def _entry(row: "Measurement | None") -> dict[str, Any] | None:
     return None if row is None else row._asdict()
+
+
+def _checked(report: "Report") -> dict[str, Any] | None:
+    check = report.derivatives
+    return check and check._asdict() | {"ratio": check.ratio, "holds": check.holds}
 
 
 def _error(report: "Report", row: "Measurement") -> str:

@@ -13,6 +13,7 @@ from ._lean import scene_costs as scene_costs
 from ._measure import Program as Program
 from ._measure import median_time as median_time
 from ._report import Cost as Cost
+from ._report import DerivativeCheck as DerivativeCheck
 from ._report import Growth as Growth
 from ._report import Measurement as Measurement
 from ._report import Order as Order

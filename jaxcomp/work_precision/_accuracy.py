@@ -12,6 +12,7 @@ from ..crank import solve_orbit
 from ..design import quantity
 from ..machine import Machine, machine_of
 from ..rotor import LoadCase
+from ._cycle import cycle_study
 from ._cylinders import cylinders_study
 from ._film import FILM_QUANTITIES, film_study
 from ._gradient import gradient_study
@@ -58,6 +59,7 @@ STUDIES = {
         StudyKind("response", response_study, "displacement", "m", needs="rotor"),
         StudyKind("film", film_study, "friction_number"),
         StudyKind("cylinders", cylinders_study, needs="crank"),
+        StudyKind("cycle", cycle_study, "all", "", needs="crank"),
         StudyKind("order", order_study, "mean_speed", "rad/s", needs="crank"),
     )
 }
@@ -136,6 +138,7 @@ def accuracy(
         _verification(question) if verified else {},
         calls,
         plan.growth(rows),
+        plan.derivatives(rows),
     )
 
 

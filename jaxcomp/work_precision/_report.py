@@ -13,11 +13,13 @@ class Reference(NamedTuple):
         value: [SI] of the first method: a number, or an array of several.
         other: [SI] of the second method.
         methods: what the two are.
+        each: whether every entry, or row of entries, is compared with its own size.
     """
 
     value: Any
     other: Any
     methods: tuple[str, str]
+    each: bool = False
 
     @property
     def floor(self) -> float:
@@ -29,9 +31,10 @@ class Reference(NamedTuple):
 
     def error(self, value: Any) -> float:
         """[-] largest difference over the largest reference value; absolute where that is zero."""
-        size = float(np.max(np.abs(self.value)))
-        gap = float(np.max(np.abs(np.asarray(value) - self.value)))
-        return gap / (size if size > 0 else 1.0)
+        rows = len(self.value) if self.each else 1
+        size = np.max(np.abs(np.reshape(self.value, (rows, -1))), axis=1)
+        gap = np.max(np.abs(np.reshape(value - self.value, (rows, -1))), axis=1)
+        return float(np.max(gap / np.where(size > 0, size, 1.0)))
 
 
 class Measurement(NamedTuple):
@@ -119,6 +122,30 @@ class Cost(NamedTuple):
     lines: int
 
 
+class DerivativeCheck(NamedTuple):
+    """Error of derivatives beside that of the values, at the default options.
+
+    Attributes:
+        setting: the default one.
+        value: [-] error that can be claimed of the values.
+        gradient: [-] the same of the derivatives.
+    """
+
+    setting: str
+    value: float
+    gradient: float
+
+    @property
+    def ratio(self) -> float:
+        """[-] error of the derivatives over that of the values."""
+        return self.gradient / self.value
+
+    @property
+    def holds(self) -> bool:
+        """Whether the derivatives err by at most ten times as much."""
+        return self.ratio <= 10
+
+
 class Report(NamedTuple):
     """Error against run time.
 
@@ -137,6 +164,7 @@ class Report(NamedTuple):
         calls: what the first and second call of the default solver cost: of the value, and of the value
             with its gradient over all numbers of the machine; empty for studies of something else.
         growth: cost over the number of cylinders by setting, in the study of them.
+        derivatives: their error beside that of the values, in the study of the cycle.
     """
 
     study: str
@@ -150,6 +178,7 @@ class Report(NamedTuple):
     march: dict[str, float] = {}  # noqa: RUF012  # a NamedTuple's default, which nobody changes
     calls: dict[str, Cost] = {}  # noqa: RUF012
     growth: dict[str, Growth] = {}  # noqa: RUF012
+    derivatives: DerivativeCheck | None = None
 
     @property
     def methods(self) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from ..crank import Collocation, Shooting, default_collocation
 from ..design import AnalysisOptions, DesignResult, quantity
 from ..machine import Assembly, Machine, assembled
 from ._measure import Program, median_time
-from ._report import Growth, Measurement, Order, Reference
+from ._report import DerivativeCheck, Growth, Measurement, Order, Reference
 
 # Of the reference.
 FINE_NODES, FINE_TOLERANCE, TIGHT_TOLERANCE = 24, 1e-13, 1e-9
@@ -131,6 +131,7 @@ class Study(NamedTuple):
         orders: of fixed-step methods, from all measurements.
         name, unit: of what the errors are of, if that is not the quantity itself.
         growth: cost over the number of cylinders, from all measurements.
+        derivatives: their error beside that of the values, from all measurements.
     """
 
     reference: Callable[[], Reference]
@@ -140,6 +141,7 @@ class Study(NamedTuple):
     name: str | None = None
     unit: str | None = None
     growth: Callable[[list[Measurement]], dict[str, Growth]] = lambda rows: {}
+    derivatives: Callable[[list[Measurement]], DerivativeCheck | None] = lambda rows: None
 
 
 class Solved(NamedTuple):
