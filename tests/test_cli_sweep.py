@@ -110,6 +110,7 @@ def test_a_line_of_designs_is_listed_and_failures_are_named():
     assert result["quantities"]["mechanical_efficiency"]["values"][1] is None
 
 
+@pytest.mark.slow
 def test_samples_scatter_about_their_ranges(tmp_path):
     arguments = ["--over", "bore=125mm:135mm", "--over", "gas.exponent=normal:1.05:0.01"]
     arguments += ["--samples", 300, "--quantity", "mechanical_efficiency", *FAST]

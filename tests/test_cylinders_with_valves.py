@@ -15,6 +15,7 @@ from jaxcomp.scene import with_value
 TWIN = {"layout": "in-line-2", "throw_pitch": "40 mm"}
 
 
+@pytest.mark.slow
 def test_each_cylinder_at_constant_speed_has_the_cycle_of_a_machine_of_its_own():
     """A bore that is one number gives one cycle twice; a list gives each its own."""
     scene = with_value(load("r134a-7cc"), "cylinders", TWIN)

@@ -93,7 +93,7 @@ BAD = {
     ),
     "unknown type": (
         replaced('"polytropic"', '"polytrope"'),
-        'gas.type = "polytrope": must be one of: crank_angle_table, cylinder, double_acting, '
+        'gas.type = "polytrope": must be one of: crank_angle_table, cylinder, double_acting, each, '
         'fourier, polytropic, staged, volume_table; did you mean "polytropic"?',
     ),
     "unknown option": (

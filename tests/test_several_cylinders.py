@@ -424,6 +424,7 @@ def test_a_run_in_time_closes_its_energy():
     assert abs(float(left[-1])) < 1e-6 * float(work.motor_work[-1])
 
 
+@pytest.mark.slow
 def test_films_of_every_cylinder_are_told():
     """Films of two pins and two main bearings, of one law each."""
     film = JournalBearing(0.09, 0.05, 4.5e-5, 0.01, film="short")
@@ -523,6 +524,7 @@ def test_several_slider_links():
     assert float(two.energy.gas_work) == pytest.approx(2 * float(orbit.energy.gas_work), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_equal_lists_are_the_single_numbers():
     made = several(LAYOUTS[2])
     listed = dataclasses.replace(
@@ -803,6 +805,7 @@ def test_a_stiff_train_carries_what_the_motor_gives(twin):
         CrankTrain([0.1], [1e6, 1e6]).chain(made)
 
 
+@pytest.mark.slow
 def test_the_rotor_has_the_torsion_of_the_chain():
     """Torques of the chain on the torsional freedoms of a 6-DOF rotor: massless shafts and disks."""
     diameter, modulus = 0.05, 210e9
