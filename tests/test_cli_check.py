@@ -95,10 +95,11 @@ def test_check_shows_parts_and_what_follows():
     found = read_json(invoke("check", "hermetic-68cc", "--json").stdout)
     assert (found["ok"], found["unusual"]) == (True, [])
     crank, rotor = (
-        ["run", "animate", "compare", "sensitivity", "optimise", "sweep", "tolerance"],
+        ["run", "simulate", "animate", "compare", "sensitivity", "optimise", "sweep", "tolerance"],
         ["modes", "respond", "balance", "sensitivity", "optimise", "sweep", "tolerance"],
     )
     assert found["commands"] == list(dict.fromkeys(crank + rotor))
+    assert "map" in read_json(invoke("check", "r134a-7cc", "--json").stdout)["commands"]
     follows = {row["what"]: row["value"] for row in found["follows"]}
     assert follows["Swept volume"] == pytest.approx(68, abs=0.01)  # printed: 68 cm3
     # 43 nodes, of which 17 follow the two bodies, with 4 each

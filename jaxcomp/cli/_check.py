@@ -119,11 +119,17 @@ def _counts(rows, name: str) -> dict[str, int]:
 def _commands(scene: jc.scene.Scene) -> list[str]:
     """The commands that have something to work on."""
     design = ["compare", "sensitivity", "optimise", "sweep", "tolerance"]
-    out = [] if scene.compressor is None else ["run", "animate", *design]
+    out = [] if scene.compressor is None else ["run", "simulate", "animate", *design]
+    gas = None if scene.compressor is None else scene.compressor.gas
+    out += ["map"] if hasattr(getattr(gas, "fluid", None), "saturation") else []
     if "rotor" in scene.parts:
         loads = scene.parts.get("loads")
         out += ["modes"]
-        out += ["respond"] if isinstance(loads, jc.rotor.LoadCase) and loads.loads else []
+        out += (
+            ["respond"]
+            if isinstance(loads, jc.rotor.LoadCase) and (loads.loads or loads.crank)
+            else []
+        )
         if {"loads", "balancing"} <= set(scene.parts):
             out += ["balance", *design[1:]]
     return list(dict.fromkeys(out))
