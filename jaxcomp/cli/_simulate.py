@@ -27,6 +27,10 @@ class Method(enum.StrEnum):
     kvaerno5 = "kvaerno5"
 
 
+# Instants of a long run with valves, whose files would otherwise grow with it.
+_MOST_LISTED = 16384
+
+
 @reports_errors
 def simulate(
     machine: Machine,
@@ -50,7 +54,13 @@ def simulate(
     tolerance: Annotated[
         float, typer.Option(help="Relative and absolute tolerance of a step.")
     ] = 1e-8,
-    samples: Annotated[int, typer.Option(min=2, help="Number of instants listed.")] = 501,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            min=2,
+            help="Number of instants listed; 501 if absent, with valves some 200 for each revolution.",
+        ),
+    ] = None,
     swing_back: Annotated[
         bool,
         typer.Option("--swing-back", help="Go on where the crank comes to rest or turns back."),
@@ -83,13 +93,14 @@ def simulate(
     off = None if power_off is None else float(jc.scene.to_si(power_off, "s", "--power-off"))
     method = getattr(diffrax, solver.capitalize())()
     compressor = scene.as_compressor()
-    valves, steps = isinstance(compressor.gas, jc.cylinder.Cylinder), 65536
-    if (
-        valves
-    ):  # some hundred steps a revolution, more with every cylinder; a power of two shares programs
+    valves = isinstance(compressor.gas, jc.cylinder.Cylinder)
+    steps, listed = 65536, 501
+    if valves:
+        # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
         count = 1 if compressor.cylinders is None else compressor.cylinders.count
         turns = end * float(compressor.motor.speed_guess) / (2 * math.pi)
         steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * turns))
+        listed = 1 + min(2 ** math.ceil(math.log2(500 + 200 * turns)), _MOST_LISTED)
     with spinner("Integrating (the first time it is compiled as well) ..."):
         found = jc.crank.simulate(
             compressor,
@@ -98,7 +109,7 @@ def simulate(
             speed=float(jc.scene.to_si(speed, "rad/s", "--speed")),
             power_off=off,
             until_rest=not swing_back,
-            options=jc.crank.TimeIntegration(method, tolerance, steps, samples),
+            options=jc.crank.TimeIntegration(method, tolerance, steps, samples or listed),
         )
     result = simulate_result(scene, found) | {
         "solver": "Dormand and Prince, events located" if valves else solver.value,
