@@ -412,7 +412,10 @@ def _contributors(found: jc.tolerancing.Tolerances, name: str):
         rest = sum(share for _, share in ranking[_ROWS:])
         rows.append((f"{len(ranking) - _ROWS} more", f"{100 * rest:.1f} %", "", ""))
     ends = (f"Low limit, {look.unit}", f"High limit, {look.unit}") if look.unit else ("Low", "High")
-    title = "Contributors to " + look.words[:1].lower() + look.words[1:]
+    words = look.words
+    if not words[:2].isupper():  # but for abbreviations, as COP
+        words = words[:1].lower() + words[1:]
+    title = f"Contributors to {words}"
     table = row_table(title, ("Variable", "Share of variance", *ends), rows)
     table.columns[0].no_wrap, table.columns[0].overflow = narrow, "fold"
     return table
