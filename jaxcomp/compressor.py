@@ -173,7 +173,7 @@ def staged(compressor: Compressor) -> Compressor:
     mechanism = compressor.mechanism
     top, bottom = mechanism.piston_extremes()
     gas = compressor.gas.of_cylinders(mechanism.piston_area, top - bottom)
-    return eqx.tree_at(lambda c: c.gas, compressor, gas)
+    return replaced(compressor, gas=gas)
 
 
 def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:

@@ -269,9 +269,8 @@ def test_default_options_converge_on_steep_rods():
     machines = [machine(conrod_length=0.05 / ratio) for ratio in ratios]
     for orbit in solve_many(machines, Collocation()):
         assert status_of(orbit) == "converged"
-        # to the tolerance of 1e-13, or where rounding lets the change fall no more, which the iteration
-        # grants below 1e-8: 1.3e-9 seen at a ratio of 0.95
-        assert float(orbit.residual) < 1e-8
+        # to the tolerance of 1e-13, or where rounding lets the change fall no more: 5e-12 seen
+        assert float(orbit.residual) < 1e-11
 
 
 @pytest.mark.slow

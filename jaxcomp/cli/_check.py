@@ -125,11 +125,8 @@ def _commands(scene: jc.scene.Scene) -> list[str]:
     if "rotor" in scene.parts:
         loads = scene.parts.get("loads")
         out += ["modes"]
-        out += (
-            ["respond"]
-            if isinstance(loads, jc.rotor.LoadCase) and (loads.loads or loads.crank)
-            else []
-        )
+        if isinstance(loads, jc.rotor.LoadCase) and (loads.loads or loads.crank):
+            out += ["respond"]
         if {"loads", "balancing"} <= set(scene.parts):
             out += ["balance", *design[1:]]
     return list(dict.fromkeys(out))
@@ -187,10 +184,7 @@ def _of_valves(gas: jc.cylinder.Cylinder, speed: float):
             note = f"Hz, {own / speed:.3g} times the crank's speed"
             yield f"Resonance of {name} plenum {number}", own / (2 * math.pi), note
     if gas.walls is not None:
-        total = sum(
-            float(getattr(gas.walls, f"{name}_conductance"))
-            for name in ("ambient", "suction", "discharge")
-        )
+        total = float(gas.walls.conductance)
         yield "Conductance of the wall", total, "W/K in all; its temperature is an unknown"
     if not gas.inert:
         yield "Flow through the ports", "quasi-steady", "values only: derivatives are refused"

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from .._fields import listed, of_cylinder
+from .._fields import listed, of_cylinder, replaced
 from .._implicit import frozen, settle
 from .._status import Status
 from ..compressor import Compressor
@@ -199,7 +199,7 @@ def _nothing(compressor: Compressor) -> Found:
 
 def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
     """The motion of the crank under the pressure of a cycle."""
-    return solver.solve(eqx.tree_at(lambda c: c.gas, compressor, cycle.gas()))
+    return solver.solve(replaced(compressor, gas=cycle.gas()))
 
 
 def _motion(compressor: Compressor, orbit: Orbit):

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from .._fields import replaced
 from .._registry import Quantity, registered
 from .._results import Data, Result
 from .._status import Status
@@ -179,7 +180,7 @@ class Orbit(Result, eqx.Module):
         """
         if self.cycle is None:
             return compressor
-        return eqx.tree_at(lambda c: c.gas, compressor, self.cycle.gas())
+        return replaced(compressor, gas=self.cycle.gas())
 
     @property
     def converged(self) -> Bool[Array, ""]:

@@ -1,5 +1,6 @@
 """Crank motion in time: run-up from rest, running, power-off and stop."""
 
+import dataclasses
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
@@ -9,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._fields import BadInput, admissible, clipped, is_traced
+from .._fields import BadInput, admissible, clipped, is_traced, replaced
 from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of, instants
@@ -287,7 +288,8 @@ def _simulate_gas(
     time = jnp.linspace(0.0, 1.0, options.samples) * marched.end
     ys = jax.vmap(marched.dense.evaluate)(time)
     gas, rise = marched.gas(time, ys)
-    inertia = jax.vmap(lambda a: instants(_without_gas(compressor), a).inertia)(ys["angle"])
+    without_gas = replaced(compressor, gas=None)
+    inertia = jax.vmap(lambda a: instants(without_gas, a).inertia)(ys["angle"])
     now = ys["speed"] * pace
     energy_scale = inertia[0] * pace**2
     work = jax.tree.map(lambda w: w * energy_scale, ys["work"])
@@ -308,17 +310,13 @@ def _simulate_gas(
     )
 
 
-def _without_gas(compressor: Compressor) -> Compressor:
-    return eqx.tree_at(lambda c: c.gas, compressor, None)
-
-
 def _of_gas(gas: GasCourse, at) -> Iterator[Data]:
     """Pressure, temperature, mass, lifts and flows; of several cylinders with their numbers."""
     several = gas.pressure.ndim > 1
     plenums = () if gas.plenum_pressure is None else gas.plenum_pressure
     for number, pressure in enumerate(plenums, 1):
         yield Data(f"plenum_pressure.{number}", "Pa", pressure, at)
-    gas = eqx.tree_at(lambda g: g.plenum_pressure, gas, None, is_leaf=lambda leaf: leaf is None)
+    gas = dataclasses.replace(gas, plenum_pressure=None)
     for number in range(gas.pressure.shape[0] if several else 1):
         one = jax.tree.map(lambda leaf, number=number: leaf[number], gas) if several else gas
         end = f".{number + 1}" if several else ""

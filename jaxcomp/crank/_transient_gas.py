@@ -7,6 +7,7 @@ ends there, and the state jumps. The heat transfer takes the mean piston speed f
 speed of the instant. Values only.
 """
 
+import dataclasses
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -15,7 +16,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from .._fields import ANY, of_cylinder, quantity
+from .._fields import ANY, of_cylinder, quantity, replaced
 from ..compressor import Compressor, instants, without_crank
 from ..cylinder import Cylinder
 from ..cylinder._balance import (
@@ -277,7 +278,7 @@ def march_with_gas(
         if compressor.cylinders is None:
             made = jax.tree.map(lambda leaf: leaf[0], made)
         if plenums.size:
-            made = eqx.tree_at(lambda g: g.plenum_pressure, made, of_plenums.T, is_leaf=_absent)
+            made = dataclasses.replace(made, plenum_pressure=of_plenums.T)
         return made, rise
 
     stopped = marched.flags[-1] > 0
@@ -289,10 +290,6 @@ def march_with_gas(
         DenseSteps(marched.record, pace, unravel),
         course,
     )
-
-
-def _absent(leaf):
-    return leaf is None
 
 
 def _works(motor, rise, conservative, loads):
@@ -321,7 +318,7 @@ def _held(compressor: Compressor, pressure=None) -> Compressor:
     count = 1 if compressor.cylinders is None else compressor.cylinders.count
     value = jnp.full(count, behind) if pressure is None else pressure
     value = value if compressor.cylinders is not None else value[0]
-    return eqx.tree_at(lambda c: c.gas, compressor, HeldPressure(value, behind))
+    return replaced(compressor, gas=HeldPressure(value, behind))
 
 
 def _at_suction(case: Case, angle) -> Float[Array, " 8"]:

@@ -102,6 +102,22 @@ class SolvedPressure(AbstractGas):
         return jnp.sum(weights * self.values[panel], axis=-1)
 
 
+def whole_cycle(cycle) -> Iterator[Data]:
+    """What one cycle, or several together, come to over a revolution."""
+    yield Data("mass_flow", "kg/s", cycle.mass_flow)
+    yield Data("volumetric_efficiency", "", cycle.volumetric_efficiency)
+    yield Data("isentropic_efficiency", "", cycle.isentropic_efficiency)
+    yield Data("indicated_power", "W", cycle.indicated_power)
+    yield Data("discharge_temperature", "K", cycle.discharge_temperature)
+    yield Data("peak_pressure", "Pa", cycle.peak_pressure)
+    if cycle.wall_temperature is not None:
+        yield Data("wall_temperature", "K", cycle.wall_temperature)
+    for name, work in cycle.work_losses.items():
+        yield Data(f"indicated_work.{name}", "J", work)
+    yield Data("mass_closure", "", cycle.mass_closure)
+    yield Data("energy_closure", "", cycle.energy_closure)
+
+
 class Cycle(Result, eqx.Module):
     """One revolution of the periodic state, at n quadrature nodes from 90 degrees before the top.
 
@@ -159,18 +175,7 @@ class Cycle(Result, eqx.Module):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         at = self.table_dims
-        yield Data("mass_flow", "kg/s", self.mass_flow)
-        yield Data("volumetric_efficiency", "", self.volumetric_efficiency)
-        yield Data("isentropic_efficiency", "", self.isentropic_efficiency)
-        yield Data("indicated_power", "W", self.indicated_power)
-        yield Data("discharge_temperature", "K", self.discharge_temperature)
-        yield Data("peak_pressure", "Pa", self.peak_pressure)
-        if self.wall_temperature is not None:
-            yield Data("wall_temperature", "K", self.wall_temperature)
-        for name, work in self.work_losses.items():
-            yield Data(f"indicated_work.{name}", "J", work)
-        yield Data("mass_closure", "", self.mass_closure)
-        yield Data("energy_closure", "", self.energy_closure)
+        yield from whole_cycle(self)
         yield Data("crank_angle", "rad", self.angle, at)
         yield Data("volume", "m^3", self.volume, at)
         yield Data("pressure", "Pa", self.pressure, at)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 from .._results import Data, Result
 from .._status import Status
 from ._balance import Accounts
-from ._cycle import Cycle, SolvedPressure
+from ._cycle import Cycle, SolvedPressure, whole_cycle
 from ._cylinder import Case
 
 
@@ -28,16 +28,7 @@ class SeveralCycles(Result, eqx.Module):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
-        yield Data("mass_flow", "kg/s", self.mass_flow)
-        yield Data("volumetric_efficiency", "", self.volumetric_efficiency)
-        yield Data("isentropic_efficiency", "", self.isentropic_efficiency)
-        yield Data("indicated_power", "W", self.indicated_power)
-        yield Data("discharge_temperature", "K", self.discharge_temperature)
-        yield Data("peak_pressure", "Pa", self.peak_pressure)
-        for name, work in self.work_losses.items():
-            yield Data(f"indicated_work.{name}", "J", work)
-        yield Data("mass_closure", "", self.mass_closure)
-        yield Data("energy_closure", "", self.energy_closure)
+        yield from whole_cycle(self)
 
     def _of_each(self, name: str):
         return jax.vmap(lambda cycle: getattr(cycle, name))(self.each)

@@ -43,6 +43,11 @@ class WallNetwork(Part):
         "W/K", NONNEGATIVE, default=0.0, doc="UA to the discharge plenum next to the valve"
     )
 
+    @property
+    def conductance(self) -> Float[Array, ""]:
+        """[W/K] All of them together."""
+        return self.ambient_conductance + self.suction_conductance + self.discharge_conductance
+
     def to_plenums(self, wall, pair):
         """[W] From the wall to the gas before the suction and behind the discharge valve.
 
@@ -76,7 +81,6 @@ def next_revolution(case, state: Float[Array, " n"]) -> Float[Array, " n"]:
     if walls is None:
         return state
     # a cylinder as long as its bore, for scale alone
-    size = walls.ambient_conductance + walls.suction_conductance + walls.discharge_conductance
-    size = size + _USUAL * 2 * jnp.pi * case.bore**2
+    size = walls.conductance + _USUAL * 2 * jnp.pi * case.bore**2
     step = case.energy_scale * case.speed / (2 * jnp.pi * size * case.suction.T)
     return state.at[-2].add(step * state[-1]).at[-1].set(0.0)
