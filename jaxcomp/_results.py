@@ -6,10 +6,12 @@ the fields themselves, so that a result that is loaded equals the one that was s
 
 import csv
 import dataclasses
+import functools
 import importlib
 import inspect
 import io
 import json
+import pkgutil
 from collections.abc import Iterator
 from html import escape
 from importlib.metadata import version
@@ -357,14 +359,23 @@ def _built(kept: Any, arrays: dict[str, np.ndarray]) -> Any:
 
 
 def _address(thing: Any) -> str:
-    return f"{thing.__module__}:{thing.__qualname__}"
+    return f"{_public(thing.__module__)}:{thing.__qualname__}"
+
+
+def _public(module: str) -> str:
+    """The package of a private module, which a file outlives."""
+    return ".".join(word for word in module.split(".") if not word.startswith("_"))
 
 
 def _found(address: str) -> Any:
     module, _, name = address.partition(":")
     if module.partition(".")[0] != _PACKAGE:  # nothing else is imported on a file's word
         raise ImportError(address)
-    found = importlib.import_module(module)
-    for word in name.split("."):
-        found = getattr(found, word)
-    return found
+    place = importlib.import_module(_public(module))
+    first, *inner = name.split(".")
+    if not hasattr(place, first):  # a private class, in one of the private modules
+        names = [one.name for one in pkgutil.iter_modules(place.__path__)]
+        private = (name for name in names if name.startswith("_") and name != "__main__")
+        modules = (importlib.import_module(f"{place.__name__}.{name}") for name in private)
+        place = next((one for one in modules if hasattr(one, first)), place)
+    return functools.reduce(getattr, [first, *inner], place)

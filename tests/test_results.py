@@ -23,10 +23,13 @@ from jaxcomp import (
     tolerance,
     within,
 )
+from jaxcomp._results import _address, _found
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import Row
+from jaxcomp.crank import Orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.design import ParetoFront
+from jaxcomp.friction._slider_crank import SliderCrankLoop
 from jaxcomp.rotor import (
     Disks,
     Link,
@@ -198,6 +201,18 @@ def test_an_orbit_comes_back_from_its_file(orbit, tmp_path):
     same_bits(orbit, again)
     assert eqx.tree_equal(orbit, again)
     assert again.converged
+
+
+def test_files_outlive_the_private_modules_of_the_package():
+    # as a version wrote it whose modules had other names
+    for old, kind in (
+        ("jaxcomp.crank._before:Orbit", Orbit),
+        ("jaxcomp.friction._before:SliderCrankLoop", SliderCrankLoop),
+    ):
+        assert _found(old) is kind
+        assert _found(_address(kind)) is kind
+    with pytest.raises(AttributeError):
+        _found("jaxcomp.crank._before:NeverThere")
 
 
 def test_an_orbit_prints_power_speed_and_forces(orbit):
