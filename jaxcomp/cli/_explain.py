@@ -43,7 +43,7 @@ def explain(
 
 def parts_table() -> tuple[Table, list[dict[str, Any]]]:
     """Every kind of part: a table, and the same for JSON."""
-    from ..scene._annotate import summary
+    from ..scene._explain import summary
 
     table, rows = _table("Parts of a machine file", "Type", "Sections", "What it is"), []
     table.columns[0].no_wrap = True

@@ -1,9 +1,17 @@
-"""One kind of part of a machine file at a time: where it may stand and what its section holds."""
+"""What a scene file may say, in words: files to start from, and one kind of part at a time.
 
+All is read off the declarations of the parts, as the checks of a file are, so that the two cannot
+differ. A line of a file to start from that begins with `#` and a key, without a space, is an optional
+entry with its default: taking the `#` away changes nothing.
+"""
+
+import dataclasses
+import inspect
+import re
+import textwrap
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
-from importlib import resources
 from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 import numpy as np
@@ -12,17 +20,200 @@ from .._fields import Part
 from .._words import nearest
 from ..compressor import Compressor
 from ..film import NamedBearing
-from ._annotate import default_text, start_files, summary, with_unit
-from ._dump import value_text
-from ._errors import SceneError
 from ._read import chosen, is_value, unwrapped
-from ._scene import NAMED, SECTIONS, imported
-from ._schema import Entry, Number, Option, PartTable, SubPart, choices, entries, expected, meanings
-from ._units import to_si
+from ._schema import (
+    NAMED,
+    Entry,
+    Number,
+    Option,
+    Section,
+    choices,
+    entries,
+    expected,
+    given_sections,
+    join,
+    meanings,
+    top_sections,
+)
+from ._text import SceneError, bundled, key_text, value_text
+from ._units import as_text, to_si
 
 _LONGEST = 60  # characters of an example that is taken from a machine
 # Values of examples, where no machine has one: a metre or a pascal would be unusual.
 _USUAL = {"m": "10 mm", "m^2": "1 cm^2", "Pa": "5 bar", "K": "330 K", "rad/s": "1500 rpm"}
+_WIDTH = 100
+_COLUMN = 38  # of the comments behind values
+_HOW = (
+    "A machine for jaxcomp; `jaxcomp check` reads this file and tells all that is wrong with it.",
+    'A value is a number, a text with any unit of the dimension in brackets ("50 mm", "1.5 in"), a '
+    'list of them, or a table with its source: { value = "50 mm", source = "drawing 17" }.',
+    'Lists may come from a file beside this one, csv = "table.csv", with names and units in its header: '
+    "angle [deg],cylinder_pressure [bar].",
+    "A key right behind # is optional and has this default; ... stands where there is none. What "
+    "appears more than once is explained where it comes first.",
+)
+
+
+def starts() -> dict[str, str]:
+    """The machines to start from: kind and what it is."""
+    files = _start_files()
+    return {
+        kind: tomllib.loads(one.read_text("utf-8"))["description"] for kind, one in files.items()
+    }
+
+
+def _start_files() -> dict[str, Any]:
+    found = bundled("scene", "starts")
+    return {"slider-crank": found.pop("slider-crank"), **found}
+
+
+def start(kind: str, name: str) -> str:
+    """The text of a scene file to start from, one of `starts`.
+
+    Args:
+        kind: key of `starts`.
+        name: name of the new machine.
+    """
+    document = tomllib.loads(_start_files()[kind].read_text("utf-8"))
+    return annotated({"name": name, **document})
+
+
+def annotated(document: Mapping[str, Any]) -> str:
+    """TOML of the tables of a valid scene, with comments on every entry they have or could have."""
+    lines = [*_comment(*_HOW), ""]
+    lines += [f"{key} = {value_text(one)}" for key, one in document.items() if isinstance(one, str)]
+    told: set[type] = set()
+    if any(key in entries(Compressor) for key in document):
+        lines += _keys(document, Compressor, only_numbers=True)
+    for path, entry, table in given_sections(document):
+        lines += _section_lines(table, entry, path, told)
+    absent = {name: entry for name, entry in top_sections().items() if name not in document}
+    if absent:
+        lines += ["", "# Other sections that a file may have:"]
+        lines += _comment(*(f"[{name}]: {_choices(one.classes)}" for name, one in absent.items()))
+    return "\n".join(lines) + "\n"
+
+
+def _section_lines(table, entry: Section, path: str, told: set[type]) -> list[str]:
+    """The lines of a section and of those inside it; adds to the classes that are explained."""
+    part = chosen(table, entry.classes, path)
+    comments = part not in told
+    told.add(part)
+    lines = [""]
+    if comments:
+        others = {kind: one for kind, one in choices(entry.classes).items() if one is not part}
+        lines += _comment(summary(part))
+        lines += _comment(f"Other types: {_listed(others)}") if others else []
+    lines.append(entry.title(path))
+    lines += [f"{key} = {value_text(table[key])}" for key in ("type", "source") if key in table]
+    lines += _keys(table, part, comments=comments)
+    for name, inner in entries(part).items():
+        if not isinstance(inner, Section):
+            continue
+        here = join(path, name)
+        for row in _tables(table, name):
+            lines += _section_lines(row, inner, here, told)
+        if comments and name not in table:
+            lines += ["", *_comment(f"Optional {inner.title(here)}: {_choices(inner.classes)}")]
+    return lines
+
+
+def _tables(table: Mapping[str, Any], name: str) -> list[Any]:
+    """The sections under a key; none where names of bearings stand there."""
+    given = table.get(name, [])
+    return [row for row in (given if isinstance(given, list) else [given]) if not is_value(row)]
+
+
+def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[str]:
+    """The values of a section, then its optional ones that are not given."""
+    known = {n: e for n, e in entries(part).items() if isinstance(e, Number | Option)}
+    told = meanings(part)
+    lines = []
+    for name, entry in known.items():
+        if name in table:
+            text = f"{key_text(name)} = {value_text(table[name])}"
+            lines += _beside(text, _meaning(entry, told[name])) if comments else [text]
+    for name, entry in entries(part).items():
+        if isinstance(entry, Section) and name in table and not _tables(table, name):
+            lines.append(f"{key_text(name)} = {value_text(table[name])}")
+    for name, entry in known.items():
+        if name not in table and comments and (isinstance(entry, Number) or not only_numbers):
+            text = f"#{key_text(name)} = {_default_text(part, name, entry)}"
+            lines += _beside(text, _meaning(entry, told[name]))
+    return lines
+
+
+def _meaning(entry: Entry, told: str) -> str:
+    example = _nodes_example(entry.hint) if isinstance(entry, Option) else ""
+    if example and told:
+        return f"{example}: {told}"
+    text = expected(entry)
+    if getattr(entry, "doc", "") or not told:
+        return text
+    return told if told.startswith('"') else f"{text}, {told}"  # a list of words says it all
+
+
+def _nodes_example(hint: Any) -> str:
+    """Names or numbers of nodes as they may stand in a file, such as `[1, 2]`; empty for all else."""
+    alternatives = [_nodes(member) for member in (hint, *get_args(hint))]
+    if int in get_args(hint) and str in get_args(hint):
+        return '1 or "name"'
+    if get_origin(hint) is tuple:
+        return alternatives[0]
+    return " or ".join(filter(None, alternatives))
+
+
+def _nodes(hint: Any, first: int = 1) -> str:
+    """A list of nodes, or one; empty for what holds none."""
+    if int in get_args(hint) and str in get_args(hint):
+        return str(first)
+    if get_origin(hint) is not tuple:
+        return ""
+    inner = get_args(hint)
+    inner = inner[:1] * 2 if inner[-1] is Ellipsis else inner
+    shown = [_nodes(one, at) for at, one in enumerate(inner, first)]
+    return f"[{', '.join(shown)}]" if all(shown) else ""
+
+
+def _default_text(part: type[Part], name: str, entry: Entry) -> str:
+    """The default of an entry as it is typed, `...` where there is none."""
+    value = next(f.default for f in dataclasses.fields(part) if f.name == name)
+    if value is None:
+        return "..."
+    if isinstance(entry, Number):
+        value = as_text(np.asarray(value, float), entry.unit)
+    return value_text(list(value) if isinstance(value, tuple) else value)
+
+
+def _beside(text: str, comment: str) -> list[str]:
+    """A line with its comment, which stands above it where it does not fit behind."""
+    line = f"{text.ljust(_COLUMN)} # {comment}"
+    return [line] if len(line) <= _WIDTH else [*_comment(comment), text]
+
+
+def _comment(*texts: str) -> list[str]:
+    return [
+        f"# {line}"
+        for text in texts
+        for line in textwrap.wrap(text, _WIDTH - 2, break_long_words=False, break_on_hyphens=False)
+    ]
+
+
+def _choices(classes: Iterable[type]) -> str:
+    known = choices(tuple(classes))
+    if len(known) == 1:
+        return summary(*known.values())
+    return _listed(known)
+
+
+def _listed(known: Mapping[str, type]) -> str:
+    return "; ".join(f"{kind}: {summary(part)}" for kind, part in known.items())
+
+
+def summary(part: type) -> str:
+    """The first line of a class's documentation, without formulas."""
+    line = (inspect.getdoc(part) or "").partition("\n")[0]
+    return re.sub(r",?\s*\$[^$]*\$", "", line).rstrip(".")
 
 
 class ExplainedEntry(NamedTuple):
@@ -100,39 +291,33 @@ class Places(NamedTuple):
 @cache
 def part_places() -> Mapping[type[Part], Places]:
     """Every part that a machine file can describe, in the order of the file."""
-    found: dict[type[Part], tuple[str, list[str]]] = {}
+    found: dict[type[Part], dict[str, str]] = {}
     for title, kind, part in _every_place():
-        titles = found.setdefault(part, (kind, []))[1]
-        if title not in titles:
-            titles.append(title)
-    return {
-        part: Places(kind, tuple(titles), frozenset(_section_word(title) for title in titles))
-        for part, (kind, titles) in found.items()
-    }
+        found.setdefault(part, {})[title] = kind
+    places = {}
+    for part, titles in found.items():
+        paths = (title.strip("[]").removesuffix(".NAME") for title in titles)
+        words = frozenset(path.rpartition(".")[2] for path in paths)
+        places[part] = Places(next(iter(titles.values())), tuple(titles), words)
+    return places
 
 
-def _section_word(title: str) -> str:
-    path = title.strip("[]").removesuffix(".NAME")
-    return path.rpartition(".")[2]
-
-
-def _every_place() -> Iterator[tuple[str, str, type[Part]]]:
-    top: dict[str, Entry] = dict(entries(Compressor))
-    top |= {name: SubPart((imported(part),), False, True) for name, part in SECTIONS.items()}
-    top |= {f"{name}.NAME": SubPart((part,), False, True) for name, part in NAMED.items()}
-    yield from _places_in(top, "", ())
+@cache
+def _every_place() -> tuple[tuple[str, str, type[Part]], ...]:
+    """Heading, kind and class of all that may stand anywhere in a file."""
+    named = {f"{name}.NAME": Section((part,), False) for name, part in NAMED.items()}
+    return tuple(_places_in(top_sections() | named, "", ()))
 
 
 def _places_in(known: Mapping[str, Entry], above: str, inside: tuple[type, ...]):
     for name, entry in known.items():
-        if not isinstance(entry, SubPart | PartTable):
+        if not isinstance(entry, Section):
             continue
-        path = f"{above}.{name}" if above else name
-        title = f"[[{path}]]" if isinstance(entry, PartTable) else f"[{path}]"
+        path = join(above, name)
         for kind, part in choices(entry.classes).items():
             if part is NamedBearing and path.endswith(".NAME"):
                 continue  # a description is no name
-            yield title, kind, part
+            yield entry.title(path), kind, part
             if part not in inside:
                 yield from _places_in(entries(part), path, (*inside, part))
 
@@ -150,7 +335,7 @@ def _near(word: str) -> str:
 
 def _explained(part: type[Part], where: Places) -> Explained:
     told = meanings(part)
-    several = len(_alternatives(where.titles[0])) > 1
+    several = len({kind for title, kind, _ in _every_place() if title == where.titles[0]}) > 1
     table = _from_machines().get(part, {})
     given = {
         name: _example(entry, table.get(name), name)
@@ -160,10 +345,11 @@ def _explained(part: type[Part], where: Places) -> Explained:
     listed = []
     for name, entry in entries(part).items():
         default, unit = "", ""
-        if isinstance(entry, SubPart | PartTable):
-            bound, line = expected_section(entry), _section(entry, name, where)
+        if isinstance(entry, Section):
+            bound = ("rows of " if entry.rows else "") + " or ".join(choices(entry.classes))
+            line = _section_example(entry, name, where)
         elif isinstance(entry, Number | Option):
-            default = "" if entry.required else default_text(part, name, entry).replace("...", "")
+            default = "" if entry.required else _default_text(part, name, entry).replace("...", "")
             bound = expected(entry) if isinstance(entry, Option) else str(entry.bound)
             unit = getattr(entry, "unit", "")
             line = f"{name} = {value_text(given[name])}"
@@ -187,66 +373,38 @@ def _explained(part: type[Part], where: Places) -> Explained:
     return Explained(where.kind, summary(part), where.titles, tuple(listed), text)
 
 
-def _section(entry: SubPart | PartTable, name: str, where: Places) -> str:
+def _section_example(entry: Section, name: str, where: Places) -> str:
     """A section inside with what it needs, or the name of a bearing where one may stand."""
     known = choices(entry.classes)
     if NamedBearing in known.values():
-        return f'{name} = ["NAME"]' if isinstance(entry, PartTable) else f'{name} = "NAME"'
-    path = f"{where.titles[0].strip('[]')}.{name}"
-    title = f"[[{path}]]" if isinstance(entry, PartTable) else f"[{path}]"
+        return f'{name} = ["NAME"]' if entry.rows else f'{name} = "NAME"'
+    title = entry.title(join(where.titles[0].strip("[]"), name))
     # rather one that a machine has
-    kind = next(
-        (kind for kind, part in known.items() if part in _from_machines()), next(iter(known))
-    )
+    kind = next((one for one, part in known.items() if part in _from_machines()), next(iter(known)))
     inner = _explained(known[kind], Places(kind, (title,), frozenset())).example
     lines = inner.splitlines()
     return "\n".join(line for line in lines if entry.required or not line.startswith("#"))
 
 
-def expected_section(entry: SubPart | PartTable) -> str:
-    """Which kinds of parts may stand in a section."""
-    rows = "rows of " if isinstance(entry, PartTable) else ""
-    return rows + " or ".join(choices(entry.classes))
-
-
-@cache
-def _alternatives(title: str) -> frozenset[str]:
-    return frozenset(kind for other, kind, _ in _every_place() if other == title)
-
-
 @cache
 def _from_machines() -> Mapping[type[Part], dict[str, Any]]:
     """Values of each part in the files to start from and in the bundled machines."""
-    files = [*start_files().values()]
-    folder = resources.files("jaxcomp") / "machines"
-    files += sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    top: dict[str, tuple[type, ...]] = {
-        name: entry.classes
-        for name, entry in entries(Compressor).items()
-        if isinstance(entry, SubPart)
-    }
-    top |= {name: (imported(part),) for name, part in SECTIONS.items()}
+    files = [*_start_files().values(), *bundled("machines").values()]
     found: dict[type[Part], dict[str, Any]] = {}
     for file in files:
-        document = tomllib.loads(file.read_text("utf-8"))
-        for name, classes in top.items():
-            _collect(document.get(name), classes, found)
-        for name, part in NAMED.items():
-            for table in document.get(name, {}).values():
-                _collect(table, (part,), found)
+        for path, entry, table in given_sections(tomllib.loads(file.read_text("utf-8"))):
+            _collect(table, entry, path, found)
     return found
 
 
-def _collect(table: Any, classes: tuple[type, ...], found: dict[type[Part], dict[str, Any]]):
-    if not isinstance(table, Mapping) or is_value(table):
-        return
-    part = chosen(table, classes, "")
+def _collect(table: Any, entry: Section, path: str, found: dict[type[Part], dict[str, Any]]):
+    part = chosen(table, entry.classes, path)
     values = found.setdefault(part, {})
-    for name, entry in entries(part).items():
+    for name, inner in entries(part).items():
         given = table.get(name)
-        if isinstance(entry, SubPart | PartTable):
-            for row in given if isinstance(given, list) else [given]:
-                _collect(row, entry.classes, found)
+        if isinstance(inner, Section):
+            for row in _tables(table, name):
+                _collect(row, inner, join(path, name), found)
         elif given is not None:
             value, unit, _ = unwrapped(given, name)
             value = {"value": value, "unit": unit} if unit else value
@@ -266,7 +424,7 @@ def _example(entry: Number | Option, given: Any, name: str) -> Any:
         low, high = entry.bound.low, entry.bound.high
         inside = (low + high) / 2 if np.isfinite(low + high) else max(low, min(high, 0.0)) + 1.0
         value = 1.0 if _inside(entry, 1.0) else inside
-        return with_unit(np.full(shape, value), entry.unit)
+        return as_text(np.full(shape, value), entry.unit)
     return _word(entry.hint, name)
 
 

@@ -8,25 +8,47 @@ import numpy as np
 from .._fields import BadInput, Part
 from .._words import did_you_mean, nearest
 from ..film import NamedBearing
-from ._errors import SceneError
-from ._renamed import renamed_key, renamed_type
 from ._schema import (
     Entry,
     Number,
     Option,
-    PartTable,
-    SubPart,
+    Section,
     choices,
     entries,
     expected,
+    join,
     kind_of,
-    option_problem,
     option_value,
 )
+from ._text import SceneError
 from ._units import to_si
 
 # Keys of a section that are no fields of its part.
 _META = ("type", "source")
+# Keys and types of scene files of version 0.1 that are spelt otherwise now.
+_BEARING = '"bearing", the name of a bearing that a section [bearings.NAME] describes'
+_OLD_KEYS: dict[tuple[str, str], str] = {
+    ("SliderLink", "eccentricity"): '"offset", with the opposite sign, as for the slider_crank',
+    ("SliderCrankFriction", "wall_film"): '"piston_film"',
+    ("PistonFilm", "viscosity"): '"dynamic_viscosity"',
+    ("PistonFilm", "clearance"): '"radial_clearance"',
+    ("JournalBearing", "radius"): '"diameter"',
+    (
+        "CrankNodes",
+        "bearings",
+    ): "found by itself: every link of type film takes part in the statics",
+    ("RotorModel", "side_pulls"): '"magnetic_pulls"',
+    ("CrankNodes", "bearing_share"): "found by itself, by the statics of the shaft",
+} | {
+    ("LoadedFilm", key): _BEARING
+    for key in ("diameter", "length", "radial_clearance", "dynamic_viscosity", "ring")
+}
+_OLD_TYPES = {
+    "petroff": 'type = "film" with film = "petroff"',
+    "loaded_petroff": 'type = "film" with film = "loaded_petroff"',
+    "overhung": 'type = "main_bearings" with bearings = ["...", "..."] and their position',
+    "grooved_film": 'type = "film" with the name of a bearing of film = "grooved"',
+}
 # Problems up to which the nearest known key is looked up, which takes time.
 MOST_HINTS = 20
 
@@ -117,7 +139,7 @@ class Reader:
         for key, value in table.items():
             if key not in known and key not in _META and key not in ignored:
                 few = len(self.problems) < MOST_HINTS
-                new = renamed_key(kind, key)
+                new = _OLD_KEYS.get((kind.__name__, key))
                 hint = did_you_mean(key, known) if few else ""
                 hint = f"; it is now {new}" if new else hint
                 shown = value.get("value") if isinstance(value, Mapping) else value
@@ -137,9 +159,9 @@ class Reader:
         return _built(kind, given, table, path) if len(self.problems) == before else None
 
     def _entry(self, entry: Entry, given: Any, path: str, source: str | None) -> Any:
-        if isinstance(entry, SubPart):
-            return self._part_or_name(given, entry.classes, path, source)
-        if isinstance(entry, PartTable):
+        if isinstance(entry, Section):
+            if not entry.rows:
+                return self._part_or_name(given, entry.classes, path, source)
             if not isinstance(given, list):
                 raise SceneError(path, f"must be a row of sections [[{path}]]", given)
             return tuple(
@@ -156,10 +178,10 @@ class Reader:
                 _check_shape(si, entry.shape, path, value)
             return si
         if isinstance(entry, Option):
-            problem = option_problem(entry.hint, value)
-            if problem:
-                raise SceneError(path, problem, value)
-            return option_value(entry.hint, value)
+            try:
+                return option_value(entry.hint, value)
+            except ValueError as error:
+                raise SceneError(path, str(error), value) from None
         raise SceneError(path, "cannot be given in a file", value)
 
 
@@ -173,12 +195,12 @@ def chosen(table: Mapping, classes: tuple[type, ...], path: str) -> type[Part]:
         raise SceneError(join(path, "type"), f"is missing; it must be one of: {words}")
     word = table["type"]
     if not isinstance(word, str) or word not in known:
-        words = ", ".join(sorted(known))
-        hint = did_you_mean(word, known) if isinstance(word, str) else ""
-        hint = hint if "did you mean" in hint else ""
-        new = renamed_type(word)
-        hint = f"; it is now {new}" if new else hint
-        raise SceneError(join(path, "type"), f"must be one of: {words}{hint}", word)
+        words, near = ", ".join(sorted(known)), ""
+        if isinstance(word, str):
+            near = did_you_mean(word, known)
+            near = near if "did you mean" in near else ""
+            near = f"; it is now {_OLD_TYPES[word]}" if word in _OLD_TYPES else near
+        raise SceneError(join(path, "type"), f"must be one of: {words}{near}", word)
     return known[word]
 
 
@@ -192,22 +214,13 @@ def unwrapped(given: Any, path: str) -> tuple[Any, str | None, str | None]:
             raise SceneError(join(path, key), f"is an unknown key of a value{hint}")
     if "value" not in given:
         raise SceneError(path, "lacks its `value`")
-    unit = given.get("unit")
-    return (
-        given["value"],
-        _text(unit, join(path, "unit")),
-        _text(given.get("source"), join(path, "source")),
-    )
+    unit, source = (_text(given.get(key), join(path, key)) for key in ("unit", "source"))
+    return given["value"], unit, source
 
 
 def is_value(given: Any) -> bool:
     """Whether an entry of a table is a value, bare or with its source, and not a section."""
     return not isinstance(given, Mapping) or "value" in given
-
-
-def join(path: str, key: str) -> str:
-    """Dotted path of a key in a section."""
-    return f"{path}.{key}" if path else key
 
 
 def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -> Part:
@@ -222,9 +235,13 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
             problem = f"must be {error.bound} {unit}".rstrip()
             raise SceneError(join(path, error.field), problem, value) from None
         if error.field.split(".")[0] in given:  # a place within a table of parts
-            problem = f"must be {error.bound}"
-            value = _as_given(table, error.field) if np.ndim(error.value) else error.value
-            raise SceneError(join(path, error.field), problem, value) from None
+            value: Any = error.value
+            if np.ndim(value):  # as the file gives it, with its units
+                value = table
+                for name in error.field.split("."):
+                    value = value[name]
+                value = unwrapped(value, path)[0]
+            raise SceneError(join(path, error.field), f"must be {error.bound}", value) from None
         # a rule across fields: show the values that it names
         words = [name for name in given if name in error.bound and name in table]
         shown = ", ".join(f"{name} = {unwrapped(table[name], path)[0]}" for name in words)
@@ -232,14 +249,6 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
         raise SceneError(path or kind_of(kind), f"must be {error.bound}{but}") from None
     except ValueError as error:
         raise SceneError(path or kind_of(kind), " ".join(str(error).split())) from None
-
-
-def _as_given(table: Mapping, path: str) -> Any:
-    """The entry at a dotted path below a section, with the units that the file gives."""
-    *sections, key = path.split(".")
-    for name in sections:
-        table = table[name]
-    return unwrapped(table[key], path)[0]
 
 
 def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, given: Any) -> None:

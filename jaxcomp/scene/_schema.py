@@ -1,12 +1,14 @@
-"""What a scene file may say about a part, read off the declaration of its class."""
+"""What a scene file may say: its sections, and what each may hold, read off the class of its part."""
 
 import dataclasses
 import inspect
 import re
 import types
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from typing import Any, Literal, NamedTuple
 
 # The packages that declare parts: a class can only be found by its kind once it is imported.
@@ -19,6 +21,22 @@ from .. import mechanism as mechanism
 from .. import motor as motor
 from .._extensions import ExtensionError, import_extensions
 from .._fields import Bound, Part
+from ..compressor import Compressor
+from ..film import AbstractJournal, AbstractOil
+
+# Sections beside those of the compressor: name of the section, class of its part (which may be
+# abstract: then `type` selects one of its subclasses). A class in the form "package:name" is
+# imported when a file has the section.
+SECTIONS: dict[str, type[Part] | str] = {
+    "rotor": "jaxcomp.rotor:RotorModel",
+    "loads": "jaxcomp.rotor:LoadCase",
+    "balancing": "jaxcomp.rotor:BalancingPlanes",
+    "suspension": "jaxcomp.shaking:Suspension",
+    "torsion": "jaxcomp.crank:CrankTrain",
+}
+
+# Sections that hold named sections: what each of those describes.
+NAMED: dict[str, type[Part]] = {"bearings": AbstractJournal, "oils": AbstractOil}
 
 
 class Number(NamedTuple):
@@ -31,7 +49,6 @@ class Number(NamedTuple):
     bound: Bound
     shape: tuple[int | None, ...]
     required: bool
-    optional: bool
     doc: str
     spread: bool
     each: bool = False
@@ -42,23 +59,18 @@ class Option(NamedTuple):
 
     hint: Any
     required: bool
-    optional: bool
 
 
-class SubPart(NamedTuple):
-    """A part inside the part, of one of several classes."""
-
-    classes: tuple[type, ...]
-    required: bool
-    optional: bool
-
-
-class PartTable(NamedTuple):
-    """A row of parts of one of several classes."""
+class Section(NamedTuple):
+    """A part inside the part, of one of several classes, or with `rows` a row of such parts."""
 
     classes: tuple[type, ...]
     required: bool
-    optional: bool
+    rows: bool = False
+
+    def title(self, path: str) -> str:
+        """The heading of the section in a file."""
+        return f"[[{path}]]" if self.rows else f"[{path}]"
 
 
 class Unreadable(NamedTuple):
@@ -67,7 +79,37 @@ class Unreadable(NamedTuple):
     required: bool
 
 
-Entry = Number | Option | SubPart | PartTable | Unreadable
+Entry = Number | Option | Section | Unreadable
+
+
+def join(path: str, key: str) -> str:
+    """Dotted path of a key in a section."""
+    return f"{path}.{key}" if path else key
+
+
+def imported(part: type[Part] | str) -> type[Part]:
+    """The class of a section of `SECTIONS`."""
+    if not isinstance(part, str):
+        return part
+    package, _, name = part.partition(":")
+    return getattr(import_module(package), name)
+
+
+def top_sections() -> dict[str, Section]:
+    """The sections of a file, in order, but for those with names of their own (`NAMED`)."""
+    own = {name: one for name, one in entries(Compressor).items() if isinstance(one, Section)}
+    return own | {name: Section((imported(part),), False) for name, part in SECTIONS.items()}
+
+
+def given_sections(document: Mapping[str, Any]) -> Iterator[tuple[str, Section, Any]]:
+    """The sections that a file has: path, what may stand there, and table."""
+    for name, entry in top_sections().items():
+        if name in document:
+            yield name, entry, document[name]
+    for section, part in NAMED.items():
+        for name, table in document.get(section, {}).items():
+            if name != "source":
+                yield join(section, name), Section((part,), False), table
 
 
 @cache
@@ -138,23 +180,31 @@ def _check_kind(part: type[Part], other: type[Part]) -> None:
         )
 
 
-def option_problem(hint: Any, value: Any) -> str | None:
-    """What is wrong with the value of an option, `None` if nothing is; lists count as tuples."""
-    if _fits(hint, value):
-        return None
-    return f"must be {_described(hint)}"
-
-
 def option_value(hint: Any, value: Any) -> Any:
-    """The value that the class wants: tuples for lists, `None` for the word `none`."""
-    if isinstance(value, list):
-        inner = typing.get_args(_branch(hint, value)) or (Any,)
+    """The value that the class wants: tuples for lists, `None` for the word `none`.
+
+    Raises:
+        ValueError: with what the option must be.
+    """
+    members = _members(hint)
+    if len(members) > 1:
+        for member in sorted(members, key=lambda one: one is not type(None)):
+            with suppress(ValueError):
+                return option_value(member, value)
+    elif hint is type(None) and value == "none":
+        return None
+    elif typing.get_origin(hint) is Literal and value in typing.get_args(hint):
+        return value
+    elif typing.get_origin(hint) is tuple and isinstance(value, list):
+        inner = typing.get_args(hint)
         if len(inner) == 2 and inner[1] is Ellipsis:
             inner = inner[:1] * len(value)
-        return tuple(option_value(h, v) for h, v in zip(inner, value, strict=True))
-    if value == "none" and type(None) in typing.get_args(hint):
-        return None
-    return value
+        if len(inner) == len(value):
+            with suppress(ValueError):
+                return tuple(map(option_value, inner, value))
+    elif type(value) is hint:
+        return value
+    raise ValueError(f"must be {_described(hint)}")
 
 
 def expected(entry: Entry) -> str:
@@ -166,34 +216,27 @@ def expected(entry: Entry) -> str:
         what = "a list of numbers" if entry.shape else "a number"
         what = "a number or a list of numbers" if entry.spread else what
         return f"{what}{bound} {unit}{doc}"
-    if isinstance(entry, SubPart):
+    if isinstance(entry, Section) and not entry.rows:
         return f"a section of type {' or '.join(sorted(choices(entry.classes)))}"
-    if isinstance(entry, Option):
-        return (option_problem(entry.hint, object()) or "given").removeprefix("must be ")
-    return "given"
+    return _described(entry.hint) if isinstance(entry, Option) else "given"
 
 
 def _entry(field: dataclasses.Field, hint: Any, each: bool) -> Entry:
-    required = field.default is dataclasses.MISSING and (
-        field.default_factory is dataclasses.MISSING
-    )
-    optional = field.default is None
+    none = dataclasses.MISSING
+    required = field.default is none and field.default_factory is none
     if "unit" in field.metadata:
         m = field.metadata
-        spread = m["spread"]
         each &= m["shape"] == ()
-        return Number(m["unit"], m["bound"], m["shape"], required, optional, m["doc"], spread, each)
+        return Number(m["unit"], m["bound"], m["shape"], required, m["doc"], m["spread"], each)
     options = tuple(h for h in _members(hint) if h is not type(None))
     if options and all(_is_part(h) for h in options):
-        return SubPart(options, required, optional)
+        return Section(options, required)
     if typing.get_origin(hint) is tuple:
         inner = typing.get_args(hint)
         members = _members(inner[0])
         if len(inner) == 2 and inner[1] is Ellipsis and all(_is_part(h) for h in members):
-            return PartTable(members, required, optional)
-    if all(_is_option(h) for h in _members(hint)):
-        return Option(hint, required, optional)
-    return Unreadable(required)
+            return Section(members, required, rows=True)
+    return Option(hint, required) if _is_option(hint) else Unreadable(required)
 
 
 def _descendants(base: type):
@@ -218,32 +261,11 @@ def _is_protocol(hint: Any) -> bool:
 
 
 def _is_option(hint: Any) -> bool:
+    if len(_members(hint)) > 1:
+        return all(map(_is_option, _members(hint)))
     if typing.get_origin(hint) is tuple:
-        inner = [h for h in typing.get_args(hint) if h is not Ellipsis]
-        return all(_is_option(member) for h in inner for member in _members(h))
+        return all(_is_option(h) for h in typing.get_args(hint) if h is not Ellipsis)
     return hint in (bool, int, str, type(None)) or typing.get_origin(hint) is Literal
-
-
-def _fits(hint: Any, value: Any) -> bool:
-    members = _members(hint)
-    if len(members) > 1:
-        return any(_fits(member, value) for member in members)
-    if hint is type(None):
-        return value == "none"
-    if typing.get_origin(hint) is Literal:
-        return value in typing.get_args(hint)
-    if typing.get_origin(hint) is tuple:
-        inner = typing.get_args(hint)
-        if not isinstance(value, list):
-            return False
-        if len(inner) == 2 and inner[1] is Ellipsis:
-            return all(_fits(inner[0], item) for item in value)
-        return len(value) == len(inner) and all(map(_fits, inner, value))
-    return type(value) is hint
-
-
-def _branch(hint: Any, value: Any) -> Any:
-    return next(member for member in _members(hint) if _fits(member, value))
 
 
 def _described(hint: Any) -> str:

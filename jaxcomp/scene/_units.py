@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._fields import BadInput
-from ._errors import SceneError
+from ._text import NUMBER, SceneError
 
 if TYPE_CHECKING:
     import pint
 
-# How a number is written in a text.
-NUMBER = r"[+-]?(?:\d+(?:_\d+)*(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d*),(\d+\b.*)")
 # Names with small powers, products and quotients. Signs that the parser of units would ignore (quotes,
@@ -173,14 +171,19 @@ def _oil(grade: re.Match, key: str, given: str) -> float:
         raise SceneError(key, f"needs a {error.field} {error.bound}", given) from None
 
 
-def as_text(value: float, unit: str, given: Any = None) -> str | float:
-    """A number in SI as an entry of a scene file, exact to the last bit.
+def as_text(value: Any, unit: str, given: Any = None) -> Any:
+    """A number in SI as an entry of a scene file, exact to the last bit; a list for an array.
 
     Args:
-        value: the number.
+        value: the number, or an array.
         unit: its SI unit; a pure number stays a number.
         given: the entry that it replaces, whose unit is kept where that is exact.
     """
+    if np.ndim(value):
+        olds = (
+            given if isinstance(given, list) and len(given) == len(value) else [None] * len(value)
+        )
+        return [as_text(item, unit, old) for item, old in zip(value, olds, strict=True)]
     if not unit:
         return float(value)
     match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None

@@ -26,8 +26,7 @@ import numpy as np
 
 from .._shown import RPM
 from ..balancing import Influence, Row, trial_influence
-from ._csv import header_cell, read_cells
-from ._errors import SceneError
+from ._text import SceneError, header_cell, read_cells
 from ._units import factor
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")

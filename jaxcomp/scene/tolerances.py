@@ -27,8 +27,7 @@ from typing import Any, NamedTuple
 from ..design import by_name, variable
 from ..machine import Machine
 from ..tolerancing import Within, within
-from ._errors import SceneError
-from ._toml import toml_tables
+from ._text import SceneError, toml_tables
 from ._units import to_si
 
 _NUMBER = r"\d*\.?\d+(?:[eE][+-]?\d+)?"

@@ -1,0 +1,263 @@
+"""A scene with other values: set in the tables of its file, or taken from a changed machine."""
+
+import contextlib
+import copy
+from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from .._fields import BadInput, Part
+from .._registry import DESIGN_RULES
+from .._words import did_you_mean
+from ..compressor import Compressor, single_numbers
+from ..film import NamedBearing
+from ..machine import Machine
+from ._read import unwrapped
+from ._scene import HEADER, Scene, places_of, scene_of
+from ._schema import NAMED, SECTIONS, Number, Option, Section, choices, entries, kind_of
+from ._text import SceneError, is_section
+from ._units import as_text, to_si
+
+# Keys that are plain texts and carry no source.
+_PLAIN = ("type", *HEADER)
+
+
+def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by the user") -> Scene:
+    """A copy of a scene with other values, checked as a file is.
+
+    Args:
+        scene: the scene.
+        changes: value by dotted path, all set before anything is checked. A value is a number, a
+            text with a unit, a list, a table (a whole section) or `None`, which takes an optional
+            value or part away. A new `type` keeps those keys of its section that the new class
+            knows as well. A path may be a pattern (see `jaxcomp.design.matching`). Design rules and
+            correction masses are set after the others, in their order.
+        source: what the scene records as the source of these values.
+
+    Raises:
+        SceneError: an unknown path, or as `load`.
+        BadInput: a pattern that fits no number, or a design rule that is not made for the machine.
+    """
+    from ..design import by_name, variable  # only who changes a scene needs the studies
+
+    given, designed = {}, {}
+    for path, value in changes.items():
+        is_designed = path in DESIGN_RULES or path.startswith("corrections.")
+        (designed if is_designed else given)[path] = value
+    if given:
+        scene = _with_entries(scene, given, source)
+    for name, value in by_name(scene.machine, designed).items():
+        one = variable(scene.machine, name)
+        machine = one.apply(scene.machine, to_si(value, one.unit, name))
+        scene = with_machine(scene, machine, f"design rule, {name} = {value}")
+    return scene
+
+
+def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
+    """A scene in which numbers that are named for single cylinders are lists over the cylinders.
+
+    Args:
+        scene: with several cylinders; any other stays as it is.
+        paths: such as "mechanism.bore.2", of the third cylinder, or "mechanism.bore.*"; those that
+            name something else change nothing.
+    """
+    from ..design import matching, variable
+
+    if scene.compressor is None or scene.compressor.cylinders is None:
+        return scene
+    single = single_numbers(scene.compressor)
+    changes = {}
+    for path in paths:
+        stem, _, last = path.rpartition(".")
+        if not (last.isdigit() or "*" in last):
+            continue
+        with contextlib.suppress(BadInput):
+            matching(scene.machine, path)
+            continue
+        for name in (name for name in single if fnmatchcase(name, stem)):
+            table = _entry(scene.document, name)
+            if "value" not in table:
+                value = float(variable(scene.machine, name).current(scene.machine))
+                table = {"value": f"{value} {single[name]}".strip(), "source": "default"}
+            changes[name] = {**table, "value": [table["value"]] * scene.compressor.cylinders.count}
+    return _with_entries(scene, changes, "") if changes else scene
+
+
+def _entry(document: Mapping[str, Any], path: str) -> dict[str, Any]:
+    """The table of a value with its source as it was read; empty where none is given."""
+    node: Any = document
+    for key in path.split("."):
+        node = node.get(key, {})
+    return dict(node) if isinstance(node, Mapping) else {"value": node}
+
+
+def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scene:
+    """A copy of a scene with other entries of its file."""
+    from ..design import matching, variable_names
+
+    scene = with_lists(scene, changes)
+    known = {*entries(Compressor), *HEADER, *SECTIONS, *NAMED}
+    for path in changes:
+        if "." not in path and path not in known and not any(places_of(scene.document, path)):
+            names = known | ({*DESIGN_RULES} & {*variable_names(scene.machine)})
+            near = did_you_mean(path, names)
+            raise SceneError(path, f"is no section and no design rule{near}", file=scene.file)
+    changes = {
+        name: value
+        for path, value in changes.items()
+        for name in (matching(scene.machine, path) if "*" in path else [path])
+    }
+    document = copy.deepcopy(dict(scene.document))
+    stale: set[str] = set()
+    try:
+        # a new type first: it decides which keys of its section stay
+        for path in sorted(changes, key=lambda p: p.split(".")[-1] != "type"):
+            stale |= _set_value(document, path, changes[path], source)
+    except SceneError as error:
+        raise error.in_file(scene.file) from None
+    return scene_of(
+        document, scene.file, stale - set(changes), scene.text, scene.machine.corrections
+    )
+
+
+def with_value(scene: Scene, path: str, value: Any, source: str = "set by the user") -> Scene:
+    """`with_values` for a single value.
+
+    Args:
+        scene: the scene, which stays as it is.
+        path: dotted path of the entry.
+        value: number in SI units, text with a unit, or list; `None` takes an optional one away.
+        source: where it comes from, for the tables.
+    """
+    return with_values(scene, {path: value}, source)
+
+
+def with_machine(scene: Scene, machine: Machine, source: str) -> Scene:
+    """A copy of a scene with another machine; its document says so with every digit.
+
+    Args:
+        scene: the scene.
+        machine: with the same sections; a file does not hold its corrections.
+        source: what the scene records as the source of the values that differ.
+
+    Raises:
+        SceneError: a value outside its bound, or a part that a file cannot describe.
+    """
+    old, document = scene.machine, dict(scene.document)
+
+    def renewed(tables, olds, news):
+        return {name: _updated(tables[name], olds[name], new, source) for name, new in news.items()}
+
+    if machine.compressor is not None:
+        document = _updated(document, old.compressor, machine.compressor, source)
+    document |= renewed(document, old.parts, machine.parts)
+    for name in NAMED:
+        if news := getattr(machine, name):
+            document[name] = document[name] | renewed(document[name], getattr(old, name), news)
+    return scene_of(document, scene.file, text=scene.text, corrections=machine.corrections)
+
+
+def _set_value(document: dict[str, Any], path: str, value: Any, source: str) -> set[str]:
+    """Set one entry of nested tables, in place.
+
+    Args:
+        document: the tables.
+        path: dotted path; numbers are places in a list. Sections that lack are made.
+        value: the entry, `None` to take it away.
+        source: its source.
+
+    Returns:
+        Paths of the other entries of its section, if the entry is a new `type`.
+
+    Raises:
+        SceneError: the path leads through a value or past the end of a list.
+    """
+    keys = path.split(".")
+    if not all(keys):
+        raise SceneError(path, "is no path; it must be names joined by dots")
+    node: Any = document
+    for place, key in enumerate(keys):
+        here = ".".join(keys[:place])
+        if isinstance(node, Mapping) and not is_section(node):
+            node = node["value"]
+        last = place + 1 == len(keys)
+        if isinstance(node, list):
+            if not key.isdigit() or int(key) >= len(node):
+                raise SceneError(path, f"must name one of the {len(node)} entries of {here}")
+            if last:
+                _replace_in_list(node, int(key), value, path)
+            else:
+                node = node[int(key)]
+        elif not isinstance(node, dict):
+            raise SceneError(path, f"leads through {here}, which is a single value")
+        elif not last:
+            node = node.setdefault(key, {})
+        elif value is None:
+            node.pop(key, None)
+        elif isinstance(value, Mapping) or key in _PLAIN:
+            node[key] = copy.deepcopy(value)
+            if key == "type":
+                return {".".join([*keys[:-1], other]) for other in node if other != "type"}
+        else:
+            node[key] = {"value": value, "source": source}
+    return set()
+
+
+def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str) -> dict[str, Any]:
+    """A section that describes `new`, given the one that describes `old`.
+
+    Entries that do not differ stay as they were written, others keep their unit if they can.
+
+    Raises:
+        SceneError: a part that a file cannot describe.
+    """
+    same = type(old) is type(new)
+    out = copy.deepcopy(dict(table)) if same else {}
+    known = entries(type(new))
+    if not same:
+        siblings = choices((type(new),))
+        if kind_of(type(new)) not in siblings:
+            raise SceneError("", f"a file cannot describe a part of type {type(new).__name__}")
+        out["type"] = kind_of(type(new))
+        if old is None:  # the top of a document keeps its header and its other sections
+            out = {**copy.deepcopy(dict(table)), **out}
+    for name, entry in known.items():
+        before, after = getattr(old, name, None) if same else None, getattr(new, name)
+        if after is None:
+            out.pop(name, None)
+        elif isinstance(entry, Section) and entry.rows:
+            rows = out.get(name, []) if before and len(before) == len(after) else []
+            olds = before if rows else [None] * len(after)
+            rows = rows or [{}] * len(after)
+            out[name] = [
+                one.name if isinstance(one, NamedBearing) else _updated(row, was, one, source)
+                for row, was, one in zip(rows, olds, after, strict=True)
+            ]
+        elif isinstance(after, NamedBearing):
+            if getattr(before, "name", None) != after.name:
+                out[name] = {"value": after.name, "source": source}
+        elif isinstance(entry, Section):
+            section = out.get(name, {}) if before is not None else {}
+            out[name] = _updated(section, before, after, source)
+        elif isinstance(entry, Number):
+            if before is None or not np.array_equal(before, after):
+                given = unwrapped(out[name], name)[0] if name in out else None
+                texts = as_text(np.asarray(after), entry.unit, given)
+                out[name] = {"value": texts, "source": source}
+        elif isinstance(entry, Option) and (not same or before != after):
+            out[name] = {"value": _listed(after), "source": source}
+    return out
+
+
+def _replace_in_list(values: list, index: int, value: Any, path: str) -> None:
+    if value is None:
+        raise SceneError(path, "is one of a list and cannot be taken away alone")
+    values[index] = copy.deepcopy(value)
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_listed(item) for item in value]
+    return "none" if value is None else value

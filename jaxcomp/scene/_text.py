@@ -1,0 +1,395 @@
+"""The text of scene files: TOML and CSV into tables and back, and what is wrong with it, in one line.
+
+A section takes lists of numbers from a CSV file beside its own by the key `csv`:
+
+    [gas]
+    type = "crank_angle_table"
+    csv = "indicator.csv"
+    back_pressure = "1 bar"
+
+where indicator.csv begins with `angle [deg],cylinder_pressure [bar]`.
+"""
+
+import csv
+import io
+import json
+import os
+import re
+import tomllib
+import unicodedata
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+# How a number is written in a text.
+NUMBER = r"[+-]?(?:\d+(?:_\d+)*(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+
+# [bytes] A file of a machine has some kilobytes, one with measured diagrams some hundred.
+_LARGEST = 4_000_000
+_DEEPEST = 20
+_LONGEST = 1000  # characters of a text
+
+_LINE = re.compile(r"line (\d+)")
+_TITLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]+\s*(?:#.*)?")
+_PAIR = re.compile(r"\s*([\w.\"'-]+)\s*=\s*(.*?)\s*(?:#.*)?")
+_TWICE = re.compile(r"overwrite|twice")
+_COMMA = re.compile(r"([+-]?\d+),(\d+)(?:\s*([^\s\d,].*))?")
+_NUMBER = re.compile(NUMBER)
+KEY = "csv"
+_DECIMAL_COMMA = re.compile(r"^\s*([-+]?\d*),(\d+)\s*$")
+_COLUMN = re.compile(r"\s*(\w+)\s*(?:\[(.*)\])?\s*")
+_LONGEST_KEPT = 300_000  # characters, for which tomlkit needs seconds
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+class SceneError(ValueError):
+    """A scene that cannot be read, or that describes no machine.
+
+    Attributes:
+        file: name of the file, empty if there is none.
+        key: dotted path of the entry, empty if the file as a whole is meant.
+        value: the value as it was given, `None` if there is none.
+        problem: what is wrong with it, and the bound where there is one.
+        others: what else is wrong with the same scene, in the order of reading.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        problem: str,
+        value: Any = None,
+        file: str = "",
+        others: Iterable["SceneError"] = (),
+    ):
+        self.key, self.problem, self.value, self.file = key, problem, value, file
+        self.others = tuple(others)
+        key = key if len(key) <= 200 else key[:197] + "..."
+        entry = key if value is None else f"{key} = {_short(value)}"
+        super().__init__(visible(": ".join(part for part in (file, entry, problem) if part)))
+
+    def in_file(self, file: str) -> "SceneError":
+        """The same complaints with the name of the file in front, unless they name one."""
+        others = [other.in_file(file) for other in self.others]
+        return SceneError(self.key, self.problem, self.value, self.file or file, others)
+
+
+def visible(text: str) -> str:
+    """A text with escape sequences spelt out, so that they do nothing to a terminal."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, str):
+        text = f'"{value[:100]}"'
+    elif isinstance(value, int) and abs(value) > 10**60:  # Python writes no more than some digits
+        text = f"a whole number of {value.bit_length()} bits"
+    else:
+        text = str(value)
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def toml_tables(data: bytes | str, file: str = "") -> dict[str, Any]:
+    """Read TOML.
+
+    Args:
+        data: the content of a file in UTF-8, with or without a byte order mark, or a text.
+        file: its name in messages.
+
+    Raises:
+        SceneError: no text in UTF-8, no TOML, or a file that is too large, nested too deep, or holds
+            an overlong text or one with control characters.
+    """
+    try:
+        if len(data) > _LARGEST:
+            raise SceneError("", f"is larger than {_LARGEST / 1e6:.0f} MB")
+        try:
+            text = data if isinstance(data, str) else data.decode("utf-8")
+        except UnicodeDecodeError:
+            raise SceneError("", "is no text in UTF-8") from None
+        text = text.removeprefix("\ufeff")
+        try:
+            tables = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise _explained(text, error) from None
+        except ValueError:  # Python reads no whole number of more than some thousand digits
+            raise SceneError("", "is not valid TOML: a number has too many digits") from None
+        except RecursionError:
+            raise SceneError("", f"is nested more than {_DEEPEST} deep") from None
+        check_tables(tables)
+    except SceneError as error:
+        raise error.in_file(file) from None
+    return tables
+
+
+def check_tables(tables: dict[str, Any]) -> None:
+    """Refuse what no scene has and what would do harm: deep nesting, overlong texts, control characters.
+
+    Raises:
+        SceneError: with the path of the entry.
+    """
+    waiting: list[tuple[str, int, Any]] = [("", 0, tables)]
+    while waiting:
+        path, depth, value = waiting.pop()
+        if isinstance(value, str):
+            _check_text(path, value)
+        elif depth > _DEEPEST:
+            raise SceneError(path, f"is nested more than {_DEEPEST} deep")
+        elif isinstance(value, dict):
+            for key, entry in value.items():
+                _check_text(path, key)
+                waiting.append((f"{path}.{key}" if path else key, depth + 1, entry))
+        elif isinstance(value, list):
+            waiting += [(f"{path}.{i}", depth + 1, entry) for i, entry in enumerate(value)]
+
+
+def _check_text(path: str, text: str) -> None:
+    if len(text) > _LONGEST:
+        raise SceneError(path, f"has {len(text)} characters; a text has at most {_LONGEST}", text)
+    if any(unicodedata.category(sign) == "Cc" and sign not in "\n\t" for sign in text):
+        raise SceneError(path, "must be a text without control characters", text)
+
+
+def _explained(text: str, error: tomllib.TOMLDecodeError) -> SceneError:
+    """What is wrong in the line at which reading ended, with its key and what to write."""
+    place = _LINE.search(str(error))
+    lines = [line[:_LONGEST] for line in text.split("\n")[: int(place[1]) if place else 0]]
+    given, value, title = _key(lines, len(lines) - 1)
+    if given:
+        for at in range(len(lines) - 1):
+            if _key(lines, at)[::2] == (given, title) and _TWICE.search(str(error)):
+                lines_ = f"lines {at + 1} and {len(lines)}"
+                return SceneError(given, f"is given twice, in {lines_}; keep one of them")
+        last = given.rpartition(".")[2]
+        if comma := _COMMA.fullmatch(value):
+            point = f"{comma[1]}.{comma[2]}"
+            point = f'"{point} {comma[3]}"' if comma[3] else point
+            return SceneError(given, f"has a decimal comma; write {last} = {point}", _Bare(value))
+        if value and not set(value) & set("\"'[]{}=,") and not _NUMBER.fullmatch(value):
+            return SceneError(given, f'lacks its quotes; write {last} = "{value}"', _Bare(value))
+    return SceneError("", f"is not valid TOML: {error}")
+
+
+def _key(lines: list[str], at: int) -> tuple[str, str, bool]:
+    """Dotted path that a line gives, its value as it stands there, and whether it is a section."""
+    if not 0 <= at < len(lines):
+        return "", "", False
+    if (head := _TITLE.fullmatch(lines[at])) and not lines[at].lstrip().startswith("[["):
+        return head[1], "", True
+    pair = _PAIR.fullmatch(lines[at])
+    if pair is None:
+        return "", "", False
+    heads = (_TITLE.fullmatch(line) for line in reversed(lines[:at]))
+    title = next((head[1] for head in heads if head), "")
+    return f"{title}.{pair[1]}" if title else pair[1], pair[2], False
+
+
+class _Bare(NamedTuple):
+    """A value as it stands in the file, which messages show without quotes of their own."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def read_cells(path: str | os.PathLike) -> list[list[str]]:
+    """The lines of a CSV file that are not empty; with semicolons it may have decimal commas.
+
+    Raises:
+        SceneError: a file that cannot be read, is too large or no text. It names the file.
+    """
+    name = os.fspath(path)
+    try:
+        with open(path, encoding="utf-8-sig") as file:  # line ends of any kind
+            text = file.read(_LARGEST + 1)
+        if len(text) > _LARGEST:
+            raise SceneError("", f"is larger than {_LARGEST / 1e6:.0f} MB", file=name)
+        return [cells for cells in _cells(text) if any(cell.strip() for cell in cells)]
+    except csv.Error as error:
+        problem = f"is no table: {error}"
+    except OSError as error:
+        problem = f"cannot be read: {error.strerror}"
+    except UnicodeDecodeError:
+        problem = "is no text in UTF-8"
+    raise SceneError("", problem, file=name)
+
+
+def header_cell(text: str) -> tuple[str, str] | None:
+    """Name and unit of a column, the unit empty where it has none; `None` for anything else."""
+    match = _COLUMN.fullmatch(text)
+    return (match[1], (match[2] or "").strip()) if match else None
+
+
+def with_tables(tables: Any, folder: Path, path: str = "") -> Any:
+    """Tables of a scene file in which every key `csv` gives way to the columns of that file.
+
+    Args:
+        tables: as read.
+        folder: from which relative names count.
+        path: dotted path of the tables, for messages.
+
+    Raises:
+        SceneError: a file that cannot be read, a column without a name or given beside the file, or
+            a cell that is no number.
+    """
+    if isinstance(tables, list):
+        return [with_tables(one, folder, f"{path}.{n}") for n, one in enumerate(tables)]
+    if not isinstance(tables, dict):
+        return tables
+    out = {
+        key: with_tables(one, folder, f"{path}.{key}" if path else key)
+        for key, one in tables.items()
+        if key != KEY
+    }
+    if KEY not in tables:
+        return out
+    name = tables[KEY]
+    if not isinstance(name, str):
+        raise SceneError(f"{path}.{KEY}", "must be the name of a CSV file", name)
+    columns = _columns(folder / name)
+    for column in columns:
+        if column in out:
+            raise SceneError(f"{path}.{column}", f'is given here and in "{name}"')
+    return out | columns
+
+
+def _columns(file: Path) -> dict[str, dict[str, Any]]:
+    lines, columns = read_cells(file), {}
+    try:
+        if len(lines) < 2:
+            raise SceneError("", "needs a header and lines of numbers")
+        for place, text in enumerate(lines[0]):
+            name, unit = header_cell(text) or ("", "")
+            if not name or name in columns:
+                raise SceneError(text.strip(), "must be a name with its unit, as angle [deg], once")
+            values = [_number(line, place, n, name) for n, line in enumerate(lines[1:], 2)]
+            columns[name] = {"value": values} | ({"unit": unit} if unit else {})
+            columns[name]["source"] = f"read from {file.name}"
+    except SceneError as error:
+        raise error.in_file(str(file)) from None
+    return columns
+
+
+def _number(line: list[str], place: int, number: int, name: str) -> float:
+    try:
+        return float(line[place])
+    except (ValueError, IndexError):
+        given = line[place] if place < len(line) else ""
+        raise SceneError(f"line {number}.{name}", "must be a number", given) from None
+
+
+def _cells(text: str) -> Iterator[list[str]]:
+    if ";" not in text.partition("\n")[0]:
+        return csv.reader(io.StringIO(text))
+    table = csv.reader(io.StringIO(text), delimiter=";")
+    return ([_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells] for cells in table)
+
+
+def toml_text(document: Mapping[str, Any]) -> str:
+    """TOML of nested tables, lists, texts, numbers and truth values; values before sections."""
+    return "\n".join(_section(document, ())).strip() + "\n"
+
+
+def toml_text_like(text: str, document: Mapping[str, Any]) -> str:
+    """TOML of the same tables, with the comments, the order and the layout of a text where they agree.
+
+    Args:
+        text: TOML as a user wrote it.
+        document: what the result has to hold.
+    """
+    if len(text) > _LONGEST_KEPT:
+        return toml_text(document)
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        kept = tomlkit.parse(text)
+        _update(kept, document)
+        out = tomlkit.dumps(kept)
+        same = tomllib.loads(out) == document
+    except (TOMLKitError, tomllib.TOMLDecodeError):
+        same = False
+    return out if same else toml_text(document)
+
+
+def bundled(*folders: str) -> dict[str, Any]:
+    """The TOML files in a folder of the package, by name."""
+    files = resources.files("jaxcomp").joinpath(*folders).iterdir()
+    return dict(sorted((f.name[:-5], f) for f in files if f.name.endswith(".toml")))
+
+
+def is_section(value: Any) -> bool:
+    """Whether an entry is a table of its own, and not a value with its unit and source."""
+    return isinstance(value, Mapping) and "value" not in value
+
+
+def is_row_of_sections(value: Any) -> bool:
+    """Whether an entry is a list of tables."""
+    return isinstance(value, list) and bool(value) and all(is_section(item) for item in value)
+
+
+def _section(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    lines = []
+    for key, value in table.items():
+        if not is_section(value) and not is_row_of_sections(value):
+            lines.append(f"{key_text(key)} = {value_text(value)}")
+    for key, value in table.items():
+        name = (*path, key)
+        title = ".".join(map(key_text, name))
+        if is_section(value):
+            lines += ["", f"[{title}]", *_section(value, name)]
+        elif is_row_of_sections(value):
+            for row in value:
+                lines += ["", f"[[{title}]]", *_section(row, name)]
+    return lines
+
+
+def _update(kept: Any, document: Mapping[str, Any]) -> None:
+    """Make tables of tomlkit hold what a document holds, and touch nothing that agrees."""
+    for key in [key for key in kept if key not in document]:
+        kept.remove(key)
+    olds = kept.unwrap()
+    for key, value in document.items():
+        old = olds.get(key)
+        if old == value and type(old) is type(value):
+            continue
+        if is_section(value) and is_section(old):
+            _update(kept[key], value)
+        elif is_row_of_sections(value) and is_row_of_sections(old) and len(old) == len(value):
+            for row, wanted in zip(kept[key], value, strict=True):
+                _update(row, wanted)
+        else:
+            kept[key] = _item(key, value)
+
+
+def _item(key: str, value: Any) -> Any:
+    import tomlkit
+
+    return tomlkit.parse(toml_text({key: value}))[key]
+
+
+def key_text(key: str) -> str:
+    """A key, in quotes where it needs them."""
+    return key if _BARE.fullmatch(key) else _string(key)
+
+
+def value_text(value: Any) -> str:
+    """A value in one line."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, str):
+        return _string(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(value_text, value)) + "]"
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key_text(k)} = {value_text(v)}" for k, v in value.items()) + " }"
+    return str(value)  # dates and times
+
+
+def _string(text: str) -> str:
+    # JSON's escapes are those of TOML, but for one control character
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
