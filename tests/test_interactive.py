@@ -121,6 +121,17 @@ def test_polar_axes_and_shared_axes():
     assert interactive(figure).layout.xaxis2.matches == "x"
 
 
+def test_bars_are_told_by_the_names_that_the_axes_below_show():
+    figure, axes = new_figure(2, 1, (6, 5), "shared")
+    for ax in axes[:, 0]:
+        ax.bar([0, 1], [2, 3])
+        ax.set_xticks([0, 1], ["left", "right"])
+    made = interactive(figure)
+    assert [[name for name, _ in bars.customdata] for bars in made.data] == [["left", "right"]] * 2
+    assert made.layout.xaxis.showticklabels is False
+    assert tuple(made.layout.xaxis2.ticktext) == ("left", "right")
+
+
 def test_the_page_holds_every_picture_and_needs_no_network():
     figures = {name: new_figure(1, 1, (4, 3), name)[0] for name in ("first", "second")}
     page = interactive_page({**figures, "motion": b"GIF"}, "a & b")

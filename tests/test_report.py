@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from jaxcomp.cli import app
 from jaxcomp.report import Made, checks, report
-from jaxcomp.report._pictures import picture_html
-from jaxcomp.report._tables import numbers_html, rich_html, tables_html
+from jaxcomp.report._page import numbers_html, picture_html, rich_html, tables_html
 from jaxcomp.scene import describe, loads, start
 
 MADE = Made("jaxcomp run m.toml --set 'a b=<1>'", {"jaxcomp": "1", "jax": "2"}, "2000-01-01 00:00")

@@ -3,7 +3,6 @@ r"""The page in the browser: sliders, fields and pictures around one `Desk`."""
 import io
 import re
 import threading
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,11 @@ from ._state import Desk, View
 _SLIDERS = 6
 _STEPS = 200
 _PINNED = "#AAAAAA"
-_CONTROLS = "min-width: 320px; flex: 1 1 380px; max-width: 520px"
-_PICTURES = "min-width: 320px; flex: 2 1 480px"
+_WIDE = {"sizing_mode": "stretch_width"}
+_TABLE = {"show_index": False} | _WIDE
+# Sides of the page, as styles of CSS.
+_CONTROLS = {"min-width": "320px", "flex": "1 1 380px", "max-width": "520px"}
+_PICTURES = {"min-width": "320px", "flex": "2 1 480px"}
 
 
 def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = False) -> Any:
@@ -62,7 +64,7 @@ class _Page:
     """The widgets of one tab."""
 
     def __init__(self, scene: Scene):
-        self.body = pn.Column(sizing_mode="stretch_width")
+        self.body = pn.Column(**_WIDE)
         self.open(scene)
 
     def open(self, scene: Scene) -> None:
@@ -73,31 +75,27 @@ class _Page:
         self._before_drag: int | None = None
         self.pictures = _Pictures(desk.view)
         self.message = pn.pane.Alert("", alert_type="warning", visible=False)
-        self.state = pn.pane.Markdown("", sizing_mode="stretch_width")
-        self.quantity = pn.widgets.Select(
-            label="Quantity", options=_quantity_names(desk), value=desk.quantity
-        )
+        self.state = pn.pane.Markdown("", **_WIDE)
+        names = {shown(name, one.unit, 1.0).words: name for name, one in desk.quantities.items()}
+        self.quantity = pn.widgets.Select(label="Quantity", options=names, value=desk.quantity)
         self.quantity.param.watch(self._other_quantity, "value")
         self.table = self._numbers_table()
-        self.ranges = pn.Column(sizing_mode="stretch_width")
+        self.ranges = pn.Column(**_WIDE)
         self.results = pn.widgets.Tabulator(
-            self._result_rows(),
-            show_index=False,
-            disabled=True,
-            layout="fit_columns",
-            sizing_mode="stretch_width",
+            self._result_rows(), disabled=True, layout="fit_columns", **_TABLE
         )
-        buttons = {
+        calls = {
             "Undo": self._undo,
             "Pin this state": self._pin,
             "Sort by gain": self._sort,
             "Improve": self._improve,
         }
-        self.buttons = {name: pn.widgets.Button(label=name) for name in buttons}
-        for name, call in buttons.items():
-            self.buttons[name].on_click(call)
+        self.buttons = {
+            name: pn.widgets.Button(label=name, on_click=call) for name, call in calls.items()
+        }
+        file = re.sub(r"[^\w.-]+", "-", scene.name) or "machine"
         save = pn.widgets.FileDownload(
-            callback=self._toml, filename=f"{_file_name(scene)}.toml", label="Save as machine file"
+            callback=self._toml, filename=f"{file}.toml", label="Save as machine file"
         )
         load = pn.widgets.FileInput(accept=".toml", label="Open a machine file")
         load.param.watch(self._load, "value")
@@ -109,12 +107,12 @@ class _Page:
             pn.FlexBox(*self.buttons.values(), save, load),
             self.ranges,
             self.table,
-            styles=_style(_CONTROLS),
+            styles=_CONTROLS,
         )
         pictures = pn.Column(
             pn.FlexBox(*self.pictures.figures, justify_content="start"),
             self.results,
-            styles=_style(_PICTURES),
+            styles=_PICTURES,
         )
         self.body[:] = [pn.FlexBox(controls, pictures, align_items="start")]
         self._show_gains()
@@ -257,18 +255,17 @@ class _Page:
 
     def _show(self) -> None:
         """Pictures and results of the present state, in one message to the browser."""
-        with hold():
-            self._show_now()
-
-    def _show_now(self) -> None:
-        desk, view = self.desk, self.desk.view
-        self.pictures.show(view, desk.pinned)
-        rows = self._result_rows()
-        moving = [column for column in rows if column in ("Now", "Difference")]
-        self.results.patch({column: list(enumerate(rows[column])) for column in moving})
+        desk, view, named = self.desk, self.desk.view, ""
         value = view.quantities.get(desk.quantity)
-        named = "" if value is None else f"**{_shown_result(desk, desk.quantity, value)}**"
-        self.state.object = f"{named} {view.status and f'⚠ {view.status}'}"
+        if value is not None:
+            look = shown(desk.quantity, desk.quantities[desk.quantity].unit, value)
+            named = f"**{look.words}: {look.text(float(value))}**"
+        with hold():
+            self.pictures.show(view, desk.pinned)
+            rows = self._result_rows()
+            moving = [column for column in rows if column in ("Now", "Difference")]
+            self.results.patch({column: list(enumerate(rows[column])) for column in moving})
+            self.state.object = f"{named} {view.status and f'⚠ {view.status}'}"
 
     def _show_gains(self) -> None:
         found = self.desk.gains()
@@ -291,13 +288,12 @@ class _Page:
         }
         table = pn.widgets.Tabulator(
             pd.DataFrame(rows),
-            show_index=False,
             hidden_columns=["name"],
             editors={"Number": None, "Gain": None, "Value": {"type": "input"}},
             header_filters={"Number": {"type": "input", "placeholder": "filter"}},
             widths={"Number": "40%", "Value": "24%", "Gain": "36%"},
             height=420,
-            sizing_mode="stretch_width",
+            **_TABLE,
         )
         table.on_edit(self._entered)
         table.on_click(self._clicked)
@@ -311,10 +307,8 @@ class _Page:
             row = {"Result": look.words, "Now": look.text(float(value))}
             if pinned is not None:
                 before = float(pinned.quantities[name])
-                row |= {
-                    "Pinned": look.text(before),
-                    "Difference": look.text(float(value) - before, 3),
-                }
+                row["Pinned"] = look.text(before)
+                row["Difference"] = look.text(float(value) - before, 3)
             rows.append(row)
         return pd.DataFrame(rows)
 
@@ -342,7 +336,7 @@ class _Slider:
         self.slider = _QuickSlider(
             label=label, start=low, end=high, step=(high - low) / _STEPS,
             value=desk.values[name] * look.factor, format="0[.]00000",
-            styles=_style("flex: 1 1 180px; min-width: 150px"),
+            styles={"flex": "1 1 180px", "min-width": "150px"},
         )  # fmt: skip
         self.slider.param.watch(lambda e: page.drag(name, e.new / self.factor), "value")
         self.slider.param.watch(lambda _: page.let_go(), "value_throttled")
@@ -382,124 +376,85 @@ class _Slider:
 
 
 class _Pictures:
-    """Pictures whose curves follow, each with the pinned state in grey behind it."""
+    """Pictures whose curves and bars follow, each with the pinned state in grey behind it."""
 
     def __init__(self, view: View):
         self.sources: dict[str, ColumnDataSource] = {}
         self.figures = []
-        curves, bars = _curves(view), _bars(view)
-        for title, (x, y, lines) in curves.items():
-            plot = _empty(title, x, y)
-            for name in lines:
+        for title, (x, y, parts) in _drawn(view).items():
+            bars = parts.get("")
+            rows = {} if bars is None else {"y_range": FactorRange(*reversed(bars["y"]))}
+            plot: Any = figure(
+                title=Title(text=title, text_color=INK), x_axis_label=x, y_axis_label=y, height=260,
+                width=370, tools="pan,wheel_zoom,reset", toolbar_location="above", **rows,
+            )  # fmt: skip
+            plot.toolbar.logo = None
+            for name, columns in parts.items():
                 # a joint has one colour in all pictures
                 place = list(view.forces).index(name) if name in view.forces else 0
                 for pinned in (True, False):
-                    source = self._source(title, name, pinned, {"x": [], "y": []})
-                    paint = _PINNED if pinned else colour(name, place)
-                    legend = {} if pinned or len(lines) == 1 else {"legend_label": words(name)}
-                    plot.line("x", "y", source=source, color=paint, line_width=2, **legend)
-            if len(lines) > 1:
+                    key = f"{title}.{name}.{pinned}"
+                    source = ColumnDataSource({column: [] for column in columns}, name=key)
+                    self.sources[key] = source
+                    paint = _PINNED if pinned else colour(name or "crank_pin", place)
+                    if bars is None:
+                        label = {} if pinned or len(parts) == 1 else {"legend_label": words(name)}
+                        plot.line("x", "y", source=source, color=paint, line_width=2, **label)
+                    else:
+                        height = 0.8 if pinned else 0.5
+                        plot.hbar(y="y", right="right", height=height, source=source, color=paint)
+            if bars is not None:
+                plot.x_range.start = 0
+            elif len(parts) > 1:
                 legend = plot.legend[0]
                 legend.update(orientation="horizontal", label_text_font_size="8pt", ncols=4)
                 legend.update(click_policy="hide", border_line_color=None, padding=0)
                 plot.add_layout(legend, "above")
             self.figures.append(plot)
-        for title, (unit, sizes) in bars.items():
-            plot = _empty(title, unit, "", y_range=FactorRange(*reversed(sizes)))
-            for pinned in (True, False):
-                source = self._source(title, "", pinned, {"y": [], "right": []})
-                height, paint = (0.8, _PINNED) if pinned else (0.5, colour("crank_pin"))
-                plot.hbar(y="y", right="right", height=height, source=source, color=paint)
-            plot.x_range.start = 0
-            self.figures.append(plot)
 
     def show(self, view: View, pinned: View | None) -> None:
         """Draw a state, and the pinned one behind it."""
         for behind, one in ((True, pinned), (False, view)):
-            if one is None:
-                continue
-            for title, (_, _, lines) in _curves(one).items():
-                for name, (x, y) in lines.items():
-                    self.sources[f"{title}.{name}.{behind}"].data = {"x": x, "y": y}
-            for title, (_, sizes) in _bars(one).items():
-                self.sources[f"{title}..{behind}"].data = {
-                    "y": list(sizes),
-                    "right": list(map(float, sizes.values())),
-                }
-
-    def _source(self, title: str, name: str, pinned: bool, data) -> ColumnDataSource:
-        key = f"{title}.{name}.{pinned}"
-        self.sources[key] = ColumnDataSource(data, name=key)
-        return self.sources[key]
+            for title, (_, _, parts) in ({} if one is None else _drawn(one)).items():
+                for name, columns in parts.items():
+                    self.sources[f"{title}.{name}.{behind}"].data = columns
 
 
-def _curves(view: View) -> dict[str, tuple[str, str, dict[str, tuple[Any, Any]]]]:
-    """Axes and curves of every picture that this machine has, by its title."""
+def _drawn(view: View) -> dict[str, tuple[str, str, dict[str, dict[str, Any]]]]:
+    """Labels of both axes, and columns of data by curve, of every picture that this machine has.
+
+    Bars are the columns of the name "".
+    """
     out = {}
     if view.pressure is not None:
-        around = [np.append(curve, curve[0]) for curve in (view.volume * 1e6, view.pressure / 1e6)]
-        out["Indicator diagram"] = (
-            "Displaced volume, cm³",
-            "Pressure, MPa",
-            {"gas": tuple(around)},
-        )
-    degrees = "Crank angle, degrees"
-    if view.forces:
-        x, order = _degrees(view.angle)
-        forces = {name: (x, force[order]) for name, force in view.forces.items()}
-        out["Joint forces"] = (degrees, "Magnitude, N", forces)
-    if view.films:
-        x, order = _degrees(view.film_angle)
-        films = {name: (x, film[order] * 1e6) for name, film in view.films.items()}
-        out["Smallest film thickness"] = (degrees, "µm", films)
+        x, y = (np.append(curve, curve[0]) for curve in (view.volume * 1e6, view.pressure / 1e6))
+        curves = {"gas": {"x": x, "y": y}}
+        out["Indicator diagram"] = "Displaced volume, cm³", "Pressure, MPa", curves
+    for title, label, angle, values, factor in (
+        ("Joint forces", "Magnitude, N", view.angle, view.forces, 1.0),
+        ("Smallest film thickness", "µm", view.film_angle, view.films, 1e6),
+    ):
+        if values:
+            degrees = np.rad2deg((angle + np.pi) % (2 * np.pi) - np.pi)
+            order = np.argsort(degrees)
+            curves = {
+                name: {"x": degrees[order], "y": factor * one[order]}
+                for name, one in values.items()
+            }
+            out[title] = "Crank angle, degrees", label, curves
+    losses = {words(name): one for name, one in view.losses.items()}
+    vibration = {}
+    for name, (now, after) in view.vibration.items():
+        vibration |= {name: now * 1e6, f"{name}, balanced": after * 1e6}
+    for title, unit, sizes in (
+        ("Friction losses", "W", losses),
+        ("Vibration of the targets", "µm", vibration),
+    ):
+        if sizes:
+            bars = {"y": list(sizes), "right": list(map(float, sizes.values()))}
+            out[title] = unit, "", {"": bars}
     return out
-
-
-def _bars(view: View) -> dict[str, tuple[str, Mapping[str, float]]]:
-    """Unit and sizes of every picture with bars."""
-    out = {}
-    if view.losses:
-        out["Friction losses"] = ("W", {words(n): one for n, one in view.losses.items()})
-    if view.vibration:
-        sizes = {}
-        for name, (now, after) in view.vibration.items():
-            sizes |= {name: now * 1e6, f"{name}, balanced": after * 1e6}
-        out["Vibration of the targets"] = ("µm", sizes)
-    return out
-
-
-def _degrees(angle) -> tuple[Any, Any]:
-    """[deg] Crank angle from -180 to 180, rising, and the order that sorts it."""
-    wrapped = np.rad2deg((angle + np.pi) % (2 * np.pi) - np.pi)
-    order = np.argsort(wrapped)
-    return wrapped[order], order
-
-
-def _empty(title: str, x: str, y: str, **ranges) -> Any:
-    plot = figure(
-        title=Title(text=title, text_color=INK), x_axis_label=x, y_axis_label=y, height=260,
-        width=370, tools="pan,wheel_zoom,reset", toolbar_location="above", **ranges,
-    )  # fmt: skip
-    plot.toolbar.logo = None
-    return plot
-
-
-def _quantity_names(desk: Desk) -> dict[str, str]:
-    return {shown(name, one.unit, 1.0).words: name for name, one in desk.quantities.items()}
-
-
-def _shown_result(desk: Desk, name: str, value) -> str:
-    look = shown(name, desk.quantities[name].unit, value)
-    return f"{look.words}: {look.text(float(value))}"
 
 
 def _short(value: float) -> float:
     return float(f"{value:.6g}")
-
-
-def _file_name(scene: Scene) -> str:
-    return re.sub(r"[^\w.-]+", "-", scene.name) or "machine"
-
-
-def _style(text: str) -> dict[str, str]:
-    return dict(part.strip().split(": ") for part in text.split(";"))

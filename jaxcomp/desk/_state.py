@@ -74,6 +74,8 @@ class Desk:
         machine: as it stands.
         view: its results.
         pinned: the results that are compared with; `None` if none are.
+        numbers: every number of the machine by name, as it was loaded.
+        values: [SI] of every number, as it stands.
         quantities: that gains can be asked for, by name.
         quantity: the one whose gains are shown; may be set.
     """
@@ -89,35 +91,25 @@ class Desk:
             raise BadInput("quantity", self.quantity, f"one of {', '.join(self.quantities)}")
         whole = available_quantities(self.machine).values()
         self._single = tuple(one for one in whole if not one.family)
-        self._numbers = {one.name: one for one in given_numbers(self.machine)}
-        self._values = {name: one.value for name, one in self._numbers.items()}
+        self.numbers = {one.name: one for one in given_numbers(self.machine)}
+        self.values = {name: one.value for name, one in self.numbers.items()}
         self._earlier: list[tuple[Machine, dict[str, float]]] = []
         self.pinned: View | None = None
         self.view = self._solved()
 
-    @property
-    def numbers(self) -> Mapping[str, GivenNumber]:
-        """Every number of the machine by name, as it was loaded."""
-        return self._numbers
-
-    @property
-    def values(self) -> Mapping[str, float]:
-        """[SI] Every number by name, as it stands."""
-        return self._values
-
     def label(self, name: str) -> str:
         """What a number is, in words."""
         what = variable_label(self.machine, name)
-        return what + (", factor on all values" if self._numbers[name].factor else "")
+        return what + (", factor on all values" if self.numbers[name].factor else "")
 
     def text(self, name: str) -> str:
         """A number with the unit that suits it."""
-        value = self._values[name]
-        return shown(name, self._numbers[name].unit, value).text(value, 6)
+        value = self.values[name]
+        return shown(name, self.numbers[name].unit, value).text(value, 6)
 
     def range_of(self, name: str) -> tuple[float, float]:
         """[SI] Where the slider of a number begins and ends: a fifth to either side, inside its bound."""
-        value, one = self._values[name], self._numbers[name]
+        value, one = self.values[name], self.numbers[name]
         reach = 0.2 * abs(value) or {"rad": 0.2, "kg m": 1e-4, "m": 1e-3}.get(one.unit, 1.0)
         return max(value - reach, one.bound.low), min(value + reach, one.bound.high)
 
@@ -127,11 +119,11 @@ class Desk:
         Raises:
             SceneError: the value lies outside its bound.
         """
-        one = self._numbers[name]
+        one = self.numbers[name]
         self._check(one, value, shown(name, one.unit, value).text(value))
         self._keep()
         self.machine = one.moved(self.machine, value)
-        self._values[name] = value
+        self.values[name] = value
         self.view = self._solved()
 
     def enter(self, name: str, text: str) -> None:
@@ -140,8 +132,12 @@ class Desk:
         Raises:
             SceneError: as `jaxcomp.load`.
         """
-        one = self._numbers[name]
-        value = float(to_si(_number_or_text(text), one.unit, name))
+        one = self.numbers[name]
+        try:
+            given = float(text)
+        except ValueError:
+            given = text
+        value = float(to_si(given, one.unit, name))
         self._check(one, value, text)
         with_machine(self.scene, one.moved(self.machine, value), _SOURCE)
         self.move(name, value)
@@ -150,7 +146,7 @@ class Desk:
         """Go back to the state before the last change; whether there was one."""
         if not self._earlier:
             return False
-        self.machine, self._values = self._earlier.pop()
+        self.machine, self.values = self._earlier.pop()
         self.view = self._solved()
         return True
 
@@ -201,18 +197,15 @@ class Desk:
         if not one.better:
             raise BadInput("quantity", self.quantity, "one that is better when larger or smaller")
         # a list of which all values move together is a factor for those who optimise
-        scale = {
-            name: self._values[name] if list_length(self.machine, name) else 1.0 for name in ranges
-        }
-        scaled = {
-            name: tuple(sorted(end / scale[name] for end in ends)) for name, ends in ranges.items()
-        }
+        scale, scaled = {}, {}
+        for name, ends in ranges.items():
+            scale[name] = self.values[name] if list_length(self.machine, name) else 1.0
+            scaled[name] = tuple(sorted(end / scale[name] for end in ends))
         made = problem(self.machine, scaled, [self.quantity], self.options)
         best = optimise(made, starts=2, samples=16, callback=callback)
         self._keep()
         self.machine = best.design
-        for name, value in best.values.items():
-            self._values[name] = float(value) * scale[name]
+        self.values |= {name: float(value) * scale[name] for name, value in best.values.items()}
         self.view = self._solved()
         value = best.objective
         return f"{shown(self.quantity, one.unit, value).text(value)} ({best.status})"
@@ -222,7 +215,7 @@ class Desk:
             raise SceneError(one.name, f"must be {one.bound} {one.unit}".rstrip(), given)
 
     def _keep(self) -> None:
-        self._earlier.append((self.machine, dict(self._values)))
+        self._earlier.append((self.machine, dict(self.values)))
 
     def _solved(self) -> View:
         found, status, ok = _solve(self.machine, self._single, self.options)
@@ -257,15 +250,14 @@ def _of_crank(found: DesignResult) -> dict[str, Any]:
         "angle": turn.state.angle,
         "volume": volume,
         "pressure": pressure,
-        "forces": {name: _magnitude(force) for name, force in turn.loads.forces.items()},
+        "forces": {
+            name: jnp.abs(force) if force.ndim == 1 else jnp.hypot(*force)
+            for name, force in turn.loads.forces.items()
+        },
         "losses": orbit.loss_power,
         "film_angle": orbit.state.angle,
         "films": film_thickness(compressor, orbit),
     }
-
-
-def _magnitude(force: Float[Array, "*two n"]) -> Float[Array, " n"]:
-    return jnp.abs(force) if force.ndim == 1 else jnp.hypot(*force)
 
 
 def _of_rotor(found: DesignResult) -> dict[str, Float[Array, "2"]]:
@@ -278,10 +270,3 @@ def _of_rotor(found: DesignResult) -> dict[str, Float[Array, "2"]]:
         name: jnp.sqrt(square[:, [one == name for one in names]].mean(-1))
         for name in dict.fromkeys(names)
     }
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text

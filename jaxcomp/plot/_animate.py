@@ -1,50 +1,102 @@
-"""The mechanism over one revolution, with its forces as arrows, for both drives.
+"""Moving pictures: the mechanism of one cylinder, several cylinders on one crank, and journals.
 
-Drawn to scale: crank circle, rod or link, bore and, with a polytropic cycle, the clearance. Assumed
-is what no model has: the length of the piston, the size of pins. The frames are even in time, so that
-the crank hurries and lags as it does. All arrows of a picture have the same scale; they are the forces
-of gas and wall on the piston, of the piston and the crank on the rod, of the bearings on the crank,
-and of the slider on its link.
+Mechanisms are drawn to scale: crank circle, rod or link, bore and, with a polytropic cycle, the
+clearance. Assumed is what no model has: the length of the piston, the size of pins. The frames are even
+in time, so that the crank hurries and lags as it does. All arrows of a picture have the same scale; those
+of a mechanism are the forces of gas and wall on the piston, of the piston and the crank on the rod, of
+the bearings on the crank, and of the slider on its link.
 """
 
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 
-from .._shown import RPM
+from .._fields import of_cylinder
+from .._shown import RPM, shown
 from ..compressor import Compressor
-from ..crank import Orbit
-from ..mechanism import SliderCrank, SliderLink
+from ..crank import Orbit, journal_films
+from ..friction import MainBearings
+from ..mechanism import Cylinders, SliderCrank, SliderLink
+from . import _style as style
+from ._bearings import in_clearance
 from ._fine import FineTurn, fine_turn
-from ._motion import Motion
-from ._several import cylinders_motion
-from ._style import INK, colour, crank_axis, legend_above, new_figure, over_turn, words, ylabel
 
-_CRANK, _ROD, _WALL = "#444444", "#7A8B9C", "#888888"
-_GAS_ARROW = "gas"
 _GAS_TINT = "#B8860B"  # its own colour here, because the wall has that of the gas elsewhere
 
 
-class Arrow(NamedTuple):
-    """A force at a place.
+class Motion(NamedTuple):
+    """A picture that moves, and comes back to its beginning.
 
     Attributes:
-        place: [m] (2,) of its foot.
-        force: [N] (2,)
+        figure: the figure, which shows the first frame.
+        show: brings the figure to a frame.
+        frames: how many there are.
+        rate: [1/s] frames a second.
     """
+
+    figure: Figure
+    show: Callable[[int], None]
+    frames: int
+    rate: int = 20
+
+
+def gif(motion: Motion, dpi: int = 80) -> bytes:
+    """The frames as an endless GIF."""
+    FigureCanvasAgg(motion.figure)
+    writer = PillowWriter(fps=motion.rate)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "motion.gif"
+        with writer.saving(motion.figure, str(file), dpi):
+            for frame in range(motion.frames):
+                motion.show(frame)
+                writer.grab_frame()
+        return file.read_bytes()
+
+
+def _even_in_time(turn: FineTurn, frames: int) -> np.ndarray:
+    """[rad] Crank angles at even times from the top dead centre."""
+    angle, speed = np.asarray(turn.state.angle), np.asarray(turn.state.speed)
+    time = np.concatenate([[0.0], np.cumsum(np.diff(angle) * (1 / speed[1:] + 1 / speed[:-1]) / 2)])
+    return np.interp(time[-1] * np.arange(frames) / frames, time, angle)
+
+
+def _arrow(ax: Axes, paint: str, width: float) -> Annotation:
+    look = {
+        "arrowstyle": "-|>",
+        "color": paint,
+        "linewidth": width,
+        "shrinkA": 0,
+        "shrinkB": 0,
+    }
+    return ax.annotate("", (0, 0), (0, 0), zorder=6, arrowprops=look)
+
+
+def _point(arrow: Annotation, foot, reach) -> None:
+    """Put an arrow at a place, with its tip at a distance (2,) from there."""
+    arrow.set_position(tuple(foot))
+    arrow.xy = tuple(np.add(foot, reach))
+
+
+# ---------------------------------------------------------------- the mechanism of one cylinder
+
+
+class Arrow(NamedTuple):
+    """A force [N] (2,) at a place [m] (2,), that of its foot."""
 
     place: np.ndarray
     force: np.ndarray
 
 
 class Sketch(NamedTuple):
-    """The mechanism at one instant.
-
-    Attributes:
-        lines: [m] (2, n) polygons and lines by name.
-        arrows: forces by name.
-    """
+    """The mechanism at one instant: polygons and lines [m] (2, n), and forces, by name."""
 
     lines: dict[str, np.ndarray]
     arrows: dict[str, Arrow]
@@ -68,38 +120,41 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     largest = max(float(np.hypot(*a.force)) for s in sketches for a in s.arrows.values())
     mechanism: Any = compressor.mechanism
     reach = 2.2 * float(mechanism.crank_radius)  # [m] of the largest arrow
-    unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
+    look = shown("force", "N", largest)
 
-    figure, axes = new_figure(2, 1, (8.0, 6.0), "One revolution with its forces", share=False)
+    figure, axes = style.new_figure(2, 1, (8.0, 6.0), "One revolution with its forces", share=False)
     above, below = axes[:, 0]
     above.set_aspect("equal")
     above.set_axis_off()
     drawn = {name: above.plot(*line, **_look(name))[0] for name, line in sketches[0].lines.items()}
     tips = {
-        name: above.annotate("", (0, 0), (0, 0), zorder=6, arrowprops={
-            "arrowstyle": "-|>", "color": _tint(name, i), "linewidth": 2.2, "shrinkA": 0, "shrinkB": 0,
-        })
-        for i, name in enumerate(sketches[0].arrows)
-    }  # fmt: skip
+        name: _arrow(above, _GAS_TINT if name == "gas" else style.colour(name, place), 2.2)
+        for place, name in enumerate(sketches[0].arrows)
+    }
     _limits(above, sketches, reach)
-    told = above.text(0.0, 1.0, "", transform=above.transAxes, fontsize=9, color=INK, va="top")
-    mark = _magnitudes(below, turn, compressor, tips, scale, unit)
+    told = above.text(
+        0.0, 1.0, "", transform=above.transAxes, fontsize=9, color=style.INK, va="top"
+    )
+    forces = _forces(compressor, turn)
+    sizes = {name: look.factor * np.hypot(*forces[name]) for name in tips if name in forces}
+    gas = {"gas": {"color": _GAS_TINT}}
+    style.turn_curves(below, turn.state.angle, sizes, f"Force, {look.unit}", zero=False, looks=gas)
+    below.set_ylim(0, None)
+    style.legend_above(below)
+    mark = below.axvline(0, color=style.INK, linewidth=1.2)
 
     def show(frame: int) -> None:
-        now = sketches[frame % frames]
+        now, angle = sketches[frame % frames], angles[frame % frames]
         for name, line in now.lines.items():
             drawn[name].set_data(*line)
         for name, arrow in now.arrows.items():
-            tip = arrow.place + reach / largest * arrow.force
-            tips[name].set_position(tuple(arrow.place))
-            tips[name].xy = tuple(tip)
-            small = np.hypot(*arrow.force) < 0.01 * largest
-            tips[name].set_visible(not small)
-        degrees = (np.rad2deg(angles[frame % frames]) + 180) % 360 - 180
-        speed = np.interp(angles[frame % frames], turn.state.angle, turn.state.speed)
+            _point(tips[name], arrow.place, reach / largest * arrow.force)
+            tips[name].set_visible(np.hypot(*arrow.force) >= 0.01 * largest)
+        degrees = (np.rad2deg(angle) + 180) % 360 - 180
+        speed = np.interp(angle, turn.state.angle, turn.state.speed)
         told.set_text(
             f"{round(degrees):d}° from top dead centre, {speed * RPM:.0f} rpm; "
-            f"the longest arrow is {largest / scale:.3g} {unit}"
+            f"the longest arrow is {look.text(largest, 3)}"
         )
         mark.set_xdata([degrees, degrees])
 
@@ -113,27 +168,36 @@ def sketch(compressor: Compressor, turn: FineTurn, angle: float) -> Sketch:
     Raises:
         TypeError: a mechanism that nobody has drawn yet.
     """
-    forces = {
+    forces = {"gas": np.zeros(2)} | {
         name: np.array([np.interp(angle, turn.state.angle, component) for component in force])
-        for name, force in turn.loads.forces.items()
+        for name, force in _forces(compressor, turn).items()
     }
     mechanism = compressor.mechanism
-    position = float(mechanism.piston(np.asarray(angle))[0])
-    gas = np.zeros(2)
-    if compressor.gas is not None and turn.pressure is not None:
-        excess = np.interp(angle, turn.state.angle, turn.pressure)
-        excess = excess - float(compressor.gas.behind_piston)
-        gas[0] = -excess * float(mechanism.piston_area)
     if isinstance(mechanism, SliderCrank):
-        return _slider_crank(mechanism, angle, position, forces, gas)
-    if isinstance(mechanism, SliderLink):
-        return _slider_link(mechanism, angle, position, forces, gas)
-    raise TypeError(f"There is no drawing of a mechanism of type {type(mechanism).__name__}.")
+        lines, feet = _slider_crank(mechanism, angle)
+    elif isinstance(mechanism, SliderLink):
+        lines, feet = _slider_link(mechanism, angle)
+    else:
+        name = type(mechanism).__name__
+        raise TypeError(f"There is no drawing of a mechanism of type {name}.")
+    return Sketch(lines, {name: Arrow(place, forces[name]) for name, place in feet.items()})
 
 
-def _slider_crank(m: SliderCrank, angle, position, forces, gas) -> Sketch:
+def _forces(compressor: Compressor, turn: FineTurn) -> dict[str, np.ndarray]:
+    """[N] (2, n) Forces of the joints over the revolution, and that of the gas on the piston."""
+    forces = {name: np.asarray(force) for name, force in turn.loads.forces.items()}
+    if compressor.gas is not None and turn.pressure is not None:
+        excess = np.asarray(turn.pressure) - float(compressor.gas.behind_piston)
+        push = -excess * float(compressor.mechanism.piston_area)
+        forces["gas"] = np.stack([push, np.zeros_like(push)])
+    return forces
+
+
+def _slider_crank(m: SliderCrank, angle: float):
+    """Lines of a mechanism, and where the forces on its parts act, [m]."""
     radius, bore, e = float(m.crank_radius), float(m.bore), float(m.offset)
-    pin = radius * np.array([np.cos(angle), np.sin(angle)])
+    position = float(m.piston(np.asarray(angle))[0])
+    centre, pin = np.zeros(2), radius * np.array([np.cos(angle), np.sin(angle)])
     piston = np.array([position, e])
     top, bottom = (float(x) for x in m.piston_extremes())
     crown, skirt = 0.45 * bore, 0.4 * bore  # from the piston pin; assumed
@@ -141,67 +205,48 @@ def _slider_crank(m: SliderCrank, angle, position, forces, gas) -> Sketch:
         "cylinder": _cylinder(bottom - skirt, top + crown, bore, e),
         "circle": _circle(radius),
         "piston": _box(position - skirt, position + crown, bore, e),
-        "crank": np.stack([np.zeros(2), pin], 1),
+        "crank": np.stack([centre, pin], 1),
         "rod": np.stack([pin, piston], 1),
-        "pins": np.stack([np.zeros(2), pin, piston], 1),
+        "pins": np.stack([centre, pin, piston], 1),
     }
-    return Sketch(lines, {
-        _GAS_ARROW: Arrow(np.array([position + crown, e]), gas),
-        "wall": Arrow(piston, forces["wall"]),
-        "piston_pin": Arrow(piston, forces["piston_pin"]),
-        "crank_pin": Arrow(pin, forces["crank_pin"]),
-        "main_journal": Arrow(np.zeros(2), forces["main_journal"]),
-    })  # fmt: skip
+    feet = {
+        "gas": np.array([position + crown, e]),
+        "wall": piston,
+        "piston_pin": piston,
+        "crank_pin": pin,
+        "main_journal": centre,
+    }
+    return lines, feet
 
 
-def _slider_link(m: SliderLink, angle, position, forces, gas) -> Sketch:
-    radius, bore, e = float(m.crank_radius), float(m.bore), -float(m.offset)
-    pin = radius * np.array([np.cos(angle), np.sin(angle)])
-    top, _ = (float(x) for x in m.piston_extremes())
+def _slider_link(m: SliderLink, angle: float):
+    """Lines of a mechanism, and where the forces on its parts act, [m]."""
+    radius, bore, y = float(m.crank_radius), float(m.bore), float(m.offset)
+    position = float(m.piston(np.asarray(angle))[0])
+    centre, pin = np.zeros(2), radius * np.array([np.cos(angle), np.sin(angle)])
+    top = float(m.piston_extremes()[0])
     edge = top - float(m.cylinder_length)
     size = float(m.slider_diameter) or 0.5 * radius
+    near, far = pin[0] + 0.65 * size, pin[0] + 0.8 * size
     lines = {
-        "cylinder": _cylinder(edge, top, bore, -e),
+        "cylinder": _cylinder(edge, top, bore, y),
         "circle": _circle(radius),
-        "piston": _box(pin[0] + 0.8 * size, position, bore, -e),
-        "link": _box(pin[0] - 0.65 * size, pin[0] + 0.65 * size, 2 * radius + 2.4 * size, 0.0),
-        "slider": np.array([pin[0], pin[1]])[:, None] + _box(-size / 2, size / 2, size, 0.0),
-        "stem": np.array([[pin[0] + 0.65 * size, pin[0] + 0.8 * size], [-e, -e]]),
-        "crank": np.stack([np.zeros(2), pin], 1),
-        "pins": np.stack([np.zeros(2), pin], 1),
+        "piston": _box(far, position, bore, y),
+        "link": _box(pin[0] - 0.65 * size, near, 2 * radius + 2.4 * size, 0.0),
+        "slider": pin[:, None] + _box(-size / 2, size / 2, size, 0.0),
+        "stem": np.array([[near, far], [y, y]]),
+        "crank": np.stack([centre, pin], 1),
+        "pins": np.stack([centre, pin], 1),
     }
-    return Sketch(lines, {
-        _GAS_ARROW: Arrow(np.array([position, -e]), gas),
-        "wall_crown": Arrow(np.array([position, -e]), forces["wall_crown"]),
-        "wall_edge": Arrow(np.array([edge, -e]), forces["wall_edge"]),
-        "link_slider": Arrow(pin, forces["link_slider"]),
-        "upper_bearing": Arrow(np.zeros(2), forces["upper_bearing"]),
-        "lower_bearing": Arrow(np.zeros(2), forces["lower_bearing"]),
-    })  # fmt: skip
-
-
-def _even_in_time(turn: FineTurn, frames: int) -> np.ndarray:
-    """[rad] Crank angles at even times from the top dead centre."""
-    angle, speed = np.asarray(turn.state.angle), np.asarray(turn.state.speed)
-    time = np.concatenate([[0.0], np.cumsum(np.diff(angle) * (1 / speed[1:] + 1 / speed[:-1]) / 2)])
-    return np.interp(time[-1] * np.arange(frames) / frames, time, angle)
-
-
-def _magnitudes(ax: Axes, turn: FineTurn, compressor, tips, scale, unit):
-    """Magnitudes over the revolution, in the colours of the arrows; returns the mark of the instant."""
-    forces = {name: np.hypot(*np.asarray(force)) for name, force in turn.loads.forces.items()}
-    if compressor.gas is not None and turn.pressure is not None:
-        excess = np.asarray(turn.pressure) - float(compressor.gas.behind_piston)
-        forces[_GAS_ARROW] = np.abs(excess) * float(compressor.mechanism.piston_area)
-    for place, name in enumerate(tips):
-        if name in forces:
-            degrees, size = over_turn(turn.state.angle, forces[name] / scale)
-            ax.plot(degrees, size, color=_tint(name, place), linewidth=1.5, label=words(name))
-    ylabel(ax, f"Force, {unit}")
-    ax.set_ylim(0, None)
-    crank_axis(ax)
-    legend_above(ax)
-    return ax.axvline(0, color=INK, linewidth=1.2)
+    feet = {
+        "gas": np.array([position, y]),
+        "wall_crown": np.array([position, y]),
+        "wall_edge": np.array([edge, y]),
+        "link_slider": pin,
+        "upper_bearing": centre,
+        "lower_bearing": centre,
+    }
+    return lines, feet
 
 
 def _limits(ax: Axes, sketches: list[Sketch], reach: float) -> None:
@@ -214,15 +259,16 @@ def _limits(ax: Axes, sketches: list[Sketch], reach: float) -> None:
 
 def _look(name: str) -> dict[str, Any]:
     if name == "pins":
-        return {"marker": "o", "linestyle": "none", "color": INK, "markersize": 6, "zorder": 5}
-    thick = {"crank": 6, "rod": 5, "cylinder": 3, "stem": 4, "circle": 0.8}.get(name, 1.6)
-    tint = {"crank": _CRANK, "rod": _ROD, "cylinder": _WALL, "circle": "#BBBBBB"}.get(name, INK)
+        return {"marker": "o", "linestyle": "", "color": style.INK, "markersize": 6, "zorder": 5}
+    paint, thick = {
+        "crank": ("#444444", 6),
+        "rod": ("#7A8B9C", 5),
+        "cylinder": (style.GREY, 3),
+        "stem": (style.INK, 4),
+        "circle": ("#BBBBBB", 0.8),
+    }.get(name, (style.INK, 1.6))
     dash = ":" if name == "circle" else "-"
-    return {"color": tint, "linewidth": thick, "linestyle": dash, "solid_capstyle": "round"}
-
-
-def _tint(name: str, place: int) -> str:
-    return _GAS_TINT if name == _GAS_ARROW else colour(name, place)
+    return {"color": paint, "linewidth": thick, "linestyle": dash, "solid_capstyle": "round"}
 
 
 def _box(left: float, right: float, height: float, y: float) -> np.ndarray:
@@ -240,3 +286,163 @@ def _cylinder(left: float, right: float, bore: float, y: float) -> np.ndarray:
 def _circle(radius: float) -> np.ndarray:
     angle = np.linspace(0, 2 * np.pi, 73)
     return radius * np.stack([np.cos(angle), np.sin(angle)])
+
+
+# ---------------------------------------------------------------- several cylinders
+
+
+def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> Motion:
+    """One revolution of a machine with several cylinders, from the front and from the side.
+
+    The arrows are the loads on the main bearings in machine axes; from the side, the crank in the plane
+    of the first throw with rods, counterweights and bearings at their places.
+
+    Args:
+        compressor: with several cylinders.
+        orbit: its periodic state.
+        frames: pictures of the revolution, even in time.
+    """
+    cylinders = compressor.cylinders
+    assert cylinders is not None
+    turn = fine_turn(compressor, orbit)
+    angles = _even_in_time(turn, frames)
+    names, places = _main_bearings(compressor)
+    at = np.asarray(turn.state.angle)
+    loads = {name: -np.asarray(force) for name, force in turn.loads.forces.items() if name in names}
+    largest = max(float(np.hypot(*load).max()) for load in loads.values())
+    figure, ((front, side),) = style.new_figure(1, 2, (9.6, 5.2), "Front and side", share=False)
+    parts: list[Any] = [of_cylinder(compressor.mechanism, k + 1) for k in range(cylinders.count)]
+    reach = max(float(m.piston_extremes()[0] + 0.5 * m.bore) for m in parts)
+    lines = [
+        [
+            ax.plot([], [], color=style.tint(k), linewidth=wide, solid_capstyle="round")[0]
+            for ax, wide in ((front, 1.8), (front, 1.8), (front, 0.9), (side, 1.8), (side, 1.8))
+        ]
+        for k in range(cylinders.count)
+    ]
+    across = -1.05 * reach, 1.05 * reach
+    front.set(xlim=across, ylim=across, aspect="equal", xlabel="y, m", ylabel="x, m")
+    ends = np.concatenate([np.asarray(cylinders.position), places])
+    margin = 0.15 * max(np.ptp(ends), 2 * float(parts[0].bore))
+    low, high = ends.min() - margin, ends.max() + margin
+    side.set(xlim=(low, high), ylim=across, xlabel="z, m", ylabel="x, m")
+    side.plot(
+        places, np.zeros_like(places), "^", color=style.INK, markersize=9, label="Main bearings"
+    )
+    (shaft,) = side.plot([], [], "-", color=style.INK, linewidth=2.5)
+    (weights,) = side.plot([], [], "s", color=style.GREY, markersize=8, label="Counterweights")
+    style.legend(side, loc="lower right")
+    tips = [_arrow(front, style.INK, 1.6) for _ in loads]
+    told = front.text(0.0, 1.01, "", transform=front.transAxes, fontsize=8.5, color=style.INK)
+    radius = float(parts[0].crank_radius)
+    unbalances = np.array([float(u) for u in cylinders.unbalances(parts[0])])
+    heavy = radius * np.sign(unbalances)[unbalances != 0]
+    rows = [throw for throw, u in zip(cylinders.rows, unbalances, strict=True) if u]
+    throws, stands = (
+        np.array([float(getattr(r, key)) for r in rows]) for key in ("angle", "position")
+    )
+
+    def show(frame: int) -> None:
+        angle = angles[frame % frames]
+        for number, (single, drawn) in enumerate(zip(parts, lines, strict=True)):
+            _draw(cylinders, number, single, angle, drawn)
+        z, x = _crank_line(cylinders, radius, angle)
+        shaft.set_data([low, *z, high], [0.0, *x, 0.0])
+        weights.set_data(stands, heavy * np.cos(angle + throws))
+        for tip, load in zip(tips, loads.values(), strict=True):
+            across, along = (np.interp(angle, at, load[axis]) for axis in (1, 0))
+            _point(tip, (0, 0), 0.6 * reach / largest * np.array([across, along]))
+        speed = RPM * np.interp(angle, at, turn.state.speed)
+        shown = round(np.rad2deg(angle)) % 360
+        told.set_text(f"{shown}°, {speed:.1f} rpm; longest arrow {largest / 1e3:.3g} kN")
+
+    show(0)
+    return Motion(figure, show, frames)
+
+
+def machine_views(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Front and side of the machine at the first top dead centre."""
+    return cylinders_motion(compressor, orbit, 1).figure
+
+
+def _main_bearings(compressor: Compressor) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of the main bearings and their places [m] along the shaft."""
+    support = getattr(compressor.friction, "main_journal", None)
+    if not isinstance(support, MainBearings):
+        return ("main_journal",), np.zeros(1)
+    places = np.zeros(1) if support.position is None else np.asarray(support.position)
+    return support.names or (), places
+
+
+def _draw(cylinders: Cylinders, number: int, single: SliderCrank, angle: float, drawn) -> None:
+    """Crank and rod, piston and cylinder from the front; rod and piston from the side."""
+    bank, phase = float(cylinders.bank_angle[number]), float(cylinders.phase[number])
+    own, _ = _slider_crank(single, angle + phase)
+    turn = np.array([[np.cos(bank), -np.sin(bank)], [np.sin(bank), np.cos(bank)]])
+    rod = turn @ own["pins"]
+    for line, path in zip(drawn, (rod, turn @ own["piston"], turn @ own["cylinder"]), strict=False):
+        line.set_data(path[1], path[0])
+    place, wide = float(cylinders.position[number]), 0.08 * float(single.bore)
+    drawn[3].set_data([place, place], rod[0, 1:])
+    drawn[4].set_data([place - wide, place + wide], rod[0, [2, 2]])
+
+
+def _crank_line(cylinders: Cylinders, radius: float, angle: float):
+    """The crank from the side: z and x of its axis, throw by throw."""
+    z, x, places, room = [], [], list(np.asarray(cylinders.position)), 0.25 * radius
+    for throw in cylinders.rows:
+        own, places = places[: throw.banks.size], places[throw.banks.size :]
+        height = radius * np.cos(angle + float(throw.angle))
+        z += np.repeat([min(own) - room, max(own) + room], 2).tolist()
+        x += [0.0, height, height, 0.0]
+    return z, x
+
+
+# ---------------------------------------------------------------- journals
+
+
+def journal_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> Motion:
+    """One revolution of every journal in its clearance circle with its load, and its film below.
+
+    Args:
+        compressor: with a journal that has an oil film.
+        orbit: its periodic state.
+        frames: pictures of the revolution, even in time.
+    """
+    films = journal_films(compressor, orbit)
+    size = (3.6 * len(films) + 0.8, 6.0)
+    figure, axes = style.new_figure(2, len(films), size, "Journals in their films", False)
+    time, angle, period = np.asarray(orbit.time), orbit.state.angle, float(orbit.period)
+    instants = time[0] + period * np.arange(frames) / frames
+
+    def at(values):
+        """(2, frames) At the instants of the frames."""
+        return np.array([np.interp(instants, time, row, period=period) for row in values])
+
+    crank = np.interp(instants, np.append(time, time[0] + period),
+                      np.append(angle, angle[0] + 2 * np.pi))  # fmt: skip
+    degrees = (np.rad2deg(crank) + 180) % 360 - 180
+    drawn = []
+    for place, ((name, film), (above, below)) in enumerate(zip(films.items(), axes.T, strict=True)):
+        paint = style.colour(name, place)
+        path, load = in_clearance(above, film, color=paint, linewidth=0.8, alpha=0.6)
+        above.set(xticks=[], yticks=[])
+        style.heading(above, style.words(name))
+        dot = above.plot([0], [0], "o", color=paint)[0]
+        thickness = {name: 1e6 * film.thickness}
+        style.turn_curves(below, angle, thickness, "", zero=False, color=paint)
+        below.set_ylim(0, None)
+        mark = below.axvline(0, color=style.INK, linewidth=1.0)
+        drawn.append((at(path), at(load), dot, _arrow(above, style.INK, 1.0), mark))
+    axes[1, 0].set_ylabel("Smallest film, µm")
+    style.note(figure, "Dot: centre of the journal in its clearance circle. Arrow: load on it.")
+
+    def show(frame: int) -> None:
+        i = frame % frames
+        for places, loads, dot, tip, mark in drawn:
+            dot.set_data(places[:1, i], places[1:, i])
+            _point(tip, places[:, i], loads[:, i])
+            mark.set_xdata([degrees[i], degrees[i]])
+
+    show(0)
+    return Motion(figure, show, frames)

@@ -19,19 +19,20 @@ from matplotlib.colors import to_rgba
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
-from matplotlib.transforms import Transform
 
 from .._fields import BadInput
-from ._style import INK
+from ._style import GREY, GRID, INK
 
 # Plotly's pixels in a point of matplotlib, and in an inch.
 _POINT, _INCH = 100 / 72, 100
 _DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
+_NOTHING = ("None", "none", None, "", " ")
 _MARKERS = {"o": "circle", ".": "circle", "s": "square", "D": "diamond", "x": "x-thin", "*": "star",
             "^": "triangle-up", "v": "triangle-down", "+": "cross-thin"}  # fmt: skip
 # Axes with marks at given places, whose texts are carried over.
 _FIXED = (FixedLocator, StrCategoryLocator)
 _FONT = {"family": "DejaVu Sans, Verdana, sans-serif", "color": INK}
+_PAPER = {"xref": "paper", "yref": "paper"}
 # [px] room for the legend
 _LEGEND = 230
 
@@ -56,22 +57,20 @@ def interactive(figure: Figure) -> Any:
         ) from None
     FigureCanvasAgg(figure).draw()  # lays the axes out
     width, height = figure.get_size_inches() * _INCH
-    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
-    wanted = {text.get_text() for legend in legends if legend for text in legend.get_texts()}
-    heading = next(
-        (text for legend in legends if legend and (text := legend.get_title().get_text())), ""
-    )
+    legends = [one for one in (*figure.legends, *(a.get_legend() for a in figure.axes)) if one]
+    wanted = {text.get_text() for one in legends for text in one.get_texts()}
+    heading = next(filter(None, (one.get_title().get_text() for one in legends)), "")
+    room = _LEGEND if wanted else 0
     made = _Made(go.Figure(), wanted)
     made.figure.update_layout(
-        width=width + (_LEGEND if wanted else 0), height=height, template="none", font=_FONT,
-        margin={"l": 0, "r": _LEGEND if wanted else 0, "t": 0, "b": 0}, hovermode="closest",
-        barmode="overlay", legend={"x": 1.01, "y": 0.95, "font": {"size": 12}, "title": heading},
+        width=width + room, height=height, template="none", font=_FONT, hovermode="closest",
+        margin={"l": 0, "r": room, "t": 0, "b": 0}, barmode="overlay",
+        legend={"x": 1.01, "y": 0.95, "font": {"size": 12}, "title": heading},
     )  # fmt: skip
-    for text in (figure.get_suptitle(), figure.get_supxlabel()):
-        top = text == figure.get_suptitle()
-        if text:
-            made.write(text, 0.01, 0.995 if top else 0.003, "paper", "paper",
-                       15 if top else 11, yanchor="top" if top else "bottom")  # fmt: skip
+    if title := figure.get_suptitle():
+        made.write(title, 0.01, 0.995, _PAPER, 15, yanchor="top")
+    if note := figure.get_supxlabel():
+        made.write(note, 0.01, 0.003, _PAPER, 11, yanchor="bottom")
     for number, ax in enumerate((ax for ax in figure.axes if ax.get_visible()), 1):
         made.draw(ax, number)
     return made.figure
@@ -124,24 +123,21 @@ class _Made:
     def draw(self, ax: Axes, number: int) -> None:
         """One pair of axes with all that is in it."""
         key = "" if number == 1 else str(number)
-        if ax.name == "polar":
-            self._polar_axes(ax, f"polar{key}")
-            place: dict[str, str] = {"subplot": f"polar{key}"}
-        else:
-            place = {"xaxis": self._plane_axes(ax, key), "yaxis": f"y{key}"}
+        place = self._polar_axes(ax, key) if ax.name == "polar" else self._plane_axes(ax, key)
         if title := ax.get_title(loc="left"):
             box = ax.get_position()
-            self.write(title, box.x0, box.y1, "paper", "paper", 12, yanchor="bottom")
-        bars = [c for c in ax.containers if isinstance(c, BarContainer)]
+            self.write(title, box.x0, box.y1, _PAPER, 12, yanchor="bottom")
+        bars = [one for one in ax.containers if isinstance(one, BarContainer)]
         for container in bars:
             self._bars(ax, container, place)
-        drawn = {id(patch) for container in bars for patch in container}
+        in_bars = {patch for container in bars for patch in container}
         for patch in ax.patches:
-            if id(patch) not in drawn:
-                path = patch.get_path().transformed(patch.get_patch_transform())
-                self._shape(ax, path.to_polygons(), patch.get_facecolor(), patch.get_edgecolor(),
-                            place, patch.get_transform())  # fmt: skip
-                self._listed(ax, patch, patch.get_facecolor(), place)
+            if patch not in in_bars:
+                path, face = patch.get_path(), patch.get_facecolor()
+                polygons = path.transformed(patch.get_patch_transform()).to_polygons()
+                inside = patch.get_transform().contains_branch_seperately(ax.transData)
+                self._shape(ax, polygons, face, patch.get_edgecolor(), place, inside)
+                self._listed(ax, patch, face, place)
         for collection in ax.collections:
             self._collection(ax, collection, place)
         for line in ax.lines:
@@ -149,72 +145,60 @@ class _Made:
         for text in ax.texts:
             self._text(ax, text, place)
 
-    def write(self, text, x, y, xref, yref, size, **options) -> None:
+    def write(self, text, x, y, references, size, **options) -> None:
         """A text at a place."""
         self.figure.add_annotation(
-            text=text.replace("\n", "<br>"), x=x, y=y, xref=xref, yref=yref, showarrow=False,
+            text=_html(text), x=x, y=y, showarrow=False, **references,
             **{"xanchor": "left", "yanchor": "middle", "font": {"size": size}} | options,
         )  # fmt: skip
 
-    def _plane_axes(self, ax: Axes, key: str) -> str:
-        box, x = ax.get_position(), f"x{key}"
+    def _plane_axes(self, ax: Axes, key: str) -> dict[str, str]:
+        box, right = ax.get_position(), ax.yaxis.get_ticks_position() == "right"
+        # axes at the place of others have an ordinate of their own over the common abscissa
         below = next((k for a, k in self.axes.items() if np.allclose(a.get_position(), box)), None)
-        options: dict[str, Any] = {}
+        x = self.axes[ax] = below or f"x{key}"
+        look: dict[str, Any] = {"domain": (box.y0, box.y1), "anchor": x}
+        look["side"] = "right" if right else "left"
+        if ax.get_aspect() == 1.0:
+            look |= {"scaleanchor": x, "constrain": "domain"}
         if below is not None:
-            x, options = below, {"overlaying": below.replace("x", "y")}
-        self.axes.setdefault(ax, x)
-        shown: dict[str, tuple[Any, Any]] = {"y": (ax.yaxis, (box.y0, box.y1))}
-        if below is None:
-            shown["x"] = ax.xaxis, (box.x0, box.x1)
-        for name, (axis, domain) in shown.items():
-            log = axis.get_scale() == "log"
-            limits = (
-                axis.get_view_interval()
-                if not axis.get_inverted()
-                else axis.get_view_interval()[::-1]
-            )
-            look: dict[str, Any] = {
-                "domain": domain, "range": np.log10(limits) if log else limits,
-                "type": "log" if log else "linear", "anchor": x if name == "y" else f"y{key}",
-                "title": {"text": axis.get_label_text(), "font": {"size": 12}, "standoff": 4},
-                "showgrid": axis.get_gridlines()[0].get_visible() if axis.get_gridlines() else False,
-                "gridcolor": "#E3E3E3", "zeroline": False, "ticks": "outside", "ticklen": 4,
-                "showline": axis.axes.spines["left" if name == "y" else "bottom"].get_visible(),
-                "linecolor": "#888888", "tickfont": {"size": 11},
-            }  # fmt: skip
-            if isinstance(axis.get_major_locator(), _FIXED):
-                texts = [t.get_text().replace("\n", "<br>") for t in axis.get_ticklabels()]
-                look |= {"tickvals": axis.get_ticklocs(), "ticktext": texts}
-            if not any(t.get_visible() and t.get_text() for t in axis.get_ticklabels()):
-                look["showticklabels"] = False
-            if name == "y":
-                look |= {
-                    "side": "right" if axis.get_ticks_position() == "right" else "left",
-                    **options,
-                }
-                if ax.get_aspect() == 1.0:
-                    look |= {"scaleanchor": x, "constrain": "domain"}
-            for other, theirs in self.axes.items():
-                group = ax.get_shared_x_axes() if name == "x" else ax.get_shared_y_axes()
-                if other is not ax and theirs != x and group.joined(ax, other):
-                    look["matches"] = theirs.replace("x", name)
-                    break
-            self.figure.update_layout({f"{name}axis{x[1:] if name == 'x' else key}": look})
-        return x
+            look["overlaying"] = below.replace("x", "y")
+        else:
+            bottom = {"domain": (box.x0, box.x1), "anchor": f"y{key}"}
+            self._axis(ax, ax.xaxis, f"xaxis{key}", bottom)
+        self._axis(ax, ax.yaxis, f"yaxis{key}", look)
+        return {"xaxis": x, "yaxis": f"y{key}"}
 
-    def _polar_axes(self, ax: Axes, key: str) -> None:
-        box = ax.get_position()
-        texts = [label.get_text().replace("\n", "<br>") for label in ax.get_xticklabels()]
-        radial = {"range": ax.get_ylim(), "angle": 67.5, "gridcolor": "#E3E3E3", "nticks": 5}
-        around = {
-            "tickvals": np.rad2deg(ax.get_xticks()),
-            "ticktext": texts,
-            "gridcolor": "#E3E3E3",
-        }
+    def _axis(self, ax: Axes, axis, name: str, look: dict[str, Any]) -> None:
+        """An abscissa or ordinate."""
+        limits = axis.get_view_interval()[:: -1 if axis.get_inverted() else 1]
+        log, lines, labels = axis.get_scale() == "log", axis.get_gridlines(), axis.get_ticklabels()
+        look |= {
+            "range": np.log10(limits) if log else limits, "type": "log" if log else "linear",
+            "title": {"text": axis.get_label_text(), "font": {"size": 12}, "standoff": 4},
+            "showgrid": bool(lines) and lines[0].get_visible(), "gridcolor": GRID, "zeroline": False,
+            "ticks": "outside", "ticklen": 4, "tickfont": {"size": 11}, "linecolor": GREY,
+            "showline": ax.spines["left" if name[0] == "y" else "bottom"].get_visible(),
+            "showticklabels": any(t.get_visible() and t.get_text() for t in labels),
+        }  # fmt: skip
+        if isinstance(axis.get_major_locator(), _FIXED):
+            places, texts = _ticks(axis)
+            look |= {"tickvals": places, "ticktext": list(map(_html, texts))}
+        group = ax.get_shared_x_axes() if name[0] == "x" else ax.get_shared_y_axes()
+        own = self.axes[ax]
+        others = (k for a, k in self.axes.items() if k != own and group.joined(ax, a))
+        if other := next(others, None):
+            look["matches"] = other.replace("x", name[0])
+        self.figure.update_layout({name: look})
+
+    def _polar_axes(self, ax: Axes, key: str) -> dict[str, str]:
+        box, texts = ax.get_position(), [_html(label.get_text()) for label in ax.get_xticklabels()]
+        radial = {"range": ax.get_ylim(), "angle": 67.5, "gridcolor": GRID, "nticks": 5}
+        ticks = {"tickvals": np.rad2deg(ax.get_xticks()), "ticktext": texts, "gridcolor": GRID}
         domain = {"x": (box.x0, box.x1), "y": (box.y0, box.y1)}
-        self.figure.update_layout(
-            {key: {"domain": domain, "radialaxis": radial, "angularaxis": around}}
-        )
+        look = {"domain": domain, "radialaxis": radial, "angularaxis": ticks}
+        self.figure.update_layout({f"polar{key}": look})
+        return {"subplot": f"polar{key}"}
 
     def _trace(self, ax: Axes, kind: str, label: str, place, x, y, **look) -> None:
         """A trace, in the legend where the picture has it there."""
@@ -227,42 +211,34 @@ class _Made:
             words.append("%{r:.5g} at %{theta:.4g}°")
         else:
             data = {"x": x, "y": y}
-            words += [
-                f"{ax.get_xlabel() or 'x'}: %{{x:.5g}}",
-                f"{ax.get_ylabel() or 'y'}: %{{y:.5g}}",
-            ]
-        hover = look.pop("hovertemplate", "<br>".join(words) + "<extra></extra>")
-        place = {"subplot": place["subplot"]} if ax.name == "polar" else place
+            named = (ax.get_xlabel() or "x", "x"), (ax.get_ylabel() or "y", "y")
+            words += [f"{word}: %{{{name}:.5g}}" for word, name in named]
         self.figure.add_trace(
             {"type": kind, "name": label, "showlegend": listed, "legendgroup": label or None,
-             "hovertemplate": hover, **data, **place, **look}
+             "hovertemplate": "<br>".join(words) + "<extra></extra>", **data, **place, **look}
         )  # fmt: skip
 
     def _line(self, ax: Axes, line, place) -> None:
         inside = line.get_transform().contains_branch_seperately(ax.transData)
-        tint = _colour(line.get_color(), line.get_alpha())
-        look = {"color": tint,
-                "width": line.get_linewidth() * _POINT,
-                "dash": _DASHES.get(line.get_linestyle(), "solid")}  # fmt: skip
+        tint, style = _colour(line.get_color(), line.get_alpha()), line.get_linestyle()
+        look = {"color": tint, "width": line.get_linewidth() * _POINT,
+                "dash": _DASHES.get(style, "solid")}  # fmt: skip
+        x, y = (np.asarray(values, float) for values in line.get_data())
         if not all(inside):
-            (x0, x1), (y0, y1) = (np.asarray(v, float)[[0, -1]] for v in line.get_data())
-            self.figure.add_shape(type="line", x0=x0, x1=x1, y0=y0, y1=y1, line=look,
+            self.figure.add_shape(type="line", x0=x[0], x1=x[-1], y0=y[0], y1=y[-1], line=look,
                                   **_references(inside, place))  # fmt: skip
+        if not all(inside) or not len(x):
             x, y = [None], [None]  # for the legend
-        else:
-            x, y = (np.asarray(v, float) for v in line.get_data())
-            if not len(x):
-                x, y = [None], [None]
-        marks = line.get_marker() not in ("None", "none", None, "")
-        drawn = line.get_linestyle() not in ("None", "none", "")
-        hollow = line.get_fillstyle() == "none"
-        symbol = _MARKERS.get(line.get_marker(), "circle") + ("-open" if hollow else "")
-        size = line.get_markersize() * _POINT * (0.5 if line.get_marker() == "." else 1.0)
+        sign, hollow = line.get_marker(), line.get_fillstyle() == "none"
+        symbol = _MARKERS.get(sign, "circle") + ("-open" if hollow else "")
+        size = line.get_markersize() * _POINT * (0.5 if sign == "." else 1.0)
         marker = {"color": tint, "size": size, "symbol": symbol,
                   "line": {"color": tint, "width": 1.2 * (hollow or "thin" in symbol)}}  # fmt: skip
-        mode = "+".join(word for word, on in (("lines", drawn), ("markers", marks)) if on)
-        self._trace(ax, "scatter", str(line.get_label()), place, x, y, mode=mode or "lines",
-                    line=look, marker=marker)  # fmt: skip
+        drawn = [
+            word for word, what in (("lines", style), ("markers", sign)) if what not in _NOTHING
+        ]
+        self._trace(ax, "scatter", str(line.get_label()), place, x, y, line=look, marker=marker,
+                    mode="+".join(drawn) or "lines")  # fmt: skip
 
     def _bars(self, ax: Axes, bars: BarContainer, place) -> None:
         flat = bars.orientation == "horizontal"
@@ -271,58 +247,41 @@ class _Made:
         base, length, middle, across = (
             (x0, width, y0 + height / 2, height) if flat else (y0, height, x0 + width / 2, width)
         )
-        ticks = (ax.yaxis if flat else ax.xaxis).get_ticklabels()
-        fixed = isinstance((ax.yaxis if flat else ax.xaxis).get_major_locator(), _FIXED)
-        places = (ax.yaxis if flat else ax.xaxis).get_ticklocs() if fixed else []
-        names = [
-            ticks[int(np.argmin(np.abs(places - m)))].get_text() if len(places) else f"{m:.5g}"
-            for m in middle
-        ]
-        axis = ax.get_xlabel() if flat else ax.get_ylabel()
-        end = (base + length).tolist()
-        hover = f"%{{customdata[0]}}<br>{axis or 'value'}: %{{customdata[1]:.5g}}<extra></extra>"
+        axis, names = ax.yaxis if flat else ax.xaxis, [f"{m:.5g}" for m in middle]
+        if isinstance(axis.get_major_locator(), _FIXED):
+            places, texts = _ticks(axis)
+            names = [texts[np.argmin(np.abs(places - m))] for m in middle]
+        label = (ax.get_xlabel() if flat else ax.get_ylabel()) or "value"
         self._trace(
             ax, "bar", str(bars.get_label()), place, *((length, middle) if flat else (middle, length)),
-            base=base, width=across, orientation="h" if flat else "v", hovertemplate=hover,
-            customdata=list(zip(names, end, strict=True)),
+            base=base, width=across, orientation="h" if flat else "v",
+            hovertemplate=f"%{{customdata[0]}}<br>{label}: %{{customdata[1]:.5g}}<extra></extra>",
+            customdata=list(zip(names, (base + length).tolist(), strict=True)),
             marker={"color": [_colour(b.get_facecolor()) for b in bars]},
         )  # fmt: skip
 
     def _collection(self, ax: Axes, collection, place) -> None:
         faces: Any = collection.get_facecolor()
-        edges: Any = collection.get_edgecolor()
+        edges: Any = faces if isinstance(collection, QuadMesh) else collection.get_edgecolor()
+        label = str(collection.get_label())
         if isinstance(collection, PathCollection):
             x, y = np.asarray(collection.get_offsets(), float).T
             size = float(np.sqrt(collection.get_sizes()[0])) * _POINT
-            marker = {"color": [_colour(c) for c in faces] if len(faces) > 1 else _colour(faces[0]),
-                      "size": size}  # fmt: skip
-            self._trace(ax, "scatter", str(collection.get_label()), place, x, y, mode="markers",
-                        marker=marker)  # fmt: skip
-            return
-        if isinstance(collection, QuadMesh):
-            corners: Any = collection.get_coordinates()
-            cells = [
-                [corners[i, j], corners[i, j + 1], corners[i + 1, j + 1], corners[i + 1, j]]
-                for i in range(corners.shape[0] - 1)
-                for j in range(corners.shape[1] - 1)
-            ]
-            for cell, face in zip(cells, faces, strict=True):
-                self._shape(ax, [np.array(cell)], face, face, place)
+            tints = [_colour(face) for face in faces]
+            marker = {"color": tints if len(tints) > 1 else tints[0], "size": size}
+            self._trace(ax, "scatter", label, place, x, y, mode="markers", marker=marker)
             return
         segments = isinstance(collection, LineCollection) or not len(faces)
         for number, path in enumerate(collection.get_paths()):
             pieces: list[Any] = list(path.to_polygons(closed_only=False))
-            if not pieces:
-                continue
-            if segments:
+            edge = edges[number % len(edges)] if len(edges) else (0, 0, 0, 0)
+            if pieces and segments:
                 x, y = (
                     np.concatenate([np.append(p[:, i], np.nan) for p in pieces]) for i in (0, 1)
                 )
-                line = {"color": _colour(edges[number % len(edges)]), "width": 1.2}
-                self._trace(ax, "scatter", str(collection.get_label()), place, x, y, mode="lines",
-                            line=line)  # fmt: skip
-            else:
-                edge = edges[number % len(edges)] if len(edges) else (0, 0, 0, 0)
+                look = {"color": _colour(edge), "width": 1.2}
+                self._trace(ax, "scatter", label, place, x, y, mode="lines", line=look)
+            elif pieces:
                 self._shape(ax, pieces, faces[number % len(faces)], edge, place)
                 self._listed(ax, collection, faces[0], place)
         if hasattr(collection, "hover"):
@@ -334,13 +293,10 @@ class _Made:
                  "hovertemplate": f"{hover}<extra></extra>", **place}
             )  # fmt: skip
 
-    def _shape(self, ax: Axes, polygons, face, edge, place, transform: Transform | None = None):
+    def _shape(self, ax: Axes, polygons, face, edge, place, inside=(True, True)) -> None:
         """A filled shape below the curves, with holes where polygons lie in each other."""
         if ax.name == "polar":
             return
-        inside = (True, True)
-        if transform is not None:
-            inside = transform.contains_branch_seperately(ax.transData)
         path = " ".join(
             "M" + "L".join(f"{x:.9g},{y:.9g}" for x, y in np.asarray(p, float)) + "Z"
             for p in polygons
@@ -375,20 +331,30 @@ class _Made:
         else:
             pair = given if isinstance(given, tuple) else (given, given)
             inside = tuple(one == "data" or not isinstance(one, str) for one in pair)
-        shift = (0.0, 0.0)
+        right, up = 0.0, 0.0
         if getattr(text, "anncoords", None) == "offset points":
-            shift = tuple(_POINT * np.asarray(text.xyann, float))
-        values = [
-            np.log10(v) if here and axis.get_scale() == "log" else v
+            right, up = (_POINT * float(shift) for shift in text.xyann)
+        x, y = (
+            float(np.log10(v) if here and axis.get_scale() == "log" else v)
             for v, here, axis in zip((x, y), inside, (ax.xaxis, ax.yaxis), strict=True)
-        ]
+        )
         across = {"center": "middle", "center_baseline": "middle", "baseline": "bottom"}
         self.write(
-            words, *map(float, values), *_references(inside, place).values(), size,
-            xanchor=text.get_ha(), yanchor=across.get(text.get_va(), text.get_va()),
-            xshift=shift[0], yshift=shift[1], textangle=-text.get_rotation(),
+            words, x, y, _references(inside, place), size, xanchor=text.get_ha(),
+            yanchor=across.get(text.get_va(), text.get_va()), xshift=right, yshift=up,
+            textangle=-text.get_rotation(),
             font={"size": size, "color": _colour(text.get_color())},
         )  # fmt: skip
+
+
+def _ticks(axis) -> tuple[np.ndarray, list[str]]:
+    """Places and texts of marks, also where other axes show the texts."""
+    places = axis.get_ticklocs()
+    return places, axis.get_major_formatter().format_ticks(places)
+
+
+def _html(text: str) -> str:
+    return text.replace("\n", "<br>")
 
 
 def _references(inside, place) -> dict[str, str]:

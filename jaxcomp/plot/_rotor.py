@@ -1,8 +1,14 @@
-"""Pictures of a rotor with its crankcase and housing: drawing, curves, shapes, orbits, Campbell."""
+"""Pictures of a rotor with its crankcase and housing: drawing, curves, shapes, orbits, Campbell, motion.
+
+The motion is that in the plane of x and z before and after balancing: shafts as lines through their
+nodes, rigid bodies as boxes around theirs, both moved by their displacement along x times a factor that
+the picture names; the rest position stays in grey. Only what follows the speed once a revolution is
+shown, which is what correction masses act on.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,65 +27,71 @@ from ..rotor import (
     subset_names,
     subsets,
 )
-from ._style import INK, legend, legend_above, new_figure, note, ylabel
+from . import _style as style
+from ._animate import Motion
 
-_LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444")
+# Curves of a response that still can be read.
+_CURVES = 7
+# Share of the machine's height that the largest motion before balancing takes in the picture.
+_SHARE = 0.15
+# Damping ratio from which on a mode has no peak.
+_STRONG = math.sqrt(0.5)
 # What the shape of a motion shows.
 _SHADE = "Lines: at the instant of the largest. Dots: nodes. Shade: amplitude."
-_STEEL, _HOLLOW, _DISK = "#B8C7D6", "#FFFFFF", "#56437F"
+_DISK = {"color": "#56437F", "linewidth": 2.4, "alpha": 0.7}
+# Elements of a shaft by whether they have mass.
+_EDGE = {"edgecolor": "#666666", "linewidth": 0.5}
+_SOLID = {
+    True: _EDGE | {"facecolor": "#B8C7D6"},
+    False: _EDGE | {"facecolor": "white", "hatch": "///"},
+}
 
 
 def rotor_drawing(model: RotorModel) -> Figure:
     """Shafts and disks to scale along z; bodies as bars below, with the links between them."""
     places = node_positions(model)
     bodies = list(model.bodies)
-    figure, ((ax,),) = new_figure(1, 1, (8.6, 3.4 + 0.7 * len(bodies)), "Rotor, bodies and links")
+    figure, ax = style.single((8.6, 3.4 + 0.7 * len(bodies)), "Rotor, bodies and links")
     height = _draw_shafts(ax, model, places)
-    rows: dict[Any, float] = {
-        node: 0.0 for shaft in model.shafts for p in shaft.pairs for node in p
-    }
+    rows: dict[Any, float] = {node: 0.0 for s in model.shafts for pair in s.pairs for node in pair}
     step = 1.1 * height
     for number, body in enumerate(bodies):
         row = -(1.6 * height + number * step)
         members = (body.centre, *body.nodes)
         z = np.array([places[node][2] for node in members]) * 1e3
-        ax.plot([z.min(), z.max()], [row, row], color=_LINES[number % 7], linewidth=5, alpha=0.6)
-        ax.plot(z[0], row, "o", color=INK, markersize=5)
+        ax.plot([z.min(), z.max()], [row, row], color=style.tint(number), linewidth=5, alpha=0.6)
+        ax.plot(z[0], row, "o", color=style.INK, markersize=5)
         ax.text(z.max(), row, f"  {body.centre}, {float(body.mass):.3g} kg", va="center",
-                fontsize=8.5, color=INK)  # fmt: skip
+                fontsize=8.5, color=style.INK)  # fmt: skip
         rows |= dict.fromkeys(members, row)
     ground = -(1.6 * height + len(bodies) * step)
     if any(link.nodes[1] is None for link in model.links):
         z = np.array([p[2] for p in places.values()]) * 1e3
-        ax.plot([z.min(), z.max()], [ground, ground], color=INK, linewidth=1)
-        ax.text(z.min(), ground, "ground ", ha="right", va="center", fontsize=8.5, color=INK)
+        ax.plot([z.min(), z.max()], [ground, ground], color=style.INK, linewidth=1)
+        ax.text(z.min(), ground, "ground ", ha="right", va="center", fontsize=8.5, color=style.INK)
     pairs = [(link.nodes, "#D55E00", "-") for link in model.links]
     pairs += [(pair, "#0072B2", ":") for pull in model.magnetic_pulls for pair in pull.nodes]
-    for (a, b), tint, style in pairs:
+    for (a, b), paint, dash in pairs:
         z = places[a][2] * 1e3
         ends = rows.get(a, 0.0), ground if b is None else rows.get(b, 0.0)
-        ax.plot([z, z], ends, color=tint, linestyle=style, linewidth=1.4, zorder=4)
-        if style == "-":
+        ax.plot([z, z], ends, color=paint, linestyle=dash, linewidth=1.4, zorder=4)
+        if dash == "-":
             top = -height if max(ends) == 0.0 else max(ends)  # below the shaft
-            ax.text(z, (top + min(ends)) / 2, f" {a}", fontsize=7.5, va="center", color=tint)
+            ax.text(z, (top + min(ends)) / 2, f" {a}", fontsize=7.5, va="center", color=paint)
     for present, label, look in (
         (model.links, "bearing or mount", {"color": "#D55E00"}),
         (model.magnetic_pulls, "magnetic pull", {"color": "#0072B2", "linestyle": ":"}),
-        (model.disks, "disk, by its mass", {"color": _DISK, "linewidth": 2.4, "alpha": 0.7}),
-        (bodies, "centre of mass", {"color": INK, "marker": "o", "linestyle": ""}),
+        (model.disks, "disk, by its mass", _DISK),
+        (bodies, "centre of mass", {"color": style.INK, "marker": "o", "linestyle": ""}),
     ):
         if present:
             ax.plot([], [], label=label, **look)
     if any(patch.get_hatch() for patch in ax.patches):
-        label = "stiff, without mass"
-        ax.add_patch(Rectangle((0, 0), 0, 0, facecolor=_HOLLOW, edgecolor="#666666", linewidth=0.5,
-                               hatch="///", label=label))  # fmt: skip
-    legend_above(ax)
+        ax.add_patch(Rectangle((0, 0), 0, 0, **_SOLID[False], label="stiff, without mass"))
+    style.legend_above(ax)
     ax.grid(False)
-    ax.set_xlabel("z, mm", fontsize=9)
-    ax.set_yticks([])
     ax.spines["left"].set_visible(False)
-    ax.set_ylim(ground - 0.4 * height, 1.35 * height)
+    ax.set(xlabel="z, mm", yticks=[], ylim=(ground - 0.4 * height, 1.35 * height))
     return figure
 
 
@@ -98,49 +110,42 @@ def response_curves(
     if isinstance(result, Response):
         result = _curves_of(result, [str(node) for node in nodes])
     orders, curves = result["orders"], result["curves"]
-    title = "Response over the speed"
-    figure, axes = new_figure(len(orders), 1, (7.2, 1.2 + 2.3 * len(orders)), title)
+    size = (7.2, 1.2 + 2.3 * len(orders))
+    figure, axes = style.stacked(len(orders), size, "Response over the speed")
     rpm = np.array(curves["speeds"]) * RPM
-    for n, order in enumerate(orders):
-        ax = axes[n, 0]
+    for n, (ax, order) in enumerate(zip(axes, orders, strict=True)):
         for i, (name, values) in enumerate(curves["major_axis"].items()):
             y = np.array(values[n], float) * 1e6
-            dash = "-" if i < len(_LINES) else "--"
-            ax.semilogy(rpm, y, dash, color=_LINES[i % 7], linewidth=1.3, label=name)
-        ylabel(ax, f"Order {order}, µm")
+            dash = "-" if i < len(style.TINTS) else "--"
+            ax.semilogy(rpm, y, dash, color=style.tint(i), linewidth=1.3, label=name)
+        ax.set_ylabel(f"Order {order}, µm")
         for speed in result["speeds"]:
             if rpm[0] <= speed * RPM <= rpm[-1]:
                 ax.axvline(speed * RPM, color="#AAAAAA", linewidth=0.8)
-                note(figure, "Grey lines: speeds of the tables.")
-    axes[-1, 0].set_xlabel("Speed, rpm", fontsize=9)
-    legend(axes[0, 0], ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
+                style.note(figure, "Grey lines: speeds of the tables.")
+    axes[-1].set_xlabel("Speed, rpm")
+    style.legend(axes[0], ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
     return figure
 
 
 def _curves_of(response: Response, nodes: Sequence[str]) -> dict[str, Any]:
     x = np.asarray(response.displacement)
     if x.ndim != 4:
-        raise BadInput(
-            "response", f"with {x.ndim - 2} axes", "over orders and speeds, as of `respond`"
-        )
+        given = f"with {x.ndim - 2} axes"
+        raise BadInput("response", given, "over orders and speeds, as of `respond`")
     size = np.asarray(orbit(response.displacement[..., 0], response.displacement[..., 1]).major)
     size = np.where(np.asarray(response.ok)[..., None], size, np.nan)
     known = list(response.nodes) or [str(number) for number in range(x.shape[-2])]
     missing = [node for node in nodes if node not in known]
     if missing:
         raise BadInput("nodes", missing[0], one_of(missing[0], known))
-    most = np.argsort(-np.nanmax(size, axis=(0, 1)), kind="stable")[: len(_LINES)]
+    most = np.argsort(-np.nanmax(size, axis=(0, 1)), kind="stable")[:_CURVES]
     shown = nodes or [known[i] for i in sorted(most)]
     spin = np.asarray(response.spin_speed)[0]
     ratio = np.asarray(response.frequency)[:, -1] / spin[-1]
-    return {
-        "speeds": [],
-        "orders": np.round(ratio).astype(int).tolist(),
-        "curves": {
-            "speeds": spin,
-            "major_axis": {name: size[..., known.index(name)] for name in shown},
-        },
-    }
+    axes = {name: size[..., known.index(name)] for name in shown}
+    orders = np.round(ratio).astype(int).tolist()
+    return {"speeds": [], "orders": orders, "curves": {"speeds": spin, "major_axis": axes}}
 
 
 def deflection_shape(model: RotorModel, response: Response) -> Figure:
@@ -148,16 +153,14 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
 
     The first speed and order of the response are shown.
     """
-    x = np.asarray(response.displacement).reshape(-1, *response.displacement.shape[-2:])[0]
     speed = float(np.asarray(response.frequency).reshape(-1)[0]) * RPM
     title = f"Deflection shape, {speed:.5g} cycles per minute"
-    figure, axes = new_figure(2, 1, (7.2, 5.6), title)
-    note(figure, _SHADE)
-    _shape(axes[:, 0], model, x * 1e6)
-    for ax, axis in zip(axes[:, 0], "xy", strict=True):
-        ylabel(ax, f"u{axis}, µm")
-    axes[1, 0].set_xlabel("z, mm", fontsize=9)
-    legend_above(axes[0, 0])
+    figure, axes = style.stacked(2, (7.2, 5.6), title)
+    style.note(figure, _SHADE)
+    _shape(axes, model, 1e6 * _first(response))
+    axes[0].set_ylabel("ux, µm")
+    axes[1].set(xlabel="z, mm", ylabel="uy, µm")
+    style.legend_above(axes[0])
     return figure
 
 
@@ -165,55 +168,45 @@ def mode_shapes(model: RotorModel, modes: DampedModes, result: Mapping[str, Any]
     """The first modes along z, x-plane and y-plane."""
     real = np.flatnonzero(np.isfinite(np.asarray(modes.eigenvalue)))[:6]
     rows = max(1, -(-len(real) // 2))
-    figure, axes = new_figure(rows, 2, (8.6, 1.4 + 1.9 * rows), "Mode shapes")
-    for ax in axes.flat[len(real) :]:
-        ax.set_visible(False)
-    for ax, i in zip(axes.flat, real, strict=False):
+    title = "Mode shapes without links" if result["free"] else "Mode shapes"
+    figure, axes = style.new_figure(rows, 2, (8.6, 1.4 + 1.9 * rows), title)
+    for ax, i in zip(style.used(axes, len(real)), real, strict=True):
         shape = np.asarray(modes.shape)[i]
         plane = int(np.argmax(np.abs(shape[:, :2]).max(0)))
         _shape((ax,), model, shape[:, [plane]])
         hertz = float(modes.frequency[i]) / (2 * math.pi)
         damping = 100 * float(modes.damping_ratio[i])
-        text = f"{i + 1}: {hertz:.4g} Hz, damping {damping:.3g} %, {'xy'[plane]}"
-        ax.set_title(text, fontsize=8.5, loc="left", color=INK)
+        style.heading(ax, f"{i + 1}: {hertz:.4g} Hz, damping {damping:.3g} %, {'xy'[plane]}", 8.5)
         ax.set_yticks([0])
-    note(figure, f"{_SHADE} Each mode in the plane of its largest motion, x or y.")
-    handles = axes[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper right", ncols=5, frameon=False, fontsize=8.5)
+    style.note(figure, f"{_SHADE} Each mode in the plane of its largest motion, x or y.")
+    style.legend_outside(axes[0, 0], "upper right", 5)
     for ax in axes[-1]:
-        ax.set_xlabel("z, mm", fontsize=9)
-    if result["free"]:
-        figure.suptitle("Mode shapes without links", fontsize=11, color=INK, x=0.01, ha="left")
+        ax.set_xlabel("z, mm")
     return figure
 
 
 def response_orbits(result: Mapping[str, Any]) -> Figure:
     """Orbits of the watched nodes at the first speed, order by order; a dot marks time zero."""
     nodes = dict(list(result["nodes"].items())[:12])
-    columns = min(4, len(nodes))
-    rows = -(-len(nodes) // columns)
-    rpm = result["speeds"][0] * RPM
-    figure, axes = new_figure(rows, columns, (2.2 * columns + 0.6, 2.3 * rows + 0.8),
-                              f"Orbits at {rpm:.5g} rpm, µm")  # fmt: skip
+    rows, columns = style.grid_of(len(nodes), 4)
+    title = f"Orbits at {result['speeds'][0] * RPM:.5g} rpm, µm"
+    figure, axes = style.new_figure(rows, columns, (2.2 * columns + 0.6, 2.3 * rows + 0.8), title)
     turn = np.linspace(0, 2 * np.pi, 181)
-    for ax in axes.flat[len(nodes) :]:
-        ax.set_visible(False)
-    for ax, (name, motion) in zip(axes.flat, nodes.items(), strict=False):
+    for ax, (name, motion) in zip(style.used(axes, len(nodes)), nodes.items(), strict=True):
         for n, order in enumerate(result["orders"][:3]):
             size, angle = motion["amplitude"], motion["phase"]
             x, y = (1e6 * size[a][n][0] * np.cos(turn + angle[a][n][0]) for a in ("ux", "uy"))
-            ax.plot(x, y, color=_LINES[n], linewidth=1.4, label=f"order {order}")
-            ax.plot(x[0], y[0], "o", color=_LINES[n], markersize=3.5)
-        ax.set_title(name, fontsize=8, loc="left", color=INK)
+            ax.plot(x, y, color=style.tint(n), linewidth=1.4, label=f"order {order}")
+            ax.plot(x[0], y[0], "o", color=style.tint(n), markersize=3.5)
+        style.heading(ax, name, 8)
         ax.set_aspect("equal", adjustable="datalim")
         ax.tick_params(labelbottom=True)
     for ax in axes[:, 0]:
-        ylabel(ax, "y")
+        ax.set_ylabel("y")
     for ax in axes[-1]:
-        ax.set_xlabel("x", fontsize=9)
-    note(figure, "Dots: time zero of the phases.")
-    handles = axes[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper right", ncols=5, frameon=False, fontsize=8.5)
+        ax.set_xlabel("x")
+    style.note(figure, "Dots: time zero of the phases.")
+    style.legend_outside(axes[0, 0], "upper right", 5)
     return figure
 
 
@@ -240,46 +233,37 @@ def campbell_diagram(
             "damping_ratio": campbell.damping_ratio,
             "critical_speeds": [],
         }
-    figure, ((ax,),) = new_figure(1, 1, (7.2, 4.8), "Campbell diagram")
     rpm = np.array(campbell["speeds"]) * RPM
     hertz, whirl, damping = (
         np.array(campbell[key], float) for key in ("frequency", "whirl", "damping_ratio")
     )
     hertz = hertz / (2 * np.pi)
+    top = 1.3 * 2 * rpm[-1] / 60
+    above = int(np.sum(np.nanmin(hertz, axis=0) > top)) if np.isfinite(hertz).any() else 0
+    title = f"Campbell diagram; {above} modes lie above" if above else "Campbell diagram"
+    figure, ax = style.single((7.2, 4.8), title)
     grid = np.broadcast_to(rpm[:, None], hertz.shape)
-    strong = damping > math.sqrt(0.5)
+    strong = damping > _STRONG
     senses = (
         ("forward", whirl >= 0.05, "#0072B2", "o"),
         ("backward", whirl <= -0.05, "#D55E00", "s"),
         ("in a plane", np.abs(whirl) < 0.05, "#444444", "D"),
     )
-    for label, where, tint, marker in senses:
+    for label, where, paint, marker in senses:
         for weak, alpha in ((where & ~strong, 1.0), (where & strong, 0.25)):
-            ax.plot(grid[weak], hertz[weak], marker, color=tint, markersize=2.6, alpha=alpha,
+            ax.plot(grid[weak], hertz[weak], marker, color=paint, markersize=2.6, alpha=alpha,
                     label=label if alpha == 1 and weak.any() else None)  # fmt: skip
-    for mode in np.where(strong, np.nan, hertz).T:
-        ax.plot(rpm, mode, color="#BBBBBB", linewidth=0.8, zorder=1)
+    ax.plot(rpm, np.where(strong, np.nan, hertz), color="#BBBBBB", linewidth=0.8, zorder=1)
     for order, dash in ((1, "--"), (2, ":")):
-        ax.plot(
-            rpm, order * rpm / 60, color=INK, linewidth=1, linestyle=dash, label=f"{order}x speed"
-        )
-    top = 1.3 * 2 * rpm[-1] / 60
-    above = int(np.sum(np.nanmin(hertz, axis=0) > top)) if np.isfinite(hertz).any() else 0
-    if above:
-        figure.suptitle(f"Campbell diagram; {above} modes lie above", fontsize=11, color=INK, x=0.01,
-                        ha="left")  # fmt: skip
-    peaks = [
-        c["speed"] * RPM
-        for c in campbell["critical_speeds"]
-        if c["damping_ratio"] <= math.sqrt(0.5)
-    ]
-    if peaks:
-        ax.plot(peaks, np.array(peaks) / 60, "o", color=INK, fillstyle="none", markersize=9,
+        ax.plot(rpm, order * rpm / 60, dash, color=style.INK, linewidth=1, label=f"{order}x speed")
+    critical = campbell["critical_speeds"]
+    peaks = np.array([c["speed"] * RPM for c in critical if c["damping_ratio"] <= _STRONG])
+    if peaks.size:
+        ax.plot(peaks, peaks / 60, "o", color=style.INK, fillstyle="none", markersize=9,
                 label="critical speed")  # fmt: skip
-    ylabel(ax, "Natural frequency, Hz (pale: damping above 70 %)")
-    ax.set_xlabel("Speed, rpm", fontsize=9)
+    ax.set(xlabel="Speed, rpm", ylabel="Natural frequency, Hz (pale: damping above 70 %)")
     ax.set_ylim(0, top)
-    legend_above(ax)
+    style.legend_above(ax)
     return figure
 
 
@@ -296,21 +280,23 @@ def _draw_shafts(ax, model, places) -> float:
             outline.append((float(do) * 1e3, float(di) * 1e3, z[0] * 1e3, z[1] * 1e3, float(rho)))
             height = max(height, float(do) * 500)
     for do, di, z0, z1, rho in sorted(outline, reverse=True):
-        face = _STEEL if rho else _HOLLOW
-        hatch = None if rho else "///"
-        for low, high in ((di / 2, do / 2), (-do / 2, -di / 2)):
-            ax.add_patch(
-                Rectangle((z0, low), z1 - z0, high - low, facecolor=face, edgecolor="#666666",
-                          linewidth=0.5, hatch=hatch)
-            )  # fmt: skip
+        for low in (di / 2, -do / 2):
+            ax.add_patch(Rectangle((z0, low), z1 - z0, (do - di) / 2, **_SOLID[bool(rho)]))
     for disks in model.disks:
         largest = max(float(np.max(disks.mass)), 1e-12)
         for node, mass in zip(disks.nodes, np.asarray(disks.mass), strict=True):
             z, half = places[node][2] * 1e3, height * (0.5 + 0.5 * float(mass) / largest)
-            ax.plot([z, z], [-half, half], color=_DISK, linewidth=2.4, alpha=0.7, zorder=3)
+            ax.plot([z, z], [-half, half], **_DISK, zorder=3)
     z = [p[2] * 1e3 for p in places.values()]
-    ax.set_xlim(min(z) - 0.12 * (max(z) - min(z) + 1), max(z) + 0.25 * (max(z) - min(z) + 1))
+    room = max(z) - min(z) + 1
+    ax.set_xlim(min(z) - 0.12 * room, max(z) + 0.25 * room)
     return height
+
+
+def _first(response: Response) -> np.ndarray:
+    """(nodes, dof) at the first order and speed."""
+    x = np.asarray(response.displacement)
+    return x.reshape(-1, *x.shape[-2:])[0]
 
 
 def _shape(axes: Sequence, model: RotorModel, x: np.ndarray) -> None:
@@ -323,10 +309,99 @@ def _shape(axes: Sequence, model: RotorModel, x: np.ndarray) -> None:
         line = sorted(group, key=lambda node: places[node][2])
         at = np.array([names.index(node) for node in line])
         z = np.array([places[node][2] for node in line]) * 1e3
-        tint = _LINES[number % 7]
         for plane, ax in enumerate(axes):
-            ax.plot(z, (x[at, plane] * turn).real, "o-", color=tint, markersize=2.4,
+            ax.plot(z, (x[at, plane] * turn).real, "o-", color=style.tint(number), markersize=2.4,
                     linewidth=1.5, label=label)  # fmt: skip
             size = np.abs(x[at, plane])
-            ax.fill_between(z, -size, size, color=tint, alpha=0.08, linewidth=0)
-            ax.axhline(0, color="#888888", linewidth=0.8)
+            ax.fill_between(z, -size, size, color=style.tint(number), alpha=0.08, linewidth=0)
+            style.zero_line(ax)
+
+
+# ---------------------------------------------------------------- a rotor before and after balancing
+
+
+def balance_motion(
+    model: RotorModel, before: Response, after: Response, frames: int = 36
+) -> Motion:
+    """One turn before and after balancing, with the same factor of exaggeration.
+
+    Args:
+        model: rotor, crankcase and housing.
+        before, after: responses of all nodes at order 1; their first speed is shown.
+        frames: pictures of the revolution.
+    """
+    moved = [_first(response)[:, 0] for response in (before, after)]
+    places = node_positions(model)
+    at = 1e3 * np.array([places[node] for node in node_names(model)])  # mm
+    largest = [1e3 * np.abs(motion).max() for motion in moved]  # mm
+    # of one digit
+    factor = _SHARE * np.ptp(at[:, 2]) / max(largest[0], 1e-9)
+    power = 10.0 ** math.floor(math.log10(factor))
+    factor = max(1.0, math.floor(factor / power) * power)
+    rpm = float(np.asarray(before.frequency).reshape(-1)[0]) * RPM
+    title = f"Vibration along x at {rpm:.5g} rpm, {factor:,.0f} times exaggerated"
+    figure, axes = style.new_figure(1, 2, (8.4, 4.6), title)
+    lines = []
+    for ax, motion, size, word in zip(axes[0], moved, largest, ("Before", "After"), strict=True):
+        style.heading(ax, f"{word}: at most {1e3 * size:.3g} µm")
+        outlines = _outlines(model, at, motion)
+        for one in outlines:
+            ax.plot(one.x, one.z, "-", color="#CCCCCC", linewidth=1.2, zorder=1)
+            look = {"color": style.tint(one.number), "label": subset_names(model)[one.number]}
+            lines.append((ax.plot([], [], "-", linewidth=2.2, **look)[0], one))
+        x, z = (np.concatenate([getattr(one, key) for one in outlines]) for key in "xz")
+        room = 1.2 * _SHARE * np.ptp(z)
+        ax.set(xlim=(x.min() - room, x.max() + room), xlabel="x, mm", ylabel="z, mm")
+        ax.set_ylim(z.max() + room / 2, z.min() - room / 2)  # z runs downwards
+        ax.set_aspect("equal", adjustable="box")
+    style.legend_outside(axes[0, 0], "lower center", 4)
+
+    def show(frame: int) -> None:
+        turned = np.exp(2j * np.pi * frame / frames)
+        for line, one in lines:
+            line.set_data(one.x + 1e3 * factor * (one.motion * turned).real, one.z)
+
+    show(0)
+    return Motion(figure, show, frames)
+
+
+class Outline(NamedTuple):
+    """A line that moves: of a shaft or around a body.
+
+    Attributes:
+        number: of its subset.
+        x, z: [mm] at rest.
+        motion: [m] complex amplitude along x.
+    """
+
+    number: int
+    x: np.ndarray
+    z: np.ndarray
+    motion: np.ndarray
+
+
+def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Outline]:
+    """Boxes around the bodies, the longest one around the others, and the shafts in front."""
+    names = list(node_names(model))
+    on_shafts = {node for shaft in model.shafts for pair in shaft.pairs for node in pair}
+    boxes, shafts = [], []
+    for number, group in enumerate(subsets(model)):
+        for body in model.bodies:
+            if body.centre in group:
+                boxes.append((number, [names.index(node) for node in (body.centre, *body.nodes)]))
+        line = sorted((names.index(n) for n in group if n in on_shafts), key=lambda i: at[i, 2])
+        if line:
+            shafts.append(Outline(number, at[line, 0], at[line, 2], motion[line]))
+    boxes.sort(key=lambda box: np.ptp(at[box[1], 2]))
+    step = 0.08 * np.ptp(at[:, 2])
+    left, right = 0.0, 0.0
+    for number, members in boxes:
+        x, y, z = at[members].T
+        left, right = min(left - step, x.min()), max(right + step, x.max())
+        # of a rigid body u_x is linear in y and z, so that its nodes tell the motion of the corners
+        terms = np.stack([np.ones(len(members)), y, z], axis=1)
+        fit = np.linalg.lstsq(terms, motion[members], rcond=None)[0]
+        z = np.array([z.min(), z.min(), z.max(), z.max(), z.min()])
+        x = np.array([left, right, right, left, left])
+        shafts.insert(0, Outline(number, x, z, fit[0] + fit[2] * z))
+    return shafts

@@ -1,10 +1,13 @@
-"""One look for all pictures, without touching matplotlib's global state."""
+"""One look for all pictures, without touching matplotlib's global state, and what many are made of."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# Colour-blind safe (Okabe and Ito), by joint and by torque.
+# Colour-blind safe (Okabe and Ito), by joint, torque, valve and axis.
 COLOURS = {
     "wall": "#D55E00",
     "piston_film": "#E69F00",
@@ -20,15 +23,22 @@ COLOURS = {
     "thrust_bearing": "#999933",
     "pump": "#AA4499",
     "gas": "#D55E00",
+    "suction": "#0072B2",
+    "discharge": "#D55E00",
     "motor": "#0072B2",
     "friction": "#7F7F7F",
     "piston": "#009E73",
     "rod": "#CC79A7",
     "crank": "#444444",
+    "x": "#0072B2",
+    "y": "#D55E00",
+    "z": "#009E73",
 }
 _SPARE = ("#E69F00", "#56B4E9", "#F0E442", "#CC79A7", "#000000")
-SPARE_COLOURS = len(_SPARE)
-INK = "#222222"
+# Of curves that stand for no joint, in this order.
+TINTS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#56437F",
+         "#444444")  # fmt: skip
+INK, GREY, FAINT, GRID = "#222222", "#888888", "#AAAAAA", "#E3E3E3"
 
 
 def colour(name: str, place: int = 0) -> str:
@@ -36,54 +46,138 @@ def colour(name: str, place: int = 0) -> str:
     return COLOURS.get(name, _SPARE[place % len(_SPARE)])
 
 
+def tint(place: int) -> str:
+    """The colour of a curve by its place among the others."""
+    return TINTS[place % len(TINTS)]
+
+
 def words(name: str) -> str:
     """`crank_pin` -> `Crank pin`."""
     return name.replace("_", " ").capitalize()
 
 
-def new_figure(rows: int, columns: int, size: tuple[float, float], title: str, share: bool = True):
+def new_figure(
+    rows: int, columns: int, size: tuple[float, float], title: str, share: bool = True, **options
+):
     """A figure with a grid of axes in the style of the package, as an array of shape (rows, columns).
 
-    With `share` all axes have the same abscissa.
+    With `share` all axes have the same abscissa; `options` are those of `Figure.subplots`.
     """
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=share and rows * columns > 1)
+    share = share and rows * columns > 1
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=share, **options)
     figure.suptitle(title, fontsize=11, color=INK, x=0.01, ha="left")
     for ax in axes.flat:
-        ax.grid(True, color="#E3E3E3", linewidth=0.7)
+        ax.grid(True, color=GRID, linewidth=0.7)
         ax.set_axisbelow(True)
+        if ax.name == "polar":
+            ax.spines["polar"].set_color(GREY)
+            ax.tick_params(colors=INK, labelsize=8)
+            continue
         ax.spines[["top", "right"]].set_visible(False)
-        ax.spines[["left", "bottom"]].set_color("#888888")
+        ax.spines[["left", "bottom"]].set_color(GREY)
         ax.tick_params(colors=INK, labelsize=8.5)
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.label.set_size(9)
     return figure, axes
+
+
+def single(size: tuple[float, float], title: str):
+    """A figure with one pair of axes."""
+    figure, axes = new_figure(1, 1, size, title)
+    return figure, axes[0, 0]
+
+
+def stacked(rows: int, size: tuple[float, float], title: str):
+    """A figure with axes over a common abscissa, from the top down."""
+    figure, axes = new_figure(rows, 1, size, title)
+    return figure, axes[:, 0]
 
 
 def new_polar_figure(rows: int, columns: int, title: str):
     """A figure with a grid of polar axes in the same style, as an array of shape (rows, columns)."""
-    size = (4.0 * columns, 4.0 * rows + 0.4)
-    figure = Figure(figsize=size, layout="constrained", facecolor="white")
-    axes = figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": "polar"})
-    figure.suptitle(title, fontsize=11, color=INK, x=0.01, ha="left")
-    for ax in axes.flat:
-        ax.grid(True, color="#E3E3E3", linewidth=0.7)
-        ax.set_axisbelow(True)
-        ax.spines["polar"].set_color("#888888")
-        ax.tick_params(colors=INK, labelsize=8)
-    return figure, axes
+    size, polar = (4.0 * columns, 4.0 * rows + 0.4), {"projection": "polar"}
+    return new_figure(rows, columns, size, title, False, subplot_kw=polar)
+
+
+def grid_of(count: int, columns: int) -> tuple[int, int]:
+    """Rows and columns for so many axes, in rows of at most `columns`."""
+    columns = min(columns, count)
+    return -(-count // columns), columns
+
+
+def used(axes: np.ndarray, count: int) -> list[Any]:
+    """The first axes of a grid; the others are hidden."""
+    for ax in axes.flat[count:]:
+        ax.set_visible(False)
+    return list(axes.flat[:count])
+
+
+# ---------------------------------------------------------------- curves
 
 
 def crank_axis(ax: Axes, label: bool = True) -> None:
     """Crank angle from -180 to 180 degrees with a mark at zero."""
-    ax.set_xlim(-180, 180)
-    ax.set_xticks(range(-180, 181, 45))
-    ax.axvline(0, color="#AAAAAA", linewidth=0.8, zorder=1)
+    ax.set(xlim=(-180, 180), xticks=range(-180, 181, 45))
+    ax.axvline(0, color=FAINT, linewidth=0.8, zorder=1)
     if label:
         ax.set_xlabel("Crank angle from top dead centre, degrees", fontsize=9)
 
 
-def note(figure: Figure, text: str) -> None:
-    """A line below the axes that says what marks and shades mean."""
-    figure.supxlabel(text, fontsize=8, color=INK, x=0.01, ha="left")
+def zero_line(ax: Axes) -> None:
+    """A thin line at the ordinate zero."""
+    ax.axhline(0, color=GREY, linewidth=0.8)
+
+
+def over_turn(angle, *curves):
+    """Order curves from -180 to 180 degrees and close the revolution at both ends.
+
+    Args:
+        angle: [rad] (n,) nodes in rising order within one revolution from the top dead centre.
+        curves: (n,) values at the nodes.
+
+    Returns:
+        Angle [degrees] (n + 2,) and each curve (n + 2,), continued periodically.
+    """
+    degrees = (np.rad2deg(np.asarray(angle)) + 180) % 360 - 180
+    order = np.argsort(degrees)
+    closed = [np.pad(np.asarray(values)[order], 1, "wrap") for values in (degrees, *curves)]
+    closed[0][[0, -1]] += -360, 360
+    return closed
+
+
+def turn_curves(
+    ax: Axes,
+    angle,
+    curves: Mapping[str, Any],
+    ylabel: str,
+    *,
+    looks: Mapping[str, Mapping[str, Any]] = {},
+    zero: bool = True,
+    last: bool = True,
+    **look: Any,
+) -> None:
+    """Curves over the crank angle, each in the colour of its joint or torque.
+
+    Args:
+        ax: plane axes.
+        angle: [rad] (n,)
+        curves: (n,) values by name.
+        ylabel: of the ordinate.
+        looks: of single lines, by name.
+        zero: draw a line at zero.
+        last: the abscissa has its label here.
+        look: of all lines.
+    """
+    for place, (name, values) in enumerate(curves.items()):
+        # a second round of the colours is dashed, a third dotted
+        style = ("-", "--", ":", "-.")[place // len(_SPARE) % 4]
+        usual = {"color": colour(name, place), "linewidth": 1.5, "label": words(name)}
+        ax.plot(*over_turn(angle, values), style, **usual | look | looks.get(name, {}))
+    if zero:
+        zero_line(ax)
+    ax.set_ylabel(ylabel)
+    crank_axis(ax, last)
 
 
 def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
@@ -100,7 +194,7 @@ def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
     places = y * np.exp(1j * x) if ax.name == "polar" else x + 1j * y
     apart, numbered = 0.12 * np.ptp([places.real, places.imag]), []
     for mark in (0, 180, 90, 270, 45, 135, 225, 315):
-        at = np.argmin(np.abs((degrees - mark + 180) % 360 - 180))
+        at = nearest_angle(degrees, mark)
         ax.plot(x[at], y[at], "o", color=tint, markersize=3.2)
         if mark % 90 == 0 and all(abs(places[at] - other) > apart for other in numbered):
             numbered.append(places[at])
@@ -108,12 +202,61 @@ def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
                         textcoords="offset points", fontsize=7.5)  # fmt: skip
 
 
-def ylabel(ax: Axes, text: str) -> None:
-    ax.set_ylabel(text, fontsize=9)
+def nearest_angle(degrees, mark: float) -> int:
+    """The place of the crank angle that is nearest to one, both in degrees."""
+    return int(np.argmin(np.abs((degrees - mark + 180) % 360 - 180)))
+
+
+# ---------------------------------------------------------------- bars and maps
+
+
+def named_rows(ax: Axes, names: Sequence[str], down: bool = True, **options) -> None:
+    """Names beside rows of bars or marks, from the top `down`, without lines between them."""
+    ax.set_yticks(range(len(names)), names, **options)
+    if down:
+        ax.invert_yaxis()
+    ax.grid(False, axis="y")
+    ax.tick_params(axis="y", length=0)
+
+
+def side_by_side(count: int, room: float = 0.8) -> tuple[np.ndarray, float]:
+    """Shifts of so many bars around their common place, and the width of each."""
+    width = room / count
+    return width * (np.arange(count) - (count - 1) / 2), width
+
+
+def colour_bar(ax: Axes, shades: Any, label: str, hover: tuple | None = None) -> None:
+    """A bar that says what filled contours mean.
+
+    Args:
+        ax: the axes of the contours.
+        shades: the contours.
+        label: quantity and unit.
+        hover: abscissas, ordinates and values (rows of ordinates) that an interactive picture tells.
+    """
+    bar = ax.figure.colorbar(shades, ax=ax, pad=0.01)
+    bar.set_label(label, fontsize=9)
+    bar.ax.tick_params(labelsize=8.5)
+    if hover is not None:
+        shades.hover = *hover, label
+
+
+# ---------------------------------------------------------------- words
+
+
+def heading(ax: Axes, text: str, size: float = 9.5) -> None:
+    """A title of one of several axes."""
+    ax.set_title(text, fontsize=size, loc="left", color=INK)
+
+
+def note(figure: Figure, text: str) -> None:
+    """A line below the axes that says what marks and shades mean."""
+    figure.supxlabel(text, fontsize=8, color=INK, x=0.01, ha="left")
 
 
 def legend(ax: Axes, **options) -> None:
-    ax.legend(frameon=False, fontsize=8.5, **options)
+    """A legend without a frame."""
+    ax.legend(**{"frameon": False, "fontsize": 8.5} | options)
 
 
 def legend_above(ax: Axes) -> None:
@@ -121,22 +264,7 @@ def legend_above(ax: Axes) -> None:
     legend(ax, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, borderaxespad=0.2)
 
 
-def over_turn(angle, *curves):
-    """Order curves from -180 to 180 degrees and close the revolution at both ends.
-
-    Args:
-        angle: [rad] (n,) nodes in rising order within one revolution from the top dead centre.
-        curves: (n,) values at the nodes.
-
-    Returns:
-        Angle [degrees] (n + 2,) and each curve (n + 2,), continued periodically.
-    """
-    degrees = np.rad2deg(np.asarray(angle))
-    degrees = (degrees + 180) % 360 - 180
-    order = np.argsort(degrees)
-    degrees = degrees[order]
-    out = [np.concatenate([[degrees[-1] - 360], degrees, [degrees[0] + 360]])]
-    for curve in curves:
-        values = np.asarray(curve)[order]
-        out.append(np.concatenate([values[-1:], values, values[:1]]))
-    return out
+def legend_outside(ax: Axes, loc: str, ncols: int) -> None:
+    """A legend of these axes at the edge of the figure."""
+    handles = ax.get_legend_handles_labels()
+    ax.figure.legend(*handles, loc=f"outside {loc}", ncols=ncols, frameon=False, fontsize=8.5)

@@ -6,21 +6,21 @@ They take the dataset of `jaxcomp.sweep` and show it in the units people use.
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..sweeping import best_curve, best_design, shown_column
-from ._style import INK, legend_above, new_figure, ylabel
+from . import _style as style
 
 if TYPE_CHECKING:
     import xarray
 
-_CURVE, _MARK, _BEST = "#0072B2", "#D55E00", "#D55E00"
+_CURVE, _BEST = "#0072B2", "#D55E00"
 # Points of a cloud that still can be told apart.
 _CLOUD = 20_000
 # Values of the second variable up to which a picture of one curve each can be read.
 _CURVES = 12
-_CURVE_COLOURS = "viridis"
 
 
 def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
@@ -31,19 +31,17 @@ def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
         title: what was swept.
     """
     figures = {}
-    heading = title
     for name in _quantities(found):
-        dims = found[name].dims
-        title = f"{heading}: {shown_column(found, name).words.lower()}"
+        dims, words = found[name].dims, f"{title}: {shown_column(found, name).words.lower()}"
         if dims == ("sample",):
-            figures[f"samples-{name}"] = sample_cloud(found, name, title)
+            figures[f"samples-{name}"] = sample_cloud(found, name, words)
         elif len(dims) == 1:
-            figures[f"curve-{name}"] = sweep_curves(found, name, title)
+            figures[f"curve-{name}"] = sweep_curves(found, name, words)
         else:
-            figures[f"map-{name}"] = sweep_map(found, name, title)
-            figures[f"curves-{name}"] = sweep_curves(found, name, title)
+            figures[f"map-{name}"] = sweep_map(found, name, words)
+            figures[f"curves-{name}"] = sweep_curves(found, name, words)
             if len(dims) == 2 and _judged(found, name):
-                figures[f"optimum-{name}"] = optimum_curve(found, name, title)
+                figures[f"optimum-{name}"] = optimum_curve(found, name, words)
     return figures
 
 
@@ -58,20 +56,18 @@ def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict
     machines, figures = [str(one) for one in found[dimension].values], {}
     for name in _quantities(found):
         look = shown_column(found, name)
-        figure, axes = new_figure(1, 1, (7.2, 4.2), f"{title}: {look.words.lower()}")
-        ax = axes[0, 0]
+        heading = f"{title}: {look.words.lower()}"
+        figure, ax = style.single((7.2, 4.2), heading)
         values = found[name].transpose(dimension, ...).values.reshape(len(machines), -1)
         for place, own in enumerate(values * look.factor):
             good = own[np.isfinite(own)]
             # as wide as a bar, in the order of the designs
-            at = place + (
-                np.linspace(-0.3, 0.3, good.size) if good.size > 1 else np.zeros(good.size)
-            )
-            ax.plot(at, good, "o", color=_CURVE, markersize=3.5)
+            wide = np.linspace(-0.3, 0.3, good.size) if good.size > 1 else 0 * good
+            ax.plot(place + wide, good, "o", color=_CURVE, markersize=3.5)
             if good.size:
                 ax.plot([place - 0.35, place + 0.35], [np.median(good)] * 2, color=_BEST)
         ax.set_xticks(range(len(machines)), machines)
-        ylabel(ax, look.label)
+        ax.set_ylabel(look.label)
         figures[f"machines-{name}"] = figure
     return figures
 
@@ -90,8 +86,7 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     along, across = found[name].dims
     y, x, z = (shown_column(found, n) for n in (along, across, name))
     values = np.ma.masked_invalid(np.asarray(found[name]) * z.factor)
-    figure, axes = new_figure(1, 1, (7.2, 5.0), f"{title}{at}")
-    ax = axes[0, 0]
+    figure, ax = style.single((7.2, 5.0), f"{title}{at}")
     ax.grid(False)
     px, py = np.asarray(found[across]) * x.factor, np.asarray(found[along]) * y.factor
     right, up = np.argsort(px), np.argsort(py)
@@ -101,21 +96,17 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
         if values.max() == values.min():
             levels = np.array([values.min() - 0.5, values.max() + 0.5])
         shades = ax.contourf(px, py, values, levels=levels, cmap="viridis")
-        shades.hover = px, py, values.filled(np.nan), z.label  # pyright: ignore
-        lines = ax.contour(px, py, values, levels=levels, colors="white", linewidths=0.5)
-        ax.clabel(lines, levels[::2], fontsize=7.5, fmt="%.4g")
-        bar = figure.colorbar(shades, ax=ax, pad=0.01)
-        bar.set_label(z.label, fontsize=9)
-        bar.ax.tick_params(labelsize=8.5)
+        lines = ax.contour(shades, colors="white", linewidths=0.5)
+        ax.clabel(lines, lines.levels[::2], fontsize=7.5, fmt="%.4g")
+        style.colour_bar(ax, shades, z.label, (px, py, values.filled(np.nan)))
     failed = np.ma.getmaskarray(values)
     if failed.any():
         rows, columns = np.nonzero(failed)
-        ax.plot(px[columns], py[rows], "x", color="#888888", markersize=3, label="failed")
+        ax.plot(px[columns], py[rows], "x", color=style.GREY, markersize=3, label="failed")
     if _judged(found, name):
         top = best_curve(found, name)
         order = np.argsort(top.across)
-        at_end = ~_inside(top.along, np.asarray(found[along]))
-        inner = np.where(at_end, np.nan, top.between)[order]
+        inner = np.where(_inside(top.along, found[along]), top.between, np.nan)[order]
         words = f"best {y.words.lower()}"
         ax.plot(px, inner * y.factor, color=_BEST, linewidth=2.0, label=words)
         best = best_design(found, name)
@@ -123,10 +114,9 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
             place = best[across] * x.factor, best[along] * y.factor
             ax.plot(*place, "o", color=_BEST, markeredgecolor="white", markersize=7,
                     clip_on=False, label=f"best of all, {z.text(best[name], 4)}")  # fmt: skip
-    ax.set_xlabel(x.label, fontsize=9)
-    ylabel(ax, y.label)
+    ax.set(xlabel=x.label, ylabel=y.label)
     if ax.get_legend_handles_labels()[0]:
-        legend_above(ax)
+        style.legend_above(ax)
     return figure
 
 
@@ -147,29 +137,25 @@ def sweep_curves(found: "xarray.Dataset", name: str, title: str) -> Figure:
     px = np.asarray(found[dims[0]]) * x.factor
     order = np.argsort(px)
     px, values = px[order], values[order]
-    figure, axes = new_figure(1, 1, (7.2, 4.4), f"{title}{at}")
-    ax = axes[0, 0]
-    count = values.shape[1]
+    figure, ax = style.single((7.2, 4.4), f"{title}{at}")
+    count, judged = values.shape[1], _judged(found, name)
     chosen = np.unique(np.linspace(0, count - 1, min(count, _CURVES)).round().astype(int))
-    from matplotlib import colormaps
-
-    tints = [_CURVE] if count == 1 else colormaps[_CURVE_COLOURS](np.linspace(0, 0.9, len(chosen)))
+    tints = [_CURVE] if count == 1 else colormaps["viridis"](np.linspace(0, 0.9, len(chosen)))
     second = shown_column(found, dims[1]) if len(dims) == 2 else None
     sign = -1.0 if found[name].attrs.get("better") == "less" else 1.0
     for tint, column in zip(tints, chosen, strict=True):
         label = None if second is None else second.text(float(found[dims[1]][column]), 4)
         curve = values[:, column]
-        single = np.isfinite(curve).sum() <= 40
-        ax.plot(px, curve, "o-" if single else "-", color=tint, linewidth=1.5, markersize=2.5,
+        known = np.isfinite(curve).sum()
+        ax.plot(px, curve, "o-" if known <= 40 else "-", color=tint, linewidth=1.5, markersize=2.5,
                 label=label)  # fmt: skip
-        if _judged(found, name) and np.any(np.isfinite(curve)):
+        if judged and known:
             top = np.nanargmax(sign * curve)
-            ax.plot(px[top], curve[top], "o", color=_MARK, markersize=5.5, zorder=3)
-    ax.set_xlabel(x.label, fontsize=9)
-    ylabel(ax, y.label + (" (the best is marked)" if _judged(found, name) else ""))
+            ax.plot(px[top], curve[top], "o", color=_BEST, markersize=5.5, zorder=3)
+    ax.set(xlabel=x.label, ylabel=y.label + (" (the best is marked)" if judged else ""))
     if second is not None:
-        ax.legend(frameon=False, fontsize=8, title=second.words, title_fontsize=8.5,
-                  loc="center left", bbox_to_anchor=(1.0, 0.5))  # fmt: skip
+        style.legend(ax, fontsize=8, title=second.words, title_fontsize=8.5, loc="center left",
+                     bbox_to_anchor=(1.0, 0.5))  # fmt: skip
     return figure
 
 
@@ -184,24 +170,21 @@ def optimum_curve(found: "xarray.Dataset", name: str, title: str) -> Figure:
     along, across = found[name].dims
     top = best_curve(found, name)
     x, y, z = (shown_column(found, n) for n in (across, along, name))
-    figure, axes = new_figure(2, 1, (7.2, 5.4), title)
+    figure, (above, below) = style.stacked(2, (7.2, 5.4), title)
     order = np.argsort(top.across)
-    px = top.across[order] * x.factor
-    inner = _inside(top.along, np.asarray(found[along]))[order]
+    px, value = top.across[order] * x.factor, top.value[order] * z.factor
+    inner = _inside(top.along, found[along])[order]
     best, between = top.along[order] * y.factor, top.between[order] * y.factor
-    ax = axes[0, 0]
-    ax.plot(px, np.where(inner, between, np.nan), color=_CURVE, linewidth=1.6,
-            label="between the values tried (parabola)")  # fmt: skip
-    ax.plot(px, best, "o", color=_CURVE, markersize=3.5, label="of the values tried")
+    above.plot(px, np.where(inner, between, np.nan), color=_CURVE, linewidth=1.6,
+               label="between the values tried (parabola)")  # fmt: skip
+    above.plot(px, best, "o", color=_CURVE, markersize=3.5, label="of the values tried")
     if not inner.all():
-        ax.plot(px[~inner], best[~inner], "o", color="#888888", markersize=4,
-                label="at the end of the range")  # fmt: skip
-    ylabel(ax, f"Best {y.label[:1].lower()}{y.label[1:]}")
-    legend_above(ax)
-    ax = axes[1, 0]
-    ax.plot(px, top.value[order] * z.factor, "o-", color=_MARK, markersize=3, linewidth=1.5)
-    ylabel(ax, z.label)
-    ax.set_xlabel(x.label, fontsize=9)
+        above.plot(px[~inner], best[~inner], "o", color=style.GREY, markersize=4,
+                   label="at the end of the range")  # fmt: skip
+    above.set_ylabel(f"Best {y.label[:1].lower()}{y.label[1:]}")
+    style.legend_above(above)
+    below.plot(px, value, "o-", color=_BEST, markersize=3, linewidth=1.5)
+    below.set(xlabel=x.label, ylabel=z.label)
     return figure
 
 
@@ -218,29 +201,24 @@ def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
     every = -(-found.sizes["sample"] // _CLOUD)
     values = np.asarray(found[name]) * y.factor
     good = values[np.isfinite(values)]
-    columns = min(len(variables) + 1, 3)
-    rows = -(-(len(variables) + 1) // columns)
-    figure, axes = new_figure(rows, columns, (3.4 * columns, 3.1 * rows), title, share=False)
-    ax = axes[0, 0]
+    rows, columns = style.grid_of(len(variables) + 1, 3)
+    size = (3.4 * columns, 3.1 * rows)
+    figure, axes = style.new_figure(rows, columns, size, title, share=False)
+    first, *others = style.used(axes, len(variables) + 1)
     if good.size:
-        ax.hist(good, bins=min(80, max(10, round(good.size**0.5))), color=_CURVE)
+        first.hist(good, bins=min(80, max(10, round(good.size**0.5))), color=_CURVE)
         low, middle, high = np.percentile(good, [5, 50, 95])
         for level, dash in ((low, ":"), (middle, "-"), (high, ":")):
-            ax.axvline(level, color=_MARK, linestyle=dash, linewidth=1.2)
-        ax.set_title(f"median {middle:.5g}, 5 to 95 %: {low:.5g} to {high:.5g}", fontsize=8,
-                     color=INK, loc="left")  # fmt: skip
-    ax.set_xlabel(y.label, fontsize=9)
-    ylabel(ax, "Designs")
-    for ax, variable in zip(axes.flat[1:], variables, strict=False):
+            first.axvline(level, color=_BEST, linestyle=dash, linewidth=1.2)
+        style.heading(first, f"median {middle:.5g}, 5 to 95 %: {low:.5g} to {high:.5g}", 8)
+    first.set(xlabel=y.label, ylabel="Designs")
+    for ax, variable in zip(others, variables, strict=True):
         x = shown_column(found, variable)
         px = np.asarray(found[variable][::every]) * x.factor
         size = 2.5 if px.size > 2000 else 5
         ax.scatter(px, values[::every], s=size, color=_CURVE, alpha=0.5, linewidths=0,
                    rasterized=True)  # fmt: skip
-        ax.set_xlabel(x.label, fontsize=9)
-        ylabel(ax, y.label)
-    for ax in axes.flat[len(variables) + 1 :]:
-        ax.set_visible(False)
+        ax.set(xlabel=x.label, ylabel=y.label)
     return figure
 
 
@@ -253,7 +231,7 @@ def _judged(found, name) -> bool:
 
 
 def _inside(values, tried):
-    return (values > tried.min()) & (values < tried.max())
+    return (values > float(tried.min())) & (values < float(tried.max()))
 
 
 def _sliced(found, name, keep):

@@ -1,21 +1,33 @@
 """The page: what was asked, whether it can be trusted, what came out, and what it stands on."""
 
+import base64
 import datetime
 import platform
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from html import escape
 from importlib import resources
 from importlib.metadata import version
+from io import BytesIO
+from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
+import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
+from rich.table import Table
+from rich.text import Text
 
-from ..scene import Scene
+from .._shown import behind
+from ..scene import Row, Scene, describe
 from ._checks import Check, checks
-from ._pictures import picture_html
-from ._sources import sources_html
-from ._tables import numbers_html, tables_html
+
+_CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "doubt", "dim": "faint"}
+# A drawing with more lines than this is smaller, and faster to show, as pixels.
+_LARGEST_SVG = 400_000  # bytes
+_DPI = 130
+_DIGIT = "\u2007"  # room as wide as a digit
 
 
 class Made(NamedTuple):
@@ -58,8 +70,11 @@ def report(
     name = str(scene.name if scene is not None else result.get("machine", "jaxcomp"))
     lead = "" if scene is None else f'<p class="lead">{escape(scene.description)}</p>'
     shown = tables_html(tables) or numbers_html(result)
+    versions = ", ".join(f"{library} {number}" for library, number in made.versions.items())
+    origin = f'<pre class="command">{escape(made.command)}</pre>'
+    origin += f'<p class="faint">{escape(made.at)}, {escape(versions)}</p>'
     parts = [
-        f"<header><h1>{escape(name)}</h1>{lead}{_made(made)}</header>",
+        f"<header><h1>{escape(name)}</h1>{lead}{origin}</header>",
         _section("Results", shown),
         _section("Pictures", "".join(picture_html(*pair) for pair in pictures.items())),
         _checks(checks(result)),
@@ -77,11 +92,6 @@ def report(
     )
 
 
-def _made(made: Made) -> str:
-    libraries = ", ".join(f"{name} {number}" for name, number in made.versions.items())
-    return f'<pre class="command">{escape(made.command)}</pre><p class="faint">{escape(made.at)}, {escape(libraries)}</p>'  # noqa: E501
-
-
 def _checks(found: tuple[Check, ...]) -> str:
     if not found:
         return ""
@@ -97,7 +107,154 @@ def _checks(found: tuple[Check, ...]) -> str:
 
 def _section(title: str, inside: str) -> str:
     place = re.sub(r"\W+", "-", title.lower())
-    inside = re.sub(
-        r"(<table\b.*?</table>)", r'<div class="wide">\1</div>', inside, flags=re.DOTALL
-    )
+    inside = re.sub(r"(?s)<table\b.*?</table>", r'<div class="wide">\g<0></div>', inside)
     return f'<section><h2 id="{place}">{title}</h2>{inside}</section>\n' if inside else ""
+
+
+# ---------------------------------------------------------------- tables of the terminal
+
+
+def tables_html(tables: Iterable[Any]) -> str:
+    """Tables and lines of text, as the terminal shows them."""
+    return "\n".join(
+        _table(one) if isinstance(one, Table) else f"<p>{rich_html(str(one).strip())}</p>"
+        for one in tables
+    )
+
+
+def numbers_html(result: Mapping[str, Any]) -> str:
+    """The single numbers and words of a result, where nobody made tables of it."""
+    rows = [
+        f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in _flat(result)
+    ]
+    head = "<tr><th>Result, in SI units</th><th></th></tr>"
+    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def rich_html(markup: Any) -> str:
+    """A text with the markup of the terminal as HTML."""
+    text = markup if isinstance(markup, Text) else Text.from_markup(str(markup))
+    cuts = sorted({0, len(text.plain), *(n for s in text.spans for n in (s.start, s.end))})
+    out = []
+    for begin, end in pairwise(cuts):
+        words = {
+            word
+            for span in text.spans
+            if span.start <= begin and span.end >= end
+            for word in str(span.style).split()
+        }
+        classes = " ".join(_CLASSES[word] for word in sorted(words) if word in _CLASSES)
+        piece = escape(text.plain[begin:end])
+        out.append(f'<span class="{classes}">{piece}</span>' if classes else piece)
+    return "".join(out)
+
+
+def _table(table: Table) -> str:
+    title = f"<h3>{rich_html(table.title)}</h3>" if table.title else ""
+    aligned = [f' class="{column.justify}"' for column in table.columns]
+    heads = [
+        f"<th{side}>{rich_html(column.header)}</th>"
+        for side, column in zip(aligned, table.columns, strict=True)
+    ]
+    columns = [list(column.cells) for column in table.columns]
+    ends = [
+        behind([Text.from_markup(str(c)).plain for c in cells]) if column.justify == "right" else []
+        for column, cells in zip(table.columns, columns, strict=True)
+    ]
+    body = []
+    for number, row in enumerate(table.rows):
+        cells = "".join(
+            f"<td{side}>{rich_html(cells[number])}{(end[number] if end else 0) * _DIGIT}</td>"
+            for side, cells, end in zip(aligned, columns, ends, strict=True)
+        )
+        last = ' class="last"' if row.end_section else ""
+        body.append(f"<tr{last}>{cells}</tr>")
+    named = any(column.header for column in table.columns)
+    head = f"<thead><tr>{''.join(heads)}</tr></thead>" if named else ""
+    return f"{title}<table>{head}<tbody>{''.join(body)}</tbody></table>"
+
+
+def _flat(result: Mapping[str, Any], above: str = ""):
+    """Names and texts of single numbers and words, those of parts behind the name of the whole."""
+    for key, value in result.items():
+        name = f"{above}{key}".replace("_", " ")
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{key}, ")
+        elif isinstance(value, bool):
+            yield name, "yes" if value else "no"
+        elif isinstance(value, str | int | float) and value != "":
+            yield name, f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+# ---------------------------------------------------------------- pictures
+
+
+def picture_html(name: str, picture: Figure | bytes) -> str:
+    """A figure, which carries its title, or a moving picture (GIF) with its name below."""
+    caption = ""
+    if isinstance(picture, bytes):
+        kind, data, told = "gif", picture, name.replace("_", " ").capitalize()
+        caption = f"<figcaption>{escape(told)}</figcaption>"
+    else:
+        kind, data = "svg+xml", _saved(picture, "svg")
+        if len(data) > _LARGEST_SVG:
+            kind, data = "png", _saved(picture, "png")
+        told = picture.get_suptitle() or name
+    source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+    image = f'<img src="{source}" alt="{escape(told, quote=True)}">'
+    return f"<figure>{image}{caption}</figure>"
+
+
+def _saved(figure: Figure, kind: str) -> bytes:
+    out = BytesIO()
+    # letters as outlines: the reader's machine may not have the font
+    options = {"svg.fonttype": "path", "svg.hashsalt": "jaxcomp"}
+    plain = {"Date": None} if kind == "svg" else None
+    with matplotlib.rc_context(options):
+        figure.savefig(out, format=kind, dpi=_DPI, metadata=plain)
+    return out.getvalue()
+
+
+# ---------------------------------------------------------------- values with their sources
+
+
+def sources_html(scene: Scene) -> str:
+    """All values of a scene by section: as given, in SI units, where they come from."""
+    rows = describe(scene)
+    heads = "".join(f"<th>{word}</th>" for word in ("Value", "Given", "SI", "Source", "Meaning"))
+    bodies = []
+    for section, group in groupby(rows, lambda row: row.path.partition(".")[0]):
+        title = f'<tr class="section"><th colspan="5">{escape(section)}</th></tr>'
+        bodies.append(f"<tbody>{title}{''.join(map(_row, group))}</tbody>")
+    table = f'<table class="sources"><thead><tr>{heads}</tr></thead>{"".join(bodies)}</table>'
+    return f"<p>{escape(_tally(rows))}</p>{table}"
+
+
+def _tally(rows: tuple[Row, ...]) -> str:
+    """How many values come from where, by the first word of the source."""
+    words = Counter(
+        row.source.partition(",")[0].strip() or "without a source"
+        for row in rows
+        if not row.path.endswith(".type")
+    )
+    parts = ", ".join(f"{count} {word}" for word, count in words.most_common())
+    return f"{words.total()} values: {parts}."
+
+
+def _row(row: Row) -> str:
+    given = "" if row.given is None else str(row.given)
+    cells = (row.path, given, _si(row), row.source, row.doc)
+    faint = ' class="faint"' if row.given is None else ""
+    path, *others = (f"<td>{escape(cell)}</td>" for cell in cells)
+    path = re.sub(r"([._])", r"\1<wbr>", path)  # a long path breaks between its words
+    return f"<tr{faint}>{path}{''.join(others)}</tr>"
+
+
+def _si(row: Row) -> str:
+    if not isinstance(row.value, np.ndarray):
+        word = str(row.value)
+        return "" if row.given is not None else word.lower() if word in ("True", "False") else word
+    if row.value.ndim == 1 and row.value.size > 1 and np.all(row.value == row.value[0]):
+        return f"{row.value.size} × {row.value[0]:.6g} {row.unit}".strip()
+    text = np.array2string(row.value, precision=6, separator=", ", threshold=60)
+    return f"{text if row.value.ndim else format(row.value.item(), '.6g')} {row.unit}".strip()

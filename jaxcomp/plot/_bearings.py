@@ -1,0 +1,249 @@
+"""Pictures of the bearings: their loads, journals in their clearances, and one film by itself."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from .._shown import shown
+from ..compressor import Compressor
+from ..crank import Orbit, journal_films
+from ..crank._films import JournalFilm
+from ..film import (
+    AbstractFilm,
+    AbstractSolvedFilm,
+    PressureField,
+    coefficients_per_load,
+    film_ratio,
+)
+from ..friction import joints_of_cylinder
+from ..mechanism import SliderLink
+from . import _style as style
+from ._fine import fine_turn
+
+# Every 45 degrees; the others have the grid alone.
+_DIRECTIONS = ("to the\nhead", "", "across", "", "from the\nhead", "", "", "")
+_OF_MACHINE = ("x", "", "y", "", "-x", "", "-y", "")
+_ENTRIES = {"xx": "#0072B2", "xy": "#D55E00", "yx": "#009E73", "yy": "#56437F"}
+
+
+def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Force of the shaft on every bush, by size and direction.
+
+    Directions are those of the machine at rest: 0 towards the head, growing in the sense of
+    rotation. Marks stand every 45 degrees of crank angle. A slider-link machine has the two bearings
+    of its overhung shaft and their sum, the load of the support; a slider-crank its main journal, or
+    with several cylinders every crank pin, in the axes of its cylinder, and every main bearing.
+    """
+    turn = fine_turn(compressor, orbit)
+    loads = _loads(compressor, {k: np.asarray(v) for k, v in turn.loads.forces.items()})
+    look = shown("load", "N", np.hypot(*np.stack(list(loads.values()), axis=1)))
+    figure, axes = style.new_polar_figure(-(-len(loads) // 2), 2, f"Bearing loads, {look.unit}")
+    several = compressor.cylinders is not None
+    what = "x and y of the machine for its bearings. " if several else ""
+    dots = "Dots: every 45° of crank angle from top dead centre."
+    style.note(figure, f"{dots} {what}Across: turned with the rotation from the head.")
+    degrees = np.rad2deg(np.asarray(turn.state.angle))
+    drawn = zip(style.used(axes, len(loads)), loads.items(), strict=True)
+    for place, (ax, (name, load)) in enumerate(drawn):
+        size, tint = look.factor * np.hypot(*load), style.colour(name, place)
+        # without jumps of a whole turn, which would draw as circles
+        direction = np.unwrap(np.arctan2(load[1], load[0]))
+        ax.plot(direction, size, color=tint, linewidth=1.5)
+        style.crank_marks(ax, degrees, direction, size, tint)
+        ax.set_ylim(0, 1.08 * max(size.max(), 1e-12))
+        ax.yaxis.set_major_locator(MaxNLocator(4))
+        ax.set_rlabel_position(67.5)  # away from the loads, which lie along the cylinder
+        of_machine = several and not name.startswith("crank_pin")
+        names = _OF_MACHINE if of_machine else _DIRECTIONS
+        ax.set_xticks(np.linspace(0, 2 * np.pi, 8, endpoint=False), names)
+        style.heading(ax, style.words(name))
+    return figure
+
+
+def _loads(compressor, forces):
+    """Loads on the bushes; the joints report the forces of the bearings on the shaft instead."""
+    if compressor.cylinders is not None:
+        own = [joints_of_cylinder(k + 1) for k in range(compressor.cylinders.count)]
+        pins = {joints["crank_pin"]: forces[joints["crank_pin"]] for joints in own}
+        within = {name for joints in own for name in joints.values()}
+        return pins | {name: -force for name, force in forces.items() if name not in within}
+    if isinstance(compressor.mechanism, SliderLink):
+        upper, lower = -forces["upper_bearing"], -forces["lower_bearing"]
+        ends = {"upper_bearing": upper, "lower_bearing": lower, "support": upper + lower}
+        return {"crank_pin": forces["crank_pin"], **ends}
+    signs = {"crank_pin": 1.0, "main_journal": -1.0}
+    # a mechanism of another package may have other joints
+    return {name: sign * forces[name] for name, sign in signs.items() if name in forces} or forces
+
+
+# ---------------------------------------------------------------- journals over a revolution
+
+
+def journal_paths(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Path of every journal in its clearance circle, with the load on it as arrows.
+
+    Args:
+        compressor: with a journal that has an oil film.
+        orbit: its periodic state.
+    """
+    films = journal_films(compressor, orbit)
+    rows, columns = style.grid_of(len(films), 3)
+    size = (4.0 * columns, 4.1 * rows)
+    figure, axes = style.new_figure(rows, columns, size, "Journals in their clearances", False)
+    style.note(figure, "Dots: every 45° of crank angle. Arrows: load on the journal.")
+    degrees = np.rad2deg(np.asarray(orbit.state.angle))
+    drawn = zip(style.used(axes, len(films)), films.items(), strict=True)
+    for place, (ax, (name, film)) in enumerate(drawn):
+        tint = style.colour(name, place)
+        path, load = in_clearance(ax, film, color=tint, linewidth=1.6)
+        style.crank_marks(ax, degrees, *path, tint)
+        for mark in range(0, 360, 45):
+            at = style.nearest_angle(degrees, mark)
+            ax.annotate("", path[:, at] + load[:, at], path[:, at],
+                        arrowprops={"arrowstyle": "->", "color": "#888888"})  # fmt: skip
+        how = "orbit" if film.moving else "steady load at every instant"
+        style.heading(ax, f"{style.words(name)}, {how}")
+    return figure
+
+
+def in_clearance(ax: Axes, film: JournalFilm, **look: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Draw the path of a journal in its clearance circle; path and load as they are drawn, (2, n)."""
+    path, load = np.asarray(film.position), np.asarray(film.load)
+    around = np.linspace(0, 2 * np.pi, 181)
+    ax.plot(np.cos(around), np.sin(around), color=style.INK, linewidth=1.0)
+    ax.plot(*np.append(path, path[:, :1], axis=1), **look)
+    ax.set_aspect("equal")
+    ax.set(xlim=(-1.15, 1.15), ylim=(-1.15, 1.15))
+    return path, 0.4 * load / max(np.hypot(*load).max(), 1e-300)
+
+
+def journal_films_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Smallest film thickness and largest pressure of every journal over the crank angle.
+
+    Args:
+        compressor: with a journal that has an oil film.
+        orbit: its periodic state.
+    """
+    figure, (above, below) = style.stacked(2, (7.2, 5.6), "Films of the journals")
+    films, angle = journal_films(compressor, orbit), orbit.state.angle
+    thickness = {name: 1e6 * film.thickness for name, film in films.items()}
+    pressure = {name: film.pressure / 1e6 for name, film in films.items()}
+    style.turn_curves(above, angle, thickness, "Smallest film, µm", zero=False, last=False)
+    style.turn_curves(below, angle, pressure, "Largest pressure, MPa", zero=False)
+    above.set_ylim(0, None)
+    style.legend_above(above)
+    return figure
+
+
+# ---------------------------------------------------------------- one bearing under a steady load
+
+
+def film_figures(
+    film: type[AbstractFilm], result: dict[str, Any], field: PressureField | None
+) -> dict[str, Figure]:
+    """All pictures by name; those that the film model does not give are left out.
+
+    Args:
+        film: type of the film model.
+        result: what `jaxcomp bearing --json` prints.
+        field: of the pressure over angle and length; `None` leaves its picture out.
+    """
+    figures = {}
+    if field is not None:
+        figures["pressure"] = film_pressure(result, field)
+    if issubclass(film, AbstractSolvedFilm):
+        figures["coefficients"] = film_coefficients(film, result)
+    return figures
+
+
+def film_pressure(result: dict[str, Any], field: PressureField) -> Figure:
+    """Pressure over the unrolled bearing, and along its mid-plane with the film thickness.
+
+    Args:
+        result: what `jaxcomp bearing --json` prints.
+        field: pressure over angle and length.
+    """
+    angle, ratio = np.degrees(field.angle), result["eccentricity_ratio"]
+    title = f"Film pressure, {result['model']}, eccentricity ratio {ratio:.4g}"
+    figure, (above, below) = style.stacked(2, (7.2, 5.6), title)
+    # both halves of the bearing, of which the field has one
+    along, pressure = (
+        np.concatenate([sign * half[:0:-1], half])
+        for half, sign in (
+            (field.zeta * result["length"] / 2 * 1e3, -1),
+            (field.pressure.T / 1e6, 1),
+        )
+    )
+    if pressure.max() > 0:
+        shades = above.contourf(angle, along, pressure, levels=12, cmap="Blues")
+        style.colour_bar(above, shades, "Pressure, MPa", (angle, along, pressure))
+    above.set_ylabel("Along the bearing, mm")
+    peak = result["peak_pressure"] / 1e6
+    middle, label = field.pressure[:, 0] / 1e6, f"Pressure, peak {peak:.4g} MPa"
+    below.plot(angle, middle, color="#0072B2", linewidth=1.7, label=label)
+    below.set(ylim=(0, None if peak > 0 else 1), ylabel="Pressure in the mid-plane, MPa",
+              xlabel="Angle from the load on the journal, with rotation, degrees")  # fmt: skip
+    other = below.twinx()
+    other.spines[["top"]].set_visible(False)
+    other.tick_params(colors=style.INK, labelsize=8.5)
+    closest = np.degrees(result["attitude_angle"])
+    thickness = result["clearance"] * 1e6 * (1 - ratio * np.cos(np.radians(angle - closest)))
+    other.plot(angle, thickness, color=style.INK, linewidth=1.1, linestyle="--")
+    other.set_ylim(0, None)
+    other.set_ylabel("Film thickness, µm", fontsize=9)
+    for ax in (above, below):
+        ax.axvline(0, color="#AAAAAA", linewidth=0.8, label="Load")
+        ax.axvline(closest, color="#D55E00", linewidth=0.9, linestyle=":", label="Thinnest film")
+    below.plot([], [], "--", color=style.INK, linewidth=1.1, label="Film thickness")
+    style.legend_above(below)
+    return figure
+
+
+def film_coefficients(film: type[AbstractFilm], result: dict[str, Any]) -> Figure:
+    """Dimensionless stiffness and damping over the Sommerfeld number, with the running point.
+
+    Negative entries are drawn dashed, by magnitude: the axes are logarithmic.
+    """
+    # far enough both ways to show the light load, the heavy load and this one
+    here, length_ratio = result["phi_p"] or 1.0, result["length_ratio"]
+    loads = np.geomspace(min(1e-2, here / 3), max(1e2, 3 * here), 161)
+    eccentricity, *curves = _curves(film, jnp.asarray(length_ratio), jnp.asarray(loads))
+    number, running = 1 / (2 * np.pi * loads), result["sommerfeld_number"]
+    title = f"Coefficients over the load, {result['model']}, L/D = {length_ratio:.4g}"
+    figure, axes = style.stacked(3, (7.2, 7.4), title)
+    points = result["dimensionless_stiffness"], result["dimensionless_damping"]
+    rows = zip(axes[:2], curves, points, ("c K/W", "c ω C/W"), strict=True)
+    for ax, curve, point, label in rows:
+        for (entry, tint), (i, j) in zip(_ENTRIES.items(), np.ndindex(2, 2), strict=True):
+            values = np.asarray(curve)[:, i, j]
+            ax.plot(number, np.where(values > 0, values, np.nan), color=tint, label=entry)
+            ax.plot(number, np.where(values < 0, -values, np.nan), color=tint, linestyle="--")
+            if running is not None and point is not None:
+                ax.plot([running], [abs(point[i][j])], "o", color=tint, markersize=4.5)
+        ax.set(yscale="log", ylabel=label)
+        style.legend_above(ax)
+    style.note(figure, "Dashed: negative, by magnitude. Dots: this bearing.")
+    ax = axes[2]
+    ax.plot(number, np.asarray(eccentricity), color=style.INK, linewidth=1.5)
+    if running is not None:
+        ax.plot([running], [result["eccentricity_ratio"]], "o", color="#D55E00", markersize=5)
+    ax.set(xscale="log", ylim=(0, 1), ylabel="Eccentricity ratio")
+    ax.set_xlabel("Sommerfeld number S (revolutions per second); light load to the right")
+    return figure
+
+
+@eqx.filter_jit
+def _curves(film, length_ratio, loads):
+    model = film(length_ratio)
+
+    def one(number):
+        x = film_ratio(model, number)
+        return x / (1 + x), *coefficients_per_load(model, number)
+
+    return jax.vmap(one)(loads)

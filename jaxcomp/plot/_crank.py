@@ -1,0 +1,441 @@
+"""Pictures of the crank: one periodic revolution, several cylinders, and a motion in time.
+
+All of them take what the library computed and return a figure; none shows or saves anything. Crank
+angles run from -180 to 180 degrees with the top dead centre at zero (exactly so without an offset).
+"""
+
+from collections.abc import Iterable, Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from .._fields import of_cylinder, replaced
+from .._shown import RPM, shown
+from ..compressor import Compressor, instants, of_each_cylinder
+from ..crank import (
+    CrankTrain,
+    Orbit,
+    Transient,
+    journal_films,
+    journal_rates,
+    performance,
+    time_harmonics,
+    train_over_speed,
+)
+from ..film import OrbitBearing
+from ..friction import MainBearings, SliderCrankFriction
+from ..mechanism import SliderCrank, Vector
+from ..shaking import Suspension, shaking_wrench
+from . import _style as style
+from ._animate import machine_views
+from ._bearings import bearing_loads, journal_films_over_turn, journal_paths
+from ._cylinder import cylinder_figures
+from ._fine import FineTurn, fine_turn, first_diagram
+from ._vibration import free_body_errors, shaking_force, vibration_orbits
+
+_TORQUE = "Torque in the sense of rotation, N m"
+_ORDERS = 12
+
+
+def orbit_figures(
+    compressor: Compressor, orbit: Orbit, suspension: Suspension | None = None
+) -> dict[str, Figure]:
+    """All pictures of a revolution by name; those of absent parts are left out."""
+    figures = {}
+    if orbit.pressure is not None:
+        figures["pv_diagram"] = pv_diagram(compressor, orbit)
+    if orbit.cycle is not None:
+        figures |= cylinder_figures(orbit.cycle, performance(compressor, orbit))
+    figures["speed"] = speed_over_turn(compressor, orbit)
+    figures["torques"] = crank_torques(compressor, orbit)
+    if compressor.cylinders is not None:
+        if compressor.gas is not None:
+            figures["cylinder_torques"] = cylinder_torques(compressor, orbit)
+        figures["machine"] = machine_views(compressor, orbit)
+        figures["orders"] = order_spectra(compressor, orbit)
+    figures["joint_forces"] = joint_forces(compressor, orbit)
+    figures["bearing_loads"] = bearing_loads(compressor, orbit)
+    if journal_films(compressor, orbit):
+        figures["journal_paths"] = journal_paths(compressor, orbit)
+        figures["journal_films"] = journal_films_over_turn(compressor, orbit)
+    if orbit.loads.loss_torque:
+        figures["joint_friction"] = joint_friction(compressor, orbit)
+        figures["losses"] = loss_shares(orbit)
+    figures["shaking_force"] = shaking_force(compressor, orbit)
+    if suspension is not None:
+        figures["vibration_orbits"] = vibration_orbits(compressor, orbit, suspension)
+        figures["free_body_errors"] = free_body_errors(compressor, orbit, suspension)
+    return figures
+
+
+# ---------------------------------------------------------------- one revolution
+
+
+def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Cylinder pressure over the volume that the piston displaces; of several cylinders the first.
+
+    Raises:
+        ValueError: the compressor has no gas.
+    """
+    if compressor.gas is None or orbit.pressure is None:
+        raise ValueError("A p-V diagram needs a compressor with gas.")
+    diagram = first_diagram(compressor, fine_turn(compressor, orbit))
+    volume, pressure = (
+        np.append(curve, curve[0]) * factor
+        for curve, factor in zip(diagram, (1e6, 1e-6), strict=True)
+    )
+    figure, ax = style.single((6.4, 4.2), "Indicator diagram")
+    ax.fill(volume, pressure, color=style.colour("gas"), alpha=0.08, linewidth=0)
+    ax.plot(volume, pressure, color=style.colour("gas"), linewidth=1.8, label="Cylinder, absolute")
+    back = float(of_cylinder(compressor.gas).behind_piston) / 1e6
+    ax.axhline(back, color=style.INK, linewidth=0.9, linestyle="--", label="Behind the piston")
+    ax.set(xlim=(0, None), ylim=(0, None), ylabel="Pressure, MPa")
+    ax.set_xlabel("Displaced volume (clearance not counted), cm³")
+    several = compressor.cylinders
+    of_all = "" if several is None else f" of {several.count} cylinders"
+    work = f"Work on the gas{of_all}\n{float(orbit.energy.gas_work):.4g} J per revolution"
+    ax.text(0.5, 0.42, work, transform=ax.transAxes, ha="center", fontsize=9, color=style.INK)
+    style.legend(ax, loc="upper right")
+    return figure
+
+
+def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Magnitude of every joint force, and the side force of the cylinder wall with its sign."""
+    turn = fine_turn(compressor, orbit)
+    look = shown("force", "N", np.stack(list(turn.loads.forces.values())))
+    forces = {name: look.factor * np.asarray(one) for name, one in turn.loads.forces.items()}
+    walls = {name: force[1] for name, force in forces.items() if name.split("_")[0] == "wall"}
+    sizes = {name: np.hypot(*force) for name, force in forces.items() if name not in walls}
+    rows, height = (2, 5.6) if walls else (1, 3.6)
+    figure, axes = style.stacked(rows, (7.2, height), "Joint forces over one revolution")
+    angle, ax = turn.state.angle, axes[0]
+    label, wide = f"Magnitude, {look.unit}", {"linewidth": 1.6}
+    style.turn_curves(ax, angle, sizes, label, zero=False, last=not walls, **wide)
+    ax.set_ylim(0, None)
+    style.legend_above(ax)
+    if walls:
+        ax, label = axes[1], f"Side force on the piston, {look.unit}"
+        style.turn_curves(ax, angle, walls, label, **wide)
+        if len(walls) > 1:
+            style.legend_above(ax)
+    return figure
+
+
+def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Friction of every joint (Tsuji et al. 2012, Fig. 4).
+
+    For a slider-crank the torque in each pin and the force on the piston; for other mechanisms the
+    torque that each joint takes from the crank.
+    """
+    turn = fine_turn(compressor, orbit)
+    curves = _friction_of_slider_crank(compressor, turn) or {
+        name: (torque, "Torque on the crank, N m")
+        for name, torque in turn.loads.loss_torque.items()
+    }
+    rows, columns = style.grid_of(len(curves), 2)
+    size = (4.0 * columns + 0.4, 2.5 * rows + 0.5)
+    figure, axes = style.new_figure(rows, columns, size, "Friction of the joints")
+    drawn = zip(style.used(axes, len(curves)), curves.items(), strict=True)
+    for place, (ax, (name, (curve, label))) in enumerate(drawn):
+        lowest = place >= len(curves) - columns
+        style.turn_curves(
+            ax, turn.state.angle, {name: curve}, label, last=lowest, color=style.colour(name, place)
+        )
+        style.heading(ax, style.words(name))
+        ax.tick_params(labelbottom=lowest)
+        ax.set_xticks(range(-180, 181, 90))
+    return figure
+
+
+def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Crank speed and acceleration (Tsuji et al. 2012, Fig. 3 a and b)."""
+    figure, (above, below) = style.stacked(2, (7.2, 5.2), "Crank motion over one revolution")
+    angle, speed, rise = fine_turn(compressor, orbit).state
+    look = {"linewidth": 1.7, "label": None, "zero": False, "last": False}
+    style.turn_curves(above, angle, {"motor": speed * RPM}, "Crank speed, rpm", **look)
+    mean, low, high = (
+        float(one) * RPM for one in (orbit.mean_speed, orbit.lowest_speed, orbit.highest_speed)
+    )
+    above.axhline(
+        mean, color=style.INK, linewidth=0.9, linestyle="--", label=f"Mean {mean:.5g} rpm"
+    )
+    fluctuation = 100 * float(orbit.speed_fluctuation)
+    text = f"{low:.4g} to {high:.4g} rpm, fluctuation {fluctuation:.2f} %"
+    above.axhspan(low, high, color=style.colour("motor"), alpha=0.07, linewidth=0, label=text)
+    style.legend_above(above)
+    style.turn_curves(below, angle, {"crank": rise}, "Crank acceleration, rad/s²")
+    return figure
+
+
+def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Torques on the crank: motor, gas, friction and the inertia of the moving parts.
+
+    Tsuji et al. (2012), Fig. 3 d to f. Inertia torques count as loads of their own, so that all
+    curves add up to the inertia of the crankshaft alone.
+    """
+    turn, mechanism = fine_turn(compressor, orbit), compressor.mechanism
+    torques = {"motor": turn.motor_torque, "gas": turn.gas_torque}
+    whole, piston = _inertia_torques(compressor, turn.state)
+    moving = whole - mechanism.crank_inertia * turn.state.acceleration
+    if isinstance(mechanism, SliderCrank):
+        torques |= {"piston": -piston, "rod": -(moving - piston)}
+        many = "" if compressor.cylinders is None else "s"
+        looks = {name: {"label": f"Inertia of the {name}{many}"} for name in ("piston", "rod")}
+    else:
+        torques["piston"] = -moving
+        looks = {"piston": {"label": "Inertia of the moving parts"}}
+    if turn.loads.loss_torque:
+        torques["friction"] = -turn.loads.total_loss_torque
+    figure, ax = style.single((7.2, 4.2), "Torques on the crank over one revolution")
+    style.turn_curves(ax, turn.state.angle, torques, _TORQUE, looks=looks)
+    style.legend_above(ax)
+    return figure
+
+
+def cylinder_torques(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Torque of the gas of each cylinder on the crank, and their sum with the weights."""
+    turn = fine_turn(compressor, orbit)
+    at = instants(orbit.under_gas(compressor), turn.state.angle)
+    each = enumerate(-at.gas_force * at.kinematics.position_1, 1)
+    torques = {"gas": turn.gas_torque} | {f"cylinder_{k}": torque for k, torque in each}
+    figure, ax = style.single((7.2, 4.2), "Gas torque of each cylinder")
+    whole = {"gas": {"label": "Sum", "linewidth": 2.0, "zorder": 2.1}}
+    style.turn_curves(ax, turn.state.angle, torques, _TORQUE, looks=whole, linewidth=1.0)
+    style.legend_above(ax)
+    return figure
+
+
+def loss_shares(orbit: Orbit) -> Figure:
+    """Work lost in each joint, with its power and its share of all losses."""
+    losses = {name: float(loss) for name, loss in orbit.energy.losses.items()}
+    losses = dict(sorted(losses.items(), key=lambda item: item[1]))
+    total, period = sum(losses.values()), float(orbit.period)
+    efficiency = 100 * float(orbit.mechanical_efficiency)
+    title = (
+        f"Friction losses, {total:.4g} J per revolution; mechanical efficiency {efficiency:.2f} %"
+    )
+    figure, ax = style.single((7.2, 0.6 * len(losses) + 1.6), title)
+    tints = [style.colour(name, place) for place, name in enumerate(losses)]
+    bars = ax.barh(range(len(losses)), list(losses.values()), color=tints, height=0.62)
+    labels = [
+        f"{loss:.3g} J   {loss / period:.3g} W   {100 * loss / total if total else 0:.1f} %"
+        for loss in losses.values()
+    ]
+    ax.bar_label(bars, labels, padding=4, fontsize=8.5, color=style.INK)
+    style.named_rows(ax, list(map(style.words, losses)), down=False)
+    ax.set(xlim=(0, 1.45 * max([*losses.values(), 1e-12])), xlabel="Work lost, J per revolution")
+    return figure
+
+
+def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
+    mechanism, friction = compressor.mechanism, compressor.friction
+    if not isinstance(friction, SliderCrankFriction) or not isinstance(mechanism, SliderCrank):
+        return None
+    if compressor.cylinders is not None:
+        return None
+    speed, forces = turn.state.speed, turn.loads.forces
+    rates = journal_rates(compressor, turn)
+    moments = {}
+    support = friction.main_journal
+    if isinstance(support, MainBearings):
+        loads = {name: Vector(*forces[name]) for name in support.names or ()}
+        moments = dict(support.moments(loads, speed))
+    for name in ("piston_pin", "crank_pin", "main_journal"):
+        law, rate = getattr(friction, name), rates[name]
+        if isinstance(law, OrbitBearing):
+            # of a journal that moves that of its loss: not all of it is a moment on the bush
+            moments[name] = turn.loads.loss_torque[name] * speed / rate
+        elif law is not None and not isinstance(law, MainBearings):
+            moments[name] = law.moment(jnp.hypot(*forces[name]), rate)
+    curves = {name: (moment, "Torque, N m") for name, moment in moments.items()}
+    if friction.wall is not None or getattr(friction, "piston_film", None) is not None:
+        curves["wall"] = (forces["wall"][0], "Force on the piston, N")
+    return curves
+
+
+@eqx.filter_jit
+def _inertia_torques(compressor: Compressor, state):
+    """Inertia torques [N m] of all moving parts, and of the pistons."""
+    # without the gas, which has no pressure of its own where it is solved with its valves
+    at = instants(replaced(compressor, gas=None), state.angle)
+    whole = at.inertia * state.acceleration + 0.5 * at.inertia_1 * state.speed**2
+    position_1, position_2 = at.kinematics.position_1, at.kinematics.position_2
+    stroke = position_1 * (position_1 * state.acceleration + position_2 * state.speed**2)
+    mass, several = compressor.mechanism.piston_mass, compressor.cylinders
+    if several is None:
+        return whole, mass * stroke
+    mass = jnp.broadcast_to(mass, (several.count,))
+    return whole, jnp.sum(several.along(mass, state.angle) * stroke, axis=0)
+
+
+# ---------------------------------------------------------------- several cylinders
+
+
+def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
+    """Orders of time of the torque of gas and weights, the shaking force and its couples."""
+    instants = orbit.time, orbit.weight / orbit.state.speed
+    each = of_each_cylinder(orbit.under_gas(compressor), orbit.state.angle).conservative
+    wrench = shaking_wrench(compressor, orbit.state)
+    torque, force, moment = (
+        time_harmonics(values, *instants, _ORDERS)[0]
+        for values in (jnp.stack([jnp.sum(each, axis=0), each[0]]), wrench.force[:2], wrench.moment)
+    )
+    ahead, behind = (0.5 * jnp.abs(force[0] + sign * force[1]) for sign in (1j, -1j))
+    rows = (
+        ("Torque, N m", {"All cylinders": torque[0], "The first": torque[1]}),
+        ("Shaking force, N", {"Forward": ahead, "Backward": behind}),
+        ("Moment, N m", {f"About {name}": row for name, row in zip("xyz", moment, strict=True)}),
+    )
+    figure, axes = style.stacked(3, (7.2, 7.4), "Orders of the revolution")
+    for ax, (label, bars) in zip(axes, rows, strict=True):
+        shifts, width = style.side_by_side(len(bars))
+        for place, (name, values) in enumerate(bars.items()):
+            at = np.arange(1, _ORDERS + 1) + shifts[place]
+            ax.bar(at, np.abs(values), width, color=style.tint(place), label=name)
+        ax.set_ylabel(label)
+        style.legend(ax, loc="upper right")
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes[-1].set_xlabel("Order of time")
+    return figure
+
+
+def torsion_over_speed(compressor: Compressor, orbit: Orbit, train: CrankTrain) -> Figure:
+    """Peak torque of every spring of the crank train against speed, with its critical speeds.
+
+    Args:
+        compressor: with several cylinders.
+        orbit: its periodic state, whose speed is the middle of the range.
+        train: inertias and springs.
+    """
+    speeds = float(orbit.mean_speed) * np.linspace(0.5, 1.5, 41)
+    _, peaks = train_over_speed(compressor, train, jnp.asarray(speeds))
+    figure, ax = style.single((7.2, 3.8), "Torque of the springs of the crank train")
+    for number, peak in enumerate(np.asarray(peaks).T):
+        ax.plot(
+            RPM * speeds,
+            peak,
+            color=style.tint(number),
+            linewidth=1.6,
+            label=f"Spring {number + 1}",
+        )
+    for frequency in np.asarray(train.chain(compressor).natural_frequencies)[1:]:
+        for order in range(1, 13):
+            if speeds[0] < frequency / order < speeds[-1]:
+                critical = RPM * frequency / order
+                ax.axvline(critical, color="#AAAAAA", linewidth=0.8, linestyle="--")
+                ax.annotate(f"{order}", (critical, 1), xycoords=("data", "axes fraction"),
+                            fontsize=8, ha="center", va="bottom", color=style.INK)  # fmt: skip
+    ax.set(ylim=(0, None), ylabel="Peak over the revolution, N m")
+    ax.set_xlabel("Mean speed, rpm; dashed: an order meets a torsional frequency")
+    style.legend(ax, loc="upper right")
+    return figure
+
+
+def by_number_of_cylinders(results: Mapping[str, Orbit]) -> Figure:
+    """Efficiency and fluctuation of machines with different cylinders.
+
+    Args:
+        results: orbit by what stands below its bar, such as the number of cylinders or the layout.
+    """
+    figure, ((left, right),) = style.new_figure(
+        1, 2, (8.6, 3.4), "Cylinders on one crank", share=False
+    )
+    for place, (ax, key) in enumerate(
+        ((left, "mechanical_efficiency"), (right, "speed_fluctuation"))
+    ):
+        heights = [100 * float(getattr(orbit, key)) for orbit in results.values()]
+        bars = ax.bar(list(results), heights, color=style.tint(place), width=0.6)
+        ax.bar_label(bars, fmt="%.4g", fontsize=8.5, color=style.INK)
+        ax.set_ylabel(f"{style.words(key)}, %")
+        if ax is left:
+            ax.set_ylim(min(heights) - 0.5 * np.ptp(heights) - 0.1, max(heights) + 0.1)
+    return figure
+
+
+# ---------------------------------------------------------------- a motion in time
+
+
+def transient_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
+    """Speed over time, and the work since the start: of the motor, of the gas, of friction, in motion.
+
+    With valves the pressure in the cylinders as well.
+
+    Args:
+        transient: of `simulate`.
+        name: of the machine, for the title.
+        power_off: [s] instant at which the motor was switched off, if it was.
+    """
+    how = " to rest" if bool(transient.stopped) else ""
+    rows = 2 if transient.gas is None else 3
+    title = f"{name}: {float(transient.end_time):.4g} s{how}"
+    figure, axes = style.stacked(rows, (7.4, 2.8 * rows), title)
+    time, energy = np.asarray(transient.time), transient.energy
+    above, below = axes[0], axes[-1]
+    above.plot(
+        time, np.asarray(transient.state.speed) * RPM, color=style.colour("motor"), linewidth=1.0
+    )
+    above.set_ylabel("Crank speed, rpm")
+    if transient.gas is not None:
+        axes[1].plot(time, np.atleast_2d(transient.gas.pressure).T / 1e5, linewidth=0.8)
+        axes[1].set_ylabel("Pressure, bar")
+    curves = {
+        "motor": ("Motor", energy.motor_work),
+        "gas": ("Gas", energy.gas_work),
+        "friction": ("Friction", energy.total_loss),
+        "crank": ("In motion", transient.kinetic_energy),
+    }
+    for part, (label, work) in curves.items():
+        course = np.broadcast_to(np.asarray(work) / 1e3, time.shape)
+        below.plot(time, course, color=style.colour(part), linewidth=1.2, label=label)
+    below.set(xlabel="Time, s", ylabel="Work since the start, kJ")
+    style.legend_above(below)
+    if power_off is not None:
+        _motor_off(axes, power_off)
+        above.annotate("motor off", (power_off, 0), xytext=(4, 4), textcoords="offset points",
+                       color=style.INK, fontsize=8.5)  # fmt: skip
+    return figure
+
+
+def transient_gas_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
+    """Pressure in the cylinders and lifts of the valves over the last four revolutions.
+
+    Args:
+        transient: of `simulate`, with valves.
+        name: of the machine, for the title.
+        power_off: [s] instant at which the motor was switched off, if it was.
+
+    Raises:
+        ValueError: a motion under a prescribed pressure.
+    """
+    gas = transient.gas
+    if gas is None:
+        raise ValueError("a picture of the gas needs cylinders with valves.")
+    several = gas.pressure.ndim > 1
+    angle = np.asarray(transient.state.angle)
+    last = angle >= angle[-1] - 8 * np.pi  # four revolutions, or what there is
+    time = np.asarray(transient.time)[last]
+    figure, (close, lifts) = style.stacked(2, (7.4, 5.6), f"{name}: gas at the end")
+    for number, course in enumerate(np.atleast_2d(gas.pressure) / 1e5, 1):
+        close.plot(time, course[last], linewidth=1.2, label=f"Cylinder {number}")
+    for valve, lift in zip(
+        ("Suction", "Discharge"), gas.lift[0] if several else gas.lift, strict=True
+    ):
+        lifts.plot(time, 1e3 * np.asarray(lift)[last], linewidth=1.2, label=valve)
+    close.set_ylabel("Pressure, bar")
+    label = "Lift of the first cylinder, mm" if several else "Lift, mm"
+    lifts.set(xlabel="Time, s", ylabel=label)
+    if several:
+        style.legend_above(close)
+    style.legend_above(lifts)
+    if power_off is not None and power_off > time[0]:
+        _motor_off((close, lifts), power_off)
+    return figure
+
+
+def _motor_off(axes: Iterable[Axes], instant: float) -> None:
+    for ax in axes:
+        ax.axvline(instant, color=style.INK, linewidth=0.9, linestyle="--")

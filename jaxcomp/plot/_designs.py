@@ -1,0 +1,193 @@
+"""Pictures of designs: what they depend on, how they scatter, and several beside each other."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy import stats
+
+from .._shown import Shown, shown
+from ..design import Sensitivity, variable_label
+from ..tolerancing import Tolerances
+from . import _style as style
+
+_LOW, _HIGH, _SECOND, _LIMIT = "#0072B2", "#D55E00", "#56437F", "#CC0000"
+_LOSS = "loss_power."
+# Bars of a sensitivity and of a tornado that still can be read.
+_BARS, _ROWS = 18, 14
+
+
+def compared_losses(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> Figure:
+    """Power lost in each joint of some designs, with a bar for each design.
+
+    Args:
+        rows: with `name` and the `values` [W] of all designs; those of other names do not count.
+        labels: of the designs.
+    """
+    losses = {r["name"][len(_LOSS) :]: r["values"] for r in rows if r["name"].startswith(_LOSS)}
+    values = np.array([[x or 0.0 for x in row] for row in losses.values()]).reshape(-1, len(labels))
+    size = (7.2, 1.8 + (0.25 + 0.22 * len(labels)) * len(losses))
+    figure, ax = style.single(size, "Friction losses")
+    shifts, height = style.side_by_side(len(labels))
+    for place, label in enumerate(labels):
+        at, tint = np.arange(len(losses)) + shifts[place], style.colour("", place)
+        bars = ax.barh(at, values[:, place], height, color=tint, label=label)
+        texts = ["" if row[place] is None else f"{row[place]:.3g} W" for row in losses.values()]
+        ax.bar_label(bars, texts, padding=4, fontsize=8, color=style.INK)
+    style.named_rows(ax, list(map(style.words, losses)))
+    ax.set(xlim=(0, 1.2 * max(values.max(initial=0.0), 1e-12)), xlabel="Power lost, W")
+    style.legend_above(ax)
+    return figure
+
+
+# ---------------------------------------------------------------- sensitivity
+
+
+def sensitivity_figures(found: Sensitivity, title: str) -> dict[str, Figure]:
+    """All pictures of a sensitivity study, by name.
+
+    Args:
+        found: of `sensitivity`.
+        title: of the pictures.
+    """
+    return {f"sensitivity-{one}": sensitivity_bars(found, one, title) for one in found.quantities}
+
+
+def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivity") -> Figure:
+    """Elasticity of a quantity with respect to the numbers that it depends on most.
+
+    Args:
+        found: of `sensitivity`.
+        name: of the quantity; the first of the study if absent.
+        title: of the picture.
+    """
+    name = name or found.quantities[0]
+    ranked = [one for one in found.ranking(name) if one.relative][:_BARS]
+    words = shown(name, "", 0.0).words.lower()
+    size = (7.6, 1.4 + 0.28 * max(len(ranked), 2))
+    figure, ax = style.single(size, f"{title}: what {words} depends on most")
+    values = np.array([one.elasticity for one in ranked])
+    tints = [_LOW if value > 0 else _HIGH for value in values]
+    bars = ax.barh(range(len(ranked)), values, 0.7, color=tints)
+    ax.bar_label(bars, fmt="{:+.3g}", padding=4, fontsize=8, color=style.INK)
+    style.named_rows(ax, [f"{one.part}, {one.value}" for one in ranked], fontsize=8.5)
+    ax.margins(x=0.16)
+    ax.axvline(0, color=style.INK, linewidth=0.9)
+    ax.set_xlabel(f"Change of {words} in % for a rise of the number by 1 %")
+    return figure
+
+
+# ---------------------------------------------------------------- tolerances
+
+
+def tolerance_figures(found: Tolerances, title: str) -> dict[str, Figure]:
+    """All pictures of a scatter, by name.
+
+    Args:
+        found: of `tolerance`.
+        title: of the pictures.
+    """
+    figures = {}
+    for name in found.names:
+        figures[f"histogram-{name}"] = tolerance_histogram(found, name, title)
+        figures[f"tornado-{name}"] = tornado(found, name, title)
+    return figures
+
+
+def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
+    """How a quantity is distributed, with the bells of first and second order and its limits.
+
+    Args:
+        found: of `tolerance`.
+        name: of the quantity.
+        title: of the picture.
+    """
+    place, look = _look(found, name)
+    values = found.sampled.values[found.sampled.ok, place] * look.factor
+    title = f"{title}: {_small(look)} of {len(values):,} machines"
+    figure, ax = style.single((6.8, 4.2), title)
+    bars = int(np.clip(np.sqrt(len(values)) / 2, 12, 80))
+    heights, edges, _ = ax.hist(values, bars, density=True, color="#9FC5E8", edgecolor="white",
+                                linewidth=0.3, label="samples")  # fmt: skip
+    top, limits = 1.15 * heights.max(), [r for r in found.reliability if r.limit.quantity == name]
+    # the samples, and the limits that do not lie far off
+    low, high, room = edges[0], edges[-1], np.ptp(edges)
+    for one in limits:
+        at = one.limit.bound * look.factor
+        if low - 0.5 * room < at < high + 0.5 * room:
+            low, high = min(low, at), max(high, at)
+    low, high = low - 0.04 * room, high + 0.04 * room
+    ax.set(xlim=(low, high), ylim=(0, top))
+    x = np.linspace(low, high, 400)
+    for moments, tint, line, word in (
+        (found.first_order, _HIGH, "-", "first order"),
+        (found.second_order, _SECOND, "--", "second order"),
+    ):
+        if moments is not None and moments.deviation[place] > 0:
+            mean, wide = (m[place] * look.factor for m in (moments.mean, moments.deviation))
+            bell = stats.norm.pdf(x, mean, wide)
+            ax.plot(x, bell, line, color=tint, linewidth=1.3, label=f"normal, {word}")
+    nominal = found.value[place] * look.factor
+    ax.axvline(nominal, color=style.INK, linewidth=1.0, linestyle=":", label="nominal")
+    for share, side, shift in ((5, "right", -3), (95, "left", 3)):
+        at = np.percentile(values, share)
+        ax.plot([at, at], [0, 0.06 * top], color=style.INK, linewidth=1.4)
+        ax.annotate(f"{share} %", (at, 0.07 * top), (shift, 0), fontsize=8, ha=side,
+                    textcoords="offset points", color=style.INK)  # fmt: skip
+    style.note(figure, "Short marks: 5 and 95 % of the machines lie below.")
+    for one in limits:
+        at, text = one.limit.bound * look.factor, f"limit {look.text(one.limit.bound)}"
+        ax.axvline(at, color=_LIMIT, linewidth=1.3)
+        # beside the line on the side of what breaks it, where the samples are few
+        side, shift = ("left", 4) if one.limit.above and at < high else ("right", -4)
+        ax.annotate(f"{text}: {100 * one.sampled:.3g} % break it", (np.clip(at, low, high), 0.6 * top),
+                    (shift, 0), fontsize=8, color=_LIMIT, textcoords="offset points", rotation=90,
+                    va="center", ha=side)  # fmt: skip
+    ax.set(yticks=[], xlabel=look.label, ylabel="Share of the machines")
+    style.legend(ax, loc="upper right" if found.sampled.skewness[place] > -0.5 else "upper left")
+    return figure
+
+
+def tornado(found: Tolerances, name: str, title: str) -> Figure:
+    """A quantity with one variable after the other at its limits, beside shares of the variance.
+
+    Args:
+        found: of `tolerance`.
+        name: of the quantity.
+        title: of the picture.
+    """
+    place, look = _look(found, name)
+    ranked = found.ranking(name)[:_ROWS]
+    rows = [found.variables.index(variable) for variable, _ in ranked]
+    size, title = (7.6, 1.6 + 0.36 * len(rows)), f"{title}: what changes {_small(look)}"
+    figure, ax = style.single(size, title)
+    mean = float(np.asarray(found.local.value)[place]) * look.factor
+    reach = np.nan_to_num(found.swings[:, rows, place] * look.factor - mean)
+    for side, tint, word in ((0, _LOW, "low"), (1, _HIGH, "high")):
+        at = np.arange(len(rows)) + 0.19 * (2 * side - 1)
+        ax.barh(at, reach[side], 0.36, left=mean, color=tint, label=f"at the {word} limit")
+    low, high = ax.get_xlim()
+    ax.set_xlim(low, high + 0.16 * (high - low))
+    shares = [(row, "center", f"{100 * share:.1f} %") for row, (_, share) in enumerate(ranked)]
+    for row, across, text in [*shares, (-0.62, "bottom", "of variance")]:
+        ax.annotate(text, (1.0, row), xycoords=("axes fraction", "data"), fontsize=8, ha="right",
+                    va=across, color=style.INK)  # fmt: skip
+    ax.axvline(mean, color=style.INK, linewidth=0.9)
+    labels = [variable_label(found.problem.design, variable) for variable, _ in ranked]
+    ax.set_yticks(range(len(rows)), labels, fontsize=8.5)
+    style.note(figure, f"Line: {_small(look)} of the mean machine.")
+    ax.grid(False, axis="y")
+    ax.set(ylim=(len(rows) - 0.4, -0.9), xlabel=look.label)
+    style.legend_outside(ax, "lower center", 2)
+    return figure
+
+
+def _small(look: Shown) -> str:
+    return look.words[:1].lower() + look.words[1:]
+
+
+def _look(found: Tolerances, name: str) -> tuple[int, Shown]:
+    """Where a quantity stands among the others, and how it is shown."""
+    place = found.names.index(name)
+    return place, shown(name, found.problem.units[place], found.value[place])
