@@ -1,19 +1,63 @@
-"""Laws of different kinds for the cylinders of one machine.
+"""Parts of different kinds in one row: laws of the cylinders of a machine, films of its journals.
 
-Laws of one kind are one law whose numbers are lists over the cylinders. Where the kinds differ, the
-cylinders are sorted into groups: each is evaluated at once, and its law traced once.
+Parts of one kind are one part whose numbers have a leading axis. Where the kinds differ, the row is
+sorted into groups: each is evaluated at once, and traced once.
 """
 
-from collections.abc import Callable
-from operator import itemgetter
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from ._fields import BadInput, Part, listed
+
+
+def stacked(parts: Sequence[Any]) -> Any:
+    """Parts of one structure as one, whose arrays have a leading axis."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *parts)
+
+
+def mapped(
+    function: Callable[..., Any], parts: Sequence[Any], *arguments, axis: int = 0, out_axis: int = 0
+) -> Any:
+    """What a function gives for every part of a row, with an axis of them.
+
+    Args:
+        function: of a part, and what is passed on of the arguments.
+        parts: of any kinds.
+        arguments: trees of arrays with an axis of the parts.
+        axis, out_axis: where that axis stands in the arguments and in what is returned.
+    """
+    if len(parts) == 1:
+        own = jax.tree.map(partial(lax.index_in_dim, index=0, axis=axis, keepdims=False), arguments)
+        one = function(parts[0], *own)
+        return jax.tree.map(partial(jnp.expand_dims, axis=out_axis), one)
+    groups: dict[Any, list[int]] = {}
+    for place, part in enumerate(parts):
+        leaves, kind = jax.tree.flatten(part)
+        groups.setdefault((kind, *(jnp.shape(leaf) for leaf in leaves)), []).append(place)
+    found = []
+    for places in groups.values():
+        own = arguments
+        if len(groups) > 1:
+            own = jax.tree.map(
+                partial(jnp.take, indices=np.array(places), axis=axis, mode="clip"), own
+            )
+        over = jax.vmap(function, in_axes=(0, *[axis] * len(own)), out_axes=out_axis)
+        found.append(over(stacked([parts[place] for place in places]), *own))
+    if len(found) == 1:
+        return found[0]
+    back = np.argsort([place for places in groups.values() for place in places])
+
+    def in_order(*values):
+        return jnp.take(jnp.concatenate(values, out_axis), back, out_axis, mode="clip")
+
+    return jax.tree.map(in_order, *found)
 
 
 class AbstractEach(Part):
@@ -27,8 +71,8 @@ class AbstractEach(Part):
     # what a law says of itself that none of these may be
     of_whole_machine: ClassVar[bool] = True
 
-    laws: eqx.AbstractVar[tuple[Any, ...]]
-    of_cylinder: eqx.AbstractVar[tuple[int, ...]]
+    laws: tuple[Any, ...]
+    of_cylinder: tuple[int, ...] = eqx.field(static=True, default=())
 
     def __post_init__(self):
         if not self.of_cylinder and isinstance(self.laws, tuple):
@@ -50,21 +94,6 @@ class AbstractEach(Part):
         return self.laws[self.of_cylinder[number - 1] - 1]
 
     def each(self, method: Callable[..., Any], *arguments) -> Any:
-        """What a method gives for every cylinder, with a leading axis of them.
-
-        Args:
-            method: of a law, and what is passed on of the arguments.
-            arguments: trees of arrays with a leading axis of cylinders.
-        """
-        groups: dict[Any, list[int]] = {}
-        for place in range(len(self.of_cylinder)):
-            leaves, kind = jax.tree.flatten(self.one(place + 1))
-            groups.setdefault((kind, *(jnp.shape(leaf) for leaf in leaves)), []).append(place)
-        parts = []
-        for places in groups.values():
-            laws = [self.one(place + 1) for place in places]
-            stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *laws)
-            taken = [jax.tree.map(itemgetter(np.array(places)), one) for one in arguments]
-            parts.append(jax.vmap(method)(stacked, *taken))
-        back = np.argsort([place for places in groups.values() for place in places])
-        return jax.tree.map(lambda *x: jnp.concatenate(x)[back], *parts)
+        """What a method of the laws gives for every cylinder, see `mapped`."""
+        laws = [self.one(number + 1) for number in range(len(self.of_cylinder))]
+        return mapped(method, laws, *arguments)

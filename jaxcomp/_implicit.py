@@ -43,6 +43,17 @@ def frozen(tree: Y) -> Y:
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
 
 
+def zeros_of(function: Callable[..., Any], *arguments) -> Any:
+    """Zeros in the shapes of what a function returns, which is traced and not computed."""
+    shapes = eqx.filter_eval_shape(function, *arguments)
+    return jax.tree.map(
+        lambda leaf: (
+            jnp.zeros(leaf.shape, leaf.dtype) if isinstance(leaf, jax.ShapeDtypeStruct) else leaf
+        ),
+        shapes,
+    )
+
+
 class AbstractRoot(eqx.Module):
     """Equations whose unknowns follow from the parts of this module."""
 
@@ -72,9 +83,9 @@ def root(equations: AbstractRoot):
 @root.def_jvp
 def _root_jvp(primals, tangents):
     unknowns = root(*primals)
-    _, moved = eqx.filter_jvp(lambda equations: equations.rest(unknowns), primals, tangents)
+    rest, moved = eqx.filter_jvp(lambda equations: equations.rest(unknowns), primals, tangents)
     moved = jax.tree.map(
-        lambda m, x: jnp.zeros_like(x) if m is None else m, moved, unknowns, is_leaf=_absent
+        lambda m, x: jnp.zeros_like(x) if m is None else m, moved, rest, is_leaf=_absent
     )
     return unknowns, primals[0].removed(unknowns, moved)
 

@@ -13,6 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxcomp import SolveFailed, Status, load, loads, simulate, solve_orbit
+from jaxcomp._polynomials import gauss
 from jaxcomp.compressor import instants, kink_angles, loop_of
 from jaxcomp.crank import (
     Collocation,
@@ -22,7 +23,6 @@ from jaxcomp.crank import (
     journal_orbit,
     moved_films,
 )
-from jaxcomp.crank._panels import gauss
 from jaxcomp.design import available_quantities
 from jaxcomp.film import OrbitBearing, film_unit, squeeze_of, stiffness_damping
 from jaxcomp.mechanism import CrankState, rod_motion

@@ -1,5 +1,6 @@
 from ._collocation import Collocation as Collocation
 from ._collocation import default_collocation as default_collocation
+from ._collocation import orbit_on_panels as orbit_on_panels
 from ._films import JournalFilm as JournalFilm
 from ._films import JournalOrbit as JournalOrbit
 from ._films import film_thickness as film_thickness
@@ -10,16 +11,15 @@ from ._films import moved_films as moved_films
 from ._journals import moving as moving
 from ._journals import with_journals as with_journals
 from ._motion import acceleration as acceleration
+from ._orbit import POWER as POWER
 from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit
+from ._orbit import Performance as Performance
 from ._orbit import Verification as Verification
+from ._orbit import performance as performance
 from ._orbit import rod_load_reversal as rod_load_reversal
 from ._orbit import time_harmonics as time_harmonics
 from ._panels import panels as panels
-from ._performance import POWER as POWER
-from ._performance import Performance as Performance
-from ._performance import performance as performance
-from ._result import orbit_on_panels as orbit_on_panels
 from ._shooting import Shooting as Shooting
 from ._solve import solve_orbit as solve_orbit
 from ._torsion import CrankTrain as CrankTrain

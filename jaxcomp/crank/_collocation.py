@@ -5,6 +5,7 @@ nodes, apart from the places in mid-stroke where a load reverses: those are loca
 and become panel edges as well, which move with the solution.
 """
 
+from functools import partial
 from typing import ClassVar
 
 import equinox as eqx
@@ -15,10 +16,10 @@ from jaxtyping import Array, Float
 
 from .._implicit import FixedPointReport, fixed_point, frozen
 from .._status import Status
-from ..compressor import Compressor, instants, kink_angles, loop_of
+from ..compressor import Compressor, Instants, instants, kink_angles, loop_of
 from ..cylinder import Cylinder
+from ..friction import magnitude
 from ..mechanism import CrankState
-from ._closure import Instant, closure_of
 from ._iteration import (
     ENERGY_FLOOR,
     Known,
@@ -31,9 +32,9 @@ from ._iteration import (
     steepness,
 )
 from ._journals import CLOSED, moving, with_journals
+from ._motion import Instant, closure_of
 from ._orbit import Energy, Orbit
-from ._panels import Panels, panels
-from ._result import orbit_on_panels
+from ._panels import Panels, highest, panels
 from ._reversals import OrbitProblem
 
 # [-] Change of the duration of a revolution with twice the nodes beyond which it counts as not
@@ -146,21 +147,12 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
     speed = jnp.full_like(grid.angle, compressor.motor.speed_guess)
     state = CrankState(grid.angle, speed, jnp.zeros_like(speed))
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
+    loads = loop.loads(loop.start(), True)
     torque = 0.5 * at.inertia_1 * speed**2 - at.conservative
     energy = Energy(grid.total(torque), -grid.total(at.conservative), {})
     report = FixedPointReport(jnp.asarray(0), jnp.zeros(()), jnp.asarray(True))
-    return orbit_on_panels(
-        grid,
-        at,
-        state,
-        torque,
-        loop.loads(loop.start(), True),
-        energy,
-        {},
-        Status.converged,
-        report,
-        solver,
-    )
+    status = Status.converged
+    return orbit_on_panels(grid, at, state, torque, loads, energy, {}, status, report, solver)
 
 
 def _energy_error(closure, now: Instant, acceleration, growth) -> Float[Array, ""]:
@@ -284,23 +276,86 @@ def orbit_of_motion(
                 _quadrature_error(grid, fine, lax.stop_gradient(nodes(loss)), finer(loss)) + moved
             )
         )
-    orbit = orbit_on_panels(
-        grid,
-        jax.tree.map(nodes, at),
-        jax.tree.map(nodes, state),
-        motor,
-        jax.tree.map(nodes, loads),
-        account,
-        error,
-        status,
-        report,
-        solver,
+    positions = None
+    if motion.journals is not None:
+        closed = jnp.max(jnp.hypot(*motion.journals)) > CLOSED
+        status = Status.where(closed, Status.film_collapse, status)
+        flat = motion.journals.reshape(*motion.journals.shape[:2], -1)
+        positions = {one.joint: flat[:, i] for i, one in enumerate(moving(known.compressor))}
+    at, state, loads = jax.tree.map(nodes, (at, state, loads))
+    return orbit_on_panels(
+        grid, at, state, motor, loads, account, error, status, report, solver, positions
     )
-    if motion.journals is None:
-        return orbit
-    closed = jnp.max(jnp.hypot(*motion.journals)) > CLOSED
-    status = Status.where(closed, Status.film_collapse, orbit.status)
-    orbit = eqx.tree_at(lambda o: o.status, orbit, status)
-    flat = motion.journals.reshape(*motion.journals.shape[:2], -1)
-    named = {one.joint: flat[:, i] for i, one in enumerate(moving(known.compressor))}
-    return eqx.tree_at(lambda o: o.positions, orbit, named, is_leaf=lambda leaf: leaf is None)
+
+
+def orbit_on_panels(
+    grid: Panels,
+    at: Instants,
+    state,
+    motor_torque,
+    loads,
+    energy: Energy,
+    loss_error: dict[str, Float[Array, ""]],
+    status,
+    report: FixedPointReport,
+    solver: str,
+    positions: dict[str, Float[Array, "2 n"]] | None = None,
+) -> Orbit:
+    """Flatten panels to one row of nodes and add time and the extremes of speed.
+
+    Args:
+        grid: panels of the revolution with their nodes.
+        at: what the crank angle decides at the nodes, (panels, nodes) each.
+        state: angle, speed and acceleration at the nodes.
+        motor_torque: [N m] at the nodes.
+        loads: joint loads at the nodes.
+        energy: balance of the revolution.
+        loss_error: [J] estimated error of the losses, by joint.
+        status: how the solver ended.
+        report: residual and iterations of the solver.
+        solver: its name.
+        positions: [-] of the journals that move.
+    """
+    elapsed, at_edges = grid.cumulative(1 / state.speed)
+    find = jax.vmap(partial(highest, grid.rule, grid.width))
+    extremes = find(jnp.stack([-state.speed, state.speed]))
+
+    sizes = magnitude(*jnp.stack(list(loads.forces.values()), axis=1))
+    peaks = find(sizes)
+    terms = jnp.abs(lax.stop_gradient(sizes) @ grid.rule.to_legendre.T)
+    error = jnp.max(terms[..., -2] + terms[..., -1], axis=-1)
+
+    def flat(values):
+        # sizes in full: a mechanism may have no near-zero loads, and -1 has no meaning then
+        return values.reshape(*values.shape[:-2], values.shape[-2] * values.shape[-1])
+
+    return Orbit(
+        state=jax.tree.map(flat, state),
+        weight=flat(grid.weight),
+        time=flat(elapsed),
+        pressure=None if at.pressure is None else flat(at.pressure),
+        gas_torque=flat(at.conservative),
+        motor_torque=flat(motor_torque),
+        loads=jax.tree.map(flat, loads),
+        energy=energy,
+        loss_error=loss_error,
+        peak_forces=dict(zip(loads.forces, peaks, strict=True)),
+        peak_error=dict(zip(loads.forces, error, strict=True)),
+        mean_speed=2 * jnp.pi / at_edges[-1],
+        lowest_speed=-extremes[0],
+        highest_speed=extremes[1],
+        status=status,
+        residual=report.change,
+        resolution=_resolution(grid, lax.stop_gradient(state.speed)),
+        iterations=report.steps,
+        solver=solver,
+        panel_nodes=grid.rule.nodes.size,
+        positions=positions,
+    )
+
+
+def _resolution(grid: Panels, speed: Float[Array, "p s"]) -> Float[Array, ""]:
+    terms = jnp.abs(speed @ grid.rule.to_legendre.T)
+    swing = jnp.max(speed) - jnp.min(speed)
+    # a swing below a millionth of the speed is of no interest, and ends in rounding
+    return jnp.max(terms[:, -2] + terms[:, -1]) / (swing + 1e-6 * jnp.max(speed))

@@ -13,8 +13,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .._each import mapped
 from .._fields import of_cylinder
 from .._implicit import AbstractFixedPoint, fixed_point, frozen, settle
+from .._polynomials import gauss
 from .._status import Status
 from ..compressor import Compressor
 from ..film import (
@@ -33,7 +35,7 @@ from ..film import (
 from ..friction import EachJournal, film_journals, joints_of_cylinder
 from ._journals import CLOSED, Drive, improved_positions, rate_shares
 from ._orbit import Orbit
-from ._panels import Panels, gauss, highest, panels
+from ._panels import Panels, highest, panels
 
 # [J/(m^3 K)] Heat capacity of oil, 860 kg/m^3 times 2000 J/(kg K).
 OIL_HEAT_CAPACITY = 1.72e6
@@ -125,7 +127,6 @@ def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array
 
 
 def _thin_film(law):
-    """[m] Below it the film of a bearing counts as thin."""
     return THIN_FILM if law.thin_film is None else law.thin_film
 
 
@@ -211,31 +212,29 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
         compressor: the machine.
         orbit: its periodic state.
     """
-    shares, found = rate_shares(compressor, orbit.state.angle), {}
+    shares = rate_shares(compressor, orbit.state.angle)
     width = jnp.sum(orbit.weight.reshape(-1, orbit.panel_nodes), axis=1)
     first = orbit.state.angle[0] - width[0] * gauss(orbit.panel_nodes).nodes[0]
     edges = first + jnp.concatenate([jnp.zeros(1), jnp.cumsum(width)])
-    kinds: dict[str, list] = {}
+    names, rows = [], []
     for name, law in _journals(compressor, orbit):
         if isinstance(law, JournalBearing) and issubclass(law.model, AbstractSolvedFilm):
             film = "short" if law.film == "short" else "reynolds"
             bearing = OrbitBearing(law.diameter, law.length, law.radial_clearance,
                                    law.dynamic_viscosity, film, thin_film=_thin_film(law))  # fmt: skip
             both = [s * orbit.state.speed + 0 * orbit.weight for s in shares.get(name, (1.0, 1.0))]
-            kinds.setdefault(film, []).append(
-                (name, bearing, -orbit.loads.forces[name], jnp.stack(both))
-            )
-    for alike in kinds.values():
-        names, *each = zip(*alike, strict=True)
-        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *zip(*each, strict=True))
+            names.append(name)
+            rows.append((bearing, -orbit.loads.forces[name], jnp.stack(both)))
+    if not rows:
+        return {}
 
-        def solved(one):
-            return _solved_journal(*one, orbit.state.speed, edges, orbit.panel_nodes).film
+    def solved(bearing, load, rates):
+        speed = orbit.state.speed
+        return _solved_journal(bearing, load, rates, speed, edges, orbit.panel_nodes).film
 
-        films = jax.vmap(solved)(stacked)
-        for i, name in enumerate(names):
-            found[name] = jax.tree.map(lambda leaf, i=i: leaf[i], films)
-    return found
+    bearings, loads, rates = zip(*rows, strict=True)
+    films = mapped(solved, bearings, jnp.stack(loads), jnp.stack(rates))
+    return {name: jax.tree.map(lambda leaf, i=i: leaf[i], films) for i, name in enumerate(names)}
 
 
 def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
@@ -310,16 +309,14 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
 def _coefficients(film, position, force, turning):
     """dF/de at a given de/dt, and dF/d(de/dt), (2, 2, n): from the mobility V = M(e, F)."""
 
-    def slopes(argument):
-        one, none = jnp.ones_like(force[0]), jnp.zeros_like(force[0])
-        ways = jnp.stack([one, none]), jnp.stack([none, one])
-        still = jnp.zeros_like(force)
-        pairs = [(way, still) if argument == 0 else (still, way) for way in ways]
-        return jnp.stack(
-            [jax.jvp(film.mobility, (position, force), pair)[1] for pair in pairs], axis=1
-        )
+    one, none = jnp.ones_like(force[0]), jnp.zeros_like(force[0])
+    ways, still = (jnp.stack([one, none]), jnp.stack([none, one])), jnp.zeros_like(force)
 
-    by_place, by_force = slopes(0), slopes(1)
+    def slopes(pairs):
+        moved = [jax.jvp(film.mobility, (position, force), pair)[1] for pair in pairs]
+        return jnp.stack(moved, axis=1)
+
+    by_place, by_force = slopes((way, still) for way in ways), slopes((still, way) for way in ways)
     size = by_force[0, 0] * by_force[1, 1] - by_force[0, 1] * by_force[1, 0]
     swapped = jnp.stack([jnp.stack([by_force[1, 1], -by_force[0, 1]]),
                          jnp.stack([-by_force[1, 0], by_force[0, 0]])])  # fmt: skip
@@ -330,7 +327,7 @@ def _coefficients(film, position, force, turning):
 
 
 class _Periodic(AbstractFixedPoint):
-    """The periodic orbit of a journal on fixed panels."""
+    """The periodic orbit of a journal on fixed panels; the parameters are its `Drive`."""
 
     grid: Panels
     tolerance: float = 1e-13
@@ -340,15 +337,13 @@ class _Periodic(AbstractFixedPoint):
         return improved_positions(data[0], parameters, unknowns)[0]
 
     def solve(self, parameters):
-        drive = frozen(parameters)
-        start = jnp.zeros_like(drive.force)
-        position, _, report = settle(
-            lambda e, _: (improved_positions(self.grid, drive, e)[0], None),
-            start,
-            None,
-            self.tolerance,
-            self.max_iterations,
-        )
+        data = self.grid, None
+
+        def step(position, _):
+            return self.step(frozen(parameters), data, position), None
+
+        start = jnp.zeros_like(parameters.force)
+        position, _, report = settle(step, start, None, self.tolerance, self.max_iterations)
         return position, (self.grid, report)
 
 
@@ -392,7 +387,7 @@ def _solved_journal(bearing: OrbitBearing, force, rates, speed, edges, nodes: in
         return values.reshape(*values.shape[:-1], *grid.angle.shape)
 
     drive = Drive(
-        ((jax.tree.map(lambda leaf: leaf[None], film), (0,)),),
+        (film,),
         of_panels(force / (film_unit(bearing) * speed))[:, None],
         of_panels(0.5 * rates[1] / speed)[None],
     )

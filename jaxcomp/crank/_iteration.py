@@ -7,7 +7,7 @@ $$dE/d\theta = M_D + M_{gas} - M_{loss}(\theta, \omega, \alpha), \qquad
 
 One iteration evaluates the torques at all nodes from the last $E$ and $\alpha$, makes one step of
 Newton's method on the joint loop of every node, integrates the torques along the panels and closes
-the revolution as the motor says (`_closure`). The places of the load reversals, at which panels end,
+the revolution as the motor says (`_motion`). The places of the load reversals, at which panels end,
 are unknowns as well: the loads are evaluated there together with those at the nodes, and a step along
 the slope of the quantity that changes its sign moves the place. Friction depends weakly on the motion,
 so an iteration gains two to three digits.
@@ -26,7 +26,6 @@ from .._implicit import frozen
 from ..compressor import Compressor, Instants, instants, loop_of
 from ..friction import AbstractJointLoop, newton_step
 from ..mechanism import CrankState
-from ._closure import Instant, closure_of
 from ._journals import (
     improved_positions,
     journal_drive,
@@ -34,6 +33,7 @@ from ._journals import (
     moving,
     with_journals,
 )
+from ._motion import Instant, closure_of
 from ._panels import NO_WIDTH, Panels, panels
 
 # Kinetic energy over its mean below which the crank counts as stalled.
@@ -41,16 +41,12 @@ ENERGY_FLOOR = 1e-6
 
 
 class Resolution(eqx.Module):
-    """How finely a revolution is cut.
+    """How finely a revolution is cut."""
 
-    Attributes:
-        nodes: Gauss nodes on every panel.
-        reversals: how many kinks, and how many near-zero loads, may become panel edges.
-        grading: how often the panels beside a near-zero load are cut again, towards it.
-    """
-
-    nodes: int = eqx.field(static=True)
+    nodes: int = eqx.field(static=True)  # Gauss nodes on every panel
+    # how many kinks, and how many near-zero loads, may become panel edges
     reversals: int = eqx.field(static=True)
+    # how often the panels beside a near-zero load are cut again, towards it
     grading: int = eqx.field(static=True)
 
     def panels_between(self, edges: Float[Array, " e"], places: Float[Array, " k"]) -> Panels:
@@ -74,59 +70,35 @@ class Scales(NamedTuple):
 
 
 class Known(eqx.Module):
-    """What a solution depends on.
-
-    Attributes:
-        compressor: the machine.
-        edges: [rad] its kinks that are known beforehand, and the first once more a revolution later.
-        scales: of the unknowns.
-    """
+    """What a solution depends on."""
 
     compressor: Compressor
+    # [rad] its kinks that are known beforehand, and the first once more a revolution later
     edges: Float[Array, " e"]
-    scales: Scales
+    scales: Scales  # of the unknowns
 
 
 class Motion(eqx.Module):
-    """The unknowns, of order one.
+    """The unknowns, of order one."""
 
-    Attributes:
-        energy: [-] kinetic energy at the nodes over its scale.
-        acceleration: [-] crank acceleration at the nodes over the square of the speed scale.
-        first_energy: [-] kinetic energy at the first edge.
-        joints: [-] unknown of the joint loop at all nodes and then at the places, from its start, over
-            the scale of forces; of no entries without friction, a row for each of several cylinders.
-        places: [rad] load reversals.
-        journals: [-] positions of the journals that move, over their clearances; `None` without any.
-    """
-
-    energy: Float[Array, "p s"]
+    energy: Float[Array, "p s"]  # [-] kinetic energy at the nodes over its scale
+    # [-] crank acceleration at the nodes over the square of the speed scale
     acceleration: Float[Array, "p s"]
-    first_energy: Float[Array, ""]
+    first_energy: Float[Array, ""]  # [-] kinetic energy at the first edge
+    # [-] unknown of the joint loop at all nodes and then at the places, from its start, over the scale
+    # of forces; of no entries without friction, a row for each of several cylinders
     joints: Float[Array, "*k m"]
-    places: Float[Array, " k"]
+    places: Float[Array, " k"]  # [rad] load reversals
+    # [-] positions of the journals that move, over their clearances; `None` without any
     journals: Float[Array, "2 j p s"] | None = None
 
 
 class Reversals(eqx.Module):
-    """Load reversals: kinks, then as many near-zero loads.
+    """Load reversals: kinks, then as many near-zero loads."""
 
-    Attributes:
-        row: which quantity changes its sign; -1 for a place that is not used.
-        slope: of that quantity over crank angle.
-        moving: whether the places follow the motion, or wait for a first solution.
-    """
-
-    row: Int[Array, " k"]
-    slope: Float[Array, " k"]
-    moving: Bool[Array, ""]
-
-
-def no_reversals(places: Float[Array, " k"]) -> Reversals:
-    """Places of which none is in use; the motion is the final one if there are none."""
-    return Reversals(
-        jnp.full(places.shape, -1), jnp.ones_like(places), jnp.asarray(not places.size)
-    )
+    row: Int[Array, " k"]  # which quantity changes its sign; -1 for a place that is not used
+    slope: Float[Array, " k"]  # of that quantity over crank angle
+    moving: Bool[Array, ""]  # whether the places follow the motion, or wait for a first solution
 
 
 def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> Known:
@@ -163,20 +135,6 @@ def initial_motion(known: Known, resolution: Resolution) -> Motion:
     return Motion(energy, jnp.zeros_like(energy), jnp.ones(()), joints, places, centred)
 
 
-class Joints(NamedTuple):
-    """Outcome of one step of Newton's method on the joint loops.
-
-    Attributes:
-        unknown: [-] from the start of the loops, over the scale of forces.
-        loss: [N m] loss torque.
-        marks: [SI] quantities whose sign changes are load reversals.
-    """
-
-    unknown: Float[Array, "*k m"]
-    loss: Float[Array, " m"]
-    marks: tuple[Float[Array, " m"], ...]
-
-
 def state_of(at: Instants, scales: Scales, energy, acceleration) -> CrankState:
     """Crank angle, speed and acceleration of the unknowns."""
     # A motion that comes to a halt is reported; the floor keeps its numbers finite.
@@ -189,8 +147,8 @@ def joints_of(loop: AbstractJointLoop, scales: Scales, unknown) -> Float[Array, 
     return lax.stop_gradient(loop.start()) + scales.force * unknown
 
 
-def _improved_joints(loop: AbstractJointLoop, scales: Scales, unknown) -> Joints:
-    """One step of Newton's method, with losses and marks along the step.
+def _improved_joints(loop: AbstractJointLoop, scales: Scales, unknown):
+    """Unknown, loss torque [N m] and marks of load reversals after one step of Newton's method.
 
     Its slopes are constants to derivatives: at the solution, where the step vanishes, derivatives of
     all orders are exact whatever the slopes.
@@ -200,7 +158,7 @@ def _improved_joints(loop: AbstractJointLoop, scales: Scales, unknown) -> Joints
     slope, *rising = lax.stop_gradient(slopes)
     step = newton_step(force, excess, slope, loop.limit()) - force
     loss, marks = jax.tree.map(lambda value, rise: value + rise * step, now, rising)
-    return Joints(unknown + step / scales.force, loop.total_loss(loss), loop.rows(marks))
+    return unknown + step / scales.force, loop.total_loss(loss), loop.rows(marks)
 
 
 def steepness(
@@ -241,20 +199,15 @@ def steepness(
     return (net[0] + jnp.sum(follows * net[1:], axis=0)) / scales.energy
 
 
-class Revolution(NamedTuple):
-    """Panels, and what the crank angle decides at their nodes and then at the places."""
-
-    grid: Panels
-    at: Instants
-
-
-def revolution(known: Known, resolution: Resolution, places: Float[Array, " k"]) -> Revolution:
-    """A revolution cut at the places of load reversals [rad]."""
+def revolution(
+    known: Known, resolution: Resolution, places: Float[Array, " k"]
+) -> tuple[Panels, Instants]:
+    """Panels cut at load reversals [rad], and what the angle decides at their nodes and the places."""
     grid = resolution.panels_between(known.edges, places)
     angle = grid.angle.ravel()
     if places.size:
         angle = jnp.concatenate([angle, places])
-    return Revolution(grid, instants(known.compressor, angle))
+    return grid, instants(known.compressor, angle)
 
 
 def improve(
@@ -262,11 +215,11 @@ def improve(
     resolution: Resolution,
     reversals: Reversals,
     motion: Motion,
-    cut: Revolution | None = None,
+    cut: tuple[Panels, Instants] | None = None,
 ) -> tuple[Motion, Float[Array, "q p s"]]:
     """One iteration: better unknowns, with the quantities that mark reversals at the nodes.
 
-    `cut` is the revolution at the places of the motion, where the caller has it already.
+    `cut` is the `revolution` at the places of the motion, where the caller has it already.
     """
     compressor, scales, places = known.compressor, known.scales, motion.places
     grid, at = revolution(known, resolution, places) if cut is None else cut
@@ -285,20 +238,19 @@ def improve(
 
     energy, acceleration = everywhere(motion.energy), everywhere(motion.acceleration)
     state = state_of(at, scales, energy, acceleration)
-    joints, journals = Joints(motion.joints, jnp.zeros_like(energy), ()), motion.journals
+    joints, loss, rows, journals = motion.joints, jnp.zeros_like(energy), (), motion.journals
     film_loss = None
     if journals is not None:
         compressor = with_journals(compressor, everywhere(journals), lossless=True)
     if compressor.friction is not None:
         loop = loop_of(compressor, state, at.gas_force, at.kinematics)
-        joints = _improved_joints(loop, scales, motion.joints)
+        joints, loss, rows = _improved_joints(loop, scales, joints)
         if journals is not None:
             forces = loop.loads(joints_of(loop, scales, motion.joints), False).forces
             drive = journal_drive(known.compressor, forces, state)
             journals, power = improved_positions(grid, drive.mapped(nodes), motion.journals)
-            film_loss = journal_torque(
-                known.compressor, jax.tree.map(nodes, state), motion.journals, power
-            )
+            at_nodes = jax.tree.map(nodes, state)
+            film_loss = journal_torque(known.compressor, at_nodes, motion.journals, power)
     closure = closure_of(compressor.motor)
     steep = None
     if closure.needs_steepness:
@@ -312,7 +264,7 @@ def improve(
         nodes(at.inertia_1),
         nodes(at.conservative),
         nodes(closure.law(compressor.motor, state.speed)),
-        nodes(joints.loss) if journals is None else nodes(joints.loss) + film_loss,
+        nodes(loss) if film_loss is None else nodes(loss) + film_loss,
         nodes(state.speed),
         motion.energy,
         motion.first_energy,
@@ -320,9 +272,9 @@ def improve(
     energy, slope, first = closure.improve(compressor.motor, now, steep)
     floored = jnp.maximum(energy, ENERGY_FLOOR) * scales.energy
     acceleration = (slope - now.inertia_1 * floored / now.inertia) / now.inertia
-    marks = [nodes(mark) for mark in joints.marks]
+    marks = [nodes(mark) for mark in rows]
     if places.size:
-        at_places = jnp.stack([mark[count:] for mark in joints.marks])
+        at_places = jnp.stack([mark[count:] for mark in rows])
         value = jnp.take_along_axis(at_places, jnp.maximum(reversals.row, 0)[None], axis=0)[0]
         unused = jnp.where(reversals.moving, known.edges[0], places)
         used = reversals.moving & (reversals.row >= 0)
@@ -334,8 +286,7 @@ def improve(
         if journals is not None:
             journals = jnp.stack(rest).reshape(journals.shape)
         places = moved
-    unknowns = energy, acceleration / scales.speed**2, first, joints.unknown, places
-    better = Motion(*unknowns, journals)
+    better = Motion(energy, acceleration / scales.speed**2, first, joints, places, journals)
     return better, jnp.stack(marks) if marks else jnp.zeros((0, *shape))
 
 

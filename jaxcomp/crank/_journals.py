@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._each import mapped
 from .._fields import of_cylinder, replaced
 from ..compressor import Compressor
 from ..film import (
@@ -110,17 +111,11 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
 
 
 class Drive(NamedTuple):
-    """What moves k journals.
+    """What moves k journals."""
 
-    Attributes:
-        films: of all journals, in groups of one kind with their numbers.
-        force: load over U and the speed of the crank, (2, k, *n).
-        turning: half the sum of the rates over the speed, (k, *n).
-    """
-
-    films: tuple[tuple[AbstractSqueeze, tuple[int, ...]], ...]
-    force: Positions
-    turning: Float[Array, "k *n"]
+    films: tuple[AbstractSqueeze, ...]  # of all journals
+    force: Positions  # load over U and the speed of the crank, (2, k, *n)
+    turning: Float[Array, "k *n"]  # half the sum of the rates over the speed, (k, *n)
 
     def mapped(self, function) -> "Drive":
         """The same at other instants, by a function of arrays over instants."""
@@ -128,7 +123,11 @@ class Drive(NamedTuple):
 
     def rate(self, position: Positions) -> Positions:
         """[1/rad] de/dtheta."""
-        film = self._grouped(lambda film, e, f: film.mobility(e, f), position)
+
+        def velocity(film, e, f):
+            return film.mobility(e, f)
+
+        film = mapped(velocity, self.films, position, self.force, axis=1, out_axis=1)
         return film + self.turning * quarter_turn(position)
 
     def rate_and_slopes(
@@ -141,7 +140,7 @@ class Drive(NamedTuple):
             return jnp.stack([value, *slopes])
 
         # journals stand on the axis before the last ones, here behind the three and the components
-        both = self._grouped(film, position, out_axis=2)
+        both = mapped(film, self.films, position, self.force, axis=1, out_axis=2)
         own, along_x, along_y = both
         turn = self.turning
         slopes = jnp.stack([
@@ -149,20 +148,6 @@ class Drive(NamedTuple):
             jnp.stack([along_x[1] + turn, along_y[1]]),
         ])  # fmt: skip
         return own + turn * quarter_turn(position), own, slopes
-
-    def _grouped(self, function, position, out_axis=1):
-        parts = []
-        for film, numbers in self.films:
-            index = jnp.asarray(numbers)
-            parts.append(
-                jax.vmap(function, in_axes=(0, 1, 1), out_axes=out_axis)(
-                    film, position[:, index], self.force[:, index]
-                )
-            )
-        if len(parts) == 1:
-            return parts[0]
-        order = jnp.argsort(jnp.asarray([n for _, numbers in self.films for n in numbers]))
-        return jnp.take(jnp.concatenate(parts, axis=out_axis), order, axis=out_axis)
 
 
 def journal_drive(
@@ -183,18 +168,11 @@ def journal_drive(
     half = 0.5 * state.speed / over if in_time else 0.5
     journals, shares = moving(compressor), rate_shares(compressor, state.angle)
     ones = jnp.ones_like(state.angle)
-    kinds: dict[type, list[int]] = {}
-    films = [squeeze_of(one.bearing) for one in journals]
-    for number, film in enumerate(films):
-        kinds.setdefault(type(film), []).append(number)
-    grouped = tuple(
-        (jax.tree.map(lambda *leaves: jnp.stack(leaves), *[films[i] for i in index]), tuple(index))
-        for index in kinds.values()
-    )
     force = [-forces[one.joint] / (film_unit(one.bearing) * over) for one in journals]
     turning = [half * shares[one.joint][1] if one.joint in shares else half * ones
                for one in journals]  # fmt: skip
-    return Drive(grouped, jnp.stack(force, axis=1), jnp.stack(turning))
+    films = tuple(squeeze_of(one.bearing) for one in journals)
+    return Drive(films, jnp.stack(force, axis=1), jnp.stack(turning))
 
 
 def improved_positions(

@@ -1,14 +1,15 @@
-"""The periodic state of the crank, its energy account and its evidence."""
+"""The periodic state of the crank: its energy account, its evidence, and where the power goes."""
 
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
 from .._fields import replaced
+from .._polynomials import gauss
 from .._registry import Quantity, registered
 from .._results import Data, Result
 from .._status import Status
@@ -16,7 +17,7 @@ from ..compressor import Compressor
 from ..cylinder import Cycle, SeveralCycles
 from ..friction import JointLoads
 from ..mechanism import CrankState
-from ._panels import gauss, highest
+from ._panels import highest
 
 
 class Energy(eqx.Module):
@@ -247,7 +248,7 @@ class Orbit(Result, eqx.Module):
         """[N] mean magnitude over crank angle, by joint."""
         total = jnp.sum(self.weight)
         return {
-            name: jnp.sum(self.weight * _magnitude(f)) / total
+            name: jnp.sum(self.weight * jnp.hypot(*f)) / total
             for name, f in self.loads.forces.items()
         }
 
@@ -275,10 +276,6 @@ def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> list[Any]:
     for _ in range(jnp.ndim(orbit.mean_speed)):
         read = eqx.filter_vmap(read)
     return read(orbit)
-
-
-def _magnitude(force):
-    return jnp.hypot(force[0], force[1])
 
 
 def _nonzero(value):
@@ -337,3 +334,71 @@ def time_harmonics(
     frequency = 2 * jnp.pi / period * jnp.arange(1, count + 1)
     turning = jnp.exp(-1j * frequency * time[:, None])
     return 2 / period * (values * duration) @ turning, frequency
+
+
+class Performance(NamedTuple):
+    """What a compressor with valves does for its power.
+
+    Attributes:
+        electric_power: [W] of the motor; its shaft power where the motor has no `losses`.
+        motor_efficiency: [-] shaft power over electric power; 1 without `losses`.
+        overall_efficiency: [-] isentropic power, from the gas that comes to the compressor to the
+            pressure of the discharge line, over electric power.
+        power: [W] by what it is spent on; the values add up to the electric power.
+        orbit: where the rest stands.
+    """
+
+    electric_power: Float[Array, ""]
+    motor_efficiency: Float[Array, ""]
+    overall_efficiency: Float[Array, ""]
+    power: dict[str, Float[Array, ""]]
+    orbit: Orbit
+
+    @property
+    def cop(self) -> Float[Array, ""]:
+        """[-] Cooling capacity over electric power."""
+        assert self.orbit.cycle is not None
+        return self.orbit.cycle.capacity / self.electric_power
+
+
+# What the power of a compressor with valves is spent on.
+POWER = (
+    "isentropic",
+    "suction_heating",
+    "suction_valve",
+    "discharge_valve",
+    "leakage",
+    "heating",
+    "friction",
+    "motor",
+)
+
+
+def performance(compressor: Compressor, orbit: Orbit) -> Performance:
+    """Efficiencies and powers of a solved orbit.
+
+    Args:
+        compressor: whose gas is a `Cylinder`.
+        orbit: its periodic state.
+    """
+    cycle, losses = orbit.cycle, compressor.motor.losses
+    assert cycle is not None
+    work, case = cycle.work_losses, cycle.case
+    isentropic = work["isentropic"] * cycle.frequency
+    before = jnp.zeros(())
+    if case.cylinder.suction.heating is not None:
+        fluid, comes = case.cylinder.fluid, case.comes
+        rise = fluid.at_entropy(case.discharge.p, comes.s, comes).h - comes.h
+        before, isentropic = isentropic, cycle.mass_flow * rise
+        before -= isentropic
+    shaft = orbit.motor_power
+    efficiency = jnp.ones(()) if losses is None else losses.at(shaft / orbit.mean_speed)
+    electric = shaft / efficiency
+    valves = [work[f"{valve} valve"] * cycle.frequency for valve in ("suction", "discharge")]
+    known = [isentropic, before, *valves, work["leakage"] * cycle.frequency]
+    # the orbit's quadrature of the gas work, so that the sum is exact
+    rest = orbit.gas_power - sum(known, start=jnp.zeros(()))
+    # and what the energy of the orbit leaves open counts as friction
+    shares = (*known, rest, shaft - orbit.gas_power, electric - shaft)
+    overall = isentropic / (electric + (electric == 0))
+    return Performance(electric, efficiency, overall, dict(zip(POWER, shares, strict=True)), orbit)

@@ -4,7 +4,6 @@ Each panel carries s Gauss-Legendre nodes. Integrating the polynomial through th
 panel's left end gives the s-stage Gauss Runge-Kutta method, of order 2 s at the panel ends.
 """
 
-from functools import cache
 from typing import NamedTuple
 
 import jax
@@ -12,71 +11,20 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
-from numpy.polynomial import legendre
+
+from .._polynomials import Rule, gauss
 
 # [rad] Panels below hold no part of the revolution: edges that no load reversal needs lie on others.
 NO_WIDTH = 1e-9
 
 
-class Rule(NamedTuple):
-    """Gauss-Legendre on [0, 1].
-
-    Attributes:
-        nodes: abscissae.
-        weights: quadrature weights.
-        integral: row i integrates the polynomial through the nodes from 0 to node i.
-        to_legendre: coefficients in Legendre polynomials of 2 x - 1 from values at the nodes.
-    """
-
-    nodes: np.ndarray
-    weights: np.ndarray
-    integral: np.ndarray
-    to_legendre: np.ndarray
-
-    def through(self, x: np.ndarray) -> np.ndarray:
-        """Values at places x in [0, 1] of the polynomial through values at the nodes: a matrix."""
-        return legendre.legvander(2 * x - 1, self.nodes.size - 1) @ self.to_legendre
-
-    def weights_at(self, x: Float[Array, "*n"]) -> Float[Array, "*n s"]:
-        """Weights of the values at the nodes in the polynomial's value at places x in [0, 1].
-
-        Without derivatives to the places.
-        """
-        own = np.eye(self.nodes.size, dtype=bool)
-        between = 1 / np.prod(np.where(own, 1.0, self.nodes[:, None] - self.nodes), axis=-1)
-        away = jnp.clip(lax.stop_gradient(x), 0.0, 1.0)[..., None, None] - self.nodes
-        return between * jnp.prod(jnp.where(own, 1.0, away), axis=-1)
-
-    @property
-    def derivative(self) -> np.ndarray:
-        """From values at the nodes to the slopes there, per width of the panel."""
-        slopes = legendre.legder(self.to_legendre)
-        return 2 * legendre.legvander(2 * self.nodes - 1, self.nodes.size - 2) @ slopes
-
-
-@cache
-def gauss(count: int) -> Rule:
-    x, w = legendre.leggauss(count)
-    coefficients = np.linalg.inv(legendre.legvander(x, count - 1))
-    primitive = np.stack([legendre.legint(c, lbnd=-1) for c in coefficients.T], axis=1)
-    integral = legendre.legvander(x, count) @ primitive
-    return Rule((x + 1) / 2, w / 2, integral / 2, coefficients)
-
-
 class Panels(NamedTuple):
-    """A revolution cut into p panels with s nodes each.
+    """A revolution cut into p panels with s nodes each."""
 
-    Attributes:
-        edges: [rad] shape (p + 1,), the last a revolution after the first.
-        angle: [rad] nodes, shape (p, s).
-        weight: [rad] quadrature weights, shape (p, s).
-        rule: the Gauss rule on every panel.
-    """
-
-    edges: Float[Array, " p_plus_1"]
-    angle: Float[Array, "p s"]
-    weight: Float[Array, "p s"]
-    rule: Rule
+    edges: Float[Array, " p_plus_1"]  # [rad] shape (p + 1,), the last a revolution after the first
+    angle: Float[Array, "p s"]  # [rad] nodes, shape (p, s)
+    weight: Float[Array, "p s"]  # [rad] quadrature weights, shape (p, s)
+    rule: Rule  # the Gauss rule on every panel
 
     @property
     def width(self) -> Float[Array, " p"]:

@@ -22,7 +22,6 @@ from ._iteration import (
     Reversals,
     improve,
     initial_motion,
-    no_reversals,
     revolution,
 )
 from ._panels import NO_WIDTH, Panels
@@ -44,16 +43,11 @@ class _Brackets(NamedTuple):
 
 
 class OrbitProblem(AbstractFixedPoint):
-    """The periodic motion as a fixed point, on panels that end at the load reversals.
+    """The periodic motion as a fixed point, on panels that end at the load reversals."""
 
-    Attributes:
-        resolution: of the panels.
-        kinks: how many of the quantities that mark reversals are kinks; the others belong to loads
-            that come close to zero.
-        tolerance, max_iterations: of the iteration.
-    """
-
-    resolution: Resolution
+    resolution: Resolution  # of the panels
+    # how many of the quantities that mark reversals are kinks; the others belong to loads that come
+    # close to zero
     kinks: int = eqx.field(static=True)
     tolerance: float | Float[Array, ""]
     max_iterations: int = eqx.field(static=True)
@@ -70,7 +64,9 @@ class OrbitProblem(AbstractFixedPoint):
         known, resolution = frozen(parameters), self.resolution
         motion = initial_motion(known, resolution)
         places = motion.places
-        reversals = no_reversals(places)
+        # none is in use; the motion is the final one if there are no places
+        final = jnp.asarray(not places.size)
+        reversals = Reversals(jnp.full(places.shape, -1), jnp.ones_like(places), final)
 
         if not places.size:
             # panels that stay where they are need not be cut in every iteration

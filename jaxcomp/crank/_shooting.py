@@ -19,18 +19,16 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from .._implicit import AbstractRoot, FixedPointReport, frozen, root
+from .._implicit import AbstractRoot, FixedPointReport, frozen, root, zeros_of
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..mechanism import CrankState
-from ._closure import closure_of
-from ._collocation import Collocation
+from ._collocation import Collocation, orbit_on_panels
 from ._iteration import Known, prepare, revolution_edges
 from ._journals import moving
-from ._motion import solve_motion
+from ._motion import closure_of, solve_motion
 from ._orbit import Energy, Orbit
 from ._panels import panels
-from ._result import orbit_on_panels
 
 # [rad] Distance of a step's end from a load reversal, more than the error of its place. Derivatives
 # err by about as much: the one step across the change takes its sides at random.
@@ -50,7 +48,7 @@ class Shooting(eqx.Module):
     """Options of the shooting solver.
 
     Attributes:
-        solver: any explicit or implicit solver of diffrax.
+        solver: any solver of diffrax.
         tolerance: [-] wanted of the energy closure of the revolution. A step is allowed a thousandth of
             it, in units of the mean speed, of the period and of the mean kinetic energy: places
             where a load changes its side are met unprepared, and there the error estimate of a step
@@ -207,6 +205,10 @@ class Shooting(eqx.Module):
             none = jax.tree.map(lambda x: jnp.zeros((*x.shape, unknowns.size)), y0)
             first = jnp.zeros(unknowns.size).at[0].set(1.0)
             y0 = y0, none | {"speed": first}
+
+        def speed(t, y, args):
+            return tuple(x["speed"] for x in y) if slopes else y["speed"]
+
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(_rate_and_slopes if slopes else _rate),
             self.solver,
@@ -218,12 +220,7 @@ class Shooting(eqx.Module):
             saveat=diffrax.SaveAt(
                 subs=[
                     diffrax.SubSaveAt(t1=True),
-                    diffrax.SubSaveAt(
-                        ts=self._nodes(fixed),
-                        fn=lambda t, y, args: (
-                            tuple(x["speed"] for x in y) if slopes else y["speed"]
-                        ),
-                    ),
+                    diffrax.SubSaveAt(ts=self._nodes(fixed), fn=speed),
                 ]
             ),
             stepsize_controller=diffrax.ClipStepSizeController(
@@ -239,9 +236,9 @@ class Shooting(eqx.Module):
             throw=False,
         )
         assert solution.ys is not None
-        end, speed = solution.ys
+        end, at_nodes = solution.ys
         end = jax.tree.map(lambda x: x[-1], end)
-        return tuple(zip(end, speed, strict=True)) if slopes else (end, speed)
+        return tuple(zip(end, at_nodes, strict=True)) if slopes else (end, at_nodes)
 
     def _orbit(self, compressor, unknowns, fixed: "_Fixed", end, speed, status, report) -> Orbit:
         edges = revolution_edges(kink_angles(compressor))
@@ -268,43 +265,29 @@ class Shooting(eqx.Module):
 
 
 class _Fixed(NamedTuple):
-    """What does not follow the parameters in derivatives.
+    """What does not follow the parameters in derivatives."""
 
-    Attributes:
-        speed, energy, level: scales [rad/s], [J], [-] of the motor torque.
-        edges: [rad] of the revolution, at known kinks.
-        stops: [rad] where steps end.
-        places: [rad] edges of the panels of the result.
-    """
-
-    speed: Float[Array, ""]
-    energy: Float[Array, ""]
-    level: Float[Array, ""]
-    edges: Float[Array, " k"]
-    stops: Float[Array, " s"]
-    places: Float[Array, " p"]
+    speed: Float[Array, ""]  # [rad/s] scale
+    energy: Float[Array, ""]  # [J] scale
+    level: Float[Array, ""]  # [-] scale of the motor torque
+    edges: Float[Array, " k"]  # [rad] of the revolution, at known kinks
+    stops: Float[Array, " s"]  # [rad] where steps end
+    places: Float[Array, " p"]  # [rad] edges of the panels of the result
 
 
 class _Shot(NamedTuple):
-    """A revolution that ends as it began.
+    """A revolution that ends as it began."""
 
-    Attributes:
-        result: unknowns, values at the end, speed at the nodes.
-        by_unknowns: derivatives of the result over the unknowns.
-        jacobian: of the periodicity condition over the unknowns.
-    """
-
-    result: Any
-    by_unknowns: Any
-    jacobian: Float[Array, "u u"]
+    result: Any  # unknowns, values at the end, speed at the nodes
+    by_unknowns: Any  # derivatives of the result over the unknowns
+    jacobian: Float[Array, "u u"]  # of the periodicity condition over the unknowns
 
 
 def _at_rest(machine, unknowns, fixed) -> dict[str, Any]:
     """Speed, time and accounts at the beginning of a revolution."""
     y: dict[str, Any] = {"speed": unknowns[0], "time": jnp.zeros(())}
-    moving = jnp.zeros_like(fixed.edges)
-    shapes = eqx.filter_eval_shape(_rate, fixed.edges[0], y, (machine, unknowns, fixed, moving))
-    return y | {"work": jax.tree.map(lambda _: jnp.zeros(()), shapes["work"])}
+    args = machine, unknowns, fixed, jnp.zeros_like(fixed.edges)
+    return y | {"work": zeros_of(_rate, fixed.edges[0], y, args)["work"]}
 
 
 def _along(function, values, slopes):

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._fields import BadInput, admissible, clipped, is_traced, replaced
+from .._implicit import zeros_of
 from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of, instants
@@ -20,7 +21,7 @@ from ..mechanism import CrankState
 from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration
 from ._orbit import Energy
-from ._transient_gas import GasCourse, march_with_gas
+from ._transient_gas import DenseSteps, GasCourse, march_with_gas
 
 
 class TimeIntegration(eqx.Module):
@@ -222,15 +223,8 @@ def _simulate(
     journals = moving(compressor)
     if journals:
         y0["journals"] = jnp.zeros((2, len(journals)))
-    y0["work"] = jax.tree.map(
-        lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),
-        jax.eval_shape(rate, jnp.zeros(()), y0 | {"work": None}, None)["work"],
-    )
-    rest = diffrax.Event(
-        lambda t, y, args, **_: y["speed"],
-        root_finder=None,
-        direction=False,
-    )
+    y0["work"] = zeros_of(rate, jnp.zeros(()), y0, None)["work"]
+    rest = diffrax.Event(lambda t, y, args, **_: y["speed"], root_finder=None, direction=False)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
         options.solver,
@@ -257,22 +251,17 @@ def _simulate(
     end = solution.ts[-1]
     time = jnp.linspace(0.0, 1.0, options.samples) * end
     ys = jax.vmap(solution.evaluate)(time)
-    now, _, rise, _, _ = jax.vmap(evaluate)(time, ys)
-    inertia = instants(compressor, ys["angle"]).inertia
-    work = jax.tree.map(lambda w: w * energy_scale, ys["work"])
-    status = Status.where(reached, Status.converged, Status.not_converged)
-    return Transient(
-        time=time,
-        state=CrankState(ys["angle"], now, rise),
-        energy=Energy(work["motor"], work["gas"], work["losses"]),
-        kinetic_energy=0.5 * inertia * now**2,
+    return _listed(
+        compressor,
+        good,
+        (time, ys, jax.vmap(evaluate)(time, ys)[2]),
+        reached,
+        (speed_scale, energy_scale),
         stopped=stopped,
         end_time=end,
         steps=solution.stats["num_steps"],
-        status=Status.where(good, status, Status.bad_input),
         positions={one.joint: ys["journals"][..., i].T for i, one in enumerate(journals)},
         _dense=solution,
-        _scales=(speed_scale, energy_scale),
     )
 
 
@@ -283,30 +272,40 @@ def _simulate_gas(
     good = admissible(machine)
     numbers, rest = eqx.partition(clipped(machine), eqx.is_inexact_array)
     compressor = eqx.combine(values_only(numbers), rest)
-    marched = march_with_gas(compressor, options, until_rest, duration, angle, speed, off)
-    pace = compressor.motor.speed_guess
-    time = jnp.linspace(0.0, 1.0, options.samples) * marched.end
-    ys = jax.vmap(marched.dense.evaluate)(time)
-    gas, rise = marched.gas(time, ys)
-    without_gas = replaced(compressor, gas=None)
-    inertia = jax.vmap(lambda a: instants(without_gas, a).inertia)(ys["angle"])
-    now = ys["speed"] * pace
-    energy_scale = inertia[0] * pace**2
+    law, marched = march_with_gas(compressor, options, until_rest, duration, angle, speed, off)
+    end, dense = marched.angle / law.pace, DenseSteps(marched.record, law.pace, law.unravel)
+    time = jnp.linspace(0.0, 1.0, options.samples) * end
+    ys = jax.vmap(dense.evaluate)(time)
+    gas, rise = law.course(marched, time, ys)
+    return _listed(
+        replaced(compressor, gas=None),
+        good,
+        (time, ys, rise),
+        marched.whole,
+        (law.pace, law.energy_scale),
+        stopped=marched.flags[-1] > 0,
+        end_time=end,
+        steps=marched.steps,
+        positions={},
+        _dense=dense,
+        gas=gas,
+    )
+
+
+def _listed(compressor: Compressor, good, motion, reached, scales, **others) -> Transient:
+    """The result from time [s], states and acceleration [rad/s^2] at its instants."""
+    (time, ys, rise), (pace, energy_scale) = motion, scales
+    speed = ys["speed"] * pace
     work = jax.tree.map(lambda w: w * energy_scale, ys["work"])
-    status = Status.where(marched.whole, Status.converged, Status.not_converged)
+    status = Status.where(reached, Status.converged, Status.not_converged)
     return Transient(
         time=time,
-        state=CrankState(ys["angle"], now, rise),
+        state=CrankState(ys["angle"], speed, rise),
         energy=Energy(work["motor"], work["gas"], work["losses"]),
-        kinetic_energy=0.5 * inertia * now**2,
-        stopped=marched.stopped,
-        end_time=marched.end,
-        steps=marched.steps,
+        kinetic_energy=0.5 * instants(compressor, ys["angle"]).inertia * speed**2,
         status=Status.where(good, status, Status.bad_input),
-        positions={},
-        _dense=marched.dense,
-        _scales=(pace, energy_scale),
-        gas=gas,
+        _scales=scales,
+        **others,
     )
 
 

@@ -8,15 +8,17 @@ speed of the instant. Values only.
 """
 
 import dataclasses
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
+from .._each import stacked
 from .._fields import ANY, of_cylinder, quantity, replaced
+from .._implicit import zeros_of
 from ..compressor import Compressor, instants, without_crank
 from ..cylinder import Cylinder
 from ..cylinder._balance import (
@@ -24,6 +26,7 @@ from ..cylinder._balance import (
     FLAGS,
     STATES,
     Accounts,
+    Rates,
     after_event,
     jump,
     rates,
@@ -31,7 +34,15 @@ from ..cylinder._balance import (
     valve_scales,
 )
 from ..cylinder._cylinder import Case, prepare
-from ..cylinder._march import Law, Record, longest_step, stretch, towards, within_steps
+from ..cylinder._march import (
+    AbstractLaw,
+    Record,
+    Stretch,
+    longest_step,
+    stretch,
+    towards,
+    within_steps,
+)
 from ..cylinder._plenum import chain_rates, chains, first_states, valve_sides
 from ..cylinder._solve import account_scales
 from ..gas import AbstractGas
@@ -86,46 +97,139 @@ class GasCourse(eqx.Module):
 
 
 class DenseSteps(eqx.Module):
-    """Cubics between the steps of a march.
+    """Cubics between the steps of a march."""
 
-    Attributes:
-        record: the steps, over the time in radians of the mean speed.
-        speed: [rad/s] that speed.
-        unravel: the state from its vector.
-    """
-
-    record: Record
-    speed: Float[Array, ""]
-    unravel: Any = eqx.field(static=True)
+    record: Record  # the steps, over the time in radians of the mean speed
+    speed: Float[Array, ""]  # [rad/s] that speed
+    unravel: Any = eqx.field(static=True)  # the state from its vector
 
     def evaluate(self, time: Float[Array, ""]):
         """The state at a time [s]."""
         return self.unravel(within_steps(self.record, time * self.speed))
 
 
-class Marched(NamedTuple):
-    """A motion with its gas, marched.
+class CrankAndGas(AbstractLaw):
+    """A machine over time in radians of its motor's speed.
 
-    Attributes:
-        end: [s] where it ended.
-        stopped: whether the crank came to rest there.
-        whole: whether the end, or the rest, was reached.
-        steps: of the march.
-        dense: the state at any time: angle, speed over that of the motor, works.
-        gas: (time, state) to the course of the gas at many instants.
+    The flags are those of the cylinders, whether the motor is on, and whether the crank has come to rest.
     """
 
-    end: Float[Array, ""]
-    stopped: Bool[Array, ""]
-    whole: Bool[Array, ""]
-    steps: Int[Array, ""]
-    dense: DenseSteps
-    gas: Any
+    compressor: Compressor  # whose gas is a `Cylinder`, for each of several cylinders
+    cases: Case  # the cylinders with their lines, stacked
+    energy_scale: Float[Array, ""]  # [J] unit of the works
+    off: Float[Array, ""]  # [s] at which the motor is switched off
+    until_rest: bool = eqx.field(
+        static=True
+    )  # whether the march ends where the crank comes to rest
+    kept: int = eqx.field(static=True)
+    # angle, speed, gas, plenums and works from the vector of the states that are kept
+    unravel: Any = eqx.field(static=True)
+
+    @property
+    def pace(self) -> Float[Array, ""]:
+        """[rad/s] Unit of the speed."""
+        return self.compressor.motor.speed_guess
+
+    @property
+    def shared(self) -> Case:
+        """One of the cylinders, for lines and plenums."""
+        return jax.tree.map(lambda leaf: leaf[0], self.cases)
+
+    def gases(self, at, flags) -> tuple[Rates, Float[Array, " 3p"]]:
+        """The rates of all cylinders and of the plenums."""
+        now, shared = at["speed"] * self.pace, self.shared
+        pair = chains(shared, at["plenums"]) if shared.cylinder.plenums else None
+        sides = valve_sides(pair) if pair else None
+
+        def one(case, angle, state, flags):
+            return rates(case, angle, state, flags, speed=now, sides=sides)
+
+        own = _own_angles(self.compressor, at["angle"])
+        found = jax.vmap(one)(self.cases, own, at["gas"], _of_cylinders(flags))
+        if not pair:
+            return found, jnp.zeros(0)
+        scales = jax.vmap(account_scales)(self.cases)
+        totals = Accounts(*jnp.sum(found.accounts * scales * self.pace, axis=0))
+        suction = totals.suction, totals.suction_heat
+        discharge = totals.discharge, totals.discharge_heat
+        wall = shared.cylinder.wall_temperature
+        return found, chain_rates(shared, pair, at["plenums"], suction, discharge, self.pace, wall)
+
+    def rates(self, angle, state, flags):
+        at = self.unravel(state[: self.kept])
+        found, of_plenums = self.gases(at, flags)
+        rise, torques = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
+        rate = {
+            "angle": at["speed"],
+            "speed": rise / self.pace**2,
+            "gas": found.state,
+            "plenums": of_plenums,
+            "work": jax.tree.map(lambda m: m * at["speed"] / self.energy_scale, torques),
+        }
+        slopes = jnp.concatenate([ravel_pytree(rate)[0], found.accounts.ravel()])
+        rest = at["speed"] if self.until_rest else jnp.ones(())
+        return slopes, jnp.append(found.events.ravel(), rest), found.force.ravel()
+
+    def towards(self, state, events):
+        gas = self.unravel(state[: self.kept])["gas"]
+        return jnp.append(jax.vmap(towards)(gas, events[:-1].reshape(-1, EVENTS)).ravel(), True)
+
+    def after(self, angle, event, state, flags, force):
+        at, count = self.unravel(state[: self.kept]), self.cases.top.size
+
+        def one(case, place, state, flags, force):
+            own = event - EVENTS * place
+            code, new = after_event(case, own, state, flags, force)
+            return code, jump(case, own, code, state), new
+
+        of_each = at["gas"], _of_cylinders(flags), force.reshape(count, 2)
+        code, gas, new = jax.vmap(one)(self.cases, jnp.arange(count), *of_each)
+        jumped = ravel_pytree({**at, "gas": gas})[0]
+        # the step that ends at the switch has the motor on, the next one has it off
+        motor_on = angle < self.off * self.pace * (1 - 1e-12)
+        others = jnp.stack([motor_on, event == EVENTS * count]).astype(int)
+        flags = jnp.concatenate([new.ravel(), others])
+        return jnp.max(code), state.at[: self.kept].set(jumped), flags
+
+    def longest(self, flags):
+        return jnp.min(jax.vmap(longest_step)(self.cases, _of_cylinders(flags)))
+
+    def going_on(self, flags):
+        return flags[-1] == 0
+
+    def course(self, marched: Stretch, time, at) -> tuple[GasCourse, Float[Array, " n"]]:
+        """The gas at instants [s] with these states, and the acceleration of the crank [rad/s^2]."""
+        row = jnp.searchsorted(marched.record.angle, time * self.pace, side="right") - 1
+        flags = marched.record.flags[jnp.clip(row, 0)]
+        cases, some = self.cases, self.shared.cylinder.plenums
+
+        def instant(given):
+            at, flags = given
+            own, (found, _) = _own_angles(self.compressor, at["angle"]), self.gases(at, flags)
+            T, rho = jax.vmap(temperature_and_density)(cases, own, at["gas"])
+            volume = jax.vmap(lambda case, a: case.volume(a)[0])(cases, own)
+            scale = jax.vmap(lambda c: jnp.stack([valve_scales(c, i)[0] for i in (0, 1)]))(cases)
+            lift = jnp.maximum(at["gas"][:, jnp.asarray([2, 5])], 0.0) * scale
+            flow = found.accounts[:, 1:3] * cases.mass_scale[:, None] * self.pace
+            rise, _ = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
+            pair = chains(self.shared, at["plenums"]) if some else ()
+            of_plenums = jnp.stack([gas.p for one in pair for gas in one.gases]) if some else None
+            return (found.pressure, T, rho * volume, lift, flow), of_plenums, rise
+
+        values, of_plenums, rise = jax.lax.map(instant, (at, flags), batch_size=64)
+        totals = marched.state[self.kept :].reshape(cases.top.size, -1)
+        totals = Accounts(*(totals * jax.vmap(account_scales)(cases)).T)
+        made = GasCourse(*(jnp.moveaxis(value, 0, -1) for value in values), totals=totals)
+        if self.compressor.cylinders is None:
+            made = jax.tree.map(lambda leaf: leaf[0], made)
+        if some:
+            made = dataclasses.replace(made, plenum_pressure=of_plenums.T)
+        return made, rise
 
 
 def march_with_gas(
     compressor: Compressor, options, until_rest: bool, duration, angle, speed, off
-) -> Marched:
+) -> tuple[CrankAndGas, Stretch]:
     """March crank and gas from a start with every cylinder at the state of the suction line.
 
     Args:
@@ -137,165 +241,49 @@ def march_with_gas(
         speed: [rad/s] at the start.
         off: [s] at which the motor is switched off.
     """
-    pace = compressor.motor.speed_guess
-    energy_scale = instants(_held(compressor), angle).inertia * pace**2
-    cases = _cases(compressor)
-    count = cases.top.size
-    places = jnp.arange(count)
-    shared: Case = jax.tree.map(lambda leaf: leaf[0], cases)  # lines and plenums
-    plenums = first_states(shared, rest=True)
-
-    def cut(flags):
-        """Those of the cylinders, and that of the motor."""
-        return flags[:-2].reshape(count, FLAGS), flags[-2] > 0
-
-    def gases(at, own, now, flags):
-        """The rates of all cylinders and of the plenums."""
-        of_gas, _ = cut(flags)
-        pair = chains(shared, at["plenums"]) if plenums.size else None
-        sides = valve_sides(pair) if pair else None
-
-        def one(case, angle, state, flags):
-            return rates(case, angle, state, flags, speed=now, sides=sides)
-
-        found = jax.vmap(one)(cases, own, at["gas"], of_gas)
-        if not pair:
-            return found, jnp.zeros(0)
-        totals = jax.vmap(lambda a, case: a * account_scales(case) * pace)(found.accounts, cases)
-        totals = Accounts(*jnp.sum(totals, axis=0))
-        suction = totals.suction, totals.suction_heat
-        discharge = totals.discharge, totals.discharge_heat
-        wall = shared.cylinder.wall_temperature
-        return found, chain_rates(shared, pair, at["plenums"], suction, discharge, pace, wall)
-
-    def crank(at, pressure, motor_on):
-        motor = jnp.where(motor_on, compressor.motor.torque(at["speed"] * pace), 0.0)
-        held = _held(compressor, pressure)
-        now = at["speed"] * pace
-        return motor, *acceleration(held, at["angle"], now, motor)
-
-    def own_angles(crank_angle):
-        several = compressor.cylinders
-        own = crank_angle[None] if several is None else several.own_angle(crank_angle)
-        return jnp.reshape(own, (count,))
-
+    pace, cases = compressor.motor.speed_guess, _cases(compressor)
     first = {
         "angle": angle,
         "speed": speed / pace,
-        "gas": jax.vmap(_at_suction)(cases, own_angles(angle)),
-        "plenums": plenums,
+        "gas": jax.vmap(_at_suction)(cases, _own_angles(compressor, angle)),
+        "plenums": first_states(jax.tree.map(lambda leaf: leaf[0], cases), rest=True),
     }
-    own_work = jax.eval_shape(lambda at: _works(*crank(at, jnp.zeros(count), True)), first)
-    first["work"] = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), own_work)
+    first["work"] = zeros_of(_crank, compressor, first, jnp.zeros(cases.top.size), True)[1]
     start, unravel = ravel_pytree(first)
-    kept = start.size
-    accounts = count * len(Accounts._fields)
-
-    def law(t, y, flags):
-        del t
-        at = unravel(y[:kept])
-        own, now = own_angles(at["angle"]), at["speed"] * pace
-        found, of_plenums = gases(at, own, now, flags)
-        motor, rise, *torques = crank(at, found.pressure, cut(flags)[1])
-        work = jax.tree.map(
-            lambda torque: torque * at["speed"] / energy_scale, _works(motor, rise, *torques)
-        )
-        rate = {
-            "angle": at["speed"],
-            "speed": rise / pace**2,
-            "gas": found.state,
-            "plenums": of_plenums,
-            "work": work,
-        }
-        slopes = jnp.concatenate([ravel_pytree(rate)[0], found.accounts.ravel()])
-        rest = at["speed"] if until_rest else jnp.ones(())
-        return slopes, jnp.append(found.events.ravel(), rest), found.force.ravel()
-
-    def may_happen(y, events):
-        each = jax.vmap(towards)(unravel(y[:kept])["gas"], events[:-1].reshape(count, EVENTS))
-        return jnp.append(each.ravel(), True)
-
-    def after(t, event, y, flags, force):
-        at = unravel(y[:kept])
-        of_gas, _ = cut(flags)
-
-        def one(case, place, state, flags, force):
-            own = event - EVENTS * place
-            code, new = after_event(case, own, state, flags, force)
-            return code, jump(case, own, code, state), new
-
-        code, gas, new = jax.vmap(one)(cases, places, at["gas"], of_gas, force.reshape(count, 2))
-        jumped = ravel_pytree({**at, "gas": gas})[0]
-        # the step that ends at the switch has the motor on, the next one has it off
-        motor_on = (t < off * pace * (1 - 1e-12)).astype(int)
-        stopped = (event == EVENTS * count).astype(int)
-        new_flags = jnp.concatenate([new.ravel(), jnp.stack([motor_on, stopped])])
-        return jnp.max(code), y.at[:kept].set(jumped), new_flags
-
-    def longest(flags):
-        each = jax.vmap(longest_step)(cases, cut(flags)[0])
-        return jnp.min(each)
-
+    energy_scale = instants(_held(compressor), angle).inertia * pace**2
+    law = CrankAndGas(compressor, cases, energy_scale, off, until_rest, start.size, unravel)
     signs = jax.vmap(_first_flags)(cases).ravel()
-    flags = jnp.concatenate([signs, jnp.stack([off > 0, False]).astype(int)])
     marched = stretch(
-        Law(law, may_happen, after, longest, lambda f: f[-1] == 0, EVENTS * count + 1, kept),
+        law,
         jnp.zeros(()),
         duration * pace,
-        jnp.concatenate([start, jnp.zeros(accounts)]),
-        flags,
+        jnp.concatenate([start, jnp.zeros(cases.top.size * len(Accounts._fields))]),
+        jnp.concatenate([signs, jnp.stack([off > 0, False]).astype(int)]),
         jnp.asarray(options.tolerance),
         _LONGEST_TRIES * options.max_steps,
         options.max_steps,
         (off * pace,),
     )
-    totals = marched.state[kept:].reshape(count, -1)
-    totals = totals * jax.vmap(account_scales)(cases)
-
-    def course(time, at) -> tuple[GasCourse, Float[Array, " n"]]:
-        """The gas, and the acceleration of the crank [rad/s^2]."""
-        row = jnp.searchsorted(marched.record.angle, time * pace, side="right") - 1
-        flags = marched.record.flags[jnp.clip(row, 0)]
-
-        def instant(at, flags):
-            own, now = own_angles(at["angle"]), at["speed"] * pace
-            found, *_ = gases(at, own, now, flags)
-            T, rho = jax.vmap(temperature_and_density)(cases, own, at["gas"])
-            volume = jax.vmap(lambda case, a: case.volume(a)[0])(cases, own)
-            scale = jax.vmap(lambda c: jnp.stack([valve_scales(c, i)[0] for i in (0, 1)]))(cases)
-            lift = jnp.maximum(at["gas"][:, jnp.asarray([2, 5])], 0.0) * scale
-            flow = found.accounts[:, 1:3] * cases.mass_scale[:, None] * pace
-            rise = crank(at, found.pressure, cut(flags)[1])[1]
-            pressures = [gas.p for chain in chains(shared, at["plenums"]) for gas in chain.gases]
-            of_plenums = jnp.stack(pressures) if plenums.size else None
-            return (found.pressure, T, rho * volume, lift, flow), of_plenums, rise
-
-        values, of_plenums, rise = jax.lax.map(
-            lambda one: instant(*one), (at, flags), batch_size=64
-        )
-        turned = [jnp.moveaxis(value, 0, -1) for value in values]
-        made = GasCourse(*turned, totals=Accounts(*totals.T))
-        if compressor.cylinders is None:
-            made = jax.tree.map(lambda leaf: leaf[0], made)
-        if plenums.size:
-            made = dataclasses.replace(made, plenum_pressure=of_plenums.T)
-        return made, rise
-
-    stopped = marched.flags[-1] > 0
-    return Marched(
-        marched.angle / pace,
-        stopped,
-        marched.whole,
-        marched.steps,
-        DenseSteps(marched.record, pace, unravel),
-        course,
-    )
+    return law, marched
 
 
-def _works(motor, rise, conservative, loads):
-    """Torques whose works are counted."""
-    del rise
-    return {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
+def _own_angles(compressor: Compressor, angle) -> Float[Array, " k"]:
+    """[rad] Of every cylinder."""
+    several = compressor.cylinders
+    return angle[None] if several is None else several.own_angle(angle)
+
+
+def _of_cylinders(flags) -> Int[Array, "k 6"]:
+    return flags[:-2].reshape(-1, FLAGS)
+
+
+def _crank(compressor: Compressor, at, pressure, motor_on):
+    """Acceleration [rad/s^2], and the torques whose works are counted [N m]."""
+    now = at["speed"] * compressor.motor.speed_guess
+    motor = jnp.where(motor_on, compressor.motor.torque(now), 0.0)
+    held = _held(compressor, pressure)
+    rise, conservative, loads = acceleration(held, at["angle"], now, motor)
+    return rise, {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
 
 
 def _cases(compressor: Compressor) -> Case:
@@ -306,9 +294,8 @@ def _cases(compressor: Compressor) -> Case:
     if compressor.cylinders is None:
         return jax.tree.map(lambda leaf: leaf[None], prepare(gas, compressor.mechanism, speed))
     single = without_crank(compressor)
-    each = [of_cylinder(single, i + 1) for i in range(compressor.cylinders.count)]
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
-    return jax.vmap(lambda one: prepare(gas, one, speed))(stacked)
+    each = stacked([of_cylinder(single, i + 1) for i in range(compressor.cylinders.count)])
+    return jax.vmap(lambda one: prepare(gas, one, speed))(each)
 
 
 def _held(compressor: Compressor, pressure=None) -> Compressor:

@@ -15,13 +15,13 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._implicit import zeros_of
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..friction import magnitude
 from ..mechanism import CrankState
-from ._closure import closure_of
 from ._journals import journal_drive, moving, with_journals
-from ._motion import Instantaneous, solve_motion
+from ._motion import Instantaneous, closure_of, solve_motion
 from ._orbit import Energy, Orbit, Verification
 from ._transient import TimeIntegration
 
@@ -147,14 +147,10 @@ def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tupl
             rates["journals"] = drive.rate(places)
         return rates
 
-    begin = {"speed": jnp.ones(()), "time": 0.0}
+    begin: dict[str, Any] = {"speed": jnp.ones_like(scale), "time": jnp.zeros(())}
     if journals is not None:
         begin["journals"] = journals
-    shapes = jax.eval_shape(rate, edges[0], begin, None)
-    start: dict[str, Any] = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-    start["speed"] = jnp.ones_like(scale)
-    if journals is not None:
-        start["journals"] = journals
+    start = begin | {"work": zeros_of(rate, edges[0], begin, None)["work"]}
 
     def kept(t, y, args):
         del t, args

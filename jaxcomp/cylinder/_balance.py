@@ -22,7 +22,6 @@ from ..valve import Side, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
 from ._heat import HeatInput
 from ._plenum import PER_PLENUM, chain_rates, chains, first_states, valve_sides
-from ._walls import OF_WALL
 
 # m, T, then x, v, U of the suction and of the discharge valve; then those of the plenums and of the wall
 STATES = 8
@@ -61,21 +60,14 @@ class Accounts(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """What happens at a crank angle.
+    """What happens at a crank angle."""
 
-    Attributes:
-        state: (n,) d state/d angle.
-        accounts: (12,) what runs through and out.
-        events: (8,) functions that an event makes negative; 1 where the event is not possible.
-        force: (2,) on the valves at rest, over p_s and force area.
-        pressure: [Pa] in the cylinder.
-    """
-
-    state: Float[Array, " n"]
-    accounts: Float[Array, " 12"]
+    state: Float[Array, " n"]  # d state/d angle
+    accounts: Float[Array, " 12"]  # what runs through and out
+    # functions that an event makes negative; 1 where the event is not possible
     events: Float[Array, " 8"]
-    force: Float[Array, " 2"]
-    pressure: Float[Array, ""]
+    force: Float[Array, " 2"]  # on the valves at rest, over p_s and force area
+    pressure: Float[Array, ""]  # [Pa] in the cylinder
 
 
 class _Valve(NamedTuple):
@@ -269,13 +261,12 @@ def _valve(case: Case, which: int, a: Side, b: Side, state, flags, pace) -> _Val
 
 
 def _transport(cylinder, gas: GasState):
+    """Viscosity and conductivity of the gas; `None` where every law has its own."""
     heat, gap = cylinder.heat, cylinder.leakage
     given = heat is None or (heat.viscosity is not None and heat.conductivity is not None)
-    given_gap = gap is None or gap.viscosity is not None
-    mu, conductivity = (
-        (None, None) if given and given_gap else cylinder.fluid.transport(gas.T, gas.rho)
-    )
-    return mu, conductivity
+    if given and (gap is None or gap.viscosity is not None):
+        return None, None
+    return cylinder.fluid.transport(gas.T, gas.rho)
 
 
 def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, transport, wall):
@@ -392,12 +383,6 @@ def after_event(case: Case, event, state, flags, force):
         p_sign = jnp.where(lifts, 1, jnp.where(event == first + 3, -p_sign, p_sign))
         new = new.at[3 * which : 3 * which + 3].set(jnp.stack([mode, u_sign, p_sign]))
     return code, new
-
-
-def states_of(cylinder) -> int:
-    """Number of states."""
-    wall = 0 if cylinder.walls is None else OF_WALL
-    return STATES + PER_PLENUM * len(cylinder.plenums) + wall
 
 
 def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:

@@ -9,9 +9,8 @@ revolution. Derivatives of any order follow from the implicit function theorem w
 """
 
 from functools import cache, partial
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,10 +18,14 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 from numpy.polynomial import legendre
 
+from .._fields import ANY, NONNEGATIVE, quantity
+from .._implicit import AbstractRoot
+from .._polynomials import gauss
+from ..gas import AbstractGas
 from ._balance import jacobian, jump, rates
 from ._cylinder import Case
+from ._heat import next_revolution
 from ._march import START, TURN, Record, within_steps
-from ._walls import next_revolution
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
 _LEFT = 1e-6
@@ -32,51 +35,22 @@ _LOST = 10.0
 _FAST, _MOST_WITH_ONE = 0.1, 6
 
 
-class Rule(NamedTuple):
-    """Gauss-Legendre on [0, 1]: nodes, weights, and integrals from 0 to the nodes."""
-
-    nodes: np.ndarray
-    weights: np.ndarray
-    integral: np.ndarray
-
-
-@cache
-def gauss(count: int) -> Rule:
-    """The rule with so many nodes."""
-    x, w = legendre.leggauss(count)
-    coefficients = np.linalg.inv(legendre.legvander(x, count - 1))
-    primitive = np.stack([legendre.legint(c, lbnd=-1) for c in coefficients.T], axis=1)
-    return Rule((x + 1) / 2, w / 2, legendre.legvander(x, count) @ primitive / 2)
-
-
 class Mesh(NamedTuple):
-    """What happens on p panels.
+    """What happens on p panels."""
 
-    Attributes:
-        flags: (p, 6) branches.
-        event: (p,) at the end, -1 for none.
-        code: (p,) of the jump there.
-        fits: whether there are enough panels for the events.
-    """
-
-    flags: Int[Array, "p 6"]
-    event: Int[Array, " p"]
-    code: Int[Array, " p"]
-    fits: Bool[Array, ""]
+    flags: Int[Array, "p 6"]  # branches
+    event: Int[Array, " p"]  # at the end, -1 for none
+    code: Int[Array, " p"]  # of the jump there
+    fits: Bool[Array, ""]  # whether there are enough panels for the events
 
 
 class Unknowns(NamedTuple):
-    """A revolution on panels.
+    """A revolution on panels."""
 
-    Attributes:
-        points: (p, s + 1, n) states at the s Gauss nodes and at the end, before anything jumps there.
-        left: (p, n) at the beginnings.
-        edges: [rad] (p + 1,); those without an event do not move.
-    """
-
+    # states at the s Gauss nodes and at the end, before anything jumps there
     points: Float[Array, "p s+1 n"]
-    left: Float[Array, "p n"]
-    edges: Float[Array, " p+1"]
+    left: Float[Array, "p n"]  # at the beginnings
+    edges: Float[Array, " p+1"]  # [rad] ; those without an event do not move
 
 
 class Residual(NamedTuple):
@@ -169,23 +143,14 @@ def _residual(case: Case, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
 
 
 class Blocks(NamedTuple):
-    """The Jacobian, panel by panel; n + 2 inputs of a panel are its beginning and its two edges.
+    """The Jacobian of each panel. Its n + 2 inputs are its beginning and its two edges; m = n s."""
 
-    Attributes:
-        stages: (p, n s, n s) of the nodes.
-        inputs: (p, n s, n + 2) what the inputs put on their right-hand sides.
-        out: (p, n, n s) from the nodes to the end of the panel.
-        direct: (p, n, n + 2) from the inputs to it.
-        jump: (p, n, n)
-        event: (p, n + 1) gradient of the event function in the state and in the angle.
-        has_event: (p,)
-    """
-
-    stages: Float[Array, "p m m"]
-    inputs: Float[Array, "p m n+2"]
-    out: Float[Array, "p n m"]
-    direct: Float[Array, "p n n+2"]
+    stages: Float[Array, "p m m"]  # of the nodes
+    inputs: Float[Array, "p m n+2"]  # what the inputs put on their right-hand sides
+    out: Float[Array, "p n m"]  # from the nodes to the end of the panel
+    direct: Float[Array, "p n n+2"]  # from the inputs to it
     jump: Float[Array, "p n n"]
+    # gradient of the event function in the state and in the angle
     event: Float[Array, "p n+1"]
     has_event: Bool[Array, " p"]
 
@@ -233,27 +198,20 @@ def linearise(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Ar
 
 
 class Factors(NamedTuple):
-    """`Blocks`, eliminated: what a right-hand side needs to be solved for.
+    """`Blocks`, eliminated: what a right-hand side needs to be solved for."""
 
-    Attributes:
-        stages: factors and permutation of the nodes' equations.
-        nodes, ends: (p, n s, n + 2) and (p, n, n + 2) what the nodes and the end of a panel owe to its
-            inputs.
-        gradient: (p, n) of the event function in the state.
-        share: (p,) inverse slope of the event function along the angle of the edge, 0 without an event.
-        by_edge: (p, n) what the end owes to its edge.
-        out, jump: of the blocks.
-        maps: (p, n + 1, n + 1) from the beginning of a panel and its angle to those of the next.
-    """
-
-    stages: tuple[Array, Array]
+    stages: tuple[Array, Array]  # factors and permutation of the nodes' equations
+    # (p, n s, n + 2) and (p, n, n + 2) what the nodes and the end of a panel owe to its inputs
     nodes: Float[Array, "p m n+2"]
     ends: Float[Array, "p n n+2"]
-    gradient: Float[Array, "p n"]
+    gradient: Float[Array, "p n"]  # of the event function in the state
+    # inverse slope of the event function along the angle of the edge, 0 without an event
     share: Float[Array, " p"]
-    by_edge: Float[Array, "p n"]
+    by_edge: Float[Array, "p n"]  # what the end owes to its edge
+    # of the blocks
     out: Float[Array, "p n m"]
     jump: Float[Array, "p n n"]
+    # from the beginning of a panel and its angle to those of the next
     maps: Float[Array, "p n+1 n+1"]
 
 
@@ -340,19 +298,12 @@ def solve_factors(factors: Factors, given: Residual) -> Unknowns:
 
 
 class NewtonReport(NamedTuple):
-    """How Newton's method ended.
+    """How Newton's method ended."""
 
-    Attributes:
-        size: [-] of the last step.
-        steps: with a Jacobian of their own.
-        more: steps with the Jacobian of the one before.
-        holds: whether all branches hold.
-    """
-
-    size: Float[Array, ""]
-    steps: Int[Array, ""]
-    more: Int[Array, ""]
-    holds: Bool[Array, ""]
+    size: Float[Array, ""]  # [-] of the last step
+    steps: Int[Array, ""]  # with a Jacobian of their own
+    more: Int[Array, ""]  # steps with the Jacobian of the one before
+    holds: Bool[Array, ""]  # whether all branches hold
 
 
 def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
@@ -408,25 +359,92 @@ def _holds(z: Unknowns, events) -> Bool[Array, ""]:
     return jnp.all((events[:, :-1] > -_LEFT) | ~wide) & jnp.all(jnp.diff(z.edges) > -1e-7)
 
 
-@eqx.filter_custom_jvp
-def attached(case: Case, mesh: Mesh, z: Unknowns) -> Unknowns:
-    """A converged cycle with its dependence on the parameters, to any order."""
-    del case, mesh
-    return z
+class Attached(AbstractRoot):
+    """The equations of a cycle that was found: their root follows the parameters, to any order."""
+
+    case: Case
+    mesh: Mesh
+    found: Unknowns
+
+    def solve(self):
+        return self.found
+
+    def rest(self, unknowns):
+        return evaluate(self.case, self.mesh, unknowns)[0]
+
+    def removed(self, unknowns, rest):
+        _, blocks, _ = linearise(self.case, self.mesh, unknowns)
+        return solve_factors(factorise(blocks), jax.tree.map(jnp.negative, rest))
 
 
-@attached.def_jvp
-def _attached_jvp(primals, tangents):
-    case, mesh, z = primals
-    z = attached(case, mesh, z)
-    # what does not vary has no tangent here
-    tangent = jax.tree.map(
-        lambda t, x: jnp.zeros_like(x) if t is None and eqx.is_inexact_array(x) else t,
-        tangents[0],
-        case,
-        is_leaf=lambda t: t is None,
-    )
-    _, pushed = eqx.filter_jvp(lambda case: evaluate(case, mesh, z)[0], (case,), (tangent,))
-    left = jax.tree.map(jnp.negative, pushed)
-    _, blocks, _ = linearise(case, mesh, z)
-    return z, solve_factors(factorise(blocks), left)
+class SolvedPressure(AbstractGas):
+    """The pressure of a solved cycle, by the polynomials of its panels.
+
+    Args:
+        edges: [rad] (p + 1,) of the panels over one revolution; of several cylinders with an axis of
+            these before, as all entries.
+        values: [Pa] (p, s + 1) at the Gauss nodes and at the end of every panel.
+        kinks: [rad] (k,) where the crank begins another panel.
+        back_pressure: [Pa] behind the piston.
+    """
+
+    in_files: ClassVar[bool] = False  # the solver makes it
+
+    edges: Float[Array, "*c p"] = quantity("rad", ANY, shape=(...,))
+    values: Float[Array, "*c p m"] = quantity("Pa", ANY, shape=(...,))
+    kinks: Float[Array, "*c k"] = quantity("rad", ANY, shape=(...,))
+    back_pressure: Float[Array, "*c"] = quantity("Pa", NONNEGATIVE, shape=(...,))
+
+    @property
+    def behind_piston(self):
+        return self.back_pressure if self.edges.ndim == 1 else self.back_pressure[0]
+
+    def event_angles(self):
+        return tuple(self.kinks.T)
+
+    def pressure(self, stroke):
+        if self.edges.ndim == 1:
+            return self._at(stroke)
+        own = jnp.broadcast_to(stroke.angle, (self.edges.shape[0], *stroke.angle.shape[1:]))
+        return jax.vmap(lambda one, angle: one._at(stroke._replace(angle=angle)))(self, own)
+
+    def _at(self, stroke):
+        start, count = self.edges[0], self.values.shape[1]
+        angle = start + jnp.mod(stroke.angle - start, 2 * jnp.pi)
+        panel = jnp.searchsorted(self.edges[1:-1], angle, side="right")
+        width = jnp.diff(self.edges)[panel]
+        x = (angle - self.edges[panel]) / jnp.where(width > 0, width, 1.0)
+        weights = jnp.moveaxis(_legendre(2 * x - 1, count), 0, -1) @ _to_series(count)
+        return jnp.sum(weights * self.values[panel], axis=-1)
+
+
+def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
+    """Largest value of the polynomials through values at the points of every panel.
+
+    Its place needs no derivative: the slope vanishes there.
+    """
+    fixed = lax.stop_gradient(values)
+    x = np.linspace(0, 1, 8 * values.shape[1] + 1)
+    to_series = _to_series(values.shape[1])
+    samples = fixed @ (legendre.legvander(2 * x - 1, values.shape[1] - 1) @ to_series).T
+    panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
+    column = jnp.clip(column, 1, x.size - 2)
+    before, here, after = (samples[panel, column + i] for i in (-1, 0, 1))
+    bend = before - 2 * here + after
+    shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
+    place = jnp.asarray(x)[column] + jnp.clip(shift, -1, 1) * x[1]
+    return _legendre(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
+
+
+@cache
+def _to_series(count: int) -> np.ndarray:
+    """Legendre coefficients from the values at the points of a panel."""
+    places = np.append(gauss(count - 1).nodes, 1.0)
+    return np.linalg.inv(legendre.legvander(2 * places - 1, count - 1))
+
+
+def _legendre(x, count: int):
+    columns = [jnp.ones_like(x), x]
+    for k in range(1, count - 1):
+        columns.append(((2 * k + 1) * x * columns[k] - k * columns[k - 1]) / (k + 1))
+    return jnp.stack(columns[:count])

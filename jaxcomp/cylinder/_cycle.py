@@ -1,23 +1,18 @@
-"""The periodic cycle of a cylinder: what it pumps, what that costs, and what its valves do."""
+"""Periodic cycles, of one cylinder and of several: what they pump, what that costs, what valves do."""
 
 from collections.abc import Iterator
-from functools import cache
 from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 from jaxtyping import Array, Bool, Float, Int
-from numpy.polynomial import legendre
 
-from .._fields import ANY, NONNEGATIVE, quantity
 from .._results import Data, Result
 from .._status import Status
-from ..gas import AbstractGas
 from ._balance import Accounts
-from ._collocation import gauss
+from ._collocation import SolvedPressure
 from ._cylinder import Case
 
 VALVES = ("suction", "discharge")
@@ -59,47 +54,6 @@ class Events(eqx.Module):
         here = self.shuts & (self.which == 4 * valve)
         last = jnp.argmax(jnp.where(here, self.angle, -jnp.inf))
         return jnp.where(jnp.any(here), self.angle[last], 0.0)
-
-
-class SolvedPressure(AbstractGas):
-    """The pressure of a solved cycle, by the polynomials of its panels.
-
-    Args:
-        edges: [rad] (p + 1,) of the panels over one revolution; of several cylinders with an axis of
-            these before, as all entries.
-        values: [Pa] (p, s + 1) at the Gauss nodes and at the end of every panel.
-        kinks: [rad] (k,) where the crank begins another panel.
-        back_pressure: [Pa] behind the piston.
-    """
-
-    in_files: ClassVar[bool] = False  # the solver makes it
-
-    edges: Float[Array, "*c p"] = quantity("rad", ANY, shape=(...,))
-    values: Float[Array, "*c p m"] = quantity("Pa", ANY, shape=(...,))
-    kinks: Float[Array, "*c k"] = quantity("rad", ANY, shape=(...,))
-    back_pressure: Float[Array, "*c"] = quantity("Pa", NONNEGATIVE, shape=(...,))
-
-    @property
-    def behind_piston(self):
-        return self.back_pressure if self.edges.ndim == 1 else self.back_pressure[0]
-
-    def event_angles(self):
-        return tuple(self.kinks.T)
-
-    def pressure(self, stroke):
-        if self.edges.ndim == 1:
-            return self._at(stroke)
-        own = jnp.broadcast_to(stroke.angle, (self.edges.shape[0], *stroke.angle.shape[1:]))
-        return jax.vmap(lambda one, angle: one._at(stroke._replace(angle=angle)))(self, own)
-
-    def _at(self, stroke):
-        start, count = self.edges[0], self.values.shape[1]
-        angle = start + jnp.mod(stroke.angle - start, 2 * jnp.pi)
-        panel = jnp.searchsorted(self.edges[1:-1], angle, side="right")
-        width = jnp.diff(self.edges)[panel]
-        x = (angle - self.edges[panel]) / jnp.where(width > 0, width, 1.0)
-        weights = jnp.moveaxis(_legendre(2 * x - 1, count), 0, -1) @ _to_series(count)
-        return jnp.sum(weights * self.values[panel], axis=-1)
 
 
 def whole_cycle(cycle) -> Iterator[Data]:
@@ -359,36 +313,140 @@ class Cycle(Result, eqx.Module):
         return {valve: self.events.closing_angle(n) for n, valve in enumerate(VALVES)}
 
 
-def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
-    """Largest value of the polynomials through values at the points of every panel.
+def _combined(combine, name: str, doc: str) -> Any:
+    """A property that combines what the cycles of k cylinders have, with their swept volumes."""
 
-    Its place needs no derivative: the slope vanishes there.
+    def read(self):
+        each = jax.vmap(lambda cycle: getattr(cycle, name))(self.each)
+        swept = self.each.case.swept
+        return jax.tree.map(lambda x: combine(x, swept), each)
+
+    return property(read, doc=doc)
+
+
+def _sum(values, swept):
+    del swept
+    return jnp.sum(values, axis=0)
+
+
+def _largest(values, swept):
+    del swept
+    return jnp.max(values, axis=0)
+
+
+def _furthest(values, swept):
+    del swept
+    return jnp.max(jnp.abs(values))
+
+
+def _mean(values, swept):
+    return jnp.sum(swept / jnp.sum(swept) * values)
+
+
+class SeveralCycles(Result, eqx.Module):
+    """Cycles of k cylinders, each by its own crank angle; flows, powers and losses are their sums.
+
+    Attributes:
+        each: the cycles; every entry with a leading axis of k.
     """
-    fixed = lax.stop_gradient(values)
-    x = np.linspace(0, 1, 8 * values.shape[1] + 1)
-    to_series = _to_series(values.shape[1])
-    samples = fixed @ (legendre.legvander(2 * x - 1, values.shape[1] - 1) @ to_series).T
-    panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
-    column = jnp.clip(column, 1, x.size - 2)
-    before, here, after = (samples[panel, column + i] for i in (-1, 0, 1))
-    bend = before - 2 * here + after
-    shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
-    place = jnp.asarray(x)[column] + jnp.clip(shift, -1, 1) * x[1]
-    return _legendre(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
 
+    each: Cycle
 
-@cache
-def _to_series(count: int) -> np.ndarray:
-    """Legendre coefficients from the values at the points of a panel."""
-    places = np.append(gauss(count - 1).nodes, 1.0)
-    return np.linalg.inv(legendre.legvander(2 * places - 1, count - 1))
+    table_dims: ClassVar[tuple[str, ...]] = ()
 
+    totals = _combined(_sum, "totals", "[kg] and [J] over the revolution, of all.")
+    delivered = _combined(_sum, "delivered", "[kg] a revolution.")
+    mass_flow = _combined(_sum, "mass_flow", "[kg/s] delivered.")
+    capacity = _combined(_sum, "capacity", "[W] cooling capacity.")
+    indicated_work = _combined(_sum, "indicated_work", "[J] put into the gas in a revolution.")
+    indicated_power = _combined(_sum, "indicated_power", "[W]")
+    work_losses = _combined(
+        _sum, "work_losses", "[J] Where the indicated work goes, by name; the values add up to it."
+    )
+    volumetric_efficiency = _combined(
+        _mean,
+        "volumetric_efficiency",
+        "[-] mass delivered over density in the suction line times all swept volumes.",
+    )
+    volume_losses = _combined(
+        _mean, "volume_losses", "[-] Where the swept volume goes, by name; the values add up to 1."
+    )
+    peak_pressure = _combined(_largest, "peak_pressure", "[Pa]")
+    residual = _combined(_largest, "residual", "[-] The largest.")
+    mass_closure = _combined(_furthest, "mass_closure", "[-] The largest.")
+    energy_closure = _combined(_furthest, "energy_closure", "[-] The largest.")
+    impact_speeds = _combined(
+        _largest,
+        "impact_speeds",
+        "[m/s] Highest speed at which a valve of any cylinder meets its seat and its stop.",
+    )
+    grazes = _combined(
+        _largest,
+        "grazes",
+        "Whether a valve of any cylinder just reaches its stop or just does not.",
+    )
 
-def _legendre(x, count: int):
-    columns = [jnp.ones_like(x), x]
-    for k in range(1, count - 1):
-        columns.append(((2 * k + 1) * x * columns[k] - k * columns[k - 1]) / (k + 1))
-    return jnp.stack(columns[:count])
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        yield from whole_cycle(self)
+
+    @property
+    def first(self) -> Cycle:
+        """That of the first cylinder."""
+        return jax.tree.map(lambda leaf: leaf[0], self.each)
+
+    @property
+    def case(self) -> Case:
+        """Of the first cylinder; the lines are those of all."""
+        return self.first.case
+
+    @property
+    def status(self) -> Status:
+        """That of the first cycle that did not converge, if any."""
+        found = Status.converged
+        for number in reversed(range(self.each.residual.shape[0])):
+            own = jax.tree.map(lambda leaf, number=number: leaf[number], self.each.status)
+            found = Status.where(own == Status.converged, found, own)
+        return found
+
+    @property
+    def converged(self) -> Bool[Array, ""]:
+        """Whether all can be relied on."""
+        return self.status == Status.converged
+
+    @property
+    def frequency(self) -> Float[Array, ""]:
+        """[1/s] revolutions."""
+        return self.first.frequency
+
+    @property
+    def isentropic_efficiency(self) -> Float[Array, ""]:
+        """[-] isentropic work of the mass delivered over the indicated work."""
+        return self.work_losses["isentropic"] / _nonzero(self.indicated_work)
+
+    @property
+    def discharge_temperature(self) -> Float[Array, ""]:
+        """[K] of the gas delivered, mixed at the pressure of the line."""
+        first = self.first
+        both = (self.totals.discharge_heat, self.delivered)
+        mixed = eqx.tree_at(lambda c: (c.totals.discharge_heat, c.totals.discharge), first, both)
+        return mixed.discharge_temperature
+
+    @property
+    def wall_temperature(self) -> Float[Array, ""] | None:
+        """[K] of the warmest cylinder's wall; `None` without heat transfer."""
+        if self.each.case.cylinder.heat is None:
+            return None
+        return jnp.max(jax.vmap(lambda cycle: cycle.wall_temperature)(self.each))
+
+    @property
+    def closing_angles(self) -> dict[str, Float[Array, ""]]:
+        """[rad] Own crank angle at which each valve of the first cylinder shuts for the last time."""
+        return self.first.closing_angles
+
+    def gas(self) -> SolvedPressure:
+        """The pressures as a gas that is prescribed over the crank angle of every cylinder."""
+        return jax.vmap(lambda cycle: cycle.gas())(self.each)
 
 
 def _nonzero(value):

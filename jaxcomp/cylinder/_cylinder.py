@@ -11,10 +11,8 @@ from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve, Side
-from ._heat import AbstractHeat
-from ._leakage import LaminarGap
+from ._heat import AbstractHeat, LaminarGap, WallNetwork
 from ._plenum import Plenum
-from ._walls import WallNetwork
 
 
 class SuctionLine(Part):
@@ -223,32 +221,22 @@ class Line(NamedTuple):
 
 
 class Case(eqx.Module):
-    """A cylinder on its mechanism at a speed, with everything that is constant over a revolution.
+    """A cylinder on its mechanism at a speed, with everything that is constant over a revolution."""
 
-    Attributes:
-        cylinder: the gas side.
-        mechanism: the piston's motion.
-        speed: [rad/s] mean speed of the crank.
-        cosine, sine: [-] harmonics over the crank angle of the time that an angle takes, relative to
-            its mean; `None` at constant speed.
-        suction, discharge: the gas at the two valves.
-        comes: the gas as it comes to the compressor, before it is heated.
-        isentropic: end of the isentropic compression between the lines.
-        top: [m] piston position at the top dead centre.
-        swept: [m^3] swept volume.
-    """
-
-    cylinder: Cylinder
-    mechanism: AbstractMechanism
-    speed: Float[Array, ""]
+    cylinder: Cylinder  # the gas side
+    mechanism: AbstractMechanism  # the piston's motion
+    speed: Float[Array, ""]  # [rad/s] mean speed of the crank
+    # [-] harmonics over the crank angle of the time that an angle takes, relative to its mean; `None`
+    # at constant speed
     cosine: Float[Array, " k"] | None
     sine: Float[Array, " k"] | None
+    # the gas at the two valves
     suction: GasState
     discharge: GasState
-    isentropic: GasState
-    comes: GasState
-    top: Float[Array, ""]
-    swept: Float[Array, ""]
+    isentropic: GasState  # end of the isentropic compression between the lines
+    comes: GasState  # the gas as it comes to the compressor, before it is heated
+    top: Float[Array, ""]  # [m] piston position at the top dead centre
+    swept: Float[Array, ""]  # [m^3] swept volume
 
     @property
     def mass_scale(self) -> Float[Array, ""]:

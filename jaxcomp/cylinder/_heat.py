@@ -1,8 +1,23 @@
-r"""Heat from the wall to the gas, $\dot Q = \alpha A_w (T_w - T)$ with $A_w = 2A_p + 4V/D$.
+r"""What the gas loses on its way: heat to the wall, and mass past the piston.
 
-The correlations were found for engines and large or small compressors, and differ from each other
-by factors of 2 to 10 (Tuhovcak et al., Appl. Therm. Eng. 2016): compare several before a design
-leans on one.
+$\dot Q = \alpha A_w (T_w - T)$ with $A_w = 2A_p + 4V/D$. The correlations were found for engines and
+large or small compressors, and differ by factors of 2 to 10 (Tuhovcak et al., Appl. Therm. Eng. 2016):
+compare several before a design leans on one.
+
+The temperature of the wall is given, or follows from a steady balance of heat over the cycle,
+
+$$\oint \dot Q_{gas}\,dt + UA_s\oint (T_s - T_w)\,dt + UA_d\oint (T_d - T_w)\,dt
+  = UA_a\oint (T_w - T_a)\,dt .$$
+
+The wall takes heat from the gas in the cylinder and behind the discharge valve, heats that before the
+suction valve, and gives the rest to its surroundings. Its heat capacity is so large that its temperature
+does not vary within a revolution: it is one more unknown, and the heat that it has gained in a revolution
+one more state, which must end at zero.
+
+The leakage is the laminar flow of a compressible gas through the gap,
+
+$$\dot m = \frac{\pi D g^3}{12\mu L}\left(1 + \tfrac32\varepsilon^2\right)
+(p - p_c)\,\frac{\rho + \rho_c}{2} .$$
 """
 
 from abc import abstractmethod
@@ -11,7 +26,13 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import POSITIVE, Part, quantity
+from .._fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
+from ..valve import Side
+
+OF_WALL = 2  # states: temperature, and heat gained since the beginning of the revolution
+# [W/(m^2 K)] Of the gas, about: how far the wall's temperature moves from one marched revolution to the
+# next. The solution does not depend on it.
+_USUAL = 500.0
 
 
 class HeatInput(NamedTuple):
@@ -161,3 +182,100 @@ class Disconzi(AbstractHeat):
         into = 0.08 * at.reynolds(u + suction) ** 0.9
         number = jnp.where(at.suction_open > 0, into, jnp.where(at.discharge_open > 0, out, shut))
         return number * at.prandtl**0.6 * at.conductivity / at.bore
+
+
+class WallNetwork(Part):
+    """Thermal conductances from the wall of cylinder and head.
+
+    Args:
+        ambient_temperature: [K] of what surrounds the wall: shell, crankcase, cooling air.
+        ambient_conductance: [W/K] UA from the wall to it.
+        suction_conductance: [W/K] UA from the wall to the gas in the suction plenum next to the valve.
+        discharge_conductance: [W/K] UA to the gas in the discharge plenum next to the valve.
+    """
+
+    kind: ClassVar[str] = "wall_network"
+
+    ambient_temperature: Float[Array, ""] = quantity("K", POSITIVE, doc="around the wall")
+    ambient_conductance: Float[Array, ""] = quantity("W/K", POSITIVE, doc="UA to its surroundings")
+    suction_conductance: Float[Array, ""] = quantity(
+        "W/K", NONNEGATIVE, default=0.0, doc="UA to the suction plenum next to the valve"
+    )
+    discharge_conductance: Float[Array, ""] = quantity(
+        "W/K", NONNEGATIVE, default=0.0, doc="UA to the discharge plenum next to the valve"
+    )
+
+    @property
+    def conductance(self) -> Float[Array, ""]:
+        """[W/K] All of them together."""
+        return self.ambient_conductance + self.suction_conductance + self.discharge_conductance
+
+    def to_plenums(self, wall, pair):
+        """[W] From the wall to the gas before the suction and behind the discharge valve.
+
+        Args:
+            wall: [K]
+            pair: both chains of plenums, or `None` without any.
+        """
+        before = pair[0].gases if pair else ()
+        behind = pair[1].gases if pair else ()
+        none = jnp.zeros(())
+        return (
+            self.suction_conductance * (wall - before[-1].T) if before else none,
+            self.discharge_conductance * (wall - behind[0].T) if behind else none,
+        )
+
+    def gained(self, wall, to_gas, to_plenums) -> Float[Array, ""]:
+        """[W] What the wall gains.
+
+        Args:
+            wall: [K]
+            to_gas: [W] to the gas in the cylinder.
+            to_plenums: [W] to the plenums.
+        """
+        lost = self.ambient_conductance * (wall - self.ambient_temperature)
+        return -to_gas - sum(to_plenums) - lost
+
+
+def next_revolution(case, state: Float[Array, " n"]) -> Float[Array, " n"]:
+    """The state after the end of a revolution: the wall is warmer by the heat it has gained."""
+    walls = case.cylinder.walls
+    if walls is None:
+        return state
+    # a cylinder as long as its bore, for scale alone
+    size = walls.conductance + _USUAL * 2 * jnp.pi * case.bore**2
+    step = case.energy_scale * case.speed / (2 * jnp.pi * size * case.suction.T)
+    return state.at[-2].add(step * state[-1]).at[-1].set(0.0)
+
+
+class LaminarGap(Part):
+    """A round gap between piston and cylinder; the crankcase has the gas of the suction line.
+
+    Args:
+        gap: [m] radial clearance.
+        length: [m] of the piston's sealing surface.
+        viscosity: [Pa s] of the gas; the fluid's own at its temperature in the cylinder if absent.
+        eccentricity: [-] of the piston over the clearance.
+    """
+
+    kind: ClassVar[str] = "laminar_gap"
+
+    gap: Float[Array, ""] = quantity("m", NONNEGATIVE, doc="radial clearance")
+    length: Float[Array, ""] = quantity("m", POSITIVE, doc="of the sealing surface")
+    viscosity: Float[Array, ""] | None = quantity(
+        "Pa s", POSITIVE, default=None, doc="of the gas; the fluid's own if absent"
+    )
+    eccentricity: Float[Array, ""] = quantity("", Bound(0.0, 1.0), default=0.0)
+
+    def flow(self, cylinder: Side, crankcase: Side, bore, viscosity) -> Float[Array, ""]:
+        """Mass flow out of the cylinder [kg/s].
+
+        Args:
+            cylinder: the gas in the cylinder.
+            crankcase: the gas behind the piston.
+            bore: [m]
+            viscosity: [Pa s] of the gas.
+        """
+        conductance = jnp.pi * bore * self.gap**3 / (12 * viscosity * self.length)
+        conductance = conductance * (1 + 1.5 * self.eccentricity**2)
+        return conductance * (cylinder.p - crankcase.p) * 0.5 * (cylinder.rho + crankcase.rho)

@@ -6,7 +6,8 @@ a batch whose events differ share it. The steps are kept: `_mesh` lays the panel
 after them. Values only; derivatives come from the collocation.
 """
 
-from collections.abc import Callable
+from abc import abstractmethod
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -16,9 +17,10 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._polynomials import cubic_step
 from ._balance import EVENTS, FREE, Accounts, after_event, jump, rates
 from ._cylinder import Case
-from ._walls import next_revolution
+from ._heat import next_revolution
 
 # Dormand, Prince (1980): nodes, stages, and the difference to the embedded method of order 4
 _C = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
@@ -43,73 +45,46 @@ _ACCOUNTS = len(Accounts._fields)
 
 
 class Record(NamedTuple):
-    """The steps of a march, n of them at most; unused ones have the angle `inf`.
+    """The steps of a march, n of them at most; unused ones have the angle `inf`."""
 
-    Attributes:
-        angle: [rad] (n,) where a step begins.
-        width: [rad] (n,)
-        begin, end: (n, m) states; between them the events have not jumped.
-        begin_rate, end_rate: (n, m) their rates.
-        flags: (n, f) branches that hold within the step.
-        event: (n,) at its end, -1 for none.
-        code: (n,) of the jump there.
-    """
-
-    angle: Float[Array, " n"]
-    width: Float[Array, " n"]
+    angle: Float[Array, " n"]  # [rad] where a step begins
+    width: Float[Array, " n"]  # [rad]
+    # states; between them the events have not jumped
     begin: Float[Array, "n m"]
     end: Float[Array, "n m"]
+    # their rates
     begin_rate: Float[Array, "n m"]
     end_rate: Float[Array, "n m"]
-    flags: Int[Array, "n f"]
-    event: Int[Array, " n"]
-    code: Int[Array, " n"]
+    flags: Int[Array, "n f"]  # branches that hold within the step
+    event: Int[Array, " n"]  # at its end, -1 for none
+    code: Int[Array, " n"]  # of the jump there
 
 
-class Revolution(NamedTuple):
-    """One revolution.
+class AbstractLaw(eqx.Module):
+    """What is marched."""
 
-    Attributes:
-        begin, end: (n,) states.
-        flags: (6,) at the end.
-        totals: (12,) integrals of the accounts.
-        steps: taken.
-        passes: tried, those that were rejected or located an event included.
-        whole: whether the end was reached.
-        record: the steps.
-    """
+    kept: eqx.AbstractVar[int]  # how many states the record keeps
 
-    begin: Float[Array, " n"]
-    end: Float[Array, " n"]
-    flags: Int[Array, " 6"]
-    totals: Float[Array, " 12"]
-    steps: Int[Array, ""]
-    passes: Int[Array, ""]
-    whole: Bool[Array, ""]
-    record: Record
+    @abstractmethod
+    def rates(self, angle, state, flags) -> tuple[Array, Array, Array]:
+        """d state/d angle, event functions, and what `after` wants to know."""
 
+    @abstractmethod
+    def towards(self, state, events) -> Bool[Array, " e"]:
+        """Whether each event may happen there."""
 
-class Law(NamedTuple):
-    """What is marched.
+    @abstractmethod
+    def after(self, angle, event, state, flags, force) -> tuple[Array, Array, Array]:
+        """Code of the jump, state and flags after an event, or after none (-1)."""
 
-    Attributes:
-        rates: of (angle, state, flags): d state/d angle, event functions, and what `after` wants to know.
-        towards: of (state, events): whether each event may happen there.
-        after: of (angle, event, state, flags, what `rates` said): code of the jump, state and flags
-            after an event, or after none (-1).
-        longest: of (flags): [rad] the longest step.
-        going_on: of (flags): whether the march goes on.
-        events: how many event functions there are.
-        kept: how many states the record keeps.
-    """
+    @abstractmethod
+    def longest(self, flags) -> Float[Array, ""]:
+        """[rad] The longest step."""
 
-    rates: Callable
-    towards: Callable
-    after: Callable
-    longest: Callable
-    going_on: Callable
-    events: int
-    kept: int
+    def going_on(self, flags) -> Bool[Array, ""]:
+        """Whether the march goes on."""
+        del flags
+        return jnp.asarray(True)
 
 
 class _Search(NamedTuple):
@@ -137,76 +112,28 @@ class _Carry(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """What was marched.
+    """What was marched."""
 
-    Attributes:
-        angle: [rad] where it ended.
-        state: (m,) there.
-        flags: (f,) there.
-        steps: taken.
-        passes: tried, those that were rejected or located an event included.
-        whole: whether the end was reached, or the march was over before, and all steps were kept.
-        record: the steps.
-    """
-
-    angle: Float[Array, ""]
-    state: Float[Array, " m"]
-    flags: Int[Array, " f"]
-    steps: Int[Array, ""]
-    passes: Int[Array, ""]
+    angle: Float[Array, ""]  # [rad] where it ended
+    state: Float[Array, " m"]  # there
+    flags: Int[Array, " f"]  # (f,) there
+    steps: Int[Array, ""]  # taken
+    passes: Int[Array, ""]  # tried, those that were rejected or located an event included
+    # whether the end was reached, or the march was over before, and all steps were kept
     whole: Bool[Array, ""]
-    record: Record
-
-
-def revolve(case: Case, state, flags, tolerance, max_passes: int, capacity: int) -> Revolution:
-    """March through one revolution from `START`.
-
-    Args:
-        case: cylinder and lines.
-        state: (n,) at the beginning.
-        flags: (f,) there.
-        tolerance: [-] error of a step, in units of the scales.
-        max_passes: tries after which to give up.
-        capacity: steps that are kept.
-    """
-
-    count = state.size
-
-    def law(angle, state, flags):
-        found = rates(case, angle, state[:count], flags)
-        return jnp.concatenate([found.state, found.accounts]), found.events, found.force
-
-    def after(angle, event, state, flags, force):
-        del angle
-        code, new_flags = after_event(case, event, state[:count], flags, force)
-        return code, state.at[:count].set(jump(case, event, code, state[:count])), new_flags
-
-    marched = Law(
-        law,
-        towards,
-        after,
-        lambda flags: longest_step(case, flags),
-        lambda flags: jnp.asarray(True),
-        EVENTS,
-        count,
-    )
-    begin = jnp.concatenate([state, jnp.zeros(_ACCOUNTS)])
-    span = jnp.asarray(START), START + TURN
-    end = stretch(marched, *span, begin, flags, tolerance, max_passes, capacity)
-    return Revolution(
-        state,
-        next_revolution(case, end.state[:count]),
-        end.flags,
-        end.state[count:],
-        end.steps,
-        end.passes,
-        end.whole,
-        end.record,
-    )
+    record: Record  # the steps
 
 
 def stretch(
-    law: Law, start, stop, state, flags, tolerance, max_passes, capacity: int, knots: tuple = ()
+    law: AbstractLaw,
+    start,
+    stop,
+    state,
+    flags,
+    tolerance,
+    max_passes,
+    capacity: int,
+    knots: tuple = (),
 ) -> Stretch:
     """March from an angle to another.
 
@@ -223,7 +150,12 @@ def stretch(
     at_event = jnp.maximum(_LOCATED * tolerance, 1e-11)
     a, c, e = jnp.asarray(_A), jnp.asarray(_C), jnp.asarray(_E)
     kept = law.kept
-    forces = jax.eval_shape(law.rates, start, state, flags)[2]
+    _, *shapes = jax.eval_shape(law.rates, start, state, flags)
+    # the events are not known yet; at first they are only a guess within the bracket of one
+    unknown, none = jnp.ones(shapes[0].shape), jnp.zeros((), int)
+
+    def nowhere(events):
+        return _Search(jnp.asarray(False), jnp.zeros(()), jnp.zeros(()), events, events, none)
 
     def attempt(carry: _Carry):
         """All stages in a loop, so that the law is traced once."""
@@ -235,7 +167,7 @@ def stretch(
             return slopes.at[i].set(slope), state, events, force
 
         empty = jnp.zeros((7, carry.state.size))
-        work = (empty, carry.state, jnp.ones(law.events), jnp.zeros(forces.shape))
+        work = (empty, carry.state, unknown, jnp.zeros(shapes[1].shape))
         slopes, state, events, force = lax.fori_loop(0, 7, stage, work)
         error = jnp.max(jnp.abs(carry.width * _weighted(e, slopes)) / (1 + jnp.abs(carry.state)))
         error = jnp.where(jnp.all(jnp.isfinite(state)), error / tolerance, jnp.inf)
@@ -272,11 +204,8 @@ def stretch(
         fraction = jnp.where(halve, 0.5, jnp.clip(fraction, 0.001, 0.999))
         trial = low + fraction * (high - low)
         seeking = good & ~accept & (any_crossed | search.active)
-        nothing = _Search(
-            jnp.asarray(False), jnp.zeros(()), jnp.zeros(()), events, events, jnp.zeros((), int)
-        )
         going = _Search(jnp.asarray(True), low, high, at_low, at_high, search.tries + 1)
-        new_search = jax.tree.map(lambda x, y: jnp.where(seeking, x, y), going, nothing)
+        new_search = jax.tree.map(lambda x, y: jnp.where(seeking, x, y), going, nowhere(events))
 
         # what has happened, if anything
         which = jnp.argmin(jnp.abs(jnp.where(search.at_high < _CROSSED, events, jnp.inf)))
@@ -324,27 +253,13 @@ def stretch(
 
     # one row more than are kept takes what is thrown away
     record = _empty_record(capacity + 1, kept, flags.size)
-    events = jnp.ones(law.events)  # not known yet; only a guess within the bracket of an event
     first = jnp.minimum(0.02, law.longest(flags))
     if knots:
         first = jnp.minimum(first, _ahead(start, stop, knots))
-    search = _Search(
-        jnp.asarray(False), jnp.zeros(()), jnp.zeros(()), events, events, jnp.zeros((), int)
-    )
-    begin = _Carry(
-        start,
-        state,
-        flags,
-        events,
-        first,
-        first,
-        search,
-        jnp.zeros((), int),
-        jnp.zeros((), int),
-        record,
-    )
+    search = nowhere(unknown)
+    begin = _Carry(start, state, flags, unknown, first, first, search, none, none, record)
     end = lax.while_loop(going_on, advance, begin)
-    whole = ~going_on(end._replace(passes=jnp.zeros((), int))) & (end.steps <= capacity)
+    whole = ~going_on(end._replace(passes=none)) & (end.steps <= capacity)
     record = jax.tree.map(lambda rows: rows[:capacity], end.record)
     return Stretch(end.angle, end.state, end.flags, end.steps, end.passes, whole, record)
 
@@ -371,75 +286,108 @@ def within_steps(record: Record, angle, row=None):
         )
     width = record.width[row]
     t = jnp.where(width > 0, (angle - record.angle[row]) / jnp.where(width > 0, width, 1.0), 0.0)
-    s = 1 - t
-    begin, end = record.begin[row], record.end[row]
-    slope = width * (record.begin_rate[row] * s - record.end_rate[row] * t)
-    return begin * s * s * (1 + 2 * t) + end * t * t * (1 + 2 * s) + t * s * slope
+    ends = record.begin[row], record.end[row]
+    return cubic_step(t, width, ends, (record.begin_rate[row], record.end_rate[row]))
 
 
 class March(NamedTuple):
-    """Revolutions until they repeat.
+    """Revolutions until they repeat."""
 
-    Attributes:
-        last: the last of them.
-        change: [-] largest difference between its end and its beginning.
-        revolutions: how many.
-        passes: tries of steps in all.
-    """
-
-    last: Revolution
-    change: Float[Array, ""]
-    revolutions: Int[Array, ""]
-    passes: Int[Array, ""]
+    state: Float[Array, " n"]  # at the end of the last of them
+    flags: Int[Array, " 6"]  # (f,) there
+    totals: Float[Array, " 12"]  # integrals of the accounts over it
+    whole: Bool[Array, ""]  # whether its end was reached
+    record: Record  # its steps
+    change: Float[Array, ""]  # [-] largest difference between its end and its beginning
+    revolutions: Int[Array, ""]  # how many
+    passes: Int[Array, ""]  # tries of steps in all
 
 
-def march(
-    case: Case, tolerance, repeat, state, flags, wanted, *, max_revolutions, max_passes, capacity
-) -> March:
+def march(case: Case, options, tolerance, repeat, state, flags, wanted, max_revolutions) -> March:
     """Revolutions until the end is the beginning within `repeat`; none if they are not `wanted`.
 
     The error is soon one vector that shrinks by a steady factor (about 0.1), so after the second
     revolution the rest of the series is added at once. Samples of a batch are marched one after
     another: each has its own number of steps, and together they would all wait for the slowest.
+
+    Args:
+        case: cylinder and lines.
+        options: `CycleOptions`; how many tries of steps are made and steps kept.
+        tolerance: [-] error of a step, in units of the scales.
+        repeat: [-] change of a revolution at which to stop.
+        state, flags: at the beginning.
+        wanted: whether to march at all.
+        max_revolutions: after which to give up.
     """
     arrays, rest = eqx.partition((case, tolerance, repeat, state, flags, wanted), eqx.is_array)
 
     @jax.custom_batching.sequential_vmap
     def one(arrays):
-        *start, wanted = eqx.combine(arrays, rest)
-        return _march(*start, jnp.where(wanted, max_revolutions, 0), max_passes, capacity)
+        case, tolerance, repeat, state, flags, wanted = eqx.combine(arrays, rest)
+        count = jnp.where(wanted, max_revolutions, 0)
+        turn = partial(_revolve, case, options, tolerance)
+        return _repeated(turn, repeat, state, flags, count, options.capacity)
 
     return one(arrays)
 
 
-def _march(case, tolerance, repeat, state, flags, max_revolutions, max_passes, capacity) -> March:
-    def turn(state, flags):
-        return revolve(case, state, flags, tolerance, max_passes, capacity)
+class _Revolution(AbstractLaw):
+    """The gas at the motion of a crank; its states are followed by those of the accounts."""
 
+    case: Case
+    kept: int = eqx.field(static=True)
+
+    def rates(self, angle, state, flags):
+        found = rates(self.case, angle, state[: self.kept], flags)
+        return jnp.concatenate([found.state, found.accounts]), found.events, found.force
+
+    def towards(self, state, events):
+        return towards(state, events)
+
+    def after(self, angle, event, state, flags, force):
+        own = state[: self.kept]
+        code, new_flags = after_event(self.case, event, own, flags, force)
+        return code, state.at[: self.kept].set(jump(self.case, event, code, own)), new_flags
+
+    def longest(self, flags):
+        return longest_step(self.case, flags)
+
+
+def _revolve(case: Case, options, tolerance, state, flags) -> Stretch:
+    """March through one revolution from `START`."""
+    law, begin = _Revolution(case, state.size), jnp.concatenate([state, jnp.zeros(_ACCOUNTS)])
+    span, most = (jnp.asarray(START), START + TURN), (options.max_passes, options.capacity)
+    end = stretch(law, *span, begin, flags, tolerance, *most)
+    own = next_revolution(case, end.state[: law.kept])
+    return end._replace(state=end.state.at[: law.kept].set(own))
+
+
+def _repeated(turn, repeat, state, flags, max_revolutions, capacity: int) -> March:
     def going_on(carry):
-        _, _, _, found = carry
+        *_, found = carry
         moving = found.change > repeat
-        return moving & (found.revolutions < max_revolutions) & found.last.whole
+        return moving & (found.revolutions < max_revolutions) & found.whole
 
     def advance(carry):
-        state, flags, last_change, found = carry
-        new = turn(state, flags)
-        change = new.end - state
+        state, last_change, found = carry
+        new = turn(state, found.flags)
+        end, totals = new.state[: state.size], new.state[state.size :]
+        change = end - state
         share = jnp.sum(change * last_change) / jnp.maximum(jnp.sum(last_change**2), 1e-300)
         usable = (found.revolutions > 0) & (jnp.abs(share) < 0.7)
         more = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
-        count, passes = found.revolutions + 1, found.passes + new.passes
-        next_state = new.end + more * change
+        next_state = end + more * change
         # the accelerated state is a guess of two numbers; what the valves do is kept
-        next_state = new.end.at[:2].set(jnp.maximum(next_state[:2], 0.5 * new.end[:2]))
-        return next_state, new.flags, change, March(new, jnp.max(jnp.abs(change)), count, passes)
+        next_state = end.at[:2].set(jnp.maximum(next_state[:2], 0.5 * end[:2]))
+        size, passes = jnp.max(jnp.abs(change)), found.passes + new.passes
+        revolutions = found.revolutions + 1
+        made = March(end, new.flags, totals, new.whole, new.record, size, revolutions, passes)
+        return next_state, change, made
 
     record = _empty_record(capacity, state.size, flags.size)
-    none = jnp.zeros((), int)
-    totals, true = jnp.zeros(_ACCOUNTS), jnp.asarray(True)
-    empty = Revolution(state, state, flags, totals, none, none, true, record)
-    begin = (state, flags, jnp.zeros(state.size), March(empty, jnp.asarray(jnp.inf), none, none))
-    return lax.while_loop(going_on, advance, begin)[3]
+    totals, true, none = jnp.zeros(_ACCOUNTS), jnp.asarray(True), jnp.zeros((), int)
+    begin = March(state, flags, totals, true, record, jnp.asarray(jnp.inf), none, none)
+    return lax.while_loop(going_on, advance, (state, jnp.zeros(state.size), begin))[-1]
 
 
 def _weighted(weights, slopes):

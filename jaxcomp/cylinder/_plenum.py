@@ -61,21 +61,13 @@ class Plenum(Part):
 
 
 class Chain(NamedTuple):
-    """Plenums between a line and a valve, in the order of the flow.
-
-    Attributes:
-        plenums: the parts.
-        gases: [-] the gas in each.
-        flows: [kg/s] through each neck, in the order of the flow.
-        nodes: gases before and behind every neck, the line with them.
-        inward: whether the necks stand before their plenums.
-    """
+    """Plenums between a line and a valve, in the order of the flow."""
 
     plenums: tuple[Plenum, ...]
-    gases: tuple[GasState, ...]
-    flows: tuple[Float[Array, ""], ...]
-    nodes: tuple[GasState, ...]
-    inward: bool
+    gases: tuple[GasState, ...]  # [-] the gas in each
+    flows: tuple[Float[Array, ""], ...]  # [kg/s] through each neck, in the order of the flow
+    nodes: tuple[GasState, ...]  # gases before and behind every neck, the line with them
+    inward: bool  # whether the necks stand before their plenums
 
 
 class Scales(NamedTuple):

@@ -10,6 +10,8 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._fields import admissible, clipped, is_traced
+from .._implicit import root
+from .._polynomials import gauss
 from .._status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
 from ._balance import (
@@ -18,22 +20,22 @@ from ._balance import (
     Accounts,
     initial,
     rates,
-    states_of,
     temperature_and_density,
     valve_scales,
 )
 from ._collocation import (
+    Attached,
     Mesh,
     Unknowns,
     at_points,
-    attached,
-    gauss,
+    highest,
     lay_mesh,
     newton,
     point_angles,
 )
-from ._cycle import Cycle, Events, highest, values_only
+from ._cycle import Cycle, Events, values_only
 from ._cylinder import Case, Cylinder, prepare
+from ._heat import OF_WALL
 from ._march import START, march
 from ._plenum import PER_PLENUM, chains
 
@@ -166,10 +168,15 @@ def _admitted(cylinder, mechanism, speed, fluctuation) -> tuple[Case, Bool[Array
 
 
 def _result(case: Case, good, found: Found, options: CycleOptions, marching: bool) -> Cycle:
-    z = found.z if marching else attached(case, found.mesh, found.z)
+    z = found.z if marching else root(Attached(case, found.mesh, found.z))
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
-    points = at_points(_law(case), found.mesh, z)
+
+    def law(angle, state, flags):
+        at = rates(case, angle, state, flags)
+        return at.accounts, at.pressure
+
+    points = at_points(law, found.mesh, z)
     status = Status.where(found.solved, Status.converged, Status.not_converged)
     status = Status.where(found.mesh.fits | found.solved, status, Status.too_many_events)
     cycle = _cycle(case, found, z, points, options, marching)
@@ -183,29 +190,15 @@ def _result(case: Case, good, found: Found, options: CycleOptions, marching: boo
     return eqx.tree_at(lambda c: c.status, cycle, status)
 
 
-def _march(case: Case, options: CycleOptions, tolerance, repeat, state, flags, wanted, count):
-    return march(
-        case,
-        tolerance,
-        repeat,
-        state,
-        flags,
-        wanted,
-        max_revolutions=count,
-        max_passes=options.max_passes,
-        capacity=options.capacity,
-    )
-
-
 def _march_only(case: Case, options: CycleOptions) -> Found:
     tolerance = jnp.asarray(options.value_tolerance)
-    begin = initial(case, START)
-    wanted, count = jnp.asarray(True), options.max_revolutions
-    end = _march(case, options, tolerance, 10 * tolerance, *begin, wanted, count)
-    solved = (end.change <= 10 * tolerance) & end.last.whole
-    mesh, z = lay_mesh(end.last.record, options.panels, options.nodes)
+    begin, wanted = initial(case, START), jnp.asarray(True)
+    repeat = 10 * tolerance
+    end = march(case, options, tolerance, repeat, *begin, wanted, options.max_revolutions)
+    solved = (end.change <= repeat) & end.whole
+    mesh, z = lay_mesh(end.record, options.panels, options.nodes)
     counts = jnp.zeros((), int), end.revolutions, end.passes
-    return Found(mesh, z, z, end.last.totals, solved, end.change, *counts)
+    return Found(mesh, z, z, end.totals, solved, end.change, *counts)
 
 
 def _after_newton(case, options: CycleOptions, mesh, z, totals, counts) -> Found:
@@ -239,8 +232,9 @@ def _rounds(case: Case, options: CycleOptions, start: Found | None) -> Found:
         # further revolutions cost more than another round
         few = min(8, options.max_revolutions)
         repeat = 100 * tolerance  # Newton's method closes the rest
-        end = _march(case, options, tolerance, repeat, state, flags, ~(last.solved | ready), few)
-        laid = *lay_mesh(end.last.record, options.panels, options.nodes), end.last.totals
+        wanted = ~(last.solved | ready)
+        end = march(case, options, tolerance, repeat, state, flags, wanted, few)
+        laid = *lay_mesh(end.record, options.panels, options.nodes), end.totals
         if start is not None:
             known = start.mesh, start.z, start.totals
             laid = jax.tree.map(partial(jnp.where, ready), known, laid)
@@ -248,9 +242,9 @@ def _rounds(case: Case, options: CycleOptions, start: Found | None) -> Found:
         found = _after_newton(case, options, *laid, counts)
         mesh = found.mesh
         sound = mesh.fits & (found.residual < 1e-7) & (jnp.min(found.z.left[:, :2]) > 0.01)
-        state = jnp.where(sound, found.z.left[0], end.last.end)
-        flags = jnp.where(sound, mesh.flags[0], end.last.flags)
-        usable = end.last.whole & mesh.fits
+        state = jnp.where(sound, found.z.left[0], end.state)
+        flags = jnp.where(sound, mesh.flags[0], end.flags)
+        usable = end.whole & mesh.fits
         return state, flags, found, jnp.where(usable, rounds + 1, options.max_rounds)
 
     def going_on(carry):
@@ -267,21 +261,14 @@ def _rounds(case: Case, options: CycleOptions, start: Found | None) -> Found:
 
 def nothing_found(cylinder: Cylinder, options: CycleOptions) -> Found:
     """What there is before the first round."""
-    states = states_of(cylinder)
+    walls = 0 if cylinder.walls is None else OF_WALL
+    states = STATES + PER_PLENUM * len(cylinder.plenums) + walls
     p, s, none = options.panels, options.nodes, jnp.zeros((), int)
     flat = jnp.zeros(p, int)
     mesh = Mesh(jnp.zeros((p, 6), int), flat, flat, jnp.asarray(False))
     z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), jnp.zeros(p + 1))
     totals, solved = jnp.zeros(len(Accounts._fields)), jnp.asarray(False)
     return Found(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
-
-
-def _law(case: Case):
-    def law(angle, state, flags):
-        found = rates(case, angle, state, flags)
-        return found.accounts, found.pressure
-
-    return law
 
 
 def account_scales(case: Case) -> Float[Array, " 12"]:
@@ -317,21 +304,15 @@ def _cycle(case: Case, found: Found, z: Unknowns, points, options, marching: boo
     T, rho = jax.vmap(jax.vmap(lambda a, y: temperature_and_density(case, a, y)))(angle, z.points)
     volume = jax.vmap(jax.vmap(lambda a: case.volume(a)[0]))(angle)
     free = mesh.flags[:, jnp.asarray([0, 3])] == FREE
-    which = mesh.event
+    which, scale_of = mesh.event, jnp.stack([velocity for _, velocity, _ in scale])
     valve = jnp.clip(which, 0, 7) // 4
     slot = jnp.where(which >= 0, which % 4, 4)
     column = jnp.where(valve == 0, 3, 6)
     speed = jnp.take_along_axis(z.points[:, -1], column[:, None], axis=1)[:, 0]
     moving = jnp.take_along_axis(free, valve[:, None], axis=1)[:, 0]
-    meets = moving & (slot < 2)
-    events = Events(
-        which,
-        z.edges[1:],
-        speed * jnp.stack([scale[0][1], scale[1][1]])[valve],
-        meets,
-        meets & (mesh.code == 1),
-        ~moving & (slot == 0) & (mesh.code == 1),
-    )
+    meets, sits = moving & (slot < 2), mesh.code == 1
+    shuts, opens = meets & sits, ~moving & (slot == 0) & sits
+    events = Events(which, z.edges[1:], speed * scale_of[valve], meets, shuts, opens)
     return Cycle(
         angle=flat(angle),
         weight=weight.reshape(-1),

@@ -2,19 +2,19 @@
 
 from . import _slider_crank as _slider_crank
 from . import _slider_link as _slider_link
-from ._drag import AbstractDrag as AbstractDrag
-from ._drag import OilPump as OilPump
-from ._drag import ThrustBearing as ThrustBearing
-from ._each import EachJournal as EachJournal
-from ._each import EachSlide as EachSlide
+from ._laws import AbstractDrag as AbstractDrag
 from ._laws import AbstractJournal as AbstractJournal
 from ._laws import AbstractSlide as AbstractSlide
 from ._laws import CoulombJournal as CoulombJournal
 from ._laws import CoulombSlide as CoulombSlide
+from ._laws import EachJournal as EachJournal
+from ._laws import EachSlide as EachSlide
+from ._laws import OilPump as OilPump
 from ._laws import Packing as Packing
 from ._laws import PistonFilm as PistonFilm
 from ._laws import RegularisedJournal as RegularisedJournal
 from ._laws import RegularisedSlide as RegularisedSlide
+from ._laws import ThrustBearing as ThrustBearing
 from ._loads import AbstractFriction as AbstractFriction
 from ._loads import AbstractJointLoop as AbstractJointLoop
 from ._loads import JointLoads as JointLoads

@@ -1,8 +1,11 @@
-r"""Friction of one joint: from the load it carries and the rate at which it slides.
+r"""The laws of single joints: straight slides, journals, and the drag on the shaft.
 
-A law for a straight slide answers with a force, a law for a journal with a moment; both have the
-sign of the sliding rate and resist it. Coulomb's law is Tsuji et al. (2012) Eq. (4); the film
-between piston and cylinder is Dagilis et al., *Slider-link driven compressor (I)*, Eq. (7).
+From load and sliding rate a slide answers with a force, a journal with a moment; both have the sign of
+the rate and resist it, as does a drag, which no joint force governs.
+
+Sources: Tsuji et al. (2012) Eq. (4), Coulomb's law; Dagilis, Vaitkus, Kirejchick, *Slider-link driven
+compressor (I). Mathematical model*, Eq. (7), the film between piston and cylinder, and Eq. (24), the
+thrust bearing, with the sign of the rate added.
 """
 
 from abc import abstractmethod
@@ -12,8 +15,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._each import AbstractEach
 from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..film import AbstractJournal, check_oil
+
+# Standard acceleration of free fall [m/s^2], exact by definition (CGPM 1901).
+STANDARD_GRAVITY = 9.80665
 
 
 class AbstractSlide(Part):
@@ -150,3 +157,110 @@ class PistonFilm(Part):
     ) -> Float[Array, "*n"]:
         """[N] for a bore [m], a wetted length [m] and a piston speed [m/s]."""
         return self.dynamic_viscosity * jnp.pi * bore * length * speed / self.radial_clearance
+
+
+class EachSlide(AbstractEach, AbstractSlide):
+    """A law of another kind for the slides of some of several cylinders.
+
+    Args:
+        laws: the kinds.
+        of_cylinder: number of its law, from 1, for every cylinder; absent: one law for each in turn.
+
+    Raises:
+        BadInput: numbers that are not those of the laws, or a list in a law.
+    """
+
+    kind: ClassVar[str] = "each"
+
+    laws: tuple[AbstractSlide, ...]
+
+    def force(self, load, speed):
+        return self.each(lambda law, load, speed: law.force(load, speed), load, speed)
+
+
+class EachJournal(AbstractEach, AbstractJournal):
+    """A law of another kind for the journals of some of several cylinders, such as a film for one.
+
+    A bearing whose journal moves in its film counts here as the same bearing under a steady load.
+
+    Args:
+        laws: the kinds, or names of bearings.
+        of_cylinder: number of its law, from 1, for every cylinder; absent: one law for each in turn.
+
+    Raises:
+        BadInput: numbers that are not those of the laws, or a list in a law.
+    """
+
+    kind: ClassVar[str] = "each"
+
+    laws: tuple[AbstractJournal, ...]
+
+    def moment(self, load, rate):
+        return self.each(lambda law, load, rate: law.moment(load, rate), load, rate)
+
+
+class AbstractDrag(Part):
+    """A moment on the shaft that no joint force governs."""
+
+    @abstractmethod
+    def moment(self, rate: Float[Array, "*n"], weight: Float[Array, ""]) -> Float[Array, "*n"]:
+        """[N m] at a rate of rotation [rad/s], for a weight [N] of shaft and rotor."""
+
+
+class ThrustBearing(AbstractDrag):
+    r"""Flat ring under the weight of the shaft, uniform pressure (Dagilis et al., Eq. 24).
+
+    $$M = \tfrac23\mu\, m_r g\, \frac{R_t^3 - r_t^3}{R_t^2 - r_t^2}$$
+
+    Args:
+        coefficient: [-] mu, coefficient of friction.
+        outer_radius: [m] R_t.
+        inner_radius: [m] r_t.
+        transition_rate: [rad/s] smooths the law through rest, for start and stop; absent: none.
+    """
+
+    kind: ClassVar[str] = "thrust"
+
+    coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
+    outer_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="R_t")
+    inner_radius: Float[Array, ""] = quantity("m", NONNEGATIVE, default=0.0, doc="r_t")
+    transition_rate: Float[Array, ""] | None = quantity(
+        "rad/s", POSITIVE, default=None, doc="smooths the law through rest, for start and stop"
+    )
+
+    def conditions(self):
+        return {"a ring with inner_radius < outer_radius": self.inner_radius < self.outer_radius}
+
+    @property
+    def friction_radius(self) -> Float[Array, ""]:
+        """[m] 2/3 (R^3 - r^3)/(R^2 - r^2), with the common factor R - r cancelled."""
+        outer, inner = self.outer_radius, self.inner_radius
+        return 2 / 3 * (outer**2 + outer * inner + inner**2) / (outer + inner)
+
+    def moment(self, rate, weight):
+        level = self.coefficient * weight * self.friction_radius
+        return level * _direction(rate, self.transition_rate)
+
+
+class OilPump(AbstractDrag):
+    """A constant torque (M_p of Dagilis et al., Eq. 29), against the rotation.
+
+    Args:
+        torque: [N m] M_p.
+        transition_rate: [rad/s] smooths the law through rest, for start and stop; absent: none.
+    """
+
+    kind: ClassVar[str] = "pump"
+
+    torque: Float[Array, ""] = quantity("N m", NONNEGATIVE)
+    transition_rate: Float[Array, ""] | None = quantity(
+        "rad/s", POSITIVE, default=None, doc="smooths the law through rest, for start and stop"
+    )
+
+    def moment(self, rate, weight):
+        del weight
+        return self.torque * _direction(rate, self.transition_rate)
+
+
+def _direction(rate, transition_rate):
+    return jnp.sign(rate) if transition_rate is None else jnp.tanh(rate / transition_rate)

@@ -21,10 +21,10 @@ from ..mechanism import (
     Vector,
 )
 from ._laws import AbstractJournal
-from ._loads import AbstractJointLoop, JointLoads, joint_loop, shaft_loss
+from ._loads import AbstractJointLoop, JointLoads, joint_loop
 from ._slider_crank import SliderCrankFriction, SliderCrankLoop
 from ._slider_link import SliderLinkFriction, SliderLinkLoop
-from ._support import MainBearings
+from ._support import MainBearings, shaft_losses
 
 # Joints that each cylinder has for itself.
 _OWN = (
@@ -45,23 +45,16 @@ def joints_of_cylinder(number: int) -> dict[str, str]:
 
 
 class SeveralLoops(AbstractJointLoop):
-    """The joints of k cylinders, with the side force N [N] of each cylinder's wall as unknown (k, n).
+    """The joints of k cylinders, with the side force N [N] of each cylinder's wall as unknown (k, n)."""
 
-    Attributes:
-        loops: of all cylinders; their arrays have a leading axis of k.
-        cylinders: how they stand.
-        support: law of the main bearings; `None` without friction there.
-        speed: [rad/s] of the crank.
-        shares: [-] (m, k) what each main bearing takes of the force of each rod.
-        pull: [N] of the crankshaft's inertia and weight on every main bearing.
-    """
-
+    # of all cylinders; their arrays have a leading axis of k
     loops: SliderCrankLoop | SliderLinkLoop
     cylinders: Cylinders
+    # law of the main bearings; `None` without friction there
     support: AbstractJournal | MainBearings | None
-    speed: Float[Array, "*n"]
-    shares: Float[Array, "m k"]
-    pull: tuple[Vector, ...]
+    speed: Float[Array, "*n"]  # [rad/s] of the crank
+    shares: Float[Array, "m k"]  # [-] what each main bearing takes of the force of each rod
+    pull: tuple[Vector, ...]  # [N] of the crankshaft's inertia and weight on every main bearing
 
     @property
     def kinks(self):  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -86,7 +79,7 @@ class SeveralLoops(AbstractJointLoop):
 
     def total_loss(self, loss):
         own, rod_force = loss
-        shaft = self._main_losses(self._reactions(rod_force))
+        shaft = shaft_losses(self.support, self._reactions(rod_force), self.speed)
         return jnp.sum(own, axis=0) + sum(shaft.values(), jnp.zeros_like(self.speed))
 
     def rows(self, marks):
@@ -110,13 +103,6 @@ class SeveralLoops(AbstractJointLoop):
             )
         return found
 
-    def _main_losses(self, reactions: dict[str, Vector]) -> dict[str, Float[Array, "*n"]]:
-        if self.support is None:
-            return {}
-        if isinstance(self.support, MainBearings):
-            return self.support.moments(reactions, self.speed)
-        return {"main_journal": shaft_loss(self.support, reactions["main_journal"], self.speed)}
-
     def loads(self, unknown, evidence):
         each = self.loops.loads(unknown, evidence)
         reactions = self._reactions(Vector(*each.forces["crank_pin"]))
@@ -131,7 +117,7 @@ class SeveralLoops(AbstractJointLoop):
         shape = (-1, *self.speed.shape)
         return JointLoads(
             forces=forces,
-            loss_torque=losses | self._main_losses(reactions),
+            loss_torque=losses | shaft_losses(self.support, reactions, self.speed),
             residual=None if each.residual is None else jnp.max(jnp.abs(each.residual), axis=0),
             margin=each.margin,
             kinks=each.kinks.reshape(shape),

@@ -36,9 +36,8 @@ from ._loads import (
     journal_loss,
     journal_moment,
     relative,
-    shaft_loss,
 )
-from ._support import MainBearings
+from ._support import MainBearings, shaft_losses
 
 
 class SliderCrankFriction(AbstractFriction):
@@ -73,23 +72,14 @@ class SliderCrankFriction(AbstractFriction):
 
 
 class SliderCrankLoop(AbstractJointLoop):
-    """The joints of a slider-crank up to the side force N [N] of the cylinder wall.
+    """The joints of a slider-crank up to the side force N [N] of the cylinder wall."""
 
-    Attributes:
-        friction: the laws of the joints.
-        bodies: inertia, weight and gas forces.
-        speed: [rad/s] of the crank.
-        slide_speed: [m/s] of the piston.
-        film: [N] drag of oil and packing on the piston, along x.
-        packing: [N] that of the packing.
-    """
-
-    friction: SliderCrankFriction
-    bodies: RodBalance
-    speed: Float[Array, "*n"]
-    slide_speed: Float[Array, "*n"]
-    film: Float[Array, "*n"] | None
-    packing: Float[Array, "*n"] | None = None
+    friction: SliderCrankFriction  # the laws of the joints
+    bodies: RodBalance  # inertia, weight and gas forces
+    speed: Float[Array, "*n"]  # [rad/s] of the crank
+    slide_speed: Float[Array, "*n"]  # [m/s] of the piston
+    film: Float[Array, "*n"] | None  # [N] drag of oil and packing on the piston, along x
+    packing: Float[Array, "*n"] | None = None  # [N] that of the packing
 
     def _wall(self, side):
         """Friction of the wall along x, against the motion [N]; and its sum with the film's drag."""
@@ -174,12 +164,8 @@ class SliderCrankLoop(AbstractJointLoop):
             loss["crank_pin"] = journal_loss(
                 friction.crank_pin, crank_pin, 1 + rod.tilt_1, forces.crank_pin, self.speed
             )
-        if isinstance(friction.main_journal, MainBearings):
-            return loss | friction.main_journal.moments(self._shaft(forces), self.speed)
-        journal = shaft_loss(friction.main_journal, forces.main_journal, self.speed)
-        if journal is not None:
-            loss["main_journal"] = journal
-        return loss
+        shaft = self._shaft(forces) or {"main_journal": forces.main_journal}
+        return loss | shaft_losses(friction.main_journal, shaft, self.speed)
 
     def _shaft(self, forces) -> dict[str, Vector]:
         """Force of each main bearing on the shaft [N], by name."""

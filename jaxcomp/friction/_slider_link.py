@@ -31,8 +31,7 @@ from ..mechanism import (
     contact,
     contact_arms,
 )
-from ._drag import STANDARD_GRAVITY, AbstractDrag
-from ._laws import AbstractJournal, AbstractSlide, PistonFilm
+from ._laws import AbstractDrag, AbstractJournal, AbstractSlide, PistonFilm
 from ._loads import (
     AbstractFriction,
     AbstractJointLoop,
@@ -43,6 +42,7 @@ from ._loads import (
     relative,
     shaft_loss,
 )
+from ._support import drag_losses
 
 
 class SliderLinkFriction(AbstractFriction):
@@ -87,31 +87,24 @@ class SliderLinkLoop(AbstractJointLoop):
 
     The unknown is the couple over the crank radius [N]. With `slider_moment="paper"` there is none,
     and everything is explicit.
-
-    Attributes:
-        mechanism, friction: the machine.
-        state, motion: of the crank, and of piston and link.
-        arms: [m] of the contacts.
-        wall, link: [-] coefficients of friction with the sign of the force on the piston.
-        film: [N] drag of the oil on the piston.
-        pin_acceleration: [m/s^2] of the crank pin, without gravity, in x and y.
-        gas_force: [N] (p - p_back) A.
-        gravity: [m/s^2] field in x and y.
     """
 
     kinks: ClassVar[int] = 3
 
     mechanism: SliderLink
     friction: SliderLinkFriction
+    # of the crank, and of piston and link
     state: CrankState
     motion: LinkMotion
-    arms: ContactArms
+    arms: ContactArms  # [m] of the contacts
+    # [-] coefficients of friction with the sign of the force on the piston
     wall: Float[Array, "*n"]
     link: Float[Array, "*n"]
-    film: Float[Array, "*n"]
+    film: Float[Array, "*n"]  # [N] drag of the oil on the piston
+    # [m/s^2] of the crank pin, without gravity, in x and y
     pin_acceleration: tuple[Float[Array, "*n"], Float[Array, "*n"]]
-    gas_force: Float[Array, "*n"]
-    gravity: Float[Array, "2"] | None
+    gas_force: Float[Array, "*n"]  # [N] (p - p_back) A
+    gravity: Float[Array, "2"] | None  # [m/s^2] field in x and y
 
     @property
     def _balanced(self) -> bool:
@@ -206,11 +199,7 @@ class SliderLinkLoop(AbstractJointLoop):
             law = getattr(friction, name)
             if law is not None:
                 loss[name] = shaft_loss(law, force, speed)
-        weight = self.mechanism.crank_mass * STANDARD_GRAVITY
-        for name in ("thrust_bearing", "pump"):
-            law = getattr(friction, name)
-            if law is not None:
-                loss[name] = law.moment(speed, weight)
+        loss |= drag_losses(friction, speed, self.mechanism.crank_mass)
         return loss, moment, bearings
 
     def loads(self, unknown, evidence):

@@ -26,11 +26,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._each import mapped
 from .._fields import NONNEGATIVE, POSITIVE, BadInput, Part, quantity, replaced
+from .._polynomials import cubic_step
 from ..film import AbstractJournal, JournalBearing, NamedBearing, OrbitBearing, PlacedJournal
 from ..mechanism import Vector
-from ._drag import STANDARD_GRAVITY, OilPump, ThrustBearing
-from ._loads import magnitude, shaft_loss
+from ._laws import STANDARD_GRAVITY, OilPump, ThrustBearing
+from ._loads import shaft_loss
 
 
 class MainBearings(Part):
@@ -155,15 +157,40 @@ class MainBearings(Part):
         self, reactions: dict[str, Vector], rate: Float[Array, "*n"]
     ) -> dict[str, Float[Array, "*n"]]:
         """[N m] Friction of every part by name, for reactions [N] and a rate of rotation [rad/s]."""
-        found = dict(
-            zip(reactions, _moments(self.bearings, [*reactions.values()], rate), strict=True)
-        )
-        weight = self.shaft_mass * STANDARD_GRAVITY
-        for name in ("thrust_bearing", "pump"):
-            law = getattr(self, name)
-            if law is not None:
-                found[name] = law.moment(rate, weight)
-        return found
+        forces = Vector(*(jnp.stack(part) for part in zip(*reactions.values(), strict=True)))
+
+        def loss(bearing, x, y):
+            return shaft_loss(bearing, Vector(x, y), rate)
+
+        losses = mapped(loss, self.bearings, *forces)
+        found = dict(zip(reactions, losses, strict=True))
+        return found | drag_losses(self, rate, self.shaft_mass)
+
+
+def drag_losses(
+    laws: Any, rate: Float[Array, "*n"], mass: Float[Array, ""]
+) -> dict[str, Float[Array, "*n"]]:
+    """[N m] Friction of `thrust_bearing` and `pump`, where there is a law, under a shaft's mass [kg]."""
+    drags = {name: getattr(laws, name) for name in ("thrust_bearing", "pump")}
+    weight = mass * STANDARD_GRAVITY
+    return {name: law.moment(rate, weight) for name, law in drags.items() if law is not None}
+
+
+def shaft_losses(
+    support: Any, reactions: dict[str, Vector], speed: Float[Array, "*n"]
+) -> dict[str, Float[Array, "*n"]]:
+    """[N m] Loss torque of each bearing of the shaft by name, under its force on the shaft [N].
+
+    Args:
+        support: `MainBearings`, the law of a single journal, or `None`.
+        reactions: by name.
+        speed: [rad/s] of the crank.
+    """
+    if isinstance(support, MainBearings):
+        return support.moments(reactions, speed)
+    if support is None:
+        return {}
+    return {name: shaft_loss(support, force, speed) for name, force in reactions.items()}
 
 
 def shares(
@@ -212,13 +239,10 @@ class ShaftBearings(MainBearings):
         left = jnp.clip(jnp.searchsorted(self.places, places, side="right") - 1, 0, last)
         width = self.places[left + 1] - self.places[left]
         t = (places - self.places[left]) / width
-        s = 1 - t
-        ends = (
-            (s * s * (1 + 2 * t), self.values[:, left]),
-            (t * t * (1 + 2 * s), self.values[:, left + 1]),
+        ends, slopes = (
+            (table[:, left], table[:, left + 1]) for table in (self.values, self.slopes)
         )
-        tilts = self.slopes[:, left] * s - self.slopes[:, left + 1] * t
-        return sum((share * value for share, value in ends), width * t * s * tilts)
+        return cubic_step(t, width, ends, slopes)
 
 
 def _beam(
@@ -288,13 +312,3 @@ def _weight(bearing: AbstractJournal) -> Float[Array, ""]:
     if length is None or diameter is None:
         return jnp.ones(())
     return length * diameter
-
-
-def _moments(bearings, forces, rate) -> list[Float[Array, "*n"]]:
-    """Bearings of one law are mapped over, so that the law is traced once."""
-    kinds = {jax.tree.structure(one) for one in bearings}
-    if len(bearings) < 2 or len(kinds) > 1 or isinstance(bearings[0], PlacedJournal):
-        return [shaft_loss(one, load, rate) for one, load in zip(bearings, forces, strict=True)]
-    loads = [magnitude(*force) for force in forces]
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *bearings)
-    return list(jax.vmap(lambda one, load: one.moment(load, rate))(stacked, jnp.stack(loads)))

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import ANY, NONNEGATIVE, Bound, quantity, replaced
+from .._polynomials import cubics, inner_slopes
 from ._base import AbstractGas, Stroke
 
 
@@ -63,7 +64,7 @@ class CrankAngleTable(AbstractDiagram):
             [self.cylinder_pressure[-2:], self.cylinder_pressure, self.cylinder_pressure[:2]]
         )
         start = self.angle[0]
-        return _hermite(start + jnp.mod(stroke.angle - start, turn), x, y)
+        return _curve(start + jnp.mod(stroke.angle - start, turn), x, y)
 
 
 class FourierDiagram(AbstractDiagram):
@@ -137,8 +138,8 @@ class VolumeTable(AbstractDiagram):
         fraction = stroke.displaced / stroke.swept
         return jnp.where(
             stroke.inward > 0,
-            _hermite(fraction, self.volume, self.inward_pressure),
-            _hermite(fraction, self.volume, self.outward_pressure),
+            _curve(fraction, self.volume, self.inward_pressure),
+            _curve(fraction, self.volume, self.outward_pressure),
         )
 
 
@@ -157,23 +158,11 @@ class CallableDiagram(AbstractDiagram):
         return self.function(stroke)
 
 
-def _hermite(x, knots, values):
-    """Cubic through the points with the slope of the parabola through three neighbours."""
-    gap = jnp.diff(knots)
-    secant = jnp.diff(values) / gap
-    inner = (gap[1:] * secant[:-1] + gap[:-1] * secant[1:]) / (gap[1:] + gap[:-1])
-    slope = jnp.concatenate(
-        [(2 * secant[0] - inner[0])[None], inner, (2 * secant[-1] - inner[-1])[None]]
-    )
-    left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
-    width = gap[left]
-    t = (x - knots[left]) / width
-    s = 1 - t
-    return (
-        values[left] * s * s * (1 + 2 * t)
-        + values[left + 1] * t * t * (1 + 2 * s)
-        + width * t * s * (slope[left] * s - slope[left + 1] * t)
-    )
+def _curve(x, knots, values):
+    """Cubics through the points with the slope of the parabola through three neighbours."""
+    secant, inner = inner_slopes(knots, values)
+    first, last = 2 * secant[:1] - inner[:1], 2 * secant[-1:] - inner[-1:]
+    return cubics(x, knots, values, jnp.concatenate([first, inner, last]))
 
 
 def _with_knots(part, name: str, even):

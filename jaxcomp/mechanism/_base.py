@@ -72,21 +72,19 @@ class AbstractKinematics(eqx.Module):
         position_2: [m/rad^2] x_p''.
     """
 
-    cosine: eqx.AbstractVar[Float[Array, "*n"]]
-    sine: eqx.AbstractVar[Float[Array, "*n"]]
-    position: eqx.AbstractVar[Float[Array, "*n"]]
-    position_1: eqx.AbstractVar[Float[Array, "*n"]]
-    position_2: eqx.AbstractVar[Float[Array, "*n"]]
+    cosine: Float[Array, "*n"]
+    sine: Float[Array, "*n"]
+    position: Float[Array, "*n"]
+    position_1: Float[Array, "*n"]
+    position_2: Float[Array, "*n"]
 
     def crank_acceleration(
         self, state: CrankState
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
         """Second time derivative [1/s^2] of the unit vector along the crank, in x and y."""
         square, rise = state.speed * state.speed, state.acceleration
-        return (
-            -self.cosine * square - self.sine * rise,
-            self.cosine * rise - self.sine * square,
-        )
+        along = -self.cosine * square - self.sine * rise
+        return along, self.cosine * rise - self.sine * square
 
 
 class AbstractMechanism(Part):
@@ -166,6 +164,14 @@ class AbstractMechanism(Part):
     def swept_volume(self) -> Float[Array, ""]:
         """[m^3]"""
         return self.piston_area * self.stroke
+
+
+def swing_at(cosine: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """[rad] arccos, and its value at the nearer end beyond -1 or 1."""
+    # double where: arccos has an infinite slope at its ends, where the piston stands still
+    inside = jnp.abs(cosine) < 1
+    swing = jnp.arccos(jnp.where(inside, cosine, 0.0))
+    return jnp.where(inside, swing, jnp.where(cosine > 0, 0.0, jnp.pi))
 
 
 def cross(a: Float[Array, "2 *n"], b: Float[Array, "2 *n"]) -> Float[Array, "*n"]:

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._fields import ANY, BadInput, Part, along_cylinders, quantity, replaced
-from ._base import CrankState, Vector, rotating
+from ._base import CrankState, Vector, rotating, turned_with
 from ._slider_crank import SliderCrank
 from ._slider_link import SliderLink
 
@@ -210,11 +210,9 @@ class Cylinders(Part):
                 (1, 0) for all of the force, (0, 1) for the moment.
             influence: (m, t) what they take of forces at t places [m], where that is no straight line.
         """
-        _, (x, y) = rotating(*state)
-        return [
-            Vector(along * x - ahead * y, along * y + ahead * x)
-            for along, ahead in self._crank_vectors(mechanism, line, influence)
-        ]
+        second = Vector(*rotating(*state)[1])
+        vectors = self._crank_vectors(mechanism, line, influence)
+        return [turned_with(*vector, second) for vector in vectors]
 
     def _crank_vectors(self, mechanism: SliderCrank | SliderLink, line, influence=None):
         """(2,) What each takes of the unbalances, along the crank at angle 0 and ahead of it."""
@@ -236,9 +234,8 @@ class Cylinders(Part):
         mechanism: SliderCrank | SliderLink,
     ):
         """[N m] on the crank, of the weights of its unbalances."""
-        ((along, ahead),) = self._crank_vectors(mechanism, [(1.0, 0.0)])
-        c, s = jnp.cos(angle), jnp.sin(angle)
-        x, y = c * along - s * ahead, s * along + c * ahead
+        (vector,) = self._crank_vectors(mechanism, [(1.0, 0.0)])
+        x, y = turned_with(*vector, Vector(jnp.cos(angle), jnp.sin(angle)))
         return x * gravity[1] - y * gravity[0]
 
 
@@ -279,9 +276,8 @@ def _counterweights(
     if isinstance(mechanism, SliderLink):
         rotating, reciprocating = mechanism.slider_mass, mechanism.piston_mass
     else:
-        share = mechanism.conrod_centre / mechanism.conrod_length
-        rotating = mechanism.conrod_mass * (1 - share)
-        reciprocating = mechanism.piston_mass + mechanism.conrod_mass * share
+        rotating, of_rod = mechanism.rod_masses
+        reciprocating = mechanism.piston_mass + of_rod
     each = -(rotating + reciprocating / 2) * mechanism.crank_radius
     sizes = [throw.banks.size for throw in cylinders.rows]
     if jnp.ndim(each) == 0:

@@ -24,6 +24,7 @@ from ._base import (
     CrankState,
     Vector,
     crank_direction,
+    swing_at,
     turned_with,
 )
 
@@ -101,6 +102,12 @@ class SliderCrank(AbstractMechanism):
         return self.crank_radius / self.conrod_length
 
     @property
+    def rod_masses(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """[kg] of the rod that turns with the crank, and that moves with the piston."""
+        sliding = self.conrod_mass * (self.conrod_centre / self.conrod_length)
+        return self.conrod_mass - sliding, sliding
+
+    @property
     def piston_area(self) -> Float[Array, ""]:
         return jnp.pi / 4 * self.bore**2
 
@@ -118,12 +125,10 @@ class SliderCrank(AbstractMechanism):
         """
         if self.crank_inertia is None:
             raise BadInput("crank_inertia", "absent", "given, or a machine with a rotor")
-        rod = kinematics
-        b = self.conrod_centre
-        a = self.conrod_length - b
-        rotating_mass = self.conrod_mass * a / self.conrod_length
-        reciprocating_mass = self.piston_mass + self.conrod_mass * b / self.conrod_length
-        residue = self.conrod_inertia - self.conrod_mass * a * b
+        rod, b = kinematics, self.conrod_centre
+        rotating_mass, of_rod = self.rod_masses
+        reciprocating_mass = self.piston_mass + of_rod
+        residue = self.conrod_inertia - self.conrod_mass * (self.conrod_length - b) * b
         value = (
             self.crank_inertia
             + rotating_mass * self.crank_radius**2
@@ -154,13 +159,7 @@ class SliderCrank(AbstractMechanism):
         r, l, e = self.crank_radius, self.conrod_length, self.offset
         distance = jnp.hypot(position, e)
         cosine = (position**2 + e**2 + r**2 - l**2) / (2 * r * distance)
-        # double where: arccos has an infinite slope at its ends, where the piston stands still
-        inside = jnp.abs(cosine) < 1
-        swing = jnp.where(
-            inside,
-            jnp.arccos(jnp.where(inside, cosine, 0.0)),
-            jnp.where(cosine > 0, 0.0, jnp.pi),
-        )
+        swing = swing_at(cosine)
         return jnp.arctan2(e, position) + (-swing if inward else swing)
 
     def reversals(self):
@@ -168,46 +167,33 @@ class SliderCrank(AbstractMechanism):
         return jnp.asarray(0.5 * jnp.pi), jnp.asarray(1.5 * jnp.pi)
 
     def weight_torque(self, kinematics, gravity):
-        rod = kinematics
-        b = self.conrod_centre
-        a = self.conrod_length - b
-        swinging = self.crank_unbalance + self.conrod_mass * a / self.conrod_length * (
-            self.crank_radius
-        )
-        sliding = self.piston_mass + self.conrod_mass * b / self.conrod_length
+        rod, (rotating, of_rod) = kinematics, self.rod_masses
+        swinging = self.crank_unbalance + rotating * self.crank_radius
         # the derivative of the crank's unit vector is (-sin, cos), that of the one ahead (-cos, -sin)
         along_crank = gravity[1] * rod.cosine - gravity[0] * rod.sine
+        sliding = (self.piston_mass + of_rod) * gravity[0] * rod.position_1
+        torque = swinging * along_crank + sliding
         if self.crank_unbalance_across is not None:
             ahead = -gravity[0] * rod.cosine - gravity[1] * rod.sine
-            return self.crank_unbalance_across * ahead + (
-                swinging * along_crank + sliding * gravity[0] * rod.position_1
-            )
-        return swinging * along_crank + sliding * gravity[0] * rod.position_1
+            torque = torque + self.crank_unbalance_across * ahead
+        return torque
 
 
 class RodMotion(AbstractKinematics):
     """Position x_p of the piston and tilt phi of the rod with derivatives to crank angle.
 
     Attributes:
-        cosine, sine: [-] of the crank angle.
+        cosine, sine, position, position_1, position_2: as of every mechanism.
         sin_tilt: [-] sin(phi).
         cos_tilt: [-] cos(phi).
         tilt_1: [-] phi'.
         tilt_2: [1/rad] phi''.
-        position: [m] x_p, from the crank centre towards the head.
-        position_1: [m/rad] x_p'.
-        position_2: [m/rad^2] x_p''.
     """
 
-    cosine: Float[Array, "*n"]
-    sine: Float[Array, "*n"]
     sin_tilt: Float[Array, "*n"]
     cos_tilt: Float[Array, "*n"]
     tilt_1: Float[Array, "*n"]
     tilt_2: Float[Array, "*n"]
-    position: Float[Array, "*n"]
-    position_1: Float[Array, "*n"]
-    position_2: Float[Array, "*n"]
 
 
 def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
@@ -233,13 +219,13 @@ def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
     return RodMotion(
         cosine,
         sine,
+        c + reach,
+        -s - c * tan_tilt,
+        s * tan_tilt - c - c * tilt_1 / (cos_tilt * cos_tilt),
         sin_tilt,
         cos_tilt,
         tilt_1,
         tilt_2,
-        position=c + reach,
-        position_1=-s - c * tan_tilt,
-        position_2=s * tan_tilt - c - c * tilt_1 / (cos_tilt * cos_tilt),
     )
 
 
@@ -285,16 +271,14 @@ def rod_balance(
         gas_force: [N] (p - p_back) A, positive towards the crank.
         gravity: [m/s^2] field in x and y; `None` leaves weights out.
     """
-    b = mechanism.conrod_centre
-    a = mechanism.conrod_length - b
+    b, (rotating, small_end) = mechanism.conrod_centre, mechanism.rod_masses
+    big_end = rotating * mechanism.crank_radius
     square = state.speed * state.speed
     piston = rod.position_1 * state.acceleration + rod.position_2 * square
     tilt = rod.tilt_1 * state.acceleration + rod.tilt_2 * square
     along, across = rod.crank_acceleration(state)
-    big_end = mechanism.conrod_mass * mechanism.crank_radius * a / mechanism.conrod_length
-    small_end = mechanism.conrod_mass * b / mechanism.conrod_length
     rod_inertia = Vector(big_end * along + small_end * piston, big_end * across)
-    crank_inertia = crank_pull(mechanism, Vector(along, across))
+    crank_inertia, couple = crank_pull(mechanism, Vector(along, across)), mechanism.crank_couple
     pin_x = -gas_force - mechanism.piston_mass * piston
     piston_weight = jnp.zeros(())
     if gravity is not None:
@@ -316,7 +300,7 @@ def rod_balance(
         piston_weight,
         rod_inertia,
         crank_inertia,
-        _turned(mechanism.crank_couple, Vector(along, across)),
+        None if couple is None else turned_with(*couple, Vector(along, across)),
         moment,
     )
 
@@ -332,13 +316,6 @@ def crank_pull(mechanism: SliderCrank, second: Vector) -> Vector:
         [N] in x and y.
     """
     return turned_with(mechanism.crank_unbalance, mechanism.crank_unbalance_across, second)
-
-
-def _turned(vector, second: Vector) -> Vector | None:
-    """A vector fixed to the crank (towards the pin, ahead of it) times the acceleration."""
-    if vector is None:
-        return None
-    return turned_with(*vector, second)
 
 
 class PinForces(NamedTuple):

@@ -32,7 +32,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, quantity
-from ._base import AbstractKinematics, AbstractMechanism, Vector, crank_direction, turned_with
+from ._base import (
+    AbstractKinematics,
+    AbstractMechanism,
+    Vector,
+    crank_direction,
+    swing_at,
+    turned_with,
+)
 
 
 class SliderLink(AbstractMechanism):
@@ -195,13 +202,7 @@ class SliderLink(AbstractMechanism):
 
     def angle_at(self, position, inward):
         cosine = (position - self.crown_to_link) / self.crank_radius
-        # double where: arccos has an infinite slope at its ends, where the piston stands still
-        inside = jnp.abs(cosine) < 1
-        swing = jnp.where(
-            inside,
-            jnp.arccos(jnp.where(inside, cosine, 0.0)),
-            jnp.where(cosine > 0, 0.0, jnp.pi),
-        )
+        swing = swing_at(cosine)
         return -swing if inward else swing
 
     def reversals(self):
@@ -221,20 +222,7 @@ class SliderLink(AbstractMechanism):
 
 
 class LinkMotion(AbstractKinematics):
-    """Position x_p of piston and link, with derivatives to crank angle.
-
-    Attributes:
-        cosine, sine: [-] of the crank angle.
-        position: [m] x_p, from the crank centre towards the head.
-        position_1: [m/rad] x_p'.
-        position_2: [m/rad^2] x_p''.
-    """
-
-    cosine: Float[Array, "*n"]
-    sine: Float[Array, "*n"]
-    position: Float[Array, "*n"]
-    position_1: Float[Array, "*n"]
-    position_2: Float[Array, "*n"]
+    """Position x_p of piston and link: nothing else moves."""
 
 
 class ContactArms(NamedTuple):

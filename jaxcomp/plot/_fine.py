@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import of_cylinder
+from .._polynomials import cubics
 from ..compressor import Compressor, cylinder_pressure, kink_angles
 from ..crank import Orbit, acceleration, moving, with_journals
 from ..friction import JointLoads
@@ -82,12 +83,4 @@ def _periodic_cubic(x, knots, values, slopes):
     values = jnp.concatenate([values[-1:], values, values[:1]])
     slopes = jnp.concatenate([slopes[-1:], slopes, slopes[:1]])
     x = knots[1] + jnp.mod(x - knots[1], turn)
-    left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
-    width = knots[left + 1] - knots[left]
-    t = (x - knots[left]) / width
-    s = 1 - t
-    return (
-        values[left] * s * s * (1 + 2 * t)
-        + values[left + 1] * t * t * (1 + 2 * s)
-        + width * t * s * (slopes[left] * s - slopes[left + 1] * t)
-    )
+    return cubics(x, knots, values, slopes)

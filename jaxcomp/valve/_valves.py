@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
+from .._polynomials import cubics, inner_slopes
 
 
 class Oscillator(NamedTuple):
@@ -165,13 +166,13 @@ class AbstractMovingValve(AbstractValve):
 
     def flow_area(self, lift):
         if self.flow_area_table is not None:
-            return _cubic(lift, self.lift_table, self.flow_area_table)
+            return _curve(lift, self.lift_table, self.flow_area_table)
         curtain = jnp.pi * self.port_diameter * lift
         return self.flow_coefficient * curtain / jnp.sqrt(1 + (curtain / self.port_area) ** 2)
 
     def force_area(self, lift):
         if self.force_area_table is not None:
-            return _cubic(lift, self.lift_table, self.force_area_table)
+            return _curve(lift, self.lift_table, self.force_area_table)
         return self.force_coefficient * self.port_area + 0 * lift
 
 
@@ -253,18 +254,8 @@ class ReedBeam(AbstractMovingValve):
         return Oscillator(mass, stiffness, self.damping, self.preload, self.stop)
 
 
-def _cubic(x, knots, values):
-    """Cubic with continuous slope through the points, constant beyond the last."""
-    gap = jnp.diff(knots)
-    secant = jnp.diff(values) / gap
-    inner = (gap[1:] * secant[:-1] + gap[:-1] * secant[1:]) / (gap[1:] + gap[:-1])
-    slope = jnp.concatenate([secant[:1], inner, jnp.zeros(1)])
-    x = jnp.clip(x, knots[0], knots[-1])
-    left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
-    t = (x - knots[left]) / gap[left]
-    s = 1 - t
-    return (
-        values[left] * s * s * (1 + 2 * t)
-        + values[left + 1] * t * t * (1 + 2 * s)
-        + gap[left] * t * s * (slope[left] * s - slope[left + 1] * t)
-    )
+def _curve(x, knots, values):
+    """Cubics with continuous slope through the points, constant beyond the last."""
+    secant, inner = inner_slopes(knots, values)
+    slopes = jnp.concatenate([secant[:1], inner, jnp.zeros(1)])
+    return cubics(jnp.clip(x, knots[0], knots[-1]), knots, values, slopes)

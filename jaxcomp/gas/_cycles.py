@@ -1,4 +1,9 @@
-r"""Chambers on both sides of a piston, and stages that share the pressure between them.
+r"""Polytropic cycles with ideal valves: in a cylinder, on both sides of a piston, in stages.
+
+Compression $p = p_s (V_{max}/V)^n$ up to $p_d$, discharge at $p_d$ to the top dead centre,
+re-expansion $p = p_d (V_c/V)^n$ down to $p_s$, suction at $p_s$ (Tsuji et al. 2012, Section 3.1,
+with a clearance volume added). A clearance so large that the compression never reaches $p_d$
+leaves a closed cycle without flow and without work.
 
 The crank end sees the stroke from the other side, on the piston's area less that of its rod; the rod
 passes to where the ambient pressure $p_0$ is, so that the piston carries
@@ -16,14 +21,81 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, BadInput, Bound, quantity
+from .._fields import NONNEGATIVE, POSITIVE, BadInput, Bound, quantity, replaced
 from ._base import AbstractGas, Stroke
-from ._polytropic import PolytropicCycle
 
 # Newton steps for the logarithms of the pressures between stages; three reach rounding.
 _STEPS = 12
+
+
+class PolytropicCycle(AbstractGas):
+    """Suction, polytropic compression, discharge, re-expansion with valves that open at once.
+
+    Args:
+        suction_pressure: [Pa] absolute.
+        discharge_pressure: [Pa] absolute.
+        exponent: [-] of compression and re-expansion; 1 is isothermal.
+        clearance_ratio: [-] clearance volume over swept volume.
+        back_pressure: [Pa] absolute, behind the piston; the suction pressure if absent.
+    """
+
+    kind: ClassVar[str] = "polytropic"
+    for_each_cylinder: ClassVar[bool] = True
+
+    suction_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
+    discharge_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
+    exponent: Float[Array, ""] = quantity("", Bound(1.0, 3.0), doc="1 is isothermal")
+    clearance_ratio: Float[Array, ""] = quantity(
+        "", NONNEGATIVE, default=0.0, doc="clearance volume over swept volume"
+    )
+    back_pressure: Float[Array, ""] | None = quantity(
+        "Pa", NONNEGATIVE, default=None, doc="behind the piston; the suction pressure if absent"
+    )
+
+    def conditions(self) -> dict[str, Bool[Array, ""]]:
+        compresses = self.discharge_pressure > self.suction_pressure
+        return {"a cycle with discharge_pressure > suction_pressure": compresses}
+
+    def repaired(self):
+        suction, discharge = self.suction_pressure, self.discharge_pressure
+        return replaced(
+            self, discharge_pressure=jnp.where(discharge > suction, discharge, 1.001 * suction)
+        )
+
+    @property
+    def behind_piston(self):
+        return self.suction_pressure if self.back_pressure is None else self.back_pressure
+
+    @property
+    def delivers(self) -> Bool[Array, ""]:
+        """Whether the compression reaches the discharge pressure, so that gas flows."""
+        opening = (self.discharge_pressure / self.suction_pressure) ** (1 / self.exponent)
+        return 1 + self.clearance_ratio > self.clearance_ratio * opening
+
+    def pressure(self, stroke):
+        clearance = self.clearance_ratio * stroke.swept
+        largest = clearance + stroke.swept
+        # At the top dead centre of a machine without clearance the volume is zero: there the
+        # compression stroke is limited by p_d and the re-expansion is over at once.
+        volume = jnp.maximum(clearance + stroke.displaced, 1e-30 * stroke.swept)
+        ratio = self.discharge_pressure / self.suction_pressure
+        opening = ratio ** (1 / self.exponent)  # volume ratio at which the discharge valve opens
+        compressed = jnp.minimum(largest / volume, opening)
+        top = jnp.minimum(largest / jnp.maximum(clearance, 1e-30 * stroke.swept), opening)
+        expanded = jnp.maximum(top * clearance / volume, 1.0)
+        return self.suction_pressure * (
+            jnp.where(stroke.inward > 0, compressed, expanded) ** self.exponent
+        )
+
+    def valve_events(self, swept):
+        clearance = self.clearance_ratio * swept
+        largest = clearance + swept
+        opening = (self.discharge_pressure / self.suction_pressure) ** (1 / self.exponent)
+        discharge = jnp.clip(largest / opening - clearance, 0.0, swept)
+        suction = jnp.clip(clearance * opening - clearance, 0.0, swept)
+        return (discharge, True), (suction, False)
 
 
 class DoubleActing(AbstractGas):

@@ -1,0 +1,84 @@
+"""Piecewise polynomials: Gauss-Legendre on panels, and cubics between points."""
+
+from functools import cache
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+from numpy.polynomial import legendre
+
+
+class Rule(NamedTuple):
+    """Gauss-Legendre on [0, 1]."""
+
+    nodes: np.ndarray  # abscissae
+    weights: np.ndarray  # quadrature weights
+    integral: np.ndarray  # row i integrates the polynomial through the nodes from 0 to node i
+    to_legendre: (
+        np.ndarray
+    )  # coefficients in Legendre polynomials of 2 x - 1 from values at the nodes
+
+    def through(self, x: np.ndarray) -> np.ndarray:
+        """Values at places x in [0, 1] of the polynomial through values at the nodes: a matrix."""
+        return legendre.legvander(2 * x - 1, self.nodes.size - 1) @ self.to_legendre
+
+    def weights_at(self, x: Float[Array, "*n"]) -> Float[Array, "*n s"]:
+        """Weights of the values at the nodes in the polynomial's value at places x in [0, 1].
+
+        Without derivatives to the places.
+        """
+        own = np.eye(self.nodes.size, dtype=bool)
+        between = 1 / np.prod(np.where(own, 1.0, self.nodes[:, None] - self.nodes), axis=-1)
+        away = jnp.clip(lax.stop_gradient(x), 0.0, 1.0)[..., None, None] - self.nodes
+        return between * jnp.prod(jnp.where(own, 1.0, away), axis=-1)
+
+    @property
+    def derivative(self) -> np.ndarray:
+        """From values at the nodes to the slopes there, per width of the panel."""
+        slopes = legendre.legder(self.to_legendre)
+        return 2 * legendre.legvander(2 * self.nodes - 1, self.nodes.size - 2) @ slopes
+
+
+@cache
+def gauss(count: int) -> Rule:
+    """The rule with so many nodes."""
+    x, w = legendre.leggauss(count)
+    coefficients = np.linalg.inv(legendre.legvander(x, count - 1))
+    primitive = np.stack([legendre.legint(c, lbnd=-1) for c in coefficients.T], axis=1)
+    integral = legendre.legvander(x, count) @ primitive
+    return Rule((x + 1) / 2, w / 2, integral / 2, coefficients)
+
+
+def cubic_step(t, width, ends, slopes):
+    """Value at a share t of a step of the cubic with these values and slopes at its ends (Hermite)."""
+    s = 1 - t
+    (begin, end), (first, last) = ends, slopes
+    return (
+        begin * s * s * (1 + 2 * t)
+        + end * t * t * (1 + 2 * s)
+        + width * t * s * (first * s - last * t)
+    )
+
+
+def cubics(
+    x: Float[Array, "*m"],
+    knots: Float[Array, " n"],
+    values: Float[Array, " n"],
+    slopes: Float[Array, " n"],
+) -> Float[Array, "*m"]:
+    """Value at x of the cubics between points with these slopes; those at the ends go on beyond."""
+    left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
+    width = knots[left + 1] - knots[left]
+    t = (x - knots[left]) / width
+    return cubic_step(t, width, (values[left], values[left + 1]), (slopes[left], slopes[left + 1]))
+
+
+def inner_slopes(
+    knots: Float[Array, " n"], values: Float[Array, " n"]
+) -> tuple[Float[Array, " n-1"], Float[Array, " n-2"]]:
+    """Slopes of the lines between points, and of the parabolas through three at all but the ends."""
+    gap = jnp.diff(knots)
+    secant = jnp.diff(values) / gap
+    return secant, (gap[1:] * secant[:-1] + gap[:-1] * secant[1:]) / (gap[1:] + gap[:-1])
