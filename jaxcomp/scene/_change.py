@@ -17,7 +17,7 @@ from ..machine import Machine
 from ._read import unwrapped
 from ._scene import HEADER, Scene, places_of, scene_of
 from ._schema import NAMED, SECTIONS, Number, Option, Section, choices, entries, kind_of
-from ._text import SceneError, is_section
+from ._text import SceneError, is_section, reading
 from ._units import as_text, to_si
 
 # Keys that are plain texts and carry no source.
@@ -111,12 +111,10 @@ def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scen
     }
     document = copy.deepcopy(dict(scene.document))
     stale: set[str] = set()
-    try:
+    with reading(scene.file):
         # a new type first: it decides which keys of its section stay
         for path in sorted(changes, key=lambda p: p.split(".")[-1] != "type"):
             stale |= _set_value(document, path, changes[path], source)
-    except SceneError as error:
-        raise error.in_file(scene.file) from None
     return scene_of(
         document, scene.file, stale - set(changes), scene.text, scene.machine.corrections
     )

@@ -76,29 +76,19 @@ class Reader:
         source: str | None = None,
         ignored: Container[str] = (),
     ) -> Part | None:
-        """Build the part that a section describes.
+        """Build the part that a section describes; `None` if that adds to `problems`.
 
         Args:
             table: the section.
             classes: what the part may be.
             path: dotted path of the section, empty at the top.
-            source: source of all values that name none.
+            source: of all values that name none.
             ignored: keys that belong to somebody else.
-
-        Returns:
-            The part, `None` if `problems` got longer: with key, value and what was expected.
         """
         return self._tried(self._part, table, classes, path, source, ignored)
 
     def named(self, table: Any, classes: tuple[type, ...], path: str, source) -> dict[str, Any]:
-        """The parts of a section of named sections; what is wrong goes to `problems`.
-
-        Args:
-            table: the section.
-            classes: what each part may be.
-            path: of the section.
-            source: of all values that name none.
-        """
+        """The parts of a section of named sections; the arguments are as for `part`."""
         if not isinstance(table, Mapping):
             self.problems.append(SceneError(path, f"must hold sections [{path}.NAME]", table))
             return {}

@@ -22,6 +22,7 @@ from ._text import (
     bundled,
     check_tables,
     is_section,
+    reading,
     toml_tables,
     toml_text_like,
     with_tables,
@@ -124,10 +125,8 @@ def load(name_or_path: str | os.PathLike) -> Scene:
         file = f"{given}.toml"
         near = f'; did you mean "{file}"?' if Path(file).exists() else did_you_mean(given, known)
         raise SceneError("", f'no machine and no file has the name "{given}"{near}')
-    try:
+    with reading(file):
         return loads(read(), file)
-    except OSError as error:
-        raise SceneError("", f"cannot be read: {error.strerror}", file=file) from None
 
 
 def loads(text: str | bytes, file: str = "") -> Scene:
@@ -196,18 +195,17 @@ def scene_of(
     Raises:
         SceneError: as `load`.
     """
-    try:
+    with reading(file):
         document = with_tables(document, Path(file).parent)
         check_tables(document)
         machine, sources = _machine(document, Reader(stale), corrections or {})
         name = document.get("name", Path(file).stem or "machine")
         description = document.get("description", "")
         found = Scene(name, description, machine, sources, file, document, text)
-        found.assembly  # noqa: B018  names what the parts want of each other and do not find
-    except SceneError as error:
-        raise error.in_file(file) from None
-    except BadInput as error:
-        raise SceneError(error.field, f"must be {error.bound}", error.value, file) from None
+        try:
+            found.assembly  # noqa: B018  names what the parts want of each other and do not find
+        except BadInput as error:
+            raise SceneError(error.field, f"must be {error.bound}", error.value) from None
     return found
 
 

@@ -18,6 +18,7 @@ import re
 import tomllib
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -74,6 +75,19 @@ class SceneError(ValueError):
         return SceneError(self.key, self.problem, self.value, self.file or file, others)
 
 
+@contextmanager
+def reading(file: str) -> Iterator[None]:
+    """Let every complaint name a file, and complain of a file that cannot be read."""
+    try:
+        yield
+    except SceneError as error:
+        raise error.in_file(file) from None
+    except OSError as error:
+        raise SceneError("", f"cannot be read: {error.strerror}", file=file) from None
+    except UnicodeDecodeError:
+        raise SceneError("", "is no text in UTF-8", file=file) from None
+
+
 def visible(text: str) -> str:
     """A text with escape sequences spelt out, so that they do nothing to a terminal."""
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
@@ -101,13 +115,10 @@ def toml_tables(data: bytes | str, file: str = "") -> dict[str, Any]:
         SceneError: no text in UTF-8, no TOML, or a file that is too large, nested too deep, or holds
             an overlong text or one with control characters.
     """
-    try:
+    with reading(file):
         if len(data) > _LARGEST:
             raise SceneError("", f"is larger than {_LARGEST / 1e6:.0f} MB")
-        try:
-            text = data if isinstance(data, str) else data.decode("utf-8")
-        except UnicodeDecodeError:
-            raise SceneError("", "is no text in UTF-8") from None
+        text = data if isinstance(data, str) else data.decode("utf-8")
         text = text.removeprefix("\ufeff")
         try:
             tables = tomllib.loads(text)
@@ -118,8 +129,6 @@ def toml_tables(data: bytes | str, file: str = "") -> dict[str, Any]:
         except RecursionError:
             raise SceneError("", f"is nested more than {_DEEPEST} deep") from None
         check_tables(tables)
-    except SceneError as error:
-        raise error.in_file(file) from None
     return tables
 
 
@@ -200,20 +209,15 @@ def read_cells(path: str | os.PathLike) -> list[list[str]]:
     Raises:
         SceneError: a file that cannot be read, is too large or no text. It names the file.
     """
-    name = os.fspath(path)
-    try:
+    with reading(os.fspath(path)):
         with open(path, encoding="utf-8-sig") as file:  # line ends of any kind
             text = file.read(_LARGEST + 1)
         if len(text) > _LARGEST:
-            raise SceneError("", f"is larger than {_LARGEST / 1e6:.0f} MB", file=name)
-        return [cells for cells in _cells(text) if any(cell.strip() for cell in cells)]
-    except csv.Error as error:
-        problem = f"is no table: {error}"
-    except OSError as error:
-        problem = f"cannot be read: {error.strerror}"
-    except UnicodeDecodeError:
-        problem = "is no text in UTF-8"
-    raise SceneError("", problem, file=name)
+            raise SceneError("", f"is larger than {_LARGEST / 1e6:.0f} MB")
+        try:
+            return [cells for cells in _cells(text) if any(cell.strip() for cell in cells)]
+        except csv.Error as error:
+            raise SceneError("", f"is no table: {error}") from None
 
 
 def header_cell(text: str) -> tuple[str, str] | None:
@@ -257,7 +261,7 @@ def with_tables(tables: Any, folder: Path, path: str = "") -> Any:
 
 def _columns(file: Path) -> dict[str, dict[str, Any]]:
     lines, columns = read_cells(file), {}
-    try:
+    with reading(str(file)):
         if len(lines) < 2:
             raise SceneError("", "needs a header and lines of numbers")
         for place, text in enumerate(lines[0]):
@@ -267,8 +271,6 @@ def _columns(file: Path) -> dict[str, dict[str, Any]]:
             values = [_number(line, place, n, name) for n, line in enumerate(lines[1:], 2)]
             columns[name] = {"value": values} | ({"unit": unit} if unit else {})
             columns[name]["source"] = f"read from {file.name}"
-    except SceneError as error:
-        raise error.in_file(str(file)) from None
     return columns
 
 

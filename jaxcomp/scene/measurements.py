@@ -26,7 +26,7 @@ import numpy as np
 
 from .._shown import RPM
 from ..balancing import Influence, Row, trial_influence
-from ._text import SceneError, header_cell, read_cells
+from ._text import SceneError, header_cell, read_cells, reading
 from ._units import factor
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
@@ -48,12 +48,8 @@ def read_measurements(path: str | os.PathLike) -> Influence:
         SceneError: a file that cannot be read, a missing or unknown column, a value of another
             dimension, a reading that is missing or given twice. It names file, line and column.
     """
-    name = os.fspath(path)
-    lines = read_cells(path)
-    try:
-        return _measured(lines)
-    except SceneError as error:
-        raise error.in_file(name) from None
+    with reading(os.fspath(path)):
+        return _measured(read_cells(path))
 
 
 def _measured(lines) -> Influence:
@@ -64,15 +60,14 @@ def _measured(lines) -> Influence:
         units["speed"] = "turn/s"
     dimensions = {name: _dimension(name, units[name]) for name in _UNITS}
     scale = {name: factor(units[name], si, name, units[name]) for name, si in dimensions.items()}
-    columns = list(units)
     readings: dict[str, dict[tuple[str, float], complex]] = {}
     trials: dict[str, complex] = {}
     kept: dict[str, bool] = {}
     weights: dict[tuple[str, float], float] = {}
     for number, line in enumerate(lines[1:], 2):
-        if len(line) != len(columns):
-            raise SceneError(f"line {number}", f"must have {len(columns)} cells", len(line))
-        cell = {c: text.strip() for c, text in zip(columns, line, strict=True)}
+        if len(line) != len(units):
+            raise SceneError(f"line {number}", f"must have {len(units)} cells", len(line))
+        cell = {c: text.strip() for c, text in zip(units, line, strict=True)}
         for column, text in cell.items():
             if not text.isprintable():
                 raise SceneError(f"line {number}.{column}", "must be printable", text)
@@ -94,9 +89,8 @@ def _measured(lines) -> Influence:
                 raise SceneError(f"line {number}.weight", "must be >= 0", weights[key])
         if run in (_INITIAL, _RUN_OUT):
             continue
-        trial = _number(cell, "trial", scale, number) * np.exp(
-            1j * _number(cell, "angle", scale, number)
-        )
+        size, angle = (_number(cell, column, scale, number) for column in ("trial", "angle"))
+        trial = size * np.exp(1j * angle)
         if trial == 0:
             raise SceneError(f"line {number}.trial", "must be different from zero", 0)
         if trials.setdefault(run, trial) != trial:

@@ -22,12 +22,13 @@ A file of them is TOML, with names as in `jaxcomp.design.Variable`; `*` stands f
 import os
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..design import by_name, variable
 from ..machine import Machine
 from ..tolerancing import Within, within
-from ._text import SceneError, toml_tables
+from ._text import SceneError, reading, toml_tables
 from ._units import to_si
 
 _NUMBER = r"\d*\.?\d+(?:[eE][+-]?\d+)?"
@@ -112,16 +113,8 @@ def read_tolerance_file(path: str | os.PathLike) -> ToleranceFile:
     Raises:
         SceneError: a file that cannot be read, or an entry that does not belong there.
     """
-    name = os.fspath(path)
-    try:
-        with open(path, "rb") as file:
-            tables = toml_tables(file.read(), name)
-    except OSError as error:
-        raise SceneError("", f"cannot be read: {error.strerror}", file=name) from None
-    try:
-        return _file(tables)
-    except SceneError as error:
-        raise error.in_file(name) from None
+    with reading(os.fspath(path)):
+        return _file(toml_tables(Path(path).read_bytes()))
 
 
 def _file(tables: Mapping[str, Any]) -> ToleranceFile:
