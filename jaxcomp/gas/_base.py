@@ -94,23 +94,23 @@ class EachGas(AbstractEach, AbstractGas):
         """Events of each cylinder; where one has fewer than another, at its top dead centre."""
         count = len(self.of_cylinder)
         swept = jnp.broadcast_to(swept, (count,))
-        found: dict[bool, list] = {True: [], False: []}
-        for number in range(count):
-            events = self.one(number + 1).valve_events(swept[number])
-            for inward, rows in found.items():
-                rows.append([displaced for displaced, way in events if way == inward])
+        each = [self.one(number + 1).valve_events(swept[number]) for number in range(count)]
         return tuple(
-            (jnp.stack([row[place] if place < len(row) else jnp.zeros(()) for row in rows]), inward)
-            for inward, rows in found.items()
-            for place in range(max(map(len, rows)))
+            (column, inward)
+            for inward in (True, False)
+            for column in _columns([[v for v, way in row if way == inward] for row in each])
         )
 
     def event_angles(self):
-        rows = [self.one(number + 1).event_angles() for number in range(len(self.of_cylinder))]
-        return tuple(
-            jnp.stack([row[place] if place < len(row) else jnp.zeros(()) for row in rows])
-            for place in range(max(map(len, rows)))
-        )
+        count = len(self.of_cylinder)
+        return _columns([self.one(number + 1).event_angles() for number in range(count)])
+
+
+def _columns(rows) -> tuple[Float[Array, " k"], ...]:
+    """The columns of rows of scalars; zeros stand at the ends of those that are shorter."""
+    longest = max(map(len, rows))
+    filled = [[*row, *[jnp.zeros(())] * (longest - len(row))] for row in rows]
+    return tuple(jnp.stack(column) for column in zip(*filled, strict=True))
 
 
 def _alike(stroke: Stroke) -> Stroke:

@@ -71,8 +71,12 @@ class PolytropicCycle(AbstractGas):
     @property
     def delivers(self) -> Bool[Array, ""]:
         """Whether the compression reaches the discharge pressure, so that gas flows."""
-        opening = (self.discharge_pressure / self.suction_pressure) ** (1 / self.exponent)
-        return 1 + self.clearance_ratio > self.clearance_ratio * opening
+        return 1 + self.clearance_ratio > self.clearance_ratio * self._opening
+
+    @property
+    def _opening(self) -> Float[Array, ""]:
+        """[-] Volume ratio at which the discharge valve opens."""
+        return (self.discharge_pressure / self.suction_pressure) ** (1 / self.exponent)
 
     def pressure(self, stroke):
         clearance = self.clearance_ratio * stroke.swept
@@ -80,8 +84,7 @@ class PolytropicCycle(AbstractGas):
         # At the top dead centre of a machine without clearance the volume is zero: there the
         # compression stroke is limited by p_d and the re-expansion is over at once.
         volume = jnp.maximum(clearance + stroke.displaced, 1e-30 * stroke.swept)
-        ratio = self.discharge_pressure / self.suction_pressure
-        opening = ratio ** (1 / self.exponent)  # volume ratio at which the discharge valve opens
+        opening = self._opening
         compressed = jnp.minimum(largest / volume, opening)
         top = jnp.minimum(largest / jnp.maximum(clearance, 1e-30 * stroke.swept), opening)
         expanded = jnp.maximum(top * clearance / volume, 1.0)
@@ -90,9 +93,8 @@ class PolytropicCycle(AbstractGas):
         )
 
     def valve_events(self, swept):
-        clearance = self.clearance_ratio * swept
+        clearance, opening = self.clearance_ratio * swept, self._opening
         largest = clearance + swept
-        opening = (self.discharge_pressure / self.suction_pressure) ** (1 / self.exponent)
         discharge = jnp.clip(largest / opening - clearance, 0.0, swept)
         suction = jnp.clip(clearance * opening - clearance, 0.0, swept)
         return (discharge, True), (suction, False)
