@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 from jaxcomp import Collocation, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._arguments import assignments, entry
-from jaxcomp.cli._errors import CommandError
-from jaxcomp.cli._start import keeps_programs
+from jaxcomp.cli._start import CommandError, keeps_programs
 from jaxcomp.design import with_bore
 from jaxcomp.scene import implausible_values, load, with_value
 

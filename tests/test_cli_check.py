@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from jaxcomp._registry import DESIGN_RULES
 from jaxcomp.cli import app
-from jaxcomp.cli._completion import complete_machine
+from jaxcomp.cli._options import complete_machine
 from jaxcomp.design import design_rules
 from jaxcomp.scene import SceneError, implausible_values, load, loads, start, with_value
 

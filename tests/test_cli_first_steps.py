@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
@@ -29,6 +30,13 @@ def test_a_paragraph_of_help_is_one_line_and_a_table_keeps_its_lines():
     assert _flowing("One.\n\n    a b\n    c\n\n        1,2\n        3,4\n") == (
         "One.\n\na b c\n\n1,2\n3,4"
     )
+
+
+def test_every_argument_and_option_says_what_it_is():
+    """Those of a command alone stand in its docstring, from where they are read."""
+    for name, command in get_command(app).commands.items():
+        for parameter in command.params:
+            assert parameter.help, f"{name}: {parameter.name}"
 
 
 def test_help_of_balance_shows_the_table_that_it_reads(tmp_path):

@@ -6,9 +6,8 @@ from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import Collocation, load, optimise, problem, solve_orbit
-from jaxcomp.cli import _optimise_search as work
 from jaxcomp.cli import app
-from jaxcomp.cli._optimise_result import optimised_scene
+from jaxcomp.cli._optimise import optimised_scene
 
 RUNNER = CliRunner()
 BORE = ("mayekawa-wbhe", "--variable", "bore=100mm:160mm", "--accuracy", "fast", "--starts", "8")
@@ -82,7 +81,7 @@ def test_interrupted_search_ends_in_a_word(monkeypatch, optimum):
 
         return optimise(*arguments, callback=stop, **options)
 
-    monkeypatch.setattr(work, "optimise", interrupted)
+    monkeypatch.setattr("jaxcomp.design.optimise", interrupted)
     result = run(*BORE, *SMALL, "--set", "motor.mean_speed=1200rpm")
     assert result.exit_code == 130
     assert "stopped" in result.stderr

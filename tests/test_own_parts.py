@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import _extensions, load, loads
 from jaxcomp.cli import app
-from jaxcomp.cli._completion import complete_quantity
+from jaxcomp.cli._options import complete_quantity
 from jaxcomp.parts import ExtensionError
 
 CHEAP = {"explain", "check", "list"}

@@ -9,7 +9,7 @@ from jaxcomp import BadInput, load, problem, register_quantity, solve_orbit, swe
 from jaxcomp import _registry as registry
 from jaxcomp._shown import shown
 from jaxcomp.cli import app
-from jaxcomp.cli._completion import complete_quantity
+from jaxcomp.cli._options import complete_quantity
 from jaxcomp.cli._output import write_results
 from jaxcomp.cli._run import run_result, run_tables
 from jaxcomp.design import available_quantities, by_name, matching, variable

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from jaxcomp.cli._tables import _table, fitted
+from jaxcomp.cli._tables import fitted, row_table
 
 ROWS = (
     ("Main journal of the crankshaft", "0.57013", "28.031", "68.2 %", "of all losses"),
@@ -16,9 +16,7 @@ ROWS = (
 
 
 def made():
-    table = _table("Losses", "Friction loss", "J per revolution", "W", "Share", "", numbers=True)
-    for row in ROWS:
-        table.add_row(*row)
+    table = row_table("Losses", ("Friction loss", "J per revolution", "W", "Share", ""), ROWS)
     table.columns[-1].justify = "left"
     return table
 
@@ -48,13 +46,12 @@ def test_a_table_with_room_stays_a_table():
 
 
 def test_decimal_points_stand_below_each_other():
-    table = _table(None, "Node", "Amplitude", "Share", "Large", numbers=True)
-    for row in (
+    rows = (
         ("a", "52.4", "5 %", "1258"),
         ("b", "0.397", "12.5 %", "3.25"),
         ("c", "<0.01", "", ""),
-    ):
-        table.add_row(*row)
+    )
+    table = row_table(None, ("Node", "Amplitude", "Share", "Large"), rows)
     out = io.StringIO()
     Console(file=out, width=60).print(fitted(table, 60))
     head, _, *lines = [line for line in out.getvalue().splitlines() if line.strip()]
@@ -66,13 +63,12 @@ def test_decimal_points_stand_below_each_other():
 
 
 def test_rows_that_become_lines_say_what_they_belong_to():
-    table = _table(None, "Node", "Amplitude of the harmonic", "Velocity of it", numbers=True)
-    for row in (("first", "1.5", "2"), ("", "0.25", "3")):
-        table.add_row(*row)
+    heads = ("Node", "Amplitude of the harmonic", "Velocity of it")
+    table = row_table(None, heads, (("first", "1.5", "2"), ("", "0.25", "3")))
     text = fitted(table, 20)
     assert isinstance(text, str)
     assert text.count("first") == 2
-    table = _table(None, "Losses, forces, dimensions", "Present value", "Optimum", numbers=True)
-    table.add_row("Efficiency", "92.2 %", "93.1 %")
-    table.add_row("Shaft power", "4.474 kW", "4.470 kW")
+    heads = ("Losses, forces, dimensions", "Present value", "Optimum")
+    rows = (("Efficiency", "92.2 %", "93.1 %"), ("Shaft power", "4.474 kW", "4.470 kW"))
+    table = row_table(None, heads, rows)
     assert fitted(table, 20).count("Losses, forces") == 1

@@ -1,54 +1,31 @@
 """`jaxcomp accuracy`: error against run time, and the cost of each part of a scene."""
 
-import enum
+from __future__ import annotations
+
 import math
 import os
 import platform
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from importlib.metadata import version
+from typing import Any, Literal
 
-import typer
+import jaxcomp as jc
 
 from ._arguments import changed_scene
-from ._completion import complete_quantity
-from ._errors import CommandError, reports_errors
-from ._options import AsJson, ExcitationOption, Machine, Out, Sets
-from ._output import show_results, write_results
-from ._start import quick_compiles
-from ._tables import column_table
+from ._options import AsJson, ExcitationOption, Machine, Out, Quantity, Sets
+from ._output import hand_out, plain
+from ._start import quick_compiles, refuse, reports_errors
+from ._tables import Markup, column_table, row_table
 
-if TYPE_CHECKING:
-    from ..work_precision import Extreme, Measurement, Report, SceneCost
-
-
-class Study(enum.StrEnum):
-    """Kind of study."""
-
-    orbit = "orbit"
-    quantities = "quantities"
-    gradient = "gradient"
-    simulate = "simulate"
-    response = "response"
-    film = "film"
-    order = "order"
-    cylinders = "cylinders"
-    cycle = "cycle"
-    scenes = "scenes"
-    extremes = "extremes"
-
+Study = Literal[
+    "orbit", "quantities", "gradient", "simulate", "response", "film", "order", "cylinders", "cycle",
+    "scenes", "extremes",
+]  # fmt: skip
 
 # The variable of a derivative if none is named.
 _VARIABLE = "mechanism.crank_radius"
 _FILM = ("friction_number", "stiffness", "damping")
-_WITHOUT_EXCITATION = (
-    Study.scenes,
-    Study.film,
-    Study.order,
-    Study.cylinders,
-    Study.cycle,
-    Study.extremes,
-    Study.simulate,
-)
+_WITHOUT_EXCITATION = ("scenes", "film", "order", "cylinders", "cycle", "extremes", "simulate")
 # Errors at which methods are compared.
 _DECADES = tuple(10.0**-n for n in range(2, 13))
 
@@ -56,40 +33,13 @@ _DECADES = tuple(10.0**-n for n in range(2, 13))
 @reports_errors
 def accuracy(
     machine: Machine,
-    study: Annotated[
-        Study,
-        typer.Option(
-            help="orbit: solvers of the periodic state; quantities: all that the machine has, by the "
-            "default solver; gradient: ways to a derivative; simulate: methods in time; response: "
-            "solvers by number of speeds; film: bearings beside Reynolds' equation; order: fixed steps "
-            "of diffrax; cylinders: one to eight on one crank; cycle: a cylinder with valves at constant "
-            "speed, values and derivatives; scenes: cost of each part of the machine; "
-            "extremes: steep rods, near locking, near stall, thin films, stiff motors, near-singular "
-            "responses."
-        ),
-    ] = Study.orbit,
-    quantity: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Quantity of which errors are taken, e.g. loss_power.wall, or friction_number, "
-            "stiffness or damping of films; if absent, mechanical_efficiency or what suits the study.",
-            autocompletion=complete_quantity,
-        ),
-    ] = None,
-    variable: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help=f"Variable of the derivative; {_VARIABLE} if absent."),
-    ] = None,
+    study: Study = "orbit",
+    quantity: Quantity = None,
+    variable: str | None = None,
     excitation: ExcitationOption = None,
-    error: Annotated[
-        float, typer.Option(help="Relative error for which the cheapest setting is named.")
-    ] = 1e-6,
+    error: float = 1e-6,
     sets: Sets = None,
-    thorough: Annotated[
-        bool,
-        typer.Option("--thorough", help="All methods and settings; takes several times as long."),
-    ] = False,
+    thorough: bool = False,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -100,106 +50,106 @@ def accuracy(
 
     Example: [bold]jaxcomp accuracy mayekawa-wbhe --quantity loss_power.wall --error 1e-5
     --out result[/bold]
+
+    Args:
+        study: orbit: solvers of the periodic state; quantities: all that the machine has, by the
+            default solver; gradient: ways to a derivative; simulate: methods in time; response: solvers
+            by number of speeds; film: bearings beside Reynolds' equation; order: fixed steps of
+            diffrax; cylinders: one to eight on one crank; cycle: a cylinder with valves at constant
+            speed, values and derivatives; scenes: cost of each part of the machine; extremes: steep
+            rods, near locking, near stall, thin films, stiff motors, near-singular responses.
+        quantity (NAME): Quantity of which errors are taken, e.g. loss_power.wall, or friction_number,
+            stiffness or damping of films; if absent, mechanical_efficiency or what suits the study.
+        variable (NAME): Variable of the derivative; mechanism.crank_radius if absent.
+        error: Relative error for which the cheapest setting is named.
+        thorough: All methods and settings; takes several times as long.
     """
-    if not 0 < error < 1:
-        raise CommandError(f"--error {error:g}: must be > 0 and < 1")
+    refuse(not 0 < error < 1, f"--error {error:g}: must be > 0 and < 1")
     without = f"has no meaning with --study {study}"
-    if excitation is not None and study in _WITHOUT_EXCITATION:
-        raise CommandError(f"--excitation {excitation}: {without}")
-    if variable is not None and study is not Study.gradient:
-        raise CommandError(f"--variable {variable}: has no meaning without --study gradient")
-    if quantity is not None and study in (Study.scenes, Study.extremes):
-        raise CommandError(f"--quantity {quantity}: {without}")
-    from .. import plot, work_precision
-    from .._waits import progress_of, spinner
+    odd = excitation is not None and study in _WITHOUT_EXCITATION
+    refuse(odd, f"--excitation {excitation}: {without}")
+    odd = variable is not None and study != "gradient"
+    refuse(odd, f"--variable {variable}: has no meaning without --study gradient")
+    of_scenes = study in ("scenes", "extremes")
+    refuse(quantity is not None and of_scenes, f"--quantity {quantity}: {without}")
+    from .. import work_precision
+    from .._waits import progress_of
 
     quick_compiles()  # nothing is kept, so that compile times are those of a first call
-    scene = changed_scene(machine, sets or (), ())
+    scene = changed_scene(machine, sets)
+    name = scene.name
     with progress_of("Measuring", unit="settings") as bar:
 
         def progress(label, number, total):
             bar.at(number, total, f"Measuring {label}")
 
-        if study is Study.scenes:
+        if study == "scenes":
             costs = work_precision.scene_costs(work_precision.lean_scenes(scene), progress)
-            result, tables = (
-                rows_result("scenes", scene.name, costs),
-                costs_tables(costs, scene.name),
-            )
-        elif study is Study.extremes:
+            result, tables = rows_result("scenes", name, costs), costs_tables(costs, name)
+        elif study == "extremes":
             cases = work_precision.extremes(scene, None, progress)
-            result = rows_result("extremes", scene.name, cases)
-            tables = extremes_tables(cases, scene.name)
+            result, tables = rows_result("extremes", name, cases), extremes_tables(cases, name)
         else:
-            if variable is None and study is Study.gradient and quantity not in _FILM:
+            if variable is None and study == "gradient" and quantity not in _FILM:
                 variable = _VARIABLE
             report = work_precision.accuracy(
                 scene,
                 quantity,
-                study.value,
+                study,
                 variable=variable,
-                excitation=None if excitation is None else excitation.value,
+                excitation=excitation,
                 thorough=thorough,
                 progress=progress,
             )
             result, tables = accuracy_result(report, error), accuracy_tables(report, error)
-    tables = list(tables)
-    if out is not None:
-        with spinner("Drawing ..."):
-            if study is Study.scenes:
-                figures = {"scenes": plot.scene_cost_bars(costs, scene.name)}
-            elif study is Study.extremes:
-                figures = {"extremes": plot.extreme_errors(cases, scene.name)}
-            else:
-                figures = plot.accuracy_figures(report, error)
-            write_results(out, figures, result, scene, tables)
-    show_results(result, tables, as_json, out)
+
+    def figures():
+        if study == "scenes":
+            return {"scenes": jc.plot.scene_cost_bars(costs, name)}
+        if study == "extremes":
+            return {"extremes": jc.plot.extreme_errors(cases, name)}
+        return jc.plot.accuracy_figures(report, error)
+
+    hand_out(result, tables, as_json, out, figures, scene)
 
 
-def accuracy_result(report: "Report", error: float) -> dict[str, Any]:
+def accuracy_result(report: jc.work_precision.Report, error: float) -> dict[str, Any]:
     """The report in SI units, with the recommendation and the machine it was measured on."""
-    from ._json import plain
-
-    reference = report.reference
-    return plain(
-        {
-            "study": report.study,
-            "scene": report.scene,
-            "quantity": report.quantity,
-            "unit": report.unit,
-            "reference": reference._asdict() | {"floor": reference.floor},
-            "march": report.march,
-            "calls": {name: cost._asdict() for name, cost in report.calls.items()},
-            "error": error,
-            "recommended": _entry(report.cheapest(error)),
-            "recommended_by_task": {
-                task: _entry(report.cheapest(error, task=task)) for task in report.tasks if task
-            },
-            "rows": [_entry(row) for row in report.rows],
-            "cheapest": {
-                f"{at:g}": {method: _time(report, at, method) for method in report.methods}
-                for at in _reachable(report)
-            },
-            "orders": {name: order._asdict() for name, order in report.orders.items()},
-            "by_cylinders": {name: growth._asdict() for name, growth in report.growth.items()},
-            "derivatives": _checked(report),
-            "measured_on": _measured_on(),
-        }
-    )
+    reference, check = report.reference, report.derivatives
+    result = {
+        "study": report.study,
+        "scene": report.scene,
+        "quantity": report.quantity,
+        "unit": report.unit,
+        "reference": reference._asdict() | {"floor": reference.floor},
+        "march": report.march,
+        "calls": report.calls,
+        "error": error,
+        "recommended": report.cheapest(error),
+        "recommended_by_task": {
+            task: report.cheapest(error, task=task) for task in report.tasks if task
+        },
+        "rows": report.rows,
+        "cheapest": {
+            f"{at:g}": {method: _time(report, at, method) for method in report.methods}
+            for at in _reachable(report)
+        },
+        "orders": report.orders,
+        "by_cylinders": report.growth,
+        "derivatives": check and check._asdict() | {"ratio": check.ratio, "holds": check.holds},
+        "measured_on": _measured_on(),
+    }
+    return plain(result)
 
 
 def rows_result(study: str, scene: str, rows: Sequence[Any]) -> dict[str, Any]:
     """Scene costs or extreme cases with the machine they were measured on."""
-    from ._json import plain
-
-    rows = [row._asdict() for row in rows]
     return plain({"study": study, "scene": scene, "rows": rows, "measured_on": _measured_on()})
 
 
-def costs_tables(costs: Sequence["SceneCost"], scene: str) -> Iterator[Any]:
+def costs_tables(costs: Sequence[jc.work_precision.SceneCost], scene: str) -> Iterator[Any]:
     """Cost of each scene, and how operations and loops are counted."""
-
-    table = column_table(
+    yield column_table(
         f"{scene}: cost of each part",
         {
             "Scene": [cost.name for cost in costs],
@@ -209,14 +159,12 @@ def costs_tables(costs: Sequence["SceneCost"], scene: str) -> Iterator[Any]:
             "Time": [_duration(cost.seconds) for cost in costs],
             "Memory": [c.memory is not None and f"{c.memory / 1e3:,.1f} kB" for c in costs],
         },
+        whole=range(1, 6),  # the names give way on a narrow terminal
     )
-    for column in table.columns[1:]:
-        column.no_wrap = True  # the names give way on a narrow terminal
-    yield table
     yield "Operations are those of the compiled program, the body of a loop counted once.\n"
 
 
-def extremes_tables(cases: Sequence["Extreme"], scene: str) -> Iterator[Any]:
+def extremes_tables(cases: Sequence[jc.work_precision.Extreme], scene: str) -> Iterator[Any]:
     """Every case, and the status of those without a value."""
 
     def numbers(values, form):
@@ -247,10 +195,9 @@ def extremes_tables(cases: Sequence["Extreme"], scene: str) -> Iterator[Any]:
             yield f"{case.family}, {case.setting}: {case.status}.\n"
 
 
-def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
+def accuracy_tables(report: jc.work_precision.Report, error: float) -> Iterator[Any]:
     """Every setting, the methods at equal error, orders, and the recommendation."""
-
-    reference, rows = report.reference, report.rows
+    rows = report.rows
     table = column_table(
         f"{report.scene}: {report.note}",
         {
@@ -261,8 +208,8 @@ def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
             "Iter.": [row.iterations for row in rows],
         },
         texts=2,
+        whole=(1,),
     )
-    table.columns[1].no_wrap = True
     yield _tight(table)
     largest = [
         max((row for row in rows if row.method == method),
@@ -280,39 +227,39 @@ def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
         keep=True,
     )
     if report.orders:
-        yield column_table(
-            None,
-            {
-                "Method": list(report.orders),
-                "Order": [order.expected for order in report.orders.values()],
-                "Observed": [f"{order.observed:.2f}" for order in report.orders.values()],
-            },
-        )
+        orders = [(name, one.expected, one.observed) for name, one in report.orders.items()]
+        yield row_table(None, ("Method", "Order", ("Observed", ".2f")), orders)
     elif any(len(methods) > 1 for methods in report.tasks.values()):
         yield _side_by_side(report)
     if report.growth:
         yield _growth(report)
+    yield _reference(report)
+    if report.calls:
+        calls = [
+            (name, _duration(cost.first), _duration(cost.second), cost.lines)
+            for name, cost in report.calls.items()
+        ]
+        heads = ("Call", "First", "Second", ("Program, lines", ","))
+        yield row_table("First and second call of the default solver", heads, calls)
+    yield from _remarks(report, error)
+
+
+def _reference(report: jc.work_precision.Report) -> str:
+    reference = report.reference
     if len(report.tasks) == 1:
-        yield (
+        return (
             f"{report.quantity}{_value(reference.value)} {report.unit}".rstrip()
             + f" by {reference.methods[0]}; {reference.methods[1]} differs by {reference.floor:.1e}, "
             "below which no error is claimed.\n"
         )
-    else:
-        yield (
-            f"Each has its own reference ({', beside '.join(reference.methods)}); no error is "
-            "claimed below the difference of its two methods.\n"
-        )
-    if report.calls:
-        yield column_table(
-            "First and second call of the default solver",
-            {
-                "Call": list(report.calls),
-                "First": [_duration(cost.first) for cost in report.calls.values()],
-                "Second": [_duration(cost.second) for cost in report.calls.values()],
-                "Program, lines": [f"{cost.lines:,}" for cost in report.calls.values()],
-            },
-        )
+    return (
+        f"Each has its own reference ({', beside '.join(reference.methods)}); no error is "
+        "claimed below the difference of its two methods.\n"
+    )
+
+
+def _remarks(report: jc.work_precision.Report, error: float) -> Iterator[str]:
+    """Derivatives, failures, the independent march, and the cheapest settings."""
     if report.derivatives is not None:
         check = report.derivatives
         yield (
@@ -342,7 +289,7 @@ def accuracy_tables(report: "Report", error: float) -> Iterator[Any]:
             )
 
 
-def _growth(report: "Report"):
+def _growth(report: jc.work_precision.Report):
     """Time of a call over the number of cylinders, what each adds, and the compiling beside it."""
     counts = next(iter(report.growth.values())).seconds
     columns = {
@@ -360,16 +307,19 @@ def _growth(report: "Report"):
     return column_table(title, {"Setting": list(report.growth), **columns, **more})
 
 
-def _side_by_side(report: "Report"):
+def _side_by_side(report: jc.work_precision.Report):
     """The time of the fastest method for an error, and the ratio to it of the others."""
 
-    def cells(at):
+    def cells(at: float) -> Iterator[str]:
         for methods in report.tasks.values():
             times = [_time(report, at, method) for method in methods]
             best = min((t for t in times if t), default=None)
             for own in times:
-                first = "" if best is None else f"[bold]{_duration(best)}[/bold]"
-                yield "" if own is None else first if own == best else _times(own / best)
+                if own is None or best is None:
+                    yield ""
+                else:
+                    first = Markup(f"[bold]{_duration(best)}[/bold]")
+                    yield first if own == best else _times(own / best)
 
     columns = {f"{at:.0e}": list(cells(at)) for at in _reachable(report)}
     methods = [method for methods in report.tasks.values() for method in methods]
@@ -378,8 +328,6 @@ def _side_by_side(report: "Report"):
 
 
 def _measured_on() -> dict[str, Any]:
-    from importlib.metadata import version
-
     versions = {name: version(name) for name in ("jax", "diffrax", "scipy", "jaxcomp")}
     load, python = os.getloadavg()[0], platform.python_version()
     return {"cores": os.cpu_count(), "load": load, "python": python, **versions}
@@ -405,25 +353,16 @@ def _times(ratio: float) -> str:
     return f"{float(f'{ratio:.3g}'):,.6g}x"
 
 
-def _reachable(report: "Report") -> list[float]:
+def _reachable(report: jc.work_precision.Report) -> list[float]:
     return [at for at in _DECADES if report.cheapest(at) is not None]
 
 
-def _time(report: "Report", error: float, method: str) -> float | None:
+def _time(report: jc.work_precision.Report, error: float, method: str) -> float | None:
     best = report.cheapest(error, method)
     return None if best is None else best.seconds
 
 
-def _entry(row: "Measurement | None") -> dict[str, Any] | None:
-    return None if row is None else row._asdict()
-
-
-def _checked(report: "Report") -> dict[str, Any] | None:
-    check = report.derivatives
-    return check and check._asdict() | {"ratio": check.ratio, "holds": check.holds}
-
-
-def _error(report: "Report", row: "Measurement") -> str:
+def _error(report: jc.work_precision.Report, row: jc.work_precision.Measurement) -> str:
     if not math.isfinite(row.error):
         return "failed"
     floor = report.floor(row)

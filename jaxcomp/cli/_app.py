@@ -1,38 +1,37 @@
-"""The program `jaxcomp`: one command a file, joined here.
+"""The program `jaxcomp`: its commands by what they are for, with the help of their options.
 
 Nothing heavy is imported before a command needs it, so that help and completion answer at once.
 """
 
+import enum
 import inspect
 import io
+import re
 import sys
 import textwrap
 from collections.abc import Callable
-from typing import Annotated
+from copy import copy
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import typer
 
 from ._accuracy import accuracy
-from ._animate import animate
 from ._balance import balance
 from ._bearing import bearing
 from ._check import check
-from ._command_line import RecordedGroup
-from ._compare import compare
-from ._desk import desk
-from ._explain import explain
-from ._list import list_machines
+from ._compare import compare, sensitivity
+from ._files import explain, list_machines, new
 from ._map import rating_map
-from ._modes import modes
-from ._new import new
+from ._modes import modes, update
 from ._optimise import optimise
+from ._pictures import animate, desk
 from ._respond import respond
 from ._run import run
-from ._sensitivity import sensitivity
 from ._simulate import simulate
+from ._start import RecordedGroup, leave_out_callbacks, one_blas_thread, quiet_loader
 from ._sweep import sweep
 from ._tolerance import tolerance
-from ._update import update
 
 app = typer.Typer(
     name="jaxcomp",
@@ -45,6 +44,8 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+# An entry of `Args` in the docstring of a command.
+_ENTRY = re.compile(r"(\w+)(?: \((.*?)\))?: (.*)")
 
 
 def _flowing(text: str | None) -> str:
@@ -56,31 +57,70 @@ def _flowing(text: str | None) -> str:
     )
 
 
+def _choice(kind: Any) -> Any:
+    """The type of an argument for typer: an enumeration in the place of a `Literal`."""
+    parts = get_args(kind) if get_origin(kind) in (UnionType, Union) else (kind,)
+    found = [get_args(one) for one in parts if get_origin(one) is Literal]
+    if not found:
+        return kind
+    made = enum.StrEnum("Choice", {word: word for word in found[0]})
+    return made | None if NoneType in parts else made
+
+
 def _add(name: str, command: Callable[..., None], panel: str) -> None:
-    app.command(name, help=_flowing(command.__doc__), rich_help_panel=panel)(command)
+    """Add a command; the help of its own options stands in its docstring.
+
+    There an entry of `Args` reads `name: help`, or `name (METAVAR): help`. What one needs beside
+    that is in its annotation. Arguments are required, options not; a flag that is off has no opposite.
+    """
+    text, _, listed = inspect.cleandoc(command.__doc__ or "").partition("\n\nArgs:\n    ")
+    entries = (_ENTRY.fullmatch(" ".join(one.split())) for one in re.split(r"\n    (?=\w)", listed))
+    docs = {entry[1]: entry for entry in entries if entry}
+    signature = inspect.signature(command, eval_str=True)
+    parameters = []
+    for one in signature.parameters.values():
+        kind, info = one.annotation, typer.Option()
+        if get_origin(kind) is Annotated:
+            kind, shared = get_args(kind)
+            info = copy(shared)
+        elif one.default is inspect.Parameter.empty:
+            info = typer.Argument()
+        elif kind is bool and one.default is False:
+            info = typer.Option(f"--{one.name.replace('_', '-')}")
+        if entry := docs.get(one.name):
+            info.metavar, info.help = entry[2], entry[3]
+        parameters.append(one.replace(annotation=Annotated[_choice(kind), info]))
+    command.__signature__ = signature.replace(parameters=parameters)  # pyright: ignore
+    command.__annotations__ = {one.name: one.annotation for one in parameters}
+    app.command(name, help=_flowing(text), rich_help_panel=panel)(command)
 
 
-_MACHINES, _ANALYSE, _DESIGN = "Machines", "Analyse one machine", "Design and balance"
-_add("new", new, _MACHINES)
-_add("check", check, _MACHINES)
-_add("list", list_machines, _MACHINES)
-_add("explain", explain, _MACHINES)
-_add("run", run, _ANALYSE)
-_add("simulate", simulate, _ANALYSE)
-_add("animate", animate, _ANALYSE)
-_add("respond", respond, _ANALYSE)
-_add("modes", modes, _ANALYSE)
-_add("bearing", bearing, _ANALYSE)
-_add("desk", desk, _ANALYSE)
-_add("map", rating_map, _ANALYSE)
-_add("accuracy", accuracy, _ANALYSE)
-_add("balance", balance, _DESIGN)
-_add("compare", compare, _DESIGN)
-_add("optimise", optimise, _DESIGN)
-_add("sensitivity", sensitivity, _DESIGN)
-_add("sweep", sweep, _DESIGN)
-_add("tolerance", tolerance, _DESIGN)
-_add("update", update, _DESIGN)
+_COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
+    "Machines": {"new": new, "check": check, "list": list_machines, "explain": explain},
+    "Analyse one machine": {
+        "run": run,
+        "simulate": simulate,
+        "animate": animate,
+        "respond": respond,
+        "modes": modes,
+        "bearing": bearing,
+        "desk": desk,
+        "map": rating_map,
+        "accuracy": accuracy,
+    },
+    "Design and balance": {
+        "balance": balance,
+        "compare": compare,
+        "optimise": optimise,
+        "sensitivity": sensitivity,
+        "sweep": sweep,
+        "tolerance": tolerance,
+        "update": update,
+    },
+}
+for _panel, _commands in _COMMANDS.items():
+    for _name, _command in _commands.items():
+        _add(_name, _command, _panel)
 
 
 def _show_version(wanted: bool) -> None:
@@ -105,8 +145,6 @@ def _program(
 
 def main() -> None:
     """Entry point of the program `jaxcomp`."""
-    from ._start import leave_out_callbacks, one_blas_thread, quiet_loader
-
     quiet_loader()
     one_blas_thread()
     leave_out_callbacks()

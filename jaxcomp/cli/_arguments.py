@@ -1,28 +1,43 @@
-"""Arguments that several commands share: `--set path=value`."""
+"""What is typed behind options: settings, numbers with units, bounds, speeds.
+
+What cannot be read or set ends in a `CommandError`, a `SceneError` or `BadInput`.
+"""
+
+from __future__ import annotations
 
 import re
 import tomllib
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ._errors import CommandError
+import jaxcomp as jc
+
+from ._start import CommandError, refuse
+
+if TYPE_CHECKING:
+    import numpy as np
+
+# No quantity that is shown in per cent gets there.
+_LARGEST_SHARE = 2.0
+_BOUND = re.compile(r"\s*([\w.-]+)\s*(<=|>=|=)\s*(.+?)\s*")
+# Points of a range of speeds that names none, and the most.
+_POINTS, _MOST = 60, 100_000
 
 
-def assignments(texts: Sequence[str], option: str) -> dict[str, str]:
-    """Split `name=value` texts.
-
-    Raises:
-        CommandError: no `=`, an empty side, or the same name twice.
-    """
+def assignments(texts: Sequence[str] | None, option: str) -> dict[str, str]:
+    """Split `name=value` texts."""
     out: dict[str, str] = {}
-    for text in texts:
+    for text in texts or ():
         name, equals, value = (part.strip() for part in text.partition("="))
-        if not (name and equals and value):
-            raise CommandError(f'{option} {text}: must have the form "name=value"')
-        if name in out:
-            raise CommandError(f"{option} {text}: {name} is set twice")
+        refuse(not (name and equals and value), f'{option} {text}: must have the form "name=value"')
+        refuse(name in out, f"{option} {text}: {name} is set twice")
         out[name] = value
     return out
+
+
+def names_of(text: str | None) -> list[str] | None:
+    """The names in a list with commas; `None` for none."""
+    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
 
 
 def with_one_unit(parts: Sequence[str]) -> list[str]:
@@ -55,23 +70,85 @@ def entry(text: str) -> Any:
 
 def changed_scene(
     name_or_path: str,
-    sets: Sequence[str],
-    designs: Sequence[str] = (),
-    varied: Sequence[str] = (),
-):
+    sets: Sequence[str] | None = None,
+    designs: Sequence[str] | None = None,
+    varied: Sequence[str] | None = None,
+) -> jc.scene.Scene:
     """Load a scene and set values: entries of its file, then design rules and correction masses.
 
     Numbers that `varied`, texts such as "mechanism.bore.2=1mm", names for single cylinders become
     lists over the cylinders.
-
-    Raises:
-        CommandError, SceneError, BadInput: what cannot be read or set.
     """
-    from ..scene import load, with_lists, with_values
-
     texts = {**assignments(sets, "--set"), **assignments(designs, "--design")}
     changes = {path: entry(text) for path, text in texts.items()}
-    scene = load(name_or_path)
+    scene = jc.scene.load(name_or_path)
     if changes:
-        scene = with_values(scene, changes, "set on the command line")
-    return with_lists(scene, (text.partition("=")[0].strip() for text in varied))
+        scene = jc.scene.with_values(scene, changes, "set on the command line")
+    names = (text.partition("=")[0].strip() for text in varied or ())
+    return jc.scene.with_lists(scene, names)
+
+
+def si(text: str, unit: str, option: str) -> float:
+    """[SI] A number of the command line."""
+    if not text:
+        raise jc.scene.SceneError(option, "lacks a value")
+    given = entry(text)
+    return float(jc.scene.to_si(text if given is None else given, unit, option))
+
+
+def value_of(name: str, text: str, option: str) -> float:
+    """[SI] A value of a quantity."""
+    one = jc.design.quantity(name)
+    value = si(text, one.unit, option)
+    if one.percent and abs(value) > _LARGEST_SHARE:
+        raise CommandError(f'{option}: {text} would be {100 * value:g} %; is "{text} %" meant?')
+    return value
+
+
+def bounds_of(
+    texts: Sequence[str] | None, option: str, equalities: bool = True
+) -> dict[str, tuple[float | None, float | None]]:
+    """[SI] (low, high) by quantity, `None` for an open end, of texts as `peak_force.crank_pin<=8kN`."""
+    out: dict[str, tuple[float | None, float | None]] = {}
+    for text in texts or ():
+        match = _BOUND.fullmatch(text)
+        if not match or (match[2] == "=" and not equalities):
+            more = ", >= or =" if equalities else " or >="
+            raise CommandError(f"{option} {text}: must have the form QUANTITY<=VALUE{more}")
+        name, sign, given = match.groups()
+        value = value_of(name, given, f"{option} {name}")
+        low, high = out.get(name, (None, None))
+        if (sign != "<=" and low is not None) or (sign != ">=" and high is not None):
+            raise CommandError(f"{option} {text}: {name} has such a bound already")
+        out[name] = (low if sign == "<=" else value, high if sign == ">=" else value)
+    return out
+
+
+def speed_of(text: str, option: str) -> float:
+    """[rad/s] A speed of the command line."""
+    # there a frequency of rotation can be nothing but a speed
+    text = re.sub(r"\s*hz\s*$", " turn/s", text.strip(), flags=re.IGNORECASE)
+    value = float(jc.scene.to_si(text, "rad/s", option))
+    refuse(value < 0, f"{option}: must be >= 0 rad/s")
+    return value
+
+
+def speeds_of(text: str) -> np.ndarray:
+    """[rad/s] The speeds of `--speeds a,b,c`, `from:to` or `from:to:count`."""
+    import numpy as np
+
+    parts, option = text.split(":"), f"--speeds {text}"
+    if len(parts) == 1 and text.strip():
+        several = with_one_unit(text.split(",")) if "," in text else [text]
+        return np.array([speed_of(part, option) for part in several])
+    if len(parts) not in (2, 3):
+        raise CommandError(f"{option}: must have the form a,b,c or from:to or from:to:count")
+    low, high = (speed_of(part, option) for part in with_one_unit(parts[:2]))
+    count = _POINTS
+    if len(parts) == 3:
+        if not parts[2].strip().isdigit():
+            raise CommandError(f"{option}: the number of points must be a whole number")
+        count = int(parts[2])
+    refuse(not low < high, f"{option}: must rise")
+    refuse(not 2 <= count <= _MOST, f"{option}: must have 2 to {_MOST} points")
+    return np.linspace(low, high, count)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
 import math
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
@@ -16,92 +15,37 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._shown import RPM, rounded, small_unit
-from ._arguments import assignments, changed_scene, entry
-from ._completion import complete_machine
-from ._errors import CommandError, reports_errors
-from ._json import plain
-from ._options import AsJson, Excitation, ExcitationOption, Out, Sets
-from ._output import hand_out
-from ._rotor import chosen_excitation, rotor_of, scene_speeds, speeds_of
-from ._start import start_jax
+from ._arguments import assignments, changed_scene, names_of, si, speeds_of
+from ._options import AsJson, ExcitationOption, Out, Sets, complete_machine
+from ._output import hand_out, plain
+from ._rotor import chosen_excitation, rotor_of, scene_speeds
+from ._start import CommandError, refuse, refuse_unknown, reports_errors, start_jax, waiting
 from ._tables import column_table, row_table
 
+# [-] Of the vibration before: what is left below this is rounding.
+_NOTHING = 1e-9
 
-class Method(enum.StrEnum):
-    """Objective of the balance; `classical` balances the rotor alone, as a balancing machine does.
 
-    With the crank's forces it carries a ring for the rotating part of the rod, which is among them.
-    """
-
-    least_squares = "least-squares"
-    min_max = "min-max"
-    classical = "classical"
+# Objective of the balance; `classical` balances the rotor alone, as a balancing machine does. With the
+# crank's forces it carries a ring for the rotating part of the rod, which is among them.
+Method = Literal["least-squares", "min-max", "classical"]
 
 
 @reports_errors
 def balance(
-    machine: Annotated[
-        str | None,
-        typer.Argument(
-            help="Bundled machine or scene file with a rotor; none with --measured.",
-            autocompletion=complete_machine,
-        ),
-    ] = None,
+    machine: Annotated[str | None, typer.Argument(autocompletion=complete_machine)] = None,
     sets: Sets = None,
-    planes: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Correction planes; all if absent.")
-    ] = None,
-    targets: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Target planes; all if absent.")
-    ] = None,
-    speeds: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SPEEDS",
-            help="Speeds, e.g. 3000rpm,3600rpm or 3000rpm:3600rpm:7; the scene's if absent.",
-        ),
-    ] = None,
-    method: Annotated[
-        Method, typer.Option(help="Weighted sum of squares, or the largest vibration.")
-    ] = Method.least_squares,
-    tikhonov: Annotated[
-        float, typer.Option(help="Penalty on the masses, 0 for none; least squares only.")
-    ] = 0.0,
-    largest: Annotated[
-        str | None,
-        typer.Option(
-            metavar="U",
-            help="Bound of every correction, e.g. '800 g mm', or of single planes, e.g. "
-            "'rotor-top=500 g mm, counterweight=300 g mm'.",
-        ),
-    ] = None,
-    limit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="V",
-            help="Find the least masses that keep every vibration at or below this, e.g. 5um.",
-        ),
-    ] = None,
-    weights: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--weight",
-            metavar="TARGET=W",
-            help="How much the readings of a target count, e.g. TP5=2; 1 if absent. Repeatable.",
-        ),
-    ] = None,
+    planes: str | None = None,
+    targets: str | None = None,
+    speeds: str | None = None,
+    method: Method = "least-squares",
+    tikhonov: float = 0.0,
+    largest: str | None = None,
+    limit: str | None = None,
+    weights: Annotated[list[str] | None, typer.Option("--weight")] = None,
     excitation: ExcitationOption = None,
-    without: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B",
-            help="Leave gas, inertia, friction or fluctuation out of the forces of the crank.",
-        ),
-    ] = None,
-    measured: Annotated[
-        Path | None,
-        typer.Option(help="CSV of an initial run and one run with a trial weight per plane."),
-    ] = None,
+    without: str | None = None,
+    measured: Path | None = None,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -119,163 +63,149 @@ def balance(
         run,target,speed \[rpm],amplitude \[mm/s],phase \[deg],trial \[g mm],angle \[deg]
         initial,bearing-1,3000,7.2,238,,
         plane-1,bearing-1,3000,4.9,114,120,0
+
+    Args:
+        machine: Bundled machine or scene file with a rotor; none with --measured.
+        planes (A,B): Correction planes; all if absent.
+        targets (A,B): Target planes; all if absent.
+        speeds (SPEEDS): Speeds, e.g. 3000rpm,3600rpm or 3000rpm:3600rpm:7; the scene's if absent.
+        method: Weighted sum of squares, or the largest vibration.
+        tikhonov: Penalty on the masses, 0 for none; least squares only.
+        largest (U): Bound of every correction, e.g. '800 g mm', or of single planes, e.g.
+            'rotor-top=500 g mm, counterweight=300 g mm'.
+        limit (V): Find the least masses that keep every vibration at or below this, e.g. 5um.
+        weights (TARGET=W): How much the readings of a target count, e.g. TP5=2; 1 if absent.
+            Repeatable.
+        without (A,B): Leave gas, inertia, friction or fluctuation out of the forces of the crank.
+        measured: CSV of an initial run and one run with a trial weight per plane.
     """
-    if (machine is None) == (measured is None):
-        raise CommandError("balance: needs either a machine or --measured FILE")
-    given = {"--set": sets, "--speeds": speeds}
-    if measured is not None and any(given.values()):
-        name = next(option for option, value in given.items() if value)
-        raise CommandError(f"{name}: has no meaning with --measured")
-    if without and excitation is Excitation.file:
-        raise CommandError("--without: needs --excitation crank")
-    if method is Method.classical and (tikhonov or largest or planes or measured or limit):
-        raise CommandError(
-            "--method classical: takes no --planes, --tikhonov, --largest, --limit or --measured; it "
-            "balances the rotor of a scene in both planes"
-        )
-    if method is Method.min_max and (tikhonov or largest):
-        raise CommandError("--method min-max: takes neither --tikhonov nor --largest")
-    if tikhonov and largest:
-        raise CommandError("--largest: takes no --tikhonov beside it")
-    if limit and (tikhonov or method is not Method.least_squares or weights):
-        raise CommandError("--limit: takes no --method, --tikhonov or --weight beside it")
+    refuse(
+        (machine is None) == (measured is None),
+        "balance: needs either a machine or --measured FILE",
+    )
+    if measured is not None:
+        refuse(sets, "--set: has no meaning with --measured")
+        refuse(speeds, "--speeds: has no meaning with --measured")
+    needs_crank = "--without: needs --excitation crank"
+    refuse(without and excitation == "file", needs_crank)
+    refuse(
+        method == "classical" and (tikhonov or largest or planes or measured or limit),
+        "--method classical: takes no --planes, --tikhonov, --largest, --limit or --measured; it "
+        "balances the rotor of a scene in both planes",
+    )
+    refuse(
+        method == "min-max" and (tikhonov or largest),
+        "--method min-max: takes neither --tikhonov nor --largest",
+    )
+    refuse(tikhonov and largest, "--largest: takes no --tikhonov beside it")
+    refuse(
+        limit and (tikhonov or method != "least-squares" or weights),
+        "--limit: takes no --method, --tikhonov or --weight beside it",
+    )
     from .._status import SolveFailed
-    from .._waits import spinner
 
     start_jax(once=True)
-    with spinner("Solving (the first time it is compiled as well) ..."):
+    with waiting():
+        scene, radius = None, {}
         if measured is not None:
             from ..scene.measurements import read_measurements
 
-            system = System(measured.name, read_measurements(measured), {}, "measured")
+            influence, name, shaken_by = read_measurements(measured), measured.name, "measured"
         else:
-            scene = changed_scene(str(machine), sets or (), ())
-            crank = chosen_excitation(scene, excitation) is Excitation.crank
-            if without and not crank:
-                raise CommandError("--without: needs --excitation crank")
-            system = model_system(scene, speeds, crank, _names(without) or ())
-        part = jc.balancing.select(system.influence, planes=_names(planes), targets=_names(targets))
-        part = _weighted(part, weights or ())
-        found = _balanced(system, part, method, tikhonov, largest, limit)
+            scene = changed_scene(str(machine), sets)
+            name, shaken_by = scene.name, chosen_excitation(scene, excitation)
+            refuse(without and shaken_by != "crank", needs_crank)
+            left_out = tuple(names_of(without) or ())
+            at, places, case = _speeds_planes_loads(scene, speeds)
+            radius = {p.name: float(p.radius) for p in places.planes if p.radius is not None}
+            influence = jc.balancing.machine_influence(
+                scene, at, crank=shaken_by == "crank", left_out=left_out
+            )
+        chosen = {"planes": names_of(planes), "targets": names_of(targets)}
+        part = _weighted(jc.balancing.select(influence, **chosen), weights)
+        if method == "classical":
+            # a ring stands for a load that acts: the file's forces are without the inertia of the rod
+            ringed = shaken_by == "crank" and "inertia" not in left_out
+            assert scene is not None
+            ring = jc.balancing.rod_ring(scene.assembly) if ringed else None
+            found = _rotor_alone(part, rotor_of(scene), places, case, float(at.max()), ring)
+        else:
+            found = _balanced(part, radius, method, tikhonov, largest, limit)
         if not bool(found.converged):
             raise SolveFailed(found.status, f"gap to the proven optimum {float(found.gap):.1e}")
-        result = balance_result(system, found)
+        result = balance_result(found, name, shaken_by, radius)
 
     def figures():
-        return jc.plot.balance_figures(found, system.name)
+        return jc.plot.balance_figures(found, name)
 
-    curves = None if out is None else {"balance": found.columns()}
     written = f"Report, pictures, curves{', scene' if machine else ''} and result"
-    tables = balance_tables(result)
-    hand_out(result, tables, as_json, out, figures, system.scene, curves, written)
+    tables, curves = balance_tables(result), {"balance": found.columns}
+    hand_out(result, tables, as_json, out, figures, scene, curves, written)
 
 
-def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
-
-
-class System(NamedTuple):
-    """A system that is balanced.
-
-    Attributes:
-        name: of the machine or file.
-        influence: its coefficients.
-        radius: [m] by plane, where one is known.
-        excitation: "file", "crank" or "measured".
-        rotor_alone: corrections of the rotor alone with their permissible residual unbalance, of a
-            scene with two planes.
-        ringed: whether that rotor carried a ring for the rotating part of the rod.
-        scene: that it was made from; `None` for measurements.
-    """
-
-    name: str
-    influence: jc.balancing.Influence
-    radius: dict[str, float]
-    excitation: str
-    rotor_alone: jc.balancing.PlanePair | None = None
-    ringed: bool = False
-    scene: jc.scene.Scene | None = None
-
-
-def model_system(
-    scene: jc.scene.Scene, speeds: str | None, crank: bool, left_out: Sequence[str] = ()
-) -> System:
-    """From a scene with a rotor and balancing planes; `left_out` of the crank's forces.
-
-    Raises:
-        CommandError: no planes, no loads, or no crank forces to take.
-    """
+def _speeds_planes_loads(scene: jc.scene.Scene, speeds: str | None):
+    """[rad/s] Speeds at which a scene with a rotor is balanced, its planes, its loads."""
     import jax.numpy as jnp
 
-    model = rotor_of(scene)
+    rotor_of(scene)
     places, case = (scene.parts.get(part) for part in ("balancing", "loads"))
     if not isinstance(places, jc.rotor.BalancingPlanes):
         raise CommandError(f"{scene.file}: balancing: is missing; `balance` needs it")
     if not isinstance(case, jc.rotor.LoadCase):
         raise CommandError(f"{scene.file}: loads: is missing; `balance` needs it")
-    at = speeds_of(speeds) if speeds else scene_speeds(scene)
-    influence = jc.balancing.machine_influence(
-        scene, jnp.asarray(at), crank=crank, left_out=tuple(left_out)
-    )
-    radius = {
-        plane.name: float(plane.radius) for plane in places.planes if plane.radius is not None
-    }
-    # A ring stands for a load that acts: the forces of the file are without the inertia of the rod.
-    ring = jc.balancing.rod_ring(scene.assembly) if crank and "inertia" not in left_out else None
-    alone = None
-    if len(places.planes) == 2:
-        alone = jc.balancing.classical_balance(
-            model, case.unbalances, places, speed=max(at), ring=ring
-        )
-    excitation = "crank" if crank else "file"
-    return System(scene.name, influence, radius, excitation, alone, ring is not None, scene)
+    return jnp.asarray(speeds_of(speeds) if speeds else scene_speeds(scene)), places, case
+
+
+def _rotor_alone(
+    part: jc.balancing.Influence,
+    model: jc.rotor.RotorModel,
+    places: jc.rotor.BalancingPlanes,
+    case: jc.rotor.LoadCase,
+    speed: float,
+    ring: Any,
+) -> jc.balancing.Balance:
+    """What the balance of the rotor alone in two planes, with a ring for the rod or none, leaves."""
+    refuse(len(places.planes) != 2, "--method classical: needs a scene with two correction planes")
+    alone = jc.balancing.classical_balance(model, case.unbalances, places, speed=speed, ring=ring)
+    name = "rotor alone" if ring is None else "rotor with a ring for the rod"
+    return jc.balancing.predicted(part, alone.correction, f"{name}, two planes")
 
 
 def _balanced(
-    system: System,
     part: jc.balancing.Influence,
+    radius: dict[str, float],
     method: Method,
     tikhonov: float,
     largest: str | None,
     limit: str | None,
 ) -> jc.balancing.Balance:
-    """The balance of the chosen part of a system.
-
-    Raises:
-        CommandError: no two planes for the rotor alone, or an option that cannot be read.
-    """
+    """The balance of the chosen part of a system; `radius` [m] by plane, where one is known."""
     import numpy as np
 
     bounds = None if largest is None else _largest(part, largest)
     if limit is not None:
-        radii = [system.radius.get(plane) for plane in part.planes]
+        radii = [radius.get(plane) for plane in part.planes]
         cost = None if None in radii else 1 / np.array(radii, float)
         return jc.balancing.least_masses(part, _limit(part, limit), cost=cost, largest=bounds)
-    if method is Method.classical:
-        if system.rotor_alone is None:
-            raise CommandError("--method classical: needs a scene with two correction planes")
-        name = "rotor with a ring for the rod" if system.ringed else "rotor alone"
-        return jc.balancing.predicted(part, system.rotor_alone.correction, f"{name}, two planes")
-    if method is Method.min_max:
+    if method == "min-max":
         return jc.balancing.min_max(part)
     if bounds is not None:
         return jc.balancing.bounded(part, bounds)
     return jc.balancing.least_squares(part, tikhonov=tikhonov)
 
 
-def _weighted(part: jc.balancing.Influence, weights: Sequence[str]) -> jc.balancing.Influence:
+def _weighted(
+    part: jc.balancing.Influence, weights: Sequence[str] | None
+) -> jc.balancing.Influence:
     """The system with the weights of `--weight` on its readings."""
     import numpy as np
 
     weight = np.array(part.weight)
     known = sorted({row.target for row in part.rows})
     for target, text in assignments(weights, "--weight").items():
-        if target not in known:
-            hint = jc.scene.did_you_mean(target, known)
-            raise CommandError(f"--weight {target}: is no target{hint}")
-        value = float(jc.scene.to_si(entry(text), "", f"--weight {target}"))
-        if not value >= 0:
-            raise CommandError(f"--weight {target}={text}: must be >= 0")
+        refuse_unknown(f"--weight {target}", target, known, "target")
+        value = si(text, "", f"--weight {target}")
+        refuse(not value >= 0, f"--weight {target}={text}: must be >= 0")
         weight[[row.target == target for row in part.rows]] *= value
     return dataclasses.replace(part, weight=weight)
 
@@ -288,13 +218,9 @@ def _largest(part: jc.balancing.Influence, text: str):
         return np.full(len(part.planes), float(jc.scene.to_si(text, part.trial, "--largest")))
     given = assignments([one.strip() for one in text.split(",")], "--largest")
     for plane in given:
-        if plane not in part.planes:
-            hint = jc.scene.did_you_mean(plane, part.planes)
-            raise CommandError(f"--largest {plane}: is no correction plane of this balance{hint}")
-    bounds = {
-        name: float(jc.scene.to_si(entry(one), part.trial, f"--largest {name}"))
-        for name, one in given.items()
-    }
+        kind = "correction plane of this balance"
+        refuse_unknown(f"--largest {plane}", plane, part.planes, kind)
+    bounds = {name: si(one, part.trial, f"--largest {name}") for name, one in given.items()}
     most = float(np.abs(jc.balancing.least_squares(part).correction).max())
     free = 1e3 * (sum(bounds.values()) + most)
     return np.array([bounds.get(plane, free) for plane in part.planes])
@@ -312,7 +238,9 @@ def _limit(part: jc.balancing.Influence, text: str) -> float:
             raise CommandError(f"--limit {text}: must be a vibration in {part.unit}") from None
 
 
-def balance_result(system: System, found: jc.balancing.Balance) -> dict[str, Any]:
+def balance_result(
+    found: jc.balancing.Balance, name: str, excitation: str, radii: dict[str, float]
+) -> dict[str, Any]:
     """The balance in numbers. The keys are stable; new ones may join them."""
     import numpy as np
 
@@ -321,7 +249,7 @@ def balance_result(system: System, found: jc.balancing.Balance) -> dict[str, Any
     part = found.influence
 
     def plane(name, value):
-        radius, size, by_mass = system.radius.get(name), abs(value), part.trial == "kg"
+        radius, size, by_mass = radii.get(name), abs(value), part.trial == "kg"
         return {
             "name": name,
             "correction": size,
@@ -345,29 +273,24 @@ def balance_result(system: System, found: jc.balancing.Balance) -> dict[str, Any
         }
 
     readings = (part.weight, part.initial, found.residual, found.sensitivity())
-    return plain(
-        {
-            "machine": system.name,
-            "version": version("jaxcomp"),
-            "method": found.method,
-            "excitation": system.excitation,
-            "vibration_unit": part.unit,
-            "correction_unit": part.trial,
-            "planes": list(map(plane, part.planes, np.asarray(found.correction))),
-            "rows": list(map(reading, part.rows, *map(np.asarray, readings))),
-            "worse": np.sum(found.worse),
-            "improvement": found.improvement,
-            "condition": found.condition,
-            "objective": found.objective,
-            "bound": found.bound,
-            "gap": found.gap,
-            "status": Status[found.status],
-        }
-    )
-
-
-# [-] Of the vibration before: what is left below this is rounding.
-_NOTHING = 1e-9
+    result = {
+        "machine": name,
+        "version": version("jaxcomp"),
+        "method": found.method,
+        "excitation": excitation,
+        "vibration_unit": part.unit,
+        "correction_unit": part.trial,
+        "planes": list(map(plane, part.planes, np.asarray(found.correction))),
+        "rows": list(map(reading, part.rows, *map(np.asarray, readings))),
+        "worse": np.sum(found.worse),
+        "improvement": found.improvement,
+        "condition": found.condition,
+        "objective": found.objective,
+        "bound": found.bound,
+        "gap": found.gap,
+        "status": Status[found.status],
+    }
+    return plain(result)
 
 
 def shown_vibration(result: dict[str, Any]) -> tuple[str, float]:
@@ -399,7 +322,7 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
     yield column_table(
         f"{result['machine']}: corrections to add",
         {
-            "Plane": [escape(plane["name"]) for plane in planes],
+            "Plane": [plane["name"] for plane in planes],
             unit: [rounded(plane["correction"] * factor, 4) for plane in planes],
             "°": [f"{math.degrees(plane['phase']):.1f}" for plane in planes],
             **({"mm": radii, "g": masses} if any(radii) else {}),
@@ -410,33 +333,28 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
     rows, last = [], None
     for row in result["rows"]:
         before, after = row["before"], row["after"]
-        spread = math.hypot(*row["sensitivity"].values())
         rows.append(
             (
-                escape(row["target"]) if row["target"] != last else "",
+                row["target"] if row["target"] != last else "",
                 row["axis"],
-                f"{row['speed'] * RPM:.5g}",
+                row["speed"] * RPM,
                 rounded(before * factor, 3),
                 rounded(after * factor if after > _NOTHING * before else 0.0, 3),
                 f"{100 * after / before:.0f} %" if before else "",
-                f"{spread * factor:.2g}",
+                math.hypot(*row["sensitivity"].values()) * factor,
             )
         )
         last = row["target"]
     title = f"Vibration at order 1, {unit}; ±: with 1 % and 1° of error in every plane"
-    table = row_table(title, ("Target", "Axis", "rpm", "Before", "After", "Share", "±"), rows)
-    table.columns[0].no_wrap = True
-    yield table
+    heads = ("Target", "Axis", ("rpm", ".5g"), "Before", "After", "Share", ("±", ".2g"))
+    yield row_table(title, heads, rows, whole=(0,))
     condition = result["condition"]
+    known = "infinite" if condition is None else f"{condition:.4g}"
     over = "sum" if result["method"] == "least masses" else "rms before"
     rows = (
         ("Method", result["method"], f"excitation: {result['excitation']}"),
         ("Weighted rms", f"{100 * result['improvement']:.3g} %", "after over before, all rows"),
-        (
-            "Condition",
-            "infinite" if condition is None else f"{condition:.4g}",
-            "of the weighted system",
-        ),
+        ("Condition", known, "of the weighted system"),
         ("Gap", f"{result['gap']:.1e}", f"to the proven optimum, over the {over}"),
     )
     yield row_table(None, ("Quality", "", ""), rows, texts=3)

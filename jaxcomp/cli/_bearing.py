@@ -1,61 +1,44 @@
 """`jaxcomp bearing`: position, friction, stiffness and damping of one journal bearing."""
 
-import enum
+from __future__ import annotations
+
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
 
+import jaxcomp as jc
+
 from .._shown import RPM
-from ._errors import CommandError, reports_errors
 from ._options import AsJson, OutWithoutScene
-from ._output import hand_out
-from ._start import start_jax
+from ._output import hand_out, plain
+from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import row_table
 
 FRAME = "x along the load on the journal, y = x turned by 90 degrees with rotation"
-
-
-class Model(enum.StrEnum):
-    """How the film is described."""
-
-    reynolds = "reynolds"
-    grooved = "grooved"
-    guembel = "guembel"
-    ocvirk = "ocvirk"
-    fit = "fit"
-    petroff = "petroff"
-    loaded_petroff = "loaded-petroff"
-
-
+# How the film is described, and the classes of `jaxcomp.film` that do so.
+Model = Literal["reynolds", "grooved", "guembel", "ocvirk", "fit", "petroff", "loaded-petroff"]
 _CLASSES = {
-    Model.reynolds: "Reynolds",
-    Model.grooved: "GroovedReynolds",
-    Model.guembel: "Guembel",
-    Model.ocvirk: "Ocvirk",
-    Model.fit: "ExplicitFit",
-    Model.petroff: "Petroff",
-    Model.loaded_petroff: "LoadedPetroff",
+    "reynolds": "Reynolds",
+    "grooved": "GroovedReynolds",
+    "guembel": "Guembel",
+    "ocvirk": "Ocvirk",
+    "fit": "ExplicitFit",
+    "petroff": "Petroff",
+    "loaded-petroff": "LoadedPetroff",
 }
 
 
 @reports_errors
 def bearing(
-    length: Annotated[str, typer.Option(help="Length of the bearing, such as '20 mm'.")],
-    diameter: Annotated[str, typer.Option(help="Diameter of the journal, such as '40 mm'.")],
-    clearance: Annotated[
-        str, typer.Option(help="Radial clearance, bush radius minus journal radius.")
-    ],
-    viscosity: Annotated[
-        str,
-        typer.Option(help="Dynamic viscosity such as '5 mPa*s', or a grade as 'VG 46 at 60 degC'."),
-    ],
-    speed: Annotated[str, typer.Option(help="Speed of the journal, such as 3000rpm.")],
-    load: Annotated[str, typer.Option(help="Load on the journal, such as '2 kN'.")],
-    model: Annotated[
-        Model, typer.Option(help="Film model; the output states its limits.")
-    ] = Model.reynolds,
+    length: Annotated[str, typer.Option()],
+    diameter: Annotated[str, typer.Option()],
+    clearance: Annotated[str, typer.Option()],
+    viscosity: Annotated[str, typer.Option()],
+    speed: Annotated[str, typer.Option()],
+    load: Annotated[str, typer.Option()],
+    model: Model = "reynolds",
     as_json: AsJson = False,
     out: OutWithoutScene = None,
 ) -> None:
@@ -63,11 +46,16 @@ def bearing(
 
     Example: [bold]jaxcomp bearing --length 20mm --diameter 40mm --clearance 30um --viscosity "VG 46
     at 60 degC" --speed 3000rpm --load 2kN[/bold]
-    """
-    from .. import film as films
-    from .._waits import spinner
-    from ..scene import to_si
 
+    Args:
+        length: Length of the bearing, such as '20 mm'.
+        diameter: Diameter of the journal, such as '40 mm'.
+        clearance: Radial clearance, bush radius minus journal radius.
+        viscosity: Dynamic viscosity such as '5 mPa*s', or a grade as 'VG 46 at 60 degC'.
+        speed: Speed of the journal, such as 3000rpm.
+        load: Load on the journal, such as '2 kN'.
+        model: Film model; the output states its limits.
+    """
     texts = {
         "length": (length, "m"),
         "diameter": (diameter, "m"),
@@ -76,17 +64,17 @@ def bearing(
         "speed": (speed, "rad/s"),
         "load": (load, "N"),
     }
-    given = {name: float(to_si(text, unit, f"--{name}")) for name, (text, unit) in texts.items()}
-    film_type = getattr(films, _CLASSES[model])
+    given = {
+        name: float(jc.scene.to_si(text, unit, f"--{name}")) for name, (text, unit) in texts.items()
+    }
+    film_type = getattr(jc.film, _CLASSES[model])
     _check(given, model, film_type.length_ratio_range)
     start_jax()
-    with spinner("Solving the film (the first time it is compiled as well) ..."):
-        result, field = bearing_result(film_type, str(model), given)
+    with waiting("Solving the film (the first time it is compiled as well) ..."):
+        result, field = bearing_result(film_type, model, given)
 
     def figures():
-        from ..plot import film_figures
-
-        return film_figures(film_type, result, field)
+        return jc.plot.film_figures(film_type, result, field)
 
     tables = bearing_tables(result)
     hand_out(result, tables, as_json, out, figures, written="Report, pictures and result")
@@ -94,29 +82,20 @@ def bearing(
 
 def _check(given: dict[str, float], model: str, ratios: tuple[float, float]) -> None:
     size = {name: f"--{name} {value:.6g}" for name, value in given.items()}
-    for name, unit in (
-        ("length", "m"),
-        ("diameter", "m"),
-        ("clearance", "m"),
-        ("viscosity", "Pa s"),
-    ):
-        if given[name] <= 0:
-            raise CommandError(f"{size[name]} {unit}: must be > 0 {unit}")
-    if given["speed"] == 0:
-        raise CommandError("--speed 0 rad/s: must not be 0 rad/s; a film needs motion")
-    if given["load"] < 0:
-        raise CommandError(f"{size['load']} N: must be >= 0 N")
+    units = {"length": "m", "diameter": "m", "clearance": "m", "viscosity": "Pa s"}
+    for name, unit in units.items():
+        refuse(given[name] <= 0, f"{size[name]} {unit}: must be > 0 {unit}")
+    refuse(given["speed"] == 0, "--speed 0 rad/s: must not be 0 rad/s; a film needs motion")
+    refuse(given["load"] < 0, f"{size['load']} N: must be >= 0 N")
     radius, ratio = given["diameter"] / 2, given["length"] / given["diameter"]
-    if given["clearance"] >= radius:
-        raise CommandError(
-            f"{size['clearance']} m: must be < {radius:.6g} m, the radius of the journal"
-        )
+    what = f"must be < {radius:.6g} m, the radius of the journal"
+    refuse(given["clearance"] >= radius, f"{size['clearance']} m: {what}")
     low, high = ratios
-    if not low * (1 - 1e-12) <= ratio <= high * (1 + 1e-12):
-        raise CommandError(
-            f"{size['length']} m: length/diameter must be {low:g} to {high:g} for "
-            f"the model {model}, but is {ratio:.6g}"
-        )
+    refuse(
+        not low * (1 - 1e-12) <= ratio <= high * (1 + 1e-12),
+        f"{size['length']} m: length/diameter must be {low:g} to {high:g} for "
+        f"the model {model}, but is {ratio:.6g}",
+    )
 
 
 def bearing_result(film_type, model: str, given: dict[str, float]) -> tuple[dict[str, Any], Any]:
@@ -128,17 +107,12 @@ def bearing_result(film_type, model: str, given: dict[str, float]) -> tuple[dict
     import equinox as eqx
     import numpy as np
 
-    from .. import film as films
-    from ._json import plain
-
     speed, sign = abs(given["speed"]), math.copysign(1.0, given["speed"])
-    part = films.JournalBearing(
-        given["diameter"], given["length"], given["clearance"], given["viscosity"], film_type
-    )
-    found = eqx.filter_jit(films.operating_point)(
-        part, np.float64(given["load"]), np.float64(speed)
-    )
-    field, point = films.pressure_field(part, found, speed), plain(found._asdict())
+    size = (given[name] for name in ("diameter", "length", "clearance", "viscosity"))
+    part = jc.film.JournalBearing(*size, film_type)
+    solved = eqx.filter_jit(jc.film.operating_point)
+    found = solved(part, np.float64(given["load"]), np.float64(speed))
+    field, point = jc.film.pressure_field(part, found, speed), plain(found)
     friction, bush = point.pop("friction_torque"), point.pop("bush_torque")
     state = ("eccentricity_ratio", "attitude_angle", "sommerfeld_number", "phi_p", "phi_t")
     result = {
@@ -168,7 +142,6 @@ def _complete(value: Any) -> Any:
 
 def bearing_tables(result: dict[str, Any]):
     """Position and friction, then stiffness and damping; what a model does not give is left out."""
-
     size = f"{result['length'] * 1e3:.4g} x {result['diameter'] * 1e3:.4g} mm"
     rows = [
         ("Viscosity", "viscosity", 1e3, "mPa s", "in the film"),
@@ -185,16 +158,13 @@ def bearing_tables(result: dict[str, Any]):
         ("Side flow", "side_flow", 6e7, "cm3/min", "out of both ends"),
         ("Largest stable mass", "critical_mass", 1.0, "kg", "rigid rotor, of one bearing"),
     ]
-    yield row_table(
-        f"Journal bearing {size}, L/D = {result['length_ratio']:.4g}, {result['model']}",
-        ("Running state", "", ""),
-        (
-            (name, f"{result[key] * scale:.5g} {unit}".strip(), remark)
-            for name, key, scale, unit, remark in rows
-            if result[key] is not None
-        ),
-        texts=3,
+    title = f"Journal bearing {size}, L/D = {result['length_ratio']:.4g}, {result['model']}"
+    cells = (
+        (name, f"{result[key] * scale:.5g} {unit}".strip(), remark)
+        for name, key, scale, unit, remark in rows
+        if result[key] is not None
     )
+    yield row_table(title, ("Running state", "", ""), cells, texts=3)
     matrices = {
         "K, N/m": result["stiffness"],
         "C, N s/m": result["damping"],
@@ -202,13 +172,8 @@ def bearing_tables(result: dict[str, Any]):
         "c omega C/W": result["dimensionless_damping"],
     }
     if matrices["K, N/m"] is not None:
-        yield row_table(
-            "Stiffness and damping: x along the load, y 90 degrees ahead with rotation",
-            ("", "xx", "xy", "yx", "yy"),
-            (
-                (name, *(f"{entry:.4g}" for row in matrix for entry in row))
-                for name, matrix in matrices.items()
-                if matrix is not None
-            ),
-        )
+        title = "Stiffness and damping: x along the load, y 90 degrees ahead with rotation"
+        heads = ("", *((place, ".4g") for place in ("xx", "xy", "yx", "yy")))
+        known = {name: matrix for name, matrix in matrices.items() if matrix is not None}
+        yield row_table(title, heads, ((name, *x, *y) for name, (x, y) in known.items()))
     yield escape(f"{result['model']}: {result['limits']}")

@@ -12,10 +12,9 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._shown import RPM
-from ._errors import reports_errors, show_error
 from ._options import AsJson, Machine
-from ._output import show_results
-from ._start import start_jax
+from ._output import print_json, show_results
+from ._start import reports_errors, show_error, start_jax
 from ._tables import row_table
 
 
@@ -30,13 +29,10 @@ def check(
 
     Example: [bold]jaxcomp check my-machine.toml[/bold]
     """
-    from ..scene import SceneError, load
-    from ._json import print_json
-
     start_jax()
     try:
-        scene = load(machine)
-    except SceneError as error:
+        scene = jc.scene.load(machine)
+    except jc.scene.SceneError as error:
         found = [error, *error.others]
         if as_json:
             print_json(error_result(machine, found))
@@ -46,12 +42,16 @@ def check(
             typer.echo(f"{len(found)} errors", err=True)
         raise typer.Exit(2) from None
     result = check_result(scene)
-    show_results(result, check_tables(result), as_json, None)
+    show_results(result, check_tables(result), as_json)
 
 
 def error_result(file: str, errors: Sequence[jc.scene.SceneError]) -> dict[str, Any]:
     """All errors of a file; the keys are stable."""
-    rows = [{"key": e.key, "value": _plain(e.value), "problem": e.problem} for e in errors]
+
+    def plainly(value):
+        return value if isinstance(value, str | int | float | bool | None) else str(value)
+
+    rows = [{"key": e.key, "value": plainly(e.value), "problem": e.problem} for e in errors]
     return {"file": file, "ok": False, "errors": rows}
 
 
@@ -59,21 +59,26 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
     """Parts, what follows from them, commands that take the scene, and unusual values."""
     rows = jc.scene.describe(scene)
     words = {row.path[: -len(".type")]: row.value for row in rows if row.path.endswith(".type")}
-    names = [name for name in scene.document if isinstance(scene.document[name], dict | list)]
-    numbers = [row for row in rows if not row.path.endswith(".type")]
+
+    def part(name):
+        own = [row for row in rows if row.path.startswith(f"{name}.")]
+        own = [row for row in own if not row.path.endswith(".type")]
+        given = [row for row in own if row.given is not None]
+        return {
+            "type": words.get(name, ""),
+            "values": len(own),
+            "defaults": len(own) - len(given),
+            "without_source": sum(not row.source for row in given),
+        }
+
+    parts = {name: part(name) for name, x in scene.document.items() if isinstance(x, dict | list)}
     return {
         "machine": scene.name,
         "description": scene.description,
         "file": scene.file,
         "ok": True,
-        "parts": {
-            name: {"type": words.get(name, ""), **_counts(numbers, name)}
-            for name in names
-            if any(row.path.startswith(f"{name}.") for row in numbers)
-        },
-        "follows": [
-            dict(zip(("what", "value", "unit"), row, strict=True)) for row in _follows(scene)
-        ],
+        "parts": {name: counts for name, counts in parts.items() if counts["values"]},
+        "follows": [{"what": what, "value": x, "unit": unit} for what, x, unit in _follows(scene)],
         "commands": _commands(scene),
         "unusual": [value._asdict() for value in jc.scene.implausible_values(scene)],
     }
@@ -81,39 +86,16 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
 
 def check_tables(result: dict[str, Any]):
     """Tables of `check_result`."""
-    counts = ("values", "defaults", "without_source")
-    yield row_table(
-        f"{result['machine']}: {result['description']}",
-        ("Part", "Type", "Values", "By default", "Without source"),
-        (
-            (name, part["type"], *(part[count] for count in counts))
-            for name, part in result["parts"].items()
-        ),
-        texts=2,
-    )
-
-    def text(value):
-        return value if isinstance(value, str) else f"{value:.5g}"
-
-    follows = (
-        map(escape, (row["what"], text(row["value"]), row["unit"])) for row in result["follows"]
-    )
-    yield row_table(None, ("What follows", "", ""), follows, texts=3)
+    title = f"{result['machine']}: {result['description']}"
+    heads = ("Part", "Type", "Values", "By default", "Without source")
+    yield row_table(title, heads, ((n, *p.values()) for n, p in result["parts"].items()), texts=2)
+    follows = (row.values() for row in result["follows"])
+    yield row_table(None, ("What follows", ("", ".5g"), ""), map(tuple, follows), texts=3)
     for value in result["unusual"]:
         shown = escape(f"{value['path']}: {value['what']}, usual is {value['usual']}")
         yield f"[yellow]unusual[/yellow]  {shown}"
-    verdict = "valid" if not result["unusual"] else "valid; look at the unusual values again"
+    verdict = "valid; look at the unusual values again" if result["unusual"] else "valid"
     yield f"[green]{verdict}[/green]; for jaxcomp {', '.join(result['commands'])}"
-
-
-def _counts(rows, name: str) -> dict[str, int]:
-    own = [row for row in rows if row.path.startswith(f"{name}.")]
-    given = [row for row in own if row.given is not None]
-    return {
-        "values": len(own),
-        "defaults": len(own) - len(given),
-        "without_source": sum(not row.source for row in given),
-    }
 
 
 def _commands(scene: jc.scene.Scene) -> list[str]:
@@ -244,7 +226,3 @@ def _follows(scene: jc.scene.Scene):
         hertz = jc.shaking.natural_frequencies(block) / (2 * math.pi)
         text = ", ".join(f"{f:.3g}" for f in hertz)
         yield "Block on its springs, 6 degrees of freedom", text, "Hz"
-
-
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, str | int | float | bool | None) else str(value)

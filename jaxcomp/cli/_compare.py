@@ -1,38 +1,41 @@
-"""`jaxcomp compare`: machines, or variants of one, beside each other."""
+"""`jaxcomp compare` and `sensitivity`: designs beside each other, and what every number does."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 import typer
 
 import jaxcomp as jc
 
+from .._shown import shown
 from ._arguments import assignments, changed_scene
-from ._completion import complete_machine, complete_variable
-from ._errors import CommandError, reports_errors
-from ._options import AsJson, OutWithoutScene, Sets
+from ._options import (
+    AccuracyOption,
+    AsJson,
+    Designs,
+    ExcitationOption,
+    Machine,
+    Out,
+    OutWithoutScene,
+    Quantities,
+    Sets,
+    analysis_options,
+    complete_machine,
+    complete_variable,
+)
 from ._output import hand_out
-from ._start import start_jax
-from ._tables import beside_table
+from ._start import CommandError, refuse, reports_errors, start_jax, waiting
+from ._sweep import default_quantities
+from ._tables import beside_table, row_table
 
 
 @reports_errors
 def compare(
-    machines: Annotated[
-        list[str],
-        typer.Argument(
-            help="Bundled machines (see `jaxcomp list`) or scene files; one alone with --with.",
-            autocompletion=complete_machine,
-        ),
-    ],
+    machines: Annotated[list[str], typer.Argument(autocompletion=complete_machine)],
     variants: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--with",
-            metavar="NAME=VALUE",
-            help="A variant of the machine: a value as for --set, or a design rule such as bore=120mm "
-            "(at fixed displacement). Repeatable: each is a design of its own.",
-            autocompletion=complete_variable,
-        ),
+        list[str] | None, typer.Option("--with", autocompletion=complete_variable)
     ] = None,
     sets: Sets = None,
     as_json: AsJson = False,
@@ -43,23 +46,26 @@ def compare(
     Changes are those against the first design. `--set` holds for all of them.
 
     Example: [bold]jaxcomp compare mayekawa-wbhe --with bore=120mm --with bore=140mm[/bold]
+
+    Args:
+        machines: Bundled machines (see `jaxcomp list`) or scene files; one alone with --with.
+        variants (NAME=VALUE): A variant of the machine: a value as for --set, or a design rule such as
+            bore=120mm (at fixed displacement). Repeatable: each is a design of its own.
     """
     if len(machines) + len(variants or ()) < 2:
         raise CommandError("compare: needs a second machine, or a variant by --with NAME=VALUE")
-    if variants and len(machines) > 1:
-        raise CommandError("--with: is for one machine alone")
+    refuse(variants and len(machines) > 1, "--with: is for one machine alone")
     from .._status import SolveFailed
-    from .._waits import spinner
 
     start_jax(once=True)
     scenes, orbits = _scenes(machines, variants or (), sets or ()), []
-    with spinner("Solving the periodic states (the first time they are compiled as well) ..."):
+    with waiting("Solving the periodic states (the first time they are compiled as well) ..."):
         for label, scene in scenes.items():
             try:
                 orbits.append(jc.solve_orbit(scene.as_compressor()))
             except SolveFailed as error:
                 raise CommandError(f"{label}: {error}") from None
-    designs = [one.machine for one in scenes.values()]
+    designs, labels = [one.machine for one in scenes.values()], list(scenes)
     rows = [one._asdict() for one in jc.design.compared_designs(designs, orbits)]
     result: dict[str, Any] = {
         "machines": [
@@ -71,13 +77,15 @@ def compare(
     }
 
     def figures():
-        return {"losses": jc.plot.compared_losses(rows, list(scenes))}
+        return {"losses": jc.plot.compared_losses(rows, labels)}
 
-    tables, written = [beside_table(rows, list(scenes))], "Report, picture and result"
+    tables, written = [beside_table(rows, labels)], "Report, picture and result"
     hand_out(result, tables, as_json, out, figures, written=written)
 
 
-def _scenes(machines, variants, sets) -> dict[str, Any]:
+def _scenes(
+    machines: Sequence[str], variants: Sequence[str], sets: Sequence[str]
+) -> dict[str, jc.scene.Scene]:
     """The designs by their labels."""
     found = {}
     for place, machine in enumerate(machines, 1):
@@ -86,8 +94,98 @@ def _scenes(machines, variants, sets) -> dict[str, Any]:
         found[label] = scene
     for text in variants:
         (name,) = assignments([text], "--with")
-        if text in found:
-            raise CommandError(f"--with {text}: is given twice")
+        refuse(text in found, f"--with {text}: is given twice")
         kept = [one for one in sets if one.partition("=")[0].strip() != name]
         found[text] = changed_scene(machines[0], [*kept, text])
     return found
+
+
+@reports_errors
+def sensitivity(
+    machine: Machine,
+    quantity: Quantities = None,
+    sets: Sets = None,
+    designs: Designs = None,
+    excitation: ExcitationOption = None,
+    accuracy: AccuracyOption = "fast",
+    rows: Annotated[int, typer.Option(min=1)] = 20,
+    as_json: AsJson = False,
+    out: Out = None,
+) -> None:
+    """Show by how many per cent quantities change when each number of the machine rises by 1 %.
+
+    Numbers that are zero, and angles, are changed by one unit instead. All derivatives come from one
+    reverse pass.
+
+    Example: [bold]jaxcomp sensitivity mayekawa-wbhe --quantity mechanical_efficiency --out result[/bold]
+
+    Args:
+        quantity (NAME): Quantity, e.g. motor_power or loss_power.crank_pin; efficiency, or vibration of
+            a rotor, if absent. Repeatable.
+        rows: Rows of each table; JSON and CSV have every number.
+    """
+    start_jax(once=True)
+    scene = changed_scene(machine, sets, designs)
+    names = list(dict.fromkeys(quantity or default_quantities(scene)))
+    with waiting():
+        found = jc.design.sensitivity(scene, names, options=analysis_options(accuracy, excitation))
+    if not found.ok:
+        raise CommandError(
+            f"{machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
+        )
+
+    def figures():
+        return jc.plot.sensitivity_figures(found, scene.name)
+
+    result, tables = sensitivity_result(found, scene.name), sensitivity_tables(found, rows)
+    curves = {"sensitivity": found.columns}
+    hand_out(result, tables, as_json, out, figures, scene, curves)
+
+
+def _quantities(found: jc.design.Sensitivity):
+    """(name, unit, value) of every quantity."""
+    return zip(found.quantities, found.quantity_units, found.value, strict=True)
+
+
+def sensitivity_result(found: jc.design.Sensitivity, machine: str) -> dict[str, Any]:
+    """The answer in SI units, the largest influence first. The keys are stable."""
+
+    def number(one):
+        return {
+            "name": one.number,
+            "words": one.part,
+            "unit": one.unit,
+            "value": one.present,
+            "elasticity": one.elasticity if one.relative else None,
+            "derivative": one.derivative,
+        }
+
+    quantities = [
+        {
+            "name": name,
+            "unit": unit,
+            "value": float(value),
+            "numbers": [*map(number, found.ranking(name))],
+        }
+        for name, unit, value in _quantities(found)
+    ]
+    return {"machine": machine, "quantities": quantities}
+
+
+def sensitivity_tables(found: jc.design.Sensitivity, rows: int) -> Iterator[Any]:
+    """For each quantity the numbers with the largest influence."""
+    for name, unit, value in _quantities(found):
+        look, ranked, listed = shown(name, unit, value), found.ranking(name), []
+        for relative in (True, False):
+            kind = [one for one in ranked if one.relative is relative]
+            listed += [(one.part, one.value, one.change) for one in kind[:rows]]
+            listed += [(f"and {len(kind) - rows} more with less", "", "")] * (len(kind) > rows)
+            listed.append(())
+        title = f"{look.words} {look.text(float(value))}: its change with every number"
+        table = row_table(title, ("Number", "Value", "Change"), listed)
+        idle = len(found.numbers) - len(ranked)
+        if idle:
+            what = "number of the machine has" if idle == 1 else "numbers of the machine have"
+            table.caption = f"{idle} other {what} no influence."
+            table.caption_justify = "left"
+        yield table

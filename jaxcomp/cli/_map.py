@@ -1,49 +1,26 @@
 """`jaxcomp map`: capacity, power and COP over evaporating and condensing temperature."""
 
-import enum
-from typing import Annotated, Any
+from __future__ import annotations
 
-import typer
+from typing import Any, Literal
 
 from .._shown import shown
 from ._arguments import assignments, changed_scene
-from ._errors import CommandError, reports_errors
 from ._options import AsJson, Machine, Out, Sets
-from ._output import hand_out
-from ._start import start_jax
+from ._output import hand_out, plain
+from ._start import CommandError, reports_errors, start_jax, waiting
 from ._tables import row_table
 
-
-class Standard(enum.StrEnum):
-    """What the gas that comes and the liquid before the expansion are; see `jaxcomp.rating.RATINGS`."""
-
-    file = "file"
-    ashrae = "ashrae"
-    en12900 = "en12900"
-    en12900_superheat = "en12900-superheat"
-    ahri540 = "ahri540"
+# What the gas that comes and the liquid before the expansion are; see `jaxcomp.rating.RATINGS`.
+Standard = Literal["file", "ashrae", "en12900", "en12900-superheat", "ahri540"]
 
 
 @reports_errors
 def rating_map(
     machine: Machine,
-    evaporating: Annotated[
-        str,
-        typer.Option(
-            metavar="FROM:TO:COUNT", help="Evaporating dew temperatures, degrees Celsius."
-        ),
-    ] = "-30:-10:5",
-    condensing: Annotated[
-        str,
-        typer.Option(metavar="FROM:TO:COUNT", help="Condensing dew temperatures, degrees Celsius."),
-    ] = "35:55:5",
-    rating: Annotated[
-        Standard,
-        typer.Option(
-            help="Return gas and liquid: those of the file, ASHRAE (both 32.2 C), EN 12900 (return gas "
-            "20 C or superheat 10 K) or AHRI 540 (18.3 C)."
-        ),
-    ] = Standard.file,
+    evaporating: str = "-30:-10:5",
+    condensing: str = "35:55:5",
+    rating: Standard = "file",
     sets: Sets = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -53,30 +30,27 @@ def rating_map(
     Prints capacity, power and COP and the ten coefficients of AHRI 540 for degrees Celsius.
 
     Example: [bold]jaxcomp map r134a-7cc --evaporating=-30:-10:5 --rating ashrae --out map[/bold]
+
+    Args:
+        evaporating (FROM:TO:COUNT): Evaporating dew temperatures, degrees Celsius.
+        condensing (FROM:TO:COUNT): Condensing dew temperatures, degrees Celsius.
+        rating: Return gas and liquid: those of the file, ASHRAE (both 32.2 C), EN 12900 (return gas 20
+            C or superheat 10 K) or AHRI 540 (18.3 C).
     """
-    over = [
-        _axis(text, name)
-        for text, name in ((evaporating, "evaporating"), (condensing, "condensing"))
-    ]
+    over = _axis(evaporating, "evaporating"), _axis(condensing, "condensing")
     start_jax()
     from .. import rating as ratings
-    from .._waits import spinner
 
-    scene = changed_scene(machine, sets or ())
-    with spinner("Solving the points (the first time they are compiled as well) ..."):
-        found = ratings.rating_map(scene, *over, rating.value)
+    scene = changed_scene(machine, sets)
+    with waiting("Solving the points (the first time they are compiled as well) ..."):
+        found = ratings.rating_map(scene, *over, rating)
+    keys = ("evaporating", "condensing", "ok", "values", "coefficients", "fit_error")
     result = {
         "machine": scene.name,
         "file": scene.file,
-        "rating": rating.value,
-        **{name: getattr(found, name).tolist() for name in ("evaporating", "condensing", "ok")},
-        "values": {
-            name: [[x if x == x else None for x in row] for row in values.tolist()]
-            for name, values in found.values.items()
-        },
-        "coefficients": {name: row.tolist() for name, row in found.coefficients.items()},
-        "fit_error": {name: float(error) for name, error in found.fit_error.items()},
-        "set": assignments(sets or (), "--set"),
+        "rating": rating,
+        **{key: plain(getattr(found, key)) for key in keys},
+        "set": assignments(sets, "--set"),
     }
 
     def figures():
@@ -84,7 +58,7 @@ def rating_map(
 
         return rating_figures(found, scene.name)
 
-    curves = None if out is None else {"map": found.columns()}
+    curves = {"map": found.columns}
     hand_out(result, map_tables(found, scene.name), as_json, out, figures, scene, curves)
 
 
@@ -95,12 +69,12 @@ def map_tables(found, name: str):
     units = {one: unit for one, unit, _ in QUANTITIES}
     for one in ("capacity", "power", "cop"):
         look = shown(one, units[one], found.values[one])
-        heads = ["Evaporating, °C", *(f"{t - ZERO:.4g}" for t in found.condensing.tolist())]
-        rows = [
+        heads = ("Evaporating, °C", *(f"{t - ZERO:.4g}" for t in found.condensing.tolist()))
+        cells = (
             (f"{t - ZERO:.4g}", *("" if x != x else f"{x * look.factor:.4g}" for x in row))
             for t, row in zip(found.evaporating.tolist(), found.values[one].tolist(), strict=True)
-        ]
-        yield row_table(f"{name}: {look.label}, over condensing temperature, °C", heads, rows)
+        )
+        yield row_table(f"{name}: {look.label}, over condensing temperature, °C", heads, cells)
     failed = int((~found.ok).sum())
     if failed:
         yield f"[yellow]Note:[/yellow] {failed} of {found.ok.size} points failed and are empty."
@@ -108,10 +82,9 @@ def map_tables(found, name: str):
         yield "Fewer than ten points: no coefficients."
         return
     terms = ("1", "S", "D", "S^2", "S D", "D^2", "S^3", "D S^2", "S D^2", "D^3")
-    columns = zip(*(row.tolist() for row in found.coefficients.values()), strict=True)
     rows: list[Any] = [
         (f"C{n}", term, *(f"{x:.8g}" for x in row))
-        for n, (term, row) in enumerate(zip(terms, columns, strict=True), 1)
+        for n, (term, *row) in enumerate(zip(terms, *found.coefficients.values(), strict=True), 1)
     ]
     errors = (f"{100 * float(e):.2g} %" for e in found.fit_error.values())
     rows += [(), ("", "largest error", *errors)]

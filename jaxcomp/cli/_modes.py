@@ -1,32 +1,34 @@
-"""`jaxcomp modes`: natural frequencies, damping, critical speeds and the Campbell diagram."""
+"""`jaxcomp modes` and `update`: natural frequencies of a rotor, and its numbers fitted to some."""
 
+from __future__ import annotations
+
+import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
 
 import jaxcomp as jc
 
 from .._shown import RPM, rounded
 from ._arguments import assignments, changed_scene
-from ._errors import CommandError, reports_errors
-from ._json import plain
-from ._options import AsJson, Machine, Out, Sets
-from ._output import hand_out
-from ._rotor import Speed, Speeds, header, points_and_range, pull_row, rotor_of, whirl
-from ._start import start_jax
-from ._tables import row_table
+from ._options import AsJson, Machine, Out, Sets, Speed, Speeds
+from ._output import hand_out, plain
+from ._rotor import header, points_and_range, pull_row, rotor_of, whirl
+from ._start import CommandError, refuse, reports_errors, start_jax, waiting
+from ._tables import Markup, row_table
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..rotor import DampedModes, RotorModel
-    from ..scene import Scene
-
+_HERTZ = 1 / (2 * math.pi)
 # Damping above which no response has a peak.
 _NO_PEAK = math.sqrt(0.5)
+# Frequencies closer than this, relative, are one pair of an axisymmetric rotor.
+_PAIR = 1e-3
 
 
 @reports_errors
@@ -35,36 +37,34 @@ def modes(
     sets: Sets = None,
     speed: Speed = None,
     speeds: Speeds = None,
-    count: Annotated[int, typer.Option(help="Number of modes.")] = 12,
-    free: Annotated[
-        bool,
-        typer.Option("--free", help="Without bearings, mounts and magnetic pull (free-free)."),
-    ] = False,
-    overdamped: Annotated[
-        bool,
-        typer.Option("--overdamped", help="Show modes with a damping above 70 % as well."),
-    ] = False,
-    undamped: Annotated[bool, typer.Option("--undamped", help="Without damping.")] = False,
+    count: int = 12,
+    free: bool = False,
+    overdamped: bool = False,
+    undamped: bool = False,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
     """Find the modes of a rotor with its crankcase and housing.
 
     Example: [bold]jaxcomp modes hermetic-68cc --speeds 300rpm:6000rpm:60 --out result[/bold]
-    """
-    from .._waits import spinner
 
+    Args:
+        count: Number of modes.
+        free: Without bearings, mounts and magnetic pull (free-free).
+        overdamped: Show modes with a damping above 70 % as well.
+        undamped: Without damping.
+    """
     if free and ":" in (speeds or ""):
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
     start_jax(once=True)
-    scene = changed_scene(machine, sets or (), ())
+    scene = changed_scene(machine, sets)
     points, range_ = points_and_range(scene, speed, speeds)
     model = rotor_of(scene, *(() if free else (points, range_)))
-    with spinner("Solving (the first time it is compiled as well) ..."):
+    with waiting():
         result, found = modes_result(scene, model, points, count, free, not undamped)
         if range_ is not None:
             result["campbell"] = campbell_result(model, range_, count, not undamped)
-    result["set"] = assignments(sets or (), "--set")
+    result["set"] = assignments(sets, "--set")
 
     def figures():
         shapes = jc.plot.mode_shapes(model, found[0], result)
@@ -73,38 +73,42 @@ def modes(
             drawn["campbell"] = jc.plot.campbell_diagram(result["campbell"])
         return drawn
 
-    curves = modes_columns(result)
-    hand_out(result, modes_tables(result, overdamped), as_json, out, figures, scene, curves)
+    tables = modes_tables(result, overdamped)
+    hand_out(result, tables, as_json, out, figures, scene, modes_columns(result))
 
 
 def modes_result(
-    scene: "Scene", model: "RotorModel", speeds: "np.ndarray", count: int, free: bool, damping: bool
-) -> tuple[dict[str, Any], list["DampedModes"]]:
+    scene: jc.scene.Scene,
+    model: jc.rotor.RotorModel,
+    speeds: np.ndarray,
+    count: int,
+    free: bool,
+    damping: bool,
+) -> tuple[dict[str, Any], list[jc.rotor.DampedModes]]:
     """Modes at single speeds."""
     import numpy as np
 
     found = [jc.rotor.damped_modes(model, s, count, free=free, damping=damping) for s in speeds]
-    tables = []
-    for one in found:
+
+    def listed(one):
         subsets = _leading_subset(model, one)
-        tables.append(
-            [
-                {
-                    "frequency": one.frequency[i],
-                    "damping_ratio": one.damping_ratio[i],
-                    "growth": one.eigenvalue[i].real,
-                    "whirl": one.whirl[i],
-                    "subset": subsets[i],
-                }
-                for i in np.flatnonzero(np.isfinite(np.asarray(one.eigenvalue)))
-            ]
-        )
+        return [
+            {
+                "frequency": one.frequency[i],
+                "damping_ratio": one.damping_ratio[i],
+                "growth": one.eigenvalue[i].real,
+                "whirl": one.whirl[i],
+                "subset": subsets[i],
+            }
+            for i in np.flatnonzero(np.isfinite(np.asarray(one.eigenvalue)))
+        ]
+
     result = {
         **header(scene, model, free),
         "speeds": speeds,
         "free": free,
         "damping": damping,
-        "modes": tables,
+        "modes": [*map(listed, found)],
         "stable": [bool(one.stable) for one in found],
         "growth": [one.growth for one in found],
     }
@@ -112,23 +116,22 @@ def modes_result(
 
 
 def campbell_result(
-    model: "RotorModel", speeds: "np.ndarray", count: int, damping: bool
+    model: jc.rotor.RotorModel, speeds: np.ndarray, count: int, damping: bool
 ) -> dict[str, Any]:
     """Frequencies over the spin speed, and where they meet the speed itself."""
     found = jc.rotor.campbell(model, speeds, count, damping=damping)
     critical = jc.rotor.critical_speeds_between(model, speeds, count, damping=damping)
-    return plain(
-        {
-            "speeds": speeds,
-            "frequency": found.frequency,
-            "damping_ratio": found.damping_ratio,
-            "whirl": found.whirl,
-            "critical_speeds": [
-                {"speed": w, "growth": g, "damping_ratio": -g / math.hypot(g, w)}
-                for w, g in zip(critical.speed, critical.growth, strict=True)
-            ],
-        }
-    )
+    result = {
+        "speeds": speeds,
+        "frequency": found.frequency,
+        "damping_ratio": found.damping_ratio,
+        "whirl": found.whirl,
+        "critical_speeds": [
+            {"speed": w, "growth": g, "damping_ratio": -g / math.hypot(g, w)}
+            for w, g in zip(critical.speed, critical.growth, strict=True)
+        ],
+    }
+    return plain(result)
 
 
 def modes_columns(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -157,14 +160,14 @@ def modes_columns(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 def modes_tables(result: dict[str, Any], overdamped: bool = False) -> Iterator[Any]:
     """Modes at each speed, critical speeds, stability; strongly damped modes only on request."""
-    for place in range(len(result["speeds"])):
-        yield _modes(result, place, overdamped)
+    for speed, found in zip(result["speeds"], result["modes"], strict=True):
+        yield _modes(result, speed, found, overdamped)
     if "campbell" in result:
-        yield _critical(result)
+        yield _critical(result["campbell"]["critical_speeds"])
     rows = [
         (
             f"At {speed * RPM:.5g} rpm",
-            "stable" if stable else "[bold red]unstable",
+            "stable" if stable else Markup("[bold red]unstable"),
             f"largest real part {growth:.3g} 1/s",
         )
         for speed, stable, growth in zip(
@@ -174,50 +177,37 @@ def modes_tables(result: dict[str, Any], overdamped: bool = False) -> Iterator[A
     yield row_table(None, ("Stability", "", ""), [*rows, *pull_row(result)], texts=3)
 
 
-def _modes(result, s, overdamped):
-    where = "without links" if result["free"] else f"at {result['speeds'][s] * RPM:.5g} rpm"
-    listed = [
-        (number, mode)
-        for number, mode in enumerate(result["modes"][s], 1)
+def _modes(result, speed, found, overdamped):
+    where = "without links" if result["free"] else f"at {speed * RPM:.5g} rpm"
+    rows = [
+        (
+            number,
+            mode["frequency"] * _HERTZ,
+            rounded(mode["frequency"] * RPM, 5),
+            100 * mode["damping_ratio"],
+            whirl(mode["whirl"]),
+            mode["subset"],
+        )
+        for number, mode in enumerate(found, 1)
         if overdamped or not mode["damping_ratio"] > _NO_PEAK
     ]
-    table = row_table(
-        f"{result['machine']}: modes {where}",
-        ("Mode", "Hz", "rpm", "Damping, %", "Whirl", "Moves most"),
-        (
-            (
-                number,
-                *_frequency(mode["frequency"]),
-                f"{100 * mode['damping_ratio']:.3g}",
-                whirl(mode["whirl"]),
-                escape(mode["subset"]),
-            )
-            for number, mode in listed
-        ),
-    )
-    hidden = len(result["modes"][s]) - len(listed)
-    if hidden:
-        table.caption = f"{hidden} more with a damping above 70 % (--overdamped shows them)"
-    return table
+    hidden = len(found) - len(rows)
+    more = f"{hidden} more with a damping above 70 % (--overdamped shows them)"
+    heads = ("Mode", ("Hz", ".5g"), "rpm", ("Damping, %", ".3g"), "Whirl", "Moves most")
+    title = f"{result['machine']}: modes {where}"
+    return row_table(title, heads, rows, caption=more if hidden else None)
 
 
-def _critical(result):
-    every = result["campbell"]["critical_speeds"]
-    listed = [one for one in every if not one["damping_ratio"] > _NO_PEAK]
-    rows = []
-    for one in listed:
-        hertz, rpm = _frequency(one["speed"])
-        rows.append((rpm, hertz, f"{100 * one['damping_ratio']:.3g}"))
-    table = row_table("Critical speeds", ("rpm", "Hz", "Damping, %"), rows)
-    if len(listed) < len(every):
-        hidden = len(every) - len(listed)
-        table.caption = f"{hidden} more with a damping above 70 %, which gives no peak"
-    return table
-
-
-def _frequency(value: float) -> tuple[str, str]:
-    """In Hz and in rpm."""
-    return f"{value / (2 * math.pi):.5g}", rounded(value * RPM, 5)
+def _critical(found):
+    rows = [
+        (rounded(one["speed"] * RPM, 5), one["speed"] * _HERTZ, 100 * one["damping_ratio"])
+        for one in found
+        if not one["damping_ratio"] > _NO_PEAK
+    ]
+    hidden = len(found) - len(rows)
+    more = f"{hidden} more with a damping above 70 %, which gives no peak"
+    heads = ("rpm", ("Hz", ".5g"), ("Damping, %", ".3g"))
+    return row_table("Critical speeds", heads, rows, caption=more if hidden else None)
 
 
 def _leading_subset(model, modes):
@@ -231,3 +221,206 @@ def _leading_subset(model, modes):
         words[int(np.argmax([mode[g].max() for g in groups]))] if np.all(np.isfinite(mode)) else ""
         for mode in size
     ]
+
+
+# ------------------------------------------------------------------- update
+@reports_errors
+def update(
+    machine: Machine,
+    measured: Path,
+    variable: Annotated[list[str], typer.Option()],
+    sets: Sets = None,
+    within: Annotated[str, typer.Option("--range")] = "0.5:2",
+    held: bool = False,
+    regularisation: float = 0.0,
+    as_json: AsJson = False,
+    out: Out = None,
+) -> None:
+    """Fit numbers of a rotor, such as elastic moduli or springs, to a modal test.
+
+    Example: [bold]jaxcomp update hermetic-68cc modes.csv --variable rotor.shafts.5.outer_diameter
+    [/bold]
+
+    Args:
+        measured: CSV with a column "frequency [Hz]" and, where not the lowest ones were measured,
+            "mode", counted from 1 with every pair of equal frequencies as one.
+        variable (PATH): Numbers that get one common factor, e.g. rotor.shafts.5.young_modulus, or one
+            of a list, e.g. rotor.shafts.5.outer_diameter.0. Repeatable.
+        within (LOW:HIGH): Bounds of every factor.
+        held: Measured in its bearings, not hanging free.
+        regularisation: Penalty on the distance from the scene's values, 0 for none.
+    """
+    try:
+        low, high = (float(part) for part in within.split(":"))
+    except ValueError:
+        raise CommandError(f"--range {within}: must have the form low:high") from None
+    if not 0 < low < 1 < high < float("inf"):
+        raise CommandError(f"--range {within}: must be positive and hold the factor 1")
+    frequencies, numbers = read_frequencies(measured)
+    start_jax(once=True)
+    scene = changed_scene(machine, sets)
+    model = rotor_of(scene)
+    with waiting("Fitting (the first time it is compiled as well) ..."):
+        result, scene = update_result(
+            scene, model, variable, frequencies, numbers, (low, high), not held, regularisation
+        )
+    result["set"] = assignments(sets, "--set")
+
+    def figures():
+        return {"rotor": jc.plot.rotor_drawing(rotor_of(scene))}
+
+    hand_out(result, update_tables(result), as_json, out, figures, scene)
+
+
+def read_frequencies(file: Path) -> tuple[list[float], list[int]]:
+    """[rad/s] Measured frequencies, rising, and which of the distinct ones they are, from 1."""
+    with file.open(encoding="utf-8-sig", newline="") as lines:
+        rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
+    names = [cell.strip() for cell in rows[0]] if rows else []
+    if "frequency [Hz]" not in names or len(rows) < 2:
+        raise CommandError(f'{file}: must have a column "frequency [Hz]" and a line below it')
+    found = []
+    for number, row in enumerate(rows[1:], 1):
+        cells = dict(zip(names, row, strict=False))
+        try:
+            value = float(cells["frequency [Hz]"])
+            mode = int(cells["mode"]) if "mode" in names else number
+        except (KeyError, ValueError):
+            raise CommandError(f"{file}: line {number + 1}: must hold numbers") from None
+        if not (0 < value < 1e12 and mode > 0):
+            raise CommandError(f"{file}: line {number + 1}: must be above zero")
+        found.append((mode, 2 * math.pi * value))
+    refuse(len({mode for mode, _ in found}) < len(found), f"{file}: mode: is named twice")
+    found.sort()
+    return [value for _, value in found], [mode for mode, _ in found]
+
+
+def update_result(
+    scene: jc.scene.Scene,
+    model: jc.rotor.RotorModel,
+    paths: Sequence[str],
+    measured: Sequence[float],
+    modes: Sequence[int],
+    bounds: tuple[float, float],
+    free: bool,
+    regularisation: float,
+) -> tuple[dict[str, Any], jc.scene.Scene]:
+    """The fit, and the scene with the fitted numbers."""
+    import equinox as eqx
+    import jax.numpy as jnp
+    import numpy as np
+
+    places = [_place(model, path) for path in paths]
+    many = min(2 * max(modes) + 12, jc.rotor.prepare(model).layout.size)
+    first = np.asarray(jc.rotor.undamped_modes(model, many, free=free).frequency)
+    elastic = np.flatnonzero(first > 1e-3 * first.max())
+    apart = np.append(True, np.diff(first[elastic]) > _PAIR * first[elastic][1:])
+    distinct = elastic[apart]
+    if max(modes) > len(distinct):
+        raise CommandError(f"mode {max(modes)}: the rotor has {len(distinct)} distinct frequencies")
+    numbers = tuple(int(distinct[mode - 1]) for mode in modes)
+
+    def insert(model, factors):
+        for (get, index), factor in zip(places, factors, strict=True):
+            value = get(model)
+            value = value * factor if index is None else value.at[index].multiply(factor)
+            model = eqx.tree_at(get, model, value)
+        return model
+
+    one = jnp.ones(len(places))
+    fit = jc.rotor.fit_frequencies(
+        model, insert, one, bounds[0] * one, bounds[1] * one, measured, numbers,
+        free=free, regularisation=regularisation,
+    )  # fmt: skip
+    variables, changes = [], {}
+    for path, (get, index), factor, bound in zip(
+        paths, places, fit.parameters, fit.at_bound, strict=True
+    ):
+        before, after = (np.asarray(get(m)) for m in (model, fit.model))
+        if index is not None:
+            before, after = before[index], after[index]
+        field = path if index is None else path.rpartition(".")[0]
+        changes[field] = _entry(fit.model, field)
+        variables.append(
+            {"path": path, "factor": factor, "before": before, "after": after, "at_bound": bound}
+        )
+    columns = (modes, measured, first[list(numbers)], fit.frequency, fit.error)
+    keys = ("mode", "measured", "before", "after", "error")
+    result = {
+        "machine": scene.name,
+        "file": scene.file,
+        "version": version("jaxcomp"),
+        "free": free,
+        "variables": variables,
+        "modes": [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)],
+        "converged": fit.converged,
+        "steps": fit.steps,
+    }
+    source = "fitted to measured natural frequencies"
+    return plain(result), jc.scene.with_values(scene, changes, source)
+
+
+def update_tables(result: dict[str, Any]) -> Iterator[Any]:
+    """Frequencies before and after, and the fitted numbers."""
+    rows = (
+        (row["mode"], *(row[key] * _HERTZ for key in ("measured", "before", "after")),
+         f"{100 * row['error']:.2g} %")
+        for row in result["modes"]
+    )  # fmt: skip
+    heads = ("Mode", ("Measured", ".5g"), ("Before", ".5g"), ("After", ".5g"), "Error")
+    yield row_table(f"{result['machine']}: natural frequencies in Hz", heads, rows)
+    fitted = [
+        (row["path"], f"{row['factor']:.5g}", row["at_bound"] and "at its bound")
+        for row in result["variables"]
+    ]
+    status = "converged" if result["converged"] else Markup("[bold red]not converged")
+    solver = ("Solver", status, f"{result['steps']} steps")
+    yield row_table(None, ("Fitted", "Factor", ""), [*fitted, solver], texts=3)
+
+
+def _entry(model: jc.rotor.RotorModel, path: str):
+    """Numbers of the rotor as an entry of a scene file, with their unit."""
+    from .._fields import quantities
+
+    part: Any = model
+    name = path.rpartition(".")[2]
+    for step in path.split(".")[1:-1]:
+        part = part[int(step)] if isinstance(part, tuple) else getattr(part, step)
+    unit = dict(quantities(part))[name].metadata["unit"]
+    values = getattr(part, name).tolist()
+    return {"value": values, "unit": unit} if unit else values
+
+
+def _place(model: jc.rotor.RotorModel, path: str):
+    """Function that picks the numbers of a path out of the rotor, and the index of one of them."""
+    import equinox as eqx
+
+    steps = path.split(".")
+    if steps[0] != "rotor" or len(steps) < 2:
+        raise CommandError(
+            f"--variable {path}: must begin with rotor, such as rotor.shafts.0.length"
+        )
+    here: Any = model
+    index, walked = None, []
+    for step in steps[1:]:
+        try:
+            if eqx.is_array(here):
+                if index is not None:
+                    raise IndexError
+                index = int(step)
+                here[index]
+                if not 0 <= index < len(here):
+                    raise IndexError
+                continue
+            walked.append(int(step) if isinstance(here, tuple) else step)
+            here = here[walked[-1]] if isinstance(here, tuple) else getattr(here, step)
+        except (AttributeError, IndexError, ValueError, TypeError):
+            raise CommandError(f"--variable {path}: {step} leads to nothing") from None
+    refuse(not eqx.is_inexact_array(here), f"--variable {path}: leads to no numbers")
+
+    def get(model):
+        for step in walked:
+            model = model[step] if isinstance(step, int) else getattr(model, step)
+        return model
+
+    return get, index

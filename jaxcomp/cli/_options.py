@@ -1,37 +1,109 @@
-"""Arguments that several commands declare alike."""
+"""Options that several commands share, and what the shell completes behind them.
 
-import enum
+Completion reads files and the registry itself, so that no key press waits for JAX.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import typer
 
-from ._completion import complete_machine, complete_rule, complete_variable
+import jaxcomp as jc
+
+from .._extensions import ExtensionError
+from .._registry import DESIGN_RULES, registered
+
+_MACHINES = Path(__file__).parents[1] / "machines"
 
 
-class Accuracy(enum.StrEnum):
-    """How the periodic state is solved, of many designs."""
-
-    fine = "fine"
-    fast = "fast"
-    coarse = "coarse"
-
-
-def analysis_solver(accuracy: Accuracy):
-    """The solver of an accuracy; `None` for the one that the design chooses."""
-    from ..crank import Collocation
-
-    if accuracy == Accuracy.fine:
-        return None
-    nodes, tolerance = (12, 1e-10) if accuracy == Accuracy.fast else (8, 1e-5)
-    return Collocation(nodes, reversals=0, tolerance=tolerance)
+# ------------------------------------------------------------------- completion
+def complete_machine(incomplete: str) -> list[tuple[str, str]]:
+    """Bundled machines with their descriptions, then scene files and folders."""
+    found = []
+    for file in sorted(_MACHINES.glob("*.toml")):
+        if file.stem.startswith(incomplete):
+            found.append((file.stem, _tables(file).get("description", "")))
+    folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
+    for file in sorted(folder.glob("*")) if folder.is_dir() else ():
+        name = f"{file}/" if file.is_dir() else str(file)
+        if name.startswith(incomplete) and (file.is_dir() or file.suffix == ".toml"):
+            found.append((name, "scene file" if file.suffix == ".toml" else "folder"))
+    return found
 
 
-class Excitation(enum.StrEnum):
-    """Forces on the rotor."""
+def complete_variable(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """`NAME=` of the design rules, and of the values in the machine on the command line."""
+    return [*complete_rule(incomplete), *((path, "") for path in _complete_path(ctx, incomplete))]
 
-    file = "file"
-    crank = "crank"
+
+def complete_rule(incomplete: str) -> list[tuple[str, str]]:
+    """`NAME=` of the design rules."""
+    return [(f"{name}=", doc) for name, doc in DESIGN_RULES.items() if name.startswith(incomplete)]
+
+
+def complete_quantity(incomplete: str) -> list[tuple[str, str]]:
+    """The quantities of the registry; those ending in a point want a joint or a target."""
+    try:
+        known = registered()
+    except ExtensionError:  # the command itself tells; a key press in the shell has nowhere to
+        return []
+    names = ((one.name.partition("<")[0], one.doc) for one in known)
+    return [(name, doc) for name, doc in names if name.startswith(incomplete)]
+
+
+def _complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
+    # behind an option that still lacks its value the words before it are not told apart yet
+    loose = (word for word in ctx.args if not word.startswith("-"))
+    given = ctx.params.get("machine") or next(loose, None)
+    if not given or "=" in incomplete:
+        return []
+    file = _MACHINES / f"{given}.toml"
+    tables = _tables(file if file.exists() else Path(given))
+    planes = [row.get("name") for row in tables.get("balancing", {}).get("planes", ())]
+    corrections = (f"corrections.{p}.{c}" for p in planes for c in ("x", "y", "magnitude", "angle"))
+    paths = [*_paths(tables), *corrections]
+    return [f"{path}=" for path in paths if path.startswith(incomplete)]
+
+
+def _tables(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return {}
+
+
+def _paths(table: Mapping[str, Any], above: str = "") -> Iterator[str]:
+    for key, value in table.items():
+        path = f"{above}{key}"
+        if isinstance(value, Mapping) and "value" not in value:
+            yield from _paths(value, f"{path}.")
+        elif isinstance(value, list) and value and all(isinstance(row, Mapping) for row in value):
+            for index, row in enumerate(value):
+                yield from _paths(row, f"{path}.{index}.")
+        elif above and key != "source":
+            yield path
+
+
+# ------------------------------------------------------------------- options
+# How the periodic state is solved, of many designs.
+Accuracy = Literal["fine", "fast", "coarse"]
+# Forces on the rotor.
+Excitation = Literal["file", "crank"]
+# How samples are drawn.
+Sampling = Literal["sobol", "latin-hypercube", "random"]
+
+
+def analysis_options(
+    accuracy: Accuracy, excitation: Excitation | None = None
+) -> jc.AnalysisOptions:
+    """How the designs of a study are solved; of the finest accuracy each design chooses its solver."""
+    nodes, tolerance = (12, 1e-10) if accuracy == "fast" else (8, 1e-5)
+    solver = jc.Collocation(nodes, reversals=0, tolerance=tolerance)
+    return jc.AnalysisOptions(None if accuracy == "fine" else solver, excitation)
 
 
 Machine = Annotated[
@@ -68,6 +140,8 @@ Designs = Annotated[
         autocompletion=complete_rule,
     ),
 ]
+Quantity = Annotated[str | None, typer.Option(autocompletion=complete_quantity)]
+Quantities = Annotated[list[str] | None, typer.Option(autocompletion=complete_quantity)]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
 ]
@@ -85,6 +159,22 @@ ExcitationOption = Annotated[
     typer.Option(
         help="Forces on the rotor: those of the file, or of the crank's periodic state. If absent, the "
         "crank where the machine joins it to the rotor."
+    ),
+]
+Speed = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--speed",
+        metavar="SPEED",
+        help="Speed to solve, e.g. 3000rpm; those of the scene if absent. Repeatable.",
+    ),
+]
+Speeds = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SPEEDS",
+        help="Speeds to solve, e.g. 3000rpm,3600rpm, or a range from:to or from:to:count, e.g. "
+        "300rpm:6000rpm:200, for curves, Campbell diagram and critical speeds.",
     ),
 ]
 Dask = Annotated[

@@ -1,16 +1,26 @@
-"""Output of every command: a folder, JSON or tables."""
+"""Output of every command: JSON or tables, and a folder of files.
+
+Every number in JSON has its SI unit in its key, as `mean_speed [rad/s]`.
+"""
 
 import io
+import json
+import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._command_line import command_line
-from ._json import json_text, print_json
+import typer
+
+from .._registry import registered
+from ._start import command_line, waiting
 
 if TYPE_CHECKING:
     from ..scene import Scene
+
+_WRITTEN = "Report, pictures, curves, result and scene"
 
 
 def hand_out(
@@ -20,8 +30,8 @@ def hand_out(
     out: Path | None,
     figures: Callable[[], Mapping[str, Any]],
     scene: "Scene | None" = None,
-    curves: Mapping[str, Mapping[str, Any]] | None = None,
-    written: str = "Report, pictures, curves, result and scene",
+    curves: Mapping[str, Mapping[str, Any] | Callable[[], Mapping[str, Any]]] | None = None,
+    written: str = _WRITTEN,
 ) -> None:
     """Write the folder of a command if one is named, and print JSON or tables.
 
@@ -32,15 +42,14 @@ def hand_out(
         out: folder for the files; `None` for none.
         figures: draws the pictures, by name.
         scene: as it was run; `None` where there is none.
-        curves: as in `write_results`.
+        curves: columns, or what makes them, by the name of the CSV file that takes them.
         written: names of the kinds of files in the folder.
     """
     tables = list(tables)
     if out is not None:
-        from .._waits import spinner
-
-        with spinner("Drawing ..."):
-            write_results(out, figures(), result, scene, tables, curves)
+        with waiting("Drawing ..."):
+            columns = {k: made() if callable(made) else made for k, made in (curves or {}).items()}
+            write_results(out, figures(), result, scene, tables, columns)
     show_results(result, tables, as_json, out, written)
 
 
@@ -59,9 +68,8 @@ def write_results(
     Args:
         folder: is made if it is missing.
         figures: figures of matplotlib, or the bytes of a GIF, by name.
-        result: what JSON prints.
-        scene: as it was run.
-        tables: what the terminal shows; the report shows the numbers of `result` without them.
+        result, scene: as in `hand_out`.
+        tables: as in `hand_out`; without them the report shows the numbers of `result`.
         curves: columns with their units, by the name of the CSV file that takes them.
     """
     from .._results import csv_text
@@ -97,27 +105,18 @@ def _write(file: Path, content: bytes) -> None:
         part.replace(file)
     except OSError as error:
         part.unlink(missing_ok=True)
-        raise OSError(
-            error.errno, f"{error.strerror}; the file is not written", str(file)
-        ) from None
+        why = f"{error.strerror}; the file is not written"
+        raise OSError(error.errno, why, str(file)) from None
 
 
 def show_results(
     result: dict[str, Any],
     tables: Iterable[Any],
     as_json: bool,
-    out: Path | None,
-    written: str = "Report, pictures, curves, result and scene",
+    out: Path | None = None,
+    written: str = _WRITTEN,
 ) -> None:
-    """Print one JSON object, or the tables and the folder of the files.
-
-    Args:
-        result: what JSON prints.
-        tables: what `rich` prints, one after the other.
-        as_json: whether JSON is printed.
-        out: folder that was written, if any.
-        written: names of the kinds of files there.
-    """
+    """Print one JSON object, or the tables and the folder of the files; arguments as in `hand_out`."""
     if as_json:
         print_json(result)
         return
@@ -134,3 +133,118 @@ def show_results(
         console.print(shown, soft_wrap=typed)
     if out is not None:
         console.print(f"{written} are in {out}", soft_wrap=True, markup=False)
+
+
+# ------------------------------------------------------------------- JSON
+# Keys that are no quantities of the registry, which has the units of those.
+_BY_UNIT = {
+    "": ("vibration", "rod_load_reversal"),  # of a suspended block, by what is measured
+    "J": ("motor_work", "gas_work", "losses", "kinetic_energy_gained"),
+    "N": ("mean_forces", "peak_forces", "load"),
+    "N m": ("friction_torque", "bush_torque"),
+    "s": ("period", "seconds", "end_time", "time_of_highest_speed", "time", "power_off"),
+    "m": (
+        "stroke", "length", "diameter", "clearance", "minimum_film", "major_axis", "minor_axis",
+        "position", "rms", "peak", "free_body", "radius", "largest_before", "largest_after",
+    ),
+    "m^3/s": ("side_flow",),
+    "rad": ("phase", "before_phase", "after_phase", "inclination", "attitude_angle", "angle",
+        "end_angle"),
+    "rad/s": (
+        "lowest_speed", "highest_speed", "speed", "speeds", "frequency", "growth",
+        "natural_frequencies", "measured", "end_speed",
+    ),
+    "Pa": ("peak_pressure",),
+    "Pa s": ("viscosity",),
+    "N/m": ("stiffness",),
+    "N s/m": ("damping",),
+    "kg": ("mass", "critical_mass"),
+    "kg m": ("unbalance", "corrections"),
+}  # fmt: skip
+_UNITS = {key: unit for unit, keys in _BY_UNIT.items() for key in keys}
+# Directions, whose unit follows from what they are a direction of: of ux, uy, uz, and of rotations.
+_DIRECTIONS = {"amplitude": ("m", "rad"), "phase": ("rad", "rad"), "links": ("N", "N m")}
+
+
+def plain(value: Any) -> Any:
+    """Lists, dictionaries and numbers for JSON; of complex numbers the magnitudes.
+
+    A number that is not finite becomes `None`, and a tuple with named fields a dictionary.
+    """
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, complex):
+        value = abs(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def json_text(result: dict[str, Any], *, ascii_only: bool = False) -> str:
+    """One JSON object; a number that is not finite would be a fault and is refused."""
+    return json.dumps(_keyed(result), indent=2, allow_nan=False, ensure_ascii=ascii_only)
+
+
+def print_json(result: dict[str, Any]) -> None:
+    """Print one JSON object on standard output, in ASCII where that takes no other signs."""
+    utf = (sys.stdout.encoding or "").lower().startswith("utf")
+    typer.echo(json_text(result, ascii_only=not utf))
+
+
+def _keyed(result: Any, of: str = "", units: dict[str, str] | None = None) -> Any:
+    """A result with the SI unit of every number in its key.
+
+    What stands beside a key `unit` is in that unit and keeps its name. The result is a part `of` another
+    one, with the `units` of keys that mean something else there.
+    """
+    if isinstance(result, list | tuple):
+        return [_keyed(one, of, units) for one in result]
+    if not isinstance(result, dict):
+        return result
+    units = (units or {}) | _own_units(result)
+    out = {}
+    for key, value in result.items():
+        unit = "" if "unit" in result else units.get(key, _unit_of(key))
+        if of in _DIRECTIONS and key[:2] in ("ux", "uy", "uz", "th"):
+            unit = _DIRECTIONS[of][key.startswith("th")]
+        by_name = isinstance(value, dict)
+        if isinstance(value, bool | str) or (by_name and (key in _DIRECTIONS or "unit" in value)):
+            unit = ""
+        inside = key if key in _DIRECTIONS else of
+        # what is listed by name beneath a unit has that unit
+        out[f"{key} [{unit}]" if unit else key] = (
+            value if by_name and unit else _keyed(value, inside, units)
+        )
+    return out
+
+
+def _unit_of(key: str) -> str:
+    known = (one.unit for one in registered() if key in (one.name, one.family))
+    return _UNITS[key] if key in _UNITS else next(known, "")
+
+
+def _own_units(result: dict[str, Any]) -> dict[str, str]:
+    """Units that the result itself names, or that follow from what it is."""
+    own = {}
+    for value in result.values():  # of variables and quantities that are listed with their units
+        for one in value if isinstance(value, list | tuple) else [value]:
+            if isinstance(one, dict) and "unit" in one and "name" in one:
+                own[one["name"]] = one["unit"]
+            elif isinstance(one, dict):
+                inner = {k: v for k, v in one.items() if isinstance(v, dict) and "unit" in v}
+                own |= {name: entry["unit"] for name, entry in inner.items()}
+    if "vibration_unit" in result:
+        vibration = result["vibration_unit"]
+        own |= dict.fromkeys(("before", "after", "sensitivity", "objective", "bound"), vibration)
+        own["correction"] = result["correction_unit"]
+    if "measured" in result and "error" in result:  # a frequency before and after a fit
+        own |= {"before": "rad/s", "after": "rad/s"}
+    if "closure" in result:  # relative errors of an orbit
+        own |= {"speed": "", "period": ""}
+    if "rms" in result and "free_body" in result:
+        own["amplitude"] = "m"
+    return own

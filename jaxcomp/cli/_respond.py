@@ -1,42 +1,29 @@
 """`jaxcomp respond`: harmonic response of rotor, crankcase and housing to unbalances and forces."""
 
-import math
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from __future__ import annotations
 
-import typer
-from rich.markup import escape
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import jaxcomp as jc
 
 from .._shown import RPM
 from ._arguments import assignments, changed_scene
-from ._errors import CommandError, reports_errors
-from ._json import plain
-from ._options import AsJson, Excitation, ExcitationOption, Machine, Out, Sets
-from ._output import hand_out
-from ._rotor import (
-    Speed,
-    Speeds,
-    chosen_excitation,
-    header,
-    points_and_range,
-    pull_row,
-    rotor_of,
-    whirl,
-)
-from ._start import start_jax
+from ._options import AsJson, ExcitationOption, Machine, Out, Sets, Speed, Speeds
+from ._output import hand_out, plain
+from ._rotor import chosen_excitation, header, points_and_range, pull_row, rotor_of, whirl
+from ._start import CommandError, refuse_unknown, reports_errors, start_jax, waiting
 from ._tables import row_table
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..rotor import Response, RotorModel
-    from ..scene import Scene
-
-
 # Orders of the crank's forces that are shown if none are named; those above are small.
 _OF_CRANK = (1, 2, 3, 4)
+# By name of the target or node: its number in the model's list, and that of the node relative to which
+# the motion is, -1 for the ground.
+Watched = dict[str, tuple[int, int]]
 _EXCITED = {
     "file": "unbalances and forces of the scene",
     "crank": "unbalances and the crank's periodic state at each speed",
@@ -49,16 +36,8 @@ def respond(
     sets: Sets = None,
     speed: Speed = None,
     speeds: Speeds = None,
-    orders: Annotated[
-        str | None,
-        typer.Option(metavar="N,N,...", help="Orders of the speed; all that are loaded if absent."),
-    ] = None,
-    node: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--node", help="Node to report; the target planes (or all) if absent. Repeatable."
-        ),
-    ] = None,
+    orders: str | None = None,
+    node: list[str] | None = None,
     excitation: ExcitationOption = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -67,15 +46,17 @@ def respond(
 
     Example: [bold]jaxcomp respond hermetic-68cc --speed 3000rpm --speeds 300rpm:6000rpm:200 --out
     result[/bold]
-    """
-    from .._waits import spinner
 
+    Args:
+        orders (N,N,...): Orders of the speed; all that are loaded if absent.
+        node: Node to report; the target planes (or all) if absent. Repeatable.
+    """
     start_jax(once=True)
-    scene = changed_scene(machine, sets or (), ())
+    scene = changed_scene(machine, sets)
     watched = watched_nodes(scene, rotor_of(scene), node or ())
     case = scene.parts.get("loads")
     shaken_by = chosen_excitation(scene, excitation)
-    by_crank = shaken_by is Excitation.crank
+    by_crank = shaken_by == "crank"
     if not isinstance(case, jc.rotor.LoadCase) or not (case.loads or by_crank):
         raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
     wanted = whole_orders(orders, None if by_crank else case.loads)
@@ -83,17 +64,17 @@ def respond(
     model = rotor_of(scene, points, range_)
 
     def answer(machine, speeds):
-        return jc.respond(machine, spin_speeds=speeds, orders=wanted, excitation=shaken_by.value)
+        return jc.respond(machine, spin_speeds=speeds, orders=wanted, excitation=shaken_by)
 
-    with spinner("Solving (the first time it is compiled as well) ..."):
+    with waiting():
         response = answer(scene, points)
         result = respond_result(scene, model, response, points, wanted, watched)
         if range_ is not None:
             result["curves"] = curve_result(answer(scene, range_), range_, watched)
         if moving_films(scene):
             result["linearised"] = linearised_result(scene, answer, points, wanted, watched)
-    result["excitation"] = shaken_by.value
-    result["set"] = assignments(sets or (), "--set")
+    result["excitation"] = shaken_by
+    result["set"] = assignments(sets, "--set")
 
     def figures():
         drawn = {
@@ -103,75 +84,49 @@ def respond(
         }
         return drawn | ({"curves": jc.plot.response_curves(result)} if "curves" in result else {})
 
-    curves = {"response": response_columns(result)}
+    curves: dict[str, Any] = {"response": lambda: response_columns(result)}
     if "curves" in result:
-        curves["curves"] = curve_columns(result)
+        curves["curves"] = lambda: curve_columns(result)
     hand_out(result, response_tables(result), as_json, out, figures, scene, curves)
 
 
-class Watched(NamedTuple):
-    """Nodes whose motion is reported.
-
-    Attributes:
-        name: of the target, or of the node.
-        node: number in the model's list.
-        base: number of the node relative to which the motion is, -1 for the ground.
-    """
-
-    name: tuple[str, ...]
-    node: tuple[int, ...]
-    base: tuple[int, ...]
-
-
 def whole_orders(text: str | None, loads: Sequence | None) -> tuple[int, ...]:
-    """The orders of `--orders`, or all that are loaded but the mean; 1 to 4 without loads: of the crank.
-
-    Raises:
-        CommandError: no whole numbers above zero.
-    """
-    if text is None and loads is None:
-        return _OF_CRANK
+    """The orders of `--orders`, all that are loaded but the mean, or without loads those of the crank."""
     if text is None:
         from ..running import loaded_orders
 
-        return loaded_orders(tuple(loads))
+        return _OF_CRANK if loads is None else loaded_orders(tuple(loads))
     numbers = [word.strip() for word in text.split(",")]
     if not all(word.isdigit() and int(word) > 0 for word in numbers):
         raise CommandError(f'--orders {text}: must be whole numbers above zero, such as "1,2"')
     return tuple(dict.fromkeys(int(word) for word in numbers))
 
 
-def watched_nodes(scene: "Scene", model: "RotorModel", given: Sequence[str]) -> Watched:
-    """The nodes of `--node`, or the target planes, or all nodes.
-
-    Raises:
-        CommandError: a node that the model does not have.
-    """
+def watched_nodes(
+    scene: jc.scene.Scene, model: jc.rotor.RotorModel, given: Sequence[str]
+) -> Watched:
+    """The nodes of `--node`, or the target planes, or all nodes."""
     names = jc.rotor.node_names(model)
     places = {str(name): i for i, name in enumerate(names)}
     for name in given:
-        if name not in places:
-            hint = jc.scene.did_you_mean(name, places)
-            raise CommandError(f"--node {name}: is no node{hint}")
+        refuse_unknown(f"--node {name}", name, places, "node")
     planes = scene.parts.get("balancing")
     if given or planes is None:
-        picked = tuple(dict.fromkeys(given)) or tuple(places)
-        return Watched(picked, tuple(places[name] for name in picked), (-1,) * len(picked))
-    targets = planes.targets  # pyright: ignore[reportAttributeAccessIssue]
-    base = [t.relative_to for t in targets]
-    return Watched(
-        tuple(f"{t.name} ({t.node}{f' from {t.relative_to}' if t.relative_to else ''})"
-              for t in targets),
-        tuple(names.index(t.node) for t in targets),
-        tuple(-1 if b is None else names.index(b) for b in base),
-    )  # fmt: skip
+        return {name: (places[name], -1) for name in given or places}
+    watched = {}
+    for one in planes.targets:  # pyright: ignore[reportAttributeAccessIssue]
+        base, apart = -1, ""
+        if one.relative_to is not None:
+            base, apart = names.index(one.relative_to), f" from {one.relative_to}"
+        watched[f"{one.name} ({one.node}{apart})"] = names.index(one.node), base
+    return watched
 
 
 def respond_result(
-    scene: "Scene",
-    model: "RotorModel",
-    response: "Response",
-    speeds: "np.ndarray",
+    scene: jc.scene.Scene,
+    model: jc.rotor.RotorModel,
+    response: jc.rotor.Response,
+    speeds: np.ndarray,
     orders: tuple[int, ...],
     watched: Watched,
 ) -> dict[str, Any]:
@@ -193,22 +148,22 @@ def respond_result(
     motion = _relative(response, watched)
     ellipse = jc.rotor.orbit(motion[..., 0], motion[..., 1])
     motion = np.asarray(motion)
-    nodes = {
-        name: {
+
+    def node(i):
+        return {
             "amplitude": {a: np.abs(motion[:, :, i, k]) for k, a in enumerate(axes)},
             "phase": {a: np.angle(motion[:, :, i, k]) for k, a in enumerate(axes)},
             "major_axis": ellipse.major[..., i],
             "minor_axis": ellipse.minor[..., i],
             "inclination": ellipse.inclination[..., i],
         }
-        for i, name in enumerate(watched.name)
-    }
+
     result = {
         **header(scene, model),
         "speeds": speeds,
         "orders": orders,
         "axes": axes,
-        "nodes": nodes,
+        "nodes": {name: node(i) for i, name in enumerate(watched)},
         "links": {name: forces for name, forces in links.items() if forces},
         "correction": np.max(response.correction),
         "status": "ok",
@@ -216,7 +171,7 @@ def respond_result(
     return plain(result)
 
 
-def moving_films(scene: "Scene") -> dict[int, str]:
+def moving_films(scene: jc.scene.Scene) -> dict[int, str]:
     """Names of the rotor's bearings whose journals move in their films, by number of the link."""
     from ..film import OrbitBearing
 
@@ -230,9 +185,9 @@ def moving_films(scene: "Scene") -> dict[int, str]:
 
 
 def linearised_result(
-    scene: "Scene",
-    answer: Callable[..., "Response"],
-    speeds: "np.ndarray",
+    scene: jc.scene.Scene,
+    answer: Callable[..., jc.rotor.Response],
+    speeds: np.ndarray,
     orders: tuple[int, ...],
     watched: Watched,
 ) -> dict[str, Any]:
@@ -254,14 +209,16 @@ def linearised_result(
     return plain(result)
 
 
-def curve_result(response: "Response", speeds: "np.ndarray", watched: Watched) -> dict[str, Any]:
+def curve_result(
+    response: jc.rotor.Response, speeds: np.ndarray, watched: Watched
+) -> dict[str, Any]:
     """Major axes of the orbits over a range of speeds; `null` where there is no response."""
     import numpy as np
 
     motion = _relative(response, watched)
     major = np.asarray(jc.rotor.orbit(motion[..., 0], motion[..., 1]).major)
     major = np.where(np.asarray(response.ok)[..., None], major, np.nan)
-    curves = {name: major[..., i] for i, name in enumerate(watched.name)}
+    curves = {name: major[..., i] for i, name in enumerate(watched)}
     return plain({"speeds": speeds, "major_axis": curves})
 
 
@@ -297,9 +254,14 @@ def response_tables(result: dict[str, Any]) -> Iterator[Any]:
     """Orbits of the watched nodes, mount forces, peaks of the curves, convergence."""
     for place in range(len(result["speeds"])):
         yield _orbits(result, place)
-    yield _links(result)
+    rows = [
+        (*begin, *(axes[a][n][s] if a in axes else None for a in result["axes"]))
+        for begin, axes, n, s in _each(result, result["links"])
+    ]
+    heads = ("Link, N and N m", "n", "rpm", *((axis, ".4g") for axis in result["axes"]))
+    yield row_table(None, heads, rows, whole=(0,))
     if "linearised" in result:
-        yield from _linearised(result)
+        yield from _linearised(result, result["linearised"])
     if "curves" in result:
         yield _peaks(result)
     solver = ("Solver", result["status"], f"last correction {result['correction']:.1e}")
@@ -307,26 +269,32 @@ def response_tables(result: dict[str, Any]) -> Iterator[Any]:
     yield row_table(None, ("Convergence", "", ""), [shaken, solver, *pull_row(result)], texts=3)
 
 
+def _each(result: dict[str, Any], by_name: Mapping[str, Any]) -> Iterator[Any]:
+    """((name, order, rpm) as cells, value, place of the order, of the speed) of every row."""
+    for name, value in by_name.items():
+        for n, order in enumerate(result["orders"]):
+            for s, speed in enumerate(result["speeds"]):
+                first = name if n == s == 0 else ""
+                yield (first, order, f"{speed * RPM:.5g}"), value, n, s
+
+
 def _orbits(result, s):
-    rpm = result["speeds"][s] * RPM
-    rows = []
+    speed, rows = result["speeds"][s], []
     for name, motion in result["nodes"].items():
         for n, order in enumerate(result["orders"]):
             x, y = (motion["amplitude"][a][n][s] for a in ("ux", "uy"))
             major, minor = motion["major_axis"][n][s], motion["minor_axis"][n][s]
-            velocity = order * result["speeds"][s] * math.hypot(x, y) / math.sqrt(2)
-            rows.append(
-                (
-                    escape(name) if n == 0 else "",
-                    order,
-                    *(_short(v * 1e6) for v in (x, y, major, abs(minor))),
-                    whirl(minor / major if major else 0.0),
-                    _short(1e3 * velocity),
-                )
-            )
-    title = f"{result['machine']} at {rpm:.5g} rpm: amplitudes and half axes in µm, velocity in mm/s rms"
-    table = row_table(title, ("Node", "n", "x", "y", "Major", "Minor", "Whirl", "mm/s"), rows)
-    table.columns[0].no_wrap = table.columns[6].no_wrap = True
+            velocity = order * speed * math.hypot(x, y) / math.sqrt(2)
+            micrometres = (_short(v * 1e6) for v in (x, y, major, abs(minor)))
+            way = whirl(minor / major if major else 0.0)
+            first = name if n == 0 else ""
+            rows.append((first, order, *micrometres, way, _short(1e3 * velocity)))
+    title = (
+        f"{result['machine']} at {speed * RPM:.5g} rpm: amplitudes and half axes in µm, velocity in "
+        "mm/s rms"
+    )
+    heads = ("Node", "n", "x", "y", "Major", "Minor", "Whirl", "mm/s")
+    table = row_table(title, heads, rows, whole=(0, 6))
     table.columns[6].min_width = len("backward")
     return table
 
@@ -338,77 +306,51 @@ def _short(value: float) -> str:
     return f"{value:.3g}" if value >= 0.1 else f"{value:.3f}"
 
 
-def _links(result):
-    rows = []
-    for name, axes in result["links"].items():
-        for n, order in enumerate(result["orders"]):
-            for s, speed in enumerate(result["speeds"]):
-                values = [f"{axes[a][n][s]:.4g}" if a in axes else "" for a in result["axes"]]
-                first = escape(name) if n == s == 0 else ""
-                rows.append((first, order, f"{speed * RPM:.5g}", *values))
-    table = row_table(None, ("Link, N and N m", "n", "rpm", *result["axes"]), rows)
-    table.columns[0].no_wrap = True
-    return table
-
-
-def _linearised(result):
+def _linearised(result, both):
     """Vibration and films with the films linearised at their mean load and along the orbits."""
-    both = result["linearised"]
     rows = []
-    for name in result["nodes"]:
-        for n, order in enumerate(result["orders"]):
-            for s, speed in enumerate(result["speeds"]):
-                still, along = (both[p]["major_axis"][name][n][s] for p in ("mean_load", "orbit"))
-                change = f"{100 * (along / still - 1):+.2g}" if still else ""
-                first = escape(name) if n == s == 0 else ""
-                values = (_short(1e6 * still), _short(1e6 * along), change)
-                rows.append((first, order, f"{speed * RPM:.5g}", *values))
+    for begin, name, n, s in _each(result, {name: name for name in result["nodes"]}):
+        still, along = (both[place]["major_axis"][name][n][s] for place in ("mean_load", "orbit"))
+        change = f"{100 * (along / still - 1):+.2g}" if still else ""
+        rows.append((*begin, _short(1e6 * still), _short(1e6 * along), change))
     title = "Major axis in µm with the films linearised at their mean load, or along their orbits"
     heads = ("Node", "n", "rpm", "Mean load", "Orbit", "Change, %")
-    table = row_table(title, heads, rows)
-    table.columns[0].no_wrap = True
-    yield table
+    yield row_table(title, heads, rows, whole=(0,))
     rows = []
     for name in both["orbit"]["films"]:
         for place, words in (("mean_load", "mean load"), ("orbit", "orbit")):
             film = both[place]["films"][name]
             (kxx, kxy), (kyx, kyy) = film["stiffness"][0]
             (cxx, _), (_, cyy) = film["damping"][0]
-            values = [f"{1e-6 * v:.3g}" for v in (kxx, kxy, kyx, kyy)]
-            values += [f"{1e-3 * v:.3g}" for v in (cxx, cyy)]
-            rows.append((escape(name) if place == "mean_load" else "", words, *values))
-    heads = ("Film, MN/m, kN s/m", "At", "kxx", "kxy", "kyx", "kyy", "cxx", "cyy")
-    yield row_table(None, heads, rows, texts=2)
+            values = [*(1e-6 * k for k in (kxx, kxy, kyx, kyy)), 1e-3 * cxx, 1e-3 * cyy]
+            rows.append((name if place == "mean_load" else "", words, *values))
+    numbers = ((name, ".3g") for name in ("kxx", "kxy", "kyx", "kyy", "cxx", "cyy"))
+    yield row_table(None, ("Film, MN/m, kN s/m", "At", *numbers), rows, texts=2)
 
 
 def _peaks(result):
-    rpm = [speed * RPM for speed in result["curves"]["speeds"]]
-    rows = []
+    speeds, rows = result["curves"]["speeds"], []
     for name, orders in result["curves"]["major_axis"].items():
         for n, order in enumerate(result["orders"]):
-            known = [
-                (value, at) for value, at in zip(orders[n], rpm, strict=True) if value is not None
-            ]
+            known = [one for one in zip(orders[n], speeds, strict=True) if one[0] is not None]
             if known:
                 value, at = max(known)
-                first = escape(name) if n == 0 else ""
-                rows.append((first, order, f"{value * 1e6:.4g}", f"{at:.5g}"))
-    title = f"Largest major axis from {rpm[0]:.5g} to {rpm[-1]:.5g} rpm"
-    table = row_table(title, ("Node", "n", "µm", "at rpm"), rows)
-    table.columns[0].no_wrap = True
-    return table
+                rows.append((name if n == 0 else "", order, value * 1e6, at * RPM))
+    title = f"Largest major axis from {speeds[0] * RPM:.5g} to {speeds[-1] * RPM:.5g} rpm"
+    return row_table(title, ("Node", "n", ("µm", ".4g"), ("at rpm", ".5g")), rows, whole=(0,))
 
 
-def _relative(response: "Response", watched: Watched):
+def _relative(response: jc.rotor.Response, watched: Watched):
     """(orders, speeds, watched, dof) motion relative to the bases."""
     import jax.numpy as jnp
 
     x = response.displacement
     ground = jnp.concatenate([x, jnp.zeros_like(x[..., :1, :])], -2)
-    return ground[..., jnp.array(watched.node), :] - ground[..., jnp.array(watched.base), :]
+    nodes, bases = (jnp.array(places) for places in zip(*watched.values(), strict=True))
+    return ground[..., nodes, :] - ground[..., bases, :]
 
 
-def _link_name(scene: "Scene", number: int, nodes) -> str:
+def _link_name(scene: jc.scene.Scene, number: int, nodes) -> str:
     """A link by its number in the file and its nodes; a film by the name of its bearing as well."""
     law = scene.parts["rotor"].links[number].law  # pyright: ignore[reportAttributeAccessIssue]
     bearing = getattr(getattr(law, "bearing", None), "name", "")

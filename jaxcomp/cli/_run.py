@@ -1,26 +1,22 @@
 """`jaxcomp run`: the periodic state of a machine, its efficiency, losses, forces, vibration, pictures."""
 
-import enum
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any, Literal
 
-import typer
 from rich.markup import escape
+
+import jaxcomp as jc
 
 from .._registry import Quantity, registered
 from .._shown import RPM, shown
 from ._arguments import assignments, changed_scene
-from ._errors import CommandError, reports_errors
 from ._options import AsJson, Designs, Machine, Out, Sets
-from ._output import hand_out
-from ._start import start_jax
-from ._tables import row_table, words
-
-if TYPE_CHECKING:
-    from ..compressor import Compressor
-    from ..crank import Orbit
-    from ..scene import Scene
+from ._output import hand_out, plain
+from ._start import refuse, reports_errors, start_jax, waiting
+from ._tables import Markup, row_table, words
 
 # Families of quantities whose keys were there before.
 _KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
@@ -28,13 +24,12 @@ _KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
 _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
 # Harmonics of the vibration, and instants of a revolution at which its peak is looked for.
 _HARMONICS, _INSTANTS = 12, 360
+# What API 618 asks of the load of a crosshead pin: crank angle, and share of the larger side as it is
+# usually quoted.
+_REVERSAL, _REVERSED = math.radians(15), 0.03
 
 
-class Solver(enum.StrEnum):
-    """How the periodic state is found."""
-
-    collocation = "collocation"
-    shooting = "shooting"
+Solver = Literal["collocation", "shooting"]
 
 
 @reports_errors
@@ -42,31 +37,10 @@ def run(
     machine: Machine,
     sets: Sets = None,
     designs: Designs = None,
-    solver: Annotated[
-        Solver,
-        typer.Option(
-            help="Collocation of the whole revolution, or shooting with diffrax: an independent check "
-            "that compiles longer."
-        ),
-    ] = Solver.collocation,
-    tolerance: Annotated[
-        float | None, typer.Option(help="Tolerance of the solver; its own default if absent.")
-    ] = None,
-    verify: Annotated[
-        bool,
-        typer.Option(
-            "--verify",
-            help="March one revolution from the result with diffrax, independently, and print the "
-            "errors that it finds; always done with --out.",
-        ),
-    ] = False,
-    moving_films: Annotated[
-        bool,
-        typer.Option(
-            "--moving-films",
-            help="Show as well what the journals with steady films would do if they moved.",
-        ),
-    ] = False,
+    solver: Solver = "collocation",
+    tolerance: float | None = None,
+    verify: bool = False,
+    moving_films: bool = False,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -74,40 +48,51 @@ def run(
 
     Example: [bold]jaxcomp run mayekawa-wbhe --set motor.mean_speed=800rpm --design bore=120mm --out
     result[/bold]
-    """
-    if tolerance is not None and not 0 < tolerance < 1:
-        raise CommandError(f"--tolerance {tolerance:g}: must be > 0 and < 1")
-    from .. import crank
-    from .._waits import spinner
 
+    Args:
+        solver: Collocation of the whole revolution, or shooting with diffrax: an independent check that
+            compiles longer.
+        tolerance: Tolerance of the solver; its own default if absent.
+        verify: March one revolution from the result with diffrax, independently, and print the errors
+            that it finds; always done with --out.
+        moving_films: Show as well what the journals with steady films would do if they moved.
+    """
+    if tolerance is not None:
+        refuse(not 0 < tolerance < 1, f"--tolerance {tolerance:g}: must be > 0 and < 1")
     start_jax(once=True)
-    scene = changed_scene(machine, sets or (), designs or ())
+    scene = changed_scene(machine, sets, designs)
     compressor = scene.as_compressor()
     given = {} if tolerance is None else {"tolerance": tolerance}
-    kind = crank.Shooting if solver is Solver.shooting else crank.Collocation
+    kind = jc.crank.Shooting if solver == "shooting" else jc.crank.Collocation
     method = kind(reversals=compressor.load_reversals, **given)
-    with spinner("Solving the periodic state (the first time it is compiled as well) ..."):
-        orbit = crank.solve_orbit(compressor, method, verify=verify or out is not None)
+    with waiting("Solving the periodic state (the first time it is compiled as well) ..."):
+        orbit = jc.crank.solve_orbit(compressor, method, verify=verify or out is not None)
         result = run_result(scene, orbit)
         if moving_films:
-            result["moved_films"] = _moved(compressor, orbit)
+            result["moved_films"] = {
+                name: {
+                    "film_thickness": float(film.minimum_film),
+                    "loss": float(film.mean_shear_loss + film.mean_squeeze_loss),
+                }
+                for name, film in jc.crank.moved_films(compressor, orbit).items()
+            }
         if "suspension" in scene.parts:
             result["vibration"] = vibration_result(scene, orbit)
         if "torsion" in scene.parts:
             result["torsion"] = torsion_result(scene, orbit)
     result["tolerance"] = method.tolerance
-    result["set"] = assignments(sets or (), "--set")
-    result["design"] = assignments(designs or (), "--design")
+    result["set"] = assignments(sets, "--set")
+    result["design"] = assignments(designs, "--design")
 
     def figures():
-        from ..plot import orbit_figures, torsion_over_speed
+        from ..plot import torsion_over_speed
 
-        made = orbit_figures(compressor, orbit, scene.parts.get("suspension"))
+        made = jc.plot.orbit_figures(compressor, orbit, scene.parts.get("suspension"))
         if "torsion" in scene.parts:
             made["torsion"] = torsion_over_speed(compressor, orbit, scene.parts["torsion"])
         return made
 
-    curves = None if out is None else {"curves": orbit_curves(scene, orbit)}
+    curves = {"curves": lambda: orbit_curves(scene, orbit)}
     hand_out(result, run_tables(scene, result), as_json, out, figures, scene, curves)
 
 
@@ -119,7 +104,7 @@ def _of_the_crank(machine) -> tuple[Quantity, ...]:
     )
 
 
-def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
+def run_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     """The orbit in numbers. The keys are stable; new ones may join them."""
     from importlib.metadata import version
 
@@ -133,7 +118,9 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     values, numbers = jax.tree.map(float, jax.device_get(found))
     grazes = numbers.pop("grazes")
     compressor = scene.as_compressor()
-    rods = _rods(compressor, orbit)
+    rods, moved = _rods(compressor, orbit), orbit.positions or {}
+    films = jc.crank.film_thickness(compressor, orbit)
+    laws = {name: "orbit" if name in moved else "steady_load" for name in films}
     total = sum(numbers["losses"].values())
     share = {name: loss / total if total else 0.0 for name, loss in numbers["losses"].items()}
     power = {name: loss / numbers["period"] for name, loss in numbers["losses"].items()}
@@ -144,7 +131,7 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
         # a compiled function returns its keys sorted
         **{_KEYS.get(one.family, one.family or one.name): values[one.name] for one in known},
         **numbers,
-        **({"film_law": laws} if (laws := _film_laws(compressor, orbit)) else {}),
+        **({"film_law": laws} if laws else {}),
         **({"rod_load_reversal": rods} if rods else {}),
         "loss_power": power,
         "loss_share": share,
@@ -157,48 +144,18 @@ def run_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     }
 
 
-# What API 618 asks of the load of a crosshead pin: crank angle, and share of the larger side as it is
-# usually quoted.
-_REVERSAL, _REVERSED = math.radians(15), 0.03
-
-
-def _rods(compressor: "Compressor", orbit: "Orbit") -> dict[str, dict[str, float]]:
+def _rods(compressor: jc.Compressor, orbit: jc.Orbit) -> dict[str, dict[str, float]]:
     """Reversal of the rod load at every crosshead pin; nothing of a machine without crossheads."""
-    from ..crank import rod_load_reversal
-    from ..gas import DoubleActing
-
     packed = getattr(compressor.friction, "packing", None) is not None
-    if not (packed or isinstance(compressor.gas, DoubleActing)):
+    if not (packed or isinstance(compressor.gas, jc.gas.DoubleActing)):
         return {}
     return {
         name: {"angle": float(angle), "share": float(share)}
-        for name, (angle, share) in rod_load_reversal(orbit).items()
+        for name, (angle, share) in jc.crank.rod_load_reversal(orbit).items()
     }
 
 
-def _film_laws(compressor: "Compressor", orbit: "Orbit") -> dict[str, str]:
-    """How the film of each journal was taken: "orbit", or a "steady_load" at every instant."""
-    from ..crank import film_thickness
-
-    moved = orbit.positions or {}
-    names = film_thickness(compressor, orbit)
-    return {name: "orbit" if name in moved else "steady_load" for name in names}
-
-
-def _moved(compressor: "Compressor", orbit: "Orbit") -> dict[str, dict[str, float]]:
-    """What the journals with steady films would do if they moved."""
-    from ..crank import moved_films
-
-    return {
-        name: {
-            "film_thickness": float(film.minimum_film),
-            "loss": float(film.mean_shear_loss + film.mean_squeeze_loss),
-        }
-        for name, film in moved_films(compressor, orbit).items()
-    }
-
-
-def _verification(orbit: "Orbit") -> dict[str, Any]:
+def _verification(orbit: jc.Orbit) -> dict[str, Any]:
     """Errors by an independent integration: the orbit's value less that of the integration."""
     import jax
 
@@ -218,25 +175,25 @@ def _verification(orbit: "Orbit") -> dict[str, Any]:
     return jax.tree.map(float, errors) | ended
 
 
-def orbit_curves(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
+def orbit_curves(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     """Everything over the revolution, by name and unit; the films of the journals as well."""
     import numpy as np
 
     from ..compressor import crank_end_pressure
-    from ..crank import film_thickness, journal_films
 
     columns, compressor = orbit.columns(), scene.as_compressor()
-    for name, thickness in film_thickness(compressor, orbit).items():
+    for name, thickness in jc.crank.film_thickness(compressor, orbit).items():
         columns[f"film_thickness.{name} [m]"] = np.asarray(thickness)
-    for name, film in journal_films(compressor, orbit).items():
-        columns |= {
-            f"eccentricity.{name}.x []": np.asarray(film.position[0]),
-            f"eccentricity.{name}.y []": np.asarray(film.position[1]),
-            f"film_pressure.{name} [Pa]": np.asarray(film.pressure),
-            f"film_flow.{name} [m^3/s]": np.asarray(film.flow),
-            f"shear_loss.{name} [W]": np.asarray(film.shear_loss),
-            f"squeeze_loss.{name} [W]": np.asarray(film.squeeze_loss),
+    for name, film in jc.crank.journal_films(compressor, orbit).items():
+        curves = {
+            f"eccentricity.{name}.x []": film.position[0],
+            f"eccentricity.{name}.y []": film.position[1],
+            f"film_pressure.{name} [Pa]": film.pressure,
+            f"film_flow.{name} [m^3/s]": film.flow,
+            f"shear_loss.{name} [W]": film.shear_loss,
+            f"squeeze_loss.{name} [W]": film.squeeze_loss,
         }
+        columns |= {key: np.asarray(curve) for key, curve in curves.items()}
     crank_end = crank_end_pressure(compressor, orbit.state.angle)
     if crank_end is not None:
         for number, pressure in enumerate(np.atleast_2d(crank_end), 1):
@@ -246,11 +203,9 @@ def orbit_curves(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
 
 
 def _remarks(
-    machine: "Compressor", grazes: dict[str, float], rods: dict[str, dict[str, float]]
+    machine: jc.Compressor, grazes: dict[str, float], rods: dict[str, dict[str, float]]
 ) -> Iterator[str]:
     """Reasons why numbers of a result do not mean what their names say."""
-    from ..gas import PolytropicCycle
-
     for name, rod in rods.items():
         if rod["angle"] < _REVERSAL or rod["share"] < _REVERSED:
             yield (
@@ -258,7 +213,6 @@ def _remarks(
                 f"degrees with {100 * rod['share']:.2g} % of its larger side: the pin may run dry "
                 "(API 618 asks for 15 degrees and 3 %)."
             )
-
     if machine.friction is None:
         yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
     for valve in (valve for valve, near in grazes.items() if near):
@@ -268,14 +222,14 @@ def _remarks(
         )
     if machine.gas is None:
         yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."
-    elif isinstance(machine.gas, PolytropicCycle) and not machine.gas.delivers.any():
+    elif isinstance(machine.gas, jc.gas.PolytropicCycle) and not machine.gas.delivers.any():
         yield (
             "No gas flows: with this clearance the compression never reaches the discharge pressure, and "
             "no efficiency has a meaning."
         )
 
 
-def _numbers(machine, assembly, orbit: "Orbit", known) -> tuple[dict[str, Any], dict[str, Any]]:
+def _numbers(machine, assembly, orbit: jc.Orbit, known) -> tuple[dict[str, Any], dict[str, Any]]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
     from .._fields import of_cylinder
     from ..design import AnalysisOptions, DesignResult
@@ -307,9 +261,8 @@ def _numbers(machine, assembly, orbit: "Orbit", known) -> tuple[dict[str, Any], 
     }
 
 
-def run_tables(scene: "Scene", result: dict[str, Any]) -> Iterator[Any]:
+def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
     """Efficiency and power, losses, joint forces, residuals, verification, vibration."""
-
     yield _summary(scene, result)
     yield from (f"[yellow]Note:[/yellow] {escape(remark)}" for remark in result["remarks"])
     if "impact_speed" in result:
@@ -318,28 +271,24 @@ def run_tables(scene: "Scene", result: dict[str, Any]) -> Iterator[Any]:
     yield _losses(result)
     yield _forces(result)
     if "rod_load_reversal" in result:
-        yield _reversals(result)
+        yield _reversals(result["rod_load_reversal"])
     if result.get("film_thickness"):
-        yield _journal_films(scene, result)
+        yield _journal_films(result)
     yield _convergence(result)
     if "verification" in result:
-        yield _verified(result)
+        yield _verified(result, result["verification"])
     if "vibration" in result:
         yield _vibration(result["vibration"])
     if "torsion" in result:
         yield _torsion(result["torsion"])
 
 
-def _summary(scene: "Scene", result: dict[str, Any]):
-
-    changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
-    title = f"{scene.name}" + (f" with {', '.join(changes)}" if changes else "")
-    rows = []
-    compressor = scene.as_compressor()
+def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
     from .._fields import listed, of_cylinder
 
-    single, cylinders = of_cylinder(compressor.mechanism), compressor.cylinders
-    bore = getattr(single, "bore", None)
+    rows, compressor = [], scene.as_compressor()
+    cylinders = compressor.cylinders
+    bore = getattr(of_cylinder(compressor.mechanism), "bore", None)
     if bore is not None:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
@@ -357,50 +306,44 @@ def _summary(scene: "Scene", result: dict[str, Any]):
         if one.name not in result or one.name in _IN_OTHER_TABLES:
             continue
         value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
-        look = shown(
-            one.name, one.unit, [value, result["motor_power"]] if one.unit == "W" else value
-        )
-        text = f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
+        sizes = [value, result["motor_power"]] if one.unit == "W" else value
+        look = shown(one.name, one.unit, sizes)
+        name, text = look.words, f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
         if one.unit == "W" and one.name != "capacity":
             text, note = look.text(value, 4), f"{value * result['period']:.5g} J per revolution"
         if one.name == "mechanical_efficiency":
-            text = "[bold]none" if meaningless else f"[bold]{text}"
-        words = f"[bold]{look.words}" if "[bold]" in text else escape(look.words)
-        rows.append((words, text, escape(note)))
+            text = Markup("[bold]none" if meaningless else f"[bold]{text}")
+            name = Markup(f"[bold]{name}")
+        rows.append((name, text, note))
+    changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
+    title = scene.name + (f" with {', '.join(changes)}" if changes else "")
     return row_table(title, ("Periodic state", "", ""), rows, texts=3)
 
 
 def _losses(result: dict[str, Any]):
-
     motor, total = result["motor_work"], sum(result["losses"].values())
 
     def row(name, loss, power, share):
-        of_motor = f"{100 * loss / motor:.2f} %" if motor else ""
-        return name, f"{loss:.4g}", f"{power:.4g}", share, of_motor
+        return name, loss, power, share, f"{100 * loss / motor:.2f} %" if motor else ""
 
     rows = [
-        row(
-            words(name),
-            loss,
-            result["loss_power"][name],
-            f"{100 * result['loss_share'][name]:.1f} %",
-        )
+        row(words(name), loss, result["loss_power"][name], f"{100 * share:.1f} %")
         for name, loss in sorted(result["losses"].items(), key=lambda item: -item[1])
+        for share in [result["loss_share"][name]]
     ]
     whole = row("Total", total, result["friction_power"], "100.0 %" if total else "")
-    heads = ("Friction loss", "J per revolution", "W", "Share of losses", "Of motor work")
+    numbers = (("J per revolution", ".4g"), ("W", ".4g"))
+    heads = ("Friction loss", *numbers, "Share of losses", "Of motor work")
     return row_table(None, heads, [*rows, (), whole])
 
 
 def _power(result: dict[str, Any]):
     """What power and swept volume are used for."""
-    from ..crank import POWER
-
     power, volume = result["power_use"], result["volume_use"]
     whole = sum(power.values())
     rows = [
         (words(name), f"{power[name]:.4g}", f"{100 * power[name] / whole:.2f} %" if whole else "")
-        for name in POWER
+        for name in jc.crank.POWER
         if power[name]
     ]
     rows += [(), ("Total", f"{whole:.5g}", "100.00 %"), ()]
@@ -409,69 +352,59 @@ def _power(result: dict[str, Any]):
 
 
 def _valves(result: dict[str, Any]):
+    impact = result["impact_speed"]
     rows = [
-        (
-            words(valve),
-            *(f"{result['impact_speed'][f'{valve}_{place}']:.3g}" for place in ("seat", "stop")),
-            f"{math.degrees(angle):.1f}",
-        )
+        (words(valve), impact[f"{valve}_seat"], impact[f"{valve}_stop"], math.degrees(angle))
         for valve, angle in result["closing_angle"].items()
     ]
-    heads = ("Valve", "Impact on seat, m/s", "On stop, m/s", "Shuts last at, degrees")
-    return row_table(None, heads, rows)
+    speeds = (("Impact on seat, m/s", ".3g"), ("On stop, m/s", ".3g"))
+    return row_table(None, ("Valve", *speeds, ("Shuts last at, degrees", ".1f")), rows)
 
 
 def _forces(result: dict[str, Any]):
-
-    large = max(result["peak_forces"].values(), default=0.0) >= 1e3
-    unit, scale = ("kN", 1e3) if large else ("N", 1.0)
-    rows = [
-        (words(name), f"{result['mean_forces'][name] / scale:.4g}", f"{peak / scale:.4g}")
-        for name, peak in result["peak_forces"].items()
-    ]
+    peaks, mean = result["peak_forces"], result["mean_forces"]
+    largest = max(peaks.values(), default=0.0)
+    unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
+    rows = [(words(name), mean[name] / scale, peak / scale) for name, peak in peaks.items()]
     # where the cylinders balance each other, rounding is left
     size = result["peak_shaking_force"]
-    size = size if size > 1e-9 * max(result["peak_forces"].values(), default=0.0) else 0.0
-    shaking = ("Shaking force", "", f"{size / scale:.4g}")
-    heads = ("Joint force", f"Mean, {unit}", f"Peak, {unit}")
+    shaking = ("Shaking force", "", (size if size > 1e-9 * largest else 0.0) / scale)
+    heads = ("Joint force", (f"Mean, {unit}", ".4g"), (f"Peak, {unit}", ".4g"))
     return row_table(None, heads, [*rows, (), shaking])
 
 
-def _reversals(result: dict[str, Any]):
+def _reversals(rods: dict[str, dict[str, float]]):
     """For how long, and with which share, the load of a crosshead pin is on its smaller side."""
     rows = [
-        (words(name), f"{math.degrees(rod['angle']):.4g}", f"{100 * rod['share']:.3g}")
-        for name, rod in result["rod_load_reversal"].items()
+        (words(name), math.degrees(rod["angle"]), 100 * rod["share"]) for name, rod in rods.items()
     ]
-    heads = ("Rod load", "Reversed for, °", "Smaller side, %")
-    title = "Load reversal (API 618: 15°, 3 %)"
-    return row_table(title, heads, rows)
+    heads = ("Rod load", ("Reversed for, °", ".4g"), ("Smaller side, %", ".3g"))
+    return row_table("Load reversal (API 618: 15°, 3 %)", heads, rows)
 
 
-def _journal_films(scene: "Scene", result: dict[str, Any]):
+def _journal_films(result: dict[str, Any]):
     """Films of the journals, by the law that was solved and, as far as it is known, by the other one."""
-    other = result.get("moved_films", {})
-    rows = []
+    moved, rows = result.get("moved_films", {}), []
     for name, thickness in result["film_thickness"].items():
         moves = result["film_law"][name] == "orbit"
-        instead = None if moves else other.get(name, {}).get("film_thickness")
+        instead = moved.get(name, {}).get("film_thickness")
         instead = result["steady_film_thickness"][name] if moves else instead
         rows.append((
             words(name),
             "orbit" if moves else "steady",
-            f"{1e6 * thickness:.3g}",
-            "" if instead is None else f"{1e6 * instead:.3g}",
-            f"{100 * result['thin_film_share'][name]:.3g}",
-            f"{result['film_pressure'][name] / 1e6:.3g}",
-            f"{1e6 * result['film_flow'][name]:.3g}",
-            f"{result['film_temperature_rise'][name]:.3g}",
+            1e6 * thickness,
+            None if instead is None else 1e6 * instead,
+            100 * result["thin_film_share"][name],
+            result["film_pressure"][name] / 1e6,
+            1e6 * result["film_flow"][name],
+            result["film_temperature_rise"][name],
         ))  # fmt: skip
-    heads = ("Film", "By", "Least, µm", "Else, µm", "Thin, %", "MPa", "cm³/s", "Rise, K")
+    numbers = ("Least, µm", "Else, µm", "Thin, %", "MPa", "cm³/s", "Rise, K")
+    heads = ("Film", "By", *((head, ".3g") for head in numbers))
     return row_table(None, heads, rows, texts=2)
 
 
 def _convergence(result: dict[str, Any]):
-
     resolution = "of the speed; the error of the fluctuation is smaller"
     closure = "motor work that is neither gas work nor loss"
     rows = (
@@ -485,10 +418,8 @@ def _convergence(result: dict[str, Any]):
     return row_table(None, ("Convergence", "", ""), rows, texts=3)
 
 
-def _verified(result: dict[str, Any]):
+def _verified(result: dict[str, Any], march: dict[str, Any]):
     """Errors that the independent integration of a revolution found, each beside its value."""
-
-    march = result["verification"]
 
     def row(name, value, error, unit):
         share = f"{abs(error / value):.1e}" if value else ""
@@ -499,19 +430,17 @@ def _verified(result: dict[str, Any]):
         ("Speed, largest", "", f"{speed * result['mean_speed']:.1e} rad/s", f"{speed:.1e}"),
         row("Mechanical efficiency", result[key], march[key], ""),
         *(
-            row(f"{words(name)}, loss", result["losses"][name], error, "J")
-            for name, error in march["losses"].items()
-        ),
-        *(
-            row(f"{words(name)}, peak", result["peak_forces"][name], error, "N")
-            for name, error in march["peak_forces"].items()
+            row(f"{words(name)}, {word}", result[of][name], error, unit)
+            for of, word, unit in (("losses", "loss", "J"), ("peak_forces", "peak", "N"))
+            for name, error in march[of].items()
         ),
     ]
     heads = ("Independent march of a revolution", "Value", "Error", "Relative")
     return row_table(None, heads, rows)
 
 
-def vibration_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
+# ------------------------------------------------------------------- vibration and torsion
+def vibration_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     """Settled vibration in SI units; lists run over x, y, z or the six degrees of freedom.
 
     Amplitudes are those of the first harmonic. `free_body` is the approximation without springs and
@@ -521,46 +450,78 @@ def vibration_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
     import jax
     import jax.numpy as jnp
 
-    from ..shaking import Suspension, block_points
-
     suspension = scene.parts["suspension"]
-    assert isinstance(suspension, Suspension)
-    places = block_points(suspension)
+    assert isinstance(suspension, jc.shaking.Suspension)
+    places = jc.shaking.block_points(suspension)
     points = jnp.stack(list(places.values()))
     found = eqx.filter_jit(_vibrations)(scene.as_compressor(), orbit, suspension, points)
-    found = jax.tree.map(lambda x: x.tolist(), jax.device_get(found))
+    found = plain(jax.device_get(found))
     keys = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
+    of_block = ("natural_frequencies", "block_amplitude", "block_rms")
+    points = {name: {key: found[key][i] for key in keys} for i, name in enumerate(places)}
+    return {"harmonics": _HARMONICS, **{key: found[key] for key in of_block}, "points": points}
+
+
+def _vibrations(compressor, orbit: jc.Orbit, suspension, points) -> dict[str, Any]:
+    """Motion of the block, and of its points."""
+    import jax
+    import jax.numpy as jnp
+
+    shaking = jc.shaking
+    load = shaking.orbit_load(compressor, orbit, suspension, _HARMONICS)
+    block = shaking.harmonic_response(suspension, load)
+    free = shaking.free_body_response(suspension, load)
+    time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
+
+    def at(point):
+        motion = shaking.point_motion(suspension, block, point)
+        unsprung = shaking.point_motion(suspension, free, point)
+        return {
+            "position": point,
+            "amplitude": jnp.abs(motion.amplitude[:, 0]),
+            "rms": jnp.linalg.norm(motion.rms),
+            "peak": jnp.max(jnp.linalg.norm(motion.at(time), axis=0)),
+            "free_body": jnp.abs(unsprung.amplitude[:, 0]),
+            "free_body_error": shaking.free_body_error(suspension, load, point)[0],
+        }
+
     return {
-        "harmonics": _HARMONICS,
-        "natural_frequencies": found["natural_frequencies"],
-        "block_amplitude": found["block_amplitude"],
-        "block_rms": found["block_rms"],
-        "points": {
-            name: {key: found[key][i] for key in keys} for i, name in enumerate(places)
-        },
-    }  # fmt: skip
+        "natural_frequencies": shaking.natural_frequencies(suspension),
+        "block_amplitude": jnp.abs(block.amplitude[:, 0]),
+        "block_rms": block.rms,
+        **jax.vmap(at)(points),
+    }
 
 
-def torsion_result(scene: "Scene", orbit: "Orbit") -> dict[str, Any]:
+def _vibration(vibration: dict[str, Any]):
+    """Amplitudes of the points, the free-body approximation and its error."""
+    hertz = ", ".join(f"{w / (2 * math.pi):.3g}" for w in vibration["natural_frequencies"])
+    rows = []
+    for name, point in vibration["points"].items():
+        metres = [*point["amplitude"], point["peak"], *point["free_body"]]
+        error = f"{100 * point['free_body_error']:.2g} %"
+        rows.append((words(name), *(1e6 * value for value in metres), error))
+    title = f"First harmonic on springs of {hertz} Hz, and as a free body"
+    numbers = ((head, ".3g") for head in ("x", "y", "z", "Peak", "Free x", "y", "z"))
+    return row_table(title, ("µm", *numbers, "Error"), rows, whole=(0,))
+
+
+def torsion_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     """Torsion of the crank train: natural frequencies, critical speeds, torques of the springs."""
     import numpy as np
 
-    from ..crank import CrankTrain, train_torques
-
     train, compressor = scene.parts["torsion"], scene.as_compressor()
-    assert isinstance(train, CrankTrain)
+    assert isinstance(train, jc.crank.CrankTrain)
     frequencies = np.asarray(train.chain(compressor).natural_frequencies)[1:]
-    found = train_torques(compressor, orbit, train)
-    orders = np.arange(1, 9)
-    return {
-        "natural_frequencies": frequencies.tolist(),
-        "critical_speeds": {
-            str(order): (frequencies / order).tolist() for order in orders.tolist()
-        },
-        "mean_torque": (-np.asarray(found.mean)).tolist(),  # of the motor, towards the crank
-        "peak_torque": np.asarray(found.peak).tolist(),
-        "largest_order": (1 + np.argmax(np.abs(found.amplitude), axis=1)).tolist(),
+    found = jc.crank.train_torques(compressor, orbit, train)
+    result = {
+        "natural_frequencies": frequencies,
+        "critical_speeds": {str(order): frequencies / order for order in range(1, 9)},
+        "mean_torque": -np.asarray(found.mean),  # of the motor, towards the crank
+        "peak_torque": found.peak,
+        "largest_order": 1 + np.argmax(np.abs(found.amplitude), axis=1),
     }
+    return plain(result)
 
 
 def _torsion(torsion: dict[str, Any]):
@@ -570,61 +531,9 @@ def _torsion(torsion: dict[str, Any]):
     critical = ", ".join(f"{RPM * first / order:.0f}" for order in (1, 2, 3, 4))
     columns = (torsion[key] for key in ("mean_torque", "peak_torque", "largest_order"))
     rows = [
-        (str(number), f"{mean:.4g}", f"{peak:.4g}", f"{peak / abs(mean):.3g}", str(order))
+        (number, mean, peak, peak / abs(mean), order)
         for number, (mean, peak, order) in enumerate(zip(*columns, strict=True), 1)
     ]
     title = f"Torsion at {hertz} Hz; orders 1 to 4 meet the first at {critical} rpm"
-    return row_table(title, ("Spring", "Mean, N m", "Peak, N m", "Peak/mean", "Order"), rows)
-
-
-def _vibration(vibration: dict[str, Any]):
-    """Amplitudes of the points, the free-body approximation and its error."""
-
-    hertz = ", ".join(f"{w / (2 * math.pi):.3g}" for w in vibration["natural_frequencies"])
-    rows = []
-    for name, point in vibration["points"].items():
-        micrometres = [*point["amplitude"], point["peak"], *point["free_body"]]
-        error = f"{100 * point['free_body_error']:.2g} %"
-        rows.append((words(name), *(f"{1e6 * value:.3g}" for value in micrometres), error))
-    title = f"First harmonic on springs of {hertz} Hz, and as a free body"
-    heads = ("µm", "x", "y", "z", "Peak", "Free x", "y", "z", "Error")
-    table = row_table(title, heads, rows)
-    table.columns[0].no_wrap = True
-    return table
-
-
-def _vibrations(compressor, orbit: "Orbit", suspension, points) -> dict[str, Any]:
-    import jax
-    import jax.numpy as jnp
-
-    from ..shaking import (
-        free_body_error,
-        free_body_response,
-        harmonic_response,
-        natural_frequencies,
-        orbit_load,
-        point_motion,
-    )
-
-    load = orbit_load(compressor, orbit, suspension, _HARMONICS)
-    block, free = harmonic_response(suspension, load), free_body_response(suspension, load)
-    time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
-
-    def at(point):
-        motion = point_motion(suspension, block, point)
-        excursion = jnp.linalg.norm(motion.at(time), axis=0)
-        return {
-            "position": point,
-            "amplitude": jnp.abs(motion.amplitude[:, 0]),
-            "rms": jnp.linalg.norm(motion.rms),
-            "peak": jnp.max(excursion),
-            "free_body": jnp.abs(point_motion(suspension, free, point).amplitude[:, 0]),
-            "free_body_error": free_body_error(suspension, load, point)[0],
-        }
-
-    return {
-        "natural_frequencies": natural_frequencies(suspension),
-        "block_amplitude": jnp.abs(block.amplitude[:, 0]),
-        "block_rms": block.rms,
-        **jax.vmap(at)(points),
-    }
+    torques = (("Mean, N m", ".4g"), ("Peak, N m", ".4g"), ("Peak/mean", ".3g"))
+    return row_table(title, ("Spring", *torques, "Order"), rows)

@@ -1,13 +1,108 @@
-"""How a command starts JAX: programs compile quickly and are kept for the next start."""
+"""How a command starts and ends: its words are kept, JAX is made ready, errors are one line.
 
+Programs compile quickly and are kept for the next start. What a user can cause ends in one line on
+standard error and exit code 2; anything else is a fault of the program and keeps its traceback.
+"""
+
+import functools
 import gc
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import shlex
+from collections.abc import Callable, Collection, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import typer
+from typer.core import TyperGroup
+
 ENVIRONMENT = "JAXCOMP_CACHE_DIR"
+# What a shell expects of a program that an interrupt ends.
+STOPPED = 130
+_words: ContextVar[tuple[str, ...]] = ContextVar("words", default=())
+
+
+class RecordedGroup(TyperGroup):
+    """A group of commands that keeps the words it was called with."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Keep the words, then read them."""
+        _words.set(tuple(args))
+        return super().parse_args(ctx, args)
+
+
+def command_line() -> str:
+    """The command that runs with its arguments, ready to be typed again."""
+    return shlex.join(["jaxcomp", *_words.get()])
+
+
+class CommandError(ValueError):
+    """An argument of the command line that makes no sense."""
+
+
+def refuse(wrong: Any, why: str) -> None:
+    """End the command with a word on its arguments if something is wrong with them."""
+    if wrong:
+        raise CommandError(why)
+
+
+def refuse_unknown(option: str, name: str, known: Collection[str], kind: str) -> None:
+    """End the command where a name is none of those that are known, with the nearest of them."""
+    from ..scene import did_you_mean
+
+    refuse(name not in known, f"{option}: is no {kind}{did_you_mean(name, known)}")
+
+
+def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
+    """Wrap a command so that the errors a user can cause end in one line.
+
+    Words that typer chose from an enumeration come as plain texts.
+    """
+
+    @functools.wraps(command)
+    def wrapped(**options: Any) -> None:
+        try:
+            command(**{k: v.value if isinstance(v, Enum) else v for k, v in options.items()})
+        except Exception as error:
+            if not isinstance(error, _caused_by_user()):
+                raise
+            show_error(error)
+            others = len(getattr(error, "others", ()))
+            if others:
+                typer.echo(f"and {others} more; `jaxcomp check FILE` lists them", err=True)
+            raise typer.Exit(2) from None
+        except KeyboardInterrupt:
+            typer.echo("stopped", err=True)
+            raise typer.Exit(STOPPED) from None
+
+    return wrapped
+
+
+def show_error(error: Exception) -> None:
+    """One line on standard error, without the escape sequences that a file or argument may hold."""
+    from ..scene import visible
+
+    typer.echo(f"error: {visible(' '.join(str(error).split()))}", err=True)
+
+
+def _caused_by_user() -> tuple[type[Exception], ...]:
+    from .._extensions import ExtensionError
+    from .._fields import BadInput
+    from .._status import SolveFailed
+    from ..scene import SceneError
+
+    return CommandError, SceneError, BadInput, SolveFailed, ExtensionError, OSError
+
+
+def waiting(
+    words: str = "Solving (the first time it is compiled as well) ...",
+) -> AbstractContextManager[Any]:
+    """Tell on standard error what the user waits for."""
+    from .._waits import spinner
+
+    return spinner(words)
 
 
 def start_jax(*, once: bool = False) -> None:
@@ -107,13 +202,7 @@ def unoptimised_compiles() -> None:
 
 @contextmanager
 def cluster(address: str | None) -> Iterator[Any]:
-    """The client of a Dask cluster at an address or in a scheduler file; `None` if none is named.
-
-    Raises:
-        CommandError: Dask is not installed, or there is no scheduler.
-    """
-    from ._errors import CommandError
-
+    """The client of a Dask cluster at an address or in a scheduler file; `None` if none is named."""
     if address is None:
         yield None
         return

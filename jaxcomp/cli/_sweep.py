@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import enum
 import math
 import os
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -14,33 +12,27 @@ import typer
 import jaxcomp as jc
 
 from ._arguments import assignments, changed_scene, with_one_unit
-from ._completion import complete_quantity, complete_variable
-from ._errors import STOPPED, CommandError, reports_errors
-from ._json import plain
 from ._options import (
-    Accuracy,
     AccuracyOption,
     AsJson,
     Dask,
     Designs,
     Machine,
     Out,
+    Quantities,
+    Sampling,
     Sets,
-    analysis_solver,
+    analysis_options,
+    complete_variable,
 )
-from ._output import hand_out
-from ._start import cluster, start_jax
+from ._output import hand_out, plain
+from ._start import STOPPED, CommandError, cluster, refuse, reports_errors, start_jax
 from ._tables import row_table
 
-
-class Sampling(enum.StrEnum):
-    """How samples are drawn."""
-
-    sobol = "sobol"
-    latin_hypercube = "latin-hypercube"
-    random = "random"
-
-
+# Designs up to which JSON has all of them; a table has a row each up to the second.
+_IN_JSON = 10_000
+_ROWS = 40
+_SHARES = (5, 50, 95)
 # A word and no number: a sweep of its own for each of its values.
 _LAYOUT = "cylinders.layout"
 
@@ -48,41 +40,16 @@ _LAYOUT = "cylinders.layout"
 @reports_errors
 def sweep(
     machine: Machine,
-    over: Annotated[
-        list[str],
-        typer.Option(
-            "--over",
-            metavar="NAME=VALUES",
-            help="Variable and its values: FROM:TO:COUNT, log:FROM:TO:COUNT or A,B,C; with --samples "
-            "FROM:TO, log:FROM:TO or normal:MEAN:DEVIATION. Repeatable; set in this order. "
-            "cylinders.layout=V90,W60 sweeps the layout.",
-            autocompletion=complete_variable,
-        ),
-    ],
-    quantity: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--quantity",
-            metavar="NAME",
-            help="Quantity of each design, e.g. motor_power or loss_power.wall; "
-            "mechanical_efficiency if absent. Repeatable.",
-            autocompletion=complete_quantity,
-        ),
-    ] = None,
+    over: Annotated[list[str], typer.Option(autocompletion=complete_variable)],
+    quantity: Quantities = None,
     sets: Sets = None,
     designs: Designs = None,
-    samples: Annotated[
-        int | None, typer.Option(metavar="N", help="Draw N designs instead of a grid.")
-    ] = None,
-    sampling: Annotated[Sampling, typer.Option(help="How samples are drawn.")] = Sampling.sobol,
-    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
-    accuracy: AccuracyOption = Accuracy.fine,
-    batch: Annotated[
-        int | None, typer.Option(help="Designs that are solved and written at a time.")
-    ] = None,
-    devices: Annotated[
-        int | None, typer.Option(help="Cores (or other devices) to use; all if absent.")
-    ] = None,
+    samples: int | None = None,
+    sampling: Sampling = "sobol",
+    seed: int = 0,
+    accuracy: AccuracyOption = "fine",
+    batch: int | None = None,
+    devices: int | None = None,
     dask: Dask = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -94,52 +61,68 @@ def sweep(
 
     Example: [bold]jaxcomp sweep mayekawa-wbhe --over bore=100mm:150mm:51 --over
     motor.mean_speed=600rpm:1400rpm:33 --out result[/bold]
+
+    Args:
+        over (NAME=VALUES): Variable and its values: FROM:TO:COUNT, log:FROM:TO:COUNT or A,B,C; with
+            --samples FROM:TO, log:FROM:TO or normal:MEAN:DEVIATION. Repeatable; set in this order.
+            cylinders.layout=V90,W60 sweeps the layout.
+        quantity (NAME): Quantity of each design, e.g. motor_power or loss_power.wall;
+            mechanical_efficiency if absent. Repeatable.
+        samples (N): Draw N designs instead of a grid.
+        sampling: How samples are drawn.
+        seed: Seed of the samples.
+        batch: Designs that are solved and written at a time.
+        devices: Cores (or other devices) to use; all if absent.
     """
-    _check(sampling, samples)
+    if samples is None:
+        odd = sampling != "sobol"
+        refuse(odd, f"--sampling {sampling}: has no meaning without --samples")
+    else:
+        refuse(samples < 1, f"--samples {samples}: must be >= 1")
     start_devices(devices)
     start_jax()
-    scene = changed_scene(machine, sets or (), designs or (), over)
+    scene = changed_scene(machine, sets, designs, over)
     layouts = [text for text in over if text.partition("=")[0].strip() == _LAYOUT]
-    over = [text for text in over if text not in layouts]
-    axes = axes_of(scene, over, samples is not None)
+    axes = axes_of(scene, [text for text in over if text not in layouts], samples is not None)
     asked = quantity or default_quantities(scene)
     several = _with_layouts(scene, assignments(layouts, "--over")[_LAYOUT]) if layouts else {}
+    store = None if out is None else out / "sweep.zarr"
     try:
         with cluster(dask) as client:
             options: dict[str, Any] = {
                 "samples": samples if axes else None,
-                "sampling": sampling.value.replace("-", "_"),
+                "sampling": sampling.replace("-", "_"),
                 "seed": seed,
-                "options": jc.design.AnalysisOptions(analysis_solver(accuracy)),
-                "out": None if out is None else out / "sweep.zarr",
+                "options": analysis_options(accuracy),
+                "out": store,
                 "batch": batch,
                 "devices": devices,
                 "client": client,
             }
             if several:
-                found = jc.sweeping.sweep_machines(
-                    several, axes, asked, dimension=_LAYOUT, **options
-                )
+                options["dimension"] = _LAYOUT
+                found = jc.sweeping.sweep_machines(several, axes, asked, **options)
             else:
                 found = jc.sweeping.sweep(scene, axes, asked, **options)
     except KeyboardInterrupt:
-        kept = (
-            f"{out / 'sweep.zarr'} is kept; go on with the same command"
-            if out
-            else ("nothing was kept; with --out FOLDER a stopped sweep goes on")
-        )
+        kept = "nothing was kept; with --out FOLDER a stopped sweep goes on"
+        if out:
+            kept = f"{store} is kept; go on with the same command"
         typer.echo(f"stopped; {kept}", err=True)
         raise typer.Exit(STOPPED) from None
     if several:
-        _hand_out_layouts(scene, found, as_json, out)
-        return
-    result = sweep_result(found, scene.name, out)
+        result, tables, figures = _layouts(scene.name, found)
+    else:
+        result = sweep_result(found, scene.name)
+        tables = sweep_tables(found, result)
 
-    def figures():
-        return jc.plot.sweep_figures(found, scene.name)
+        def figures():
+            return jc.plot.sweep_figures(found, scene.name)
 
-    curves = None if out is None else {"designs": sweep_columns(found)}
-    hand_out(result, sweep_tables(found, result), as_json, out, figures, scene, curves)
+    result["store"] = None if store is None else str(store)
+
+    curves = {"designs": lambda: sweep_columns(found)}
+    hand_out(result, tables, as_json, out, figures, scene, curves)
 
 
 def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene]:
@@ -153,59 +136,39 @@ def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene
     }
 
 
-def _hand_out_layouts(scene: jc.scene.Scene, found, as_json: bool, out: Path | None) -> None:
-    """Best and worst designs of each layout of the cylinders."""
+def _layouts(scene: str, found) -> tuple[dict[str, Any], list[Any], Callable[[], dict[str, Any]]]:
+    """Best and worst designs of each layout of the cylinders: result, tables and pictures."""
     names = [str(name) for name in found[_LAYOUT].values]
     parts = {name: found.sel({_LAYOUT: name}, drop=True) for name in names}
     rows = []
     for name, part in parts.items():
+        failed = int(part["ok"].size - part["ok"].sum())
         for asked in (str(one) for one in part.data_vars if one != "ok"):
             look = jc.sweeping.shown_column(found, asked)
-            ends = (float(part[asked].min()), float(part[asked].max()))
-            failed = int(part["ok"].size - part["ok"].sum())
-            rows.append((name, look.label, *(_cell(look, end) for end in ends), failed or ""))
-    result = plain(
-        {
-            "scene": scene.name,
-            "layouts": {
-                name: {q: part[q].values for q in map(str, part.data_vars)}
-                for name, part in parts.items()
-            },
-            "store": None if out is None else str(out / "sweep.zarr"),
-        }
-    )
+            ends = (_cell(look, float(end)) for end in (part[asked].min(), part[asked].max()))
+            rows.append((name, look.label, *ends, failed or ""))
+    values = {
+        name: {q: part[q].values for q in map(str, part.data_vars)} for name, part in parts.items()
+    }
 
     def figures():
-        drawn = jc.plot.machine_figures(found, scene.name, _LAYOUT)
+        drawn = jc.plot.machine_figures(found, scene, _LAYOUT)
         for name, part in parts.items():
             if part["ok"].dims:
-                own = jc.plot.sweep_figures(part, f"{scene.name}, {name}")
+                own = jc.plot.sweep_figures(part, f"{scene}, {name}")
                 drawn |= {f"{name}-{figure}": one for figure, one in own.items()}
         return drawn
 
     heads = ("Layout", "Quantity", "Lowest", "Highest", "Failed")
-    table = row_table(f"{scene.name}: {len(names)} layouts", heads, rows, texts=2)
-    curves = None if out is None else {"designs": sweep_columns(found)}
-    hand_out(result, [table], as_json, out, figures, scene, curves)
-
-
-def _check(sampling, samples):
-    if samples is None and sampling is not Sampling.sobol:
-        raise CommandError(f"--sampling {sampling}: has no meaning without --samples")
-    if samples is not None and samples < 1:
-        raise CommandError(f"--samples {samples}: must be >= 1")
+    table = row_table(f"{scene}: {len(names)} layouts", heads, rows, texts=2)
+    return plain({"scene": scene, "layouts": values}), [table], figures
 
 
 def start_devices(wanted: int | None) -> None:
-    """Let JAX see as many devices as this process may use cores; before its first operation.
-
-    Raises:
-        CommandError: fewer than one.
-    """
+    """Let JAX see as many devices as this process may use cores; before its first operation."""
     import jax
 
-    if wanted is not None and wanted < 1:
-        raise CommandError(f"--devices {wanted}: must be >= 1")
+    refuse(wanted is not None and wanted < 1, f"--devices {wanted}: must be >= 1")
     if "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
         return
     try:
@@ -220,11 +183,7 @@ def default_quantities(scene: jc.scene.Scene) -> list[str]:
 
 
 def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:
-    """Values or distributions of the variables, in SI units.
-
-    Raises:
-        CommandError, SceneError, BadInput: an unknown jc.design.variable, or values that cannot be read.
-    """
+    """Values or distributions of the variables, in SI units."""
     design, axes = jc.machine.machine_of(scene), {}
     for name, text in jc.design.by_name(design, assignments(texts, "--over")).items():
         option, one = f"--over {name}={text}", jc.design.variable(design, name)
@@ -237,39 +196,32 @@ def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[
 
 
 def _axis(text: str, unit: str, option: str, sampled: bool):
-    kind, colon, rest = text.partition(":")
-    kind = kind.strip()
+    """Values of a grid [SI], or the distribution of samples."""
+    kind, colon, rest = (part.strip() for part in text.partition(":"))
     if colon and kind in ("log", "normal"):
         text = rest
     else:
         kind = ""
-    parts = text.split(":")
-    read = [part.strip() for part in parts]
+    parts = [part.strip() for part in text.split(":")]
+
+    def numbers(texts):
+        return [_number(one, unit, option) for one in with_one_unit(texts)]
+
     if sampled:
-        if len(parts) != 2:
-            raise CommandError(
-                f"{option}: must have the form from:to, log:from:to or normal:mean:deviation with "
-                "--samples"
-            )
-        made = {
-            "": jc.sweeping.uniform,
-            "log": jc.sweeping.log_uniform,
-            "normal": jc.sweeping.normal,
-        }[kind]
-        return _made(made, option, *(_number(part, unit, option) for part in with_one_unit(read)))
-    if kind == "normal":
-        raise CommandError(f"{option}: needs --samples")
+        forms = "from:to, log:from:to or normal:mean:deviation with --samples"
+        refuse(len(parts) != 2, f"{option}: must have the form {forms}")
+        of = jc.sweeping
+        made = {"": of.uniform, "log": of.log_uniform, "normal": of.normal}[kind]
+        return _made(made, option, *numbers(parts))
+    refuse(kind == "normal", f"{option}: needs --samples")
     if len(parts) == 1 and not kind:
-        values = [_number(part, unit, option) for part in with_one_unit(text.split(","))]
-        if len(set(values)) < len(values):
-            raise CommandError(f"{option}: must not repeat a value")
+        values = numbers(text.split(","))
+        refuse(len(set(values)) < len(values), f"{option}: must not repeat a value")
         return values
-    if len(parts) != 3 or not read[2].isdigit():
-        raise CommandError(
-            f"{option}: must have the form from:to:count, log:from:to:count or a,b,c"
-        )
-    ends = (_number(part, unit, option) for part in with_one_unit(read[:2]))
-    return _made(jc.sweeping.log_grid if kind else jc.sweeping.grid, option, *ends, int(read[2]))
+    forms = "from:to:count, log:from:to:count or a,b,c"
+    refuse(len(parts) != 3 or not parts[2].isdigit(), f"{option}: must have the form {forms}")
+    made = jc.sweeping.log_grid if kind else jc.sweeping.grid
+    return _made(made, option, *numbers(parts[:2]), int(parts[2]))
 
 
 def _made(kind, option, *numbers):
@@ -286,13 +238,7 @@ def _number(text: str, unit: str, option: str) -> float:
         return float(jc.scene.to_si(text, unit, option))
 
 
-# Designs up to which JSON has all of them; a table has a row each up to the second.
-_IN_JSON = 10_000
-_ROWS = 40
-_SHARES = (5, 50, 95)
-
-
-def sweep_result(found, scene: str, out: Path | None) -> dict[str, Any]:
+def sweep_result(found, scene: str) -> dict[str, Any]:
     """The answer in SI units, with all designs if they are few."""
     ok = found["ok"].values
     few = ok.size <= _IN_JSON
@@ -304,47 +250,38 @@ def sweep_result(found, scene: str, out: Path | None) -> dict[str, Any]:
         listed = values.values if few else None
         return {"unit": values.attrs["units"], "low": low, "high": high, "values": listed}
 
-    return plain(
-        {
-            "scene": scene,
-            "dimensions": list(map(str, found["ok"].dims)),
-            "shape": ok.shape,
-            "designs": ok.size,
-            "failed": ok.size - ok.sum(),
-            "variables": {name: variable(found[name]) for name in variables},
-            "quantities": {name: _quantity(found, name, few) for name in quantities},
-            "ok": ok if few else None,
-            "store": None if out is None else str(out / "sweep.zarr"),
-        }
-    )
+    result = {
+        "scene": scene,
+        "dimensions": list(map(str, found["ok"].dims)),
+        "shape": ok.shape,
+        "designs": ok.size,
+        "failed": ok.size - ok.sum(),
+        "variables": {name: variable(found[name]) for name in variables},
+        "quantities": {name: _quantity(found, name, few) for name in quantities},
+        "ok": ok if few else None,
+    }
+    return plain(result)
 
 
 def _quantity(found, name: str, few: bool) -> dict[str, Any]:
     import numpy as np
 
     data, attributes = found[name].values, found[name].attrs
-    good = data[np.isfinite(data)]
     ranked = attributes["better"] in ("more", "less")
     curve = None
     if ranked and data.ndim == 2 and found[name].dims != ("sample",):
         best = jc.sweeping.best_curve(found, name)
-        rows = zip(best.across, best.along, best.between, best.value, strict=True)
         keys = ("across", "best", "between", "value")
         along, across = map(str, found[name].dims)
-        points = [dict(zip(keys, row, strict=True)) for row in rows]
+        points = [dict(zip(keys, row, strict=True)) for row in zip(*best, strict=True)]
         curve = {"along": along, "across": across, "points": points}
-    statistics: dict[str, Any] = dict.fromkeys(
-        ("lowest", "highest", "mean", "deviation", "percentiles")
-    )
+    good = data[np.isfinite(data)]
+    keys = ("lowest", "highest", "mean", "deviation", "percentiles")
+    statistics: dict[str, Any] = dict.fromkeys(keys)
     if good.size:
-        levels = np.percentile(good, _SHARES)
-        statistics = {
-            "lowest": good.min(),
-            "highest": good.max(),
-            "mean": good.mean(),
-            "deviation": good.std(),
-            "percentiles": dict(zip(map(str, _SHARES), levels, strict=True)),
-        }
+        levels = dict(zip(map(str, _SHARES), np.percentile(good, _SHARES), strict=True))
+        numbers = (good.min(), good.max(), good.mean(), good.std(), levels)
+        statistics = dict(zip(keys, numbers, strict=True))
     return {
         "unit": attributes["units"],
         "better": attributes["better"],
@@ -385,10 +322,8 @@ def sweep_tables(found, result: dict[str, Any]):
 
 
 def _summary(found, result, title):
-    looks = {
-        name: jc.sweeping.shown_column(found, name)
-        for name in (*result["variables"], *result["quantities"])
-    }
+    names = (*result["variables"], *result["quantities"])
+    looks = {name: jc.sweeping.shown_column(found, name) for name in names}
     rows = []
     for name, entry in result["quantities"].items():
         middle = entry["percentiles"] and entry["percentiles"]["50"]

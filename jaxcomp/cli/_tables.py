@@ -1,7 +1,8 @@
 """Tables on the terminal."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from itertools import chain
+from typing import Any
 
 from rich import box
 from rich.cells import cell_len
@@ -9,137 +10,108 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from .._registry import Quantity
-from .._shown import Shown, behind, shown, units_of
-
-if TYPE_CHECKING:
-    from ..scene import Bundled, Row, Scene
-
-# Characters of a value as it was given; JSON has all of it.
-_LONGEST = 120
+from .._shown import Shown, behind, shown
 
 
-def machine_table(machines: Iterable["Bundled"]) -> Table:
-    """The bundled machines."""
-    table = _table("Bundled machines", "Name", "Description")
-    table.columns[0].no_wrap = True
-    for machine in machines:
-        table.add_row(f"[bold]{escape(machine.name)}[/bold]", escape(machine.description))
-    return table
+class Markup(str):
+    """A cell with markup of rich; other texts are shown as they are."""
 
 
-def fluid_table(fluids: Iterable[dict[str, Any]]) -> Table:
-    """The real gases of the library with the publications of their equations of state."""
-    table = _table("Fluids", "Name", "What it is", "Equation of state")
-    table.columns[0].no_wrap = True
-    for fluid in fluids:
-        texts = (fluid["description"], fluid["source"])
-        table.add_row(f"[bold]{fluid['name']}[/bold]", *map(escape, texts))
-    return table
+def bold(text: str) -> Markup:
+    """A cell in bold letters."""
+    return Markup(f"[bold]{escape(text)}[/bold]")
 
 
-def quantity_table(quantities: Mapping[str, Quantity], title: str) -> Table:
-    """Quantities with the units in which they are shown."""
-    table = _table(escape(title), "Quantity", "Unit", "Better", "Needs", "Meaning")
-    table.columns[0].no_wrap = True
-    for name, one in quantities.items():
-        texts = (units_of(one.unit, one.percent), one.better, ", ".join(one.sections), one.doc)
-        table.add_row(f"[bold]{escape(name)}[/bold]", *map(escape, texts))
-    return table
-
-
-def variable_table(title: str, variables: Mapping[str, dict[str, Any]]) -> Table:
-    """The numbers that studies can change."""
-    table = _table(escape(title), "Variable", "Value", "Bound, SI", "Meaning")
-    table.columns[0].no_wrap = True
-    for name, one in variables.items():
-        value = shown(name, one["unit"], one["value"]).text(one["value"])
-        table.add_row(*(escape(s) for s in (name, value, one["bound"], one["doc"])))
-    return table
-
-
-def value_table(scene: "Scene", rows: Sequence["Row"]) -> Table:
-    """Every value of a scene with its source."""
-    title = escape(f"{scene.name}: {scene.description}")
-    table = _table(title, "Value", "Given", "Source", "Meaning")
-    table.columns[0].no_wrap = True
-    for row in rows:
-        given = row.given if row.given is not None else f"{row.value} {row.unit}".strip()
-        given = str(given)
-        if len(given) > _LONGEST:
-            given = f"{given[: _LONGEST // 2]} ... {given[-_LONGEST // 2 :]}"
-        table.add_row(*(escape(str(text)) for text in (row.path, given, row.source, row.doc)))
-    return table
-
-
-def _table(title: str | None, *columns: str, numbers: bool = False) -> Table:
-    table = Table(title=title, box=box.SIMPLE_HEAD, title_style="bold", title_justify="left")
-    for place, column in enumerate(columns):
-        table.add_column(column, justify="right" if numbers and place else "left")
-    return table
+def words(name: str) -> str:
+    """A name of the code as words."""
+    return name.replace("_", " ").capitalize()
 
 
 def row_table(
-    title: str | None, heads: Sequence[str], rows: Iterable[Sequence[Any]], texts: int = 1
+    title: str | None,
+    heads: Sequence[str | tuple[str, str]],
+    rows: Iterable[Sequence[Any]],
+    texts: int = 1,
+    *,
+    whole: Sequence[int] = (),
+    caption: str | None = None,
 ) -> Table:
     """A table from its rows.
 
     Args:
-        title: plain text above it.
-        heads: of the columns.
-        rows: cells in the markup of rich; `None` and `False` are empty ones. An empty row separates.
+        title: above it.
+        heads: of the columns, with the format of the numbers beneath where they need one.
+        rows: cells; `None` and `False` are empty ones. An empty row separates.
         texts: how many columns from the left hold texts; the others are set to the right.
+        whole: columns that no narrow terminal breaks.
+        caption: below it.
     """
-    table = _table(title and escape(title), *heads, numbers=True)
-    for column in table.columns[1:texts]:
-        column.justify = "left"
+    table = Table(
+        title=title and escape(title),
+        caption=caption,
+        box=box.SIMPLE_HEAD,
+        title_style="bold",
+        title_justify="left",
+    )
+    pairs = [(head, "") if isinstance(head, str) else head for head in heads]
+    for place, (head, _) in enumerate(pairs):
+        justify = "left" if place < max(texts, 1) else "right"
+        table.add_column(escape(head), justify=justify, no_wrap=place in whole)
     for row in rows:
         if row:
-            table.add_row(*("" if cell is None or cell is False else str(cell) for cell in row))
+            table.add_row(*(_cell(one, form) for one, (_, form) in zip(row, pairs, strict=True)))
         else:
             table.add_section()
     return table
 
 
+def _cell(value: Any, form: str) -> str:
+    if value is None or value is False:
+        return ""
+    if isinstance(value, str):
+        return value if isinstance(value, Markup) else escape(value)
+    return f"{value:{form}}"
+
+
 def column_table(
-    title: str | None, columns: Mapping[str, Iterable[Any]], texts: int = 1, keep: bool = False
+    title: str | None,
+    columns: Mapping[str, Iterable[Any]],
+    texts: int = 1,
+    keep: bool = False,
+    whole: Sequence[int] = (),
 ) -> Table:
-    """A table from its columns; columns without any entry are left out.
+    """A table from its columns, the cells by header; columns without any entry are left out.
 
     Args:
-        title, texts: as in `row_table`.
+        title, texts, whole: as in `row_table`.
         columns: cells by header.
         keep: whether columns without any entry are kept.
     """
     cells = {head: list(column) for head, column in columns.items()}
     cells = {head: column for head, column in cells.items() if keep or any(column)}
-    return row_table(title, tuple(cells), zip(*cells.values(), strict=True), texts)
+    return row_table(title, tuple(cells), zip(*cells.values(), strict=True), texts, whole=whole)
 
 
-def beside_table(
-    rows: Sequence[Mapping[str, Any]], labels: Sequence[str], title: str | None = None
-) -> Table:
+def beside_table(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> Table:
     """Losses, forces and dimensions of designs, and the change of each against the first.
 
     Args:
         rows: with `name`, `unit` and the `values` of all designs, `None` where one has none.
         labels: of the designs.
-        title: above the table.
     """
-    first, *others = map(escape, labels)
-    heads = [head for label in others for head in (label, "Change")]
-    table = _table(title, "Losses, forces, dimensions", first, *heads, numbers=True)
+    first, *others = labels
+    heads = ("Losses, forces, dimensions", first, *_alternating(others, ["Change"] * len(others)))
+    cells = []
     for one in rows:
-        before, *after = one["values"]
-        given = [value for value in one["values"] if value is not None]
-        look = shown(one["name"], one["unit"], given)
-        cells = [text for x in after for text in (_text(look, x), _change(look, before, x))]
-        table.add_row(escape(look.words), _text(look, before), *cells)
-    return table
+        look = shown(one["name"], one["unit"], [x for x in one["values"] if x is not None])
+        before, *after = (None if x is None else look.text(x) for x in one["values"])
+        changes = [_change(look, one["values"][0], x) for x in one["values"][1:]]
+        cells.append((look.words, before, *_alternating(after, changes)))
+    return row_table(None, heads, cells)
 
 
-def _text(look: Shown, value: float | None) -> str:
-    return "" if value is None else look.text(value)
+def _alternating(*lists: Sequence[Any]) -> Iterable[Any]:
+    return chain.from_iterable(zip(*lists, strict=True))
 
 
 def _change(look: Shown, before: float | None, after: float | None) -> str:
@@ -154,11 +126,6 @@ def _change(look: Shown, before: float | None, after: float | None) -> str:
 _SHORT = 12
 
 
-def words(name: str) -> str:
-    """A name of the code as words."""
-    return name.replace("_", " ").capitalize()
-
-
 def fitted(table: Table, width: int) -> Table | str:
     """A table that no terminal of this width cuts: columns wrap between words and never in a number.
 
@@ -166,7 +133,7 @@ def fitted(table: Table, width: int) -> Table | str:
     of their own, one for each column.
 
     Args:
-        table: made by `_table`.
+        table: made by `row_table`.
         width: of the terminal, in characters.
     """
     headers = [Text.from_markup(str(column.header)).plain for column in table.columns]

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import enum
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._shown import shown
-from ._arguments import assignments, changed_scene, entry
-from ._completion import complete_quantity, complete_variable
-from ._errors import CommandError, reports_errors
-from ._json import plain
+from .._shown import Shown, shown
+from ._arguments import assignments, bounds_of, changed_scene, si
 from ._options import (
-    Accuracy,
     AccuracyOption,
     AsJson,
     Dask,
@@ -27,87 +22,45 @@ from ._options import (
     ExcitationOption,
     Machine,
     Out,
+    Quantities,
+    Sampling,
     Sets,
-    analysis_solver,
+    analysis_options,
+    complete_variable,
 )
-from ._output import hand_out
-from ._start import cluster, start_jax
-from ._sweep import Sampling, default_quantities, start_devices
+from ._output import hand_out, plain
+from ._start import CommandError, cluster, refuse, reports_errors, start_jax, waiting
+from ._sweep import default_quantities, start_devices
 from ._tables import row_table
 
+_SHARES = (0.00135, 0.05, 0.5, 0.95, 0.99865)
+_SHARE_NAMES = ("0.135", "5", "50", "95", "99.865")
+# Contributors of a table.
+_ROWS = 12
 
-class Curvature(enum.StrEnum):
-    """Source of the second derivatives."""
 
-    differences = "differences"
-    exact = "exact"
-    none = "none"
+# Source of the second derivatives.
+Curvature = Literal["differences", "exact", "none"]
 
 
 @reports_errors
 def tolerance(
     machine: Machine,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary",
-            metavar="NAME=TOLERANCE",
-            help="Number and its tolerance: '+-0.02 mm', '-0.01 +0.03 mm', '+-5 %', 'sigma 5 um'; normal "
-            "with a limit at 3 sigma, or add 'uniform', 'truncated', '2 sigma'. * in a name stands for "
-            "any part of it. Repeatable.",
-            autocompletion=complete_variable,
-        ),
-    ] = None,
-    tolerances: Annotated[
-        Path | None, typer.Option(help="TOML file of tolerances and correlations, see below.")
-    ] = None,
-    correlate: Annotated[
-        list[str] | None,
-        typer.Option(metavar="A,B=VALUE", help="Correlation of two deviations. Repeatable."),
-    ] = None,
-    quantity: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Quantity, e.g. motor_power; efficiency, or vibration of a rotor, if absent. "
-            "Repeatable.",
-            autocompletion=complete_quantity,
-        ),
-    ] = None,
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="QUANTITY<=VALUE",
-            help="Limit, with <= or >=; the probability of breaking it is computed. Repeatable.",
-        ),
-    ] = None,
-    rejects: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SHARE",
-            help="With --limit: find tolerances with which no more than this share breaks it, e.g. 1%.",
-        ),
-    ] = None,
+    vary: Annotated[list[str] | None, typer.Option(autocompletion=complete_variable)] = None,
+    tolerances: Path | None = None,
+    correlate: list[str] | None = None,
+    quantity: Quantities = None,
+    limit: list[str] | None = None,
+    rejects: str | None = None,
     sets: Sets = None,
     designs: Designs = None,
-    balanced: Annotated[
-        bool,
-        typer.Option("--balanced", help="Apply the least-squares balance to the machine first."),
-    ] = False,
+    balanced: bool = False,
     excitation: ExcitationOption = None,
-    samples: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of Monte Carlo samples; 16384, or 512 of a machine with valves, if absent."
-        ),
-    ] = None,
-    sampling: Annotated[Sampling, typer.Option(help="Sampling method.")] = Sampling.sobol,
-    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
-    curvature: Annotated[
-        Curvature,
-        typer.Option(help="Second order by differences of slopes, by exact derivatives, or not."),
-    ] = Curvature.differences,
-    accuracy: AccuracyOption = Accuracy.fast,
+    samples: int | None = None,
+    sampling: Sampling = "sobol",
+    seed: int = 0,
+    curvature: Curvature = "differences",
+    accuracy: AccuracyOption = "fast",
     dask: Dask = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -124,32 +77,44 @@ def tolerance(
     A file for --tolerances has a table [bold]\\[tolerances][/bold] with lines like "mechanism.bore" =
     "+-0.02 mm" and, where deviations go together, [bold]\\[\\[correlations]][/bold] with between = ["A",
     "B"] and value = 0.3.
-    """
-    if not vary and tolerances is None:
-        raise CommandError("--vary: is missing; e.g. --vary mechanism.bore='+-0.02 mm'")
-    if rejects is not None and not limit:
-        raise CommandError("--rejects: needs a --limit, by which machines are rejected")
-    if samples is not None and samples < 16:
-        raise CommandError(f"--samples {samples}: must be >= 16")
-    from .._waits import spinner
-    from ..design import AnalysisOptions
-    from ._constraints import bounds_of
 
+    Args:
+        vary (NAME=TOLERANCE): Number and its tolerance: '+-0.02 mm', '-0.01 +0.03 mm', '+-5 %', 'sigma
+            5 um'; normal with a limit at 3 sigma, or add 'uniform', 'truncated', '2 sigma'. * in a name
+            stands for any part of it. Repeatable.
+        tolerances: TOML file of tolerances and correlations, see below.
+        correlate (A,B=VALUE): Correlation of two deviations. Repeatable.
+        quantity (NAME): Quantity, e.g. motor_power; efficiency, or vibration of a rotor, if absent.
+            Repeatable.
+        limit (QUANTITY<=VALUE): Limit, with <= or >=; the probability of breaking it is computed.
+            Repeatable.
+        rejects (SHARE): With --limit: find tolerances with which no more than this share breaks it,
+            e.g. 1%.
+        balanced: Apply the least-squares balance to the machine first.
+        samples: Number of Monte Carlo samples; 16384, or 512 of a machine with valves, if absent.
+        sampling: Sampling method.
+        seed: Seed of the samples.
+        curvature: Second order by differences of slopes, by exact derivatives, or not.
+    """
+    missing = not vary and tolerances is None
+    refuse(missing, "--vary: is missing; e.g. --vary mechanism.bore='+-0.02 mm'")
+    unlimited = rejects is not None and not limit
+    refuse(unlimited, "--rejects: needs a --limit, by which machines are rejected")
+    refuse(samples is not None and samples < 16, f"--samples {samples}: must be >= 16")
     start_devices(None)
     start_jax()
-    scene = changed_scene(machine, sets or (), designs or (), vary or ())
-    options = AnalysisOptions(analysis_solver(accuracy), excitation and excitation.value)
+    scene = changed_scene(machine, sets, designs, vary)
+    options = analysis_options(accuracy, excitation)
     design = jc.machine.machine_of(scene)
     if balanced:
-        if not design.corrections:
-            raise CommandError("--balanced: needs a scene with balancing planes")
+        refuse(not design.corrections, "--balanced: needs a scene with balancing planes")
         design = jc.design.balanced_design(design, options)
     given, correlations = read_tolerances(design, vary, tolerances, correlate)
-    limits = bounds_of(limit or (), "--limit", equalities=False)
+    limits = bounds_of(limit, "--limit", equalities=False)
     names = list(quantity or (() if limits else default_quantities(scene)))
     for name in names:
         jc.design.quantity(name)
-    with spinner("Solving (the first time it is compiled as well) ..."), cluster(dask) as client:
+    with waiting(), cluster(dask) as client:
         found = jc.tolerancing.tolerance(
             design,
             given,
@@ -158,10 +123,10 @@ def tolerance(
             limits=limits,
             options=options,
             samples=samples,
-            sampling=sampling.value.replace("-", "_"),
+            sampling=sampling.replace("-", "_"),
             seed=seed,
             client=client,
-            curvature=None if curvature is Curvature.none else curvature.value,
+            curvature=None if curvature == "none" else curvature,
         )
         tighter = None if rejects is None else permitted_tolerances(found, rejects)
     result = tolerance_result(found, scene.name, given, correlations, balanced)
@@ -171,24 +136,17 @@ def tolerance(
     def figures():
         return jc.plot.tolerance_figures(found, scene.name)
 
-    curves = None if out is None else {"samples": found.columns()}
+    curves = {"samples": found.columns}
     hand_out(result, tolerance_tables(found, result), as_json, out, figures, scene, curves)
 
 
-_SHARES = (0.00135, 0.05, 0.5, 0.95, 0.99865)
-_SHARE_NAMES = ("0.135", "5", "50", "95", "99.865")
-# Contributors of a table.
-_ROWS = 12
-
-
 def read_tolerances(
-    design: jc.machine.Machine, vary, file: Path | None, correlate
+    design: jc.machine.Machine,
+    vary: Sequence[str] | None,
+    file: Path | None,
+    correlate: Sequence[str] | None,
 ) -> tuple[dict[str, jc.tolerancing.Within], dict[tuple[str, str], float]]:
-    """Tolerances and correlations of the file and of `--vary` and `--correlate`, which go first.
-
-    Raises:
-        CommandError, SceneError, BadInput: what cannot be read, or a name that fits nothing.
-    """
+    """Tolerances and correlations of the file and of `--vary` and `--correlate`, which go first."""
     from ..scene.tolerances import read_tolerance_file, tolerances_of
 
     texts, correlations = ({}, {}) if file is None else read_tolerance_file(file)
@@ -202,7 +160,7 @@ def read_tolerances(
         except ValueError:
             raise CommandError(f"--correlate {text}: must have the form A,B=VALUE") from None
     # where both fit, the later one counts
-    return tolerances_of(design, {**texts, **assignments(vary or (), "--vary")}), correlations
+    return tolerances_of(design, {**texts, **assignments(vary, "--vary")}), correlations
 
 
 def tolerance_result(
@@ -213,32 +171,31 @@ def tolerance_result(
     balanced: bool,
 ) -> dict[str, Any]:
     """The answer in SI units. The keys are stable; new ones may join them."""
-    failed = sum(not ok for ok in found.sampled.ok.tolist())
-    return plain(
-        {
-            "scene": scene,
-            "balanced": balanced,
-            "corrections": dict(found.problem.design.corrections),
-            "variables": {
-                one.name: {
-                    "unit": one.unit,
-                    "nominal": found.nominal[i],
-                    "deviation": found.deviation[i],
-                    **given[one.name]._asdict(),
-                }
-                for i, one in enumerate(found.problem.variables)
-            },
-            "correlations": [{"between": pair, "value": v} for pair, v in correlations.items()],
-            "samples": len(found.sampled.ok),
-            "failed": failed,
-            "quantities": {
-                name: _quantity(found, i, unit)
-                for i, (name, unit) in enumerate(zip(found.names, found.problem.units, strict=True))
-            },
-            "limits": [_limit(one, found) for one in found.reliability],
-            "remarks": found.remarks,
+    variables = {
+        one.name: {
+            "unit": one.unit,
+            "nominal": found.nominal[i],
+            "deviation": found.deviation[i],
+            **given[one.name]._asdict(),
         }
-    )
+        for i, one in enumerate(found.problem.variables)
+    }
+    result = {
+        "scene": scene,
+        "balanced": balanced,
+        "corrections": dict(found.problem.design.corrections),
+        "variables": variables,
+        "correlations": [{"between": pair, "value": v} for pair, v in correlations.items()],
+        "samples": len(found.sampled.ok),
+        "failed": sum(not ok for ok in found.sampled.ok.tolist()),
+        "quantities": {
+            name: _quantity(found, i, unit)
+            for i, (name, unit) in enumerate(zip(found.names, found.problem.units, strict=True))
+        },
+        "limits": [_limit(one, found) for one in found.reliability],
+        "remarks": found.remarks,
+    }
+    return plain(result)
 
 
 def _quantity(found: jc.tolerancing.Tolerances, i: int, unit: str) -> dict[str, Any]:
@@ -286,77 +243,82 @@ def _limit(one, found: jc.tolerancing.Tolerances) -> dict[str, Any]:
 def permitted_tolerances(
     found: jc.tolerancing.Tolerances, text: str
 ) -> list[jc.tolerancing.Permitted]:
-    """How much tighter all tolerances would have to be, and those of the largest contributor alone.
-
-    Raises:
-        CommandError: a share that cannot be read or is none.
-    """
-    share = float(jc.scene.to_si(entry(text), "", "--rejects"))
-    if not 0 < share < 1:
-        raise CommandError(f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
+    """How much tighter all tolerances would have to be, and those of the largest contributor alone."""
+    share = si(text, "", "--rejects")
+    refuse(not 0 < share < 1, f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
     first = found.ranking(found.reliability[0].limit.quantity)[0][0]
     return [jc.tolerancing.permitted(found, share), jc.tolerancing.permitted(found, share, [first])]
 
 
 def tolerance_sentences(found: jc.tolerancing.Tolerances, result: dict[str, Any]) -> Iterator[str]:
     """The answer in a sentence for each limit, or for each quantity where there is none."""
-    design, limited = found.problem.design, {one.limit.quantity for one in found.reliability}
+    limited = {one.limit.quantity for one in found.reliability}
     for one in found.reliability:
         look = _look(found, one.limit.quantity)
         side = "exceed" if one.limit.above else "fall below"
         low, high = (f"{100 * end:.2g}" for end in one.sampled_interval)
-        text = (
+        yield (
             f"About {100 * one.sampled:.2g} % of the machines {side} {look.text(one.limit.bound)} "
             f"({look.words.lower()}; {low} to {high} % with 95 % confidence). "
+            f"{_causes(found, one.limit.quantity)}"
         )
-        yield text + _causes(found, design, one.limit.quantity)
     for place, name in enumerate(found.names):
-        spread = found.sampled.deviation[place]
+        mean, spread = found.sampled.mean[place], found.sampled.deviation[place]
         if name not in limited and math.isfinite(spread):
             look = _look(found, name)
-            text = (
-                f"{look.words}: {look.text(found.sampled.mean[place])} on average, with a standard "
+            yield (
+                f"{look.words}: {look.text(mean)} on average, with a standard deviation of "
+                f"{look.text(spread, 3)}. {_causes(found, name)}"
             )
-            yield f"{text}deviation of {look.text(spread, 3)}. {_causes(found, design, name)}"
     for one in result.get("permitted", ()):
-        all_of_them = len(one["variables"]) == len(found.variables)
-        whose = (
-            "all tolerances"
-            if all_of_them
-            else f"that of {jc.design.variable_label(design, one['variables'][0])}"
-        )
-        if not math.isfinite(one["factor"] or math.nan):
+        whose, factor = "all tolerances", one["factor"]
+        if len(one["variables"]) != len(found.variables):
+            whose = f"that of {_label(found, one['variables'][0])}"
+        if not math.isfinite(factor or math.nan):
             yield f"Changing {whose} does not bring the rejects down so far."
             continue
-        word = "tightened" if one["factor"] < 1 else "widened"
+        word = "tightened" if factor < 1 else "widened"
         yield (
-            f"With {whose} {word} to {one['factor']:.3g} times what they are, "
+            f"With {whose} {word} to {factor:.3g} times what they are, "
             f"{100 * one['rejects']:.2g} % are rejected."
         )
 
 
-def _causes(found: jc.tolerancing.Tolerances, design, name: str) -> str:
+def _causes(found: jc.tolerancing.Tolerances, name: str) -> str:
     ranked = [(one, share) for one, share in found.ranking(name) if math.isfinite(share)]
     if not ranked:
         return ""
-    causes = [
-        f"{jc.design.variable_label(design, one)} {100 * min(share, 1):.0f} %"
-        for one, share in ranked[:3]
-        if share > 0.05 or one == ranked[0][0]
+    (first, largest), *others = ranked[:3]
+    causes = [f"{_label(found, first)} causes {100 * min(largest, 1):.0f} % of the variance"]
+    causes += [
+        f"{_label(found, one)} {100 * min(share, 1):.0f} %" for one, share in others if share > 0.05
     ]
-    first, share = ranked[0]
-    causes[0] = (
-        f"{jc.design.variable_label(design, first)} causes {100 * min(share, 1):.0f} % of the variance"
-    )
     text = ", ".join(causes)
     return f"{text[:1].upper()}{text[1:]}."
+
+
+def _label(found: jc.tolerancing.Tolerances, variable: str) -> str:
+    """A variable in words."""
+    return jc.design.variable_label(found.problem.design, variable)
 
 
 def tolerance_tables(found: jc.tolerancing.Tolerances, result: dict[str, Any]) -> Iterator[Any]:
     """Sentences, distributions, contributors, probabilities, and remarks on what disagrees."""
     yield from (escape(text) for text in tolerance_sentences(found, result))
-    yield _distributions(found, result)
-    yield _orders(found, result)
+    failed = f", {result['failed']:,} not solved" if result["failed"] else ""
+    title = f"{result['scene']}: {result['samples']:,} machines{failed}"
+    nothing, sampled, by_derivatives = {"mean": None, "deviation": None}, [], []
+    for name in found.names:
+        look, row = _look(found, name), result["quantities"][name]
+        ends = (row["percentiles"][share] for share in ("5", "95"))
+        numbers = (row["nominal"], row["mean"], row["deviation"], *ends)
+        sampled.append((look.label, *(_cell(x, look.factor) for x in numbers)))
+        orders = (row["first_order"], row["second_order"] or nothing)
+        cells = (_cell(one[key], look.factor) for one in orders for key in ("mean", "deviation"))
+        by_derivatives.append((look.label, *cells))
+    yield row_table(title, ("Quantity", "Nominal", "Mean", "Deviation", "5 %", "95 %"), sampled)
+    heads = ("By derivatives", "1st-order mean", "Deviation", "2nd-order mean", "Deviation")
+    yield row_table(None, heads, by_derivatives)
     for name in found.names:
         yield _contributors(found, name)
     if found.reliability:
@@ -365,47 +327,19 @@ def tolerance_tables(found: jc.tolerancing.Tolerances, result: dict[str, Any]) -
         yield f"[yellow]Note:[/yellow] {remark}"
 
 
-def _distributions(found: jc.tolerancing.Tolerances, result):
-    failed = f", {result['failed']:,} not solved" if result["failed"] else ""
-    rows = []
-    for look, row in _entries(found, result):
-        numbers = (row["nominal"], row["mean"], row["deviation"], row["percentiles"]["5"],
-                   row["percentiles"]["95"])  # fmt: skip
-        rows.append((look.label, *(_cell(x, look.factor) for x in numbers)))
-    title = f"{result['scene']}: {result['samples']:,} machines{failed}"
-    return row_table(title, ("Quantity", "Nominal", "Mean", "Deviation", "5 %", "95 %"), rows)
-
-
-def _orders(found: jc.tolerancing.Tolerances, result):
-    rows, nothing = [], {"mean": None, "deviation": None}
-    for look, row in _entries(found, result):
-        orders = (row["first_order"], row["second_order"] or nothing)
-        cells = (_cell(one[key], look.factor) for one in orders for key in ("mean", "deviation"))
-        rows.append((look.label, *cells))
-    heads = ("By derivatives", "1st-order mean", "Deviation", "2nd-order mean", "Deviation")
-    return row_table(None, heads, rows)
-
-
-def _look(found: jc.tolerancing.Tolerances, name: str):
+def _look(found: jc.tolerancing.Tolerances, name: str) -> Shown:
     """How a quantity is shown."""
     place = found.names.index(name)
     return shown(name, found.problem.units[place], found.value[place])
 
 
-def _entries(found: jc.tolerancing.Tolerances, result):
-    return [(_look(found, name), result["quantities"][name]) for name in found.names]
-
-
 def _contributors(found: jc.tolerancing.Tolerances, name: str):
     look, place = _look(found, name), found.names.index(name)
-    design, ranking = found.problem.design, found.ranking(name)
-    rows = []
+    ranking, rows = found.ranking(name), []
     for variable, share in ranking[:_ROWS]:
         swing = found.swings[:, found.variables.index(variable), place]
         cells = (_cell(x, look.factor) for x in swing)
-        rows.append(
-            (escape(jc.design.variable_label(design, variable)), f"{100 * share:.1f} %", *cells)
-        )
+        rows.append((_label(found, variable), f"{100 * share:.1f} %", *cells))
     # a name is broken where it would leave the numbers no space in 80 columns
     narrow = max(len(row[0]) for row in rows) <= 45
     if len(ranking) > _ROWS:
@@ -415,9 +349,9 @@ def _contributors(found: jc.tolerancing.Tolerances, name: str):
     words = look.words
     if not words[:2].isupper():  # but for abbreviations, as COP
         words = words[:1].lower() + words[1:]
-    title = f"Contributors to {words}"
-    table = row_table(title, ("Variable", "Share of variance", *ends), rows)
-    table.columns[0].no_wrap, table.columns[0].overflow = narrow, "fold"
+    heads = ("Variable", "Share of variance", *ends)
+    table = row_table(f"Contributors to {words}", heads, rows, whole=(0,) if narrow else ())
+    table.columns[0].overflow = "fold"
     return table
 
 

@@ -1,4 +1,4 @@
-"""`jaxcomp animate`: the mechanism over one revolution, the machine before and after balancing."""
+"""`jaxcomp animate` and `desk`: pictures that move, and a page whose results follow dragged numbers."""
 
 from __future__ import annotations
 
@@ -11,86 +11,65 @@ import jaxcomp as jc
 
 from .._shown import RPM
 from ._arguments import changed_scene
-from ._errors import CommandError, reports_errors
-from ._options import Machine, Sets
-from ._output import show_results, write_results
+from ._options import Designs, Machine, Sets
+from ._output import hand_out
 from ._rotor import points_and_range, rotor_of
-from ._start import start_jax
+from ._start import CommandError, refuse, reports_errors, start_jax, waiting
 from ._tables import row_table
 
 
 @reports_errors
 def animate(
     machine: Machine,
-    out: Annotated[
-        Path, typer.Option(help="Folder for the moving pictures (GIF) and report.html.")
-    ],
+    out: Annotated[Path, typer.Option()],
     sets: Sets = None,
-    speed: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SPEED", help="Speed of the rotor, e.g. 3000rpm; the scene's if absent."
-        ),
-    ] = None,
-    frames: Annotated[int, typer.Option(help="Pictures per revolution.")] = 48,
+    speed: str | None = None,
+    frames: int = 48,
 ) -> None:
     """Draw the mechanism over one revolution with its forces, and a rotor before and after balancing.
 
     Journals that move in their films are drawn in their clearances as well.
 
     Example: [bold]jaxcomp animate slider-link-8cc --out result[/bold]
+
+    Args:
+        out: Folder for the moving pictures (GIF) and report.html.
+        speed (SPEED): Speed of the rotor, e.g. 3000rpm; the scene's if absent.
+        frames: Pictures per revolution.
     """
-    if not 4 <= frames <= 360:
-        raise CommandError(f"--frames {frames}: must be >= 4 and <= 360")
-    from .._waits import spinner
+    refuse(not 4 <= frames <= 360, f"--frames {frames}: must be >= 4 and <= 360")
     from ..plot import gif
 
     start_jax(once=True)
-    scene = changed_scene(machine, sets or (), ())
+    scene = changed_scene(machine, sets)
     moving, result = {}, {"machine": scene.name, "file": scene.file, "frames": frames}
-    with spinner("Solving and drawing ..."):
+    with waiting("Solving and drawing ..."):
         if scene.compressor is not None:
-            orbit = jc.crank.solve_orbit(scene)
-            motion, found = turning_motion(scene, orbit, frames)
-            moving["mechanism"] = gif(motion)
-            result |= found
+            orbit, compressor = jc.crank.solve_orbit(scene), scene.as_compressor()
+            moving["mechanism"] = gif(jc.plot.mechanism_motion(compressor, orbit, frames))
             if orbit.positions:
-                compressor = scene.as_compressor()
                 moving["journals"] = gif(jc.plot.journal_motion(compressor, orbit, frames))
+            converged = bool(orbit.converged)
+            result |= {
+                "converged": converged,
+                "status": "converged" if converged else "not converged",
+                "energy_residual": float(orbit.energy.residual),
+                "mean_speed": float(orbit.mean_speed),
+                "mechanical_efficiency": float(orbit.mechanical_efficiency),
+            }
         if {"rotor", "loads", "balancing"} <= set(scene.parts):
             motion, found = balancing_motion(scene, speed, frames)
             moving["balance"] = gif(motion)
             result |= found
-        if not moving:
-            raise CommandError(f"{scene.file}: has neither a crank nor a rotor to be balanced")
-        tables = animate_tables(result)
-        write_results(out, moving, result, scene, tables)
-    show_results(result, tables, False, out, "Moving pictures and report")
-
-
-def turning_motion(
-    scene: jc.scene.Scene, orbit: jc.Orbit, frames: int
-) -> tuple[jc.plot.Motion, dict[str, Any]]:
-    """The mechanism in its periodic state."""
-    machine = scene.as_compressor()
-    evidence = {
-        "converged": bool(orbit.converged),
-        "status": "converged" if bool(orbit.converged) else "not converged",
-        "energy_residual": float(orbit.energy.residual),
-        "mean_speed": float(orbit.mean_speed),
-        "mechanical_efficiency": float(orbit.mechanical_efficiency),
-    }
-    return jc.plot.mechanism_motion(machine, orbit, frames), evidence
+        refuse(not moving, f"{scene.file}: has neither a crank nor a rotor to be balanced")
+    tables, written = animate_tables(result), "Moving pictures and report"
+    hand_out(result, tables, False, out, lambda: moving, scene, written=written)
 
 
 def balancing_motion(
     scene: jc.scene.Scene, speed: str | None, frames: int
 ) -> tuple[jc.plot.Motion, dict[str, Any]]:
-    """The rotor with its crankcase and housing, without and with the least-squares corrections.
-
-    Raises:
-        CommandError: no loads.
-    """
+    """The rotor with its crankcase and housing, without and with the least-squares corrections."""
     import jax.numpy as jnp
 
     places, case = scene.parts["balancing"], scene.parts["loads"]
@@ -100,13 +79,10 @@ def balancing_motion(
     speeds, _ = points_and_range(scene, [speed] if speed else None, None)
     model, at = rotor_of(scene, speeds), jnp.asarray(speeds)
     found = jc.balancing.least_squares(jc.balancing.direct_influence(model, case.loads, places, at))
-    masses = jc.rotor.Unbalances(
-        tuple(plane.node for plane in places.planes),
-        jnp.abs(found.correction),
-        jnp.angle(found.correction),
-    )
+    nodes, masses = tuple(plane.node for plane in places.planes), found.correction
+    corrections = jc.rotor.Unbalances(nodes, jnp.abs(masses), jnp.angle(masses))
     before = jc.rotor.respond(model, case.loads, at[:1]).checked()
-    after = jc.rotor.respond(model, (*case.loads, masses), at[:1]).checked()
+    after = jc.rotor.respond(model, (*case.loads, corrections), at[:1]).checked()
     result = {
         "speed": float(at[0]),
         "largest_before": float(abs(before.displacement[..., 0]).max()),
@@ -132,3 +108,31 @@ def animate_tables(result: dict[str, Any]):
         if key in result
     )
     return [row_table(f"{result['machine']}: moving pictures", ("Quantity", ""), cells, texts=2)]
+
+
+@reports_errors
+def desk(
+    machine: Machine,
+    sets: Sets = None,
+    designs: Designs = None,
+    port: int = 0,
+    browser: bool = True,
+) -> None:
+    """Open a page in the browser on which results follow while numbers of the machine are dragged.
+
+    Nothing leaves this computer: the page is served on the loopback address alone. Ctrl+C ends it.
+
+    Example: [bold]jaxcomp desk mayekawa-wbhe[/bold]
+
+    Args:
+        port: Port of the loopback address; a free one if 0.
+        browser: Open a browser.
+    """
+    refuse(not 0 <= port <= 65535, f"--port {port}: must be >= 0 and <= 65535")
+    start_jax()
+    scene = changed_scene(machine, sets, designs)
+    try:
+        from ..desk import serve
+    except ImportError:
+        raise CommandError("the desk needs Panel; pip install 'jaxcomp[desk]'") from None
+    serve(scene, port=port, show=browser)

@@ -1,0 +1,248 @@
+"""`jaxcomp new`, `list` and `explain`: a machine file to start from, what there is, and what it means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+import jaxcomp as jc
+
+from .._registry import DESIGN_RULES, Quantity, registered
+from .._shown import shown, units_of
+from ._options import AsJson, complete_machine
+from ._output import plain, show_results
+from ._start import CommandError, refuse, reports_errors, start_jax
+from ._tables import bold, row_table
+
+# Characters of a value as it was given; JSON has all of it.
+_LONGEST = 120
+# Coordinates of correction masses, which no file has.
+_OTHERS = {
+    "x": "Correction mass times radius along x.",
+    "y": "Correction mass times radius along y.",
+    "magnitude": "Correction mass times radius.",
+    "angle": "Angle of the correction mass from x.",
+}
+
+
+# What a new machine is; each has a file in `jaxcomp/scene/starts`.
+Kind = Literal["slider-crank", "v-twin", "slider-link", "rotor"]
+
+
+@reports_errors
+def new(
+    file: Annotated[Path, typer.Argument()] = Path("my-machine.toml"),
+    kind: Kind = "slider-crank",
+    force: bool = False,
+) -> None:
+    """Write a scene file to start from, with a comment on every entry.
+
+    Example: [bold]jaxcomp new my-machine.toml --kind slider-link[/bold]
+
+    Args:
+        file: File to write; - prints it.
+        kind: What to start from.
+        force: Write over a file.
+    """
+    from ..scene import start
+
+    if str(file) == "-":
+        typer.echo(start(kind, "my-machine"), nl=False)
+        return
+    refuse(file.suffix != ".toml", f"{file}: must end in .toml")
+    refuse(file.exists() and not force, f"{file}: is there already; --force writes over it")
+    file.write_text(start(kind, file.stem), encoding="utf-8")
+    verb = "respond" if kind == "rotor" else "run"
+    typer.echo(f"{file} is written. Change it, then: jaxcomp check {file}; jaxcomp {verb} {file}")
+
+
+# ------------------------------------------------------------------- list
+@reports_errors
+def list_machines(
+    machine: Annotated[str | None, typer.Argument(autocompletion=complete_machine)] = None,
+    quantities: bool = False,
+    variables: bool = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+) -> None:
+    """List the bundled machines, the fluids, the quantities, or what one machine has.
+
+    Example: [bold]jaxcomp list mayekawa-wbhe[/bold], [bold]jaxcomp list fluids[/bold], [bold]jaxcomp
+    list --quantities[/bold], [bold]jaxcomp list --variables mayekawa-wbhe[/bold]
+
+    Args:
+        machine: Machine or scene file whose values and sources to show, or `fluids`.
+        quantities: Quantities that studies know, with unit and meaning; of a machine joint by joint.
+        variables: Numbers of a machine that studies can change, and design rules.
+        as_json: Print one JSON object instead of a table.
+    """
+    if variables and (machine is None or quantities):
+        raise CommandError("--variables: needs a machine, and goes without --quantities")
+    if machine == "fluids" and not quantities:
+        found, table = _fluids()
+    elif machine is not None:
+        scene = _known_scene(machine)
+        of_scene = _quantities if quantities else _variables if variables else _values
+        found, table = of_scene(scene)
+    else:
+        found, table = _quantities() if quantities else _machines()
+    show_results(found, [table], as_json)
+
+
+def _machines() -> tuple[dict[str, Any], Table]:
+    known = jc.scene.machines()
+    rows = ((bold(one.name), one.description) for one in known)
+    table = _word_table("Bundled machines", ("Name", "Description"), rows)
+    return {"machines": [one._asdict() for one in known]}, table
+
+
+def _fluids() -> tuple[dict[str, Any], Table]:
+    from ..fluid import fluid_data, fluids
+
+    keys = ("name", "description", "source", "licence")
+    found = [{key: data[key] for key in keys} for data in map(fluid_data, fluids())]
+    rows = ((bold(one["name"]), one["description"], one["source"]) for one in found)
+    table = _word_table("Fluids", ("Name", "What it is", "Equation of state"), rows)
+    return {"fluids": found}, table
+
+
+def _known_scene(machine: str) -> jc.scene.Scene:
+    names = [one.name for one in jc.scene.machines()]
+    if machine not in names and not Path(machine).exists() and not machine.endswith(".toml"):
+        near = jc.scene.did_you_mean(machine, [*names, "fluids"])
+        raise CommandError(f"list {machine}: is no machine, no file and not `fluids`{near}")
+    start_jax()
+    return jc.scene.load(machine)
+
+
+def _quantities(scene: jc.scene.Scene | None = None) -> tuple[dict[str, Any], Table]:
+    """All quantities, or those of a machine joint by joint."""
+    known: Mapping[str, Quantity] = (
+        {one.name: one for one in registered()}
+        if scene is None
+        else jc.design.available_quantities(scene.machine, members=True)
+    )
+    found = {
+        name: {
+            "unit": one.unit,
+            "shown": units_of(one.unit, one.percent),
+            "better": one.better,
+            "needs": list(one.sections),
+            "doc": one.doc,
+        }
+        for name, one in known.items()
+    }
+    rows = (
+        (bold(name), one["shown"], one["better"], ", ".join(one["needs"]), one["doc"])
+        for name, one in found.items()
+    )
+    title = "Quantities" if scene is None else scene.name
+    heads = ("Quantity", "Unit", "Better", "Needs", "Meaning")
+    return {"quantities": found}, _word_table(title, heads, rows)
+
+
+def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
+    """The numbers that studies can change."""
+    machine = scene.machine
+    docs = {row.path: row.doc for row in jc.scene.describe(scene)} | DESIGN_RULES
+
+    def meaning(name):
+        if name.startswith("corrections."):
+            return _OTHERS[name.rpartition(".")[2]]
+        count, doc = jc.design.list_length(machine, name), docs.get(name, "")
+        return f"{doc} (factor on all {count})".strip() if count else doc
+
+    found = {
+        one.name: {
+            "unit": one.unit,
+            "value": float(one.current(machine)),
+            "bound": str(one.bound),
+            "doc": meaning(one.name),
+        }
+        for one in (jc.design.variable(machine, name) for name in jc.design.variable_names(machine))
+    }
+    rows = (
+        (name, shown(name, one["unit"], one["value"]).text(one["value"]), one["bound"], one["doc"])
+        for name, one in found.items()
+    )
+    heads = ("Variable", "Value", "Bound, SI", "Meaning")
+    return {"variables": found}, _word_table(scene.name, heads, rows)
+
+
+def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
+    """Every value of a scene with its source."""
+    found, rows = {}, []
+    for row in jc.scene.describe(scene):
+        fields = row._asdict()
+        value = row.value.tolist() if hasattr(row.value, "tolist") else row.value
+        found[row.path] = {"value": value} | {
+            key: fields[key] for key in ("unit", "given", "source", "doc")
+        }
+        given = str(f"{row.value} {row.unit}".strip() if row.given is None else row.given)
+        if len(given) > _LONGEST:
+            given = f"{given[: _LONGEST // 2]} ... {given[-_LONGEST // 2 :]}"
+        rows.append((row.path, given, str(row.source), str(row.doc)))
+    title = f"{scene.name}: {scene.description}"
+    table = _word_table(title, ("Value", "Given", "Source", "Meaning"), rows)
+    return {"name": scene.name, "description": scene.description, "values": found}, table
+
+
+# ------------------------------------------------------------------- explain
+@reports_errors
+def explain(
+    part: Annotated[str | None, typer.Argument()] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Explain a part of a machine file: its entries, units, bounds, defaults, and where it may stand.
+
+    Example: [bold]jaxcomp explain slider-crank[/bold], [bold]jaxcomp explain film[/bold]
+
+    Args:
+        part: Type of a part, or name of a section; all types if left out.
+    """
+    if part is None:
+        rows, table = _parts()
+        show_results({"parts": rows}, [table], as_json)
+        return
+    found = jc.scene.explained(part)
+    lines = [] if as_json else [line for one in found for line in _explained_lines(one)]
+    show_results({"word": part, "parts": plain(found)}, lines, as_json)
+
+
+def _parts() -> tuple[list[dict[str, Any]], Table]:
+    """Every kind of part."""
+    from ..scene._explain import summary
+
+    found = [
+        {"kind": where.kind, "places": where.titles, "summary": summary(part)}
+        for part, where in jc.scene.part_places().items()
+    ]
+    rows = ((one["kind"], ", ".join(one["places"]), one["summary"]) for one in found)
+    heads = ("Type", "Sections", "What it is")
+    return found, _word_table("Parts of a machine file", heads, rows)
+
+
+def _explained_lines(one: jc.scene.Explained) -> list[Table | Text]:
+    """What it is, where it may stand, its entries, and how it is typed."""
+    rows = (
+        (e.name, e.unit, e.bound, "required" if e.required else e.default or "none", e.doc)
+        for e in one.entries
+    )
+    heads = ("Entry", "Unit", "Must be", "Default", "Meaning")
+    where = Text("May stand as ").append(", ".join(one.places))
+    example = Text(one.example + "\n", no_wrap=True, overflow="ignore")
+    return [
+        _word_table(f"{one.kind}: {one.summary}", heads, rows),
+        where,
+        Text("As typed in a file, with optional lines behind #:\n"),
+        example,
+    ]
+
+
+def _word_table(title: str, heads: Sequence[str], rows) -> Table:
+    """A table of words, of which the first column is not broken."""
+    return row_table(title, heads, rows, texts=len(heads), whole=(0,))
