@@ -1,5 +1,7 @@
 """Error against run time: what the reports say, observed orders, and the solvers side by side."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from benchmarks.studies import STUDIES as DEVELOPER_STUDIES
@@ -12,11 +14,19 @@ from jaxcomp.film import eccentricity_ratio
 from jaxcomp.machine import machine_of
 from jaxcomp.work_precision import Measurement, Reference, Report
 from jaxcomp.work_precision._accuracy import STUDIES
-from jaxcomp.work_precision._film import film_places
-from jaxcomp.work_precision._orbit import known_quantities
+from jaxcomp.work_precision._orbit import by_scipy, known_quantities
 from jaxcomp.work_precision._report import observed_order
-from jaxcomp.work_precision._scipy import scipy_setting
-from jaxcomp.work_precision._study import Call, Question, Setting, Solved, answer, measured
+from jaxcomp.work_precision._rotor import film_places
+from jaxcomp.work_precision._study import (
+    Call,
+    Question,
+    Setting,
+    Solved,
+    answer,
+    digits,
+    measured,
+    series,
+)
 
 MACHINES = ("mayekawa-wbhe", "slider-link-8cc", "hermetic-68cc")
 
@@ -416,9 +426,9 @@ def test_scipy_on_the_same_law_comes_to_the_same_efficiency():
     exact = float(solve_orbit(machine, Collocation()).mechanical_efficiency)
     reference = Reference(exact, exact, ("collocation", "the same"))
     question = Question(machine_of(scene), "mechanical_efficiency")
-    loose, tight = (
-        measured(scipy_setting(question, "DOP853", tol), reference) for tol in (1e-5, 1e-9)
-    )
+    call = partial(by_scipy, question, "DOP853")
+    settings = series("SciPy", "DOP853 rtol={:g}", call, (1e-5, 1e-9), digits)
+    loose, tight = (measured(setting, reference) for setting in settings)
     # load reversals are met unprepared: a hundred times the tolerance of a step, at worst
     assert tight.error < 1e-7
     assert tight.error < loose.error < 1e-3

@@ -11,7 +11,7 @@ from jaxcomp.cli import app
 from jaxcomp.cli._accuracy import extremes_tables, rows_result
 from jaxcomp.plot import extreme_errors
 from jaxcomp.work_precision import extremes
-from jaxcomp.work_precision._extremes import FAMILIES, scaled
+from jaxcomp.work_precision._variants import FAMILIES, scaled
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +38,7 @@ def test_errors_are_told_up_to_the_edge_and_locking_is_named(cases):
 def test_error_that_the_march_tells_is_that_beside_many_nodes(cases):
     steep = next(case for case in cases if case.setting == "r/l = 0.95")
     machine = load("mayekawa-wbhe").compressor
-    from jaxcomp.work_precision._extremes import _steep_rods
-
-    changed = dict(_steep_rods(machine))["r/l = 0.95"]
+    changed = dict(FAMILIES["steep rod"].machines(machine))["r/l = 0.95"]
     fine = solve_orbit(changed, Collocation(nodes=24))
     true = abs(steep.value - float(fine.mechanical_efficiency))
     # eight nodes on a rod that turns within a few degrees: some 1e-5

@@ -17,7 +17,7 @@ from jaxcomp.mechanism import CrankState, Cylinders, rod_motion
 from jaxcomp.motor import MeanSpeed
 from jaxcomp.shaking import shaking_wrench
 from jaxcomp.work_precision import STUDIES, Measurement
-from jaxcomp.work_precision._cylinders import growth, with_layout
+from jaxcomp.work_precision._orbit import growth, with_layout
 
 # [J] indicated work of a cylinder, closed form
 WORK = 297.326137139

@@ -13,16 +13,12 @@ from ..design import quantity
 from ..machine import Machine, machine_of
 from ..rotor import LoadCase
 from ._cycle import cycle_study
-from ._cylinders import cylinders_study
-from ._film import FILM_QUANTITIES, film_study
 from ._gradient import gradient_study
-from ._measure import Program
-from ._orbit import orbit_study, quantities_study
-from ._order import order_study
-from ._report import Cost, Measurement, Report
-from ._response import response_study
-from ._study import ROTOR_QUANTITIES, Question, Study, answer, measured
-from ._transient import transient_study
+from ._march import order_study, transient_study
+from ._orbit import cylinders_study, orbit_study, quantities_study
+from ._report import Cost, Report
+from ._rotor import FILM_QUANTITIES, film_study, response_study
+from ._study import ROTOR_QUANTITIES, Program, Question, Study, answer, measured
 
 
 class StudyKind(NamedTuple):
@@ -120,37 +116,35 @@ def accuracy(
     total = len(plan.settings) + 1
     verified = kind.verified and design.compressor is not None and not of_film
     progress("reference", 0, total)
-    calls = first_calls(question) if verified and kind.name != "quantities" else {}
-    reference = plan.reference()
-    rows: list[Measurement] = []
+    calls = _first_calls(question) if verified and kind.name != "quantities" else {}
+    reference, rows = plan.reference(), []
     for number, setting in enumerate(plan.settings, 1):
         progress(f"{setting.method}, {setting.label}", number, total)
         rows.append(measured(setting, reference))
-    return Report(
+    report = Report(
         kind.name,
         getattr(scene, "name", "design"),
         plan.name or name,
         unit if plan.unit is None else plan.unit,
         reference,
         tuple(rows),
-        plan.orders(rows, reference),
+        {},
         plan.note,
         _verification(question) if verified else {},
         calls,
-        plan.growth(rows),
-        plan.derivatives(rows),
     )
+    return report._replace(**plan.findings(rows, reference))
 
 
 def _check_parts(question: Question, kind: StudyKind) -> None:
     """Raise unless the machine has what the study needs."""
-    made = question.assembly
+    made, lacks = question.assembly, ""
     if kind.needs == "crank" and made.compressor is None:
-        bound = "one that a scene without compressor has, such as 'response'"
-        raise BadInput("study", kind.name, bound)
+        lacks = "one that a scene without compressor has, such as 'response'"
     if kind.needs == "rotor" and None in (made.rotor, made.loads, made.balancing):
-        bound = "one that the scene has: it needs a rotor with its planes"
-        raise BadInput("study", kind.name, bound)
+        lacks = "one that the scene has: it needs a rotor with its planes"
+    if lacks:
+        raise BadInput("study", kind.name, lacks)
 
 
 def _excitation(
@@ -166,7 +160,7 @@ def _excitation(
     return "crank" if case.crank is not None and design.compressor is not None else "file"
 
 
-def first_calls(question: Question) -> dict[str, Cost]:
+def _first_calls(question: Question) -> dict[str, Cost]:
     """Times of the first and the second call of the default solver.
 
     Of the value, and of the value with its gradient over all numbers of the machine.
@@ -182,9 +176,8 @@ def first_calls(question: Question) -> dict[str, Cost]:
     found = {}
     for name, function in (("value", value), ("value and gradient", gradient)):
         program = Program(function, *arguments)
-        run = program.on(*arguments)
         start = time.perf_counter()
-        jax.block_until_ready(run())
+        jax.block_until_ready(program(*arguments))
         first = program.seconds + time.perf_counter() - start
         found[name] = Cost(first, program.timed(*arguments), program.lines)
     return found
@@ -192,9 +185,7 @@ def first_calls(question: Question) -> dict[str, Cost]:
 
 def _verification(question: Question) -> dict[str, float]:
     """Errors of the default solver by an independent integration of one revolution."""
-    machine = question.compressor
-    assert machine is not None
-    orbit = solve_orbit(machine, question.default_solver, verify=True)
+    orbit = solve_orbit(question.crank, question.default_solver, verify=True)
     march = orbit.verification
     assert march is not None
     work = max(abs(float(orbit.energy.motor_work)), float(orbit.energy.total_loss)) or 1.0

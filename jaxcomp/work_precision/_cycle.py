@@ -5,8 +5,8 @@ the cylinder, and the sequence of events with which collocation begins. Its deri
 with differences of the march. With quasi-steady ports the march is all there is; derivatives are refused.
 """
 
-from collections.abc import Sequence
-from functools import cache, cached_property, partial
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from typing import Any
 
 import jax
@@ -19,9 +19,18 @@ from ..cylinder import CycleOptions, Cylinder, solve_cycle
 from ..design import variable
 from ..design import variable_names as names_of
 from ..machine import Machine
-from ._measure import Program
 from ._report import DerivativeCheck, Measurement, Reference
-from ._study import Call, Question, Setting, Solved, Study, no_value
+from ._study import (
+    Call,
+    Compiled,
+    Question,
+    Setting,
+    Solved,
+    Study,
+    digits,
+    known_value,
+    series,
+)
 
 # By which derivatives are taken, where the valve has them.
 VARIABLES = (
@@ -30,14 +39,15 @@ VARIABLES = (
     "gas.suction_valve.port_diameter",
     "mechanism.bore",
 )
-_NODES, _ALL_NODES = (4, 6, 8, 10), (4, 5, 6, 8, 10, 12)
-_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-9)
-_ALL_TOLERANCES = tuple(10.0**-n for n in range(3, 10))
-_STEPS, _ALL_STEPS = (1e-2, 1e-3, 1e-4), (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+# The more instructive settings, and with `thorough` all.
+_NODES = {False: (4, 6, 8, 10), True: (4, 5, 6, 8, 10, 12)}
+_TOLERANCES = {False: (1e-4, 1e-6, 1e-8, 1e-9), True: tuple(10.0**-n for n in range(3, 10))}
+_STEPS = {False: (1e-2, 1e-3, 1e-4), True: (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)}
 # Of references. Events are located within 1e-11, so that a tighter march gains nothing.
 _FINE_NODES, _TIGHT, _LESS_TIGHT = 16, 1e-10, 1e-9
 _REFERENCE_STEP = 1e-3  # differences of a march of 1e-10 are good to 1e-7 with it
 _LONG_MARCH: dict[str, Any] = {"method": "march", "capacity": 8192, "max_passes": 40_000}
+_LABEL = "nodes={}"
 _METHODS = (
     f"collocation with {_FINE_NODES} nodes; of quasi-steady ports the march at {_TIGHT:g}",
     f"the march with located events at {_TIGHT:g} and fourth-order differences of it; of quasi-steady "
@@ -59,14 +69,12 @@ def cycle_study(question: Question, thorough: bool) -> Study:
         BadInput: another gas.
     """
     machine = one_cylinder(question.compressor)
-    settings = []
-    if machine.gas.inert:
-        settings += _inert(question, machine, _ALL_NODES if thorough else _NODES, thorough)
+    settings = _inert(question, machine, thorough) if machine.gas.inert else []
     settings += _quasi_steady(question, machine, thorough)
     note = "the cycle at constant speed, with port inertia and quasi-steady"
     name = "indicated work, volumetric efficiency and their elasticities"
-    first = settings[0].reference
-    return Study(first, tuple(settings), note, name=name, derivatives=derivatives)
+    return Study(settings[0].reference, tuple(settings), note, name,
+                 findings=lambda rows, reference: {"derivatives": derivatives(rows)})  # fmt: skip
 
 
 def one_cylinder(machine: Compressor | None) -> Any:
@@ -87,12 +95,11 @@ def one_cylinder(machine: Compressor | None) -> Any:
 
 
 def derivatives(rows: Sequence[Measurement]) -> DerivativeCheck | None:
-    """Errors of value and derivatives at the default options; `None` with quasi-steady ports.
+    """Errors of value and derivatives at the default options, from the rows of `cycle_study`.
 
-    Args:
-        rows: of `cycle_study`.
+    `None` with quasi-steady ports.
     """
-    label = _label(CycleOptions().nodes)
+    label = _LABEL.format(CycleOptions().nodes)
     found = {row.task: row for row in rows if row.setting == label}
     if "value" not in found or "gradient" not in found:
         return None
@@ -127,7 +134,7 @@ def elasticities(machine: Any, options: CycleOptions) -> Solved:
         solved = figures(machine, options, logs)
         return jnp.log(solved.value), solved
 
-    slopes, solved = jax.jacfwd(logarithms, has_aux=True)(_none(machine))
+    slopes, solved = jax.jacfwd(logarithms, has_aux=True)(unchanged(machine))
     return solved._replace(value=slopes)
 
 
@@ -137,137 +144,108 @@ def variables(machine: Any) -> tuple[str, ...]:
     return tuple(name for name in VARIABLES if name in known)
 
 
-def _none(machine):
+def unchanged(machine: Any) -> jax.Array:
+    """Logarithms for `figures` that leave the machine as it is."""
     return jnp.zeros(len(variables(machine)))
-
-
-def _label(nodes: int) -> str:
-    return f"nodes={nodes}"
 
 
 class _March:
     """The march of a machine, compiled once for all tolerances."""
 
     def __init__(self, machine: Any):
-        self._machine = machine
+        self._machine, self._figures = machine, Compiled(figures)
 
-    @cached_property
-    def _program(self) -> Program:
-        return Program(figures, *self._arguments(_TIGHT), _none(self._machine))
-
-    def _arguments(self, tolerance: float):
-        options = CycleOptions(**_LONG_MARCH, value_tolerance=jnp.asarray(tolerance))
-        return self._machine, options
-
-    def call(self, tolerance: float) -> Call:
+    def call(self, tolerance: float, logs: Any = None) -> Call:
         """Values at a tolerance."""
-        return Call(
-            self._program.on(*self._arguments(tolerance), _none(self._machine)), self._program
-        )
+        logs = unchanged(self._machine) if logs is None else jnp.asarray(logs)
+        options = CycleOptions(**_LONG_MARCH, value_tolerance=jnp.asarray(tolerance))
+        return self._figures.call(self._machine, options, logs)
 
     def differences(self, tolerance: float, step: float) -> Solved:
         """Elasticities by central differences of a step in the logarithm."""
         columns, passes = [], 0
-        for own in step * np.eye(len(_none(self._machine))):
-            ends = []
-            for logs in (own, -own):
-                end = self._program(*self._arguments(tolerance), jnp.asarray(logs))
+        for own in step * np.eye(len(variables(self._machine))):
+            ends = [self.call(tolerance, logs).run() for logs in (own, -own)]
+            for end in ends:
                 if end.why:
                     return end
-                ends.append(np.log(end.value))
                 passes += int(end.iterations)
-            columns.append((ends[0] - ends[1]) / (2 * step))
+            columns.append((np.log(ends[0].value) - np.log(ends[1].value)) / (2 * step))
         return Solved(np.stack(columns, axis=1), passes)
 
-    def fourth_order(self, tolerance: float, step: float) -> Solved:
-        """The same without the error of the second order."""
-        near, far = (self.differences(tolerance, width * step) for width in (1, 2))
+    def fourth_order(self, tolerance: float) -> Solved:
+        """Elasticities for a reference, without the error of the second order."""
+        near, far = (self.differences(tolerance, n * _REFERENCE_STEP) for n in (1, 2))
         if near.why or far.why:
             return near if near.why else far
         return near._replace(value=(4 * near.value - far.value) / 3)
 
+    def settings(self, task: str, reference: Any, thorough: bool) -> list[Setting]:
+        """Its settings by tolerance."""
+        return series(f"{task}, march", "tolerance={:g}", self.call, _TOLERANCES[thorough], digits,
+                      reference=reference, task=task)  # fmt: skip
 
-def _inert(question, machine, nodes: Sequence[int], thorough: bool) -> list[Setting]:
+
+def _inert(question: Question, machine: Any, thorough: bool) -> list[Setting]:
+    """Collocation for values and derivatives, and the march for values."""
     marched = _March(machine)
-    none = _none(machine)
 
-    def values(count: int) -> Call:
-        arguments = machine, CycleOptions(nodes=count), none
-        program = Program(figures, *arguments)
-        return Call(program.on(*arguments), program)
+    def values(nodes: int) -> Call:
+        return Compiled(figures).call(machine, CycleOptions(nodes=nodes), unchanged(machine))
 
-    def gradient(count: int) -> Call:
-        arguments = machine, CycleOptions(nodes=count)
-        program = Program(elasticities, *arguments)
-        return Call(program.on(*arguments), program)
+    def gradient(nodes: int) -> Call:
+        return Compiled(elasticities).call(machine, CycleOptions(nodes=nodes))
 
-    @cache
-    def of_values():
-        return _reference(question, values(_FINE_NODES).run(), marched.call(_TIGHT).run())
-
-    @cache
-    def of_gradient():
-        other = marched.fourth_order(_TIGHT, _REFERENCE_STEP)
-        return _reference(question, gradient(_FINE_NODES).run(), other)
-
-    made = [
-        Setting(f"{task}, collocation", _label(count), partial(call, count), (float(count),),
-                reference=reference, task=task)
-        for task, call, reference in (
-            ("value", values, of_values),
-            ("gradient", gradient, of_gradient),
-        )
-        for count in nodes
-    ]  # fmt: skip
-    return made + _marches(marched, "value", of_values, thorough)
+    of_values = _reference(
+        question, lambda: values(_FINE_NODES).run(), lambda: marched.call(_TIGHT).run()
+    )
+    of_gradient = _reference(
+        question, lambda: gradient(_FINE_NODES).run(), lambda: marched.fourth_order(_TIGHT)
+    )
+    made: list[Setting] = []
+    for task, call, own in (("value", values, of_values), ("gradient", gradient, of_gradient)):
+        made += series(f"{task}, collocation", _LABEL, call, _NODES[thorough], float,
+                       reference=own, task=task)  # fmt: skip
+    return made + marched.settings("value", of_values, thorough)
 
 
-def _quasi_steady(question, machine, thorough: bool) -> list[Setting]:
+def _quasi_steady(question: Question, machine: Any, thorough: bool) -> list[Setting]:
+    """The march for values, and differences of it for derivatives, which forward mode refuses."""
     valves = {
         name: replaced(getattr(machine.gas, name), port_length=None)
         for name in ("suction_valve", "discharge_valve")
     }
     machine = replaced(machine, gas=replaced(machine.gas, **valves))
     marched = _March(machine)
+    tolerances = _TIGHT, _LESS_TIGHT
 
-    @cache
-    def of_values():
-        ends = (marched.call(tolerance).run() for tolerance in (_TIGHT, _LESS_TIGHT))
-        return _reference(question, *ends)
+    def value_at(tolerance: float) -> Solved:
+        return marched.call(tolerance).run()
 
-    @cache
-    def of_gradient():
-        ends = (marched.fourth_order(own, _REFERENCE_STEP) for own in (_TIGHT, _LESS_TIGHT))
-        return _reference(question, *ends)
-
-    def refused() -> Call:
-        program = Program(elasticities, machine, CycleOptions())
-        return Call(program.on(machine, CycleOptions()), program)
-
+    of_values = _reference(question, *(partial(value_at, own) for own in tolerances))
+    of_gradient = _reference(question, *(partial(marched.fourth_order, own) for own in tolerances))
     task = "quasi-steady gradient"
-    default = float(CycleOptions().value_tolerance)
-    differences = [
-        Setting(f"{task}, differences", f"tolerance={tolerance:g} step={step:g}",
-                lambda tolerance=tolerance, step=step: Call(
-                    partial(marched.differences, tolerance, step)),
-                candidate=False, reference=of_gradient, task=task)
-        for tolerance in (1e-6, default)
-        for step in (_ALL_STEPS if thorough else _STEPS)
-    ]  # fmt: skip
-    forward = Setting(f"{task}, forward mode", "default", refused, reference=of_gradient, task=task)
-    return [*_marches(marched, "quasi-steady value", of_values, thorough), forward, *differences]
+    refused = Setting(f"{task}, forward mode", "default",
+                      lambda: Compiled(elasticities).call(machine, CycleOptions()),
+                      reference=of_gradient, task=task)  # fmt: skip
+    made = [*marched.settings("quasi-steady value", of_values, thorough), refused]
+    for tolerance in (1e-6, float(CycleOptions().value_tolerance)):
+
+        def differences(step, tolerance=tolerance):
+            return Call(partial(marched.differences, tolerance, step))
+
+        label = f"tolerance={tolerance:g} step={{:g}}"
+        made += series(f"{task}, differences", label, differences, _STEPS[thorough],
+                       candidate=False, reference=of_gradient, task=task)  # fmt: skip
+    return made
 
 
-def _marches(marched: _March, task: str, reference, thorough: bool) -> list[Setting]:
-    return [
-        Setting(f"{task}, march", f"tolerance={tolerance:g}", partial(marched.call, tolerance),
-                (-np.log10(tolerance),), reference=reference, task=task)
-        for tolerance in (_ALL_TOLERANCES if thorough else _TOLERANCES)
-    ]  # fmt: skip
+def _reference(question: Question, *methods: Callable[[], Solved]) -> Callable[[], Reference]:
+    """The reference by two methods, which are run once, when it is first needed."""
 
+    @cache
+    def found() -> Reference:
+        first, second = (known_value(question, method()) for method in methods)
+        return Reference(first, second, _METHODS, True)
 
-def _reference(question: Question, first: Solved, second: Solved) -> Reference:
-    for end in (first, second):
-        if end.why:
-            raise no_value(question, end.why)
-    return Reference(np.asarray(first.value), np.asarray(second.value), _METHODS, True)
+    return found

@@ -5,7 +5,7 @@ shooting: neither the solver nor the way to the derivative is shared. Of a rotor
 second holds.
 """
 
-from functools import cache, partial
+from functools import partial
 
 import diffrax
 import jax
@@ -13,21 +13,20 @@ import jax.numpy as jnp
 
 from .._fields import BadInput
 from ..crank import Collocation, Shooting
-from ..design import AnalysisOptions, quantity, variable
-from ._film import FILM_QUANTITIES, film_gradient_study
-from ._measure import Program
+from ..design import quantity, variable
 from ._orbit import other_method
 from ._report import Reference
+from ._rotor import FILM_QUANTITIES, film_gradient_study
 from ._study import (
     FINE_TOLERANCE,
     TIGHT_TOLERANCE,
-    Call,
+    Compiled,
     Question,
     Setting,
-    Solved,
     Study,
     answer,
-    no_value,
+    known_value,
+    series,
 )
 
 # f' = sum(weight f(x + offset h))/h, of fourth order.
@@ -48,120 +47,85 @@ def gradient_study(question: Question, thorough: bool) -> Study:
     if question.variable is None:
         raise BadInput("variable", "none", "named for the study of gradients")
     one, crank = variable(question.design, question.variable), question.compressor is not None
+    nominal = jnp.asarray(one.current(question.design), float)
+    size = abs(float(nominal)) or 1.0  # what steps of the variable are relative to
+    excited = "" if question.excitation is None else f", excitation '{question.excitation}'"
 
-    def reference():
-        fine = question.fine_solver if crank else None
-        found = _derivative(question, fine, "forward", FINE_TOLERANCE).run()
-        if found.why:
-            raise no_value(question, found.why)
-        slope = float(found.value)
-        if slope == 0.0:
-            bound = f"one that {question.variable} changes{_excited(question)}"
-            raise BadInput("quantity", question.quantity, bound)
-        other, tolerance, how = other_method(question) if crank else (None, TIGHT_TOLERANCE, "")
-        options = question.options(other, tolerance)
-        shot = Program(partial(_at, question), question.design, options, _zero())
-        step = _REFERENCE_STEP * _size(question)
-        ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
-        other = sum(w * float(end.value) for w, end in ends) / step
-        methods = "collocation, 24 nodes, forward", f"differences of {how}"
-        return Reference(slope, other, methods if crank else ("forward", "differences"))
+    def at(design, options, offset):
+        """The quantity with the variable moved by an offset."""
+        moved = one.apply(design, jnp.asarray(one.current(design), float) + offset)
+        return answer(moved, options, question.quantity)
 
-    solvers = [question.default_solver, Collocation(nodes=32, reversals=0)]
-    settings = []
-    for solver in (solvers if thorough else solvers[:1]) if crank else (None,):
-        settings += [
-            Setting(f"{mode} mode{_method(solver)}", _label(solver),
-                    partial(_derivative, question, solver, mode, FINE_TOLERANCE))
-            for mode in _MODES
-        ]  # fmt: skip
-        program = cache(partial(_difference, question, solver))
-        settings += [
-            Setting("central differences", f"{_label(solver)} step={share:g}",
-                    partial(_difference_call, question, solver, program, share), candidate=False)
-            for share in _STEPS  # the best of which is known beside the reference only
-        ]  # fmt: skip
-    if thorough and crank:
-        edges = question.load_reversals
-        shots = {
-            "reverse": Shooting(reversals=edges),
-            "forward": Shooting(reversals=edges, adjoint=diffrax.ForwardMode()),
-        }
-        settings += [
-            Setting(f"{mode} mode{_method(solver)}", f"{_label(solver)} tolerance=1e-07",
-                    partial(_derivative, question, solver, mode, 1e-7))
-            for mode, solver in shots.items()
-        ]  # fmt: skip
-    note = f"derivative with respect to {question.variable}{_excited(question)}"
-    name = f"d {question.quantity} / d {question.variable}"
-    unit = quantity(question.quantity).unit
-    unit = f"{unit or '1'}/{one.unit}" if one.unit else unit
-    return Study(reference, tuple(settings), note, name=name, unit=unit)
-
-
-def _excited(question: Question) -> str:
-    return "" if question.excitation is None else f", excitation '{question.excitation}'"
-
-
-def _method(solver) -> str:
-    return "" if solver is None else f", {_label(solver).split()[0]}"
-
-
-def _label(solver) -> str:
-    if isinstance(solver, Collocation):
-        return f"collocation nodes={solver.nodes} reversals={solver.reversals}"
-    return "" if solver is None else f"shooting {type(solver.solver).__name__}"
-
-
-def _at(question: Question, design, options: AnalysisOptions, offset) -> Solved:
-    """The quantity with the variable moved by an offset."""
-    assert question.variable is not None
-    one = variable(question.design, question.variable)
-    moved = one.apply(design, jnp.asarray(one.current(design), float) + offset)
-    return answer(moved, options, question.quantity)
-
-
-def _zero():
-    return jnp.zeros(())
-
-
-def _size(question: Question) -> float:
-    """What steps of the variable are relative to: its value, or one where that is zero."""
-    assert question.variable is not None
-    current = abs(float(variable(question.design, question.variable).current(question.design)))
-    return current if current > 0 else 1.0
-
-
-def _derivative(question: Question, solver, mode: str, tolerance: float) -> Call:
-    def slope(design, options):
+    def slope(mode, design, options):
         def value(offset):
-            solved = _at(question, design, options, offset)
+            solved = at(design, options, offset)
             return solved.value, solved
 
+        zero = jnp.zeros(())
         if mode == "reverse":
-            found, solved = jax.grad(value, has_aux=True)(_zero())
+            found, solved = jax.grad(value, has_aux=True)(zero)
         else:
-            _, found, solved = jax.jvp(value, (_zero(),), (jnp.ones(()),), has_aux=True)
+            _, found, solved = jax.jvp(value, (zero,), (jnp.ones(()),), has_aux=True)
         return solved._replace(value=found, iterations=0)
 
-    arguments = question.design, question.options(solver, tolerance)
-    program = Program(slope, *arguments)
-    return Call(program.on(*arguments), program)
-
-
-def _difference(question: Question, solver):
-    """A central difference with its two solutions side by side."""
-
     def difference(design, options, step):
-        ends = jnp.stack([-step, step])
-        solved = jax.vmap(lambda x: _at(question, design, options, x))(ends)
+        """A central difference with its two solutions side by side."""
+        solved = jax.vmap(lambda x: at(design, options, x))(jnp.stack([-step, step]))
         slope = (solved.value[1] - solved.value[0]) / (2 * step)
         worst = jax.tree.map(lambda x: x[jnp.argmin(solved.ok)], solved)  # the one that failed
         return worst._replace(value=slope, iterations=0, ok=jnp.all(solved.ok))
 
-    return Program(difference, question.design, question.options(solver), _zero())
+    def derivative(solver, tolerance, mode):
+        options = question.options(solver, tolerance)
+        return Compiled(partial(slope, mode)).call(question.design, options)
+
+    def by_mode(solver, tolerance, modes=_MODES, tail=""):
+        label, method = _label(solver), _label(solver).partition(" ")[0]
+        return [
+            Setting(f"{mode} mode, {method}" if method else f"{mode} mode", f"{label}{tail}",
+                    partial(derivative, solver, tolerance, mode))
+            for mode in modes
+        ]  # fmt: skip
+
+    def reference():
+        fine = question.fine_solver if crank else None
+        exact = float(known_value(question, derivative(fine, FINE_TOLERANCE, "forward").run()))
+        if exact == 0.0:
+            bound = f"one that {question.variable} changes{excited}"
+            raise BadInput("quantity", question.quantity, bound)
+        other, tolerance, how = other_method(question) if crank else (None, TIGHT_TOLERANCE, "")
+        options, shot = question.options(other, tolerance), Compiled(at)
+        step = _REFERENCE_STEP * size
+        ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
+        second = sum(w * float(end.value) for w, end in ends) / step
+        methods = "collocation, 24 nodes, forward", f"differences of {how}"
+        return Reference(exact, second, methods if crank else ("forward", "differences"))
+
+    settings: list[Setting] = []
+    solvers = [question.default_solver, Collocation(nodes=32, reversals=0)]
+    for solver in (solvers if thorough else solvers[:1]) if crank else (None,):
+        settings += by_mode(solver, FINE_TOLERANCE)
+        program, options = Compiled(difference), question.options(solver)
+
+        def differences(share, program=program, options=options):
+            return program.call(question.design, options, jnp.asarray(share * size))
+
+        # the best of which is known beside the reference only
+        settings += series("central differences", f"{_label(solver)} step={{:g}}", differences,
+                           _STEPS, candidate=False)  # fmt: skip
+    if thorough and crank:
+        edges, tail = question.load_reversals, " tolerance=1e-07"
+        ahead = Shooting(reversals=edges, adjoint=diffrax.ForwardMode())
+        settings += by_mode(Shooting(reversals=edges), 1e-7, ("reverse",), tail)
+        settings += by_mode(ahead, 1e-7, ("forward",), tail)
+    note = f"derivative with respect to {question.variable}{excited}"
+    name = f"d {question.quantity} / d {question.variable}"
+    unit = quantity(question.quantity).unit
+    unit = f"{unit or '1'}/{one.unit}" if one.unit else unit
+    return Study(reference, tuple(settings), note, name, unit)
 
 
-def _difference_call(question: Question, solver, program, share: float) -> Call:
-    step = jnp.asarray(share * _size(question))
-    return Call(program().on(question.design, question.options(solver), step), program())
+def _label(solver: Collocation | Shooting | None) -> str:
+    if isinstance(solver, Collocation):
+        return f"collocation nodes={solver.nodes} reversals={solver.reversals}"
+    return "" if solver is None else f"shooting {type(solver.solver).__name__}"

@@ -1,6 +1,5 @@
 r"""Results of a study: settings with error and time, and the reference they are compared with."""
 
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,13 +46,13 @@ class Measurement(NamedTuple):
         seconds: [s] median of several warm calls.
         compile_seconds: [s] of the program it runs, which other settings of the method may share.
         iterations: Newton steps, time steps or calls, as the method counts them; `None` for none.
-        flops: [-] operations of the program, loop bodies counted once; `None` where nothing is compiled.
+        flops: operations of the program, loop bodies counted once; `None` where nothing is compiled.
         family: settings of one method that are ordered among each other.
         tightness: what makes a setting of its family tighter than another; empty where none is.
         why: what went wrong where the error is infinite.
         candidate: whether it may be recommended: not with other numbers of the machine, and not where
             the best setting is only known beside the reference.
-        lines: [-] of the program in StableHLO; `None` where nothing is compiled.
+        lines: of the program in StableHLO; `None` where nothing is compiled.
         floor: [-] of a reference of its own; `None` where that of the report is used.
         task: problem that it solves, in studies of several: only settings of one task compete.
     """
@@ -96,8 +95,7 @@ class Growth(NamedTuple):
     """How the cost of a setting grows with the number of cylinders.
 
     Attributes:
-        seconds: [s] of a warm call by number of cylinders.
-        compile_seconds: [s] of the program by number of cylinders.
+        seconds, compile_seconds: [s] of a warm call and of compiling, by number of cylinders.
         fixed, each: [s] of the line through the times: what does not depend on the number, and what
             every cylinder adds.
     """
@@ -127,8 +125,7 @@ class DerivativeCheck(NamedTuple):
 
     Attributes:
         setting: the default one.
-        value: [-] error that can be claimed of the values.
-        gradient: [-] the same of the derivatives.
+        value, gradient: [-] errors that can be claimed of values and derivatives.
     """
 
     setting: str
@@ -158,11 +155,11 @@ class Report(NamedTuple):
         rows: every setting.
         orders: by method, in a study of fixed steps; empty elsewhere.
         note: one line on what the study varies.
-        march: errors of the default solver by an independent march of one revolution: of the speed, of
-            the efficiency, the sum of the losses over the work of the motor, and the largest of the
-            peak forces, relative; empty for studies without the crank.
-        calls: what the first and second call of the default solver cost: of the value, and of the value
-            with its gradient over all numbers of the machine; empty for studies of something else.
+        march: relative errors of the default solver by an independent march of one revolution: of the
+            speed, of the efficiency, the sum of the losses over the work of the motor, and the largest
+            of the peak forces; empty for studies without the crank.
+        calls: what the first and second call of the default solver cost, without and with the gradient
+            over all numbers of the machine; empty for studies of something else.
         growth: cost over the number of cylinders by setting, in the study of them.
         derivatives: their error beside that of the values, in the study of the cycle.
     """
@@ -188,10 +185,9 @@ class Report(NamedTuple):
     @property
     def tasks(self) -> dict[str, tuple[str, ...]]:
         """Methods of each task."""
-        found: dict[str, dict[str, None]] = {}
-        for row in self.rows:
-            found.setdefault(row.task, {})[row.method] = None
-        return {task: tuple(methods) for task, methods in found.items()}
+        names = dict.fromkeys((row.task, row.method) for row in self.rows)
+        tasks = dict.fromkeys(task for task, _ in names)
+        return {one: tuple(method for task, method in names if task == one) for one in tasks}
 
     def claimed(self, row: Measurement) -> float:
         """[-] the error of a row that can be claimed: its own, or the floor of its reference."""
@@ -215,44 +211,34 @@ class Report(NamedTuple):
             method: name of one; absent: all that may be recommended.
             task: that is solved; absent: any.
         """
-        rows = [
+        bad = [r for r in self.rows if np.isfinite(r.error) and self.claimed(r) > error]
+        good = [
             row
             for row in self.rows
             if (row.candidate if method is None else row.method == method)
             and (task is None or row.task == task)
+            and self.claimed(row) <= error
+            and not any(other.at_least_as_tight(row) for other in bad)
         ]
-        good = [row for row in rows if self.claimed(row) <= error and self._holds(row, error)]
         return min(good, key=lambda row: row.seconds, default=None)
-
-    def _holds(self, row: Measurement, error: float) -> bool:
-        return all(
-            self.claimed(other) <= error
-            for other in self.rows
-            if np.isfinite(other.error) and other.at_least_as_tight(row)
-        )
 
     @property
     def failures(self) -> dict[str, list[str]]:
         """Settings that gave no value, by the reason."""
         found: dict[str, list[str]] = {}
-        for row in self.rows:
-            if not np.isfinite(row.error):
-                found.setdefault(row.why or "no finite value", []).append(
-                    f"{row.method}, {row.setting}"
-                )
+        for row in (row for row in self.rows if not np.isfinite(row.error)):
+            why = row.why or "no finite value"
+            found.setdefault(why, []).append(f"{row.method}, {row.setting}")
         return found
 
     def curve(self, method: str) -> tuple[Measurement, ...]:
         """The settings of a method that no other setting of it beats in both error and time."""
-        return tuple(_unbeaten(row for row in self.rows if row.method == method))
-
-
-def _unbeaten(rows: Iterable[Measurement]):
-    best = np.inf
-    for row in sorted(rows, key=lambda row: (row.seconds, row.error)):
-        if row.error < best:
-            best = row.error
-            yield row
+        rows: list[Measurement] = []
+        own = [row for row in self.rows if row.method == method]
+        for row in sorted(own, key=lambda row: (row.seconds, row.error)):
+            if row.error < min((other.error for other in rows), default=np.inf):
+                rows.append(row)
+        return tuple(rows)
 
 
 # Settings from which an order is read: the coarser ones may not be on the slope yet.
@@ -262,13 +248,7 @@ _ON_SLOPE = 4
 def observed_order(steps, errors, floor: float) -> float:
     """Slope of the logarithm of the error over that of the step, of the finest steps above a floor.
 
-    Args:
-        steps: (n,) numbers of steps.
-        errors: (n,)
-        floor: [-] errors below it are rounding, or those of the reference.
-
-    Returns:
-        NaN with fewer than two errors above the floor.
+    NaN with fewer than two errors above the floor, which is rounding or the error of the reference.
     """
     steps, errors = np.asarray(steps, float), np.asarray(errors, float)
     good = np.flatnonzero(np.isfinite(errors) & (errors > floor))[-_ON_SLOPE:]

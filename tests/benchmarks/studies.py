@@ -42,7 +42,6 @@ from jaxcomp.tolerancing._local import first_order, local, second_order
 from jaxcomp.tolerancing._monte_carlo import drawn_normals, solved_normals
 from jaxcomp.tolerancing._scatter import scatter_of
 from jaxcomp.work_precision import Program, Reference, StudyKind
-from jaxcomp.work_precision._extremes import scaled
 from jaxcomp.work_precision._orbit import orbit_reference, shooting
 from jaxcomp.work_precision._study import (
     ROTOR_QUANTITIES,
@@ -55,6 +54,7 @@ from jaxcomp.work_precision._study import (
     Study,
     no_value,
 )
+from jaxcomp.work_precision._variants import scaled
 
 # From constant speed, without panel edges at load reversals: these would be placed on a solution that
 # has settled already.
@@ -78,9 +78,8 @@ def friction_study(question: Question, thorough: bool) -> Study:
     program = SolverProgram(question, _SOLVER)
 
     def at(design):
-        other = SolverProgram(question._replace(design=design), _SOLVER)
-        other.program = program.program
-        return other
+        other = question._replace(design=design)
+        return SolverProgram(other, _SOLVER, compiled=program.compiled)
 
     left = np.max(np.abs(solve_orbit(machine, question.default_solver).loads.residual))
     settings = []
