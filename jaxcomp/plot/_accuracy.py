@@ -124,7 +124,7 @@ def scene_cost_bars(costs: Sequence[SceneCost], title: str) -> Figure:
         title: of the picture.
     """
     size = (8.6, 1.2 + 0.36 * len(costs))
-    figure, ((left, right),) = style.new_figure(1, 2, size, f"{title}: cost of each part", False)
+    figure, (left, right) = style.beside(2, size, f"{title}: cost of each part")
     place = np.arange(len(costs))[::-1]
     left.barh(place, [cost.flops for cost in costs], color=_TINTS[0], height=0.65)
     left.set(xscale="log", xlabel="Operations of the program")

@@ -69,13 +69,7 @@ def _even_in_time(turn: FineTurn, frames: int) -> np.ndarray:
 
 
 def _arrow(ax: Axes, paint: str, width: float) -> Annotation:
-    look = {
-        "arrowstyle": "-|>",
-        "color": paint,
-        "linewidth": width,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
+    look = {"arrowstyle": "-|>", "color": paint, "linewidth": width, "shrinkA": 0, "shrinkB": 0}
     return ax.annotate("", (0, 0), (0, 0), zorder=6, arrowprops=look)
 
 
@@ -310,7 +304,7 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     at = np.asarray(turn.state.angle)
     loads = {name: -np.asarray(force) for name, force in turn.loads.forces.items() if name in names}
     largest = max(float(np.hypot(*load).max()) for load in loads.values())
-    figure, ((front, side),) = style.new_figure(1, 2, (9.6, 5.2), "Front and side", share=False)
+    figure, (front, side) = style.beside(2, (9.6, 5.2), "Front and side")
     parts: list[Any] = [of_cylinder(compressor.mechanism, k + 1) for k in range(cylinders.count)]
     reach = max(float(m.piston_extremes()[0] + 0.5 * m.bore) for m in parts)
     lines = [

@@ -341,17 +341,14 @@ def by_number_of_cylinders(results: Mapping[str, Orbit]) -> Figure:
     Args:
         results: orbit by what stands below its bar, such as the number of cylinders or the layout.
     """
-    figure, ((left, right),) = style.new_figure(
-        1, 2, (8.6, 3.4), "Cylinders on one crank", share=False
-    )
-    for place, (ax, key) in enumerate(
-        ((left, "mechanical_efficiency"), (right, "speed_fluctuation"))
-    ):
+    figure, axes = style.beside(2, (8.6, 3.4), "Cylinders on one crank")
+    keys = "mechanical_efficiency", "speed_fluctuation"
+    for place, (ax, key) in enumerate(zip(axes, keys, strict=True)):
         heights = [100 * float(getattr(orbit, key)) for orbit in results.values()]
         bars = ax.bar(list(results), heights, color=style.tint(place), width=0.6)
         ax.bar_label(bars, fmt="%.4g", fontsize=8.5, color=style.INK)
         ax.set_ylabel(f"{style.words(key)}, %")
-        if ax is left:
+        if place == 0:
             ax.set_ylim(min(heights) - 0.5 * np.ptp(heights) - 0.1, max(heights) + 0.1)
     return figure
 

@@ -94,6 +94,12 @@ def stacked(rows: int, size: tuple[float, float], title: str):
     return figure, axes[:, 0]
 
 
+def beside(columns: int, size: tuple[float, float], title: str):
+    """A figure with axes beside each other, each with its own abscissa."""
+    figure, axes = new_figure(1, columns, size, title, share=False)
+    return figure, axes[0]
+
+
 def new_polar_figure(rows: int, columns: int, title: str):
     """A figure with a grid of polar axes in the same style, as an array of shape (rows, columns)."""
     size, polar = (4.0 * columns, 4.0 * rows + 0.4), {"projection": "polar"}

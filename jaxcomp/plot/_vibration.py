@@ -39,9 +39,7 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     force, moment = (np.asarray(x) for x in _wrench(compressor, turn.state))
     look = shown("force", "N", force)
     along, across = look.factor * force[:2]
-    figure, ((left, right),) = style.new_figure(
-        1, 2, (8.6, 4.0), "Shaking force and moments", False
-    )
+    figure, (left, right) = style.beside(2, (8.6, 4.0), "Shaking force and moments")
     left.plot(along, across, color=style.TINTS[0], linewidth=1.6)
     style.crank_marks(left, np.rad2deg(np.asarray(turn.state.angle)), along, across, style.TINTS[0])
     style.zero_line(left)
@@ -66,9 +64,7 @@ def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspensio
     places = block_points(suspension)
     paths, free = _paths(compressor, orbit, suspension, jnp.stack(list(places.values())))
     paths, free = 1e6 * np.asarray(paths), 1e6 * np.asarray(free)
-    figure, (axes,) = style.new_figure(
-        1, 3, (10.4, 4.0), "Vibration of the suspended compressor", False
-    )
+    figure, axes = style.beside(3, (10.4, 4.0), "Vibration of the suspended compressor")
     for ax, (a, b) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
         for i, name in enumerate(places):
             tint = _POINTS[i % len(_POINTS)]
