@@ -175,11 +175,14 @@ def turn_curves(
         last: the abscissa has its label here.
         look: of all lines.
     """
+    drawn = []
     for place, (name, values) in enumerate(curves.items()):
-        # a second round of the colours is dashed, a third dotted
-        style = ("-", "--", ":", "-.")[place // len(_SPARE) % 4]
         usual = {"color": colour(name, place), "linewidth": 1.5, "label": words(name)}
-        ax.plot(*over_turn(angle, values), style, **usual | look | looks.get(name, {}))
+        own = usual | look | looks.get(name, {})
+        # a colour that comes again is dashed, then dotted
+        dash = ("-", "--", ":", "-.")[drawn.count(own["color"]) % 4] if own["color"] else "-"
+        drawn.append(own["color"])
+        ax.plot(*over_turn(angle, values), dash, **own)
     if zero:
         zero_line(ax)
     ax.set_ylabel(ylabel)
