@@ -26,8 +26,9 @@ class FixedPointReport(NamedTuple):
     settled: Bool[Array, ""]
 
 
-# A change below this that twice falls no more counts as rounding, which a stiff torque curve amplifies.
-_ROUNDING = 1e-8
+# A change below the first that has not come down to this share of its lowest value within so many
+# iterations counts as rounding, which a stiff torque curve amplifies.
+_ROUNDING, _LOWER, _PATIENCE = 1e-8, 0.8, 8
 # A change that falls by less than this in an iteration does not come from a contraction. Two load
 # reversals at nearly one place contract by 0.90 only, and must not be slowed down further.
 _JUMPING = 0.99
@@ -190,7 +191,7 @@ def settle(
         return moving & ~report.settled & (report.steps < max_iterations)
 
     def advance(carry):
-        value, data, last, share, stood = carry
+        value, data, last, share, lowest, waited = carry
         new, data = step(value, data)
         change = _distance(new, value)
         # An iteration that runs away (NaN included) is not taken: what is reported stays finite.
@@ -198,12 +199,14 @@ def settle(
         share = _share(share, change > _JUMPING * last.change)
         new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
         change = jnp.where(lost, 2 * _RUNAWAY, change)
-        stands = (change < _ROUNDING) & (change > 0.5 * last.change)
-        settled = (change <= tolerance) | (stands & stood)
-        return new, data, FixedPointReport(last.steps + 1, change, settled), share, stands
+        falls = change < _LOWER * lowest
+        lowest = jnp.where(falls, change, lowest)
+        waited = jnp.where(falls | ~(change < _ROUNDING), 0, waited + 1)
+        settled = (change <= tolerance) | (waited >= _PATIENCE)
+        return new, data, FixedPointReport(last.steps + 1, change, settled), share, lowest, waited
 
     first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
-    begin = (start, beside, first, jnp.asarray(1.0), jnp.asarray(False))
+    begin = (start, beside, first, jnp.asarray(1.0), jnp.asarray(_RUNAWAY), jnp.asarray(0))
     value, data, report, *_ = jax.lax.while_loop(going_on, advance, begin)
     return value, data, report
 

@@ -73,7 +73,7 @@ class Collocation(eqx.Module):
     reversals: int = eqx.field(static=True, default=4)
     grading: int = eqx.field(static=True, default=3)
     tolerance: float | Float[Array, ""] = 1e-13
-    max_iterations: int = eqx.field(static=True, default=80)
+    max_iterations: int = eqx.field(static=True, default=120)
     panel_count: int | None = eqx.field(static=True, default=None)
     estimate: bool = eqx.field(static=True, default=True)
 
