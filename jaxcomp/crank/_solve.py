@@ -28,7 +28,7 @@ from .._implicit import frozen, settle, zeros_of
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
 from ..cylinder import Cycle, CycleOptions, Cylinder, SeveralCycles, solve_cycle
-from ..cylinder._solve import Found, follow_cycle, found_of, nothing_found
+from ..cylinder._solve import CycleSolution, follow_cycle, no_solution, solution_of
 from ..motor import ConstantSpeed
 from ._collocation import Collocation, default_collocation
 from ._orbit import Orbit, Verification
@@ -210,7 +210,7 @@ def _coupled(compressor: Compressor, solver):
     compressor = frozen(compressor)
     still = jnp.zeros(1 + 2 * HARMONICS)
     # nothing is known of a cycle and an orbit before the first iteration
-    nothing = _repeated(compressor, nothing_found(compressor.gas, _OPTIONS))
+    nothing = _repeated(compressor, no_solution(compressor.gas, _OPTIONS))
     _, beside = zeros_of(_iteration, compressor, solver, still, nothing)
     none = _repeated(compressor, Status.not_converged)
     beside = eqx.tree_at(lambda found: _cycles(found[0]).status, beside, none)
@@ -218,7 +218,7 @@ def _coupled(compressor: Compressor, solver):
     def step(motion, last):
         cycle = last[0]
         several = isinstance(cycle, SeveralCycles)
-        found = jax.vmap(found_of)(cycle.each) if several else found_of(cycle)
+        found = jax.vmap(solution_of)(cycle.each) if several else solution_of(cycle)
         return _iteration(compressor, solver, motion, found)
 
     motion, found, report = settle(step, still, beside, _TOLERANCE, _MAX_ITERATIONS)
@@ -226,7 +226,7 @@ def _coupled(compressor: Compressor, solver):
 
 
 @eqx.filter_jit  # traced once, for its shapes and for all that is solved
-def _iteration(compressor: Compressor, solver, motion, start: Found):
+def _iteration(compressor: Compressor, solver, motion, start: CycleSolution):
     """The motion that the pressure it causes gives the crank, with cycle and orbit.
 
     The cycle is marched where nothing has been found, and where the motion has changed its events.

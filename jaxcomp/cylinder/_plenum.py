@@ -60,7 +60,7 @@ class Plenum(Part):
         return jnp.pi / 4 * self.neck_diameter**2
 
 
-class Chain(NamedTuple):
+class PlenumChain(NamedTuple):
     """Plenums between a line and a valve, in the order of the flow."""
 
     plenums: tuple[Plenum, ...]
@@ -86,7 +86,7 @@ def chain_scales(case) -> Scales:
     return Scales(tuple(mass), case.suction.T, case.mass_scale * case.speed / (2 * jnp.pi))
 
 
-def chains(case, state: Float[Array, " 3p"]) -> tuple[Chain, Chain]:
+def chains(case, state: Float[Array, " 3p"]) -> tuple[PlenumChain, PlenumChain]:
     """Both chains with their gases, from the states of all plenums."""
     scales, fluid = chain_scales(case), case.cylinder.fluid
     suction, discharge = case.cylinder.suction.plenums, case.cylinder.discharge.plenums
@@ -98,12 +98,12 @@ def chains(case, state: Float[Array, " 3p"]) -> tuple[Chain, Chain]:
     cut = len(suction)
     before, behind = tuple(gases[:cut]), tuple(gases[cut:])
     return (
-        Chain(suction, before, tuple(flows[:cut]), (case.suction, *before), True),
-        Chain(discharge, behind, tuple(flows[cut:]), (*behind, case.discharge), False),
+        PlenumChain(suction, before, tuple(flows[:cut]), (case.suction, *before), True),
+        PlenumChain(discharge, behind, tuple(flows[cut:]), (*behind, case.discharge), False),
     )
 
 
-def valve_sides(pair: tuple[Chain, Chain]) -> tuple[GasState, GasState]:
+def valve_sides(pair: tuple[PlenumChain, PlenumChain]) -> tuple[GasState, GasState]:
     """The gas before the suction valves and behind the discharge valves."""
     return pair[0].nodes[-1], pair[1].nodes[0]
 

@@ -75,7 +75,7 @@ class CycleOptions(eqx.Module):
     capacity: int = eqx.field(static=True, default=768)
 
 
-class Found(NamedTuple):
+class CycleSolution(NamedTuple):
     """What march and Newton's method found: panels, their start, totals of the march, and counts."""
 
     mesh: Mesh
@@ -96,7 +96,7 @@ def solve_cycle(
     options: CycleOptions | None = None,
     *,
     fluctuation: tuple[Float[Array, " k"], Float[Array, " k"]] | None = None,
-    start: Cycle | Found | None = None,
+    start: Cycle | CycleSolution | None = None,
     throw: bool = True,
 ) -> Cycle:
     """Find the periodic cycle.
@@ -138,7 +138,7 @@ def _solved(cylinder, mechanism, speed, options: CycleOptions, fluctuation, star
     if marching:
         found = _march_only(frozen, options)
     else:
-        found = _rounds(frozen, options, found_of(start) if isinstance(start, Cycle) else start)
+        found = _rounds(frozen, options, solution_of(start) if isinstance(start, Cycle) else start)
     return _result(case, good, found, options, marching)
 
 
@@ -152,7 +152,7 @@ def follow_cycle(
         cycle: what it found, by collocation.
     """
     case, good = _admitted(cylinder, mechanism, speed, fluctuation)
-    return _result(case, good, found_of(cycle), options, False)
+    return _result(case, good, solution_of(cycle), options, False)
 
 
 def is_solved(cycle: Cycle) -> Bool[Array, ""]:
@@ -167,7 +167,7 @@ def _admitted(cylinder, mechanism, speed, fluctuation) -> tuple[Case, Bool[Array
     return prepare(clipped(cylinder), clipped(mechanism), speed, fluctuation), good
 
 
-def _result(case: Case, good, found: Found, options: CycleOptions, marching: bool) -> Cycle:
+def _result(case: Case, good, found: CycleSolution, options: CycleOptions, marching: bool) -> Cycle:
     z = found.z if marching else root(Attached(case, found.mesh, found.z))
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
@@ -190,7 +190,7 @@ def _result(case: Case, good, found: Found, options: CycleOptions, marching: boo
     return eqx.tree_at(lambda c: c.status, cycle, status)
 
 
-def _march_only(case: Case, options: CycleOptions) -> Found:
+def _march_only(case: Case, options: CycleOptions) -> CycleSolution:
     tolerance = jnp.asarray(options.value_tolerance)
     begin, wanted = initial(case, START), jnp.asarray(True)
     repeat = 10 * tolerance
@@ -198,26 +198,26 @@ def _march_only(case: Case, options: CycleOptions) -> Found:
     solved = (end.change <= repeat) & end.whole
     mesh, z = lay_mesh(end.record, options.panels, options.nodes)
     counts = jnp.zeros((), int), end.revolutions, end.passes
-    return Found(mesh, z, z, end.totals, solved, end.change, *counts)
+    return CycleSolution(mesh, z, z, end.totals, solved, end.change, *counts)
 
 
-def _after_newton(case, options: CycleOptions, mesh, z, totals, counts) -> Found:
+def _after_newton(case, options: CycleOptions, mesh, z, totals, counts) -> CycleSolution:
     new, report = newton(case, mesh, z, options.tolerance, options.max_newton)
     solved = mesh.fits & (report.size < 1e-7) & report.holds
     counts = tuple(jnp.asarray(count) for count in counts)
-    return Found(mesh, new, z, totals, solved, report.size, report.steps, *counts)
+    return CycleSolution(mesh, new, z, totals, solved, report.size, report.steps, *counts)
 
 
-def found_of(cycle: Cycle) -> Found:
+def solution_of(cycle: Cycle) -> CycleSolution:
     """What was found of a cycle by collocation."""
     cycle = lax.stop_gradient(cycle)
     mesh, z, _ = cycle.raw
     totals = jnp.stack(cycle.totals) / account_scales(cycle.case)
     counts = cycle.iterations, cycle.revolutions, cycle.passes
-    return Found(mesh, z, z, totals, is_solved(cycle), cycle.residual, *counts)
+    return CycleSolution(mesh, z, z, totals, is_solved(cycle), cycle.residual, *counts)
 
 
-def _rounds(case: Case, options: CycleOptions, start: Found | None) -> Found:
+def _rounds(case: Case, options: CycleOptions, start: CycleSolution | None) -> CycleSolution:
     """March and Newton's method in turns: where Newton leaves the sequence, march from there.
 
     If there is a start, the first round takes its panels instead of a march.
@@ -252,14 +252,14 @@ def _rounds(case: Case, options: CycleOptions, start: Found | None) -> Found:
         return ~found.solved & (rounds < options.max_rounds)
 
     state, flags = initial(case, START)
-    nothing = nothing_found(case.cylinder, options)
+    nothing = no_solution(case.cylinder, options)
     if start is not None:
         nothing = nothing._replace(revolutions=start.revolutions, passes=start.passes)
     begin = state, flags, nothing, -1 * given
     return lax.while_loop(going_on, advance, begin)[2]
 
 
-def nothing_found(cylinder: Cylinder, options: CycleOptions) -> Found:
+def no_solution(cylinder: Cylinder, options: CycleOptions) -> CycleSolution:
     """What there is before the first round."""
     walls = 0 if cylinder.walls is None else OF_WALL
     states = STATES + PER_PLENUM * len(cylinder.plenums) + walls
@@ -268,7 +268,7 @@ def nothing_found(cylinder: Cylinder, options: CycleOptions) -> Found:
     mesh = Mesh(jnp.zeros((p, 6), int), flat, flat, jnp.asarray(False))
     z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), jnp.zeros(p + 1))
     totals, solved = jnp.zeros(len(Accounts._fields)), jnp.asarray(False)
-    return Found(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
+    return CycleSolution(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
 
 
 def account_scales(case: Case) -> Float[Array, " 12"]:
@@ -286,7 +286,7 @@ def _rise(case: Case, pressure):
     return share * (case.isentropic.h - case.suction.h)
 
 
-def _cycle(case: Case, found: Found, z: Unknowns, points, options, marching: bool) -> Cycle:
+def _cycle(case: Case, found: CycleSolution, z: Unknowns, points, options, marching: bool) -> Cycle:
     """The result in SI units; where only the march stands, its totals replace the quadrature."""
     mesh, (accounts, pressure) = found.mesh, points
     rule = gauss(options.nodes)
