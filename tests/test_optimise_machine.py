@@ -8,7 +8,8 @@ import scipy.optimize
 
 from jaxcomp import Collocation, load, optimise, problem
 from jaxcomp.design import AnalysisOptions
-from jaxcomp.design._goal import goal_of, solved
+from jaxcomp.design._goal import goal_of
+from jaxcomp.design._problem import solved
 from jaxcomp.scene import with_value
 
 # Without panel edges at the load reversals: a third of the time to compile, 1e-5 of the efficiency.

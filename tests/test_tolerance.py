@@ -5,12 +5,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from distributed import Client, LocalCluster
 from scipy import stats
 
-from jaxcomp import BadInput, load, problem, tolerance, within
+from jaxcomp import BadInput, Collocation, load, problem, tolerance, within
+from jaxcomp.design import AnalysisOptions
 from jaxcomp.tolerancing import Limit, scatter_of
-from jaxcomp.tolerancing._local import local
-from jaxcomp.tolerancing._monte_carlo import sampled
+from jaxcomp.tolerancing._moments import local, sampled
 from jaxcomp.tolerancing._reliability import reliability
 
 BORE, RADIUS = "mechanism.bore", "mechanism.crank_radius"
@@ -216,9 +217,46 @@ def test_samples_do_not_depend_on_the_blocks(scene, monkeypatch):
     made = problem(scene, [BORE], ["swept_volume"])
     scatter = scatter_of({BORE: within(1e-3)})
     whole = sampled(made, scatter, np.asarray(made.current), 1000, progress=False)
-    monkeypatch.setattr("jaxcomp.tolerancing._monte_carlo._BLOCK", 96)
+    monkeypatch.setattr("jaxcomp.tolerancing._moments._BLOCK", 96)
     parts = sampled(made, scatter, np.asarray(made.current), 1000, progress=False)
     np.testing.assert_array_equal(whole.values, parts.values)
+
+
+def _programs_of_worker():
+    from jaxcomp.sweeping import _blocks
+
+    return len(_blocks._PROGRAMS)
+
+
+@pytest.mark.slow  # three processes that compile
+def test_machines_on_a_cluster_are_those_of_one_process(scene, monkeypatch):
+    """Blocks that two workers share, to the last bit in all that follows from them."""
+    monkeypatch.setattr("jaxcomp.tolerancing._moments._BLOCK", 32)
+    tolerances = {BORE: within(1e-4), "friction.wall.coefficient": within(0.01, "uniform")}
+
+    def study(client):
+        return tolerance(
+            scene, tolerances, ["mechanical_efficiency", "loss_power.wall"], samples=256,
+            limits={"mechanical_efficiency": (0.9, None)}, progress=False, client=client,
+            options=AnalysisOptions(Collocation(nodes=5, reversals=0, tolerance=1e-5)),
+        )  # fmt: skip
+
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        there = study(client)
+        assert list(client.run(_programs_of_worker).values()) == [1, 1]  # both had a share
+    here = study(None)
+    assert here.sampled.ok.all()
+    assert here.sampled.deviation.min() > 0
+    np.testing.assert_array_equal(there.sampled.values, here.sampled.values)
+    for one, other in zip(there.described(), here.described(), strict=True):
+        assert one.name == other.name
+        np.testing.assert_array_equal(one.values, other.values)
+    assert there.reliability[0].sampled_interval == here.reliability[0].sampled_interval
 
 
 # -------------------------------------------------------------- reliability

@@ -221,7 +221,7 @@ def optimised_scene(
     Returns:
         The scene, and the variables that a scene file does not have (correction masses).
     """
-    from ..design._design import CORRECTIONS
+    from ..design._variables import CORRECTIONS
 
     source = f"optimised for {optimum.objective_name}"
     names = [one.name for one in optimum.problem.variables]

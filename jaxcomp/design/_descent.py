@@ -1,42 +1,28 @@
-r"""One start of a search, moved by an optimiser of SciPy or Optax.
+r"""Several starts of a search, side by side, each moved by an optimiser of SciPy or Optax."""
 
-Variables are shares u of their ranges. Objective f and constraints g are in spreads of their quantities
-over the sample, g <= 0 or g = 0. A design is optimal to first order where no variable can lower
-
-$$L = f + \sum_j \mu_j g_j, \qquad \mu_j \ge 0 \text{ for inequalities, } 0 \text{ where } g_j < 0,$$
-
-but for those that a bound of their range holds (Karush, Kuhn and Tucker; Nocedal and Wright 2006,
-Numerical Optimization, 2nd ed., ch. 12). The multipliers at a design are those that make the slope of L
-smallest, so that they and the test of convergence do not depend on the optimiser.
-"""
-
-import dataclasses
-from collections.abc import Callable
+import queue
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 from jaxtyping import Float
 
 from .._fields import BadInput
-from ._goal import Goal
-from ._ranges import Ranges
-from ._together import Evaluate
+from ._goal import LEAST, Goal, Point
 
 if TYPE_CHECKING:
     import optax
 
-
 METHODS = ("slsqp", "least-squares", "adam")
-# [-] of a constraint's spread over the sample.
-FEASIBLE = 1e-6
 # [-] a design counts as better beyond this share of the objective's spread: above the roughness of
 # solutions with few panels (2e-5 of the spread for the efficiency over the bore).
 BETTER = 1e-4
-# [-] of a range: the least step; the first step; a step of Adam.
-_LEAST, _FIRST, _ADAM_STEP = 1e-7, 0.25, 0.02
+# [-] of a range: the first step; a step of Adam.
+_FIRST, _ADAM_STEP = 0.25, 0.02
 # A search that cannot move is at the optimum as well as the solutions are smooth if its slope is
 # below this times the tolerance.
 _ROUGH = 1e3
@@ -44,147 +30,54 @@ _ROUGH = 1e3
 # goes back to a tenth of its step.
 _FAILED = 1e3
 
+Evaluate = Callable[[np.ndarray], Any]
 
-class Scaled(NamedTuple):
-    """A goal with the scales of its numbers.
 
-    Attributes:
-        goal: objective and constraints.
-        ranges: of the variables.
-        scale: [SI] (quantities,) their spreads over the sample.
-        tolerance: [-] of the stationarity.
+class Stopped(Exception):
+    """Another task, or the function of the points, has failed."""
+
+
+def run_together(
+    tasks: Sequence[Callable[[Evaluate], None]], function: Callable[[np.ndarray], Sequence[Any]]
+) -> None:
+    """Run optimisers that ask for one point at a time, and evaluate what all wait for in one call.
+
+    Each task takes the function `evaluate` of one point; `function` takes points (n, variables). All
+    tasks, a thread each, are at the same evaluation at any time, so that the batches, and with them the
+    results, do not depend on which thread is faster. `function` runs in the calling thread; what it or
+    a task raises, an interrupt as well, ends all tasks and is raised here.
     """
+    events: queue.SimpleQueue = queue.SimpleQueue()  # points that are asked for, and ends of tasks
+    replies = [queue.SimpleQueue() for _ in tasks]
+    waiting, running = {}, len(tasks)
 
-    goal: Goal
-    ranges: Ranges
-    scale: Float[np.ndarray, " quantities"]
-    tolerance: float
+    def evaluate(number: int, point: np.ndarray):
+        events.put((number, point))
+        reply = replies[number].get()
+        if reply is Stopped:
+            raise Stopped
+        return reply
 
-    @property
-    def unit(self) -> float:
-        """[SI] by which f multiplies into the objective."""
-        place = self.goal.objective
-        return 1.0 if place is None else self.goal.sign * float(self.scale[place])
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Point:
-    """A solved design.
-
-    Attributes:
-        scaled: the goal.
-        share: [-] (variables,) of the ranges.
-        values: [SI] (quantities,)
-        ok: whether it could be solved; if not, no other number means anything.
-        slope: [SI] (quantities, variables)
-    """
-
-    scaled: Scaled
-    share: Float[np.ndarray, " variables"]
-    values: Float[np.ndarray, " quantities"]
-    ok: bool
-    slope: Float[np.ndarray, "quantities variables"]
-
-    def _slope_of(self, places) -> np.ndarray:
-        """[-] Derivatives of quantities in spreads by shares."""
-        width, scale = self.scaled.ranges.width, self.scaled.scale
-        return self.slope[places] * width / scale[places, None]
-
-    @cached_property
-    def residuals(self) -> Float[np.ndarray, " targets"]:
-        """[-] (targets,) whose squares add up to 2 f."""
-        targets = self.scaled.goal.targets
-        return np.array([(self.values[i] - v) / self.scaled.scale[i] for i, v in targets])
-
-    @cached_property
-    def residuals_slope(self) -> Float[np.ndarray, "targets variables"]:
-        """[-] (targets, variables)"""
-        return self._slope_of([place for place, _ in self.scaled.goal.targets])
-
-    @cached_property
-    def f(self) -> float:
-        """[-] The objective; infinite if the design could not be solved."""
-        goal = self.scaled.goal
-        if not self.ok:
-            return np.inf
-        if goal.objective is None:
-            return float(self.residuals @ self.residuals / 2)
-        return float(self.values[goal.objective]) / self.scaled.unit
-
-    @cached_property
-    def gradient(self) -> Float[np.ndarray, " variables"]:
-        """[-] (variables,) of f."""
-        goal = self.scaled.goal
-        if goal.objective is None:
-            return self.residuals @ self.residuals_slope
-        return goal.sign * self._slope_of([goal.objective])[0]
-
-    @property
-    def objective(self) -> float:
-        """[SI] or, with targets, f."""
-        place = self.scaled.goal.objective
-        if not self.ok:
-            return np.nan
-        return self.f if place is None else float(self.values[place])
-
-    @cached_property
-    def limits(self) -> Float[np.ndarray, " limits"]:
-        """[-] (limits,) g."""
-        scale = self.scaled.scale
-        pairs = [(self.values[one.place] - one.bound, one) for one in self.scaled.goal.limits]
-        return np.array([(one.side or 1) * away / scale[one.place] for away, one in pairs])
-
-    @cached_property
-    def limits_slope(self) -> Float[np.ndarray, "limits variables"]:
-        """[-] (limits, variables)"""
-        limits = self.scaled.goal.limits
-        side = np.array([one.side or 1 for one in limits], float)
-        return side[:, None] * self._slope_of([one.place for one in limits])
-
-    @cached_property
-    def violation(self) -> float:
-        """[-] of the worst constraint."""
-        broken = np.where(self.scaled.goal.equalities, np.abs(self.limits), self.limits)
-        return float(np.max(broken, initial=0.0))
-
-    @cached_property
-    def multipliers(self) -> Float[np.ndarray, " limits"]:
-        """[-] (limits,) for which the slope of L is smallest; those of bounds are found beside them."""
-        out, equal = np.zeros(len(self.limits)), self.scaled.goal.equalities
-        active = equal | (self.limits >= -10 * FEASIBLE)
-        if self.ok and active.any():
-            unit, at = np.eye(len(self.share)), self.share
-            bounds = -unit[at <= _LEAST], unit[at >= 1 - _LEAST]
-            columns = np.concatenate([self.limits_slope[active], *bounds])
-            least = np.zeros(len(columns))
-            least[: active.sum()][equal[active]] = -np.inf
-            from scipy.optimize import lsq_linear  # half a second, for those who search
-
-            found = lsq_linear(columns.T, -self.gradient, (least, np.inf), method="bvls")
-            out[active] = found.x[: active.sum()]
-        return out
-
-    @cached_property
-    def stationarity(self) -> float:
-        """[-] Largest slope of L over a range that no bound holds."""
-        uphill = self.gradient + self.multipliers @ self.limits_slope
-        return float(np.max(np.abs(self.share - np.clip(self.share - uphill, 0.0, 1.0))))
-
-    @property
-    def feasible(self) -> bool:
-        """Whether it could be solved and keeps the constraints."""
-        return self.ok and self.violation <= 10 * FEASIBLE
-
-    @property
-    def rank(self) -> tuple[float, float]:
-        """Lower is better: first the violation, then the objective."""
-        return (max(self.violation, 10 * FEASIBLE) if self.ok else np.inf), self.f
-
-    @property
-    def optimal(self) -> bool:
-        """Whether it keeps the constraints and has no slope left."""
-        kept = self.ok and self.violation <= FEASIBLE
-        return kept and self.stationarity <= self.scaled.tolerance
+    with ThreadPoolExecutor(len(tasks)) as pool:
+        for number, task in enumerate(tasks):
+            pool.submit(task, partial(evaluate, number)).add_done_callback(events.put)
+        try:
+            while running:
+                event = events.get()
+                if isinstance(event, Future):
+                    event.result()  # raises what the task raised
+                    running -= 1
+                else:
+                    number, point = event
+                    waiting[number] = point
+                if waiting and len(waiting) == running:
+                    numbers = sorted(waiting)
+                    results = function(np.stack([waiting.pop(number) for number in numbers]))
+                    for number, result in zip(numbers, results, strict=True):
+                        replies[number].put(result)
+        finally:
+            for reply in replies:
+                reply.put(Stopped)
 
 
 class _Ended(Exception):
@@ -192,20 +85,15 @@ class _Ended(Exception):
 
 
 class Descent:
-    """The search from one start.
-
-    Args:
-        scaled: the goal.
-        start: [SI] (variables,)
-        max_steps: largest number of solved designs.
+    """The search from one start [SI], with at most so many solved designs.
 
     Attributes:
         points: solved designs in turn.
         path: the best of them up to each of them.
     """
 
-    def __init__(self, scaled: Scaled, start: Float[np.ndarray, " variables"], max_steps: int):
-        self.scaled, self.start, self.max_steps = scaled, start, max_steps
+    def __init__(self, goal: Goal, start: Float[np.ndarray, " variables"], max_steps: int):
+        self.goal, self.start, self.max_steps = goal, start, max_steps
         self.points: list[Point] = []
         self.path: list[Point] = []
 
@@ -213,7 +101,7 @@ class Descent:
         """Move until the optimiser, or the test of convergence, ends the search."""
         self._evaluate = evaluate
         with suppress(_Ended):
-            method(self, self.scaled.ranges.shares(self.start))
+            method(self, self.goal.ranges.shares(self.start))
 
     @property
     def best(self) -> Point:
@@ -230,7 +118,7 @@ class Descent:
             return "converged"
         if limited or not best.feasible:
             return "step limit" if limited else "no feasible design"
-        smooth = best.stationarity <= _ROUGH * self.scaled.tolerance
+        smooth = best.stationarity <= _ROUGH * self.goal.tolerance
         return "converged" if smooth else "no better step"
 
     def at(self, share: Float[np.ndarray, " variables"]) -> Point:
@@ -243,11 +131,11 @@ class Descent:
         for point in reversed(self.points):
             if np.array_equal(point.share, share):
                 return point
-        close = self.path and np.max(np.abs(share - self.best.share)) < _LEAST
+        close = self.path and np.max(np.abs(share - self.best.share)) < LEAST
         if close or len(self.points) >= self.max_steps:
             raise _Ended
-        solved = self._evaluate(self.scaled.ranges.values(share))
-        point = Point(self.scaled, share, *solved)
+        solved = self._evaluate(self.goal.ranges.values(share))
+        point = Point(self.goal, share, *solved)
         self.points.append(point)
         best = self.best if self.path else point
         optimal = point.optimal and point.rank < (best.rank[0], best.rank[1] + BETTER)
@@ -274,15 +162,14 @@ Method = Callable[[Descent, Float[np.ndarray, " variables"]], None]
 
 def _slsqp(descent: Descent, start) -> None:
     """Sequential quadratic programming (Kraft 1988), for bounds and constraints."""
-    equal = descent.scaled.goal.equalities
-    kinds = {"eq": equal, "ineq": ~equal}
+    equal = descent.goal.equalities
     constraints = [
         {
             "type": kind,
-            "fun": lambda u, of=of: -descent.near(u).limits[of],
-            "jac": lambda u, of=of: -descent.near(u).limits_slope[of],
+            "fun": lambda u, of=of: -descent.near(u).limits.values[of],
+            "jac": lambda u, of=of: -descent.near(u).limits.slope[of],
         }
-        for kind, of in kinds.items()
+        for kind, of in (("eq", equal), ("ineq", ~equal))
         if of.any()
     ]
     steep = np.max(np.abs(descent.near(start).gradient))
@@ -305,9 +192,11 @@ def _least_squares(descent: Descent, start) -> None:
 
     def residuals(u):
         point = descent.at(u)
-        return point.residuals if point.ok else np.full_like(point.residuals, np.inf)
+        return np.where(point.ok, point.residuals.values, np.inf)
 
-    slope = lambda u: descent.at(u).residuals_slope  # noqa: E731
+    def slope(u):
+        return descent.at(u).residuals.slope
+
     small = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-14)  # the test of convergence is `at`'s
     # SciPy's "trf" stays off the bounds, and took 800 designs where this takes 279.
     from scipy.optimize import least_squares  # half a second, for those who search

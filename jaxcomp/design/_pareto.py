@@ -10,12 +10,10 @@ from jaxtyping import Bool, Float
 from .._fields import BadInput
 from .._results import Data, Result
 from .._status import SolveFailed, Status
-from ._descent import BETTER, Descent, Scaled, method_of
-from ._goal import Goal, Interval, Limit, goal_of, solved
-from ._optimise import Callback, descend, present_design, sample_of, solved_sample, spreads
-from ._optimum import Optimum, optimum_of
+from ._descent import BETTER, Descent, method_of
+from ._goal import Goal, Interval, Limit, goal_of
+from ._optimise import Callback, Optimum, Search, optimum_of, space
 from ._problem import Asked, Problem
-from ._ranges import even_sample, ranges_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -64,10 +62,10 @@ class ParetoFront(Result):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has the points of the front."""
         at = self.table_dims
-        for place, one in enumerate(self.ends[0].problem.variables):
-            yield Data(one.name, one.unit, self.values[:, place], at)
-        for place, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):
-            yield Data(name, unit, self.objectives[:, place], at)
+        units = (*(one.unit for one in self.ends[0].problem.variables), *self.units)
+        columns = *self.values.T, *self.objectives.T
+        for name, unit, column in zip((*self.variables, *self.names), units, columns, strict=True):
+            yield Data(name, unit, column, at)
         yield Data("exchange", "", self.exchange, at, "first objective per unit of the second")
         yield Data("dominated", "", self.dominated, at)
         yield Data("status", "", np.array(self.status), at)
@@ -111,37 +109,28 @@ def pareto(
         raise BadInput("starts", starts, ">= 1")
     if len(objectives) != 2 or objectives[0] == objectives[1]:
         raise BadInput("objectives", str(objectives), "two different quantities")
-    ranges = ranges_of(problem.variables)
     quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
     # all quantities in one order, so that one program serves both ends and the front
     problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)
     goals = [
         goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)
     ]
-    method = method_of("slsqp", goals[0])
-    space = even_sample(ranges, max(samples, starts), seed)
-    designs = np.concatenate([present_design(problem, ranges), space])
-    found = solved_sample(goals[0], designs, batch, callback)
-    scaled = [Scaled(goal, ranges, spreads(found), tolerance) for goal in goals]
-
-    def searched(begin: list[tuple[Scaled, np.ndarray]]) -> list[Descent]:
-        descents = [Descent(*one, max_steps) for one in begin]
-        descend(descents, method, batch, callback)
-        return descents
-
+    method, ranges = method_of("slsqp", goals[0]), goals[0].ranges
+    designs = space(problem, ranges, max(samples, starts), seed)
+    search = Search(goals[0].problem, designs, batch, max_steps, tolerance, callback)
     ends, front = [], []
-    for one in scaled:
-        sample = sample_of(one, designs, found)
-        descents = searched([(one, start) for start in sample.starts(starts)])
-        ends.append(optimum_of(one, sample, descents))
+    for goal, sample in map(search.sampled, goals):
+        descents = search.descents([(goal, start) for start in sample.starts(starts)], method)
+        ends.append(optimum_of(goal, sample, descents))
         front.append(min(descents, key=lambda one: one.best.rank))
         if not ends[-1].feasible:
             raise SolveFailed(Status.not_converged, ends[-1].verdict)
     evaluations = sum(end.evaluations for end in ends)
-    places = [goal.objective for goal in goals]
-    signs, scale = np.array([goal.sign for goal in goals]), scaled[0].scale[places]
+    goals = [one.goal for one in front]
+    places, signs = [one.objective for one in goals], np.array([one.sign for one in goals])
+    scale = goals[0].scale[places]
     if abs(np.subtract(*(one.best.values[places[1]] for one in front))) > BETTER * scale[1]:
-        between = searched(_between(ends, front, points))
+        between = search.descents(_between(ends, front, points), method)
         evaluations += sum(len(one.points) for one in between)
         front += between
     else:
@@ -149,13 +138,13 @@ def pareto(
     # from the best of the first objective to the best of the second
     front.sort(key=lambda one: -signs[1] * one.best.values[places[1]])
     reached = np.array([one.best.values[places] for one in front])
-    now = solved(problem, problem.current[None], batch)
+    now = search.solved(problem.current[None])
     sample = ends[0].sample.quantities[ends[0].sample.feasible][:, places]
     shown = signs * reached / scale
     beats = np.all((signs * sample / scale)[:, None] < shown - BETTER, axis=-1)
     return ParetoFront(
         names=(goals[0].name, goals[1].name),
-        units=(goals[0].unit, goals[1].unit),
+        units=tuple(problem.units[place] for place in places),
         maximised=(goals[0].sign < 0, goals[1].sign < 0),
         variables=tuple(one.name for one in problem.variables),
         values=np.array([ranges.values(one.best.share) for one in front]),
@@ -171,7 +160,7 @@ def pareto(
     )
 
 
-def _between(ends, front: list[Descent], points: int) -> list[tuple[Scaled, np.ndarray]]:
+def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.ndarray]]:
     """Goals with one objective held at even levels between the ends, and where to begin.
 
     Levels of one objective leave bare where the other one is steep: half the points have a level of
@@ -179,30 +168,24 @@ def _between(ends, front: list[Descent], points: int) -> list[tuple[Scaled, np.n
     """
     out = []
     for held, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
-        main, other, sample = front[1 - held].scaled, front[held].scaled.goal, ends[1 - held].sample
+        main, other, sample = front[1 - held].goal, front[held].goal, ends[1 - held].sample
         name, place, sign = other.name, other.objective, other.sign
         for level in np.linspace(*(one.best.values[place] for one in front), count + 2)[1:-1]:
-            limits = *main.goal.limits, Limit(name, place, sign, float(level))
+            limits = *main.limits, Limit(name, place, sign, float(level))
             # the best sample that keeps this level, or the end that does
             kept = sample.feasible & (sign * (sample.quantities[:, place] - level) <= 0)
             best = np.argmin(np.where(kept, sample.objective / main.unit, np.inf))
             end = main.ranges.values(front[held].best.share)
             start = sample.values[best] if kept.any() else end
-            out.append((main._replace(goal=main.goal._replace(limits=limits)), start))
+            out.append((dataclasses.replace(main, limits=limits), start))
     return out
 
 
 def _exchange(descent: Descent, goals: list[Goal]) -> float:
-    """[SI] Slope of the front at one of its points, from the multiplier of its last limit."""
-    scaled, end = descent.scaled, descent.best
-    if any(scaled.goal is one for one in goals):  # an end
+    """[SI] Slope of the front at one of its points, by its last limit; NaN at an end."""
+    if descent.goal in goals or (slope := descent.best.price(-1)) == 0:
         return np.nan
-    limit = scaled.goal.limits[-1]
-    # L = f + mu side (q - level)/scale
-    slope = -scaled.unit * limit.side * end.multipliers[-1] / scaled.scale[limit.place]
-    if slope == 0:
-        return np.nan
-    return slope if scaled.goal.objective == goals[0].objective else 1 / slope
+    return slope if descent.goal.objective == goals[0].objective else 1 / slope
 
 
 def dominated(shown: np.ndarray, margin: float) -> np.ndarray:

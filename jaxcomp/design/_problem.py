@@ -1,19 +1,20 @@
 r"""A design problem: which numbers change, and what is asked of the result."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, MissingPart
+from .._results import Data
 from ..cylinder import Cylinder
 from ..machine import Machine, assembled, machine_of
-from ._analysis import AnalysisOptions, DesignResult, quantity, rotor_excitation
-from ._design import Variable, by_name, variable
-from ._vibration import known_response
+from ._analysis import AnalysisOptions, DesignResult, by_crank, known_response, quantity
+from ._variables import Variable, by_name, variable
 
 Asked = str | Callable[[DesignResult], Float[Array, ""]]
 
@@ -95,6 +96,13 @@ class Problem(eqx.Module):
             design = one.apply(design, values[number])
         return design
 
+    def columns(self, points, values, dims=(), before: str = "") -> Iterator[Data]:
+        """Variables [SI] (*designs, variables) and quantities (*designs, quantities) of a result."""
+        names = (*(one.name for one in self.variables), *self.names)
+        units = (*(one.unit for one in self.variables), *self.units)
+        for name, unit, column in zip(names, units, (*points.T, *values.T), strict=True):
+            yield Data(f"{before}{name}", unit, column, dims)
+
     def __call__(self, values: Float[Array, " variables"]) -> Answer:
         """The quantities of one design.
 
@@ -150,6 +158,29 @@ def problem(
     return made
 
 
+def problem_of(
+    scene: Any,
+    label: str,
+    names: Sequence[str],
+    quantities: Sequence[Asked] | None,
+    options: AnalysisOptions | None,
+) -> Problem:
+    """The problem that a study is given as its scene, or one on that scene.
+
+    Raises:
+        BadInput: as `problem`; or, for the argument `label`, other variables than the given problem
+            has; or quantities or options beside those of its own.
+    """
+    if not isinstance(scene, Problem):
+        return problem(scene, names, quantities or ("mechanical_efficiency",), options)
+    if quantities is not None or options is not None:
+        raise BadInput("quantities", "given twice", "left to the `Problem`, as are the options")
+    own = [one.name for one in scene.variables]
+    if list(names) != own:
+        raise BadInput(label, ", ".join(names), f"{', '.join(own)}, in this order")
+    return scene
+
+
 def solves_gas(problem: Problem) -> bool:
     """Whether the gas is solved with its valves."""
     return isinstance(getattr(problem.design.compressor, "gas", None), Cylinder)
@@ -158,10 +189,56 @@ def solves_gas(problem: Problem) -> bool:
 def of_each(function: Callable, problem: Problem, points):
     """A function of every point: all at once, or one after another where the gas is solved.
 
-    The steps of such designs differ in number, so nothing is gained at once, and the program of a
-    batch is several times as large.
+    Such designs differ in their number of steps, and the program of a batch is several times as large.
     """
     return jax.lax.map(function, points) if solves_gas(problem) else jax.vmap(function)(points)
+
+
+class Solved(NamedTuple):
+    """Designs that were solved with their derivatives.
+
+    Attributes:
+        values: [SI] (n, quantities)
+        ok: (n,) whether values and slopes can be relied on.
+        slope: [SI] (n, quantities, variables)
+    """
+
+    values: Float[Array, "n quantities"]
+    ok: Bool[Array, " n"]
+    slope: Float[Array, "n quantities variables"]
+
+
+def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8) -> Solved:
+    """Solve designs with their derivatives, in batches of one size and so by one program."""
+    rows, parts = np.asarray(points), []
+    for first in range(0, len(rows), batch):
+        some = rows[first : first + batch]
+        filled = np.concatenate([some, np.repeat(some[-1:], batch - len(some), 0)])
+        parts.append([a[: len(some)] for a in _answers(problem, jnp.asarray(filled))])
+    return Solved(*(jnp.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+@eqx.filter_jit
+def _answers(problem: Problem, points):
+    # diffrax's checkpoints run backwards only
+    backwards = getattr(problem.options.solver, "name", "") == "shooting"
+    # Each direction costs about one more solution, forwards by variable and backwards by quantity.
+    backwards |= len(problem.variables) > 4 * len(problem.quantities)
+
+    def one(point):
+        def values(point):
+            answer = problem(point)
+            return answer.values, answer
+
+        if backwards:
+            slope, answer = jax.jacrev(values, has_aux=True)(point)
+        else:
+            # not `jacfwd`, where an iterative rule of a derivative gives `ok` an axis of directions
+            _, forward, answer = jax.linearize(values, point, has_aux=True)
+            slope = jax.vmap(forward, out_axes=1)(jnp.eye(point.size))
+        return answer.values, answer.ok & jnp.all(jnp.isfinite(slope)), slope
+
+    return of_each(one, problem, points)
 
 
 # Variables that change the loads of a rotor and not the rotor.
@@ -183,11 +260,11 @@ def prepared(problem: Problem) -> Problem:
         return problem
     if not asked or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
         return problem
-    excitation = rotor_excitation(assembled(problem.design), problem.options)
-    kept = _LOADS if excitation.by_crank else (*_LOADS, "loads.forces.")
+    crank = by_crank(assembled(problem.design), problem.options)
+    kept = _LOADS if crank else (*_LOADS, "loads.forces.")
     names = [v.name for v in problem.variables]
     names += [name for q in problem.quantities for name in getattr(q, "changes", ())]
     if not all(name.startswith(kept) for name in names):
         return problem
-    known = known_response(problem.design, excitation)
+    known = known_response(problem.design, problem.options)
     return eqx.tree_at(lambda p: p.options.known, problem, known, is_leaf=lambda x: x is None)

@@ -142,35 +142,18 @@ def with_piston_clearance(machine: _Machine, clearance: Float[Array, ""]) -> _Ma
 
 
 design_rules: dict[str, DesignRule] = {
-    "bore": DesignRule(
-        with_bore,
-        lambda machine: _ruled(machine).bore,
-        "m",
-        POSITIVE,
-        DESIGN_RULES["bore"],
-    ),
-    "stroke_bore_ratio": DesignRule(
-        with_stroke_bore_ratio,
-        lambda machine: _ratio(machine),
-        "",
-        POSITIVE,
-        DESIGN_RULES["stroke_bore_ratio"],
-    ),
-    "offset": DesignRule(
-        with_offset,
-        lambda machine: _ruled(machine).offset,
-        "m",
-        ANY,
-        DESIGN_RULES["offset"],
-    ),
-    "piston_clearance": DesignRule(
-        with_piston_clearance,
-        lambda machine: _film(machine).radial_clearance,
-        "m",
-        POSITIVE,
-        DESIGN_RULES["piston_clearance"],
-    ),
-}
+    name: DesignRule(*rule, DESIGN_RULES[name])
+    for name, rule in {
+        "bore": (with_bore, lambda machine: _ruled(machine).bore, "m", POSITIVE),
+        "stroke_bore_ratio": (
+            with_stroke_bore_ratio, lambda machine: _ratio(machine), "", POSITIVE,
+        ),
+        "offset": (with_offset, lambda machine: _ruled(machine).offset, "m", ANY),
+        "piston_clearance": (
+            with_piston_clearance, lambda machine: _film(machine).radial_clearance, "m", POSITIVE,
+        ),
+    }.items()
+}  # fmt: skip
 
 
 def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:

@@ -17,9 +17,8 @@ from ..crank import Collocation
 from ..cylinder import Cylinder
 from ..machine import Machine, machine_of
 from ._analysis import AnalysisOptions, DesignResult
-from ._design import given_numbers
-from ._labels import variable_label
 from ._problem import Asked, name_of, unit_of, value_of
+from ._variables import given_numbers, variable_label
 
 # [-] An elasticity below this is rounding.
 _ROUNDING = 1e-12
@@ -97,11 +96,13 @@ class Sensitivity(Result):
                            elasticity.tolist(), self.derivative[place].tolist(), strict=True)
             if row[5] != 0 and not abs(row[4]) < _ROUNDING
         ]  # fmt: skip
-        relative = [row for row in rows if row.relative]
-        others = [row for row in rows if not row.relative]
-        return sorted(relative, key=lambda row: -abs(row.elasticity)) + sorted(
-            others, key=lambda row: (row.unit, -abs(row.derivative))
-        )
+
+        def order(row):
+            if row.relative:
+                return False, "", -abs(row.elasticity)
+            return True, row.unit, -abs(row.derivative)
+
+        return sorted(rows, key=order)
 
     def _rows(self) -> Iterator[tuple[str, str]]:
         for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):

@@ -25,8 +25,7 @@ from ..design import (
     problem,
     sensitivity,
 )
-from ..design._design import GivenNumber, given_numbers
-from ..design._labels import variable_label
+from ..design._variables import GivenNumber, given_numbers, variable_label
 from ..machine import Machine
 from ..plot._fine import fine_turn, first_diagram
 from ..scene import Scene, SceneError, dump, to_si, with_machine

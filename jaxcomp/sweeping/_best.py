@@ -30,14 +30,11 @@ class BestCurve(NamedTuple):
 
 
 def best_design(found: "xarray.Dataset", name: str) -> dict[str, float] | None:
-    """The variables and the quantities of the best design, by name.
+    """The variables and the quantities of the best design of a `sweep`; `None` where every one failed.
 
     Args:
         found: of `sweep`.
         name: of the quantity that is judged.
-
-    Returns:
-        `None` where every design failed.
 
     Raises:
         BadInput: a quantity that is neither better when larger nor when smaller.
@@ -71,18 +68,13 @@ def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:
     lost = ~np.any(np.isfinite(values), axis=0)
     filled = np.where(np.isfinite(values), values, np.inf)
     best = np.argmin(filled, axis=0)
-    columns = np.arange(across.size)
-    between = along[best]
-    for column in columns:
-        row = best[column]
-        if 0 < row < along.size - 1:
-            between[column] = _vertex(along[row - 1 : row + 2], filled[row - 1 : row + 2, column])
+    between = [_vertex(along, filled[:, column], row) for column, row in enumerate(best)]
     sign = -1.0 if found[name].attrs["better"] == "more" else 1.0
     return BestCurve(
         across,
         np.where(lost, np.nan, along[best]),
         np.where(lost, np.nan, between),
-        np.where(lost, np.nan, sign * values[best, columns]),
+        np.where(lost, np.nan, sign * np.min(filled, axis=0)),
     )
 
 
@@ -95,25 +87,21 @@ def _falling(found, name) -> np.ndarray:
     return -values if better == "more" else values
 
 
-def _vertex(x, y) -> float:
-    """Where the parabola through three points is lowest; the middle if it is none."""
-    if not np.all(np.isfinite(y)):
-        return float(x[1])
-    left, right = x[1] - x[0], x[2] - x[1]
-    fall, rise = (y[1] - y[0]) / left, (y[2] - y[1]) / right
+def _vertex(x, y, row) -> float:
+    """Where the parabola through the lowest point and its neighbours is lowest, or that point."""
+    three = slice(row - 1, row + 2)
+    if not 0 < row < len(x) - 1 or not np.all(np.isfinite(y[three])):
+        return x[row]
+    left, right = np.diff(x[three])
+    fall, rise = np.diff(y[three]) / (left, right)
     if not rise > fall:
-        return float(x[1])
+        return x[row]
     curve = (rise - fall) / (left + right)
-    # slope at the middle, which the middle being lowest keeps within one step of zero
+    # slope at the point, which its being lowest keeps within one step of zero
     slope = (fall * right + rise * left) / (left + right)
-    return float(np.clip(x[1] - slope / (2 * curve), x[0], x[2]))
+    return np.clip(x[row] - slope / (2 * curve), x[row - 1], x[row + 1])
 
 
 def shown_column(found: "xarray.Dataset", name: str) -> Shown:
-    """How a variable or quantity of a sweep is shown.
-
-    Args:
-        found: of `sweep`.
-        name: of the variable or quantity.
-    """
+    """How a variable or quantity of a `sweep` is shown."""
     return shown(name, found[name].attrs.get("units", ""), found[name].values)

@@ -1,13 +1,13 @@
-r"""The designs of a sweep, block by block: a grid, or samples of which none is kept."""
+r"""The designs of a sweep: values of each variable, combined to a grid or drawn, block by block."""
 
 import warnings
-from typing import ClassVar, NamedTuple, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from .._fields import BadInput
-from ._axes import Distribution, Values
 
 SAMPLE = "sample"
 SAMPLINGS = ("sobol", "latin_hypercube", "random")
@@ -16,14 +16,114 @@ _SEEDED = 4096
 # Sobol's points have 30 bits; half a step moves them off zero, where a bell has no value.
 _HALF_STEP = 2.0**-31
 
+Values: TypeAlias = Float[np.ndarray, " n"]
 Place: TypeAlias = tuple[slice, ...]
 Rows: TypeAlias = Float[np.ndarray, "designs variables"]
 
 
-class GridPoints(NamedTuple):
-    """All combinations of the values of each variable."""
+class Distribution(NamedTuple):
+    """A scattered variable.
 
-    axes: dict[str, Values]
+    Attributes:
+        kind: "uniform" or "log_uniform" between two ends, or "normal" about a mean.
+        first, second: [SI] the ends, or mean and standard deviation.
+    """
+
+    kind: Literal["uniform", "log_uniform", "normal"]
+    first: float
+    second: float
+
+    def at(self, share: Values) -> Values:
+        """The values below which these shares (0 to 1, both left out) of all designs lie."""
+        if self.kind == "normal":
+            from scipy.special import ndtri
+
+            return self.first + self.second * ndtri(share)
+        if self.kind == "log_uniform":
+            return self.first * (self.second / self.first) ** share
+        return self.first + (self.second - self.first) * share
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """[SI] What the variable must allow: the ends, of a normal distribution its mean."""
+        return (self.first, self.first if self.kind == "normal" else self.second)
+
+
+def grid(low: float, high: float, count: int) -> Values:
+    """So many evenly spaced values [SI], both ends included.
+
+    Raises:
+        BadInput: a range that does not rise, or fewer than two values.
+    """
+    return np.linspace(*_rising("grid", low, high, count), count)
+
+
+def log_grid(low: float, high: float, count: int) -> Values:
+    """So many values [SI] of a constant ratio, both ends included.
+
+    Raises:
+        BadInput: as `grid`, or an end that is not above zero.
+    """
+    return np.geomspace(*_rising("log_grid", low, high, count, positive=True), count)
+
+
+def uniform(low: float, high: float) -> Distribution:
+    """Every value between two ends [SI] is as likely.
+
+    Raises:
+        BadInput: a range that does not rise.
+    """
+    return Distribution("uniform", *_rising("uniform", low, high))
+
+
+def log_uniform(low: float, high: float) -> Distribution:
+    """Every ratio between two ends [SI] is as likely.
+
+    Raises:
+        BadInput: a range that does not rise or is not above zero.
+    """
+    return Distribution("log_uniform", *_rising("log_uniform", low, high, positive=True))
+
+
+def normal(mean: float, deviation: float) -> Distribution:
+    """Gauss's bell of a mean and a standard deviation [SI]; beyond the variable's bound designs fail.
+
+    Raises:
+        BadInput: a deviation that is not above zero.
+    """
+    if not 0 < deviation < np.inf:
+        raise BadInput("deviation", deviation, "> 0")
+    if not np.isfinite(mean):
+        raise BadInput("mean", mean, "finite")
+    return Distribution("normal", float(mean), float(deviation))
+
+
+def _rising(name, low, high, count=2, positive=False) -> tuple[float, float]:
+    if not (np.isfinite(low) and np.isfinite(high) and low < high):
+        raise BadInput(name, f"{low:g} to {high:g}", "a finite range that rises")
+    if positive and not low > 0:
+        raise BadInput(name, low, "> 0")
+    if count < 2:
+        raise BadInput(f"{name}.count", count, ">= 2")
+    return float(low), float(high)
+
+
+class GridPoints:
+    """All combinations of the values of each variable.
+
+    Raises:
+        BadInput: no value, more than one dimension, a repeated value, or one that is not finite.
+    """
+
+    def __init__(self, axes: Mapping[str, Sequence[float] | Values]):
+        self.axes = {name: np.asarray(given, dtype=float) for name, given in axes.items()}
+        for name, values in self.axes.items():
+            if values.ndim != 1 or values.size == 0:
+                raise BadInput(name, values, "a list of at least one value")
+            if not np.all(np.isfinite(values)):
+                raise BadInput(name, values, "finite")
+            if np.unique(values).size != values.size:
+                raise BadInput(name, values, "a list without repeated values")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -34,6 +134,11 @@ class GridPoints(NamedTuple):
     def dims(self) -> tuple[str, ...]:
         """Names of the dimensions."""
         return tuple(self.axes)
+
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """[SI] The lowest and the highest value of each variable."""
+        return {name: (float(np.min(v)), float(np.max(v))) for name, v in self.axes.items()}
 
     def rows(self, place: Place) -> Rows:
         """The designs at a place of the grid, the last variable changing first."""
@@ -68,17 +173,23 @@ class SamplePoints:
         if seed < 0:
             raise BadInput("seed", seed, ">= 0")
         self.axes, self.count, self.sampling, self.seed = axes, count, sampling, seed
-        self._engine, self._next, self._whole = None, 0, None
+        self._engine, self._whole = None, None
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The number of designs."""
         return (self.count,)
 
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """[SI] What each variable must allow."""
+        return {name: axis.ends for name, axis in self.axes.items()}
+
     def rows(self, place: Place) -> Rows:
         """The designs from one number to another."""
         start, stop, _ = place[0].indices(self.count)
         share = getattr(self, f"_{self.sampling}")(start, stop)
+        share = np.clip(share, 2.0**-54, 1 - 2.0**-53)
         columns = [axis.at(share[:, number]) for number, axis in enumerate(self.axes.values())]
         return np.stack(columns, -1)
 
@@ -90,24 +201,20 @@ class SamplePoints:
     def _sobol(self, start, stop):
         from scipy.stats import qmc
 
-        if self._engine is None or self._next > start:
-            self._engine, self._next = qmc.Sobol(len(self.axes), rng=self.seed), 0
-        if start > self._next:
-            self._engine.fast_forward(start - self._next)
+        if self._engine is None or self._engine.num_generated > start:
+            self._engine = qmc.Sobol(len(self.axes), rng=self.seed)
+        if start > self._engine.num_generated:
+            self._engine.fast_forward(start - self._engine.num_generated)
         with warnings.catch_warnings():
             # it warns of a first block that is no power of two, whatever the number of all points
             warnings.simplefilter("ignore", UserWarning)
-            share = self._engine.random(stop - start)
-        self._next = stop
-        return share + _HALF_STEP
+            return self._engine.random(stop - start) + _HALF_STEP
 
     def _latin_hypercube(self, start, stop):
         if self._whole is None:
             from scipy.stats import qmc
 
-            self._whole = _inside(
-                qmc.LatinHypercube(len(self.axes), rng=self.seed).random(self.count)
-            )
+            self._whole = qmc.LatinHypercube(len(self.axes), rng=self.seed).random(self.count)
         return self._whole[start:stop]
 
     def _random(self, start, stop):
@@ -117,7 +224,7 @@ class SamplePoints:
             first = number * _SEEDED
             share = rng.random((_SEEDED, len(self.axes)))
             parts.append(share[max(start - first, 0) : stop - first])
-        return _inside(np.concatenate(parts))
+        return np.concatenate(parts)
 
 
 class Layout(NamedTuple):
@@ -163,14 +270,16 @@ class Layout(NamedTuple):
         )
 
 
+def extent(place: Place) -> tuple[int, ...]:
+    """The shape of a block."""
+    return tuple(part.stop - part.start for part in place)
+
+
 def neighbours_together(rows: Rows, width: int) -> Int[np.ndarray, " designs"]:
     """An order of designs in which those that follow each other are alike.
 
-    All designs of a group take as many passes as the slowest of them, and neighbours take as many.
-
-    Args:
-        rows: the designs.
-        width: designs in a group.
+    All designs of a group, `width` in number, take as many passes as the slowest of them, and
+    neighbours take as many.
     """
     span = np.ptp(rows, axis=0)
     rows = (rows - rows.min(axis=0)) / np.where(span > 0, span, 1.0)
@@ -185,7 +294,3 @@ def neighbours_together(rows: Rows, width: int) -> Int[np.ndarray, " designs"]:
         return [*halved(which[:middle]), *halved(which[middle:])]
 
     return np.concatenate(halved(np.arange(len(rows))))
-
-
-def _inside(share):
-    return np.clip(share, 2.0**-54, 1 - 2.0**-53)

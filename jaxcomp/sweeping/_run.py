@@ -1,8 +1,7 @@
-r"""`sweep`: the quantities of many designs."""
+r"""`sweep`: the quantities of many designs of one machine, or of several."""
 
 import platform
 from collections.abc import Mapping, Sequence
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -13,16 +12,12 @@ from jaxtyping import Float
 
 from .._fields import BadInput
 from .._waits import progress_of
-from ..design import AnalysisOptions, Problem, by_name, prepared, problem, quantity
-from ..design._problem import Asked, name_of
+from ..design import AnalysisOptions, Problem, by_name, prepared, quantity, variable
+from ..design._problem import Asked, problem_of
 from ..machine import machine_of
-from ._axes import Distribution, as_values
-from ._blocks import solved_blocks
-from ._fingerprint import fingerprint
-from ._plan import Column, Plan
-from ._points import GridPoints, Layout, SamplePoints
-from ._program import Device, chosen_devices, default_width
-from ._store import OK, InMemory, OnDisk, stored_header
+from ._blocks import Device, chosen_devices, default_width, solved_blocks
+from ._points import Distribution, GridPoints, Layout, SamplePoints, extent
+from ._store import OK, Headings, InMemory, OnDisk, Plan, fingerprint, heading, stored_header
 
 if TYPE_CHECKING:
     import xarray
@@ -31,6 +26,8 @@ if TYPE_CHECKING:
 # Large enough that writing a block takes a small share of working it out, small enough that a
 # killed run loses a fraction of a second.
 BATCH = 8192
+# Which number takes its own value where nothing but the machine changes.
+_HELD = "mechanism.crank_radius"
 
 Over: TypeAlias = Mapping[str, Distribution | Sequence[float] | Float[np.ndarray, " n"]]
 
@@ -107,33 +104,66 @@ def sweep(
     if over and not isinstance(scene, Problem):
         over = by_name(machine_of(scene), over)
     points = _points(over, samples, sampling, seed)
-    asked = _problem(scene, points, quantities, options)
+    asked = problem_of(scene, "over", tuple(points.axes), quantities, options)
+    _check(asked, points)
     there = None if out is None else stored_header(Path(out))
-    layout = _layout(points, batch, there)
     local = chosen_devices(devices)
-    width = _chosen("width", width, there, default_width(local))
-    plan = Plan(points, layout, width, *_columns(asked), fingerprint(asked, points), _about(local))
+    layout, width = _layout(points, batch, width, local, there)
+    about = {
+        "made_with": f"jaxcomp {version('jaxcomp')}, jax {jax.__version__}",
+        "made_on": f"{local[0].device_kind}, {platform.machine()}",
+    }
+    plan = Plan(points, layout, width, *_headings(asked), fingerprint(asked, points), about)
     store = InMemory(plan) if out is None else OnDisk(Path(out), plan)
-    _run(plan, store, partial(solved_blocks, prepared(asked), width, local, client), progress)
+    left = [number for number in range(layout.number) if not store.has(number)]
+    total = int(np.prod(layout.shape))
+    done = total - sum(int(np.prod(extent(layout.place(number)))) for number in left)
+    blocks = ((number, points.rows(layout.place(number))) for number in left)
+    with progress_of("Sweeping", total, done, "designs", progress) as shown:
+        for block in solved_blocks(prepared(asked), width, local, client, blocks):
+            store.write(*block)
+            done += len(block[1])
+            shown.at(done)
     return store.dataset()
 
 
-def _run(plan, store, solved, progress):
-    """Work out the blocks that are not there."""
-    layout, total = plan.layout, int(np.prod(plan.layout.shape))
-    left, done = [], 0
-    for number in range(layout.number):
-        if store.has(number):
-            done += _size(layout, number)
-        else:
-            left.append(number)
-    with progress_of("Sweeping", total, done, "designs", progress) as shown:
-        for number, rows, values, ok in solved(
-            (n, plan.points.rows(layout.place(n))) for n in left
-        ):
-            store.write(number, rows, values, ok)
-            done += len(rows)
-            shown.at(done)
+def sweep_machines(
+    machines: Mapping[str, Any],
+    over: Mapping[str, Any],
+    quantities: Sequence[Any],
+    *,
+    dimension: str = "machine",
+    out: str | Path | None = None,
+    **options,
+) -> "xarray.Dataset":
+    """All designs of a sweep for every one of several machines that differ by more than numbers.
+
+    Args:
+        machines: scenes or machines by name.
+        over: values of other variables as for `sweep`; empty for the machines alone.
+        quantities: as for `sweep`.
+        dimension: name of the dimension along which the machines stand.
+        out: folder in which every machine has the zarr store of its name; in memory alone if absent.
+        options: other arguments of `sweep`.
+
+    Returns:
+        The machines along the first dimension.
+
+    Raises:
+        BadInput: no machine; or as `sweep`.
+    """
+    import xarray
+
+    if not machines:
+        raise BadInput("machines", "none", "at least one")
+    found = []
+    for name, one in machines.items():
+        here = machine_of(one)
+        held = {_HELD: [float(variable(here, _HELD).current(here))]}
+        store = None if out is None else Path(out) / name
+        made = sweep(one, over or held, quantities, out=store, **options)
+        found.append(made if over else made.isel({_HELD: 0}, drop=True))
+    return xarray.concat(found, xarray.Variable(dimension, list(machines)))  # pyright: ignore
 
 
 def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
@@ -144,83 +174,46 @@ def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
         if scattered:
             name = next(iter(scattered))
             raise BadInput(name, "a distribution", "a list of values, or go with `samples`")
-        return GridPoints({name: as_values(name, axis) for name, axis in over.items()})
+        return GridPoints(over)
     if len(scattered) < len(over):
         name = next(name for name in over if name not in scattered)
         raise BadInput(name, "a list of values", "a distribution, where `samples` is given")
     return SamplePoints(scattered, samples, sampling, seed)
 
 
-def _problem(scene, points, quantities, options) -> Problem:
-    if isinstance(scene, Problem):
-        if quantities is not None or options is not None:
-            raise BadInput("quantities", "given twice", "left to the `Problem`, as are the options")
-        names = tuple(variable.name for variable in scene.variables)
-        if tuple(points.axes) != names:
-            raise BadInput("over", ", ".join(points.axes), f"{', '.join(names)}, in this order")
-        _refuse_clashes(points, scene.names)
-        made = scene
-        for variable in made.variables:
-            for end in _ends(points.axes[variable.name]):
-                if not bool(variable.bound.holds(end)):
-                    raise BadInput(variable.name, end, str(variable.bound))
-    else:
-        quantities = quantities or ("mechanical_efficiency",)
-        _refuse_clashes(points, [name_of(q) for q in quantities])
-        ends = {name: _ends(axis) for name, axis in points.axes.items()}
-        made = problem(scene, ends, quantities, options)
-    return made
-
-
-def _refuse_clashes(points, quantities) -> None:
-    names = [*{*points.dims, *points.axes}, *quantities, OK]
+def _check(asked: Problem, points: GridPoints | SamplePoints) -> None:
+    """Refuse values out of bounds, and a name that stands for two columns."""
+    for one in asked.variables:
+        for end in points.ends[one.name]:
+            if not bool(one.bound.holds(end)):
+                raise BadInput(one.name, end, str(one.bound))
+    names = [*{*points.dims, *points.axes}, *asked.names, OK]
     for name in names:
         if names.count(name) > 1:
             raise BadInput("quantities", name, "a name that nothing else in the sweep has")
 
 
-def _ends(axis) -> tuple[float, float]:
-    if isinstance(axis, Distribution):
-        return axis.ends
-    return float(np.min(axis)), float(np.max(axis))
-
-
-def _columns(asked: Problem) -> tuple[tuple[Column, ...], tuple[Column, ...]]:
-    found = [quantity(one) if isinstance(one, str) else None for one in asked.quantities]
-    pairs = zip(asked.names, found, strict=True)
+def _headings(asked: Problem) -> tuple[Headings, Headings]:
+    """Of variables and of quantities."""
+    found = {q: quantity(q) for q in asked.quantities if isinstance(q, str)}
     return (
-        tuple(Column(variable.name, variable.unit) for variable in asked.variables),
-        tuple(Column(n, q.unit, q.better, q.doc) if q else Column(n, "") for n, q in pairs),
-    )
+        {one.name: heading(one.unit, one.name) for one in asked.variables},
+        {name: heading(found[name].unit, found[name].doc, found[name].better)
+         if name in found else heading("", name) for name in asked.names},
+    )  # fmt: skip
 
 
-def _layout(points, batch, there) -> Layout:
+def _layout(points, batch, width, devices, there) -> tuple[Layout, int]:
+    """Blocks, and designs that a device computes in step: those of a store, if there is one."""
+    for name, given in {"batch": batch, "width": width}.items():
+        if given is not None and given < 1:
+            raise BadInput(name, given, ">= 1")
     if there is None:
-        batch = BATCH if batch is None else batch
-        if batch < 1:
-            raise BadInput("batch", batch, ">= 1")
-        return Layout.of(points.shape, batch)
-    stored = tuple(there["block"])
-    if batch is not None and Layout.of(points.shape, batch).block != stored:
-        raise BadInput("batch", batch, f"as in the store, whose blocks have shape {stored}")
-    return Layout(points.shape, stored)
-
-
-def _chosen(name, given, there, default) -> int:
-    if given is not None and given < 1:
-        raise BadInput(name, given, ">= 1")
-    stored = None if there is None else there[name]
-    if stored is not None and given not in (None, stored):
-        raise BadInput(name, given, f"{stored}, as in the store")
-    return given or stored or default
-
-
-def _size(layout: Layout, number: int) -> int:
-    return int(np.prod([part.stop - part.start for part in layout.place(number)]))
-
-
-def _about(devices) -> dict[str, str]:
-    return {
-        "made_with": f"jaxcomp {version('jaxcomp')}, jax {jax.__version__}",
-        "made_on": f"{devices[0].device_kind}, {platform.machine()}",
-    }
+        return Layout.of(points.shape, batch or BATCH), width or default_width(devices)
+    layout, stored = Layout(points.shape, tuple(there["block"])), there["width"]
+    if batch is not None and Layout.of(points.shape, batch) != layout:
+        bound = f"as in the store, whose blocks have shape {layout.block}"
+        raise BadInput("batch", batch, bound)
+    if width not in (None, stored):
+        raise BadInput("width", width, f"{stored}, as in the store")
+    return layout, stored

@@ -2,87 +2,119 @@ r"""Where the results of a sweep go, block by block: a zarr store on disk, or pl
 
 On disk every block of every quantity is a file of its own, written aside and then renamed, and the
 file of `ok` comes last. Its presence says that the block is whole; whatever else a killed run left
-behind is written anew. Several processes may write to one store at the same time.
+behind is written anew. Several processes may write to one store at the same time, and a sweep goes on
+in the store of the same sweep only.
 """
 
+import hashlib
 import json
 import os
+import re
 import shutil
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import equinox as eqx
+import jax
 import numpy as np
 
 from .._fields import BadInput
-from ._fingerprint import first_difference
-from ._plan import Plan
+from ..design import Problem
+from ._points import SAMPLE, GridPoints, Layout, SamplePoints, extent
 
 if TYPE_CHECKING:  # neither is imported by who does not sweep
     import xarray
 
 OK = "ok"
+_OK_HEADING = {"long_name": "whether the quantities can be relied on"}
 _HEADER = "jaxcomp_sweep"
 _HEADER_KINDS = {"same": dict, "block": list, "width": int, "columns": list, "about": dict}
+# How Python shows where in memory an object lies, which is another place in every run.
+_ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+
+Headings = dict[str, dict[str, str]]
 
 
-class Store(Protocol):
-    """What keeps the results."""
+def heading(unit: str, doc: str, better: str = "") -> dict[str, str]:
+    """What `xarray` keeps beside a variable or quantity: SI unit, one line, "more", "less" or ""."""
+    return {"units": unit, "better": better, "long_name": doc}
 
-    def has(self, number: int) -> bool:
-        """Whether a block is there, whole."""
-        ...
+
+class Plan(NamedTuple):
+    """What a sweep is to find, and how its results are laid out.
+
+    Attributes:
+        points: the designs.
+        layout: how they are cut into blocks.
+        width: designs that are computed in step.
+        variables, quantities: their headings by name, in the order of their columns.
+        fingerprint: see `fingerprint`.
+        about: versions and the like, which are kept and not compared.
+    """
+
+    points: GridPoints | SamplePoints
+    layout: Layout
+    width: int
+    variables: Headings
+    quantities: Headings
+    fingerprint: dict[str, Any]
+    about: dict[str, str]
+
+    @property
+    def sampled(self) -> bool:
+        """Whether every design has values of its own, and not those of a grid."""
+        return self.points.dims == (SAMPLE,)
+
+    @property
+    def columns(self) -> Headings:
+        """What is kept of every design: variables that are its own, quantities and, last, `ok`."""
+        return (self.variables if self.sampled else {}) | self.quantities | {OK: _OK_HEADING}
+
+
+class _Store:
+    """What keeps the results of a plan, in an array for each column."""
+
+    plan: Plan
+    arrays: dict[str, Any]
 
     def write(self, number: int, rows, values, ok) -> None:
         """Keep a block: its designs, their quantities and whether these can be relied on."""
-        ...
+        place = self.plan.layout.place(number)
+        columns = *(rows.T if self.plan.sampled else ()), *values.T, ok
+        for array, column in zip(self.arrays.values(), columns, strict=True):
+            array[place] = column.reshape(extent(place))
 
-    def dataset(self) -> "xarray.Dataset":
-        """All results; what is not there yet is NaN and not `ok`."""
-        ...
 
-
-class InMemory:
+class InMemory(_Store):
     """Results that are handed out and kept nowhere."""
 
     def __init__(self, plan: Plan):
-        shape = plan.layout.shape
-        self._plan = plan
-        self._values = {column.name: np.full(shape, np.nan) for column in plan.quantities}
-        self._ok = np.zeros(shape, bool)
-        self._rows = {c.name: np.empty(shape) for c in plan.variables if plan.sampled}
+        shape, self.plan = plan.layout.shape, plan
+        self.arrays = {name: np.full(shape, np.nan) for name in plan.columns}
+        self.arrays[OK] = np.zeros(shape, bool)
 
     def has(self, number: int) -> bool:
         """Nothing is there before it is computed."""
         del number
         return False
 
-    def write(self, number: int, rows, values, ok) -> None:
-        """Put a block in its place."""
-        place = self._plan.layout.place(number)
-        for column, whole in enumerate(self._rows.values()):
-            whole[place] = rows[:, column]
-        for column, whole in enumerate(self._values.values()):
-            whole[place] = values[:, column].reshape(whole[place].shape)
-        self._ok[place] = ok.reshape(self._ok[place].shape)
-
     def dataset(self) -> "xarray.Dataset":
         """The arrays themselves, in a dataset."""
         import xarray
 
-        plan = self._plan
-        dims = plan.points.dims
-        heads = {column.name: column.attributes for column in plan.variables + plan.quantities}
-        data = {name: (dims, value, heads[name]) for name, value in self._values.items()}
-        data[OK] = (dims, self._ok, _OK_ATTRIBUTES)
-        values: Mapping[str, Any] = self._rows or plan.points.axes
-        coords = {n: (dims if self._rows else n, v, heads[n]) for n, v in values.items()}
+        plan, dims = self.plan, self.plan.points.dims
+        heads = plan.variables | plan.columns
+        data = {name: (dims, value, heads[name]) for name, value in self.arrays.items()}
+        axes = {} if plan.sampled else plan.points.axes
+        data |= {name: (name, value, heads[name]) for name, value in axes.items()}
+        coords = {name: data.pop(name) for name in plan.variables}
         return xarray.Dataset(data, coords, dict(plan.about))
 
 
-class OnDisk:
+class OnDisk(_Store):
     """A zarr store, made if it is not there.
 
     Args:
@@ -96,7 +128,7 @@ class OnDisk:
     def __init__(self, path: Path, plan: Plan):
         import zarr
 
-        self._path, self._plan = path, plan
+        self._path, self.plan = path, plan
         if not path.exists() or not any(path.iterdir()):
             _make(path, plan)
         there = stored_header(path)
@@ -104,50 +136,62 @@ class OnDisk:
         if differs:
             wanted = "a new folder, or the store of this same sweep"
             raise BadInput("out", f"{path}, which holds {differs}", wanted)
-        names = (*self._sampled, *self._asked, OK)
         # A block of failures alone is a result like any other; a store forgets this setting.
         with zarr.config.set({"array.write_empty_chunks": True}), _undamaged(path):
             group = zarr.open_group(path, mode="r+")
-            self._arrays: Any = {name: group[name] for name in names}
-
-    @property
-    def _sampled(self):
-        return [c.name for c in self._plan.variables] if self._plan.sampled else []
-
-    @property
-    def _asked(self):
-        return [c.name for c in self._plan.quantities]
+            self.arrays = {name: group[name] for name in plan.columns}
 
     def has(self, number: int) -> bool:
         """Whether the file that is written last is there, and all others are there and whole."""
-        index = [str(at) for at in self._plan.layout.index(number)]
-        if not self._path.joinpath(OK, "c", *index).exists():
-            return False
-        place = self._plan.layout.place(number)
-        for name, array in self._arrays.items():
+        index = [str(at) for at in self.plan.layout.index(number)]
+        place = self.plan.layout.place(number)
+        for name, array in reversed(self.arrays.items()):
+            if not self._path.joinpath(name, "c", *index).exists():
+                return False
             try:
-                if not self._path.joinpath(name, "c", *index).exists():
-                    return False
                 array[place]
-            except (
-                Exception
-            ):  # a cut file fails in the decoder of its compression, each in its own way
+            except Exception:  # a cut file fails in the decoder of its compression, each in its way
                 return False
         return True
-
-    def write(self, number: int, rows, values, ok) -> None:
-        """Write the files of a block, `ok` last."""
-        place = self._plan.layout.place(number)
-        shape = tuple(part.stop - part.start for part in place)
-        for column, name in enumerate(self._sampled):
-            self._arrays[name][place] = rows[:, column]
-        for column, name in enumerate(self._asked):
-            self._arrays[name][place] = values[:, column].reshape(shape)
-        self._arrays[OK][place] = ok.reshape(shape)
 
     def dataset(self) -> "xarray.Dataset":
         """Results that are read from disk when they are used."""
         return open_sweep(self._path)
+
+
+def _make(path: Path, plan: Plan) -> None:
+    """An empty store, made aside and renamed: it is there as a whole or not at all."""
+    import zarr
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    header = {
+        "same": plan.fingerprint,
+        "block": list(plan.layout.block),
+        "width": plan.width,
+        "columns": [*plan.quantities, OK],
+        "about": plan.about,
+    }
+    group = zarr.open_group(aside, mode="w", attributes={_HEADER: json.dumps(header)})
+    for name, attributes in plan.columns.items():
+        group.create_array(
+            name,
+            shape=plan.layout.shape,
+            chunks=plan.layout.block,
+            dtype="bool" if name == OK else "float64",
+            fill_value=False if name == OK else np.nan,
+            dimension_names=plan.points.dims,
+            attributes=attributes,
+        )
+    for name, values in ({} if plan.sampled else plan.points.axes).items():
+        about = plan.variables[name]
+        group.create_array(name, data=values, dimension_names=(name,), attributes=about)
+    try:
+        os.rename(aside, path)
+    except OSError:
+        shutil.rmtree(aside)
+        if stored_header(path) is None:  # not made meanwhile by another process
+            raise
 
 
 def open_sweep(path: str | Path) -> "xarray.Dataset":
@@ -223,53 +267,59 @@ def _undamaged(path: Path) -> Iterator[None]:
         raise BadInput("out", told, "a store that is whole, or a new folder") from None
 
 
-_OK_ATTRIBUTES = {"long_name": "whether the quantities can be relied on"}
+def fingerprint(problem: Problem, points: Any) -> dict[str, Any]:
+    """Everything that the numbers of a sweep depend on, as JSON can hold it.
 
-
-def _make(path: Path, plan: Plan) -> None:
-    """An empty store, made aside and renamed: it is there as a whole or not at all."""
-    import zarr
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    header = {
-        "same": plan.fingerprint,
-        "block": list(plan.layout.block),
-        "width": plan.width,
-        "columns": [*(column.name for column in plan.quantities), OK],
-        "about": plan.about,
+    The machine counts with every bit of its numbers. A quantity that is a function counts by its name
+    and code; what it takes from its surroundings is not looked at.
+    """
+    return {
+        "machine": _digest(problem.design),
+        "variables": list(points.axes),
+        "designs": hashlib.sha256(repr(points.described()).encode()).hexdigest(),
+        "quantities": [_asked(one) for one in problem.quantities],
+        "options": _text(problem.options),
     }
-    group = zarr.open_group(aside, mode="w", attributes={_HEADER: json.dumps(header)})
-    dims = plan.points.dims
 
-    def blocks(name, dtype, fill, attributes):
-        group.create_array(
-            name,
-            shape=plan.layout.shape,
-            chunks=plan.layout.block,
-            dtype=dtype,
-            fill_value=fill,
-            dimension_names=dims,
-            attributes=attributes,
-        )
 
-    for column in plan.variables:
-        if plan.sampled:
-            blocks(column.name, "float64", np.nan, column.attributes)
-        else:
-            values = plan.points.axes[column.name]
-            group.create_array(
-                column.name,
-                data=np.asarray(values),
-                dimension_names=(column.name,),
-                attributes=column.attributes,
-            )
-    for column in plan.quantities:
-        blocks(column.name, "float64", np.nan, column.attributes)
-    blocks(OK, "bool", False, _OK_ATTRIBUTES)
-    try:
-        os.rename(aside, path)
-    except OSError:
-        shutil.rmtree(aside)
-        if stored_header(path) is None:  # not made meanwhile by another process
-            raise
+def first_difference(here: dict[str, Any], there: dict[str, Any]) -> str:
+    """What differs, in words; empty if nothing does."""
+    hashed = {"machine": "numbers of the machine", "designs": "values of the variables"}
+    for key, value in here.items():
+        if there.get(key) != value:
+            if key in hashed:
+                return f"other {hashed[key]}"
+            words = [
+                ", ".join(v) if isinstance(v, list) else str(v) for v in (there.get(key), value)
+            ]
+            return f"{key} {words[0]} where this one has {words[1]}"
+    return ""
+
+
+def _digest(tree) -> str:
+    """Of all numbers of a tree and of everything that is none."""
+    numbers, rest = eqx.partition(tree, eqx.is_array)
+    digest = hashlib.sha256(_text(rest).encode())
+    for path, leaf in jax.tree_util.tree_leaves_with_path(numbers):
+        value = np.asarray(leaf)
+        digest.update(f"{jax.tree_util.keystr(path)} {value.dtype} {value.shape}".encode())
+        digest.update(value.tobytes())
+    return digest.hexdigest()
+
+
+def _asked(one: str | Callable) -> str:
+    if isinstance(one, str):
+        return one
+    code = getattr(one, "__code__", None)
+    content = "" if code is None else _code(code)
+    mark = hashlib.sha256(content.encode()).hexdigest()[:12]
+    return f"{one.__name__} ({mark})"
+
+
+def _code(code) -> str:
+    inner = [_code(c) if hasattr(c, "co_code") else repr(c) for c in code.co_consts]
+    return f"{code.co_code.hex()} {code.co_names} {inner}"
+
+
+def _text(tree) -> str:
+    return _ADDRESS.sub("", eqx.tree_pformat(tree, short_arrays=True, width=10_000))

@@ -22,9 +22,8 @@ from scipy import stats
 from scipy.optimize import minimize
 
 from ..design import Problem
-from ..design._goal import solved
-from ._local import BATCH
-from ._monte_carlo import Sampled, solved_normals
+from ..design._problem import solved
+from ._moments import Sampled, solved_rows
 from ._scatter import Scatter
 
 # Of the first-order deviation: how exactly a nearest point lies on the limit.
@@ -55,6 +54,11 @@ class Limit(NamedTuple):
     def broken(self, values):
         """Where values [SI] break it."""
         return values > self.bound if self.above else values < self.bound
+
+    @property
+    def side(self) -> str:
+        """Where failures lie: "above" or "below" the bound."""
+        return "above" if self.above else "below"
 
 
 class Reliability(NamedTuple):
@@ -94,14 +98,14 @@ class Reliability(NamedTuple):
         return bool(0.75 * low <= self.first_order <= 1.25 * high)
 
 
-class _Slopes:
-    """Value and slope of one quantity in the space of u, each point solved once."""
+class _LimitState:
+    """How far beyond a limit a machine lies in the space of u, with its slope; each solved once."""
 
-    def __init__(self, problem: Problem, scatter: Scatter, nominal, place: int, limit: Limit):
-        self.problem, self.nominal, self.place = problem, nominal, place
-        self.sign, self.bound = (1.0 if limit.above else -1.0), limit.bound
-        self.map = lambda u: scatter.at(nominal, u)
-        self.slope_of_map = jax.vmap(jax.jacfwd(self.map))
+    def __init__(self, problem: Problem, scatter: Scatter, nominal, limit: Limit):
+        self.problem, self.limit, self.size = problem, limit, len(nominal)
+        self.place = problem.names.index(limit.quantity)
+        self.machines = lambda u: scatter.at(nominal, u)
+        self.slope_of_machines = jax.vmap(jax.jacfwd(self.machines))
         self.known: dict[bytes, tuple[float, np.ndarray]] = {}
 
     def __call__(self, points) -> tuple[np.ndarray, np.ndarray]:
@@ -109,25 +113,91 @@ class _Slopes:
         points = np.atleast_2d(np.asarray(points, float))
         new = [p for p in points if p.tobytes() not in self.known]
         if new:
-            u = jnp.asarray(np.stack(new))
-            found = solved(self.problem, self.map(u), BATCH)
-            slope = jnp.einsum("nv,nvu->nu", found.slope[:, self.place], self.slope_of_map(u))
-            beyond = self.sign * (found.values[:, self.place] - self.bound)
-            good = np.asarray(found.ok)
-            for one, value, along, fine in zip(new, beyond, slope, good, strict=True):
-                known = (float(value), self.sign * np.asarray(along))
-                nothing = (np.nan, np.full(len(one), np.nan))
-                self.known[one.tobytes()] = known if fine else nothing
-        pairs = [self.known[p.tobytes()] for p in points]
-        return np.array([p[0] for p in pairs]), np.stack([p[1] for p in pairs])
+            u, sign = jnp.asarray(np.stack(new)), 1.0 if self.limit.above else -1.0
+            found = solved(self.problem, self.machines(u))
+            beyond = sign * (found.values[:, self.place] - self.limit.bound)
+            slope = jnp.einsum("nv,nvu->nu", found.slope[:, self.place], self.slope_of_machines(u))
+            beyond = np.where(found.ok, beyond, np.nan).tolist()
+            slope = np.where(found.ok[:, None], sign * slope, np.nan)
+            for point, *both in zip(new, beyond, slope, strict=True):
+                self.known[point.tobytes()] = tuple(both)
+        values, slopes = zip(*(self.known[p.tobytes()] for p in points), strict=True)
+        return np.array(values), np.stack(slopes)
 
     def bent(self, point) -> tuple[float, np.ndarray, np.ndarray]:
         """Value, slope (n,) and curvature (n, n), by differences of slopes, at a point (n,)."""
-        n = len(point)
-        steps = _STEP * np.eye(n)
+        steps = _STEP * np.eye(self.size)
         value, slope = self(np.concatenate([point[None], point + steps, point - steps]))
-        bent = (slope[1 : n + 1] - slope[n + 1 :]) / (2 * _STEP)
+        ahead, behind = np.split(slope[1:], 2)
+        bent = (ahead - behind) / (2 * _STEP)
         return value[0], slope[0], (bent + bent.T) / 2
+
+    def starts(self) -> np.ndarray:
+        """Along the slope at the mean, and to both sides along what bends the quantity most."""
+        value, slope, bent = self.bent(np.zeros(self.size))
+        starts = []
+        steep = np.linalg.norm(slope)
+        if np.isfinite(steep) and steep > 0:
+            starts.append(np.clip(-value / steep, -_FAR, _FAR) * slope / steep)
+        if np.all(np.isfinite(bent)):
+            vectors = np.linalg.eigh(bent)[1][:, ::-1]
+            starts += [side * _FAR * v for v in vectors.T[:2] for side in (1.0, -1.0)]
+        return np.stack(starts) if starts else np.ones((1, self.size))
+
+    def nearest_points(self) -> np.ndarray:
+        """(points, n) all points of the limit that are nearest in their surroundings, sorted."""
+        starts = self.starts()
+        scale, found = np.nanmax(np.abs(self(starts)[0])), []
+        if not (np.isfinite(scale) and scale > 0):
+            return np.zeros((0, self.size))
+        reached = {
+            "type": "eq",
+            "fun": lambda u: self(u)[0][0] / scale,
+            "jac": lambda u: self(u)[1][0] / scale,
+        }
+        options = {"maxiter": 100, "ftol": 1e-10}
+        for start in starts:
+            answer = minimize(
+                lambda u: (0.5 * u @ u, u), start, jac=True, method="SLSQP", constraints=reached,
+                options=options,
+            )  # fmt: skip
+            on = abs(reached["fun"](answer.x)) < _ON_LIMIT
+            if answer.success and on and np.linalg.norm(answer.x) < 12:
+                found.append(answer.x)
+        kept: list[np.ndarray] = []
+        for point in sorted(found, key=np.linalg.norm):
+            if all(np.linalg.norm(point - other) > _SAME for other in kept):
+                kept.append(point)
+        return np.reshape(kept, (-1, self.size))
+
+    def second_order(self, points, failed: bool) -> float:
+        """The probability by curvature; NaN where the limit bends too much."""
+        total = 0.0
+        for point in points[:1] if failed else points:
+            beta = np.linalg.norm(point)
+            _, slope, bent = self.bent(point)
+            steep = np.linalg.norm(slope)
+            flat = np.linalg.svd(slope[None] / steep)[2][1:]  # directions along the limit
+            curvature = -np.linalg.eigvalsh(flat @ bent @ flat.T) / steep
+            if failed:  # what is safe lies beyond, and bends the other way
+                curvature = -curvature
+            growth = 1 + stats.norm.pdf(beta) / stats.norm.sf(beta) * curvature
+            if not np.all(growth > _STRAIGHT):
+                return np.nan
+            total += stats.norm.sf(beta) / np.sqrt(np.prod(growth))
+        return float(1 - total if failed else min(1.0, total))
+
+    def about(self, points, count: int, seed: int) -> tuple[float, float]:
+        """The probability by samples about the points, and its standard error."""
+        rng = np.random.default_rng(seed)
+        which = rng.integers(len(points), size=count)
+        u = points[which] + rng.standard_normal((count, self.size))
+        values, ok = solved_rows(self.problem, self.machines(u))
+        # phi(u) over the mixture of bells about the points
+        away = [-0.5 * np.sum((u - p) ** 2, 1) for p in points]
+        weight = np.exp(-0.5 * np.sum(u**2, 1) - np.logaddexp.reduce(away, axis=0)) * len(points)
+        parts = weight * (self.limit.broken(values[:, self.place]) & ok)
+        return float(parts.mean()), float(parts.std(ddof=1) / np.sqrt(count))
 
 
 def reliability(
@@ -141,125 +211,36 @@ def reliability(
 ) -> Reliability:
     """The probability that a limit is broken, in several ways.
 
-    Args:
-        problem: with the quantity of the limit.
-        scatter: of its variables.
-        nominal: [SI] (variables,)
-        limit: the limit.
-        samples: plain samples, solved.
-        around: samples about the nearest points; 0 for none.
-        seed: of these.
+    Beside plain samples, which are solved already, so many machines around the nearest points are drawn
+    and solved; none for 0.
     """
-    place = problem.names.index(limit.quantity)
-    share, interval = _counted(samples, place, limit)
-    slopes = _Slopes(problem, scatter, nominal, place, limit)
-    nothing = np.full(len(nominal), np.nan)
-    points = _nearest_points(slopes, len(nominal))
+    state = _LimitState(problem, scatter, nominal, limit)
+    counted = _counted(limit, samples.values[samples.ok, state.place])
+    points, nothing = state.nearest_points(), np.full(len(nominal), np.nan)
     if not len(points):
-        empty = np.zeros((0, len(nominal)))
-        nan = [np.nan] * 5
-        return Reliability(limit, share, interval, *nan, empty, nothing, nothing)
-    failed = slopes(np.zeros(len(nominal)))[0][0] > 0
+        return Reliability(limit, *counted, *[np.nan] * 5, points, nothing, nothing)
+    failed = state(np.zeros(len(nominal)))[0][0] > 0
     distance = np.linalg.norm(points, axis=1)
     beta = -distance[0] if failed else distance[0]
     first = float(stats.norm.sf(beta) if failed else min(1.0, stats.norm.sf(distance).sum()))
-    second = _second_order(slopes, points, failed)
-    near, error = np.nan, np.nan
-    if around and not failed:
-        near, error = _about(problem, scatter, nominal, limit, place, points, around, seed)
+    near = state.about(points, around, seed) if around and not failed else (np.nan, np.nan)
     return Reliability(
         limit,
-        share,
-        interval,
+        *counted,
         float(beta),
         first,
-        second,
-        near,
-        error,
+        state.second_order(points, failed),
+        *near,
         points,
         np.asarray(scatter.at(nominal, points[0])),
         (points[0] / distance[0]) ** 2 if distance[0] > 0 else nothing,
     )
 
 
-def _counted(samples: Sampled, place: int, limit: Limit) -> tuple[float, tuple[float, float]]:
-    values = samples.values[samples.ok, place]
+def _counted(limit: Limit, values) -> tuple[float, tuple[float, float]]:
+    """Share of the samples that break a limit, and its 95 % interval."""
     if not values.size:
         return np.nan, (np.nan, np.nan)
     broken = int(np.sum(limit.broken(values)))
     interval = stats.binomtest(broken, values.size).proportion_ci(method="wilson")
     return broken / values.size, (float(interval.low), float(interval.high))
-
-
-def _nearest_points(slopes: _Slopes, n: int) -> np.ndarray:
-    """(points, n) all points of the limit that are nearest in their surroundings, sorted."""
-    starts = _starts(slopes, n)
-    scale = np.nanmax(np.abs(slopes(starts)[0]))
-    if not (np.isfinite(scale) and scale > 0):
-        return np.zeros((0, n))
-    found = []
-    for start in starts:
-        answer = minimize(
-            lambda u: (0.5 * u @ u, u),
-            start,
-            jac=True,
-            method="SLSQP",
-            constraints={
-                "type": "eq",
-                "fun": lambda u: slopes(u)[0][0] / scale,
-                "jac": lambda u: slopes(u)[1][0] / scale,
-            },
-            options={"maxiter": 100, "ftol": 1e-10},
-        )
-        off = slopes(answer.x)[0][0] / scale
-        if answer.success and abs(off) < _ON_LIMIT and np.linalg.norm(answer.x) < 12:
-            found.append(answer.x)
-    found.sort(key=np.linalg.norm)
-    kept: list[np.ndarray] = []
-    for point in found:
-        if all(np.linalg.norm(point - other) > _SAME for other in kept):
-            kept.append(point)
-    return np.stack(kept) if kept else np.zeros((0, n))
-
-
-def _starts(slopes: _Slopes, n: int) -> np.ndarray:
-    """Along the slope at the mean, and to both sides along what bends the quantity most."""
-    value, slope, bent = slopes.bent(np.zeros(n))
-    starts = []
-    steep = np.linalg.norm(slope)
-    if np.isfinite(steep) and steep > 0:
-        starts.append(np.clip(-value / steep, -_FAR, _FAR) * slope / steep)
-    if np.all(np.isfinite(bent)):
-        vectors = np.linalg.eigh(bent)[1][:, ::-1]
-        starts += [side * _FAR * v for v in vectors.T[:2] for side in (1.0, -1.0)]
-    return np.stack(starts) if starts else np.ones((1, n))
-
-
-def _second_order(slopes: _Slopes, points, failed: bool) -> float:
-    total = 0.0
-    for point in points[:1] if failed else points:
-        beta = np.linalg.norm(point)
-        _, slope, bent = slopes.bent(point)
-        steep = np.linalg.norm(slope)
-        flat = np.linalg.svd(slope[None] / steep)[2][1:]  # directions along the limit
-        curvature = -np.linalg.eigvalsh(flat @ bent @ flat.T) / steep
-        if failed:  # what is safe lies beyond, and bends the other way
-            curvature = -curvature
-        growth = 1 + stats.norm.pdf(beta) / stats.norm.sf(beta) * curvature
-        if not np.all(growth > _STRAIGHT):
-            return np.nan
-        total += stats.norm.sf(beta) / np.sqrt(np.prod(growth))
-    return float(1 - total if failed else min(1.0, total))
-
-
-def _about(problem, scatter, nominal, limit, place, points, around, seed) -> tuple[float, float]:
-    rng = np.random.default_rng(seed)
-    which = rng.integers(len(points), size=around)
-    u = points[which] + rng.standard_normal((around, points.shape[1]))
-    values, ok = solved_normals(problem, scatter, nominal, u, progress=False)
-    values = values[:, place]
-    # phi(u) over the mixture of bells about the points
-    away = [-0.5 * np.sum((u - p) ** 2, 1) for p in points]
-    weight = np.exp(-0.5 * np.sum(u**2, 1) - np.logaddexp.reduce(away, axis=0)) * len(points)
-    parts = weight * (limit.broken(values) & ok)
-    return float(parts.mean()), float(parts.std(ddof=1) / np.sqrt(around))

@@ -1,57 +1,50 @@
-r"""Robust objectives: what a machine is worth with production tolerances, not at its nominal values.
+r"""Designing with a scatter: robust objectives, and how wide tolerances may be.
 
-The scatter is the same few machines at every design (sample average approximation), so that the
-objective is a smooth function of the design and the optimisers serve as they are.
+A robust objective is what a machine is worth with production tolerances, not at its nominal values. Its
+scatter is the same few machines at every design (sample average approximation), so that it is a smooth
+function of the design and the optimisers serve as they are.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.optimize import brentq
 from scipy.stats import beta
 
 from .._fields import BadInput
 from ..design import DesignResult, by_name, variable
 from ..design._problem import Asked, name_of, value_of
 from ..machine import machine_of
-from ._monte_carlo import drawn_normals
-from ._scatter import Correlations, scatter_of
-from ._within import Within
+from ._moments import solved_rows
+from ._scatter import Correlations, Within, drawn_normals, scatter_of
+from ._tolerance import Tolerances
+
+# Factors on the tolerances between which is searched.
+_LOW, _HIGH = 1e-3, 10.0
 
 
 class Robust:
     """A quantity of a design that counts its scatter; see `robust`.
 
-    Args:
-        asked: the quantity.
-        variables: that scatter.
-        scatter: of these.
-        normals: (samples, variables) standard normal values, one machine a row.
-        weights: of the sorted values, for a quantile; `None` for the mean and its deviation.
-        sigmas: standard deviations to be added; only without weights.
-        name: of the objective.
+    Each row of `normals` is a machine; `measure` goes from the quantities [SI] of all machines to what
+    they are worth together.
 
     Attributes:
         changes: names of the variables that it scatters.
     """
 
-    def __init__(self, asked, variables, scatter, normals, weights, sigmas, name):
+    def __init__(self, asked, variables, scatter, normals, measure, name):
         self._asked, self._variables, self._scatter = asked, variables, scatter
-        self._normals, self._weights, self._sigmas = normals, weights, sigmas
-        self.__name__ = name
+        self._normals, self._measure, self.__name__ = normals, measure, name
         self.changes = tuple(one.name for one in variables)
 
     def __call__(self, found: DesignResult) -> Float[Array, ""]:
         """[SI] NaN if a machine of the scatter cannot be solved."""
-        values = self.sample(found)
-        if self._weights is None:
-            # the variance of a machine without scatter is zero, where a root has no slope
-            spread = jnp.sqrt(jnp.maximum(jnp.var(values), jnp.finfo(values.dtype).tiny))
-            return jnp.mean(values) + self._sigmas * spread
-        return jnp.sort(values) @ jnp.asarray(self._weights)
+        return self._measure(self.sample(found))
 
     def sample(self, found: DesignResult) -> Float[Array, " samples"]:
         """[SI] The quantity of every machine of the scatter."""
@@ -59,8 +52,9 @@ class Robust:
 
         def one(normals):
             design = found.design
-            for number, value in enumerate(self._scatter.at(nominal, normals)):
-                design = self._variables[number].apply(design, value)
+            values = self._scatter.at(nominal, normals)
+            for changed, value in zip(self._variables, values, strict=True):
+                design = changed.apply(design, value)
             machine = DesignResult(design, found.options)
             value = value_of(self._asked, machine)
             return jnp.where(machine.ok, value, jnp.nan)
@@ -110,12 +104,99 @@ def robust(
     scatter = scatter_of(tolerances, correlations)
     variables = tuple(variable(design, name) for name in tolerances)
     normals = drawn_normals(list(tolerances), samples, "sobol", seed)
-    measure = f"mean {sigmas:+g} sigma" if quantile is None else f"{quantile:g} quantile"
-    weights = None if quantile is None else _harrell_davis(quantile, samples)
-    name = f"{name_of(asked)}, {measure}"
-    return Robust(asked, variables, scatter, normals, weights, sigmas, name)
+    if quantile is None:
+        measure, words = _mean_and_deviation(sigmas), f"mean {sigmas:+g} sigma"
+    else:
+        measure, words = _harrell_davis(quantile, samples), f"{quantile:g} quantile"
+    return Robust(asked, variables, scatter, normals, measure, f"{name_of(asked)}, {words}")
 
 
-def _harrell_davis(share: float, count: int) -> Float[np.ndarray, " count"]:
+def _mean_and_deviation(sigmas):
+    def measure(values):
+        # the variance of a machine without scatter is zero, where a root has no slope
+        spread = jnp.sqrt(jnp.maximum(jnp.var(values), jnp.finfo(values.dtype).tiny))
+        return jnp.mean(values) + sigmas * spread
+
+    return measure
+
+
+def _harrell_davis(share: float, count: int):
     edges = np.linspace(0, 1, count + 1)
-    return np.diff(beta.cdf(edges, (count + 1) * share, (count + 1) * (1 - share)))
+    weights = np.diff(beta.cdf(edges, (count + 1) * share, (count + 1) * (1 - share)))
+    return lambda values: jnp.sort(values) @ jnp.asarray(weights)
+
+
+class Permitted(NamedTuple):
+    """Tolerances that keep the rejects below a share.
+
+    Attributes:
+        variables: whose tolerances are changed.
+        factor: [-] on each of them: below one they have to be tighter. NaN where the limit is broken
+            however tight they are.
+        rejects: [-] share of the machines that break a limit then, all of them solved again.
+        before: [-] as the tolerances stand.
+    """
+
+    variables: tuple[str, ...]
+    factor: float
+    rejects: float
+    before: float
+
+
+def permitted(
+    found: Tolerances, rejects: float, variables: Sequence[str] | None = None
+) -> Permitted:
+    """The common factor on some tolerances with which a share of the machines breaks a limit.
+
+    The machines of the study are drawn again with scaled deviations. The factor is found with
+    value, slope and curvature at the mean machine, corrected for what they miss at the tolerances as
+    they stand, and the machines are then solved at that factor.
+
+    Args:
+        found: a study with limits.
+        rejects: [-] the share that may break any limit.
+        variables: whose tolerances change; all if absent.
+
+    Raises:
+        BadInput: no limit, a share outside 0 to 1, or an unknown variable.
+    """
+    if not found.reliability:
+        raise BadInput("limits", "none", "at least one, to reject machines by")
+    if not 0 < rejects < 1:
+        raise BadInput("rejects", rejects, "> 0 and < 1")
+    names = tuple(found.variables if variables is None else variables)
+    for name in names:
+        if name not in found.variables:
+            raise BadInput("variables", name, f"one of {', '.join(found.variables)}")
+    mean = np.asarray(found.scatter.mean(found.nominal))
+    away = np.asarray(found.scatter.at(found.nominal, found.sampled.normals)) - mean
+    chosen = np.array([name in names for name in found.variables])
+    scaled, kept = chosen[None] * away, ~chosen[None] * away
+    value, slope, curvature, _ = found.local
+
+    def series(deviation):
+        values = np.asarray(value) + deviation @ np.asarray(slope).T
+        if curvature is not None:
+            values = values + np.einsum("si,qij,sj->sq", deviation, curvature, deviation) / 2
+        return values
+
+    missed = found.sampled.values - series(away)
+
+    def share_of_rejects(values):
+        limits = [one.limit for one in found.reliability]
+        broken = [one.broken(values[:, found.names.index(one.quantity)]) for one in limits]
+        return float(np.mean(np.any(broken, axis=0)))
+
+    good = found.sampled.ok
+    before = share_of_rejects(found.sampled.values[good])
+
+    def excess(factor):
+        # what the series misses grows at least as the cube of the deviations; linearly is prudent
+        values = series(factor * scaled + kept) + min(factor, 1.0) * missed
+        return share_of_rejects(values[good]) - rejects
+
+    if excess(_LOW) > 0:
+        return Permitted(names, float("nan"), before, before)
+    factor = _HIGH if excess(_HIGH) <= 0 else float(brentq(excess, _LOW, _HIGH, xtol=1e-4))
+    values, ok = solved_rows(found.problem, mean + factor * scaled + kept)
+    return Permitted(names, factor, share_of_rejects(values[ok]), before)

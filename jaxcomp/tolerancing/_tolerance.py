@@ -11,14 +11,22 @@ from jaxtyping import Float
 from .._fields import BadInput
 from .._results import Data, Result
 from .._shown import shown
-from ..design import AnalysisOptions, Problem, by_name, prepared, problem
-from ..design._problem import Asked, name_of, solves_gas
+from ..design import AnalysisOptions, Problem, by_name, prepared
+from ..design._problem import Asked, name_of, problem_of, solves_gas
 from ..machine import machine_of
-from ._local import Curvature, Local, Moments, first_order, local, second_order, shares
-from ._monte_carlo import Sampled, Sampling, sampled, solved_rows
+from ._moments import (
+    Curvature,
+    Local,
+    Moments,
+    Sampled,
+    local,
+    moments,
+    sampled,
+    shares,
+    solved_rows,
+)
 from ._reliability import Limit, Reliability, reliability
-from ._scatter import Correlations, Scatter, check_nominal, scatter_of
-from ._within import Within
+from ._scatter import Correlations, Sampling, Scatter, Within, scatter_of
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -65,23 +73,19 @@ class Tolerances(Result):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has every machine that was drawn."""
-        units = self.problem.units
-        for place, (name, unit) in enumerate(zip(self.names, units, strict=True)):
+        for place, (name, unit) in enumerate(zip(self.names, self.problem.units, strict=True)):
             yield Data(f"nominal.{name}", unit, self.value[place])
             yield Data(f"mean.{name}", unit, self.sampled.mean[place])
             yield Data(f"deviation.{name}", unit, self.sampled.deviation[place])
             for variable, share in self.ranking(name):
                 yield Data(f"share_of_variance.{name}.{variable}", "", share)
         for one in self.reliability:
-            side = "above" if one.limit.above else "below"
-            name = f"probability_{side}_limit.{one.limit.quantity}"
-            yield Data(name, "", one.sampled, doc=f"of a value {side} {one.limit.bound:g} in SI")
-        yield Data("solved", "", self.sampled.ok, ("sample",))
+            name = f"probability_{one.limit.side}_limit.{one.limit.quantity}"
+            doc = f"of a value {one.limit.side} {one.limit.bound:g} in SI"
+            yield Data(name, "", one.sampled, doc=doc)
+        yield Data("solved", "", self.sampled.ok, self.table_dims)
         drawn = self.scatter.at(self.nominal, self.sampled.normals)
-        for place, variable in enumerate(self.problem.variables):
-            yield Data(variable.name, variable.unit, drawn[:, place], ("sample",))
-        for place, (name, unit) in enumerate(zip(self.names, units, strict=True)):
-            yield Data(name, unit, self.sampled.values[:, place], ("sample",))
+        yield from self.problem.columns(drawn, self.sampled.values, self.table_dims)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,9 +121,8 @@ class Tolerances(Result):
             out += _disagreements(self, place, name)
         for one in self.reliability:
             if not len(one.points):
-                side = "above" if one.limit.above else "below"
-                out.append(f"{one.limit.quantity}: no machine within 12 deviations is {side} "
-                           f"{one.limit.bound:g}")  # fmt: skip
+                out.append(f"{one.limit.quantity}: no machine within 12 deviations is "
+                           f"{one.limit.side} {one.limit.bound:g}")  # fmt: skip
             elif not one.agrees:
                 low, high = one.sampled_interval
                 out.append(
@@ -169,23 +172,23 @@ def tolerance(
         BadInput: an unknown variable or quantity, a tolerance that takes a variable out of its
             bounds, correlations that cannot be, or an option that makes no sense.
     """
+    asked, limits = quantities, limits or {}
     if not isinstance(scene, Problem):
         tolerances = by_name(machine_of(scene), tolerances)
+        names = [name_of(one) for one in quantities or ()]
+        asked = [*(quantities or ()), *(name for name in limits if name not in names)]
     scatter = scatter_of(tolerances, correlations)
-    limits = limits or {}
-    made = _problem(scene, scatter, quantities, limits, options)
+    made = problem_of(scene, "tolerances", tuple(scatter.tolerances), asked, options)
+    ends = _limits(limits, made)
     nominal = np.asarray(made.current)
-    check_nominal(scatter, nominal)
-    _check_bounds(made, scatter, nominal)
+    _check(made, scatter, nominal)
     made = prepared(made)
-    mean = scatter.mean(nominal)
     deviation, covariance = scatter.deviation(nominal), scatter.covariance(nominal)
     excess = jnp.array([one.excess for one in scatter.tolerances.values()])
-    near = local(made, mean, deviation, curvature)
+    near = local(made, scatter.mean(nominal), deviation, curvature)
     if samples is None:
         samples = _FEW if solves_gas(made) else _MANY
     many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client)
-    ends = _limits(limits, made)
     value, swings = _one_at_a_time(made, scatter, nominal)
     return Tolerances(
         made,
@@ -194,8 +197,8 @@ def tolerance(
         np.asarray(deviation),
         value,
         near,
-        first_order(near, covariance),
-        None if near.curvature is None else second_order(near, covariance, excess),
+        moments(near._replace(curvature=None), covariance, excess),
+        None if near.curvature is None else moments(near, covariance, excess),
         shares(near, covariance, excess),
         swings,
         many,
@@ -203,24 +206,11 @@ def tolerance(
     )
 
 
-def _problem(scene, scatter, quantities, limits, options) -> Problem:
-    if isinstance(scene, Problem):
-        if quantities is not None or options is not None:
-            raise BadInput("quantities", "given twice", "left to the `Problem`, as are the options")
-        names = tuple(one.name for one in scene.variables)
-        if tuple(scatter.tolerances) != names:
-            given = ", ".join(scatter.tolerances)
-            raise BadInput("tolerances", given, f"{', '.join(names)}, in this order")
-        missing = [name for name in limits if name not in scene.names]
-        if missing:
-            raise BadInput("limits", missing[0], f"one of {', '.join(scene.names)}")
-        return scene
-    asked = list(quantities or (() if limits else ("mechanical_efficiency",)))
-    asked += [name for name in limits if name not in [name_of(q) for q in asked]]
-    return problem(scene, list(scatter.tolerances), asked, options)
-
-
-def _check_bounds(made: Problem, scatter: Scatter, nominal) -> None:
+def _check(made: Problem, scatter: Scatter, nominal) -> None:
+    """Refuse shares of nothing, and tolerances that lead out of bounds."""
+    for (name, one), value in zip(scatter.tolerances.items(), nominal, strict=True):
+        if one.relative and value == 0:
+            raise BadInput(name, 0.0, "different from zero for a relative tolerance")
     for end in np.asarray(scatter.limits(nominal)):
         for one, value in zip(made.variables, end, strict=True):
             if not bool(one.bound.holds(value)):
@@ -230,26 +220,23 @@ def _check_bounds(made: Problem, scatter: Scatter, nominal) -> None:
 def _limits(limits, made: Problem) -> list[Limit]:
     out = []
     for name, (low, high) in limits.items():
+        if name not in made.names:
+            raise BadInput("limits", name, f"one of {', '.join(made.names)}")
         if low is None and high is None:
             raise BadInput(f"limits.{name}", "without bounds", "given a lower or an upper bound")
         for end, above in ((low, False), (high, True)):
-            if end is None:
-                continue
-            if not np.isfinite(end):
+            if end is not None and not np.isfinite(end):
                 raise BadInput(f"limits.{name}", end, "finite, or None for no bound")
-            out.append(Limit(name, float(end), above))
+            out += [] if end is None else [Limit(name, float(end), above)]
     return out
 
 
 def _one_at_a_time(made: Problem, scatter: Scatter, nominal):
     """Nominal quantities, and with each variable in turn at both limits."""
-    ends, mean = np.asarray(scatter.limits(nominal)), np.asarray(scatter.mean(nominal))
-    n = len(nominal)
-    points = np.tile(mean, (2, n, 1))
-    for side in range(2):
-        points[side, np.arange(n), np.arange(n)] = ends[side]
-    rows = np.concatenate([np.asarray(nominal)[None], points.reshape(-1, n)])
-    values, _ = solved_rows(made, rows)
+    n, ends = len(nominal), np.asarray(scatter.limits(nominal))
+    points = np.tile(np.asarray(scatter.mean(nominal)), (2, n, 1))
+    points[:, np.arange(n), np.arange(n)] = ends
+    values, _ = solved_rows(made, np.concatenate([nominal[None], points.reshape(-1, n)]))
     return values[0], values[1:].reshape(2, n, -1)
 
 
@@ -257,10 +244,11 @@ def _disagreements(found: Tolerances, place: int, name: str) -> list[str]:
     truth = found.sampled
     allowed = _DISAGREES * truth.deviation[place]
     look = shown(name, found.problem.units[place], truth.mean[place])
+    orders = {"first": found.first_order, "second": found.second_order}
     out = []
-    for word, moments in (("first", found.first_order), ("second", found.second_order)):
-        for field in ("mean", "deviation") if moments is not None else ():
-            given, right = getattr(moments, field)[place], getattr(truth, field)[place]
+    for word, order in orders.items():
+        for field in () if order is None else order._fields:
+            given, right = getattr(order, field)[place], getattr(truth, field)[place]
             error = getattr(truth, f"{field}_error")[place]
             if not abs(given - right) <= max(allowed, 4 * error):
                 texts = f"{look.text(given)} against {look.text(right)} by the samples"

@@ -157,10 +157,10 @@ def other(name, **options):
     """A method of `scipy.optimize.minimize` in the place of the one that `optimise` takes."""
 
     def method(descent, start):
-        equal = descent.scaled.goal.equalities
+        equal = descent.goal.equalities
         limits = scipy.optimize.NonlinearConstraint(
-            lambda u: descent.near(u).limits, np.where(equal, 0.0, -np.inf), 0.0,
-            jac=lambda u: descent.near(u).limits_slope,
+            lambda u: descent.near(u).limits.values, np.where(equal, 0.0, -np.inf), 0.0,
+            jac=lambda u: descent.near(u).limits.slope,
         )  # fmt: skip
         scipy.optimize.minimize(
             descent.value, start, jac=lambda u: descent.near(u).gradient, method=name,

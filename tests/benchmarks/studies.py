@@ -38,9 +38,8 @@ from jaxcomp.design import (
 )
 from jaxcomp.rotor import RotorModel, ShaftElements
 from jaxcomp.tolerancing import within
-from jaxcomp.tolerancing._local import first_order, local, second_order
-from jaxcomp.tolerancing._monte_carlo import drawn_normals, solved_normals
-from jaxcomp.tolerancing._scatter import scatter_of
+from jaxcomp.tolerancing._moments import local, moments, solved_rows
+from jaxcomp.tolerancing._scatter import drawn_normals, scatter_of
 from jaxcomp.work_precision import Program, Reference, StudyKind
 from jaxcomp.work_precision._orbit import orbit_reference, shooting
 from jaxcomp.work_precision._study import (
@@ -349,7 +348,7 @@ def tolerance_study(question: Question, thorough: bool) -> Study:
     @cache
     def drawn(sampling, count, seed):
         normals = drawn_normals(names, count, sampling, seed)
-        values, ok = solved_normals(made, scatter, nominal, normals, progress=False)
+        values, ok = solved_rows(made, scatter.at(nominal, normals))
         return values[ok, 0]
 
     @cache
@@ -390,8 +389,7 @@ def tolerance_study(question: Question, thorough: bool) -> Study:
             near = local(made, mean, deviation, "differences" if order == "second" else None)
             if not near.ok:
                 raise RuntimeError("the derivatives at the mean machine cannot be relied on")
-            first = first_order(near, covariance)
-            found = second_order(near, covariance, excess) if order == "second" else first
+            found = moments(near, covariance, excess)
             middle, wide = found.mean[0], found.deviation[0]
             return relative(middle, wide, norm.sf(sign * (limit() - middle) / wide))[name]
 

@@ -21,7 +21,7 @@ def timed(call):
 
 def report(name, scene, tolerances, quantity, limit, options, samples):
     from jaxcomp import tolerance
-    from jaxcomp.tolerancing._monte_carlo import sampled
+    from jaxcomp.tolerancing._moments import sampled
 
     study, first = timed(
         lambda: tolerance(

@@ -1,8 +1,10 @@
-r"""The numbers of a machine that a study changes, by name."""
+r"""The numbers of a machine that a study changes: by name, by pattern, and in words for people."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from fnmatch import fnmatchcase
+from functools import reduce
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -18,8 +20,9 @@ from ._rules import design_rules
 _Given = TypeVar("_Given")
 
 CORRECTIONS = "corrections"
-# Sections of named parts.
-NAMED = ("bearings", "oils")
+# Sections of parts that have names, and those with names that the user gave.
+_NAMED = ("bearings", "oils")
+_SECTIONS = (CORRECTIONS, *_NAMED)
 # Polar coordinates of a correction, with unit and bound.
 _POLAR = {"magnitude": ("kg m", NONNEGATIVE), "angle": ("rad", ANY)}
 
@@ -64,9 +67,10 @@ class Variable(NamedTuple):
             new = magnitude * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
             return eqx.tree_at(lambda d: d.corrections[plane], design, new)
         steps = _steps(self.name)
-        place = steps[:-1] if _in_array(design, steps) else steps
+        entry = steps[-1].isdigit() and eqx.is_array(_walk(design, steps[:-1]))
+        place = steps[:-1] if entry else steps
         old = _walk(design, place)
-        if len(place) < len(steps):
+        if entry:
             new = old.at[int(steps[-1])].set(value)
         else:
             new = jnp.asarray(value, float) if jnp.ndim(old) == 0 else old * value
@@ -187,23 +191,22 @@ def _polar_of(xy: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, ""]
     return jnp.where(some, magnitude, xy[0]), jnp.where(some, angle, 0.0)
 
 
-def _numbers(tree):
+def _numbers(tree: Part | tuple) -> Iterator[str]:
+    """Paths of all numbers in a part, in the order of its fields."""
     if isinstance(tree, tuple):
-        children = [(str(i), child) for i, child in enumerate(tree)]
+        children = enumerate(tree)
     else:
-        children = [(f.name, getattr(tree, f.name)) for f in dataclasses.fields(tree)]
+        children = ((f.name, getattr(tree, f.name)) for f in dataclasses.fields(tree))
     for name, child in children:
-        if isinstance(child, Part) or (
-            isinstance(child, tuple) and any(isinstance(c, Part) for c in child)
-        ):
+        if eqx.is_array(child):
+            yield str(name)
+        elif any(isinstance(c, Part) for c in (child if isinstance(child, tuple) else (child,))):
             yield from (f"{name}.{rest}" for rest in _numbers(child))
-        elif eqx.is_array(child):
-            yield name
 
 
 def _roots(design):
     out = {} if design.compressor is None else {"": design.compressor}
-    for section in NAMED:
+    for section in _NAMED:
         out |= {f"{section}.{name}.": part for name, part in getattr(design, section).items()}
     return out | {f"{name}.": part for name, part in design.parts.items()}
 
@@ -211,41 +214,31 @@ def _roots(design):
 def _steps(name: str) -> list[str]:
     steps = name.split(".")
     if steps[0] == CORRECTIONS and len(steps) == 3 and steps[2] in ("x", "y"):
-        steps[2] = "xy".index(steps[2]).__str__()
+        steps[2] = str("xy".index(steps[2]))
     return steps
 
 
-def _walk(design: Machine, steps: list[str]) -> Any:
+def _walk(design: Machine, steps: Sequence[str]) -> Any:
     """What stands at the end of a path; raises `LookupError` at a step that leads nowhere."""
-    node: Any = design
-    for number, step in enumerate(steps):
-        if number == 0:
-            if step in (CORRECTIONS, *NAMED):
-                node = getattr(design, step)
-                continue
-            node = design.parts.get(step, None)
-            if node is not None:
-                continue
-            node = design.compressor
-        if isinstance(node, dict):
-            if step not in node:
-                raise LookupError(step)
-            node = node[step]
-        elif isinstance(node, tuple) or eqx.is_array(node):
-            if not step.isdigit() or (not isinstance(node, tuple) and node.ndim == 0):
-                raise LookupError(step)
-            if int(step) >= len(node):
-                raise LookupError(step)
-            node = node[int(step)]
-        elif isinstance(node, Part) and step in {f.name for f in dataclasses.fields(node)}:
-            node = getattr(node, step)
-        else:
-            raise LookupError(step)
-    return node
+    if not steps:
+        return design.compressor
+    sections = {name: getattr(design, name) for name in _SECTIONS} | design.parts
+    first, *rest = steps
+    node = sections[first] if first in sections else _child(design.compressor, first)
+    return reduce(_child, rest, node)
 
 
-def _in_array(design: Machine, steps: list[str]) -> bool:
-    return steps[-1].isdigit() and eqx.is_array(_walk(design, steps[:-1]))
+def _child(node, step: str) -> Any:
+    if isinstance(node, dict):
+        return node[step]
+    if isinstance(node, Part):
+        if step in {field.name for field in dataclasses.fields(node)}:
+            return getattr(node, step)
+        raise LookupError(step)
+    entries = isinstance(node, tuple) or (eqx.is_array(node) and node.ndim)
+    if entries and step.isdigit() and int(step) < len(node):
+        return node[int(step)]
+    raise LookupError(step)
 
 
 def _declared(design: Machine, name: str) -> tuple[str, Bound]:
@@ -275,10 +268,8 @@ def _declared(design: Machine, name: str) -> tuple[str, Bound]:
 def _field(design: Machine, steps: list[str]) -> dataclasses.Field:
     """The declaration of the number, or of the list that it is an entry of."""
     holder = steps[:-1]
-    owner = _walk(design, holder) if holder else design.compressor
-    while eqx.is_array(owner):
+    while eqx.is_array(owner := _walk(design, holder)):
         holder = holder[:-1]
-        owner = _walk(design, holder)
     return dict(quantities(owner))[steps[len(holder)]]
 
 
@@ -340,14 +331,78 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
         values = np.asarray(_walk(design, list(place)))
         field = _field(design, list(place))
         unit, bound = field.metadata["unit"], field.metadata["bound"]
-        ones = np.ones(values.shape)
-        if values.size and field.metadata["spread"] and np.all(values == values.flat[0]):
-            yield GivenNumber(name, unit, bound, float(values.flat[0]), ones, place)
-        elif values.ndim == 0:
-            yield GivenNumber(name, unit, bound, float(values), ones, place)
+        same = values.size and np.all(values == values.flat[0])
+        if values.ndim == 0 or (field.metadata["spread"] and same):
+            weight = np.ones(values.shape)
+            yield GivenNumber(name, unit, bound, float(values.flat[0]), weight, place)
         elif values.ndim == 1 and len(values) <= _LIST:
             for number, weight in enumerate(np.eye(len(values))):
                 value = float(values[number])
                 yield GivenNumber(f"{name}.{number}", unit, bound, value, weight, place)
         else:
             yield GivenNumber(name, "", ANY, 1.0, values, place, True)
+
+
+# Steps of a path that are left out beside what stands around them.
+_LEFT_OUT = ("rotor", "law", "loads", "balancing", "mechanism", "friction", "motor", "gas")
+_WORDS = {
+    "links": "link", "disks": "disk", "bodies": "body", "shafts": "shaft", "coefficient": "friction",
+    "magnetic_pulls": "magnetic pull", "unbalances": "unbalances", "corrections": "correction",
+    "bearings": "bearing", "oils": "oil", "targets": "target", "planes": "plane",
+}  # fmt: skip
+_DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")
+
+
+def variable_label(design: Machine, path: str) -> str:
+    """What a variable is, in words: `conrod length`, `stiffness x of link springs to seats`.
+
+    Args:
+        design: whose number it is.
+        path: name of a variable, see `Variable`.
+    """
+    steps = path.split(".")
+
+    def place(count: int) -> Any:
+        with suppress(LookupError):
+            return _walk(design, steps[:count])
+
+    nodes = getattr(place(len(steps) - 2), "nodes", ()) if len(steps) > 2 else ()
+    if path.startswith("loads.unbalances.") and steps[-1].isdigit():
+        what = "unbalance" if steps[-2] == "magnitude" else f"{steps[-2]} of the unbalance"
+        return f"{what} at node {_node(nodes[int(steps[-1])])}"
+    # the number is an entry of the last step with a name; what stands before is the part
+    name = max((i for i, step in enumerate(steps) if not step.isdigit()), default=0)
+    part = []
+    for number, step in enumerate(steps[:name]):
+        if step.isdigit():
+            part.append(_part(place(number + 1), step))
+        elif step not in _LEFT_OUT or (number and steps[number - 1] in _SECTIONS):
+            part.append(_word(step))
+    entry = [_word(steps[name]), *(str(int(step) + 1) for step in steps[name + 1 :])]
+    if len(entry) > 1:
+        index = int(steps[-1])
+        if "law" in steps and index < len(_DIRECTIONS):
+            entry[-1] = _DIRECTIONS[index]
+        elif isinstance(nodes, tuple) and index < len(nodes):
+            entry[-1] = f"at node {_node(nodes[index])}"
+    return " of ".join(" ".join(words) for words in (entry, part) if words)
+
+
+def _word(step: str) -> str:
+    return _WORDS.get(step, step.replace("_", " "))
+
+
+def _part(part: Any, step: str) -> str:
+    """A part of a list by its name or its nodes, or by its number from 1."""
+    name, nodes = getattr(part, "name", None), getattr(part, "nodes", None)
+    if isinstance(name, str):
+        return name
+    if isinstance(nodes, tuple) and len(nodes) == 2 and not isinstance(nodes[0], tuple):
+        return f"{_node(nodes[0])} to {_node(nodes[1])}"
+    return str(int(step) + 1)
+
+
+def _node(node: Any) -> str:
+    if node is None:
+        return "ground"
+    return " to ".join(map(_node, node)) if isinstance(node, tuple) else str(node)
