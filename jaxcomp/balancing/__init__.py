@@ -3,32 +3,32 @@
 `jaxcomp.scene.measurements` reads the coefficients from a table of measured vibration.
 """
 
-from ._balance import Balance as Balance
 from ._classical import PlanePair as PlanePair
 from ._classical import classical_balance as classical_balance
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance
 from ._classical import rod_ring as rod_ring
-from ._crank import flexibilities as flexibilities
-from ._crank import machine_influence as machine_influence
-from ._descent import Descent as Descent
-from ._descent import descend as descend
+from ._discrete import Sector as Sector
 from ._discrete import Split as Split
 from ._discrete import discrete as discrete
+from ._discrete import outside_sectors as outside_sectors
 from ._discrete import split as split
 from ._discrete import stock as stock
 from ._influence import Influence as Influence
 from ._influence import Row as Row
 from ._influence import direct_influence as direct_influence
+from ._influence import flexibilities as flexibilities
 from ._influence import influence_of as influence_of
+from ._influence import machine_influence as machine_influence
 from ._influence import select as select
 from ._influence import trial_influence as trial_influence
-from ._least_masses import least_masses as least_masses
+from ._least_squares import Balance as Balance
 from ._least_squares import bounded as bounded
 from ._least_squares import invert as invert
 from ._least_squares import least_squares as least_squares
 from ._least_squares import predicted as predicted
 from ._least_squares import quadratic as quadratic
-from ._min_max import min_max as min_max
-from ._sectors import Sector as Sector
-from ._sectors import outside_sectors as outside_sectors
+from ._objectives import Descent as Descent
+from ._objectives import descend as descend
+from ._objectives import least_masses as least_masses
+from ._objectives import min_max as min_max

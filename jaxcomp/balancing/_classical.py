@@ -110,13 +110,12 @@ def rod_ring(machine: Assembly) -> Unbalances | None:
         `None` for a machine without a rod whose plane on the rotor is known (`loads.crank`).
     """
     mechanism = getattr(machine.compressor, "mechanism", None)
-    if not isinstance(mechanism, SliderCrank) or machine.loads is None:
-        return None
-    if machine.loads.crank is None:
+    crank = None if machine.loads is None else machine.loads.crank
+    if not isinstance(mechanism, SliderCrank) or crank is None:
         return None
     big_end = 1 - mechanism.conrod_centre / mechanism.conrod_length
     moment = mechanism.conrod_mass * mechanism.crank_radius * big_end
-    pins, cylinders = machine.loads.crank.pins, getattr(machine.compressor, "cylinders", None)
+    pins, cylinders = crank.pins, getattr(machine.compressor, "cylinders", None)
     if cylinders is None:
         return correction_unbalance(pins[0], jnp.stack([moment, jnp.zeros(())]))
     rings = Unbalances(pins, 0.0, 0.0)
@@ -153,22 +152,17 @@ def classical_balance(
         raise BadInput("rotor", str(names), "a model with a shaft that spins")
     own = set(subsets(model)[names.index("rotor")])
     z = {node: float(place[2]) for node, place in node_positions(model).items() if node in own}
-    mass = moment = 0.0
-    for shaft in model.shafts:
-        for (a, b), each in zip(shaft.pairs, shaft_mass(shaft), strict=True):
-            if a in own:
-                mass, moment = mass + each, moment + each * (z[a] + z[b]) / 2
+    parts = [
+        ((z[a] + z[b]) / 2, mass)
+        for shaft in model.shafts
+        for (a, b), mass in zip(shaft.pairs, shaft_mass(shaft), strict=True)
+        if a in own
+    ]
     for table in (*model.disks, *model.masses):
-        for node, each in zip(table.nodes, table.mass, strict=True):
-            if node in own:
-                mass, moment = mass + each, moment + each * z[node]
+        rows = zip(table.nodes, table.mass, strict=True)
+        parts += [(z[node], mass) for node, mass in rows if node in own]
+    mass, moment = sum(m for _, m in parts), sum(m * place for place, m in parts)
     first, second = (plane.node for plane in places.planes)
-    return rigid_balance(
-        unbalances if ring is None else (*unbalances, ring),
-        z,
-        (first, second),
-        centre=moment / mass,
-        mass=mass,
-        speed=speed,
-        grade=grade,
-    )
+    tables = unbalances if ring is None else (*unbalances, ring)
+    options = {"centre": moment / mass, "mass": mass, "speed": speed, "grade": grade}
+    return rigid_balance(tables, z, (first, second), **options)

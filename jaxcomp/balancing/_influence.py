@@ -3,11 +3,12 @@ r"""Influence coefficients: how correction masses move the vibration at the targ
 The model of the balance is linear, V = V_0 + C B, with complex amplitudes: the unbalances B [kg m]
 in the correction planes, the vibration V at the targets. Speeds, targets and directions are rows of
 one system. Source: Levecque et al. (2011), cited in full in `machines/hermetic-68cc.toml`, Eqs. (8) to
-(11).
+(11). None of the seed papers couples the crank to it: at every speed its periodic state gives the
+Fourier coefficients of the forces and, by the mean force, stiffness and damping of the films.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,6 +18,9 @@ from jaxtyping import Array, Complex, Float
 
 from .._fields import BadInput, is_traced
 from .._words import one_of
+from ..coupling import CrankLoads, crank_loads, running_rotor
+from ..crank import Collocation
+from ..machine import Assembly, assembled, machine_of
 from ..rotor import (
     BalancingPlanes,
     PeriodicForce,
@@ -125,10 +129,7 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
 @eqx.filter_jit
 def _flexibility(model, loads, places, speeds):
     """(rows, 1 + planes) responses to the loads and to a unit of unbalance in each plane."""
-
-    def at_speed(speed):
-        return flexibility(model, loads, places, speed)
-
+    at_speed = lambda speed: flexibility(model, loads, places, speed)  # noqa: E731
     return jax.lax.map(at_speed, speeds).reshape(-1, 1 + len(places.planes))
 
 
@@ -232,3 +233,59 @@ def select(
         influence.unit,
         influence.trial,
     )
+
+
+if TYPE_CHECKING:
+    from ..crank import Shooting
+
+
+def machine_influence(
+    machine: Any,
+    speeds: Float[Array, " speeds"] | None = None,
+    solver: "Collocation | Shooting | None" = None,
+    *,
+    crank: bool = True,
+    left_out: tuple[str, ...] = (),
+) -> Influence:
+    """Influence coefficients at order 1 of a machine whose films, and perhaps loads, its crank sets.
+
+    Differentiable end to end.
+
+    Args:
+        machine: a scene or a machine with rotor, loads and balancing planes; its corrections count.
+        speeds: [rad/s] those of the balancing planes if absent.
+        solver: of the periodic state.
+        crank: take the forces of the crank in the place of those that the scene gives.
+        left_out: what the crank's forces do without, see `jaxcomp.coupling.without`.
+
+    Raises:
+        BadInput: a part that is missing.
+    """
+    made = machine if isinstance(machine, Assembly) else assembled(machine_of(machine))
+    places = made.balancing
+    if made.rotor is None or made.loads is None or places is None or not places.planes:
+        raise BadInput("balancing", "absent", "given with rotor, loads and correction planes")
+    speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
+    answer = _answers(made, places, speeds, solver, crank, left_out)
+    return influence_of(answer, places, speeds)
+
+
+@eqx.filter_jit
+def _answers(made, places, speeds, solver, crank, left_out):
+    at = lambda w: crank_loads(made, w, (1,), solver, crank=crank, left_out=left_out)  # noqa: E731
+    return flexibilities(made, jax.vmap(at)(speeds), places, speeds)
+
+
+def flexibilities(
+    machine: Assembly, loads: CrankLoads, places: BalancingPlanes, speeds: Float[Array, " speeds"]
+) -> Complex[Array, "rows columns"]:
+    """[m], [m/(kg m)] Motion of the targets by the loads and by each plane's unit, at all speeds.
+
+    Args:
+        machine: put together.
+        loads: of the crank, with the speeds along a leading axis.
+        places: correction planes and targets.
+        speeds: [rad/s]
+    """
+    at = lambda one, w: flexibility(*running_rotor(machine, one), places, w)  # noqa: E731
+    return jax.vmap(at)(loads, speeds).reshape(-1, 1 + len(places.planes))

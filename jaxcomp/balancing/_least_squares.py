@@ -1,18 +1,138 @@
-r"""Balances in the weighted sum of squares: exact, least, minimum norm, truncated, Tikhonov, bounded.
+r"""What a balance hands back, and balances in the weighted sum of squares.
 
-$\min_B \|W (V_0 + C B)\|_2$, by the singular value decomposition and never by the normal equations.
+Exact, least, minimum norm, truncated, Tikhonov, bounded: $\min_B \|W (V_0 + C B)\|_2$, by the singular
+value decomposition and never by the normal equations.
 """
 
+from collections.abc import Iterator
+from typing import ClassVar
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.scipy.linalg import solve_triangular
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import BadInput, is_traced
+from .._results import Data, Result
 from .._status import Status
-from ._balance import Balance, balance, condition
 from ._influence import Influence
+
+
+def balance(
+    influence: Influence,
+    correction: Complex[Array, " planes"],
+    objective: Float[Array, ""],
+    bound: Float[Array, ""],
+    method: str,
+    failure: Status | None = None,
+    scale: Float[Array, ""] | None = None,
+) -> "Balance":
+    """A balance with its status; corrections are NaN where the numbers of the system are not finite.
+
+    `failure` is what the method says of its end, converged if absent.
+    """
+    finite = jnp.all(jnp.isfinite(correction)) & jnp.isfinite(objective)
+    status = Status.where(
+        finite, Status.converged if failure is None else failure, Status.bad_input
+    )
+    correction = jnp.where(finite, correction, jnp.nan)
+    return Balance(influence, correction, objective, bound, method, status, scale)
+
+
+def condition(matrix: Complex[Array, "rows planes"]) -> Float[Array, ""]:
+    """[-] Ratio of the largest to the smallest singular value; infinite for a singular matrix."""
+    values = jnp.linalg.svd(matrix, compute_uv=False)
+    return values[0] / values[-1]
+
+
+class Balance(Result, eqx.Module):
+    """Corrections and what they do.
+
+    Attributes:
+        influence: the system that was balanced.
+        correction: [kg m] (planes,) unbalance to add, mass times radius with its angle.
+        bound: [m] a value that no admissible correction can get below, in the norm of the method
+            (`objective`); equal to the objective where the method is exact.
+        objective: [m] what the method makes small, at the correction.
+        method: name of the method.
+        status: converged; or why the correction is none, or not the best one.
+        scale: what the gap is relative to; absent: the vibration before, in that norm.
+    """
+
+    influence: Influence
+    correction: Complex[Array, " planes"]
+    objective: Float[Array, ""]
+    bound: Float[Array, ""]
+    method: str = eqx.field(static=True)
+    status: Status
+    scale: Float[Array, ""] | None = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ("row",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result, in SI units; measured vibration as it was read."""
+        unit, trial = self.influence.unit, self.influence.trial
+        for number, plane in enumerate(self.influence.planes):
+            yield Data(f"correction.{plane}", trial, self.correction[..., number])
+        yield Data("improvement", "", self.improvement, doc="weighted rms after over before")
+        yield Data("condition", "", self.condition)
+        for name, si in (("target", ""), ("axis", ""), ("speed", "rad/s")):
+            values = np.array([getattr(row, name) for row in self.influence.rows])
+            yield Data(name, si, values, ("row",))
+        yield Data("weight", "", self.influence.weight, ("row",))
+        yield Data("before", unit, self.influence.initial, ("row",))
+        yield Data("after", unit, self.residual, ("row",))
+
+    @property
+    def converged(self) -> Bool[Array, ""]:
+        """Whether the correction is what the method promises."""
+        return self.status == Status.converged
+
+    @property
+    def residual(self) -> Complex[Array, " rows"]:
+        """[m] Predicted vibration of every row."""
+        return self.influence.vibration(self.correction)
+
+    @property
+    def gap(self) -> Float[Array, ""]:
+        """[-] How far above its bound the objective lies, relative to `scale`."""
+        scale = self.scale
+        scale = jnp.linalg.norm(self.influence.weighted[1]) if scale is None else scale
+        return _share(self.objective - self.bound, scale)
+
+    @property
+    def worse(self) -> Bool[Array, " rows"]:
+        """Which readings are higher after than before."""
+        return jnp.abs(self.residual) > jnp.abs(self.influence.initial)
+
+    @property
+    def improvement(self) -> Float[Array, ""]:
+        """[-] Weighted root mean square of the vibration after over before."""
+        before = jnp.linalg.norm(self.influence.weighted[1])
+        return _share(_size(self.influence, self.correction), before)
+
+    @property
+    def condition(self) -> Float[Array, ""]:
+        """[-] Ratio of the largest to the smallest singular value of the weighted system."""
+        return condition(self.influence.weighted[0])
+
+    def sensitivity(
+        self, mass_error: float = 0.01, angle_error: float = np.pi / 180
+    ) -> Float[Array, "rows planes"]:
+        """[m] Change of each vibration when one plane's mass and angle are off by these errors.
+
+        To first order the error vector has the length |B| sqrt(mass^2 + angle^2) at worst one
+        perpendicular to the other.
+
+        Args:
+            mass_error: [-] relative error of the mass.
+            angle_error: [rad] of its place.
+        """
+        size = jnp.abs(self.correction) * jnp.hypot(mass_error, angle_error)
+        return jnp.abs(self.influence.matrix) * size
 
 
 def invert(influence: Influence) -> Balance:
@@ -70,10 +190,10 @@ def predicted(
         correction: [kg m] (planes,)
         method: name of the result.
     """
-    best = least_squares(influence)
     given = jnp.asarray(correction, complex)
-    left = jnp.linalg.norm(influence.weight * influence.vibration(given))
-    return balance(influence, given, left, best.bound, method)
+    return balance(
+        influence, given, _size(influence, given), least_squares(influence).bound, method
+    )
 
 
 def bounded(
@@ -110,7 +230,7 @@ def bounded(
     # Real and imaginary parts of x = B/largest one below the other, vibration in units of what was there.
     a = matrix * largest / size
     q, a = jnp.linalg.qr(jnp.block([[a.real, -a.imag], [a.imag, a.real]]))
-    b = _pair(initial / size)
+    b = jnp.append((initial / size).real, (initial / size).imag)
     rest = jnp.sum((b - q @ (q.T @ b)) ** 2)  # that no correction can remove
     b = q.T @ b
 
@@ -166,8 +286,14 @@ def bounded(
     )
 
 
-def _pair(values):
-    return jnp.append(values.real, values.imag)
+def _size(influence, correction) -> Float[Array, ""]:
+    """[m] Root of the weighted sum of squares of the vibration."""
+    return jnp.linalg.norm(influence.weight * influence.vibration(correction))
+
+
+def _share(part, whole) -> Float[Array, ""]:
+    """[-] Of a whole that may be zero, as the part is then."""
+    return part / (whole + (whole == 0))
 
 
 def _solved(rows, right):
@@ -177,7 +303,7 @@ def _solved(rows, right):
 
 
 def _exact(influence, correction, method, failure=None) -> Balance:
-    objective = jnp.linalg.norm(influence.weight * influence.vibration(correction))
+    objective = _size(influence, correction)
     return balance(influence, correction, objective, objective, method, failure)
 
 

@@ -1,0 +1,247 @@
+r"""Balances in other norms: the least largest vibration, the least masses, and any objective by descent.
+
+`min_max` is Lawson's method (C. L. Lawson 1961, Contributions to the theory of linear least maximum
+approximation, thesis, University of California): least squares with row weights $\lambda_k$,
+$\sum\lambda_k = 1$, which grow where the vibration is large. The weights are the multipliers of the dual
+problem, so that every step carries its own proof: for any of them
+
+$$\Big(\min_B \sum_k \lambda_k |r_k|^2\Big)^{1/2} \le \min_B \max_k |r_k| \le \max_k |r_k| .$$
+
+`least_masses` solves $\min \sum_p c_p |B_p|$ with $|V_{0k} + (C B)_k| \le L_k$ and, where asked for,
+$|B_p| \le U_p$: convex, with circles for bounds. A circle is replaced by tangents, of which each step
+adds one wherever the solution of the linear programme lies outside (J. E. Kelley 1960, The cutting-plane
+method for solving convex programs, J. SIAM 8, 703-712). Tangents leave out no point of the circle, so
+that every step's optimum is a proven lower bound.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Complex, Float, Int
+
+from .._fields import BadInput
+from .._status import SolveFailed, Status
+from ._influence import Influence
+from ._least_squares import Balance, balance
+
+
+def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 20_000) -> Balance:
+    """The least largest weighted vibration.
+
+    Args:
+        influence: the system.
+        tolerance: [-] of the gap between the two sides of the proof, over the upper one.
+        max_steps: after which to stop; the gap shows what was reached.
+    """
+    matrix, initial = influence.weighted
+    scale = jnp.maximum(jnp.max(jnp.abs(initial)), 1e-300)
+    rows = initial.size
+
+    def solve(share):
+        root = jnp.sqrt(share)
+        solution = jnp.linalg.lstsq(root[:, None] * matrix, -root * initial / scale, rcond=1e-13)[0]
+        rest = jnp.abs(matrix @ solution + initial / scale)
+        return solution, rest, jnp.sqrt(jnp.sum(share * rest**2))
+
+    def going_on(carry):
+        _, _, highest, lowest, steps = carry
+        open_ = highest - lowest > tolerance * highest
+        return open_ & (highest > 1e-12) & (steps < max_steps)
+
+    def advance(carry):
+        share, best, highest, lowest, steps = carry
+        solution, rest, below = solve(share)
+        top = jnp.max(rest)
+        best = jnp.where(top < highest, solution, best)
+        # A row that ever gets no weight never gets any again: a trace of it stays.
+        grown = jnp.maximum(share * rest, 1e-14 * top / rows)
+        grown = grown / jnp.sum(grown)
+        return grown, best, jnp.minimum(highest, top), jnp.maximum(lowest, below), steps + 1
+
+    even = jnp.full(rows, 1.0 / rows)
+    nothing = jnp.zeros(matrix.shape[1], complex)
+    start = (even, nothing, jnp.asarray(1.0), jnp.asarray(0.0), jnp.asarray(0))
+    _, best, highest, lowest, steps = lax.while_loop(going_on, advance, start)
+    failure = Status.where(
+        going_on((even, best, highest, lowest, jnp.minimum(steps, max_steps - 1))),
+        Status.not_converged,
+        Status.converged,
+    )
+    found = (best * scale, highest * scale, lowest * scale)
+    return balance(influence, *found, "min-max", failure)
+
+
+# Tangents of every circle to begin with, and how far outside a circle, over its radius, a point counts
+# as on it.
+_TANGENTS = 16
+_OUTSIDE = 1e-8
+# Of the solver of linear programmes.
+_TIGHT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_STEPS = 200
+
+
+def least_masses(
+    influence: Influence,
+    limit: Float[Array, " rows"],
+    *,
+    cost: Float[Array, " planes"] | None = None,
+    largest: Float[Array, " planes"] | None = None,
+) -> Balance:
+    """The least sum of corrections with which every vibration stays at or below its limit.
+
+    Args:
+        influence: the system; its weights do not count.
+        limit: [m] (rows,) or one for all, in the unit of the vibration.
+        cost: [1/m] (planes,) what a unit of unbalance counts in a plane, such as one over its radius so
+            that the masses are least; 1 if absent.
+        largest: [kg m] (planes,) bounds of the corrections.
+
+    Returns:
+        The balance; `objective` and `bound` are the sum that was made small.
+
+    Raises:
+        BadInput: a limit, cost or bound that is not positive.
+        SolveFailed: no correction reaches the limit; the message has the lowest that one does.
+    """
+    from scipy.optimize import linprog  # a third of a second, for those who need it
+
+    rows, planes = influence.matrix.shape
+    limits = np.broadcast_to(np.asarray(limit, float), rows)
+    costs = np.broadcast_to(np.asarray(1.0 if cost is None else cost, float), planes)
+    bounds = None if largest is None else np.broadcast_to(np.asarray(largest, float), planes)
+    for name, values in (("limit", limits), ("cost", costs), ("largest", bounds)):
+        if values is not None and not np.all(values > 0):
+            raise BadInput(name, values, "> 0")
+    # in units of the limits and of the corrections that would take all vibration away by themselves
+    matrix = np.asarray(influence.matrix) / limits[:, None]
+    initial = np.asarray(influence.initial) / limits
+    size = 1.0 / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    # Circles |A x + b| <= 1, of the readings and of the bounds, and |x_p| <= t_p between them.
+    own = [np.eye(planes)] if bounds is None else [np.eye(planes), np.diag(size / bounds)]
+    a = np.vstack([matrix * size, *own])
+    b = np.append(initial, np.zeros(len(a) - rows))
+    t = np.zeros((len(a), planes))
+    t[rows : rows + planes] = np.eye(planes)
+    fixed = np.where(t.any(axis=1), 0.0, 1.0)
+    weight = costs * size
+    unit = weight.max()
+
+    def tangents(at: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Re[e^{-i angle} (A x + b)] <= 1 or t, as rows over (Re x, Im x, t) and right sides."""
+        turn = np.exp(-1j * angle)
+        turned = a[at] * turn[:, None]
+        rows = np.hstack([turned.real, -turned.imag, -t[at]])
+        held = np.real(b[at]) * np.real(turn) - np.imag(b[at]) * np.imag(turn)
+        return rows, fixed[at] - held
+
+    angles = 2 * np.pi * np.arange(_TANGENTS) / _TANGENTS
+    cuts, right = tangents(np.repeat(np.arange(len(a)), _TANGENTS), np.tile(angles, len(a)))
+    objective = np.concatenate([np.zeros(2 * planes), weight / unit])
+    ends = [(None, None)] * (2 * planes) + [(0, None)] * planes
+    for _ in range(_STEPS):
+        solved = linprog(objective, cuts, right, bounds=ends, options=_TIGHT)
+        if solved.x is None:
+            _refuse(influence, limits, bounds)
+        x = solved.x[:planes] + 1j * solved.x[planes : 2 * planes]
+        value, radius = a @ x + b, fixed + t @ solved.x[2 * planes :]
+        outside = np.flatnonzero(np.abs(value) > radius + _OUTSIDE)
+        if not outside.size:
+            break
+        more = tangents(outside, np.angle(value[outside]))
+        cuts, right = np.vstack([cuts, more[0]]), np.append(right, more[1])
+    total = float(np.sum(weight * np.abs(x)))
+    low = min(float(solved.fun) * unit, total)
+    failure = Status.not_converged if outside.size else Status.converged
+    return balance(
+        influence, jnp.asarray(x * size), jnp.asarray(total), jnp.asarray(low), "least masses", failure,
+        jnp.asarray(total),
+    )  # fmt: skip
+
+
+def _refuse(influence: Influence, limits, bounds) -> NoReturn:
+    """Say what could be reached instead."""
+    within = Influence(influence.matrix, influence.initial, jnp.asarray(limits.max() / limits),
+                       influence.rows, influence.planes)  # fmt: skip
+    words = "with the bounds of the corrections" if bounds is not None else ""
+    lowest = float(min_max(within).objective)
+    if lowest <= limits.max():
+        raise SolveFailed(Status.singular, f"no corrections reach the limit {words}".strip())
+    raise SolveFailed(
+        Status.singular,
+        f"no corrections reach the limit: the lowest is {lowest / limits.max():.4g} times as high",
+    )
+
+
+if TYPE_CHECKING:
+    import optax
+
+
+class Descent(NamedTuple):
+    """How a descent ended.
+
+    Attributes:
+        correction: [kg m] (planes,)
+        objective: [SI] of whatever unit the callable has.
+        slope: [-] largest derivative left, times the scale over the objective.
+        steps: that were made.
+        converged: whether the slope fell below the tolerance.
+    """
+
+    correction: Complex[Array, " planes"]
+    objective: Float[Array, ""]
+    slope: Float[Array, ""]
+    steps: Int[Array, ""]
+    converged: Bool[Array, ""]
+
+
+def descend(
+    objective: Callable[[Complex[Array, " planes"]], Float[Array, ""]],
+    start: Complex[Array, " planes"],
+    scale: Float[Array, ""] | float,
+    *,
+    tolerance: float = 1e-9,
+    max_steps: int = 2000,
+    optimiser: "optax.GradientTransformation | None" = None,
+) -> Descent:
+    """Make an objective of the corrections small.
+
+    Args:
+        objective: real function of the complex corrections; it may hold the response of a machine,
+            its efficiency, or anything else that JAX can differentiate.
+        start: [kg m] (planes,)
+        scale: [kg m] size of a usual correction, the unit of the steps.
+        tolerance: [-] of the largest derivative times the scale, over the objective at the start.
+        max_steps: after which to stop.
+        optimiser: of optax; L-BFGS with a line search if absent.
+    """
+    import optax
+
+    method = optax.lbfgs() if optimiser is None else optimiser
+    scale = jnp.asarray(scale, float)
+    begin = jnp.asarray(start, complex) / scale
+    first = jax.lax.stop_gradient(objective(scale * begin))
+    size = jnp.where(first > 0, first, 1.0)
+
+    def value(pair):
+        return objective(scale * (pair[0] + 1j * pair[1])) / size
+
+    def going_on(carry):
+        _, _, slope, steps = carry
+        return (slope > tolerance) & (steps < max_steps)
+
+    def advance(carry):
+        pair, state, _, steps = carry
+        now, slope = jax.value_and_grad(value)(pair)
+        search = {"value": now, "grad": slope, "value_fn": value} if optimiser is None else {}
+        change, state = method.update(slope, state, pair, **search)
+        return pair + change, state, jnp.max(jnp.abs(slope)), steps + 1
+
+    pair = jnp.stack([begin.real, begin.imag])
+    carry = (pair, method.init(pair), jnp.asarray(jnp.inf), jnp.asarray(0))
+    pair, _, slope, steps = jax.lax.while_loop(going_on, advance, carry)
+    correction = scale * (pair[0] + 1j * pair[1])
+    return Descent(correction, objective(correction), slope, steps, slope <= tolerance)
