@@ -94,8 +94,8 @@ def test_table_meets_the_reference(family, eps, q):
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_friction_series_is_that_of_the_shipped_table(family):
-    from jaxcomp.film._reynolds import _table
+    from jaxcomp.film._reynolds import table_of
 
-    table = _table(family.table_name)
+    table = table_of(family.table_name)
     # the file keeps ten digits, which the fit amplifies near u = 1
     np.testing.assert_allclose(generate.fit_friction(family, table), table["friction"], atol=1e-6)

@@ -12,7 +12,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import POSITIVE, BadInput, quantity
-from ._explicit import ExplicitFit
 from ._film import (
     AbstractCarryingFilm,
     AbstractFilm,
@@ -20,14 +19,14 @@ from ._film import (
     DynamicCoefficients,
     FilmState,
     Scalar,
+    as_float,
     dynamic_coefficients,
     film_ratio,
     film_state,
+    split,
 )
-from ._guembel import Guembel
-from ._journal import AbstractJournal
-from ._ocvirk import Ocvirk
-from ._petroff import LoadedPetroff, Petroff
+from ._models import ExplicitFit, Guembel, LoadedPetroff, Ocvirk, Petroff
+from ._parts import AbstractRing, film_unit, within
 from ._reynolds import GroovedReynolds, Reynolds
 
 _MODELS: dict[str, type[AbstractFilm]] = {
@@ -55,7 +54,7 @@ def _word(film: str | type[AbstractFilm]) -> str:
 THIN = "films below count as thin in results; 5 um if absent"
 
 
-class JournalBearing(AbstractJournal):
+class JournalBearing(AbstractRing):
     """Journal bearing with an oil film: friction, position, stiffness and damping of one part.
 
     Full (360 degree) ring, aligned, isothermal, isoviscous, laminar, unfed; quasi-static (no squeeze)
@@ -88,20 +87,11 @@ class JournalBearing(AbstractJournal):
 
     kind: ClassVar[str] = "film"
 
-    diameter: Scalar = quantity("m", POSITIVE, doc="of the journal")
-    length: Scalar = quantity("m", POSITIVE, doc="of the bearing")
-    radial_clearance: Scalar = quantity("m", POSITIVE, doc="bush radius minus journal radius")
-    dynamic_viscosity: Scalar | None = quantity(
-        "Pa s", POSITIVE, default=None, doc="of the oil in the film; absent where oil names it"
-    )
     film: Literal["reynolds", "grooved", "guembel", "short", "fit", "petroff", "loaded_petroff"] = (
         eqx.field(static=True, default="reynolds", converter=_word)  # pyright: ignore
     )
     oil: str | None = eqx.field(static=True, default=None)
     thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN)
-
-    def __check_init__(self):
-        check_oil(self)
 
     @property
     def model(self) -> type[AbstractFilm]:
@@ -109,46 +99,20 @@ class JournalBearing(AbstractJournal):
         return _MODELS[self.film]
 
     @property
-    def radius(self) -> Scalar:
-        """[m] R, of the journal."""
-        return self.diameter / 2
-
-    @property
     def length_ratio(self) -> Scalar:
         """[-] q = L/D."""
         return self.length / self.diameter
-
-    @property
-    def clearance_ratio(self) -> Scalar:
-        """[-] psi = c/R."""
-        return self.radial_clearance / self.radius
 
     def conditions(self):
         low, high = self.model.length_ratio_range
         if high == math.inf:
             return {}
         rule = f"of length/diameter {low:g} to {high:g} for the film model {self.model.__name__}"
-        # A hair of room, so that a ratio computed to be the bound is not refused.
-        inside = (self.length_ratio >= low * (1 - 1e-12)) & (
-            self.length_ratio <= high * (1 + 1e-12)
-        )
-        return {rule: inside}
+        return {rule: within(self.length_ratio, low, high)}
 
     def moment(self, load, rate):
         """[N m] Friction moment under a load [N] at a rate of rotation [rad/s]."""
         return friction_moment(self, load, rate)
-
-
-def check_oil(part) -> None:
-    """Refuse a part with neither or both of a viscosity and the name of an oil.
-
-    Raises:
-        BadInput: naming `dynamic_viscosity` or `oil`.
-    """
-    if part.oil is None and part.dynamic_viscosity is None:
-        raise BadInput("dynamic_viscosity", "absent", "given, or `oil` the name of an oil")
-    if part.oil is not None and part.dynamic_viscosity is not None:
-        raise BadInput("oil", part.oil, "absent where `dynamic_viscosity` is given")
 
 
 class PreparedBearing(NamedTuple):
@@ -163,7 +127,10 @@ class PreparedBearing(NamedTuple):
     film: AbstractFilm
 
 
-def prepare(bearing: JournalBearing | PreparedBearing) -> PreparedBearing:
+Bearing = JournalBearing | PreparedBearing
+
+
+def prepare(bearing: Bearing) -> PreparedBearing:
     """Work out the film model for the L/D of a bearing.
 
     Every function of this module takes either. Prepare outside a time loop what is used inside.
@@ -178,9 +145,7 @@ def prepare(bearing: JournalBearing | PreparedBearing) -> PreparedBearing:
     return PreparedBearing(bearing, bearing.model(bearing.length_ratio))
 
 
-def load_number(
-    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
-) -> Scalar:
+def load_number(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED) -> Scalar:
     r"""Load number $\Phi_p = W\psi^2/(\eta|\omega| L D)$.
 
     Args:
@@ -193,7 +158,7 @@ def load_number(
         [-] Phi_p >= 0, finite at rest.
     """
     bearing = prepare(bearing).bearing
-    unit = _force_unit(bearing) * _smooth_speed(speed, rest_speed)
+    unit = film_unit(bearing) * _smooth_speed(speed, rest_speed)
     return jnp.abs(load) / unit
 
 
@@ -215,7 +180,7 @@ def entrainment_speed(journal: Scalar, bush: Scalar, load: Scalar) -> Scalar:
 
 
 def friction_moment(
-    bearing: JournalBearing | PreparedBearing,
+    bearing: Bearing,
     load: Scalar,
     speed: Scalar,
     *,
@@ -241,13 +206,11 @@ def friction_moment(
     number = load_number(
         bearing, load, speed if entrainment is None else entrainment, rest_speed=rest_speed
     )
-    unit = _force_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
     return unit * speed * film.friction_number(number)
 
 
-def bush_moment(
-    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
-) -> Scalar:
+def bush_moment(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED) -> Scalar:
     """Friction moment on the bush, M - W e sin(phi): the offset forces make the difference.
 
     Args:
@@ -263,12 +226,12 @@ def bush_moment(
     state = film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
     offset = bearing.radial_clearance * state.eccentricity_ratio * jnp.sin(state.attitude_angle)
     turn = speed / _smooth_speed(speed, rest_speed)
-    unit = _force_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
     return unit * speed * state.friction_number - turn * jnp.abs(load) * offset
 
 
 def eccentricity_ratio(
-    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
+    bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
 ) -> Scalar:
     """[-] Eccentricity ratio eps = e/c under a load.
 
@@ -282,9 +245,7 @@ def eccentricity_ratio(
     return x / (1 + x)
 
 
-def minimum_film(
-    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
-) -> Scalar:
+def minimum_film(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED) -> Scalar:
     """[m] Minimum film thickness h_min = c (1 - eps) under a load.
 
     Once it is of the order of the roughness the film is mixed and none of this holds.
@@ -300,7 +261,7 @@ def minimum_film(
 
 
 def running_state(
-    bearing: JournalBearing | PreparedBearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
+    bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
 ) -> FilmState:
     """Position and friction number under a load.
 
@@ -315,7 +276,7 @@ def running_state(
 
 
 def stiffness_damping(
-    bearing: JournalBearing | PreparedBearing,
+    bearing: Bearing,
     load_vector: Float[Array, " 2"],
     speed: Scalar,
     *,
@@ -339,15 +300,11 @@ def stiffness_damping(
     Raises:
         ValueError: if the load is not a vector of two, or the film model has no attitude angle.
     """
-    load_vector = jnp.asarray(load_vector, dtype=jnp.result_type(float))
+    load_vector = as_float(load_vector)
     if load_vector.shape != (2,):
         raise ValueError(f"`load_vector` must have shape (2,), but has shape {load_vector.shape}.")
     bearing, film = _solved(bearing)
-    square = load_vector @ load_vector
-    loaded = square > 0
-    # Double where: the slope of sqrt at zero is infinite, the direction there is 0/0.
-    load = jnp.where(loaded, jnp.sqrt(jnp.where(loaded, square, 1.0)), 0.0)
-    along = jnp.where(loaded, load_vector / jnp.where(loaded, load, 1.0), jnp.array([1.0, 0.0]))
+    load, along = split(load_vector)
     stiffness, damping = dynamic_coefficients(
         film, load_number(bearing, load, speed, rest_speed=rest_speed)
     )
@@ -356,7 +313,7 @@ def stiffness_damping(
     pace = _smooth_speed(speed, rest_speed)
     mirror = jnp.eye(2) + (1 - jnp.eye(2)) * speed / pace
     axes = jnp.array([[along[0], -along[1]], [along[1], along[0]]])
-    unit = _force_unit(bearing) / bearing.radial_clearance
+    unit = film_unit(bearing) / bearing.radial_clearance
     return DynamicCoefficients(
         unit * pace * (axes @ (mirror * stiffness) @ axes.T),
         unit * (axes @ (mirror * damping) @ axes.T),
@@ -381,12 +338,6 @@ def _solved(bearing) -> PreparedBearing:
             "coefficients; take `Reynolds`, `GroovedReynolds`, `Guembel` or `Ocvirk`."
         )
     return bearing
-
-
-def _force_unit(bearing: JournalBearing) -> Scalar:
-    """[N s] eta L D/psi^2, the unit of film force over speed."""
-    area = bearing.length * bearing.diameter
-    return bearing.dynamic_viscosity * area / bearing.clearance_ratio**2
 
 
 def _smooth_speed(speed: Scalar, rest_speed: float) -> Scalar:

@@ -29,12 +29,18 @@ from .._fields import BadInput, is_traced
 from .._implicit import AbstractRoot, root
 
 Scalar = Float[Array, ""]
+Pair = Float[Array, "2 *n"]
+
+
+def as_float(value) -> Scalar:
+    """The value as an array of floats in the default precision."""
+    return jnp.asarray(value, dtype=jnp.result_type(float))
 
 
 class AbstractFilm(eqx.Module):
     """A film model for one ratio of length to diameter: friction under a load."""
 
-    length_ratio: eqx.AbstractVar[Scalar]
+    length_ratio: Scalar = eqx.field(converter=as_float)
     length_ratio_range: ClassVar[tuple[float, float]] = (0.0, math.inf)
     limits: ClassVar[str]  # where the model stops being right, for who reads its results
 
@@ -65,6 +71,10 @@ class AbstractSolvedFilm(AbstractCarryingFilm):
     def radial_stiffness(self, film_ratio: Scalar) -> tuple[Scalar, Scalar]:
         """[-] K_rr and K_tr, minus the slopes of F_r and F_t over eps."""
         return slope_stiffness(self, film_ratio)
+
+    def friction_number(self, load_number: Scalar) -> Scalar:
+        """[-] Phi_T, see `friction_at`."""
+        return friction_at(self, film_ratio(self, load_number))
 
 
 class FilmState(NamedTuple):
@@ -106,8 +116,7 @@ def film_forces(film: AbstractSolvedFilm, eccentricity_ratio: Scalar) -> tuple[S
         [-] F_r (towards the minimum film, negative) and F_t (with rotation), over
         eta omega L D/psi^2.
     """
-    x = film_ratio_of(eccentricity_ratio)
-    return _forces(film, x)
+    return _forces(film, film_ratio_of(eccentricity_ratio))
 
 
 def load_number_at(film: AbstractCarryingFilm, eccentricity_ratio: Scalar) -> Scalar:
@@ -137,7 +146,7 @@ def film_ratio(film: AbstractCarryingFilm, load_number: Scalar) -> Scalar:
 
 def film_ratio_of(eccentricity_ratio: Scalar) -> Scalar:
     """[-] Film ratio e/h_min of an eccentricity ratio."""
-    eps = jnp.asarray(eccentricity_ratio, dtype=jnp.result_type(float))
+    eps = as_float(eccentricity_ratio)
     return eps / (1 - eps)
 
 
@@ -185,8 +194,16 @@ def dynamic_coefficients(film: AbstractSolvedFilm, load_number: Scalar) -> Dynam
         with rotation. They are Phi_p times c K/W and c omega C/W.
     """
     x = film_ratio(film, load_number)
-    stiffness, damping = _film_axes(film, x)
     phi = film.attitude_angle(x)
+    load_per_eps = (1 + x) * film.load_gain(x)
+    chord_r, chord_t = (
+        load_per_eps * jnp.cos(phi),
+        load_per_eps * jnp.sin(phi),
+    )  # -F_r, F_t over eps
+    k_rr, k_tr = film.radial_stiffness(x)
+    c_rr, c_tr = film.damping(x)
+    stiffness = jnp.array([[k_rr, chord_t], [k_tr, chord_r]])
+    damping = jnp.array([[c_rr, -2 * chord_r], [c_tr, 2 * chord_t]])
     turn = jnp.array([[jnp.cos(phi), -jnp.sin(phi)], [jnp.sin(phi), jnp.cos(phi)]])
     return DynamicCoefficients(turn @ stiffness @ turn.T, turn @ damping @ turn.T)
 
@@ -297,12 +314,6 @@ def _forces(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scalar]:
     return -load * jnp.cos(phi), load * jnp.sin(phi)
 
 
-def _chord_stiffness(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scalar]:
-    """-F_r/eps and F_t/eps, regular when concentric."""
-    load_per_eps, phi = (1 + x) * film.load_gain(x), film.attitude_angle(x)
-    return load_per_eps * jnp.cos(phi), load_per_eps * jnp.sin(phi)
-
-
 def slope_stiffness(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scalar]:
     """-dF_r/deps and -dF_t/deps along the film's load line, by automatic differentiation."""
     _, (slope_r, slope_t) = jax.jvp(lambda x: _forces(film, x), (x,), (jnp.ones_like(x),))
@@ -310,13 +321,13 @@ def slope_stiffness(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scalar
     return -stretch * slope_r, -stretch * slope_t
 
 
-def _film_axes(film: AbstractSolvedFilm, x: Scalar) -> tuple[Array, Array]:
-    chord_r, chord_t = _chord_stiffness(film, x)
-    k_rr, k_tr = film.radial_stiffness(x)
-    c_rr, c_tr = film.damping(x)
-    stiffness = jnp.array([[k_rr, chord_t], [k_tr, chord_r]])
-    damping = jnp.array([[c_rr, -2 * chord_r], [c_tr, 2 * chord_t]])
-    return stiffness, damping
+def split(vector: Pair) -> tuple[Float[Array, "*n"], Pair]:
+    """Length and direction, along x with finite derivatives where the length vanishes."""
+    square = vector[0] * vector[0] + vector[1] * vector[1]
+    some = square > 0
+    size = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+    still = jnp.stack([jnp.ones_like(size), jnp.zeros_like(size)])
+    return size, jnp.where(some, vector / jnp.where(some, size, 1.0), still)
 
 
 class _LogCompliance(AbstractRoot):

@@ -22,8 +22,7 @@ from ._film import (
     film_state,
     stability_threshold,
 )
-from ._guembel import Guembel
-from ._ocvirk import Ocvirk
+from ._models import Guembel, Ocvirk
 from ._reference import reference_solution
 from ._reynolds import GroovedReynolds, Reynolds
 

@@ -18,10 +18,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import POSITIVE, BadInput, quantity
-from ._bearing import THIN, JournalBearing, check_oil, friction_moment
+from ._bearing import THIN, JournalBearing, friction_moment
 from ._film import Scalar
-from ._journal import AbstractJournal
-from ._ocvirk import Ocvirk
+from ._models import Ocvirk
+from ._parts import AbstractJournal, AbstractRing, film_unit, within
 from ._squeeze import TABLE_RANGE, AbstractSqueeze, OcvirkSqueeze, Pair, ReynoldsSqueeze
 
 _SQUEEZE: dict[str, type[AbstractSqueeze]] = {"reynolds": ReynoldsSqueeze, "short": OcvirkSqueeze}
@@ -30,7 +30,7 @@ _SQUEEZE: dict[str, type[AbstractSqueeze]] = {"reynolds": ReynoldsSqueeze, "shor
 _REST = 0.2
 
 
-class OrbitBearing(AbstractJournal):
+class OrbitBearing(AbstractRing):
     """Journal bearing whose journal moves in its film: the orbit is solved with the crank's motion.
 
     Full ring, aligned, isothermal, isoviscous, laminar, unfed. Films that re-form are full of oil at
@@ -54,45 +54,29 @@ class OrbitBearing(AbstractJournal):
 
     kind: ClassVar[str] = "orbit"
 
-    diameter: Scalar = quantity("m", POSITIVE, doc="of the journal")
     length: Scalar = quantity("m", POSITIVE, doc="of all lands together")
-    radial_clearance: Scalar = quantity("m", POSITIVE, doc="bush radius minus journal radius")
-    dynamic_viscosity: Scalar | None = quantity(
-        "Pa s", POSITIVE, default=None, doc="of the oil in the film; absent where oil names it"
-    )
     film: Literal["reynolds", "short"] = eqx.field(static=True, default="reynolds")
     oil: str | None = eqx.field(static=True, default=None)
     lands: int = eqx.field(static=True, default=1)
     thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN)
 
     def __check_init__(self):
-        check_oil(self)
         if self.film not in _SQUEEZE:
             raise BadInput("film", str(self.film), f"one of {', '.join(_SQUEEZE)}")
         if self.lands not in (1, 2):
             raise BadInput("lands", self.lands, "1 or 2")
 
     @property
-    def radius(self) -> Scalar:
-        """[m] R, of the journal."""
-        return self.diameter / 2
-
-    @property
     def length_ratio(self) -> Scalar:
         """[-] q = L/D of a land."""
         return self.length / (self.lands * self.diameter)
 
-    @property
-    def clearance_ratio(self) -> Scalar:
-        """[-] psi = c/R."""
-        return self.radial_clearance / self.radius
-
     def conditions(self):
         if self.film == "short":
             return {}
-        (low, high), q = TABLE_RANGE, self.length_ratio
-        inside = (q >= low * (1 - 1e-12)) & (q <= high * (1 + 1e-12))
-        return {f"of length/diameter {low:g} to {high:g} a land": inside}
+        low, high = TABLE_RANGE
+        rule = f"of length/diameter {low:g} to {high:g} a land"
+        return {rule: within(self.length_ratio, low, high)}
 
     @property
     def steady(self) -> JournalBearing:
@@ -113,14 +97,6 @@ def squeeze_of(bearing: OrbitBearing | JournalBearing) -> AbstractSqueeze:
         return _SQUEEZE[bearing.film](bearing.length_ratio)
     short = bearing.model is Ocvirk
     return (OcvirkSqueeze if short else ReynoldsSqueeze)(bearing.length_ratio)
-
-
-def film_unit(bearing: OrbitBearing | JournalBearing) -> Scalar:
-    """[N s] U = eta L D/psi^2, the unit of force over velocity."""
-    if bearing.dynamic_viscosity is None:
-        raise BadInput("oil", bearing.oil, "resolved by its machine, see `jaxcomp.Machine`")
-    area = bearing.length * bearing.diameter
-    return bearing.dynamic_viscosity * area / bearing.clearance_ratio**2
 
 
 def shear_drag(bearing: OrbitBearing | JournalBearing, position: Pair) -> Float[Array, "*n"]:

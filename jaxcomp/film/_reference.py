@@ -46,24 +46,6 @@ RING = (0.0, 2 * math.pi, 1.0)  # first and last theta of a pad, share of the ce
 CAVITATIONS = ("reynolds", "guembel")
 
 
-class Forces(NamedTuple):
-    """Film at one position; forces over eps, all over eta omega L D/psi^2.
-
-    Attributes:
-        radial: F_r/eps.
-        tangential: F_t/eps.
-        radial_damping: C_rr.
-        radial_stiffness: K_rr and K_tr of a film that moves with the journal.
-        attitude_angle: [rad] phi.
-    """
-
-    radial: float
-    tangential: float
-    radial_damping: float
-    radial_stiffness: tuple[float, float]
-    attitude_angle: float
-
-
 class FilmSolution(NamedTuple):
     """The film at one eccentricity ratio, in the units of `jaxcomp.film`.
 
@@ -242,31 +224,35 @@ def film_grid(
 
 def solve_pressure(grid: Grid, film: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Swift-Stieber pressure over eps, and where the film is, starting from the guess `film`."""
-    from scipy.linalg import solveh_banded
-
-    n, m = grid.shape
-    source = _wedge(grid)
-    diagonal = _diagonal(grid)
+    source, diagonal = _wedge(grid), _diagonal(grid)
     for _ in range(300):
-        p = np.zeros((n, m))
-        if film.any():
-            rows = int(np.flatnonzero(film.any(axis=1))[-1]) + 1
-            inside = film[:rows]
-            bands = np.zeros((m + 1, rows, m))
-            bands[m] = np.where(inside, diagonal[:rows], 1.0)
-            both = inside[:, :-1] & inside[:, 1:]
-            bands[m - 1, :, 1:] = -np.where(both, grid.coupling_zeta[:rows, :-1], 0.0)
-            both = inside[:-1] & inside[1:]
-            bands[0, 1:] = -np.where(both, grid.coupling_theta[1:rows], 0.0)
-            right = np.where(inside, source[:rows], 0.0)
-            p[:rows] = solveh_banded(
-                bands.reshape(m + 1, -1), right.ravel(), overwrite_ab=True, check_finite=False
-            ).reshape(rows, m)
+        p = _within(grid, film, diagonal, source[..., None])[..., 0]
         new = np.where(film, p > 0, _residual(grid, diagonal, p) < source)
         if np.array_equal(new, film):
             return p, film
         film = new
     raise RuntimeError("The active set did not settle.")
+
+
+def _within(grid: Grid, film: np.ndarray, diagonal: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """Pressures (n, m, k) for k sources on the nodes of a film, whose links with each other are whole."""
+    from scipy.linalg import solveh_banded
+
+    found, m = np.zeros(source.shape), grid.shape[1]
+    if not film.any():
+        return found
+    rows = int(np.flatnonzero(film.any(axis=1))[-1]) + 1
+    inside = film[:rows]
+    bands = np.zeros((m + 1, rows, m))
+    bands[m] = np.where(inside, diagonal[:rows], 1.0)
+    both = inside[:, :-1] & inside[:, 1:]
+    bands[m - 1, :, 1:] = -np.where(both, grid.coupling_zeta[:rows, :-1], 0.0)
+    both = inside[:-1] & inside[1:]
+    bands[0, 1:] = -np.where(both, grid.coupling_theta[1:rows], 0.0)
+    right = np.where(inside[..., None], source[:rows], 0.0).reshape(rows * m, -1)
+    solved = solveh_banded(bands.reshape(m + 1, -1), right, overwrite_ab=True, check_finite=False)
+    found[:rows] = solved.reshape(rows, m, -1)
+    return found
 
 
 def film_end(grid: Grid, p: np.ndarray, film: np.ndarray) -> np.ndarray:
@@ -291,8 +277,6 @@ def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> 
     Columns F_r and F_t; of the pressure and of the pressure over eps. The pad stays where it is
     against the line of centres.
     """
-    from scipy.linalg import solveh_banded
-
     if not film.any():
         return np.zeros((2, 2))
     if grid.starts_freely:
@@ -337,18 +321,10 @@ def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> 
     change[:, 1:] += flow_out[:, :-1]
     sources = np.stack([_wedge(grid) + change, -6 * cos[:, None] * grid.weights], axis=-1)
 
-    rows = int(np.flatnonzero(inside.any(axis=1))[-1]) + 1
-    bands = np.zeros((m + 1, rows, m))
-    bands[m] = np.where(inside, diagonal, 1.0)[:rows]
-    bands[m - 1, :, 1:] = -link_out[:rows]
-    bands[0, 1:] = -link[: rows - 1]
-    right = np.where(inside[..., None], sources, 0.0)[:rows].reshape(-1, 2)
-    response = solveh_banded(
-        bands.reshape(m + 1, -1), right, overwrite_ab=True, check_finite=False
-    ).reshape(rows, m, 2)
+    response = _within(grid, inside, diagonal, sources)
     # the trapezoidal rule up to the edge
-    weights = (grid.weights * (1 + to_edge) / 2)[:rows]
-    trig = np.stack([np.cos(grid.theta), np.sin(grid.theta)])[:, :rows]
+    weights = grid.weights * (1 + to_edge) / 2
+    trig = np.stack([np.cos(grid.theta), np.sin(grid.theta)])
     return 0.5 * np.einsum("ki,ij,ijl->lk", trig, weights, response)
 
 
@@ -409,21 +385,6 @@ def pressure_forces(grid: Grid, p: np.ndarray) -> np.ndarray:
     return 0.5 * trig @ (grid.weights * p).sum(axis=1)
 
 
-def solve_forces(eps: float, q: float, grids=GRIDS, *, grooved: bool = False) -> Forces:
-    """Forces, radial stiffness and damping at one position, extrapolated from two grids."""
-    phi = groove_attitude(eps, q, grids[:-1]) if grooved else None
-    fields = _fields(eps, q, pads(phi), grids, False)[-2:]
-    radial, tangential = _extrapolated(np.array([_total(field) for field in fields])).tolist()
-    slopes = _extrapolated(np.array([_response(eps, field) for field in fields]))
-    return Forces(
-        radial,
-        tangential,
-        radial_damping=float(-2 * slopes[1, 0]),  # F_r = eps G(2 v/eps), so dF_r/dv = 2 G'
-        radial_stiffness=(float(-slopes[0, 0]), float(-slopes[0, 1])),
-        attitude_angle=math.atan2(tangential, -radial),
-    )
-
-
 def groove_attitude(eps: float, q: float, grids) -> float:
     """[rad] Attitude angle at which the film between the grooves pushes against the load."""
 
@@ -441,20 +402,6 @@ def groove_attitude(eps: float, q: float, grids) -> float:
         ahead, behind = behind, behind - now * (behind - ahead) / (now - last)
         last, now = now, excess(behind)
     return behind
-
-
-def groove_contact(q: float, grids=((120, 8), (240, 16))) -> float:
-    """Eccentricity ratio up to which the film of the mid-plane fills the loaded pad to its end."""
-    low, high = 0.0, 0.7
-    for _ in range(14):
-        eps = 0.5 * (low + high)
-        phi = groove_attitude(eps, q, grids)
-        (grid, p, film), _ = _fields(eps, q, pads(phi), grids, False)[-1]
-        if film_end(grid, p, film)[0] > grid.shape[0] + 1 - 1e-9:
-            low = eps
-        else:
-            high = eps
-    return 0.5 * (low + high)
 
 
 def _fields(eps, q, ring, grids, linear) -> list:

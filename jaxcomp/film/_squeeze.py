@@ -17,9 +17,7 @@ Mass is not conserved where a film forms again ($p \ge 0$ lets it re-form full o
 """
 
 import functools
-import json
 from abc import abstractmethod
-from importlib import resources
 from typing import ClassVar
 
 import equinox as eqx
@@ -30,8 +28,8 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._implicit import AbstractRoot, root
-from ._chebyshev import collapsed
-from ._film import Scalar
+from ._film import Pair, Scalar, as_float, split
+from ._reynolds import collapsed, table_of
 
 TABLE = "squeeze_table.json"
 TABLE_RANGE = (0.1, 2.0)  # q = L/D
@@ -40,13 +38,11 @@ TABLE_RANGE = (0.1, 2.0)  # q = L/D
 _LAST_SHORT, _LAST = 1 - 1e-9, 0.996
 _INVERSIONS = 12  # to rounding; 5 to 8 from a start within ten per cent
 
-Pair = Float[Array, "2 *n"]
-
 
 class AbstractSqueeze(eqx.Module):
     """A film for one L/D under any motion; positions over c, velocities over c [1/s], forces over U."""
 
-    length_ratio: eqx.AbstractVar[Scalar]
+    length_ratio: Scalar = eqx.field(converter=as_float)
     limits: ClassVar[str]
 
     @abstractmethod
@@ -107,21 +103,17 @@ class OcvirkSqueeze(AbstractSqueeze):
         length_ratio: [-] q = L/D.
     """
 
-    length_ratio: Scalar
     limits: ClassVar[str] = (
         "Short bearing, right for L/D -> 0: films 15 % too thick at L/D = 1/2. Films re-form full of "
         "oil; aligned, isoviscous, laminar, no roughness."
     )
-
-    def __init__(self, length_ratio):
-        self.length_ratio = jnp.asarray(length_ratio, dtype=jnp.result_type(float))
 
     def impedance(self, position, velocity):
         return self._matrix(position, velocity)[0]
 
     def _matrix(self, position, velocity):
         """The impedance, and its matrix over the velocity, which is its slope as well: two columns."""
-        size, along = _split(position)
+        size, along = split(position)
         eps = jnp.minimum(size, _LAST_SHORT)
         beta = jnp.arctan2(_cross(along, velocity), _dot(along, velocity))
         square = (1 - eps) * (1 + eps)
@@ -143,7 +135,7 @@ class OcvirkSqueeze(AbstractSqueeze):
         return columns[0] * velocity[0] + columns[1] * velocity[1], columns
 
     def mobility(self, position, force):
-        size, along = _split(force)
+        size, along = split(force)
         x, y = _dot(position, along), _cross(along, position)
         room = jnp.maximum(1 - x, 1e-9)
         start = room**2.5 / jnp.pi * along - 4 * y * room**1.5 / jnp.pi**2 * quarter_turn(along)
@@ -154,7 +146,7 @@ class OcvirkSqueeze(AbstractSqueeze):
     def peak_pressure(self, position, force, velocity):
         # In Sommerfeld's angle y, 1/(1 - eps cos) = (1 + eps cos y)/s^2: a trigonometric polynomial of
         # degree three, whose highest place needs no derivative.
-        size, along = _split(position)
+        size, along = split(position)
         eps = jnp.minimum(size, _LAST_SHORT)
         square = (1 - eps) * (1 + eps)
         radial, tangential = _dot(along, velocity), _cross(along, velocity)
@@ -172,7 +164,7 @@ class OcvirkSqueeze(AbstractSqueeze):
         return 6 * self.length_ratio**2 * pressure(y, radial, tangential, eps) / square**3
 
     def side_flow(self, position, force, velocity):
-        return 2 * _split(velocity)[0]
+        return 2 * split(velocity)[0]
 
 
 class ReynoldsSqueeze(AbstractSqueeze):
@@ -186,7 +178,6 @@ class ReynoldsSqueeze(AbstractSqueeze):
         length_ratio: [-] q = L/D, 0.1 to 2; beyond, the tangent in ln q is a guess.
     """
 
-    length_ratio: Scalar
     series: dict[str, Float[Array, "u v"]]
     limits: ClassVar[str] = (
         "Table for L/D 0.1 to 2 and eps to 0.996. Films re-form full of oil; aligned, isoviscous, "
@@ -194,7 +185,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
     )
 
     def __init__(self, length_ratio):
-        q = jnp.asarray(length_ratio, dtype=jnp.result_type(float))
+        q = as_float(length_ratio)
         table, self.length_ratio, self.series = _table(), q, {}
         for name in ("mobility", "peak", "flow"):
             rows = table[name].reshape(-1, table[name].shape[-1])
@@ -232,7 +223,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
             Size, direction, x, H and its slope along x; with `order` 2 those along eps^2, x x and
             x eps^2 as well.
         """
-        size, along = _split(force)
+        size, along = split(force)
         x, square = _dot(position, along), _dot(position, position)
         held, held_square, within = _held(x, square)
         u, v = film_corner(held, held_square)
@@ -270,18 +261,18 @@ class ReynoldsSqueeze(AbstractSqueeze):
         return *first, h * ln_s, h * (ln_xx + ln_x**2), h * (ln_xs + ln_x * ln_s)
 
     def impedance(self, position, velocity):
-        size, along = _split(velocity)
+        size, along = split(velocity)
         start = OcvirkSqueeze(self.length_ratio).impedance(position, along)
         return size * root(_Inverse(_Mobility(self), position, along, start))
 
     def peak_pressure(self, position, force, velocity):
-        size, along = _split(force)
+        size, along = split(force)
         x = _dot(position, along)
         log = self._series("peak", x, _dot(position, position))
         return size * peak_unit(jnp.minimum(x, 1 - 1e-9)) * jnp.exp(log)
 
     def side_flow(self, position, force, velocity):
-        size, along = _split(velocity)
+        size, along = split(velocity)
         x = _dot(position, along)
         return size * jnp.exp(self._series("flow", x, _dot(position, position)))
 
@@ -345,12 +336,8 @@ def _horner(
 ) -> tuple[Float[Array, "*n"], ...]:
     """Sum of c_ij u^i v^j; with its slopes along u and v; and the second ones along uu, uv and vv.
 
-    Unrolled, which XLA fuses into two kernels: along v for all rows at once, then along u.
-
-    Args:
-        series: of c_ij.
-        u, v: places.
-        order: of the derivatives, 0 to 2.
+    Unrolled, which XLA fuses into two kernels: along v for all rows at once, then along u. The order of
+    the derivatives is 0, 1 or 2.
     """
     columns = [series[:, j].reshape(-1, *[1] * u.ndim) for j in range(series.shape[1])]
     p = columns[-1] + 0 * v
@@ -448,19 +435,6 @@ def _slope_and_bend(function, x):
     return jax.jvp(slope, (x,), (one,))
 
 
-def _split(vector: Pair):
-    """Length and direction, with finite derivatives where the length vanishes."""
-    square = _dot(vector, vector)
-    some = square > 0
-    size = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
-    along = jnp.where(
-        some,
-        vector / jnp.where(some, size, 1.0),
-        jnp.stack([jnp.ones_like(size), jnp.zeros_like(size)]),
-    )
-    return size, along
-
-
 def _dot(a: Pair, b: Pair):
     return a[0] * b[0] + a[1] * b[1]
 
@@ -472,8 +446,7 @@ def _cross(a: Pair, b: Pair):
 @functools.cache
 def _table() -> dict[str, np.ndarray]:
     """The tables, in powers of 2 u - 1 and 2 v - 1 instead of Chebyshev polynomials of these."""
-    text = resources.files(__package__).joinpath(TABLE).read_text()
-    found = {name: np.asarray(value, float) for name, value in json.loads(text).items()}
+    found = dict(table_of(TABLE))
     for name in ("mobility", "peak", "flow"):
         rows, columns = (_powers(n) for n in found[name].shape[:2])
         found[name] = np.einsum("ia,jb,ijk->abk", rows, columns, found[name])

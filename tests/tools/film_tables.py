@@ -6,16 +6,19 @@ Chebyshev points.
 """
 
 import json
+import math
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
 from jaxcomp import film as films
 from jaxcomp.film import GroovedReynolds, Reynolds
+from jaxcomp.film import _reference as reference
 from jaxcomp.film._film import film_ratio, friction_at
-from jaxcomp.film._reference import GRIDS, Forces, groove_contact, solve_forces
+from jaxcomp.film._reference import GRIDS
 from jaxcomp.film._reynolds import AbstractTabulatedFilm, place_of
 
 DATA = Path(films.__file__).parent
@@ -28,6 +31,57 @@ GROOVED_TERMS = (36, 14)  # the terms beyond hold little but the noise of the fi
 CORNER_NODES = 8  # in ln q
 FRICTION_NODES = 32  # in u = (1 + Phi_p/Phi_p(eps = 1/2))^(-1/4)
 FAMILIES = (Reynolds, GroovedReynolds)
+
+
+class Forces(NamedTuple):
+    """Film at one position; forces over eps, all over eta omega L D/psi^2.
+
+    Attributes:
+        radial: F_r/eps.
+        tangential: F_t/eps.
+        radial_damping: C_rr.
+        radial_stiffness: K_rr and K_tr of a film that moves with the journal.
+        attitude_angle: [rad] phi.
+    """
+
+    radial: float
+    tangential: float
+    radial_damping: float
+    radial_stiffness: tuple[float, float]
+    attitude_angle: float
+
+
+def solve_forces(eps: float, q: float, grids=GRIDS, *, grooved: bool = False) -> Forces:
+    """Forces, radial stiffness and damping at one position, extrapolated from two grids."""
+    phi = reference.groove_attitude(eps, q, grids[:-1]) if grooved else None
+    fields = reference._fields(eps, q, reference.pads(phi), grids, False)[-2:]
+    radial, tangential = reference._extrapolated(
+        np.array([reference._total(field) for field in fields])
+    ).tolist()
+    slopes = reference._extrapolated(
+        np.array([reference._response(eps, field) for field in fields])
+    )
+    return Forces(
+        radial,
+        tangential,
+        radial_damping=float(-2 * slopes[1, 0]),  # F_r = eps G(2 v/eps), so dF_r/dv = 2 G'
+        radial_stiffness=(float(-slopes[0, 0]), float(-slopes[0, 1])),
+        attitude_angle=math.atan2(tangential, -radial),
+    )
+
+
+def groove_contact(q: float, grids=((120, 8), (240, 16))) -> float:
+    """Eccentricity ratio up to which the film of the mid-plane fills the loaded pad to its end."""
+    low, high = 0.0, 0.7
+    for _ in range(14):
+        eps = 0.5 * (low + high)
+        phi = reference.groove_attitude(eps, q, grids)
+        (grid, p, film), _ = reference._fields(eps, q, reference.pads(phi), grids, False)[-1]
+        if reference.film_end(grid, p, film)[0] > grid.shape[0] + 1 - 1e-9:
+            low = eps
+        else:
+            high = eps
+    return 0.5 * (low + high)
 
 
 def chebyshev_nodes(interval: tuple[float, float], n: int) -> np.ndarray:

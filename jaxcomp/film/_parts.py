@@ -1,13 +1,15 @@
-r"""Viscosity of mineral oils by grade and temperature."""
+r"""What bearings share: the oil, by viscosity or by grade and temperature, and the journal."""
 
+from abc import abstractmethod
 from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from .._fields import POSITIVE, BadInput, Bound, Part, is_traced, quantity
-from ._film import Scalar
+from ._film import Scalar, as_float
 
 ZERO_CELSIUS = 273.15  # [K]
 DENSITY = 900.0  # [kg/m^3] at 15 degrees Celsius, ordinary mineral oil
@@ -37,7 +39,7 @@ def iso_vg_viscosity(grade: Scalar, temperature: Scalar, density: Scalar = DENSI
         BadInput: for a grade or density that is not positive, or a temperature at or below
             -95 degrees Celsius, where the formula has its pole.
     """
-    celsius = jnp.asarray(temperature, dtype=jnp.result_type(float)) - ZERO_CELSIUS
+    celsius = as_float(temperature) - ZERO_CELSIUS
     for name, value, low in (
         ("grade", grade, 0.0),
         ("density", density, 0.0),
@@ -87,3 +89,83 @@ class GradedOil(AbstractOil):
     def dynamic_viscosity(self) -> Scalar:
         """[Pa s] eta."""
         return iso_vg_viscosity(self.grade, self.temperature, self.density)
+
+
+class AbstractJournal(Part):
+    """Friction of a journal in its bush."""
+
+    @abstractmethod
+    def moment(self, load: Float[Array, "*n"], rate: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """[N m] for a load [N] >= 0 and a relative rate of rotation [rad/s]."""
+
+
+class NamedBearing(AbstractJournal):
+    """A bearing of the machine, by its name among `[bearings.NAME]`.
+
+    `jaxcomp.Machine` puts the bearing itself in its place before anything is computed. In a scene
+    file the bare name stands for it: `crank_pin = "big-end"`.
+
+    Args:
+        name: of the bearing.
+    """
+
+    kind: ClassVar[str] = "bearing"
+
+    name: str = eqx.field(static=True)
+
+    def moment(self, load, rate):
+        raise BadInput("bearing", self.name, "resolved by its machine, see `jaxcomp.Machine`")
+
+
+class AbstractRing(AbstractJournal):
+    """What journal bearings with a full ring have in common, whatever their film."""
+
+    oil: eqx.AbstractVar[str | None]
+    diameter: Scalar = quantity("m", POSITIVE, doc="of the journal")
+    length: Scalar = quantity("m", POSITIVE, doc="of the bearing")
+    radial_clearance: Scalar = quantity("m", POSITIVE, doc="bush radius minus journal radius")
+    dynamic_viscosity: Scalar | None = quantity(
+        "Pa s", POSITIVE, default=None, doc="of the oil in the film; absent where oil names it"
+    )
+
+    def __check_init__(self):
+        check_oil(self)
+
+    @property
+    def radius(self) -> Scalar:
+        """[m] R, of the journal."""
+        return self.diameter / 2
+
+    @property
+    def clearance_ratio(self) -> Scalar:
+        """[-] psi = c/R."""
+        return self.radial_clearance / self.radius
+
+
+def check_oil(part) -> None:
+    """Refuse a part with neither or both of a viscosity and the name of an oil.
+
+    Raises:
+        BadInput: naming `dynamic_viscosity` or `oil`.
+    """
+    if part.oil is None and part.dynamic_viscosity is None:
+        raise BadInput("dynamic_viscosity", "absent", "given, or `oil` the name of an oil")
+    if part.oil is not None and part.dynamic_viscosity is not None:
+        raise BadInput("oil", part.oil, "absent where `dynamic_viscosity` is given")
+
+
+def within(length_ratio: Scalar, low: float, high: float) -> Bool[Array, ""]:
+    """Whether L/D lies in a range, with a hair of room for a ratio computed to be the bound."""
+    return (length_ratio >= low * (1 - 1e-12)) & (length_ratio <= high * (1 + 1e-12))
+
+
+def film_unit(bearing: AbstractRing) -> Scalar:
+    """[N s] U = eta L D/psi^2, the unit of film force over speed.
+
+    Raises:
+        BadInput: an oil that is named and not filled in yet.
+    """
+    if bearing.dynamic_viscosity is None:
+        raise BadInput("oil", bearing.oil, "resolved by its machine, see `jaxcomp.Machine`")
+    area = bearing.length * bearing.diameter
+    return bearing.dynamic_viscosity * area / bearing.clearance_ratio**2
