@@ -1,16 +1,105 @@
-r"""Rigid bodies: nodes that follow a centre of inertia exactly, instead of stiff beams.
+r"""Inertia besides the shafts', disks, point masses and rigid bodies; and damping of the structure.
 
-A node slaved to a body with the arm r (from the centre of inertia to the node) moves by
-u = u_c + th x r, th = th_c; the forces on it act on the centre with their moment r x F.
+A rigid body holds nodes that follow its centre of inertia exactly, instead of stiff beams. A node with
+the arm r from the centre moves by u = u_c + th x r, th = th_c; the forces on it act on the centre with
+their moment r x F. The damping of bearings and mounts belongs to their links.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, BadInput, Part, is_traced, quantity
-from ._conventions import AXES, SPACE_AXES
+from .._fields import NONNEGATIVE, BadInput, Part, is_traced, quantity, spread_columns
+from ._conventions import AXES, SPACE_AXES, coordinates
 from ._shaft import Node
+
+
+class Disks(Part):
+    """A table of rigid axisymmetric disks.
+
+    Args:
+        nodes: node name of each disk.
+        mass: [kg] (n,)
+        transverse_inertia: [kg m2] (n,), about a diameter through the disk's own centre.
+        polar_inertia: [kg m2] (n,)
+        offset: [m] (n,), z of the centre minus z of the node; absent: on the node.
+        spins: whether the disks turn with the shaft.
+
+    Raises:
+        BadInput: a negative value, a polar inertia above twice the transverse one, which no body
+            has, or a table whose columns differ in length.
+    """
+
+    nodes: tuple[Node, ...] = eqx.field(static=True)
+    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,), spread=True)
+    transverse_inertia: Array = quantity("kg m^2", NONNEGATIVE, shape=(None,), spread=True)
+    polar_inertia: Array = quantity("kg m^2", NONNEGATIVE, shape=(None,), spread=True)
+    offset: Array | None = quantity("m", shape=(None,), spread=True, default=None)
+    spins: bool = eqx.field(static=True, default=True)
+
+    def __post_init__(self):
+        spread_columns(self, len(self.nodes), "disks")
+
+    def conditions(self):
+        # I_zz <= I_xx + I_yy for any distribution of mass; tables are rounded to some three digits.
+        flat = self.polar_inertia <= 2.01 * self.transverse_inertia
+        return {"a table with polar inertias of at most twice the transverse ones": flat.all()}
+
+
+class PointMasses(Part):
+    """A table of masses without extent.
+
+    Args:
+        nodes: node name of each mass.
+        mass: [kg] (n,)
+    """
+
+    nodes: tuple[Node, ...] = eqx.field(static=True)
+    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,), spread=True)
+
+    def __post_init__(self):
+        spread_columns(self, len(self.nodes), "masses")
+
+
+def solid_disk(
+    node: Node, outer_diameter, inner_diameter, width, density, *, spins: bool = True
+) -> Disks:
+    """One disk of rectangular section, from its dimensions and density.
+
+    Args:
+        node: where it sits.
+        outer_diameter: [m]
+        inner_diameter: [m] 0 without a hole.
+        width: [m]
+        density: [kg/m3]
+        spins: whether it turns with the shaft (gyroscopic terms).
+    """
+    do, di = jnp.asarray(outer_diameter, float), jnp.asarray(inner_diameter, float)
+    mass = density * jnp.pi / 4 * (do**2 - di**2) * width
+    polar = mass * (do**2 + di**2) / 8
+    transverse = mass * (3 * (do**2 + di**2) / 4 + width**2) / 12
+    return Disks((node,), mass[None], transverse[None], polar[None], spins=spins)
+
+
+def inertia_matrices(
+    table: Disks | PointMasses,
+) -> tuple[Float[Array, "n 2 2"], Float[Array, "n 2 2"], Float[Array, "n 2 2"]]:
+    """Lateral inertia, polar inertia on (u, phi), and inertia on (u_z, th_z), at the nodes."""
+    m, zero = table.mass, jnp.zeros_like(table.mass)
+    if isinstance(table, PointMasses):
+        lateral = _two_by_two(m, zero, zero)
+        return lateral, jnp.zeros_like(lateral), lateral
+    b = zero if table.offset is None else table.offset
+    spin = table.polar_inertia if table.spins else zero
+    lateral = _two_by_two(m, m * b, table.transverse_inertia + m * b**2)
+    return lateral, _two_by_two(zero, zero, spin), _two_by_two(m, zero, table.polar_inertia)
+
+
+def _two_by_two(a, b, c):
+    return jnp.stack([jnp.stack([a, b], -1), jnp.stack([b, c], -1)], -2)
 
 
 class RigidBody(Part):
@@ -51,29 +140,57 @@ class RigidBody(Part):
                 raise BadInput("inertia", tensor, "without negative principal values")
 
 
-def arm_matrix(arm: Float[Array, "n 3"], dof: int) -> Float[Array, "n dof dof"]:
-    """Motion of slaved nodes from that of the centre, in the model's degrees of freedom."""
-    rows = _rows(dof)
+def arm_matrices(arm: Float[Array, "n 3"], dof: int) -> Float[Array, "n dof dof"]:
+    """Motion of slaved nodes from that of the centre, in coordinates."""
     cross = (arm @ _CROSS.reshape(3, 36)).reshape(-1, 6, 6)
-    return (np.eye(6) + cross)[:, rows[:, None], rows]  # pyright: ignore[reportReturnType]
+    return _in_coordinates(np.eye(6) + cross, dof)
 
 
-def body_matrices(
-    body: RigidBody, dof: int
-) -> tuple[Float[Array, "dof dof"], Float[Array, "dof dof"]]:
-    """Inertia and gyroscopic matrix (per unit spin speed) at the centre."""
+def body_matrices(body: RigidBody, dof: int) -> Float[Array, "2 dof dof"]:
+    """Inertia and gyroscopic matrix (per unit spin speed) at the centre, in coordinates."""
     move, turn = np.diag([1.0, 1, 1, 0, 0, 0]), np.eye(6)[:, 3:]
     mass = body.mass * move + turn @ body.inertia @ turn.T
     spin = 0.0 if body.spin_inertia is None else body.spin_inertia
     gyro = spin * (np.outer(turn[:, 0], turn[:, 1]) - np.outer(turn[:, 1], turn[:, 0]))
-    rows = _rows(dof)
-    return mass[rows[:, None], rows], gyro[rows[:, None], rows]  # pyright: ignore[reportReturnType]
+    return _in_coordinates(jnp.stack([mass, gyro]), dof)
 
 
-def _rows(dof: int) -> np.ndarray:
-    return np.array([SPACE_AXES.index(a) for a in AXES[dof]])
+def _in_coordinates(matrices, dof) -> Array:
+    """From the six axes of space to the coordinates of a node, see `_conventions`."""
+    order, signs = coordinates(dof)
+    rows = np.array([SPACE_AXES.index(a) for a in AXES[dof]])[order]
+    return signs[:, None] * signs * matrices[..., rows[:, None], rows]
 
 
 # th x r for each component of r, as a matrix acting on (u, th)
 _CROSS = np.zeros((3, 6, 6))
 _CROSS[:, :3, 3:] = np.cross(np.eye(3)[None, :, :], np.eye(3)[:, None, :]).transpose(0, 2, 1)
+
+
+class ProportionalDamping(Part):
+    r"""C = alpha M + beta K of the shafts, disks, masses and bodies, not turning with the shaft.
+
+    Args:
+        mass_factor: [1/s] alpha, on all inertia.
+        stiffness_factor: [s] beta, on the stiffness of the shaft elements.
+    """
+
+    kind: ClassVar[str] = "proportional"
+
+    mass_factor: Array = quantity("1/s", NONNEGATIVE, default=0.0)
+    stiffness_factor: Array = quantity("s", NONNEGATIVE, default=0.0)
+
+
+class ModalDamping(Part):
+    r"""C = sum_j 2 zeta_j w_j (M phi_j)(M phi_j)^T over the lowest undamped modes of the model.
+
+    The modes are those of the symmetric stiffness at zero spin speed, normalised to unit modal
+    mass. The matrix is full, so that the response of such a model takes the dense path.
+
+    Args:
+        ratio: [-] (m,) damping ratios zeta of the m lowest modes.
+    """
+
+    kind: ClassVar[str] = "modal"
+
+    ratio: Array = quantity("", NONNEGATIVE, shape=(None,))

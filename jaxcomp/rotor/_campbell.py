@@ -21,6 +21,7 @@ from ._damped import (
 from ._elimination import lu_factor, lu_solve
 from ._layout import layout_of
 from ._model import RotorModel
+from ._modes import definite_pencil
 from ._system import System, apply, marked, operator_at, prepare, undamped
 
 
@@ -157,17 +158,13 @@ def critical_speeds_between(
     found = _from_starts(model, jnp.asarray(begin), jnp.asarray(growth), shape, order, damping)
     # Where a mode begins to oscillate the numbers shift, which looks like a crossing: its start
     # leads to another crossing, or nowhere.
-    width = np.max(np.diff(speed))
-    kept: list[int] = []
-    for i in range(at.size):
-        w = float(found.speed[i])
-        known = [float(found.speed[j]) + 1j * float(found.growth[j]) for j in kept]
-        value = w + 1j * float(found.growth[i])
-        new = all(abs(value - other) > 1e-7 * w for other in known)
-        peaks = -float(found.growth[i]) < order * w
-        if np.isfinite(w) and abs(w - begin[i]) <= width and new and peaks:
+    w, growth = np.asarray(found.speed), np.asarray(found.growth)
+    near, peaks = np.abs(w - begin) <= np.max(np.diff(speed)), -growth < order * w
+    value, kept = w + 1j * growth, []
+    for i in np.flatnonzero(np.isfinite(w) & near & peaks):
+        if np.all(np.abs(value[i] - value[kept]) > 1e-7 * w[i]):
             kept.append(i)
-    kept.sort(key=lambda i: float(found.speed[i]))
+    kept.sort(key=lambda i: w[i])
     return CriticalSpeeds(*(a[np.array(kept, int)] for a in found))
 
 
@@ -258,34 +255,19 @@ def _synchronous(system, count, order, near):
     full, _ = system_matrices(system, near, damping=False)
     k, inertia = (full.stiffness + full.stiffness.T) / 2, full.mass
     h = order**2 * inertia - 1j * order * full.gyroscopic
-    size = jnp.diagonal(k) + 1e-300
-    weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
     # A grain of inertia keeps a model with rigid motions positive definite; it is only the start.
     # By the median, because one stiff spring would make a grain that outweighs the shaft.
     moving = jnp.diagonal(inertia) > 0
     ratio = jnp.abs(jnp.diagonal(k)) / jnp.select([moving], [jnp.diagonal(inertia)], jnp.nan)
-    grain = 1e-11 * jnp.nanmedian(ratio)
-    low = jnp.linalg.cholesky(weight[:, None] * (k + grain * inertia) * weight) + 0j
-    half = jax.scipy.linalg.solve_triangular(low, weight[:, None] * h * weight, lower=True)
-    a = jax.scipy.linalg.solve_triangular(low, half.conj().T, lower=True)
-    mu, v = jnp.linalg.eigh((a + a.conj().T) / 2)
-    mu, v = mu[::-1][:count], v[:, ::-1][:, :count]
-    x = weight[:, None] * jax.scipy.linalg.solve_triangular(low.conj().T, v, lower=False)
+    mu, x = definite_pencil(k + 1e-11 * jnp.nanmedian(ratio) * inertia, h)
+    mu, x = mu[::-1][:count], x[:, ::-1][:, :count]
     x = x / jnp.linalg.norm(x, axis=0)
     # Again within their span, with the strain energy element by element: motions on soft springs,
     # which the assembled matrix mixes, come apart.
     still = operator_at(system, near, jnp.zeros(()))
     energy = jax.vmap(lambda x: on_active(system, x, lambda x: apply(still, x)), -1, -1)(x)
     energy = x.conj().T @ energy
-    energy = (energy + energy.conj().T) / 2
-    weight = 1 / jnp.sqrt(jnp.abs(jnp.diagonal(energy).real))
-    low = jnp.linalg.cholesky(weight[:, None] * energy * weight)
-    half = jax.scipy.linalg.solve_triangular(
-        low, weight[:, None] * (x.conj().T @ h @ x) * weight, lower=True
-    )
-    a = jax.scipy.linalg.solve_triangular(low, half.conj().T, lower=True)
-    inner, v = jnp.linalg.eigh((a + a.conj().T) / 2)
-    v = weight[:, None] * jax.scipy.linalg.solve_triangular(low.conj().T, v, lower=False)
+    inner, v = definite_pencil((energy + energy.conj().T) / 2, x.conj().T @ h @ x)
     good = jnp.all(jnp.isfinite(v)) & jnp.all(jnp.isfinite(inner))
     mu, x = (
         jnp.select([good], [new], old) for new, old in ((inner[::-1], mu), (x @ v[:, ::-1], x))

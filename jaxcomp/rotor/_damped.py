@@ -24,9 +24,8 @@ from .._fields import BadInput, is_traced
 from .._results import Data, Result
 from ._conventions import from_planes
 from ._layout import layout_of
-from ._matrices import Matrices, matrices
 from ._model import RotorModel
-from ._modes import shapes
+from ._modes import Matrices, matrices, shapes
 from ._system import System, marked, prepare, released
 
 
@@ -161,25 +160,24 @@ def system_matrices(
 @eqx.filter_jit
 def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     system = prepare(model)
-    full, d = system_matrices(system, spin_speed, free=free, damping=damping)
-    m, k = full.mass, full.stiffness
-    values, vectors, growth = jax.lax.stop_gradient(_spectrum(*jax.lax.stop_gradient((m, d, k))))
+    full, velocity = system_matrices(system, spin_speed, free=free, damping=damping)
+    p = full.mass, velocity, full.stiffness
+    frozen = jax.lax.stop_gradient(p)
+    values, vectors, worst = jax.lax.stop_gradient(_spectrum(*frozen))
     lam, x = values[:count], vectors[:, :count]
-    y = jax.lax.stop_gradient(_left(*jax.lax.stop_gradient((m, d, k)), lam, x))
-    residual = (m @ x) * lam**2 + (d @ x) * lam + k @ x
-    lam_new = lam - jnp.einsum("im,im->m", y, residual)  # y^T P' x = 1
-    x_new = _vectors(m, d, k, lam_new, lam, x)
-    growth = _largest_real_part(m, d, k, growth)
+    lam_new = _newton(p, frozen, lam, x)
+    x_new = _vectors(*p, lam_new, lam, x)
+    (growth,) = _newton(p, frozen, *worst).real
     layout = system.layout
     shape = (full.expand @ x_new).T.reshape(count, layout.n, layout.dof)
     ux, uy = shape[..., 0], shape[..., 1]
-    p, q = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
-    growth = marked(system, growth)
-    return DampedModes(marked(system, lam_new), shape, (p - q) / (p + q), growth)
+    forward, back = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
+    whirl = (forward - back) / (forward + back)
+    return DampedModes(marked(system, lam_new), shape, whirl, marked(system, growth))
 
 
 def _spectrum(m, d, k):
-    """Oscillating eigenvalues by frequency with right vectors, and the least stable eigenvalue."""
+    """Oscillating eigenvalues by frequency, right vectors, and the least stable pair of these."""
     n = m.shape[0]
     # Coordinates of one size, and the shift as the unit of frequency.
     diag, moving = jnp.abs(jnp.diagonal(k)), jnp.diagonal(m)
@@ -204,7 +202,15 @@ def _spectrum(m, d, k):
     vectors = weight[:, None] * v[:n]
     right = vectors[:, order]
     right = right / jnp.take_along_axis(right, jnp.argmax(jnp.abs(right), 0)[None], 0)
-    return s * kept, right, (s * lam[worst], vectors[:, worst])
+    return s * kept, right, (s * lam[worst][None], vectors[:, worst, None])
+
+
+def _newton(p, frozen, lam, x):
+    """Eigenvalues after one step of Newton's method, which carries their derivatives."""
+    m, d, k = p
+    y = jax.lax.stop_gradient(_left(*frozen, lam, x))
+    residual = (m @ x) * lam**2 + (d @ x) * lam + k @ x
+    return lam - jnp.einsum("im,im->m", y, residual)  # y^T P' x = 1
 
 
 def _left(m, d, k, lam, x):
@@ -247,11 +253,3 @@ def _vectors(m, d, k, lam_new, lam, x):
         return x + jnp.where(alone, step, 0.0)
 
     return jax.lax.map(lambda a: one(*a), (lam_new, lam, x.T)).T
-
-
-def _largest_real_part(m, d, k, worst):
-    """Real part of the least stable eigenvalue, differentiable by its Newton step."""
-    lam, x = worst
-    y = jax.lax.stop_gradient(_left(m, d, k, lam[None], x[:, None])[:, 0])
-    residual = (m @ x) * lam**2 + (d @ x) * lam + k @ x
-    return (lam - y @ residual).real

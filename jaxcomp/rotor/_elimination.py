@@ -377,36 +377,32 @@ def _touched_numbers(layout):
 
 def _border_motion(layout, arms):
     """Touched border coordinates from the independent ones among them."""
-    numbers, dof = _touched_numbers(layout), layout.dof
-    count = len(numbers)
+    numbers = _touched_numbers(layout)
     free = layout.moving.reshape(-1)[numbers]
-    place = np.full(layout.n * dof, count)
-    place[numbers] = np.arange(count)
-    fixed = np.diag(layout.own.reshape(-1)[numbers] * 1.0).reshape(-1)
-    rows, columns = (place[at[:, None] * dof + np.arange(dof)] for at in layout.ties.nodes)
-    rows, columns = rows[:, :, None], columns[:, None, :]
-    at = np.where((rows == count) | (columns == count), count**2, rows * count + columns)
-    return add(jnp.asarray(fixed), at, arms).reshape(count, count)[:, free]
+    fixed = jnp.asarray(np.diag(layout.own.reshape(-1)[numbers] * 1.0))
+    return _scattered(layout, fixed, *layout.ties.nodes, arms)[:, free]
 
 
 def _links_and_bodies(layout, z):
     """Stiffness of links and bodies on the touched border coordinates."""
-    numbers, dof = _touched_numbers(layout), layout.dof
-    place = np.full((layout.n + 1) * dof, -1)
-    place[numbers] = np.arange(len(numbers))
-    count = len(z.system.model.links)
+    count, centres = len(z.system.model.links), layout.centres
     a, b = layout.links[:count].T
-    rows, columns = (
-        np.concatenate([a, b, a, b, layout.centres]),
-        np.concatenate([a, b, b, a, layout.centres]),
-    )
     links = z.links[:count]
     blocks = jnp.concatenate([links, links, -links, -links, z.bodies])
+    rows, columns = np.concatenate([a, b, a, b, centres]), np.concatenate([a, b, b, a, centres])
+    size = len(_touched_numbers(layout))
+    return _scattered(layout, jnp.zeros((size, size), complex), rows, columns, blocks)
+
+
+def _scattered(layout, matrix, rows, columns, blocks):
+    """A matrix over the touched border coordinates with blocks (., dof, dof) of nodes added to it."""
+    dof, size = layout.dof, len(matrix)
+    place = np.full((layout.n + 1) * dof, -1)
+    place[_touched_numbers(layout)] = np.arange(size)
     rows, columns = (place[at[:, None] * dof + np.arange(dof)] for at in (rows, columns))
     rows, columns = rows[:, :, None], columns[:, None, :]
-    at = np.where((rows < 0) | (columns < 0), len(numbers) ** 2, rows * len(numbers) + columns)
-    full = add(jnp.zeros(len(numbers) ** 2, complex), at, blocks)
-    return full.reshape(len(numbers), len(numbers))
+    at = np.where((rows < 0) | (columns < 0), size**2, rows * size + columns)
+    return add(matrix.reshape(-1), at, blocks).reshape(size, size)
 
 
 def _unlane(kept):

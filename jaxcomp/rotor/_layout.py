@@ -1,22 +1,29 @@
-r"""What of a model is known before any number: who is connected to whom.
+r"""What of a model is known before any number: who is connected to whom, and what follows what.
 
 The nodes are divided into *border* nodes (those with links, bodies or branches) and the rest, which
 form *segments*: runs of nodes that are coupled to their two neighbours only. Segments stand one
 after the other in the columns of an array as high as the longest of them; empty places hold the
 number of a dummy node.
+
+Nodes of rigid bodies follow their centres, x_k = A_k x_c. A pinned or clamped link adds one condition a
+coordinate, x_a = x_b or x_a = 0, which is solved for a coordinate that occurs in it with the factor one
+or minus one; that coordinate is put into all other relations and is gone. Everything is in the order of
+the planes of `_conventions`, where the numbers of a node are its coordinates.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from .._fields import BadInput
-from ._conventions import AXES, plane_numbers
+from ._bodies import RigidBody, arm_matrices
+from ._conventions import AXES, coordinates
 from ._model import RotorModel, node_names
 from ._shaft import Node
-from ._ties import Hold, Ties, find_ties
 
 if TYPE_CHECKING:
     from ._system import System
@@ -38,7 +45,6 @@ class Layout:
         centres: centre nodes of the bodies.
         slaved: (node, centre) of the nodes of bodies, in the order of the bodies.
         ties: coordinates that follow others: slaved nodes, and what held links hold.
-        own: (n, planes, 2) whether a coordinate follows nothing.
         active: (n, dof) whether a degree of freedom exists: its own, and not without any
             stiffness and inertia by construction.
         moving: (n, planes, 2) the same in the order of the planes.
@@ -62,8 +68,7 @@ class Layout:
     links: np.ndarray
     centres: np.ndarray
     slaved: tuple[tuple[int, int], ...]
-    ties: Ties
-    own: np.ndarray
+    ties: "Ties"
     active: np.ndarray
     moving: np.ndarray
     border: np.ndarray
@@ -81,6 +86,11 @@ class Layout:
 
     def __eq__(self, other):
         return isinstance(other, Layout) and self.key == other.key
+
+    @property
+    def own(self) -> np.ndarray:
+        """(n, planes, 2) Whether a coordinate follows nothing."""
+        return self.ties.own.reshape(self.n, -1, 2)
 
     @property
     def size(self) -> int:
@@ -113,80 +123,70 @@ def layout_of(model: "RotorModel | System") -> Layout:
 @lru_cache(maxsize=64)
 def _layout(key) -> Layout:
     names, dof, pairs, link_axes, bodies, disks, masses = key
-    n = len(names)
-    numbers, _ = plane_numbers(dof)
-    in_planes = numbers.reshape(-1)
+    n, (in_planes, _) = len(names), coordinates(dof)
+    place = {AXES[dof][axis]: at for at, axis in enumerate(in_planes)}
     touched, exists = np.zeros((2, n, dof), bool)
-    holds = []
+    holds: list[Hold] = []
     for link, (nodes, axes, held) in enumerate(link_axes):
-        places = [AXES[dof].index(a) for a in axes if a in AXES[dof]]
+        own = [place[axis] for axis in axes if axis in place]
         for node in set(nodes) - {n}:
-            touched[node, places] = True
-            exists[node, places] |= not held
+            touched[node, own] = True
+            exists[node, own] |= not held
         if held:
-            holds += [Hold(link, *nodes, int(np.argmax(in_planes == p))) for p in places]
+            holds += [Hold(link, *nodes, at) for at in own]
     slaved = tuple((k, c) for c, nodes in bodies for k in nodes)
     ties = find_ties(n, dof, slaved, tuple(holds))
-    own = np.zeros((n, dof), bool)
-    own[:, in_planes] = ties.own
-    for table in (touched, exists):
-        table[[k for body in slaved for k in body]] = True
-
+    centres = [c for c, _ in bodies]
     pulled = {node for nodes, axes, _ in link_axes if not axes for node in nodes} - {n}
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in pairs:
         neighbours[a].add(b)
         neighbours[b].add(a)
-    exists[[c for c, _ in bodies]] = touched[[c for c, _ in bodies]] = True
-    exists[list(pulled), :2] = True
-    exists[list(disks)] = True
+    rigid = [*centres, *(k for k, _ in slaved)]
+    touched[rigid] = True
+    exists[[*rigid, *disks]] = True
     exists[[i for i in range(n) if neighbours[i]]] = True
-    for i in masses:
-        exists[i, : 2 if dof == 4 else 3] = True
+    exists[list(pulled), 0] = exists[list(pulled), 2] = True  # ux and uy
+    exists[list(masses), ::2] = True  # displacements
     for hold in ties.holds:  # what follows gives its inertia and stiffness to what it follows
         joined = [i for i in (hold.first, hold.second) if i < n]
-        place = in_planes[hold.coordinate]
-        exists[joined, place] = exists[joined, place].any()
-    active = exists & own
+        exists[joined, hold.coordinate] = exists[joined, hold.coordinate].any()
+    active = exists & ties.own
     if not active.any():
         raise BadInput("model", "no degree of freedom", "something that can move")
 
     border = {i for i in range(n) if touched[i].any() or len(neighbours[i]) not in (1, 2)} | pulled
     runs = _runs(n, neighbours, border)
     order = sorted(border)
-    place = {node: k for k, node in enumerate(order)} | {None: len(order)}
+    at = {node: k for k, node in enumerate(order)} | {None: len(order)}
     segment, opening, last = _packed(n, runs)
-    ends = np.array([[place[a] for a, _, _ in runs], [place[b] for _, _, b in runs]], int).reshape(
-        2, len(runs)
-    )
+    ends = np.array([(at[a], at[b]) for a, _, b in runs], int).reshape(-1, 2).T
     left_of = np.full(segment.shape, len(order))
     for (left, run, _), (_, column) in zip(runs, last, strict=True):
         if left is not None:
-            left_of[np.isin(segment[:, column], run), column] = place[left]
-    slots = _slots(pairs, segment, runs, place)
-    loose = own & ~exists
+            left_of[np.isin(segment[:, column], run), column] = at[left]
+    by_plane = lambda table: table.reshape(len(table), -1, 2)  # noqa: E731
     return Layout(
-        key,
-        names,
-        n,
-        dof,
-        np.array(pairs, int).reshape(-1, 2),
-        np.array([nodes for nodes, _, _ in link_axes], int).reshape(-1, 2),
-        np.array([c for c, _ in bodies], int),
-        slaved,
-        ties,
-        own[:, numbers],
-        active,
-        active[:, numbers],
-        np.array(order, int),
-        touched[np.array(order, int)][:, numbers],
-        loose[np.array(order, int)][:, numbers],
-        segment,
-        opening,
-        left_of,
-        last.T,
-        ends,
-        slots,
+        key=key,
+        names=names,
+        n=n,
+        dof=dof,
+        pairs=np.array(pairs, int).reshape(-1, 2),
+        links=np.array([nodes for nodes, _, _ in link_axes], int).reshape(-1, 2),
+        centres=np.array(centres, int),
+        slaved=slaved,
+        ties=ties,
+        active=active[:, np.argsort(in_planes)],
+        moving=by_plane(active),
+        border=np.array(order, int),
+        touched=by_plane(touched[order]),
+        loose=by_plane((ties.own & ~exists)[order]),
+        segment=segment,
+        opening=opening,
+        left_of=left_of,
+        last=last.T,
+        ends=ends,
+        slots=_slots(pairs, segment, runs, at),
     )
 
 
@@ -265,3 +265,146 @@ def _slots(pairs, segment, runs, place):
             else:
                 out.append((RIGHT, 0, number[inner], int(inner == b)))
     return np.array(out, int).reshape(-1, 4)
+
+
+class Hold(NamedTuple):
+    """One condition of a held link, and the coordinate that it removes.
+
+    Attributes:
+        link: number of the link.
+        first: number of its first node.
+        second: that of its second node; the number of nodes for the ground.
+        coordinate: which of a node is held.
+        node: the node that loses a coordinate.
+        sign: of its motion in the condition.
+    """
+
+    link: int
+    first: int
+    second: int
+    coordinate: int
+    node: int = -1
+    sign: float = 0.0
+
+
+class Ties(NamedTuple):
+    """Relations between coordinates as far as they are known before any number.
+
+    Attributes:
+        nodes: (2, t) nodes that follow, and those that they follow; one pair an entry.
+        own: (n, dof) coordinates that follow nothing.
+        holds: conditions of held links.
+    """
+
+    nodes: np.ndarray
+    own: np.ndarray
+    holds: tuple[Hold, ...]
+
+
+def body_arms(bodies: tuple[RigidBody, ...], dof: int) -> Float[Array, "slaved dof dof"]:
+    """Motion of the nodes of all bodies from that of their centres."""
+    arms = [arm_matrices(body.arm, dof) for body in bodies]
+    return jnp.concatenate([jnp.zeros((0, dof, dof)), *arms])
+
+
+def find_ties(n: int, dof: int, slaved: tuple, holds: tuple[Hold, ...]) -> Ties:
+    """The relations of a model of n nodes, from conditions that do not say yet what they remove.
+
+    Raises:
+        BadInput: a condition that the others imply, or that would have to be solved for a rotation.
+    """
+    # Arms of no particular place, so that what is zero or one is so for all of them.
+    places = np.random.default_rng(3).uniform(1.0, 2.0, (len(slaved), 3))
+    arms = arm_matrices(places, dof)
+    relations, holds, own = _solved(n, dof, slaved, arms, holds)
+    pairs = [
+        (node, master)
+        for node, row in relations.items()
+        for master, matrix in row.items()
+        if (matrix * ~own[node][:, None]).any()
+    ]
+    return Ties(np.array(pairs, int).reshape(-1, 2).T, own, holds)
+
+
+def tie_matrices(
+    ties: Ties, slaved: tuple, arms: Float[Array, "slaved dof dof"]
+) -> Float[Array, "t dof dof"]:
+    """Motion of following nodes for the entries of `Ties.nodes`, from the arms of the bodies."""
+    if not ties.holds:
+        return arms
+    n, dof = ties.own.shape
+    relations, _, own = _solved(n, dof, slaved, arms, ties.holds)
+    rows = [relations[a][b] * ~own[a][:, None] for a, b in ties.nodes.T]
+    return jnp.stack([jnp.zeros((dof, dof)), *rows])[1:]
+
+
+def reaction_matrix(
+    ties: Ties, slaved: tuple, arms: Float[Array, "slaved dof dof"]
+) -> Float[Array, "h h"]:
+    """Force of each condition on the second node, from the forces left on the lost coordinates.
+
+    The forces are those on free nodes and centres of bodies.
+    """
+    of = {node: (centre, arm) for (node, centre), arm in zip(slaved, arms, strict=True)}
+    eye = np.eye(ties.own.shape[1])
+    table = []
+    for hold in ties.holds:
+        row = []
+        for other in ties.holds:
+            entry = 0.0
+            for node, sign in ((hold.first, 1.0), (hold.second, -1.0)):
+                centre, arm = of.get(node, (node, eye))
+                if centre == other.node:
+                    entry += sign * arm[hold.coordinate, other.coordinate]
+            row.append(jnp.asarray(entry))
+        table.append(jnp.stack(row))
+    return jnp.linalg.inv(jnp.stack(table)).T
+
+
+def _solved(n, dof, slaved, arms, holds):
+    """Relations {node: {node: matrix}} of all that does not move by itself, complete holds, `own`."""
+    eye = np.eye(dof)
+    relations: dict = {
+        node: {centre: arm} for (node, centre), arm in zip(slaved, arms, strict=True)
+    }
+    own = np.ones((n, dof), bool)
+    own[[node for node, _ in slaved]] = False
+    centres, done = {centre for _, centre in slaved}, []
+    for hold in holds:
+        gap: dict = {}
+        for node, sign in ((hold.first, 1.0), (hold.second, -1.0)):
+            for master, matrix in relations.get(node, {node: eye}).items() if node < n else ():
+                gap[master] = gap.get(master, 0.0) + sign * matrix[hold.coordinate]
+        if hold.node < 0:
+            hold = _with_lost(hold, gap, own, centres)
+        node, lost = hold.node, hold.coordinate
+        others = eye[lost] == 0
+        rest = {master: -hold.sign * row for master, row in gap.items()}
+        rest[node] = rest[node] * others
+        own[node, lost] = False
+        relations.setdefault(node, {node: eye})
+        for row in relations.values():
+            if node not in row:
+                continue
+            column = row[node][:, lost]
+            if isinstance(column, np.ndarray) and not column.any():
+                continue
+            row[node] = row[node] * others
+            for master, part in rest.items():
+                row[master] = row.get(master, 0.0) + column[:, None] * part
+        done.append(hold)
+    return relations, tuple(done), own
+
+
+def _with_lost(hold: Hold, gap, own, centres) -> Hold:
+    """The coordinate that a condition removes: of a node by itself rather than of a body."""
+    at = hold.coordinate
+    unit = [n for n, row in gap.items() if own[n, at] and abs(abs(row[at]) - 1) < 1e-12]
+    if not unit:
+        bound = (
+            "a condition that nothing else holds yet: not a second pin of the same node, nor one "
+        )
+        bound += "of a rigid body that is pinned elsewhere (clamp it once, or use a mount)"
+        raise BadInput(f"links.{hold.link}", "held", bound)
+    node = min(unit, key=lambda node: node in centres)
+    return hold._replace(node=node, sign=float(np.sign(gap[node][at])))

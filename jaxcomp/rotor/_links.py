@@ -5,19 +5,30 @@ K(W) d + C(W) d' on node b (and its opposite on node a). The law behind K and C 
 
     coefficients(spin_speed) -> (K, C)
 
-of shape (n_axes, n_axes), and if it likes the number of axes as `size`: the laws of this module, or
-the films of `_film_laws`. They are K_B, C_B, K_S, C_S and K_SP in Eq. (1) of Levecque et al.
-(2011), cited in full in `machines/hermetic-68cc.toml`. A link may also be `Pinned` or `Clamped`: then
-it has no law, d is zero, and the freedoms that it holds are not in the equations.
+of shape (n_axes, n_axes), and if it likes the number of axes as `size`. They are K_B, C_B, K_S, C_S and
+K_SP in Eq. (1) of Levecque et al. (2011), cited in full in `machines/hermetic-68cc.toml`. The film of a
+journal bearing is linearised at its static load, or by means over a revolution along the orbit that the
+journal has in the crank's periodic state (Eqs. (6) and (7) there, whose number is Someya's with the
+speed in rev/s). A link may also be `Pinned` or `Clamped`: then it has no law, d is zero, and the
+freedoms that it holds are not in the equations.
 """
 
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import POSITIVE, BadInput, Part, is_traced, quantity
+from ..film import (
+    AbstractSolvedFilm,
+    DynamicCoefficients,
+    JournalBearing,
+    NamedBearing,
+    OrbitBearing,
+    stiffness_damping,
+)
 from ._conventions import SPACE_AXES, check_axes
 from ._shaft import Node
 
@@ -102,14 +113,9 @@ class Mount(Part):
     def coefficients(self, spin_speed):
         """The two matrices."""
         del spin_speed
-        none = jnp.zeros(0)
-        return tuple(
-            jnp.diag(jnp.concatenate([line, none if angular is None else angular]))
-            for line, angular in (
-                (self.stiffness, self.angular_stiffness),
-                (self.damping, self.angular_damping),
-            )
-        )
+        pairs = (self.stiffness, self.angular_stiffness), (self.damping, self.angular_damping)
+        both = ([own for own in pair if own is not None] for pair in pairs)
+        return tuple(jnp.diag(jnp.concatenate(own)) for own in both)
 
 
 class SpeedTable(Part):
@@ -196,7 +202,7 @@ class Link(Part):
     axes: tuple[str, ...] = eqx.field(static=True, default=_RADIAL)
 
     def __post_init__(self):
-        self.nodes = grounded(self.nodes)
+        self.nodes = _grounded(self.nodes)
         if isinstance(self.law, Clamped):
             if self.axes not in (_RADIAL, SPACE_AXES):
                 bound = "left out beside a clamped link, which holds all (pin single ones)"
@@ -235,16 +241,16 @@ class MagneticPull(Part):
     share: Array | None = quantity("", POSITIVE, shape=(None,), default=None)
 
     def __post_init__(self):
-        self.nodes = tuple(grounded(pair) for pair in self.nodes)
+        self.nodes = tuple(_grounded(pair) for pair in self.nodes)
 
     def __check_init__(self):
-        n = len(self.nodes)
-        if self.share is not None:
-            if self.share.shape != (n,):
-                raise BadInput("share", self.share, f"one value for each of {n} pairs")
-            total = jnp.sum(self.share)
-            if not is_traced(total) and abs(float(total) - 1) > 1e-9:
-                raise BadInput("share", self.share, "parts that add up to 1")
+        n, share = len(self.nodes), self.share
+        if share is None:
+            return
+        if share.shape != (n,):
+            raise BadInput("share", share, f"one value for each of {n} pairs")
+        if not is_traced(share) and abs(float(jnp.sum(share)) - 1) > 1e-9:
+            raise BadInput("share", share, "parts that add up to 1")
 
 
 def _check_square(law) -> None:
@@ -255,7 +261,7 @@ def _check_square(law) -> None:
             raise BadInput(name, f"of shape {shape}", bound)
 
 
-def grounded(nodes: tuple) -> Any:
+def _grounded(nodes: tuple) -> Any:
     """A pair of nodes with `None` for the word "ground"."""
     return tuple(None if node == GROUND else node for node in nodes)
 
@@ -279,8 +285,7 @@ def diagonal(stiffness, damping) -> ConstantLaw:
 def magnetic_pull_stiffness(pull: MagneticPull) -> Float[Array, " n"]:
     """[N/m] Negative radial stiffness of each pair."""
     n = len(pull.nodes)
-    share = jnp.full(n, 1 / n) if pull.share is None else pull.share
-    return -pull.stiffness * share
+    return -pull.stiffness * (jnp.full(n, 1 / n) if pull.share is None else pull.share)
 
 
 def _through_points(x, y, at, kind):
@@ -307,3 +312,82 @@ def _monotone_slopes(x, y):
     low, high = jnp.where(same, d[:-1], 1.0), jnp.where(same, d[1:], 1.0)
     inner = jnp.where(same, (w1 + w2) / (w1 / low + w2 / high), 0.0)
     return jnp.concatenate([d[:1], inner, d[-1:]])
+
+
+class LoadedFilm(Part):
+    """The film of a bearing, linearised; see `jaxcomp.film.stiffness_damping`.
+
+    Args:
+        bearing: the bearing, or the name of one of the machine. One whose journal moves in its film is
+            taken as the same bearing under a steady load.
+        load: [N] (2,) static load on the journal along x and y, or (m, 2) at the speeds of `speed`;
+            absent: from the crank's periodic state and the statics of the shaft, at every speed.
+        speed: [rad/s] (m,) increasing spin speeds of a table of loads, which is interpolated linearly
+            and held beyond its ends.
+        linearised: where stiffness and damping are taken: at the "mean_load", or as their means over a
+            revolution along the "orbit" of the journal, which the crank's periodic state gives.
+        name: of the bearing in the results of the crank; by default its own.
+
+    Raises:
+        BadInput: a film model without stiffness and damping, loads that do not fit the speeds, or a
+            load beside "orbit".
+    """
+
+    kind: ClassVar[str] = "film"
+    size: ClassVar[int] = 2
+
+    bearing: JournalBearing | OrbitBearing | NamedBearing
+    load: Array | None = quantity(
+        "N",
+        shape=(...,),
+        default=None,
+        doc="static, on the journal, along x and y; absent: from the crank's periodic state",
+    )
+    speed: Array | None = quantity(
+        "rad/s", shape=(None,), default=None, doc="of the rows of a table of loads"
+    )
+    linearised: Literal["mean_load", "orbit"] = eqx.field(static=True, default="mean_load")
+    name: str | None = eqx.field(static=True, default=None)
+
+    def __post_init__(self):
+        # at the mean load the name stays out, so that films of one kind are traced once
+        if self.linearised == "orbit" and isinstance(self.bearing, NamedBearing):
+            self.name = self.name or self.bearing.name
+
+    def __check_init__(self):
+        if isinstance(self.bearing, JournalBearing) and not issubclass(
+            self.bearing.model, AbstractSolvedFilm
+        ):
+            raise BadInput("bearing.film", self.bearing.film, "a film with stiffness and damping")
+        wanted = (2,) if self.speed is None else (*self.speed.shape, 2)
+        if self.load is not None and self.load.shape != wanted:
+            raise BadInput("load", self.load, f"of shape {wanted}")
+        if self.linearised not in ("mean_load", "orbit"):
+            raise BadInput("linearised", self.linearised, '"mean_load" or "orbit"')
+        if self.linearised == "orbit" and self.load is not None:
+            raise BadInput("load", self.load, 'absent beside linearised = "orbit"')
+
+    def coefficients(self, spin_speed):
+        """Stiffness and damping of the film at a spin speed.
+
+        Raises:
+            BadInput: a bearing or load that only the whole machine knows.
+        """
+        if self.load is None or isinstance(self.bearing, NamedBearing):
+            what = "bearing" if isinstance(self.bearing, NamedBearing) else "load"
+            raise BadInput(what, "open", "resolved by its machine, see `jaxcomp.Machine`")
+        load = self.load
+        if self.speed is not None:
+            at = jnp.abs(spin_speed)
+            load = jax.vmap(lambda column: jnp.interp(at, self.speed, column), -1)(load)
+        return tuple(steady_coefficients(self.bearing, load, spin_speed))
+
+
+def steady_coefficients(
+    bearing: JournalBearing | OrbitBearing, load: Float[Array, "2"], speed: Float[Array, ""]
+) -> DynamicCoefficients:
+    """Stiffness [N/m] and damping [N s/m] of a bearing under a steady load [N] at a speed [rad/s]."""
+    if isinstance(bearing, JournalBearing):
+        return stiffness_damping(bearing, load, speed)
+    land = stiffness_damping(bearing.steady, load / bearing.lands, speed)
+    return DynamicCoefficients(*(bearing.lands * value for value in land))

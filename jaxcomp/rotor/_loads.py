@@ -10,7 +10,7 @@ from jaxtyping import Array, Complex, Float
 from .._fields import NONNEGATIVE, BadInput, Part, quantity, spread_columns
 from ._conventions import AXES, SPACE_AXES, from_planes, to_planes
 from ._layout import layout_of
-from ._model import RotorModel, check_node, node_index, rotor_among
+from ._model import RotorModel, check_nodes, node_index, rotor_among
 from ._shaft import Node
 from ._system import System, bare, collect
 
@@ -145,19 +145,13 @@ class LoadCase(Part):
             BadInput: a node that the rotor does not have.
         """
         model = rotor_among(parts)
-        for number, table in enumerate(self.unbalances):
-            for node in table.nodes:
-                check_node(model, node, f"unbalances.{number}.nodes")
-        for number, force in enumerate(self.forces):
-            for field in ("node", "reaction"):
-                node = getattr(force, field)
-                if node is not None:
-                    check_node(model, node, f"forces.{number}.{field}")
-        for field in ("pin", "head", "wall", "rotor", "stator") if self.crank else ():
-            nodes = getattr(self.crank, field)
-            for node in nodes if isinstance(nodes, tuple) else (nodes,):
-                if node is not None:
-                    check_node(model, node, f"crank.{field}")
+        held = [(f"unbalances.{i}.nodes", table.nodes) for i, table in enumerate(self.unbalances)]
+        for i, force in enumerate(self.forces):
+            held += [(f"forces.{i}.{name}", getattr(force, name)) for name in ("node", "reaction")]
+        for name in ("pin", "head", "wall", "rotor", "stator") if self.crank else ():
+            held.append((f"crank.{name}", getattr(self.crank, name)))
+        for field, nodes in held:
+            check_nodes(model, nodes, field)
 
 
 Loads = tuple[Unbalances | PeriodicForce, ...]
@@ -183,9 +177,9 @@ def load_vector(
     for load in loads:
         if isinstance(load, Unbalances):
             if order == 1:
-                f = f + _unbalance(model, load, spin_speed)
+                f = _with_unbalance(f, model, load, spin_speed)
         elif order in load.orders:
-            f = f + _periodic(model, load, order)
+            f = _with_force(f, model, load, order)
     return f
 
 
@@ -204,34 +198,28 @@ def nodal_load(
     return jnp.zeros((layout_of(model).n, model.dof), complex).at[at].set(value)
 
 
-def _unbalance(model, load, spin_speed):
+def _with_unbalance(f, model, load, spin_speed):
     at = np.array([node_index(model, node) for node in load.nodes], int)
     x = load.magnitude * spin_speed**2 * jnp.exp(1j * load.phase)
-    f = jnp.zeros((layout_of(model).n, model.dof), complex)
     return f.at[at, 0].add(x).at[at, 1].add(-1j * x)
 
 
-def _periodic(model, load, order):
+def _with_force(f, model, load, order):
     row = load.orders.index(order)
-    wrench = jnp.concatenate(
-        [
-            _amplitude(load.cosine, load.sine, row),
-            _amplitude(load.moment_cosine, load.moment_sine, row),
-        ]
-    )
+
+    def amplitude(*tables):
+        a, b = (jnp.zeros(3) if table is None else table[row] for table in tables)
+        return a - 1j * b
+
+    force = amplitude(load.cosine, load.sine)
+    wrench = jnp.concatenate([force, amplitude(load.moment_cosine, load.moment_sine)])
     own = np.array([SPACE_AXES.index(a) for a in AXES[model.dof]])
-    f = jnp.zeros((layout_of(model).n, model.dof), complex)
     f = f.at[node_index(model, load.node)].add(wrench[own])
     if load.reaction is None:
         return f
     if load.arm is not None:
-        wrench = wrench.at[3:].add(jnp.cross(load.arm.astype(complex), wrench[:3]))
+        wrench = wrench.at[3:].add(jnp.cross(load.arm.astype(complex), force))
     return f.at[node_index(model, load.reaction)].add(-wrench[own])
-
-
-def _amplitude(cosine, sine, row):
-    a, b = (jnp.zeros(3) if table is None else table[row] for table in (cosine, sine))
-    return a - 1j * b
 
 
 def total_load(

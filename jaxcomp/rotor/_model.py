@@ -1,16 +1,15 @@
-r"""The model: tables of elements over named nodes."""
+r"""The model: tables of elements over named nodes, where these are, and the planes of a balance."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Array
 
-from .._fields import BadInput, Part, is_traced
+from .._fields import NONNEGATIVE, POSITIVE, BadInput, Part, is_traced, quantity
 from .._words import hint
-from ._bodies import RigidBody
-from ._conventions import AXES
-from ._damping import ModalDamping, ProportionalDamping
-from ._inertia import Disks, PointMasses
+from ._bodies import Disks, ModalDamping, PointMasses, ProportionalDamping, RigidBody
+from ._conventions import AXES, check_axes
 from ._links import Link, MagneticPull
 from ._shaft import Node, ShaftElements
 
@@ -78,28 +77,24 @@ class RotorModel(Part):
 
     def _check_joined(self):
         """A node that stands in one place only is most likely a slip of the pen."""
-        shafts = {node for shaft in self.shafts for pair in shaft.pairs for node in pair}
-        bodies = {node for body in self.bodies for node in (body.centre, *body.nodes)}
-        inertias = {n for table in (*self.disks, *self.masses) for n in table.nodes}
-        ends = [n for link in self.links for n in link.nodes]
-        ends += [n for pull in self.magnetic_pulls for pair in pull.nodes for n in pair]
-        for name in ("disks", "masses"):
-            for number, table in enumerate(getattr(self, name)):
-                for node in set(table.nodes) - shafts - bodies - set(ends):
-                    raise BadInput(
-                        f"{name}.{number}.nodes", node, "a node of a shaft, link or body"
-                    )
-        held = shafts | bodies | inertias | {None}
-        for number, link in enumerate(self.links):
-            for node in set(link.nodes) - held:
-                if ends.count(node) == 1:
-                    bound = "a node of a shaft, disk, mass, body or another link"
-                    raise BadInput(f"links.{number}.nodes", node, bound)
-        for number, pull in enumerate(self.magnetic_pulls):
-            for node in {n for pair in pull.nodes for n in pair} - held:
-                if ends.count(node) == 1:
-                    bound = "a node of a shaft, disk, mass, body or link"
-                    raise BadInput(f"magnetic_pulls.{number}.nodes", node, bound)
+
+        def nodes(*fields):
+            return [n for name in fields for part in getattr(self, name) for n in nodes_of(part)]
+
+        solid, inertias = {*nodes("shafts", "bodies"), None}, {*nodes("disks", "masses")}
+        ends = nodes("links", "magnetic_pulls")
+        loose = inertias - solid - {*ends}
+        hanging = {node for node in ends if ends.count(node) == 1} - solid - inertias
+        for name, alone, others in (
+            ("disks", loose, "shaft, link or body"),
+            ("masses", loose, "shaft, link or body"),
+            ("links", hanging, "shaft, disk, mass, body or another link"),
+            ("magnetic_pulls", hanging, "shaft, disk, mass, body or link"),
+        ):
+            for number, part in enumerate(getattr(self, name)):
+                for node in nodes_of(part):
+                    if node in alone:
+                        raise BadInput(f"{name}.{number}.nodes", node, f"a node of a {others}")
 
     def _check_lengths(self):
         """Elements between the same two nodes have one length, and one direction."""
@@ -133,15 +128,18 @@ def node_index(model: "RotorModel | System", node: Node) -> int:
     return names.index(node)
 
 
-def check_node(model: RotorModel, node: Node, field: str) -> None:
+def check_nodes(
+    model: RotorModel, nodes: Node | tuple[Node | None, ...] | None, field: str
+) -> None:
     """Refuse a node that the model does not have, under the name of the field that holds it.
 
     Raises:
         BadInput: there is no such node.
     """
-    if node not in node_names(model):
-        names = node_names(model)
-        raise BadInput(field, node, f"a node of the rotor, one of {names}{hint(node, names)}")
+    names = node_names(model)
+    for node in nodes if isinstance(nodes, tuple) else (nodes,):
+        if node is not None and node not in names:
+            raise BadInput(field, node, f"a node of the rotor, one of {names}{hint(node, names)}")
 
 
 def rotor_among(parts) -> RotorModel:
@@ -156,19 +154,150 @@ def rotor_among(parts) -> RotorModel:
     return model
 
 
+def nodes_of(part) -> list[Any]:
+    """The nodes of one table, body or link, `None` for the ground."""
+    own = [n for entry in part.nodes for n in (entry if isinstance(entry, tuple) else (entry,))]
+    return [part.centre, *own] if isinstance(part, RigidBody) else own
+
+
 def _mentioned(model: RotorModel) -> tuple[Node, ...]:
-    seen: dict[Node, None] = {}
+    tables = (*model.shafts, *model.disks, *model.masses)
+    parts = (*tables, *model.links, *model.magnetic_pulls, *model.bodies)
+    return tuple(dict.fromkeys(n for part in parts for n in nodes_of(part) if n is not None))
+
+
+def node_positions(model: RotorModel) -> dict[Node, np.ndarray]:
+    """[m] (x, y, z) of every node, the first node of the first shaft (or body) at the origin.
+
+    Elements lead along z and arms from the centres of bodies; the two nodes of a link are in one
+    place. What nothing joins begins at the origin again. The numbers have to be concrete.
+    """
+    joints: list = []
     for shaft in model.shafts:
-        for pair in shaft.pairs:
-            seen.update(dict.fromkeys(pair))
-    for table in (*model.disks, *model.masses):
-        seen.update(dict.fromkeys(table.nodes))
-    for link in model.links:
-        seen.update(dict.fromkeys(link.nodes))
-    for pull in model.magnetic_pulls:
-        for pair in pull.nodes:
-            seen.update(dict.fromkeys(pair))
+        lengths = np.asarray(shaft.length)[:, None] * [0.0, 0.0, 1.0]
+        joints += zip(shaft.pairs, lengths, strict=True)
     for body in model.bodies:
-        seen.update(dict.fromkeys((body.centre, *body.nodes)))
-    seen.pop(None, None)
-    return tuple(seen)
+        pairs = [(body.centre, node) for node in body.nodes]
+        joints += zip(pairs, np.asarray(body.arm), strict=True)
+    pairs = [link.nodes for link in model.links]
+    pairs += [pair for pull in model.magnetic_pulls for pair in pull.nodes]
+    joints += [(pair, np.zeros(3)) for pair in pairs if pair[1] is not None]
+    return {node: at for group in _joined(model, joints) for node, at in group.items()}
+
+
+def subsets(model: RotorModel) -> tuple[tuple[Node, ...], ...]:
+    """Nodes that shafts or bodies hold together, such as rotor, crankcase and housing."""
+    joints = [(pair, 0.0) for shaft in model.shafts for pair in shaft.pairs]
+    joints += [((body.centre, node), 0.0) for body in model.bodies for node in body.nodes]
+    names = node_names(model)
+    return tuple(tuple(n for n in names if n in group) for group in _joined(model, joints))
+
+
+def _joined(model: RotorModel, joints) -> list[dict[Node, np.ndarray]]:
+    """Groups of nodes that joints (pair of nodes, step between them) hold together, with places."""
+    steps: dict[Node, list] = {node: [] for node in node_names(model)}
+    for (a, b), step in joints:
+        steps[a].append((b, step))
+        steps[b].append((a, -step))
+    groups: list[dict[Node, np.ndarray]] = []
+    for start in steps:
+        if any(start in group for group in groups):
+            continue
+        places, waiting = {start: np.zeros(3)}, [start]
+        while waiting:
+            here = waiting.pop(0)
+            for there, step in steps[here]:
+                if there not in places:
+                    places[there] = places[here] + step
+                    waiting.append(there)
+        groups.append(places)
+    return groups
+
+
+def subset_names(model: RotorModel) -> tuple[str, ...]:
+    """Words for the subsets: the centre of a body, "rotor" for what spins, else the first node."""
+    spinning = {n for shaft in model.shafts if shaft.spins for n in nodes_of(shaft)}
+    centres = [body.centre for body in model.bodies]
+    names = []
+    for group in subsets(model):
+        own = [str(c) for c in centres if c in group]
+        name = own[0] if own else ("rotor" if spinning & set(group) else f"line of {group[0]}")
+        names.append(name if name not in names else f"{name} of {group[0]}")
+    return tuple(names)
+
+
+class CorrectionPlane(Part):
+    """A plane of the rotor that takes correction masses.
+
+    Args:
+        name: of the plane.
+        node: of the rotor.
+        radius: [m] at which a mass is fixed; absent where only mass times radius is asked for.
+    """
+
+    name: str = eqx.field(static=True)
+    node: Node = eqx.field(static=True)
+    radius: Array | None = quantity("m", POSITIVE, default=None)
+
+
+class TargetPlane(Part):
+    """A node whose vibration counts.
+
+    Args:
+        name: of the plane.
+        node: of any subset.
+        axes: directions in which its motion is judged.
+        relative_to: node from which the motion is seen, for example across an air gap; absent for
+            the absolute motion.
+        weight: [-] of this target among the others.
+    """
+
+    name: str = eqx.field(static=True)
+    node: Node = eqx.field(static=True)
+    axes: tuple[str, ...] = eqx.field(static=True, default=("ux", "uy"))
+    relative_to: Node | None = eqx.field(static=True, default=None)
+    weight: Array = quantity("", NONNEGATIVE, default=1.0)
+
+    def __check_init__(self):
+        check_axes(self.axes)
+
+
+class BalancingPlanes(Part):
+    """Correction and target planes of a machine.
+
+    Args:
+        planes: where masses can be added.
+        targets: where vibration is judged.
+        speeds: [rad/s] (m,) at which the machine runs.
+
+    Raises:
+        BadInput: no plane or no target, or two of one name.
+    """
+
+    planes: tuple[CorrectionPlane, ...]
+    targets: tuple[TargetPlane, ...]
+    speeds: Array = quantity("rad/s", POSITIVE, shape=(None,))
+
+    def __check_init__(self):
+        for what in ("planes", "targets"):
+            names = [one.name for one in getattr(self, what)]
+            if not names:
+                raise BadInput(what, "empty", f"at least one of the {what}")
+            if len(set(names)) != len(names):
+                raise BadInput(what, str(names), "of different names")
+
+    def check_beside(self, parts) -> None:
+        """Whether the rotor of the same file has the nodes and axes.
+
+        Raises:
+            BadInput: naming the plane, and the nodes or axes that exist.
+        """
+        model = rotor_among(parts)
+        for number, plane in enumerate(self.planes):
+            check_nodes(model, plane.node, f"planes.{number}.node")
+        for number, target in enumerate(self.targets):
+            check_nodes(model, target.node, f"targets.{number}.node")
+            check_nodes(model, target.relative_to, f"targets.{number}.relative_to")
+            if not set(target.axes) <= set(AXES[model.dof]):
+                bound = f"out of {AXES[model.dof]} with {model.dof} degrees of freedom"
+                raise BadInput(f"targets.{number}.axes", str(target.axes), bound)

@@ -1,21 +1,193 @@
-r"""Undamped modes: natural frequencies and deflection shapes without damping and spin."""
+r"""Full matrices of a model and their symmetric eigenproblems.
+
+Undamped modes without spin, their derivatives, also of repeated eigenvalues, and the static limit of
+the magnetic pull.
+"""
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, admissible
 from .._results import Data, Result
-from ._conventions import AXES, to_planes
-from ._eigen import pencil
+from ._conventions import AXES, add, from_planes, to_planes
 from ._layout import layout_of
-from ._matrices import matrices
 from ._model import RotorModel
-from ._system import Operator, System, add_links, bare, elastic_force, marked, operator_at, released
+from ._system import (
+    Operator,
+    System,
+    add_links,
+    bare,
+    elastic_force,
+    follow,
+    link_matrices,
+    marked,
+    operator_at,
+    released,
+)
+
+
+class Matrices(NamedTuple):
+    """Full matrices over the active degrees of freedom, and their motion from those.
+
+    Attributes:
+        mass: [kg, kg m, kg m2] (a, a)
+        damping: [N s/m] (a, a), [N s] and [N m s] where rotations enter; without the gyroscopic part.
+        gyroscopic: [kg m2] (a, a), to be multiplied by the spin speed.
+        stiffness: [N/m] (a, a), [N] and [N m] where rotations enter; links included.
+        expand: [-, m] (n * dof, a) motion of all nodes from the active degrees of freedom.
+    """
+
+    mass: Array
+    damping: Array
+    gyroscopic: Array
+    stiffness: Array
+    expand: Array
+
+
+def matrices(
+    model: RotorModel | System, spin_speed: Float[Array, ""] = 0.0, *, with_links: bool = True
+) -> Matrices:
+    """Full matrices of a model at a spin speed [rad/s], without modal damping.
+
+    Args:
+        model: the model, or the `System` prepared from it.
+        spin_speed: [rad/s] at which the links are evaluated.
+        with_links: false leaves out bearings, mounts, pins and magnetic pull (free-free).
+    """
+    model = model if with_links else released(model)
+    return _matrices(model, jnp.asarray(spin_speed, float), with_links)
+
+
+@eqx.filter_jit
+def _matrices(model, spin_speed, with_links) -> Matrices:
+    system = bare(model)
+    layout = system.layout
+    n, dof, (i, j), terms = layout.n, layout.dof, layout.pairs.T, system.inertia.shape[-1]
+    ends = system.elements.reshape(-1, 2, 2, 2, 2, terms)
+    blocks = jnp.moveaxis(ends, 3, 2).reshape(-1, 2, 2, terms)  # four an element
+    own = np.arange(n) * (n + 1)
+    at = np.stack([i * n + i, i * n + j, j * n + i, j * n + j], -1).reshape(-1)
+    blocks = add(jnp.zeros((n * n, 2, 2, terms)), at, blocks)
+    blocks = add(blocks, own, system.inertia).reshape(n, n, 2, 2, terms)
+    planes = _PLANES[:terms, : dof // 2, : dof // 2]
+    k, m, g = (
+        jnp.einsum("nmijq,qab->nmaibj", blocks[..., q], planes[q]).reshape(n, n, dof, dof)
+        for q in (_STIFFNESS[: terms // 2], _INERTIA[: terms // 2], _POLAR)
+    )
+    bodies = layout.centres
+    m, g = (x.at[bodies, bodies].add(system.bodies[:, q]) for q, x in enumerate((m, g)))
+    alpha, beta = (0.0, 0.0) if system.damping is None else system.damping
+    c = alpha * m + beta * k
+    if with_links:
+        a, b = layout.links.T
+        links = jnp.stack(link_matrices(system, spin_speed))
+        rows, columns = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
+        links = jnp.concatenate([links, links, -links, -links], 1)
+        k, c = (x.at[rows, columns].add(y, mode="drop") for x, y in zip((k, c), links, strict=True))
+    units = np.eye(n * dof)[layout.active.reshape(-1)].reshape(-1, n, dof)
+    motion = jax.vmap(lambda x: follow(system, to_planes(x, dof)))(jnp.asarray(units))
+    expand = motion.reshape(len(units), -1).T
+    square = lambda x: x.swapaxes(1, 2).reshape(n * dof, n * dof)  # noqa: E731
+    reduced = (expand.T @ square(matrix) @ expand for matrix in (m, c, g, k))
+    full = jax.vmap(lambda x: from_planes(x, dof))(motion).reshape(len(units), -1).T
+    return Matrices(*reduced, full)
+
+
+# Which planes the terms of a `System` belong to; the polar inertia couples x and y.
+_PLANES = np.zeros((5, 3, 3))
+_PLANES[:2, :2, :2] = np.eye(2)
+_PLANES[2, 0, 1], _PLANES[2, 1, 0] = 1.0, -1.0
+_PLANES[3:, 2, 2] = 1.0
+_STIFFNESS, _INERTIA, _POLAR = np.array([0, 3]), np.array([1, 4]), np.array([2])
+
+
+# Eigenvalues closer than this, relative to the largest, count as one. It lies well above the
+# rounding of `eigh` (some n eps) and far below any split that a table of frequencies would show.
+CLUSTER = 1e-11
+
+
+@jax.custom_jvp
+def eigh(a: Float[Array, "n n"]) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    r"""Eigenvalues (ascending) and orthonormal eigenvectors of a symmetric matrix.
+
+    Derivatives: d lambda_i = v_i^T dA v_i, and dv_i = sum_j v_j (v_j^T dA v_i)/(lambda_i -
+    lambda_j) over the j outside the cluster of i. That is exact for everything that does not depend
+    on the choice of a basis inside a cluster: sums over it, its subspace, and each of its
+    eigenvalues as long as they stay equal. For the split of a pair along one direction use
+    `mode_derivatives`.
+    """
+    return tuple(jnp.linalg.eigh(a, symmetrize_input=False))
+
+
+@eigh.defjvp
+def _eigh_jvp(primals, tangents):
+    (a,), (da,) = primals, tangents
+    values, vectors = eigh(a)
+    gap = values[None, :] - values[:, None]
+    same = jnp.abs(gap) <= CLUSTER * jnp.max(jnp.abs(values))
+    inner = vectors.conj().T @ da @ vectors
+    turn = jnp.select([~same], [inner / jnp.where(same, 1.0, gap)])
+    return (values, vectors), (jnp.diagonal(inner).real, vectors @ turn)
+
+
+def definite_pencil(
+    k: Float[Array, "n n"], m: Float[Array, "n n"]
+) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    """Solve M x = mu K x with M and K Hermitian and K positive definite.
+
+    Returns:
+        mu in ascending order, and vectors (columns) with x^H K x = 1; NaN if K is not definite.
+    """
+    matrix, weight = _scaled(k)
+    lower = jnp.linalg.cholesky(matrix).astype(m.dtype)
+    half = jax.scipy.linalg.solve_triangular(lower, weight[:, None] * m * weight, lower=True)
+    a = jax.scipy.linalg.solve_triangular(lower, half.conj().T, lower=True)
+    mu, v = eigh((a + a.conj().T) / 2)
+    return mu, weight[:, None] * jax.scipy.linalg.solve_triangular(lower, v, lower=True, trans=2)
+
+
+def pencil(
+    k: Float[Array, "n n"], m: Float[Array, "n n"]
+) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    r"""Solve K x = lambda M x with M and K symmetric, both allowed to be singular.
+
+    With a shift s that makes K + s M positive definite, mu = 1/(lambda + s) are the eigenvalues of
+    L^{-1} M L^{-T}. Massless coordinates give mu = 0, rigid motions mu = 1/s. The low modes come
+    out with all digits, which a factorisation of M would spend on the highest ones.
+
+    Returns:
+        mu in descending order, and vectors (columns) with x^T M x = mu; both may be NaN if no shift
+        was found (K has a negative part without inertia).
+    """
+    inertia = jnp.diagonal(m)
+    d = jnp.select([inertia > 0], [inertia], jnp.nan)
+    s = 1e-8 * jnp.nanmedian(jnp.abs(jnp.diagonal(k)) / d)
+    s = jax.lax.stop_gradient(jnp.where(s > 0, s, 1.0))
+    kf, mf = jax.lax.stop_gradient((k, m))
+
+    def fails(state):
+        shift, tries = state
+        return (tries < 12) & ~jnp.all(
+            jnp.isfinite(jnp.linalg.cholesky(_scaled(kf + shift * mf)[0]))
+        )
+
+    # A negative stiffness (magnetic pull beyond its limit) needs a larger shift.
+    s, _ = jax.lax.while_loop(fails, lambda state: (state[0] * 30, state[1] + 1), (s, 0))
+    mu, x = definite_pencil(k + s * m, m)
+    return mu[::-1], x[:, ::-1]
+
+
+def _scaled(k):
+    # Unit diagonal: displacements and rotations of stiff and soft parts come to one size.
+    d = jax.lax.stop_gradient(jnp.diagonal(k).real)
+    weight = 1 / jnp.sqrt(jnp.where(d > 0, d, 1.0))
+    return weight[:, None] * k * weight, weight
 
 
 class Modes(Result, eqx.Module):
@@ -70,7 +242,7 @@ def undamped_modes(
 ) -> Modes:
     """The lowest undamped modes: symmetric part of K(W), and M; no gyroscopic terms, no damping.
 
-    Differentiable in both modes, with repeated eigenvalues treated as `_eigen.eigh` says.
+    Differentiable in both modes, with repeated eigenvalues treated as `eigh` says.
 
     Args:
         model: the model, or the `System` prepared from it.
@@ -91,36 +263,30 @@ def undamped_modes(
 @eqx.filter_jit
 def _undamped(model, count, spin_speed, free) -> Modes:
     system = bare(model)
-    found = _found(system, count, spin_speed, free)
+    full = matrices(system, spin_speed, with_links=not free)
+    found = _found(system, full, count, spin_speed, free)
     return Modes(marked(system, found.square), found.shape)
 
 
-def _found(system, count, spin_speed, free) -> Modes:
-    full = matrices(system, spin_speed, with_links=not free)
+def _found(system, full, count, spin_speed, free) -> Modes:
     mu, x = pencil((full.stiffness + full.stiffness.T) / 2, full.mass)
-    return _modes(system, full, mu[:count], x[:, :count], spin_speed, free)
-
-
-def _modes(system, full, mu, x, spin_speed, free) -> Modes:
-    x = x / jnp.sqrt(mu)
+    x = x[:, :count] / jnp.sqrt(mu[:count])
     shape = (full.expand @ x).T.reshape(-1, system.layout.n, system.dof)
-    none = jnp.zeros((0, system.dof, system.dof))
-    still = jnp.zeros(())
-    z = (
-        Operator(system, none, none, still, spin_speed)
-        if free
-        else operator_at(system, spin_speed, still)
-    )
+    none, still = jnp.zeros((0, system.dof, system.dof)), jnp.zeros(())
+    if free:
+        z = Operator(system, none, none, still, spin_speed)
+    else:
+        z = operator_at(system, spin_speed, still)
+
+    def energy(u):
+        force = elastic_force(z, u, False)
+        if len(z.stiffness):
+            force = add_links(system.layout, force, z.links, u)
+        return jnp.sum(u * force.real)
+
     # The strain energy summed over elements has the digits that w^2 = 1/mu - s lost near zero.
-    energy = jax.vmap(lambda u: _energy(z, to_planes(u, system.dof)))(shape)
-    return Modes(energy / jnp.einsum("im,ij,jm->m", x, full.mass, x), shape)
-
-
-def _energy(z, u):
-    force = elastic_force(z, u, False)
-    if len(z.stiffness):
-        force = add_links(z.system.layout, force, z.links, u)
-    return jnp.sum(u * force.real)
+    twice = jax.vmap(lambda u: energy(to_planes(u, system.dof)))(shape)
+    return Modes(twice / jnp.einsum("im,ij,jm->m", x, full.mass, x), shape)
 
 
 def modal_damping_vectors(system: System) -> Float[Array, "m nodes planes 2"]:
@@ -129,10 +295,132 @@ def modal_damping_vectors(system: System) -> Float[Array, "m nodes planes 2"]:
     ratio = system.model.damping.ratio  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
     if ratio.shape[0] > layout.size:
         raise BadInput("damping.ratio", ratio, f"at most one value for each of {layout.size} modes")
-    modes = _found(system, ratio.shape[0], jnp.zeros(()), False)
-    full = matrices(system)
-    active = modes.shape.reshape(ratio.shape[0], -1)[:, layout.active.reshape(-1)]
-    vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (active @ full.mass)
-    out = jnp.zeros((ratio.shape[0], layout.n * layout.dof))
-    out = out.at[:, layout.active.reshape(-1).nonzero()[0]].set(vectors)
+    full, active = matrices(system), np.flatnonzero(layout.active)
+    modes = _found(system, full, ratio.shape[0], jnp.zeros(()), False)
+    motion = modes.shape.reshape(ratio.shape[0], -1)[:, active]
+    vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (motion @ full.mass)
+    out = jnp.zeros((ratio.shape[0], layout.n * layout.dof)).at[:, active].set(vectors)
     return jax.vmap(lambda v: to_planes(v, layout.dof))(out.reshape(-1, layout.n, layout.dof))
+
+
+class ModeDerivatives(NamedTuple):
+    """Derivatives of modes along one direction of the parameters.
+
+    Attributes:
+        modes: the modes, in the basis of each cluster that the direction selects.
+        square: [rad2/s2] (m,) derivative of w^2, for one unit of the parameters.
+        shape: [-] (m, nodes, dof) the same of the shapes.
+    """
+
+    modes: Modes
+    square: Array
+    shape: Array
+
+
+def mode_derivatives(
+    model: RotorModel, direction: RotorModel, count: int = 12, *, free: bool = False
+) -> ModeDerivatives:
+    r"""Derivatives of eigenvalues and eigenvectors along a direction, pairs that split included.
+
+    Inside a cluster of equal eigenvalues the derivatives are the eigenvalues of
+    Phi^T (K' - lambda M') Phi, whose eigenvectors give the basis Z in which the modes are
+    differentiable; the part of the eigenvector derivative inside the cluster needs second
+    derivatives: R. L. Dailey (1989), Eigenvector derivatives with repeated eigenvalues, AIAA J. 27.
+    A pair that stays together keeps its basis but for the normalisation.
+
+    Args:
+        model: the model.
+        direction: a model of the same construction whose numbers are the direction's components;
+            zero where nothing changes.
+        count: number of modes; the last cluster must be complete.
+        free: leave out all links and magnetic pulls.
+    """
+    if free:
+        model, direction = released(model), released(direction)  # pyright: ignore[reportAssignmentType]
+    return _mode_derivatives(model, direction, count, free)
+
+
+@eqx.filter_jit
+def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
+    numbers, rest = eqx.partition(model, eqx.is_inexact_array)
+    tangent = eqx.filter(direction, eqx.is_inexact_array)
+
+    def system(t):
+        moved = jax.tree.map(lambda a, b: a + t * b, numbers, tangent)
+        full = matrices(eqx.combine(moved, rest), 0.0, with_links=not free)
+        return (full.stiffness + full.stiffness.T) / 2, full.mass, full.expand
+
+    first = lambda t: jax.jvp(system, (t,), (jnp.ones_like(t),))[1]  # noqa: E731
+    zero = jnp.asarray(0.0)
+    (k, m, expand), (dk, dm, dexpand) = jax.jvp(system, (zero,), (jnp.ones(()),))
+    ddk, ddm, _ = jax.jvp(first, (zero,), (jnp.ones(()),))[1]
+    mu, x = pencil(k, m)
+    x = x[:, :count] / jnp.sqrt(mu[:count])
+    value = jnp.einsum("im,ij,jm->m", x, k, x)
+    top = jnp.max(jnp.abs(value))
+    same = jnp.abs(value[:, None] - value[None, :]) <= 1e3 * CLUSTER * top
+    value = same @ value / jnp.sum(same, 1)
+
+    # Rotate every cluster so that the first-order change is diagonal in it. Adding a spread far
+    # beyond all derivatives keeps the clusters apart in one `eigh`.
+    change = x.T @ dk @ x - 0.5 * (value[:, None] + value[None, :]) * (x.T @ dm @ x)
+    change = jnp.where(same, change, 0.0)
+    spread = 4 * count * (jnp.max(jnp.abs(change)) + 1e-300)
+    group = jnp.argmax(same, 1)  # number of the first member of the cluster
+    _, turn = jnp.linalg.eigh(change + spread * jnp.diag(group.astype(float)))
+    x = x @ turn
+    rate = jnp.einsum("im,ij,jm->m", x, dk, x) - value * jnp.einsum("im,ij,jm->m", x, dm, x)
+
+    def outside(v, lam, dlam, own):
+        """The part of x' that is M-orthogonal to the cluster, from a bordered system."""
+        span = x * own
+        matrix = k - lam * m + (m @ span) @ (m @ span).T * (1 + jnp.abs(lam))
+        rhs = -(dk - lam * dm - dlam * m) @ v
+        rhs = rhs - (m @ span) @ (span.T @ rhs)
+        y = jnp.linalg.solve(matrix, rhs)
+        return y - span @ (span.T @ (m @ y))
+
+    out = jax.vmap(outside, (1, 0, 0, 0), 1)(x, value, rate, same.astype(float))
+    gap = rate[None, :] - rate[:, None]  # lambda'_j - lambda'_i for column j
+    apart = same & (jnp.abs(gap) > 1e-9 * (jnp.max(jnp.abs(rate)) + 1e-300))
+    # Second-order balance inside the cluster: x_i^T (P'' x_j + 2 P' x_j') = 2 lambda'_j-terms.
+    second = x.T @ ddk @ x - value * (x.T @ ddm @ x) - 2 * rate * (x.T @ dm @ x)
+    second += 2 * (x.T @ dk @ out - value * (x.T @ dm @ out))
+    norm = jnp.where(same, -0.5 * (x.T @ dm @ x), 0.0)
+    dx = out + x @ jnp.where(apart, second / jnp.where(apart, 2 * gap, 1.0), norm)
+
+    layout = layout_of(model)
+    as_shape = lambda v: v.T.reshape(count, layout.n, model.dof)  # noqa: E731
+    good = admissible(model)
+    value, rate = (jnp.where(good, number, jnp.nan) for number in (value, rate))
+    modes = Modes(value, as_shape(expand @ x))
+    return ModeDerivatives(modes, rate, as_shape(expand @ dx + dexpand @ x))
+
+
+def magnetic_pull_limit(model: RotorModel, spin_speed: Float[Array, ""] = 0.0) -> Float[Array, ""]:
+    r"""[-] Factor on the magnetic pull at which the model becomes statically unstable.
+
+    The smallest s with K_0 - s K_pull singular, K_0 the symmetric stiffness without the pull: one
+    over the largest eigenvalue of K_pull in the metric of K_0. Below one the model as it stands is
+    unstable. Not a number if the model without magnetic pull is not held.
+
+    Args:
+        model: the model, with magnetic pull.
+        spin_speed: [rad/s] at which the links are evaluated.
+
+    Raises:
+        BadInput: there is no magnetic pull.
+    """
+    if not model.magnetic_pulls:
+        raise BadInput("magnetic_pulls", "()", "at least one magnetic pull")
+    return _limit(model, jnp.asarray(spin_speed, float))
+
+
+@eqx.filter_jit
+def _limit(model, spin_speed):
+    pulls = lambda m: [pull.stiffness for pull in m.magnetic_pulls]  # noqa: E731
+    without = eqx.tree_at(pulls, model, [jnp.zeros_like(v) for v in pulls(model)])
+    k0 = matrices(without, spin_speed).stiffness
+    k = matrices(model, spin_speed).stiffness
+    k0, pull = (k0 + k0.T) / 2, (k0 - k + (k0 - k).T) / 2
+    return 1 / definite_pencil(k0, pull)[0][-1]

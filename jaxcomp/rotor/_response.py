@@ -1,4 +1,4 @@
-r"""Harmonic response at any order and speed, and what is read off it.
+r"""Harmonic response at any order and speed, and what is read off it: forces of the links, orbits.
 
 [K(W) - w^2 M + i w (C(W) + W G)] X = F with w = n W at order n; the gyroscopic matrix G counts with
 the spin speed W whatever n is. Source: Eq. (1) of Levecque et al. (2011), cited in full in
@@ -7,7 +7,7 @@ the spin speed W whatever n is. Source: Eq. (1) of Levecque et al. (2011), cited
 
 import dataclasses
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -319,11 +319,8 @@ def _answer(z, solve, force) -> Response:
 def _receptance(model, inputs, outputs, spin_speed, frequency, solver):
     z = operator_at(prepare(model), spin_speed, frequency)
     solve = make_solver(z, solver)
-
-    def column(force):
-        return _answer(z, solve, force).displacement
-
-    return jnp.einsum("ond,ind->oi", outputs, jax.vmap(column)(inputs))
+    columns = jax.vmap(lambda force: _answer(z, solve, force).displacement)(inputs)
+    return jnp.einsum("ond,ind->oi", outputs, columns)
 
 
 def _check(model, force, **speeds):
@@ -333,3 +330,44 @@ def _check(model, force, **speeds):
     for name, value in speeds.items():
         if not is_traced(value) and not np.all(np.isfinite(value)):
             raise BadInput(name, value, "finite")
+
+
+class Orbit(NamedTuple):
+    """Ellipse u_x + i u_y = F e^{i w t} + B e^{-i w t}.
+
+    Attributes:
+        major: [m] semi-major axis, |F| + |B|.
+        minor: [m] semi-minor axis with a sign, |F| - |B|: positive in forward whirl.
+        inclination: [rad] of the major axis from x, in (-pi/2, pi/2].
+        forward: [m] complex amplitude F.
+        backward: [m] complex amplitude B.
+    """
+
+    major: Array
+    minor: Array
+    inclination: Array
+    forward: Array
+    backward: Array
+
+
+def orbit(x: Complex[Array, "*batch"], y: Complex[Array, "*batch"]) -> Orbit:
+    """The orbit of a node.
+
+    Args:
+        x: [m] amplitude of u_x, time factor e^{i w t}.
+        y: [m] amplitude of u_y.
+    """
+    forward, backward = (x + 1j * y) / 2, jnp.conj((x - 1j * y) / 2)
+    f, b = magnitude(forward), magnitude(backward)
+    # Half the angle of F B is that of the major axis; where one of them is zero the orbit is a
+    # circle without one.
+    product = forward * backward
+    circle = product == 0
+    angle = jnp.where(circle, 0.0, jnp.angle(jnp.where(circle, 1.0, product)) / 2)
+    return Orbit(f + b, f - b, angle, forward, backward)
+
+
+def magnitude(z: Complex[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """|z| with a zero derivative at zero, where that of `abs` is not a number."""
+    zero = z == 0
+    return jnp.where(zero, 0.0, jnp.abs(jnp.where(zero, 1.0, z)))

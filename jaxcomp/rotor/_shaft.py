@@ -25,7 +25,50 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._fields import NONNEGATIVE, POSITIVE, BadInput, Bound, Part, quantity, spread_columns
-from ._section import SHEAR_LAWS, ShearLaw, area, second_moment, shear_coefficient
+
+ShearLaw = Literal["cowper", "hutchinson", "constant"]
+SHEAR_LAWS = ("cowper", "hutchinson", "constant")
+
+
+def area(outer: Float[Array, "*n"], inner: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """[m2] Area between two diameters [m]."""
+    return jnp.pi / 4 * (outer**2 - inner**2)
+
+
+def second_moment(outer: Float[Array, "*n"], inner: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """[m4] Second moment about a diameter; the polar one is twice that."""
+    return jnp.pi / 64 * (outer**4 - inner**4)
+
+
+def shear_coefficient(
+    law: ShearLaw,
+    outer: Float[Array, "*#n"],
+    inner: Float[Array, "*#n"],
+    poisson: Float[Array, "*#n"],
+    constant: Float[Array, "*#n"],
+) -> Float[Array, "*#n"]:
+    r"""Shear coefficient of a hollow circle; the effective shear area is this times the area.
+
+    `"cowper"`: G. R. Cowper (1966), The shear coefficient in Timoshenko's beam theory, J. Appl.
+    Mech. 33, hollow circle, with m = inner/outer,
+    $6(1+\nu)(1+m^2)^2 / [(7+6\nu)(1+m^2)^2 + (20+12\nu)m^2]$.
+
+    `"hutchinson"`: J. R. Hutchinson (2001), Shear coefficients for Timoshenko beam theory, J. Appl.
+    Mech. 68, hollow circle, in units of the outer radius,
+    $6(1+\nu)^2(1+m^2)^2 / [7+34m^2+7m^4 + \nu(12+48m^2+12m^4) + \nu^2(4+16m^2+4m^4)]$.
+
+    `"constant"`: the given number. Diameters in [m].
+    """
+    if law == "constant":
+        return jnp.broadcast_to(constant, jnp.shape(outer))
+    m2 = (inner / outer) ** 2
+    s = (1 + m2) ** 2
+    if law == "cowper":
+        return 6 * (1 + poisson) * s / ((7 + 6 * poisson) * s + (20 + 12 * poisson) * m2)
+    ring = 1 + 4 * m2 + m2**2
+    lead = 7 + 34 * m2 + 7 * m2**2
+    return 6 * (1 + poisson) ** 2 * s / (lead + 12 * poisson * ring + 4 * poisson**2 * ring)
+
 
 Node = int | str
 Theory = Literal["timoshenko", "rayleigh", "euler-bernoulli"]
@@ -249,3 +292,56 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     bars = jnp.einsum("aq,eaq,faq->eaf", inertia, end, end)  # (end, axis, end)
     axial_mass = jnp.einsum("eaf,ab->eafb", bars, jnp.eye(2)).reshape(4, 4)
     return ElementMatrices(length, shape, lateral, mass, polar, 1 / total, axial_mass)
+
+
+def shaft_line(nodes: tuple[Node, ...], *, length, outer_diameter, **columns) -> ShaftElements:
+    """A line of elements through the nodes, every field by its name.
+
+    Args:
+        nodes: n + 1 node names in the direction of z.
+        length: [m] one value or (n,)
+        outer_diameter: [m] one value or (n,)
+        **columns: the other fields of `ShaftElements`, arrays by one value or (n,).
+    """
+    return ShaftElements(nodes, length, outer_diameter, **columns)
+
+
+def stepped_shaft(
+    length, outer_diameter, *, elements: int | tuple[int, ...] = 1, first: int = 1, **columns
+) -> ShaftElements:
+    """A shaft of cylindrical or conical steps, each cut into elements; nodes are numbered.
+
+    Args:
+        length: [m] (steps,)
+        outer_diameter: [m] (steps,)
+        elements: number of elements of each step.
+        first: number of the first node.
+        **columns: the other fields, one value or (steps,); end diameters make cones.
+
+    Raises:
+        BadInput: numbers of elements that are not one a step, or below one.
+    """
+    length = jnp.asarray(length, float)
+    steps = length.shape[0]
+    counts = (elements,) * steps if isinstance(elements, int) else tuple(elements)
+    if len(counts) != steps or min(counts) < 1:
+        raise BadInput("elements", str(counts), f"a number of at least 1 for each of {steps} steps")
+    which = np.repeat(np.arange(steps), counts)
+    within = np.concatenate([np.arange(c) for c in counts])
+    share = np.repeat(1 / np.array(counts), counts)
+    columns |= {"outer_diameter": outer_diameter}
+    plain = {"theory", "shear_law", "spins"}
+    table = {
+        name: value if name in plain else jnp.broadcast_to(jnp.asarray(value, float), steps)[which]
+        for name, value in columns.items()
+        if value is not None
+    }
+    table |= {"length": length[which] * share}
+    for name in ("outer_diameter", "inner_diameter"):
+        if f"{name}_end" in table:
+            a = table.get(name, jnp.zeros(len(which)))
+            b = table[f"{name}_end"]
+            table[name] = a + (b - a) * within * share
+            table[f"{name}_end"] = a + (b - a) * (within + 1) * share
+    nodes = tuple((first + i, first + i + 1) for i in range(len(which)))
+    return ShaftElements(nodes, **table)

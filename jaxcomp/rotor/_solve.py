@@ -51,10 +51,7 @@ class Solution(NamedTuple):
 def make_solver(z: Operator, solver: Solver = "structured"):
     """Factorise Z once and return the function that solves for one load (n, planes, 2).
 
-    Args:
-        z: its dynamic stiffness.
-        solver: "structured" or "dense"; modal damping makes the matrix full, so that "structured"
-            stands for "dense" there.
+    Modal damping makes the matrix full, so that "structured" stands for "dense" there.
 
     Raises:
         BadInput: an unknown solver.
@@ -64,36 +61,32 @@ def make_solver(z: Operator, solver: Solver = "structured"):
     frozen = jax.tree.map(_frozen, z)
     weight = jnp.sqrt(scale(frozen))
     if solver == "dense" or z.system.modal is not None:
-        plain, transposed = _dense_solvers(frozen, weight)
+        base = _dense_solver(frozen, weight)
     else:
-        factor = factorise(frozen)
-        plain = lambda b: solve_factored(z.system.layout, factor, b, transpose=False)  # noqa: E731
-        transposed = lambda b: solve_factored(z.system.layout, factor, b, transpose=True)  # noqa: E731
+        layout, factor = z.system.layout, factorise(frozen)
+        base = lambda b, transpose: solve_factored(layout, factor, b, transpose=transpose)  # noqa: E731
 
-    def refined(base, transpose):
-        def run(b):
-            def step(state):
-                x, _, count = state
-                change = base(b - apply(frozen, x, transpose=transpose))
-                x = x + change
-                return x, _ratio(_size(weight * change), _size(weight * x)), count + 1
+    def refined(b, transpose):
+        def step(state):
+            x, _, count = state
+            change = base(b - apply(frozen, x, transpose=transpose), transpose)
+            x = x + change
+            return x, _ratio(_size(weight * change), _size(weight * x)), count + 1
 
-            def more(state):
-                _, correction, count = state
-                return (correction > _SMALL_CORRECTION) & (count < _STEPS)
+        def more(state):
+            _, correction, count = state
+            return (correction > _SMALL_CORRECTION) & (count < _STEPS)
 
-            start = jnp.zeros_like(b), jnp.ones_like(weight[0, 0, 0]), 0
-            return jax.lax.while_loop(more, step, start)[:2]
-
-        return run
+        start = jnp.zeros_like(b), jnp.ones_like(weight[0, 0, 0]), 0
+        return jax.lax.while_loop(more, step, start)[:2]
 
     def forward(_, b):
-        x, correction = refined(plain, False)(_complex(b))
+        x, correction = refined(_complex(b), False)
         return _real(x), correction
 
     def backward(_, b):
         # In real and imaginary parts the transpose of Z is that of its conjugate.
-        x, correction = refined(transposed, True)(_complex(b).conj())
+        x, correction = refined(_complex(b).conj(), True)
         return _real(x.conj()), correction
 
     def solve(load: Complex[Array, "n p 2"]) -> Solution:
@@ -152,14 +145,11 @@ def _frozen(leaf):
     return jax.lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf
 
 
-def _dense_solvers(z, weight):
+def _dense_solver(z, weight):
     d = 1 / weight.reshape(-1)
     lu = lu_factor(d[:, None] * dense(z) * d)
 
-    def by(trans):
-        def solve(b):
-            return (d * lu_solve(lu, (d * b.reshape(-1))[:, None], trans)[:, 0]).reshape(b.shape)
+    def solve(b, transpose):
+        return (d * lu_solve(lu, (d * b.reshape(-1))[:, None], transpose)[:, 0]).reshape(b.shape)
 
-        return solve
-
-    return by(False), by(True)
+    return solve

@@ -20,16 +20,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .._fields import admissible, replaced
-from ._bodies import body_matrices
+from ._bodies import ModalDamping, ProportionalDamping, body_matrices, inertia_matrices
 from ._conventions import add, axis_numbers, coordinates, take, whirl
-from ._damping import ModalDamping, ProportionalDamping
 from ._elimination import Places, sort_places
-from ._inertia import disk_matrices, point_matrices
-from ._layout import Layout, layout_of
+from ._layout import Layout, body_arms, layout_of, reaction_matrix, tie_matrices
 from ._links import Link, diagonal, magnetic_pull_stiffness
 from ._model import RotorModel
 from ._shaft import Node, element_matrices
-from ._ties import body_arms, reaction_matrix, tie_matrices
 
 # Lateral stiffness, inertia and polar inertia, axial and torsional stiffness and inertia.
 TERMS = ("stiffness", "mass", "polar", "axial_stiffness", "axial_mass")
@@ -105,23 +102,17 @@ def bare(model: RotorModel | System) -> System:
     strain, half, elements = _elements(model, layout)
     number = {name: i for i, name in enumerate(layout.names)}
     inertia = jnp.zeros((layout.n, 2, 2, elements.shape[-1]))
-    tables = [(disks.nodes, *disk_matrices(disks)) for disks in model.disks]
-    for masses in model.masses:
-        mass = point_matrices(masses)
-        tables.append((masses.nodes, mass, jnp.zeros_like(mass), mass))
-    for nodes, mass, polar, axial in tables:
+    for table in (*model.disks, *model.masses):
+        mass, polar, axial = inertia_matrices(table)
         none = jnp.zeros_like(mass)
         terms = jnp.stack([none, mass, polar, none, axial][: elements.shape[-1]], -1)
-        inertia = add(inertia, np.array([number[node] for node in nodes], int), terms)
-    order, signs = coordinates(dof)
-    both = signs[:, None] * signs
+        inertia = add(inertia, np.array([number[node] for node in table.nodes], int), terms)
     arms = tie_matrices(layout.ties, layout.slaved, body_arms(model.bodies, dof))
-    bodies = [jnp.stack(body_matrices(body, dof)) for body in model.bodies]
-    bodies = jnp.stack(bodies) if bodies else jnp.zeros((0, 2, dof, dof))
+    bodies = [body_matrices(body, dof)[None] for body in model.bodies]
+    bodies = jnp.concatenate([jnp.zeros((0, 2, dof, dof)), *bodies])
     damping = None
     if isinstance(model.damping, ProportionalDamping):
         damping = (model.damping.mass_factor, model.damping.stiffness_factor)
-    bodies = both * bodies[..., order[:, None], order]
     return System(model, layout, strain, half, elements, inertia, arms, bodies, damping)
 
 
@@ -137,13 +128,9 @@ def released(model: RotorModel | System) -> RotorModel | System:
     whole = model.model if isinstance(model, System) else model
     if not any(link.held for link in whole.links):
         return model
-    links = tuple(
-        Link(link.nodes, diagonal(*jnp.zeros((2, len(link.axes)))), link.axes)
-        if link.held
-        else link
-        for link in whole.links
-    )
-    return dataclasses.replace(whole, links=links)
+    loose = lambda axes: diagonal(*jnp.zeros((2, len(axes))))  # noqa: E731
+    links = (Link(n.nodes, loose(n.axes), n.axes) if n.held else n for n in whole.links)
+    return dataclasses.replace(whole, links=tuple(links))
 
 
 def undamped(system: System) -> System:
@@ -258,10 +245,7 @@ def reactions(
 ) -> Complex[Array, "links dof"]:
     """[N], [N m] Force of each held link on its second node or the ground; zero for the others.
 
-    Args:
-        z: the dynamic stiffness.
-        x: motion of all nodes.
-        force: the load before it is collected.
+    From the motion of all nodes, and the load before it is collected.
     """
     system, layout = z.system, z.system.layout
     dof, holds = layout.dof, layout.ties.holds
@@ -371,7 +355,9 @@ def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
     f = jnp.einsum("nijl,nlj->nli", node, lanes)
     if len(pairs):
         ends = take(lanes, pairs)  # (e, 2, l, 2)
-        bent = deformation_of(ends, system.half)
+        # Relative rotation and transverse deformation, subtracted before anything else.
+        difference, turn = ends[:, 1] - ends[:, 0], ends[:, 0, :, 1] + ends[:, 1, :, 1]
+        bent = jnp.stack([difference[..., 1], difference[..., 0] - system.half * turn], -1)
         stiff = 1.0 if system.damping is None else terms[0, 0]
         load = stiff * jnp.einsum("elik,elk->eli", system.strain, bent)
         inertia = system.elements[..., 1:] if system.dof == 4 else system.elements[..., [1, 2, 4]]
@@ -381,12 +367,6 @@ def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
         load = load + jnp.einsum("eijl,elj->eli", dynamic, at)
         f = add(f, pairs, jnp.moveaxis(load.reshape(*at.shape[:2], 2, 2), 2, 1))
     return jnp.einsum("lp,nlk->npk", to_lanes.conj(), f)
-
-
-def deformation_of(ends: Array, half: Array) -> Array:
-    """(e, l, 2) Relative rotation and transverse deformation, subtracted before anything else."""
-    difference, turn = ends[:, 1] - ends[:, 0], ends[:, 0, :, 1] + ends[:, 1, :, 1]
-    return jnp.stack([difference[..., 1], difference[..., 0] - half * turn], -1)
 
 
 def add_links(layout: Layout, f: Array, links: Array, x: Array) -> Array:
