@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from jaxcomp import BadInput, SceneError, Status
 from jaxcomp.balancing import (
     Influence,
-    Row,
+    InfluenceRow,
     Sector,
     bounded,
     descend,
@@ -37,7 +37,7 @@ def system(rows, planes, seed=0, noise=1.0):
     rng = np.random.default_rng(seed)
     draw = lambda *shape: rng.normal(size=shape) + 1j * rng.normal(size=shape)  # noqa: E731
     matrix, planted = draw(rows, planes), draw(planes)
-    labels = tuple(Row(f"t{i}", "ux", 300.0) for i in range(rows))
+    labels = tuple(InfluenceRow(f"t{i}", "ux", 300.0) for i in range(rows))
     names = tuple(f"p{i}" for i in range(planes))
     weight = jnp.asarray(rng.uniform(0.5, 2.0, rows))
     initial = -matrix @ planted + noise * draw(rows)
@@ -520,7 +520,7 @@ def test_kept_trial_weights_count_for_the_runs_below(tmp_path):
     taken_off = read_measurements(path).matrix[:, 1]
     np.testing.assert_allclose(taken_off, (moves[0] + moves[1]) / trial, rtol=1e-12)
     with pytest.raises(BadInput, match="`kept`"):
-        trial_influence([1.0], [[2.0]], [1.0], [Row("t", "ux", 1.0)], ["p"], kept=[])
+        trial_influence([1.0], [[2.0]], [1.0], [InfluenceRow("t", "ux", 1.0)], ["p"], kept=[])
 
 
 @pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
@@ -532,7 +532,7 @@ def test_tables_of_any_line_end_and_with_a_byte_order_mark(tmp_path, line_end):
 
 def test_trial_of_zero_is_refused():
     with pytest.raises(BadInput, match="different from zero"):
-        trial_influence([1.0], [[2.0]], [0.0], [Row("t", "ux", 1.0)], ["p"])
+        trial_influence([1.0], [[2.0]], [0.0], [InfluenceRow("t", "ux", 1.0)], ["p"])
 
 
 def test_least_masses_are_least_by_another_method():
@@ -544,7 +544,7 @@ def test_least_masses_are_least_by_another_method():
     rng = np.random.default_rng(5)
     matrix = rng.normal(size=(8, 3)) + 1j * rng.normal(size=(8, 3))
     initial = rng.normal(size=8) + 1j * rng.normal(size=8)
-    rows = tuple(Row(f"t{n}", "ux", 100.0) for n in range(8))
+    rows = tuple(InfluenceRow(f"t{n}", "ux", 100.0) for n in range(8))
     system = Influence(
         jnp.asarray(matrix), jnp.asarray(initial), jnp.ones(8), rows, ("a", "b", "c")
     )

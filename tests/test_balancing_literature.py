@@ -9,7 +9,7 @@ import pytest
 
 from jaxcomp.balancing import (
     Influence,
-    Row,
+    InfluenceRow,
     bounded,
     invert,
     least_squares,
@@ -24,7 +24,7 @@ def at(text):
 
 
 def system(matrix, initial):
-    rows = tuple(Row(f"sensor {i}", "ux", 1.0) for i in range(len(initial)))
+    rows = tuple(InfluenceRow(f"sensor {i}", "ux", 1.0) for i in range(len(initial)))
     planes = tuple(f"plane {i}" for i in range(len(matrix[0])))
     table = jnp.array([[at(entry) for entry in row] for row in matrix])
     return Influence(table, jnp.array([at(v) for v in initial]), jnp.ones(len(rows)), rows, planes)
@@ -38,7 +38,7 @@ def off(found, printed):
 
 def test_two_planes_of_bruel_and_kjaer():
     """Bruel & Kjaer application note 17-227, example 6: two trial runs of 1.15 g."""
-    rows = (Row("sensor 1", "ux", 1.0), Row("sensor 2", "ux", 1.0))
+    rows = (InfluenceRow("sensor 1", "ux", 1.0), InfluenceRow("sensor 2", "ux", 1.0))
     influence = trial_influence(
         np.array([at("170@112"), at("53@78")]),
         np.array([[at("235@94"), at("58@68")], [at("185@115"), at("77@104")]]),

@@ -25,7 +25,7 @@ from jaxcomp import (
 )
 from jaxcomp._results import _address, _found
 from jaxcomp.balancing import least_squares, trial_influence
-from jaxcomp.balancing._influence import Row
+from jaxcomp.balancing._influence import InfluenceRow
 from jaxcomp.crank import Orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.design import ParetoFront
@@ -56,7 +56,7 @@ def response():
 
 
 def balance():
-    rows = [Row("front", "ux", 314.0), Row("rear", "ux", 314.0)]
+    rows = [InfluenceRow("front", "ux", 314.0), InfluenceRow("rear", "ux", 314.0)]
     trials = [[30e-6 + 10e-6j, 20e-6], [10e-6j, 60e-6]]
     system = trial_influence([10e-6j, 20e-6], trials, [1e-4, 1e-4], rows, ["top", "weight"])
     return least_squares(system)

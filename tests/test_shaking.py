@@ -21,18 +21,18 @@ from jaxcomp.shaking import (
     Spring,
     Suspension,
     Wrench,
+    block_response,
     damping_matrix,
     free_body_error,
     free_body_response,
     half_balance,
-    harmonic_response,
     harmonics,
     mass_matrix,
     natural_frequencies,
     point_motion,
     retuned,
     shaking_wrench,
-    simulate,
+    simulate_block,
     stiffness_matrix,
     time_response,
     viscous_damping,
@@ -353,13 +353,13 @@ def test_harmonic_response_of_one_mass_on_one_spring():
     )
     w = np.array([40.0, 80.0])
     expected = np.array([3.0, 1.0j]) / (8000.0 - 7.5 * w**2 + 1j * w * 20.0)
-    np.testing.assert_allclose(harmonic_response(s, load).amplitude[0], expected, rtol=1e-10)
+    np.testing.assert_allclose(block_response(s, load).amplitude[0], expected, rtol=1e-10)
 
 
 def test_settled_simulation_equals_the_harmonic_response():
     s = suspension(damping_ratio=0.1)
     _, _, load = first_harmonic(damping_ratio=0.1)
-    response = harmonic_response(s, load)
+    response = block_response(s, load)
     time = jnp.linspace(0.0, 0.25, 60)
     begin = time_response(response, time[:1])
     start = BlockMotion(begin.displacement[0], begin.velocity[0])
@@ -367,7 +367,7 @@ def test_settled_simulation_equals_the_harmonic_response():
     def force(t):
         return load.at(t[None])[:, 0]
 
-    run = jax.jit(lambda time, start: simulate(s, force, time, start))
+    run = jax.jit(lambda time, start: simulate_block(s, force, time, start))
     settled = time_response(response, time)
     # tolerance of the integrator, 1e-8 of 70 um over some twenty periods
     np.testing.assert_allclose(run(time, start).displacement, settled.displacement, atol=1e-10)
@@ -417,7 +417,7 @@ def test_gradient_of_the_vibration_equals_differences():
         state = CrankState(angle, jnp.full(32, speed), 300 * jnp.sin(2 * angle))
         step = jnp.full(32, 2 * np.pi / 32 / speed)
         load = harmonics(block, shaking_wrench(mechanism, state), angle / speed, step, 3)
-        corner = point_motion(block, harmonic_response(block, load), (0.06, 0.05, 0.06))
+        corner = point_motion(block, block_response(block, load), (0.06, 0.05, 0.06))
         return 1e6 * jnp.sqrt(jnp.sum(corner.rms**2))  # [um]
 
     tree = (m, suspension())
@@ -437,7 +437,7 @@ def test_no_nan_where_nothing_moves():
     zero = Harmonics(jnp.zeros((6, 2), complex), jnp.asarray(300.0))
 
     def rms(stiffness):
-        return jnp.sum(harmonic_response(suspension(stiffness), zero).rms)
+        return jnp.sum(block_response(suspension(stiffness), zero).rms)
 
     value, slope = jax.jit(jax.value_and_grad(rms))(1.0)
     assert value == slope == 0

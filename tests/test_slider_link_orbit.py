@@ -34,8 +34,8 @@ from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import Kloss
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.shaking import (
+    block_response,
     free_body_response,
-    harmonic_response,
     orbit_load,
     point_motion,
     shaking_wrench,
@@ -153,7 +153,7 @@ def test_shaking_force_and_vibration(isobutane):
     first = np.abs(load.amplitude[:, 0])
     # 48 N at constant speed; the acceleration of a speed that swings by 1.9 % adds to it along y
     np.testing.assert_allclose(first[:2], 48.0, rtol=0.035)
-    response = harmonic_response(suspension(), load)
+    response = block_response(suspension(), load)
     np.testing.assert_allclose(np.abs(response.amplitude[0, 0]), 70e-6, rtol=0.03)
     # the wrench is the rate of a periodic momentum: no mean over time
     duration = orbit.weight / orbit.state.speed
@@ -219,7 +219,7 @@ def test_pictures_of_loads_and_vibration(isobutane, tmp_path):
     # orbit of the mass centre: as the response in time says, the first instant at the dead centre
     axes = figures["vibration_orbits"].axes[0]
     drawn = 1e-6 * axes.lines[0].get_xydata()
-    response = harmonic_response(suspension(), load)
+    response = block_response(suspension(), load)
     time = jnp.linspace(0.0, 1.0, drawn.shape[0]) * orbit.period
     expected = time_response(response, time).displacement[:, :2]
     np.testing.assert_allclose(drawn, expected, atol=2e-8)  # twelve harmonics against six
@@ -281,7 +281,7 @@ def test_gradients_of_efficiency_and_vibration_over_a_turn():
         machine_, block = rebuild(x)
         orbit = solve_orbit(machine_, SOLVER, throw=False)
         load = orbit_load(machine_.mechanism, orbit, block, 6)
-        corner = point_motion(block, harmonic_response(block, load), (0.06, 0.05, 0.06))
+        corner = point_motion(block, block_response(block, load), (0.06, 0.05, 0.06))
         return jnp.stack([orbit.mechanical_efficiency, 1e4 * jnp.sqrt(jnp.sum(corner.rms**2))])
 
     f = jax.jit(outcome)

@@ -12,7 +12,7 @@ import pytest
 from scipy.stats.mstats import hdquantiles
 
 from jaxcomp import BadInput, Collocation, load, optimise, problem, robust, tolerance, within
-from jaxcomp.design import AnalysisOptions, DesignResult, balanced_design, prepared, quantity
+from jaxcomp.design import AnalysisOptions, DesignResult, balanced_design, prepared, quantity_named
 from jaxcomp.machine import machine_of
 from jaxcomp.tolerancing import scatter_of
 
@@ -148,7 +148,7 @@ def test_robust_balance_is_least_squares_with_a_penalty(balanced):
     """
 
     def mean_square(found):
-        return quantity("vibration").value(found) ** 2
+        return quantity_named("vibration").value(found) ** 2
 
     deviation = 0.2
     scattered = {name: within(deviation, sigmas=1.0, relative=True) for name in ADDED}

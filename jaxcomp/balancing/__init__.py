@@ -15,7 +15,7 @@ from ._discrete import outside_sectors as outside_sectors
 from ._discrete import split as split
 from ._discrete import stock as stock
 from ._influence import Influence as Influence
-from ._influence import Row as Row
+from ._influence import InfluenceRow as InfluenceRow
 from ._influence import direct_influence as direct_influence
 from ._influence import flexibilities as flexibilities
 from ._influence import influence_of as influence_of

@@ -32,7 +32,7 @@ from ..rotor import (
 )
 
 
-class Row(NamedTuple):
+class InfluenceRow(NamedTuple):
     """One row of the system.
 
     Attributes:
@@ -65,7 +65,7 @@ class Influence(eqx.Module):
     matrix: Complex[Array, "rows planes"]
     initial: Complex[Array, " rows"]
     weight: Float[Array, " rows"]
-    rows: tuple[Row, ...] = eqx.field(static=True)
+    rows: tuple[InfluenceRow, ...] = eqx.field(static=True)
     planes: tuple[str, ...] = eqx.field(static=True)
     unit: str = eqx.field(static=True, default="m")
     trial: str = eqx.field(static=True, default="kg m")
@@ -121,7 +121,7 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
         answer[:, 1:],
         answer[:, 0],
         jnp.tile(jnp.stack(weights), speeds.size),
-        tuple(Row(*row, float(speed)) for speed in labels for row in rows),
+        tuple(InfluenceRow(*row, float(speed)) for speed in labels for row in rows),
         tuple(p.name for p in places.planes),
     )
 
@@ -151,7 +151,7 @@ def trial_influence(
     initial: Complex[Array, " rows"],
     trials: Complex[Array, "planes rows"],
     masses: Complex[Array, " planes"],
-    rows: Sequence[Row],
+    rows: Sequence[InfluenceRow],
     planes: Sequence[str],
     weight: Float[Array, " rows"] | None = None,
     kept: Sequence[bool] | None = None,
@@ -173,7 +173,7 @@ def trial_influence(
     Raises:
         BadInput: a trial unbalance of zero, or another number of `kept` than of planes.
 
-    >>> rows = [Row("front", "ux", 314.0), Row("rear", "ux", 314.0)]
+    >>> rows = [InfluenceRow("front", "ux", 314.0), InfluenceRow("rear", "ux", 314.0)]
     >>> trials = [[30e-6 + 10e-6j, 20e-6], [10e-6j, 60e-6]]  # [m] with 100 g mm in either plane
     >>> system = trial_influence([10e-6j, 20e-6], trials, [1e-4, 1e-4], rows, ["top", "weight"])
     >>> from jaxcomp.balancing import least_squares

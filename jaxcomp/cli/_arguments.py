@@ -98,7 +98,7 @@ def si(text: str, unit: str, option: str) -> float:
 
 def value_of(name: str, text: str, option: str) -> float:
     """[SI] A value of a quantity."""
-    one = jc.design.quantity(name)
+    one = jc.design.quantity_named(name)
     value = si(text, one.unit, option)
     if one.percent and abs(value) > _LARGEST_SHARE:
         raise CommandError(f'{option}: {text} would be {100 * value:g} %; is "{text} %" meant?')

@@ -192,7 +192,7 @@ def _maximise(asked: dict[str, Any]) -> bool | None:
     """Which way; a robust objective goes the way of what it is made of."""
     if not asked["scatter"] or asked["maximise"] is not None:
         return asked["maximise"]
-    better = jc.design.quantity(asked["objective"]).better
+    better = jc.design.quantity_named(asked["objective"]).better
     refuse(not better, "--maximise: is missing; the objective is not better in one direction")
     return better == "more"
 
@@ -288,7 +288,8 @@ def comparison(found: jc.design.Optimum) -> list[dict[str, Any]]:
     """
     problem = found.problem
     crank = (
-        not isinstance(q, str) or "orbit" in jc.design.quantity(q).needs for q in problem.quantities
+        not isinstance(q, str) or "orbit" in jc.design.quantity_named(q).needs
+        for q in problem.quantities
     )
     if problem.design.compressor is None or not any(crank):
         return []

@@ -469,7 +469,7 @@ def _vibrations(compressor, orbit: jc.Orbit, suspension, points) -> dict[str, An
 
     shaking = jc.shaking
     load = shaking.orbit_load(compressor, orbit, suspension, _HARMONICS)
-    block = shaking.harmonic_response(suspension, load)
+    block = shaking.block_response(suspension, load)
     free = shaking.free_body_response(suspension, load)
     time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
 

@@ -113,7 +113,7 @@ def tolerance(
     limits = bounds_of(limit, "--limit", equalities=False)
     names = list(quantity or (() if limits else default_quantities(scene)))
     for name in names:
-        jc.design.quantity(name)
+        jc.design.quantity_named(name)
     with waiting(), cluster(dask) as client:
         found = jc.tolerancing.tolerance(
             design,

@@ -8,7 +8,7 @@ from ._analysis import DesignResult as DesignResult
 from ._analysis import Vibration as Vibration
 from ._analysis import available_quantities as available_quantities
 from ._analysis import balanced_design as balanced_design
-from ._analysis import quantity as quantity
+from ._analysis import quantity_named as quantity_named
 from ._compared import ComparedQuantity as ComparedQuantity
 from ._compared import DriveComparison as DriveComparison
 from ._compared import Figures as Figures

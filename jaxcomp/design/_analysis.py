@@ -393,7 +393,7 @@ def balanced_design(design: Machine, options: AnalysisOptions) -> Machine:
     )
 
 
-def quantity(name: str) -> Quantity:
+def quantity_named(name: str) -> Quantity:
     """A quantity by name, see `available_quantities`.
 
     Raises:
@@ -426,6 +426,6 @@ def available_quantities(design: Machine, members: bool = False) -> dict[str, Qu
     out = {}
     for one in known.values():
         names = one.members(design) if one.members else found.get(one.name, ())
-        out |= {f"{one.family}.{n}": quantity(f"{one.family}.{n}") for n in names}
+        out |= {f"{one.family}.{n}": quantity_named(f"{one.family}.{n}") for n in names}
         out |= {} if one.family else {one.name: one}
     return out

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .._fields import BadInput
-from ._analysis import quantity
+from ._analysis import quantity_named
 from ._problem import Asked, Problem, name_of, prepared
 from ._variables import Variable
 
@@ -184,7 +184,7 @@ def _target(asked: Asked, place: int, value) -> Limit:
 
 def _sign(asked: Asked, maximise: bool | None) -> int:
     if maximise is None:
-        better = quantity(asked).better if isinstance(asked, str) else "less"
+        better = quantity_named(asked).better if isinstance(asked, str) else "less"
         if not better:
             bound = f"given: {asked} is not better in either direction"
             raise BadInput("maximise", "absent", bound)

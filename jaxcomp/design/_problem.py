@@ -13,7 +13,7 @@ from .._fields import BadInput, MissingPart
 from .._results import Data
 from ..cylinder import Cylinder
 from ..machine import Machine, assembled, machine_of
-from ._analysis import AnalysisOptions, DesignResult, by_crank, known_response, quantity
+from ._analysis import AnalysisOptions, DesignResult, by_crank, known_response, quantity_named
 from ._variables import Variable, by_name, variable
 
 Asked = str | Callable[[DesignResult], Float[Array, ""]]
@@ -26,7 +26,7 @@ def name_of(asked: Asked) -> str:
 
 def unit_of(asked: Asked) -> str:
     """SI unit of a quantity; empty for a function."""
-    return quantity(asked).unit if isinstance(asked, str) else ""
+    return quantity_named(asked).unit if isinstance(asked, str) else ""
 
 
 def value_of(asked: Asked, found: DesignResult) -> Float[Array, ""]:
@@ -37,7 +37,7 @@ def value_of(asked: Asked, found: DesignResult) -> Float[Array, ""]:
     """
     if not isinstance(asked, str):
         return asked(found)
-    one = quantity(asked)
+    one = quantity_named(asked)
     if missing := one.missing(found.design):
         raise MissingPart(one.name, missing)
     return one.value(found)
@@ -65,7 +65,7 @@ class Problem(eqx.Module):
     Attributes:
         design: as it stands.
         variables: the numbers that change; static.
-        quantities: names of `quantity`, or functions of a `DesignResult`; static.
+        quantities: names of `quantity_named`, or functions of a `DesignResult`; static.
         options: of the analysis of a design.
     """
 
@@ -254,7 +254,7 @@ def prepared(problem: Problem) -> Problem:
     it changes in an attribute `changes`.
     """
     asked = any(
-        not isinstance(q, str) or "vibration" in quantity(q).needs for q in problem.quantities
+        not isinstance(q, str) or "vibration" in quantity_named(q).needs for q in problem.quantities
     )
     if problem.options.known is not None:
         return problem

@@ -15,9 +15,9 @@ from ..shaking import (
     Harmonics,
     Suspension,
     block_points,
+    block_response,
     free_body_error,
     free_body_response,
-    harmonic_response,
     natural_frequencies,
     orbit_load,
     point_motion,
@@ -115,7 +115,7 @@ _wrench = eqx.filter_jit(shaking_wrench)
 def _paths(compressor, orbit, suspension, points):
     load = orbit_load(compressor, orbit, suspension, _HARMONICS)
     time = jnp.linspace(0.0, 1.0, _INSTANTS) * orbit.period
-    response, free = harmonic_response(suspension, load), free_body_response(suspension, load)
+    response, free = block_response(suspension, load), free_body_response(suspension, load)
 
     def path(answer: Harmonics, point):
         return point_motion(suspension, answer, point).at(time)

@@ -20,7 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from .._shown import behind
-from ..scene import Row, Scene, describe
+from ..scene import DescribedValue, Scene, describe
 from ._checks import Check, checks
 
 _CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "doubt", "dim": "faint"}
@@ -230,7 +230,7 @@ def sources_html(scene: Scene) -> str:
     return f"<p>{escape(_tally(rows))}</p>{table}"
 
 
-def _tally(rows: tuple[Row, ...]) -> str:
+def _tally(rows: tuple[DescribedValue, ...]) -> str:
     """How many values come from where, by the first word of the source."""
     words = Counter(
         row.source.partition(",")[0].strip() or "without a source"
@@ -241,7 +241,7 @@ def _tally(rows: tuple[Row, ...]) -> str:
     return f"{words.total()} values: {parts}."
 
 
-def _row(row: Row) -> str:
+def _row(row: DescribedValue) -> str:
     given = "" if row.given is None else str(row.given)
     cells = (row.path, given, _si(row), row.source, row.doc)
     faint = ' class="faint"' if row.given is None else ""
@@ -250,7 +250,7 @@ def _row(row: Row) -> str:
     return f"<tr{faint}>{path}{''.join(others)}</tr>"
 
 
-def _si(row: Row) -> str:
+def _si(row: DescribedValue) -> str:
     if not isinstance(row.value, np.ndarray):
         word = str(row.value)
         return "" if row.given is not None else word.lower() if word in ("True", "False") else word

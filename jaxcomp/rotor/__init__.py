@@ -51,9 +51,9 @@ from ._modes import magnetic_pull_limit as magnetic_pull_limit
 from ._modes import matrices as matrices
 from ._modes import mode_derivatives as mode_derivatives
 from ._modes import undamped_modes as undamped_modes
-from ._response import Orbit as Orbit
 from ._response import Response as Response
 from ._response import SingularResponse as SingularResponse
+from ._response import WhirlOrbit as WhirlOrbit
 from ._response import harmonic_response as harmonic_response
 from ._response import orbit as orbit
 from ._response import receptance as receptance

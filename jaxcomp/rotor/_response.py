@@ -332,7 +332,7 @@ def _check(model, force, **speeds):
             raise BadInput(name, value, "finite")
 
 
-class Orbit(NamedTuple):
+class WhirlOrbit(NamedTuple):
     """Ellipse u_x + i u_y = F e^{i w t} + B e^{-i w t}.
 
     Attributes:
@@ -350,7 +350,7 @@ class Orbit(NamedTuple):
     backward: Array
 
 
-def orbit(x: Complex[Array, "*batch"], y: Complex[Array, "*batch"]) -> Orbit:
+def orbit(x: Complex[Array, "*batch"], y: Complex[Array, "*batch"]) -> WhirlOrbit:
     """The orbit of a node.
 
     Args:
@@ -364,7 +364,7 @@ def orbit(x: Complex[Array, "*batch"], y: Complex[Array, "*batch"]) -> Orbit:
     product = forward * backward
     circle = product == 0
     angle = jnp.where(circle, 0.0, jnp.angle(jnp.where(circle, 1.0, product)) / 2)
-    return Orbit(f + b, f - b, angle, forward, backward)
+    return WhirlOrbit(f + b, f - b, angle, forward, backward)
 
 
 def magnitude(z: Complex[Array, "*batch"]) -> Float[Array, "*batch"]:

@@ -5,8 +5,8 @@ from ._change import with_lists as with_lists
 from ._change import with_machine as with_machine
 from ._change import with_value as with_value
 from ._change import with_values as with_values
+from ._describe import DescribedValue as DescribedValue
 from ._describe import ImplausibleValue as ImplausibleValue
-from ._describe import Row as Row
 from ._describe import describe as describe
 from ._describe import implausible_values as implausible_values
 from ._explain import Explained as Explained

@@ -20,7 +20,7 @@ from ._scene import Scene
 from ._schema import NAMED, Number, Option, Section, choices, entries, join, kind_of, meanings
 
 
-class Row(NamedTuple):
+class DescribedValue(NamedTuple):
     """One value of a scene.
 
     Attributes:
@@ -40,12 +40,12 @@ class Row(NamedTuple):
     doc: str = ""
 
 
-def describe(scene: Scene) -> tuple[Row, ...]:
+def describe(scene: Scene) -> tuple[DescribedValue, ...]:
     """Every value of a scene in the order of its parts, with its source.
 
     Quantities are NumPy arrays in SI units. The word `type` of a section stands before its values.
     """
-    rows: list[Row] = []
+    rows: list[DescribedValue] = []
     machine = scene.machine
     if machine.compressor is not None:
         rows += _rows(scene, machine.compressor, scene.document, "")
@@ -58,7 +58,7 @@ def describe(scene: Scene) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[Row]:
+def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[DescribedValue]:
     told = meanings(type(part))
     for name, entry in entries(type(part)).items():
         value, here = getattr(part, name), join(path, name)
@@ -71,7 +71,7 @@ def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[Row]:
                 given, at = tables[place], f"{here}.{place}" if entry.rows else here
                 if isinstance(one, NamedBearing):
                     source = scene.sources.get(at, "")
-                    yield Row(at, _written(given, at), one.name, "", source, told[name])
+                    yield DescribedValue(at, _written(given, at), one.name, "", source, told[name])
                     continue
                 if several:
                     yield _type(one, given, at)
@@ -82,11 +82,11 @@ def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[Row]:
             unit = ""
             if isinstance(entry, Number):
                 value, unit = np.asarray(value), entry.unit
-            yield Row(here, given, value, unit, source, told[name])
+            yield DescribedValue(here, given, value, unit, source, told[name])
 
 
-def _type(part: Part, table: Any, path: str) -> Row:
-    return Row(join(path, "type"), table.get("type"), kind_of(type(part)))
+def _type(part: Part, table: Any, path: str) -> DescribedValue:
+    return DescribedValue(join(path, "type"), table.get("type"), kind_of(type(part)))
 
 
 def _written(entry: Any, path: str) -> Any:
@@ -187,7 +187,7 @@ def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
     return tuple(found)
 
 
-def _of_value(row: Row) -> Iterator[ImplausibleValue]:
+def _of_value(row: DescribedValue) -> Iterator[ImplausibleValue]:
     key = row.path.split(".")[-1]
     if key not in _VALUES or (not row.unit and key not in ("clearance_ratio", "coefficient")):
         return

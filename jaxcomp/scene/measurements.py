@@ -25,7 +25,7 @@ import os
 import numpy as np
 
 from .._shown import RPM
-from ..balancing import Influence, Row, trial_influence
+from ..balancing import Influence, InfluenceRow, trial_influence
 from ._text import SceneError, header_cell, read_cells, reading
 from ._units import factor
 
@@ -114,7 +114,7 @@ def _measured(lines) -> Influence:
         np.array([readings[_INITIAL][k] for k in keys]),
         np.array([[readings[run][k] for k in keys] for run in trials]),
         np.array(list(trials.values())),
-        [Row(target, "measured", speed) for target, speed in keys],
+        [InfluenceRow(target, "measured", speed) for target, speed in keys],
         list(trials),
         np.array([weights.get(key, 1.0) for key in keys]),
         list(kept.values()),

@@ -11,13 +11,13 @@ from ._suspension import stiffness_matrix as stiffness_matrix
 from ._suspension import viscous_damping as viscous_damping
 from ._vibration import BlockMotion as BlockMotion
 from ._vibration import Harmonics as Harmonics
+from ._vibration import block_response as block_response
 from ._vibration import free_body_error as free_body_error
 from ._vibration import free_body_response as free_body_response
-from ._vibration import harmonic_response as harmonic_response
 from ._vibration import harmonics as harmonics
 from ._vibration import orbit_load as orbit_load
 from ._vibration import point_motion as point_motion
-from ._vibration import simulate as simulate
+from ._vibration import simulate_block as simulate_block
 from ._vibration import time_response as time_response
 from ._wrench import HalfBalance as HalfBalance
 from ._wrench import Wrench as Wrench

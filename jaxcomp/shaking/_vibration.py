@@ -98,7 +98,7 @@ def orbit_load(
     return harmonics(suspension, wrench, orbit.time, duration, count)
 
 
-def harmonic_response(suspension: Suspension, load: Harmonics) -> Harmonics:
+def block_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     r"""Settled vibration, $(S - k^2\Omega^2 M + ik\Omega C)X_k = F_k$ (Eq. 42).
 
     Args:
@@ -153,7 +153,7 @@ def free_body_error(
     """
     true, free = (
         point_motion(suspension, response(suspension, load), point).amplitude
-        for response in (harmonic_response, free_body_response)
+        for response in (block_response, free_body_response)
     )
     return jnp.linalg.norm(free - true, axis=0) / jnp.linalg.norm(true, axis=0)
 
@@ -181,7 +181,7 @@ def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
     return BlockMotion(response.at(time).T, rate.at(time).T)
 
 
-def simulate(
+def simulate_block(
     suspension: Suspension,
     force: Callable[[Float[Array, ""]], Float[Array, "6"]],
     time: Float[Array, " t"],

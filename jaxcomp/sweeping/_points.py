@@ -227,7 +227,7 @@ class SamplePoints:
         return np.concatenate(parts)
 
 
-class Layout(NamedTuple):
+class Blocks(NamedTuple):
     """How the designs are cut into blocks, of which each is computed and stored at once.
 
     Attributes:
@@ -239,7 +239,7 @@ class Layout(NamedTuple):
     block: tuple[int, ...]
 
     @classmethod
-    def of(cls, shape: tuple[int, ...], batch: int) -> "Layout":
+    def of(cls, shape: tuple[int, ...], batch: int) -> "Blocks":
         """Blocks of at most `batch` designs, neighbours of a grid together, all nearly alike."""
         left, block = batch, []
         for size in reversed(shape):

@@ -12,11 +12,11 @@ from jaxtyping import Float
 
 from .._fields import BadInput
 from .._waits import progress_of
-from ..design import AnalysisOptions, Problem, by_name, prepared, quantity, variable
+from ..design import AnalysisOptions, Problem, by_name, prepared, quantity_named, variable
 from ..design._problem import Asked, problem_of
 from ..machine import machine_of
 from ._blocks import Device, chosen_devices, default_width, solved_blocks
-from ._points import Distribution, GridPoints, Layout, SamplePoints, extent
+from ._points import Blocks, Distribution, GridPoints, SamplePoints, extent
 from ._store import OK, Headings, InMemory, OnDisk, Plan, fingerprint, heading, stored_header
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def _check(asked: Problem, points: GridPoints | SamplePoints) -> None:
 
 def _headings(asked: Problem) -> tuple[Headings, Headings]:
     """Of variables and of quantities."""
-    found = {q: quantity(q) for q in asked.quantities if isinstance(q, str)}
+    found = {q: quantity_named(q) for q in asked.quantities if isinstance(q, str)}
     return (
         {one.name: heading(one.unit, one.name) for one in asked.variables},
         {name: heading(found[name].unit, found[name].doc, found[name].better)
@@ -203,15 +203,15 @@ def _headings(asked: Problem) -> tuple[Headings, Headings]:
     )  # fmt: skip
 
 
-def _layout(points, batch, width, devices, there) -> tuple[Layout, int]:
+def _layout(points, batch, width, devices, there) -> tuple[Blocks, int]:
     """Blocks, and designs that a device computes in step: those of a store, if there is one."""
     for name, given in {"batch": batch, "width": width}.items():
         if given is not None and given < 1:
             raise BadInput(name, given, ">= 1")
     if there is None:
-        return Layout.of(points.shape, batch or BATCH), width or default_width(devices)
-    layout, stored = Layout(points.shape, tuple(there["block"])), there["width"]
-    if batch is not None and Layout.of(points.shape, batch) != layout:
+        return Blocks.of(points.shape, batch or BATCH), width or default_width(devices)
+    layout, stored = Blocks(points.shape, tuple(there["block"])), there["width"]
+    if batch is not None and Blocks.of(points.shape, batch) != layout:
         bound = f"as in the store, whose blocks have shape {layout.block}"
         raise BadInput("batch", batch, bound)
     if width not in (None, stored):

@@ -23,7 +23,7 @@ import numpy as np
 
 from .._fields import BadInput
 from ..design import Problem
-from ._points import SAMPLE, GridPoints, Layout, SamplePoints, extent
+from ._points import SAMPLE, Blocks, GridPoints, SamplePoints, extent
 
 if TYPE_CHECKING:  # neither is imported by who does not sweep
     import xarray
@@ -56,7 +56,7 @@ class Plan(NamedTuple):
     """
 
     points: GridPoints | SamplePoints
-    layout: Layout
+    layout: Blocks
     width: int
     variables: Headings
     quantities: Headings

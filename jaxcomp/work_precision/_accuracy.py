@@ -9,7 +9,7 @@ import jax
 
 from .._fields import BadInput
 from ..crank import solve_orbit
-from ..design import quantity
+from ..design import quantity_named
 from ..machine import Machine, machine_of
 from ..rotor import LoadCase
 from ._cycle import cycle_study
@@ -75,7 +75,7 @@ def accuracy(
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
-        quantity_name: of which the errors are: any name of `jaxcomp.design.quantity`; for films one of
+        quantity_name: of which the errors are, see `jaxcomp.design.quantity_named`; for films one of
             "friction_number", "stiffness" and "damping". Absent: what suits the study.
         study: a name of `STUDIES`, or a kind of study of your own.
         variable: to differentiate by, for the study of gradients; any name of
@@ -104,7 +104,7 @@ def accuracy(
     if kind.unit is not None and name != kind.quantity:
         raise BadInput("quantity", name, f"'{kind.quantity}' for the study '{kind.name}'")
     of_film = kind.name in ("film", "gradient") and name in FILM_QUANTITIES
-    unit = kind.unit if kind.unit is not None else "" if of_film else quantity(name).unit
+    unit = kind.unit if kind.unit is not None else "" if of_film else quantity_named(name).unit
     if variable is not None and (not kind.varies or of_film):
         raise BadInput("variable", variable, f"absent for the study '{kind.name}' of {name}")
     if excitation is None:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from .._fields import BadInput
 from ..crank import Collocation, Shooting
-from ..design import quantity, variable
+from ..design import quantity_named, variable
 from ._orbit import other_method
 from ._report import Reference
 from ._rotor import FILM_QUANTITIES, film_gradient_study
@@ -120,7 +120,7 @@ def gradient_study(question: Question, thorough: bool) -> Study:
         settings += by_mode(ahead, 1e-7, ("forward",), tail)
     note = f"derivative with respect to {question.variable}{excited}"
     name = f"d {question.quantity} / d {question.variable}"
-    unit = quantity(question.quantity).unit
+    unit = quantity_named(question.quantity).unit
     unit = f"{unit or '1'}/{one.unit}" if one.unit else unit
     return Study(reference, tuple(settings), note, name, unit)
 

@@ -38,7 +38,7 @@ from ..crank import (
     panels,
 )
 from ..cylinder import Cylinder
-from ..design import AnalysisOptions, DesignResult, available_quantities, quantity
+from ..design import AnalysisOptions, DesignResult, available_quantities, quantity_named
 from ..gas import StagedCycle
 from ..machine import Machine
 from ..mechanism import CrankState, Cylinders, SliderCrank
@@ -212,7 +212,7 @@ def _laws(design: Machine, machine: Compressor, name: str):
     def value(speed, level, accounts):
         found = DesignResult(design, AnalysisOptions())
         found.orbit = _orbit(machine, speed, level, accounts)
-        return jnp.asarray(quantity(name).value(found), float)
+        return jnp.asarray(quantity_named(name).value(found), float)
 
     return rate, value
 
@@ -330,7 +330,7 @@ def quantities_study(question: Question, thorough: bool) -> Study:
         return Call(one, program)
 
     settings = tuple(
-        Setting(name, f"[{quantity(name).unit or '-'}]", partial(call, place),
+        Setting(name, f"[{quantity_named(name).unit or '-'}]", partial(call, place),
                 reference=cache(partial(reference, place)), task=name)
         for place, name in enumerate(names)
     )  # fmt: skip

@@ -19,7 +19,7 @@ from .._fields import BadInput
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
 from ..crank import Collocation, Shooting, default_collocation
-from ..design import AnalysisOptions, DesignResult, quantity
+from ..design import AnalysisOptions, DesignResult, quantity_named
 from ..machine import Assembly, Machine, assembled
 from ._report import Measurement, Reference
 
@@ -104,7 +104,7 @@ class Question(NamedTuple):
 
     Attributes:
         design: the machine.
-        quantity: name of a `jaxcomp.design.quantity`.
+        quantity: name of a `jaxcomp.design.quantity_named`.
         variable: name of a variable, for studies in which one changes.
         excitation: forces on the rotor: those of the "crank" or of the "file"; see `AnalysisOptions`.
         orders: of the spin speed that count in vibrations.
@@ -330,7 +330,7 @@ def answer(design: Machine, options: AnalysisOptions, names: str | tuple[str, ..
     """A quantity of a design by its solvers, or several."""
     found = DesignResult(design, options)
     several = (names,) if isinstance(names, str) else names
-    values = [jnp.asarray(quantity(name).value(found), float) for name in several]
+    values = [jnp.asarray(quantity_named(name).value(found), float) for name in several]
     value = values[0] if isinstance(names, str) else jnp.stack(values)
     iterations, status = jnp.asarray(0), Status.converged
     if "orbit" in found.__dict__:

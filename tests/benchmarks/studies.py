@@ -32,7 +32,7 @@ from jaxcomp.design import (
     DesignResult,
     prepared,
     problem,
-    quantity,
+    quantity_named,
     variable,
     variable_names,
 )
@@ -343,7 +343,7 @@ def tolerance_study(question: Question, thorough: bool) -> Study:
     solver = None if question.compressor is None else Collocation(nodes=10, reversals=0)
     made = prepared(problem(design, names, [question.quantity], question.options(solver, 1e-5)))
     nominal = np.asarray(made.current)
-    sign = -1 if quantity(question.quantity).better == "more" else 1  # side of the rejects
+    sign = -1 if quantity_named(question.quantity).better == "more" else 1  # side of the rejects
 
     @cache
     def drawn(sampling, count, seed):
