@@ -110,7 +110,7 @@ def load(name_or_path: str | os.PathLike) -> Scene:
     >>> load("mayekawa-wbeh")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    jaxcomp.scene._errors.SceneError: no machine ... "mayekawa-wbeh"; did you mean "mayekawa-wbhe"?
+    jaxcomp.scene._text.SceneError: no machine ... "mayekawa-wbeh"; did you mean "mayekawa-wbhe"?
     """
     given, known = os.fspath(name_or_path), bundled("machines")
     path = Path(given)
