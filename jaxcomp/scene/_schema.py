@@ -19,6 +19,7 @@ from .. import friction as friction
 from .. import gas as gas
 from .. import mechanism as mechanism
 from .. import motor as motor
+from .._each import AbstractEach
 from .._extensions import ExtensionError, import_extensions
 from .._fields import Bound, Part
 from ..compressor import Compressor
@@ -241,7 +242,8 @@ def _entry(field: dataclasses.Field, hint: Any, each: bool) -> Entry:
 
 def _descendants(base: type):
     yield base
-    for child in base.__subclasses__():
+    # what stands for some of several cylinders comes behind what stands for all
+    for child in sorted(base.__subclasses__(), key=lambda one: issubclass(one, AbstractEach)):
         yield from _descendants(child)
 
 
