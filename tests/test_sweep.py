@@ -32,8 +32,8 @@ from jaxcomp.sweeping import (
     uniform,
 )
 from jaxcomp.sweeping._points import (
+    Blocks,
     GridPoints,
-    Layout,
     SamplePoints,
     neighbours_together,
 )
@@ -479,7 +479,7 @@ def test_layout_of_a_store_is_kept(tmp_path):
 )
 @pytest.mark.parametrize("batch", [1, 8, 512])
 def test_blocks_cover_every_design_once(shape, batch):
-    layout = Layout.of(shape, batch)
+    layout = Blocks.of(shape, batch)
     assert np.prod(layout.block) <= batch
     seen = np.zeros(shape, int)
     for number in range(layout.number):
