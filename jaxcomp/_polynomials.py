@@ -16,9 +16,8 @@ class Rule(NamedTuple):
     nodes: np.ndarray  # abscissae
     weights: np.ndarray  # quadrature weights
     integral: np.ndarray  # row i integrates the polynomial through the nodes from 0 to node i
-    to_legendre: (
-        np.ndarray
-    )  # coefficients in Legendre polynomials of 2 x - 1 from values at the nodes
+    # coefficients in Legendre polynomials of 2 x - 1 from values at the nodes
+    to_legendre: np.ndarray
 
     def through(self, x: np.ndarray) -> np.ndarray:
         """Values at places x in [0, 1] of the polynomial through values at the nodes: a matrix."""

@@ -3,7 +3,6 @@
 Nothing heavy is imported before a command needs it, so that help and completion answer at once.
 """
 
-import enum
 import inspect
 import io
 import re
@@ -11,8 +10,7 @@ import sys
 import textwrap
 from collections.abc import Callable
 from copy import copy
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, get_args, get_origin
 
 import typer
 
@@ -57,16 +55,6 @@ def _flowing(text: str | None) -> str:
     )
 
 
-def _choice(kind: Any) -> Any:
-    """The type of an argument for typer: an enumeration in the place of a `Literal`."""
-    parts = get_args(kind) if get_origin(kind) in (UnionType, Union) else (kind,)
-    found = [get_args(one) for one in parts if get_origin(one) is Literal]
-    if not found:
-        return kind
-    made = enum.StrEnum("Choice", {word: word for word in found[0]})
-    return made | None if NoneType in parts else made
-
-
 def _add(name: str, command: Callable[..., None], panel: str) -> None:
     """Add a command; the help of its own options stands in its docstring.
 
@@ -89,7 +77,7 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
             info = typer.Option(f"--{one.name.replace('_', '-')}")
         if entry := docs.get(one.name):
             info.metavar, info.help = entry[2], entry[3]
-        parameters.append(one.replace(annotation=Annotated[_choice(kind), info]))
+        parameters.append(one.replace(annotation=Annotated[kind, info]))
     command.__signature__ = signature.replace(parameters=parameters)  # pyright: ignore
     command.__annotations__ = {one.name: one.annotation for one in parameters}
     app.command(name, help=_flowing(text), rich_help_panel=panel)(command)

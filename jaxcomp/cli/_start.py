@@ -11,7 +11,6 @@ import shlex
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -56,15 +55,12 @@ def refuse_unknown(option: str, name: str, known: Collection[str], kind: str) ->
 
 
 def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
-    """Wrap a command so that the errors a user can cause end in one line.
-
-    Words that typer chose from an enumeration come as plain texts.
-    """
+    """Wrap a command so that the errors a user can cause end in one line."""
 
     @functools.wraps(command)
     def wrapped(**options: Any) -> None:
         try:
-            command(**{k: v.value if isinstance(v, Enum) else v for k, v in options.items()})
+            command(**options)
         except Exception as error:
             if not isinstance(error, _caused_by_user()):
                 raise

@@ -50,7 +50,7 @@ class Unknowns(NamedTuple):
     # states at the s Gauss nodes and at the end, before anything jumps there
     points: Float[Array, "p s+1 n"]
     left: Float[Array, "p n"]  # at the beginnings
-    edges: Float[Array, " p+1"]  # [rad] ; those without an event do not move
+    edges: Float[Array, " p+1"]  # [rad]; those without an event do not move
 
 
 class Residual(NamedTuple):

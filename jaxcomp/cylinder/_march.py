@@ -116,7 +116,7 @@ class Stretch(NamedTuple):
 
     angle: Float[Array, ""]  # [rad] where it ended
     state: Float[Array, " m"]  # there
-    flags: Int[Array, " f"]  # (f,) there
+    flags: Int[Array, " f"]  # there
     steps: Int[Array, ""]  # taken
     passes: Int[Array, ""]  # tried, those that were rejected or located an event included
     # whether the end was reached, or the march was over before, and all steps were kept
@@ -294,7 +294,7 @@ class March(NamedTuple):
     """Revolutions until they repeat."""
 
     state: Float[Array, " n"]  # at the end of the last of them
-    flags: Int[Array, " 6"]  # (f,) there
+    flags: Int[Array, " 6"]  # there
     totals: Float[Array, " 12"]  # integrals of the accounts over it
     whole: Bool[Array, ""]  # whether its end was reached
     record: Record  # its steps

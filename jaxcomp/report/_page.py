@@ -23,7 +23,7 @@ from .._shown import behind
 from ..scene import DescribedValue, Scene, describe
 from ._checks import Check, checks
 
-_CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "doubt", "dim": "faint"}
+_CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "warning", "dim": "faint"}
 # A drawing with more lines than this is smaller, and faster to show, as pixels.
 _LARGEST_SVG = 400_000  # bytes
 _DPI = 130
