@@ -17,6 +17,7 @@ from . import report as report
 from . import rotor as rotor
 from . import scene as scene
 from . import shaking as shaking
+from . import study as study
 from . import sweeping as sweeping
 from . import tolerancing as tolerancing
 from . import valve as valve
@@ -87,6 +88,7 @@ from .scene import dump as dump
 from .scene import load as load
 from .scene import loads as loads
 from .scene import machines as machines
+from .study import identify as identify
 from .sweeping import open_sweep as open_sweep
 from .sweeping import sweep as sweep
 from .tolerancing import robust as robust

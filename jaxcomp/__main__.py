@@ -1,17 +1,14 @@
 """`python -m jaxcomp` is the program `jaxcomp`."""
 
-import sys
+from ._interrupts import ends_when_interrupted
 
 
 def main() -> None:
-    """Entry point of the program; an interrupt ends it without a traceback."""
-    try:
+    """Entry point of the program; an interrupt ends it soon and without a traceback."""
+    with ends_when_interrupted():
         from .cli import main as program  # an interrupt may come while modules are imported
 
         program()
-    except KeyboardInterrupt:
-        print("stopped", file=sys.stderr)
-        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -18,10 +18,10 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool
 
 from . import _precision as _precision  # before JAX runs anything
+from ._programs import keep_programs
 from ._shown import shown
-from ._waits import watch_compiles
 
-watch_compiles()
+keep_programs()
 
 _MISSING = dataclasses.MISSING
 _Tree = TypeVar("_Tree")
@@ -55,6 +55,10 @@ class MissingPart(BadInput):
         self.args = (f"Quantity '{quantity}' needs {part}; this scene has none.",)
 
 
+# No number of a machine in SI units comes near; products of some larger ones overflow.
+LARGEST = 1e25
+
+
 class Bound(NamedTuple):
     """An interval, open or closed on either side."""
 
@@ -64,11 +68,13 @@ class Bound(NamedTuple):
     high_open: bool = False
 
     def inside(self, x):
-        """Whether each entry of `x` lies inside; false for NaN. An array of NumPy gives one of NumPy."""
+        """Whether each entry of `x` lies inside; false for NaN and for sizes beyond `LARGEST`.
+
+        An array of NumPy gives one of NumPy.
+        """
         above = x > self.low if self.low_open else x >= self.low
         below = x < self.high if self.high_open else x <= self.high
-        known = isinstance(x, np.ndarray | np.generic)
-        return above & below & (np.isfinite(x) if known else jnp.isfinite(x))
+        return above & below & (abs(x) <= LARGEST)
 
     def holds(self, x):
         """Whether every entry of `x` lies inside. Works on traced values."""
@@ -82,7 +88,7 @@ class Bound(NamedTuple):
         """
         low = self.low + (1e-6 * max(1.0, abs(self.low)) if self.low_open else 0.0)
         high = self.high - (1e-6 * max(1.0, abs(self.high)) if self.high_open else 0.0)
-        moved = jnp.clip(jnp.nan_to_num(x, nan=1.0, posinf=1.0, neginf=1.0), low, high)
+        moved = jnp.clip(jnp.where(abs(x) <= LARGEST, x, 1.0), low, high)
         return jnp.where(self.inside(x), x, jax.lax.stop_gradient(moved))
 
     def __str__(self) -> str:
@@ -92,6 +98,17 @@ class Bound(NamedTuple):
         if self.high < np.inf:
             parts.append(f"{'<' if self.high_open else '<='} {self.high:g}")
         return " and ".join(parts) or "finite"
+
+
+def counted(field: str, value: int, low: int = 1, high: int = 10**6) -> int:
+    """A count, which must not take all time and memory.
+
+    Raises:
+        BadInput: a count outside its bounds.
+    """
+    if not low <= value <= high:
+        raise BadInput(field, value, f">= {low} and <= {high}")
+    return value
 
 
 ANY = Bound()
@@ -160,9 +177,10 @@ class Part(eqx.Module):
                 _check_shape(type(self).__name__, name, value, field.metadata["shape"])
             if not is_traced(value) and not (inside := bound.inside(np.asarray(value))).all():
                 place = int(np.argmin(inside)) if listed else 0
-                where = f"{bound} in cylinder {place + 1}" if listed else str(bound)
+                size = ", and at most 1e25 in size" if np.any(np.abs(value) > LARGEST) else ""
+                where = f"{bound}{size} in cylinder {place + 1}" if listed else f"{bound}{size}"
                 raise BadInput(name, value[place] if listed else value, where)
-        for rule, holds in _known(self).conditions().items():
+        for rule, holds in known_values(self).conditions().items():
             if not is_traced(holds) and not np.all(holds):
                 where = f" in cylinder {int(np.argmin(holds)) + 1}" if np.ndim(holds) else ""
                 raise BadInput(type(self).__name__, self._values(), f"{rule}{where}")
@@ -324,7 +342,7 @@ def _as_float(value: Any) -> Any:
     return jnp.asarray(value, dtype=jnp.result_type(float))
 
 
-def _known(part: _Tree) -> _Tree:
+def known_values(part: _Tree) -> _Tree:
     """A copy whose values are arrays of NumPy, where they are known: comparing them compiles nothing."""
 
     def of(leaf):

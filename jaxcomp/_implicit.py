@@ -173,6 +173,7 @@ def settle(
     beside: Any,
     tolerance: float | Float[Array, ""],
     max_iterations: int,
+    rounding: float | Float[Array, ""] = 0.0,
 ) -> tuple[Y, Any, FixedPointReport]:
     """Iterate a contraction until it converges, without derivatives.
 
@@ -183,6 +184,7 @@ def settle(
         beside: data of the first guess.
         tolerance: largest change of any entry at which to stop.
         max_iterations: iterations after which to give up.
+        rounding: change that rounding alone may leave beside what it leaves of an ordinary problem.
     """
 
     def going_on(carry):
@@ -201,7 +203,7 @@ def settle(
         change = jnp.where(lost, 2 * _RUNAWAY, change)
         falls = change < _LOWER * lowest
         lowest = jnp.where(falls, change, lowest)
-        waited = jnp.where(falls | ~(change < _ROUNDING), 0, waited + 1)
+        waited = jnp.where(falls | ~(change < _ROUNDING + rounding), 0, waited + 1)
         settled = (change <= tolerance) | (waited >= _PATIENCE)
         return new, data, FixedPointReport(last.steps + 1, change, settled), share, lowest, waited
 

@@ -50,6 +50,14 @@ def gauss(count: int) -> Rule:
     return Rule((x + 1) / 2, w / 2, integral / 2, coefficients)
 
 
+def legendre_columns(x: Float[Array, "*n"], count: int) -> Float[Array, "count *n"]:
+    """The first Legendre polynomials at x, with derivatives (Bonnet's recurrence)."""
+    columns = [jnp.ones_like(x), x]
+    for k in range(1, count - 1):
+        columns.append(((2 * k + 1) * x * columns[k] - k * columns[k - 1]) / (k + 1))
+    return jnp.stack(columns[:count])
+
+
 def cubic_step(t, width, ends, slopes):
     """Value at a share t of a step of the cubic with these values and slopes at its ends (Hermite)."""
     s = 1 - t

@@ -6,7 +6,6 @@ the fields themselves, so that a result that is loaded equals the one that was s
 
 import csv
 import dataclasses
-import functools
 import importlib
 import inspect
 import io
@@ -16,6 +15,7 @@ from collections.abc import Iterator
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, get_args
 
 import equinox as eqx
@@ -23,7 +23,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ._fields import BadInput, is_traced
+from ._extensions import import_extensions
+from ._fields import BadInput, Part, is_traced
+from ._files import regular
 from ._shown import shown
 from ._status import Status
 from ._words import hint
@@ -259,22 +261,37 @@ def load_result(path: str | Path) -> Any:
     Args:
         path: the file.
 
+    Only classes of results and parts are made, of jaxcomp, of registered extensions and of the running
+    program; nothing else that a file names is looked up.
+
     Raises:
-        BadInput: a file that holds no result, or one of another version whose parts are not there.
+        BadInput: a file that is damaged or holds no result, or one of another version whose parts are
+            not there.
     """
+    path = regular(path)
     try:
         with np.load(path) as file:
             arrays = {name: file[name] for name in file.files}
         head = json.loads(str(arrays.pop("head")))
         if head["format"] != _FORMAT:
             raise ValueError
-    except (ValueError, KeyError, EOFError, TypeError):
+        written, kept = str(head["version"]), head["result"]
+    except Exception:  # whatever numpy, zipfile and json make of damaged bytes
         raise BadInput("path", str(path), "a file that `save` of a result wrote") from None
     try:
-        return _built(head["result"], arrays)
-    except (AttributeError, ImportError, KeyError) as error:
-        made = f"of jaxcomp {head['version']}, which this version cannot read ({error})"
+        found = _built(kept, arrays)
+        if not isinstance(found, Result):
+            raise _Unknown(f"{type(found).__name__} is no result")
+    except _Unknown as error:
+        made = f"{path} of jaxcomp {written}, which this version cannot read ({error})"
         raise BadInput("path", made, f"written by jaxcomp {version(_PACKAGE)}") from None
+    except Exception:  # any other structure than `save` writes
+        raise BadInput("path", f"{path}, which is damaged", "as `save` wrote it") from None
+    return found
+
+
+class _Unknown(ValueError):
+    """A class or a field that a file names and that is not there."""
 
 
 def csv_text(columns: dict[str, Any]) -> str:
@@ -301,11 +318,7 @@ def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
         kind = "jax" if isinstance(value, jax.Array) else "numpy"
         return {kind: f"array_{len(arrays) - 1}"}
     if isinstance(value, type) or inspect.isfunction(value):
-        if not value.__module__.startswith(_PACKAGE) or "<" in value.__qualname__:
-            raise BadInput(
-                "result", value.__qualname__, "without functions of the user, to be saved"
-            )
-        return {"name": _address(value)}
+        raise BadInput("result", value.__qualname__, "without functions of the user, to be saved")
     if type(value).__name__ == "EnumerationItem":
         return {"status": _plain(value._value, arrays)}
     if isinstance(value, tuple) and not hasattr(value, "_fields"):
@@ -314,11 +327,8 @@ def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
         return {"list": [_plain(one, arrays) for one in value]}
     if isinstance(value, dict):
         return {"dict": [[_plain(k, arrays), _plain(v, arrays)] for k, v in value.items()]}
-    if dataclasses.is_dataclass(value):
-        names = [field.name for field in dataclasses.fields(value)]
-    elif hasattr(value, "_fields"):
-        names = list(value._fields)  # pyright: ignore[reportAttributeAccessIssue]
-    else:
+    names = _field_names(type(value))
+    if not names:
         raise BadInput(
             "result", type(value).__name__, "of arrays and parts of jaxcomp, to be saved"
         )
@@ -334,28 +344,44 @@ def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
 def _built(kept: Any, arrays: dict[str, np.ndarray]) -> Any:
     if not isinstance(kept, dict):
         return kept
-    (kind, content), *_ = kept.items()
+    if "class" in kept:
+        return _object(_found(kept["class"]), kept["fields"], arrays)
+    ((kind, content),) = kept.items()
     if kind in ("jax", "numpy"):
         return jnp.asarray(arrays[content]) if kind == "jax" else arrays[content]
-    if kind == "name":
-        return _found(content)
     if kind == "status":
-        status = Status.converged
-        return eqx.tree_at(lambda s: s._value, status, _built(content, arrays))
+        value = _built(content, arrays)
+        if np.asarray(value).dtype.kind not in "iu" or np.any((value < 0) | (value >= len(Status))):
+            raise ValueError(content)
+        return eqx.tree_at(lambda s: s._value, Status.converged, value)
     if kind in ("tuple", "list"):
         made = [_built(one, arrays) for one in content]
         return tuple(made) if kind == "tuple" else made
     if kind == "dict":
         return {_built(k, arrays): _built(v, arrays) for k, v in content}
-    fields = {name: _built(value, arrays) for name, value in kept["fields"].items()}
-    found = _found(content)
-    if issubclass(found, tuple):
-        return found(**fields)
+    raise _Unknown(kind)
+
+
+def _object(made_of: type, fields: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
+    values = {name: _built(value, arrays) for name, value in fields.items()}
+    known = _field_names(made_of)
+    for name in {*values} ^ {*known}:
+        if name in values or not hasattr(made_of, name):
+            raise _Unknown(f"{made_of.__name__}.{name}")
+    if issubclass(made_of, tuple):
+        return made_of(**values)
     # unchecked, as the fields come from an object that was checked
-    made = object.__new__(found)
-    for name, value in fields.items():
+    made = object.__new__(made_of)
+    for name, value in values.items():
         object.__setattr__(made, name, value)
     return made
+
+
+def _field_names(kind: type) -> list[str]:
+    """Fields of a dataclass or of a tuple with names; none of any other class."""
+    if dataclasses.is_dataclass(kind):
+        return [field.name for field in dataclasses.fields(kind)]
+    return list(getattr(kind, "_fields", ()))
 
 
 def _address(thing: Any) -> str:
@@ -367,15 +393,40 @@ def _public(module: str) -> str:
     return ".".join(word for word in module.split(".") if not word.startswith("_"))
 
 
-def _found(address: str) -> Any:
+def _found(address: str) -> type:
+    """The class of a result or part at an address.
+
+    Raises:
+        _Unknown: no such class; what else a module has is not looked at.
+    """
     module, _, name = address.partition(":")
-    if module.partition(".")[0] != _PACKAGE:  # nothing else is imported on a file's word
-        raise ImportError(address)
-    place = importlib.import_module(_public(module))
-    first, *inner = name.split(".")
-    if not hasattr(place, first):  # a private class, in one of the private modules
-        names = [one.name for one in pkgutil.iter_modules(place.__path__)]
-        private = (name for name in names if name.startswith("_") and name != "__main__")
-        modules = (importlib.import_module(f"{place.__name__}.{name}") for name in private)
-        place = next((one for one in modules if hasattr(one, first)), place)
-    return functools.reduce(getattr, [first, *inner], place)
+    module = _public(module)
+    if module.partition(".")[0] == _PACKAGE:  # nothing else is imported on a file's word
+        for place in _modules(module):
+            kind = vars(place).get(name)
+            if isinstance(kind, type) and _public(kind.__module__) == module and _field_names(kind):
+                return kind
+    else:
+        import_extensions()
+        for kind in _below(Part):
+            if _address(kind) == address and not kind.__module__.startswith(f"{_PACKAGE}."):
+                return kind
+    raise _Unknown(address)
+
+
+def _modules(name: str) -> Iterator[ModuleType]:
+    """A public module of this package and the private ones in it."""
+    try:
+        package = importlib.import_module(name)
+    except ImportError:
+        raise _Unknown(name) from None
+    yield package
+    for one in pkgutil.iter_modules(getattr(package, "__path__", ())):
+        if one.name.startswith("_") and one.name != "__main__":
+            yield importlib.import_module(f"{name}.{one.name}")
+
+
+def _below(kind: type) -> Iterator[type]:
+    for one in kind.__subclasses__():
+        yield one
+        yield from _below(one)

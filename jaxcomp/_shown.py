@@ -52,7 +52,8 @@ class Shown(NamedTuple):
 
     def text(self, value: float, digits: int = 5) -> str:
         """A value [SI] with its unit, to so many `digits`."""
-        return f"{value * self.factor:.{digits}g} {self.unit}".strip()
+        # a zero has no sign
+        return f"{value * self.factor + 0.0:.{digits}g} {self.unit}".strip()
 
 
 def spelled(name: str) -> tuple[str, bool]:

@@ -44,6 +44,11 @@ class Status(eqx.Enumeration):
         "the film of a journal closes within the revolution; give it more viscosity, width or less "
         "clearance, or a load that does not turn at half the speed of the film"
     )
+    thin_film = (
+        "the film of a journal is thinner than the roughness of its surfaces, where it carries nothing; "
+        "give it more viscosity, width or speed, or less clearance or load, such as with `least_film` as "
+        "a constraint of `optimise`"
+    )
 
 
 class SolveFailed(RuntimeError):

@@ -5,86 +5,54 @@
 
 import os
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import jax
-
-# [s] Compiling for longer than this is told; between two looks; between two lines of progress.
-_AFTER, _LOOK, _EVERY = 2.0, 0.1, 10.0
-# Looks without compiling after which a wait has ended.
-_QUIET = 10
+# [s] Compiling for longer than this is told; between two lines of progress.
+_AFTER, _EVERY = 2.0, 10.0
+# [s] that one byte of a program's text takes to compile: 16 to 28 s for 566 kB (a machine with valves).
+_PER_BYTE = 4e-5
 _PACKAGE = str(Path(__file__).parent)
-_COMPILING = tuple(
-    str(Path("jax", "_src", *where))
-    for where in (
-        ("interpreters", "partial_eval.py"),
-        ("interpreters", "mlir.py"),
-        ("compiler.py",),
-    )
-)
 # Files whose functions nobody calls by name.
-_UNNAMED = (f"{os.sep}cli{os.sep}", "__main__.py", "_fields.py")
+_UNNAMED = (f"{os.sep}cli{os.sep}", "__main__.py", "_fields.py", "_programs.py", "_waits.py")
 
 
-class _Watch:
-    """Looks, while JAX compiles, whether the thread that called it still waits for that."""
+class _Compiles:
+    """Whether compiling is told, and for which machine."""
 
-    def __init__(self):
-        self.thread: threading.Thread | None = None
-        self.spinner = False  # shows that something goes on, and says that it may be compiling
-
-    def heard(self, event: str, seconds: float, **_) -> None:
-        """JAX traced, lowered or compiled something: something larger may be around it."""
-        alive = self.thread is not None and self.thread.is_alive()
-        if alive or not event.startswith("/jax/core/compile"):
-            return
-        begun, caller = time.monotonic() - seconds, threading.get_ident()
-        self.thread = threading.Thread(target=self._look, args=(begun, caller), daemon=True)
-        self.thread.start()
-
-    def _look(self, begun: float, caller: int) -> None:
-        quiet, told = 0, False
-        while quiet < _QUIET:
-            time.sleep(_LOOK)
-            name = _compiles(caller)
-            quiet = 0 if name else quiet + 1
-            if name and not told and time.monotonic() - begun > _AFTER:
-                told = True
-                if not self.spinner:
-                    _say(
-                        f"compiling {name}: some seconds to a minute the first time; "
-                        "calls with the same shapes are fast from then on"
-                    )
+    told, machine = False, ""
+    spinner = False  # shows that something goes on, and says that it may be compiling
 
 
-def _compiles(caller: int) -> str:
-    """The function of this package for which a thread traces or compiles; "" if it does not."""
-    frame = sys._current_frames().get(caller)
-    busy, name = False, ""
+def watch_compiles(machine: str = "") -> None:
+    """From now on say so before a program compiles for more than two seconds.
+
+    The command line does; elsewhere `JAXCOMP_WAITS=on` does as much.
+    """
+    _Compiles.told, _Compiles.machine = True, machine or _Compiles.machine
+
+
+def tell_compile(size: int) -> None:
+    """A program of so many bytes will be compiled; say so if that takes long."""
+    seconds = size * _PER_BYTE
+    wanted = _Compiles.told or os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
+    if not wanted or not shows_waits() or _Compiles.spinner or seconds < _AFTER:
+        return
+    machine = f" for {_Compiles.machine}" if _Compiles.machine else ""
+    _say(f"compiling {_called()}{machine}, about {float(f'{seconds:.1g}'):.0f} s")
+
+
+def _called() -> str:
+    """The outermost function of this package that runs and has a public name."""
+    frame, name = sys._getframe(1), ""
     while frame is not None:
-        file = frame.f_code.co_filename
-        busy = busy or file.endswith(_COMPILING)
+        file, word = frame.f_code.co_filename, frame.f_code.co_name
         if file.startswith(_PACKAGE) and not any(place in file for place in _UNNAMED):
-            # the outermost one with a public name
-            word = frame.f_code.co_name
-            name = word if not word.startswith(("_", "<")) else name or word.strip("_<>")
+            name = name if word.startswith(("_", "<")) else word
         frame = frame.f_back
-    if busy and caller != threading.main_thread().ident and name:
-        return "a study"  # whose pieces run in threads of their own
-    return name if busy else ""
-
-
-_WATCH = _Watch()
-
-
-def watch_compiles() -> None:
-    """Say so where compiling takes more than two seconds, unless `JAXCOMP_WAITS` is off."""
-    if shows_waits():
-        jax.monitoring.register_event_duration_secs_listener(_WATCH.heard)
+    return name or "the results"
 
 
 def shows_waits() -> bool:
@@ -101,12 +69,12 @@ def spinner(text: str) -> Iterator[None]:
     if not console.is_terminal or not shows_waits():
         yield
         return
-    _WATCH.spinner = True
+    _Compiles.spinner = True
     try:
         with console.status(text):
             yield
     finally:
-        _WATCH.spinner = False
+        _Compiles.spinner = False
 
 
 class Progress:

@@ -23,6 +23,8 @@ from ._fields import (
     replaced,
     subparts,
 )
+from .cylinder import Cylinder
+from .cylinder._cylinder import ports_fit
 from .friction import (
     AbstractFriction,
     AbstractJointLoop,
@@ -72,6 +74,7 @@ class Compressor(Part):
         if self.cylinders is not None:
             _check_single(self.mechanism)
         _check_lists(self)
+        _check_ports(self)
         wanted = getattr(self.mechanism, "kind", None)
         if self.friction is not None and getattr(self.friction, "kind", None) != wanted:
             kind = getattr(self.friction, "kind", type(self.friction).__name__)
@@ -148,12 +151,25 @@ def _check_lists(compressor: Compressor) -> None:
                 raise BadInput(f"{where}.of_cylinder", str(part.of_cylinder), bound)
         for path, value in listed(getattr(compressor, section)).items():
             of_shaft = path.startswith(_OF_SHAFT)
-            if of_shaft or value.shape != (count,):
+            if of_shaft or not count or value.shape != (count,):
                 several = count and not of_shaft
                 bound = f"one number, or one for each of {count} cylinders" if several else ""
                 raise BadInput(
                     f"{section}.{path}", value, bound or "a single value, without [cylinders]"
                 )
+
+
+def _check_ports(compressor: Compressor) -> None:
+    """That the ports of valves are narrower than the piston."""
+    gas, mechanism = compressor.gas, compressor.mechanism
+    if not isinstance(gas, Cylinder):
+        return
+    fits = zip(("suction_valve", "discharge_valve"), ports_fit(gas, mechanism), strict=True)
+    for name, fit in fits:
+        if not is_traced(fit) and not bool(jnp.all(fit)):
+            bore = 2 * jnp.sqrt(jnp.min(mechanism.piston_area) / jnp.pi)
+            diameter = getattr(gas, name).port_diameter
+            raise BadInput(f"gas.{name}.port_diameter", diameter, f"< {bore:.5g} m, the bore")
 
 
 def compressor_of(machine: Any) -> Compressor:

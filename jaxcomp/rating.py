@@ -5,10 +5,12 @@ $$X = C_1 + C_2S + C_3D + C_4S^2 + C_5SD + C_6D^2 + C_7S^3 + C_8DS^2 + C_9SD^2 +
 with evaporating and condensing dew temperatures S and D in degrees Celsius (AHRI 540, EN 12900).
 """
 
-from collections.abc import Iterator, Sequence
+import dataclasses as dc
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -21,6 +23,7 @@ from .compressor import Compressor, compressor_of
 from .crank import Collocation, performance, solve_orbit
 from .cylinder import Cylinder, solve_cycle
 from .fluid import RealGas
+from .motor import ConstantSpeed
 
 ZERO = 273.15  # [K] at 0 degrees Celsius
 
@@ -118,7 +121,8 @@ def at_rating(
         rating: of `RATINGS`, or one's own.
 
     Raises:
-        BadInput: a machine without valves or with a perfect gas, or an unknown rating.
+        BadInput: a machine without valves or with a perfect gas, an unknown rating, or temperatures that
+            are out of order or beyond the fluid's range, see `Cylinder`.
     """
     compressor = compressor_of(machine)
     gas = compressor.gas
@@ -128,23 +132,15 @@ def at_rating(
         if rating not in RATINGS:
             raise BadInput("rating", rating, one_of(rating, RATINGS))
         rating = RATINGS[rating]
-    suction, discharge = (
-        {"pressure": None, "evaporating": jnp.asarray(evaporating, float)},
-        {
-            "pressure": None,
-            "condensing": jnp.asarray(condensing, float),
-            "temperature": None,
-        },
-    )
+    suction: dict[str, Any] = {"pressure": None, "evaporating": evaporating}
+    discharge: dict[str, Any] = {"pressure": None, "condensing": condensing, "temperature": None}
     if rating.return_gas is not None or rating.superheat is not None:
         suction |= {"temperature": rating.return_gas, "superheat": rating.superheat}
     if rating.liquid is not None or rating.subcooling is not None:
         discharge |= {"liquid_temperature": rating.liquid, "subcooling": rating.subcooling}
-    lines = [
-        replaced(line, **{k: v if v is None else jnp.asarray(v) for k, v in new.items()})
-        for line, new in ((gas.suction, suction), (gas.discharge, discharge))
-    ]
-    return replaced(compressor, gas=replaced(gas, suction=lines[0], discharge=lines[1]))
+    # built anew, so that what is known is checked
+    lines = dc.replace(gas.suction, **suction), dc.replace(gas.discharge, **discharge)
+    return replaced(compressor, gas=dc.replace(gas, suction=lines[0], discharge=lines[1]))
 
 
 def rating_map(
@@ -165,10 +161,12 @@ def rating_map(
         rating: of `RATINGS`.
 
     Raises:
-        BadInput: a machine without valves or with a perfect gas, or an unknown rating.
+        BadInput: as `at_rating`, of any point.
     """
     S, D = jnp.asarray(evaporating, float), jnp.asarray(condensing, float)
     compressor = at_rating(machine, S[0], D[0], rating)
+    for ends in ((jnp.max(S), jnp.min(D)), (jnp.min(S), jnp.max(D))):
+        at_rating(compressor, *ends, rating)
     shape = S.size, D.size
     found, ok = _along(compressor, rating, jnp.repeat(S, D.size), jnp.tile(D, S.size))
     ok = np.asarray(ok).reshape(shape)
@@ -195,32 +193,199 @@ def polynomial_terms(evaporating, condensing) -> np.ndarray:
     return np.stack(terms, axis=-1)
 
 
+class RatingPoints(NamedTuple):
+    """Conditions of n points, as numbers.
+
+    Attributes:
+        evaporating, condensing: [K] (n,) dew temperatures.
+        gas: [K] (n,) of the gas that comes to the compressor.
+        liquid: [K] (n,) of the liquid before the expansion.
+        useful: [K] (n,) of the gas up to which its enthalpy counts as capacity.
+        speed: [rad/s] (n,)
+    """
+
+    evaporating: Float[Array, " n"]
+    condensing: Float[Array, " n"]
+    gas: Float[Array, " n"]
+    liquid: Float[Array, " n"]
+    useful: Float[Array, " n"]
+    speed: Float[Array, " n"]
+
+
+def capacity_rise(fluid: RealGas, evaporating, useful, liquid) -> Float[Array, ""]:
+    """[J/kg] of enthalpy between liquid and useful gas; capacity over mass flow.
+
+    Args:
+        fluid: the refrigerant.
+        evaporating: [K] dew temperature.
+        useful: [K] of the gas.
+        liquid: [K]
+    """
+    pressure, wet = fluid.saturation(T=evaporating).p, fluid.saturation(T=liquid)
+    gas = fluid.state(useful, fluid.density(useful, pressure))
+    return gas.h - fluid.state(wet.T, wet.liquid).h
+
+
+def rated(
+    build: Callable[[Float[Array, " p"]], Compressor],
+    parameters: Float[Array, " p"],
+    points: RatingPoints,
+) -> tuple[Float[Array, "n 8"], Float[Array, "n 8 p"], Bool[Array, " n"]]:
+    """Quantities of a compressor with valves at rating points, and their slopes over parameters.
+
+    Each point is solved at its speed, which is taken as constant over the revolution.
+
+    Args:
+        build: the compressor of some parameters.
+        parameters: (p,) where to evaluate.
+        points: the conditions.
+
+    Returns:
+        `QUANTITIES` in their order, their derivatives, and whether the point can be relied on.
+    """
+
+    def point(point: RatingPoints):
+        def law(parameters, rise):
+            one = build(parameters)
+            motor = replaced(ConstantSpeed(1.0, losses=one.motor.losses), mean_speed=point.speed)
+            rating = Rating(point.gas, None, point.liquid, None)
+            here = at_rating(
+                replaced(one, motor=motor), point.evaporating, point.condensing, rating
+            )
+            values, new, ok = _at_point(here, Collocation(reversals=0, estimate=False), rise)
+            gas = here.gas
+            assert isinstance(gas, Cylinder)
+            assert isinstance(gas.fluid, RealGas)
+            worth = capacity_rise(gas.fluid, point.evaporating, point.useful, point.liquid)
+            capacity = values["mass_flow"] * worth
+            values |= {"capacity": capacity, "cop": capacity / values["power"]}
+            return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
+
+        return with_slopes(law, parameters, warmed)
+
+    gas = build(parameters).gas
+    warmed = isinstance(gas, Cylinder) and gas.suction.warming is not None
+    return lax.map(point, points)
+
+
 @eqx.filter_jit
 def _along(compressor: Compressor, rating: str, evaporating, condensing):
     """All points, one after the other: each takes as many steps as it needs."""
-    assert isinstance(compressor.gas, Cylinder)
-    together = compressor.motor.closes == "torque" or not compressor.gas.inert
-    together |= compressor.cylinders is not None
-    solver = Collocation(reversals=compressor.load_reversals)
-    speed = compressor.motor.speed_guess
+    solver, gas = Collocation(reversals=compressor.load_reversals), compressor.gas
+    assert isinstance(gas, Cylinder)
 
     def point(temperatures):
-        here = at_rating(compressor, *temperatures, rating)
-        if together:
-            orbit = solve_orbit(here, throw=False)
+        def law(_, rise):
+            here = at_rating(compressor, *temperatures, rating)
+            values, new, ok = _at_point(here, solver, rise)
+            return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
+
+        if gas.suction.warming is None:  # without slopes, which cost as much again
+            values, _, ok = law(None, None)
         else:
-            cycle = solve_cycle(here.gas, here.mechanism, speed, throw=False)
-            orbit = solver.solve(replaced(here, gas=cycle.gas()))
-            orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
-        cycle, result = orbit.cycle, performance(here, orbit)
-        assert cycle is not None
-        values = {
-            "power": result.electric_power,
-            "cop": result.cop,
-            "overall_efficiency": result.overall_efficiency,
-        }
-        own = (name for name, *_ in QUANTITIES if name not in values)
-        values |= {name: getattr(cycle, name) for name in own}
-        return values, cycle.converged & orbit.converged
+            values, _, ok = _warmed(law, jnp.zeros(0))
+        return {name: values[n] for n, (name, *_) in enumerate(QUANTITIES)}, ok
 
     return lax.map(point, (evaporating, condensing))
+
+
+def _at_point(here: Compressor, solver: Collocation, rise):
+    """Quantities at a point, the rise of the suction gas by its law, and whether both hold.
+
+    Args:
+        here: the compressor at its rating point.
+        solver: of the crank's motion under the pressure that was found.
+        rise: [K] of the suction gas where a law gives it.
+    """
+    assert isinstance(here.gas, Cylinder)
+    together = here.motor.closes == "torque" or not here.gas.inert or here.cylinders is not None
+    warming = here.gas.suction.warming
+    if warming is not None:
+        suction = replaced(here.gas.suction, warming=None, heating=rise)
+        here = replaced(here, gas=replaced(here.gas, suction=suction))
+    if together:
+        orbit = solve_orbit(here, throw=False)
+    else:
+        speed = here.motor.speed_guess
+        cycle = solve_cycle(here.gas, here.mechanism, speed, throw=False)
+        orbit = solver.solve(replaced(here, gas=cycle.gas()))
+        orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
+    cycle, result = orbit.cycle, performance(here, orbit)
+    assert cycle is not None
+    values = {
+        "power": result.electric_power,
+        "cop": result.cop,
+        "overall_efficiency": result.overall_efficiency,
+    }
+    own = (name for name, *_ in QUANTITIES if name not in values)
+    values |= {name: getattr(cycle, name) for name in own}
+    new = rise
+    if warming is not None:
+        loss = result.electric_power - orbit.gas_power
+        flow, hot = cycle.mass_flow, cycle.discharge_temperature
+        new = warming.rise(cycle.case.comes, hot, flow, loss)
+    known = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
+    return values, new, cycle.converged & orbit.converged & known
+
+
+def with_slopes(law, parameters: Float[Array, " p"], warmed: bool):
+    """Values, slopes and status of a law, at the rise of the suction gas that it gives back itself.
+
+    Args:
+        law: of parameters and a rise [K]: values (n,), the rise that follows, and whether they hold.
+        parameters: (p,)
+        warmed: whether there is such a rise; the law is handed `None` and its own is not looked at
+            otherwise.
+
+    Returns:
+        (n,), (n, p), and whether they hold and are numbers.
+    """
+    if warmed:
+        values, slopes, ok = _warmed(law, parameters)
+    else:
+
+        def whole(parameters):
+            values, _, ok = law(parameters, None)
+            return values, ok
+
+        values, push, ok = jax.linearize(whole, parameters, has_aux=True)
+        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(parameters.size))
+    return values, slopes, ok & jnp.all(jnp.isfinite(values)) & jnp.all(jnp.isfinite(slopes))
+
+
+# [K] Change of the suction gas's rise at which Newton's method stops; its last step squares it.
+_SETTLED, _FIRST, _STEPS = 1e-2, 15.0, 8
+
+
+def _warmed(law, parameters: Float[Array, " p"]):
+    """Values, slopes and status of a law at the rise of the suction gas that it gives back.
+
+    Values and slopes come from one linearisation, also over the rise; so nothing is traced twice.
+    """
+    count = parameters.size
+
+    def at(rise):
+        def whole(inputs):
+            values, new, ok = law(inputs[:count], inputs[count])
+            return jnp.append(values, new), ok
+
+        values, push, ok = jax.linearize(whole, jnp.append(parameters, rise), has_aux=True)
+        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(count + 1))
+        rest = values[-1] - rise
+        # a rise beyond all measure must not leave the range of the fluid
+        step = jnp.clip(rest / (1 - slopes[-1, -1]), -20.0, 20.0)
+        return jnp.maximum(rise + step, 0.0), rise, values, slopes, ok
+
+    def going_on(carry):
+        (new, rise, *_), steps = carry
+        return (jnp.abs(new - rise) > _SETTLED) & (steps < _STEPS)
+
+    nothing = jax.tree.map(
+        lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(at, jnp.asarray(_FIRST))
+    )
+    begin = (jnp.asarray(_FIRST), nothing[1] - 1.0, *nothing[2:]), 0
+    found, steps = lax.while_loop(going_on, lambda c: (at(c[0][0]), c[1] + 1), begin)
+    new, rise, values, slopes, ok = found
+    along = slopes[-1, :-1] / (1 - slopes[-1, -1])  # of the rise, over the parameters
+    total = slopes[:-1, :-1] + slopes[:-1, -1:] * along
+    return values[:-1] + slopes[:-1, -1] * (new - rise), total, ok & (steps < _STEPS)

@@ -1,11 +1,12 @@
 """64-bit mode, programs compiled quickly, and none kept that memory has no room for."""
 
 import os
+import time
 from pathlib import Path
 
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # XLA prints pages about each program it loads
 # Commands under test keep nothing in the folder of whoever runs them.
-os.environ["JAXCOMP_CACHE_DIR"] = "off"
+os.environ["JAXCOMP_CACHE"] = "off"
 os.environ["JAXCOMP_WAITS"] = "off"
 os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -14,7 +15,7 @@ import jax
 import pytest
 
 import jaxcomp  # noqa: F401  (turns on 64-bit mode)
-from jaxcomp.cli._start import keeps_programs, quick_compiles, unoptimised_compiles
+from jaxcomp.cli._start import quick_compiles, unoptimised_compiles
 
 # Most programs of the tests run once: XLA need not optimise them. Programs that the tests start inherit
 # this; notebooks, benchmarks and users run optimised programs, and so do the tests with
@@ -32,18 +33,21 @@ jax.devices()  # commands find JAX running, and leave the other tests their devi
 # Linux allows a process 65,530 memory maps, and every compiled program takes some.
 _MAPS = Path("/proc/self/maps")
 _MANY_MAPS = 35_000
+_counted = time.monotonic()
 
 
 def pytest_configure(config):
     # A second run of the tests reuses the compiled programs of the first.
-    if keeps_programs():
-        folder = config.cache.mkdir("jax")
-        jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    if hasattr(config, "cache"):
+        os.environ["JAXCOMP_CACHE"] = str(config.cache.mkdir("programs"))
 
 
-@pytest.fixture(autouse=True, scope="module")
+@pytest.fixture(autouse=True)
 def _forget_programs():
     yield
-    if _MAPS.exists() and _MAPS.read_bytes().count(b"\n") > _MANY_MAPS:
-        jax.clear_caches()
+    global _counted
+    # to compile takes a while, and so does counting
+    if time.monotonic() - _counted > 1 and _MAPS.exists():
+        if _MAPS.read_bytes().count(b"\n") > _MANY_MAPS:
+            jax.clear_caches()
+        _counted = time.monotonic()

@@ -60,12 +60,7 @@ def volumes(out, **options):
 
 def command(kind, **options):
     """The command line and the environment that run this file in another process."""
-    import jax
-
     environment = dict(os.environ) | {"JAXCOMP_X64": "1"}
-    cache = jax.config.jax_compilation_cache_dir
-    if cache:
-        environment["JAX_COMPILATION_CACHE_DIR"] = cache
     given = [f"{key}={value}" for key, value in options.items()]
     return [sys.executable, str(Path(__file__)), kind, *given], environment
 
@@ -80,9 +75,6 @@ def main(kind, out, devices="", count=""):
         devices: host devices to share.
         count: of samples.
     """
-    import jax
-
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
     if kind == "devices":
         values = [small(devices=n).mechanical_efficiency.values for n in (1, int(devices))]
         np.save(out, np.stack(values))

@@ -484,14 +484,14 @@ def test_references_of_the_orbit_agree(orbit):
 
 
 @pytest.mark.slow
-def test_collocation_is_thirty_times_faster_than_shooting_at_equal_error(orbit):
+def test_collocation_is_ten_times_faster_than_shooting_at_equal_error(orbit):
     error = 1e-6
     collocation = min(
         orbit.cheapest(error, m).seconds for m in ("collocation", "collocation, reversals=0")
     )
     shooting = orbit.cheapest(error, "shooting, Tsit5").seconds
     scipy = orbit.cheapest(error, "SciPy").seconds
-    assert 30 * collocation < shooting
+    assert 10 * collocation < shooting  # as the page of the solvers says
     assert shooting < scipy
 
 
@@ -605,7 +605,8 @@ def test_samples_and_derivatives_agree_on_what_varies():
 
 
 # [-] Errors of the default solver that its own march may tell, by quantity: a peak of the crank pin of
-# slider-link-8cc is known to 3e-4, other peaks to 4e-5 (notebooks/solvers.md), all else to 1e-6.
+# slider-link-8cc is known to 3e-4, the largest pressure of its film to 1.2e-4, other peaks to 4e-5
+# (notebooks/solvers.md), all else to 1e-6.
 # The margin is the least of the nodes.
 PEAKS, MARGIN, REST = 1e-3, 1e-4, 1e-5
 
@@ -618,11 +619,13 @@ def test_every_quantity_has_a_true_error_or_a_refusal_in_words(name):
     for row in found.rows:
         if np.isfinite(row.error):
             allowed = MARGIN if row.method == "joint_margin" else REST
-            allowed = PEAKS if row.method.startswith("peak") else allowed
+            allowed = PEAKS if row.method.startswith(("peak", "film_pressure")) else allowed
             assert found.claimed(row) < allowed, row
         else:
             assert row.why == "the solver of the periodic state has no part in it", row
-            assert row.method in ("swept_volume", "mean_speed", "gas_power"), row
+            # no film is thin at any node
+            kind = row.method.partition(".")[0]
+            assert kind in ("swept_volume", "mean_speed", "gas_power", "thin_film_share"), row
 
 
 ALL_STUDIES = STUDIES | DEVELOPER_STUDIES
@@ -635,7 +638,8 @@ ALL_STUDIES = STUDIES | DEVELOPER_STUDIES
 @pytest.mark.parametrize("name", MACHINES)
 def test_every_study_of_every_machine_ends_in_a_report_or_in_words(name, study):
     kind, variable = ALL_STUDIES[study], "mechanism.crank_radius" if study == "gradient" else None
-    if study == "cycle" or (kind.needs == "rotor" and name != "hermetic-68cc"):
+    without = kind.needs == "rotor" and name != "hermetic-68cc"
+    if without or study == "cycle" or (study, name) == ("cylinders", "slider-link-8cc"):
         with pytest.raises(BadInput):
             accuracy(load(name), None, kind, variable=variable)
         return

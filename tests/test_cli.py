@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from jaxcomp import Collocation, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._arguments import assignments, entry
-from jaxcomp.cli._start import CommandError, keeps_programs
+from jaxcomp.cli._start import CommandError
 from jaxcomp.design import with_bore
 from jaxcomp.scene import implausible_values, load, with_value
 
@@ -260,7 +260,7 @@ print(compiled - hits, hits, file=sys.stderr)
 
 def started(folder, *arguments):
     """Run the program in a fresh process; programs that were compiled, and found in the cache."""
-    environment = os.environ | {"JAXCOMP_CACHE_DIR": str(folder)}
+    environment = os.environ | {"JAXCOMP_CACHE": str(folder)}
     environment.pop("EQX_ON_ERROR", None)
     command = [sys.executable, "-c", COUNT, "run", "mayekawa-wbhe", "--json", *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
@@ -268,10 +268,6 @@ def started(folder, *arguments):
     return compiled, hits, read_json(done.stdout)
 
 
-kept = pytest.mark.skipif(not keeps_programs(), reason="this jaxlib does not keep programs safely")
-
-
-@kept
 def test_second_start_compiles_nothing(tmp_path):
     # without friction the program is small
     options = ("--set", "friction=none")
@@ -284,7 +280,6 @@ def test_second_start_compiles_nothing(tmp_path):
     assert first["mean_speed"] > second["mean_speed"]
 
 
-@kept
 @pytest.mark.slow
 def test_second_start_compiles_nothing_with_shooting(tmp_path):
     first, _, _ = started(tmp_path, "--solver", "shooting")

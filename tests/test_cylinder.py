@@ -47,6 +47,7 @@ def golden(name: str) -> Cylinder:
     more = {
         "port_length": None if name in "AB" else 5e-3,
         "restitution": 0.3 if name == "E" else 0.0,
+        "sticking_speed": 1e-4,
     }
     suction = PlateValve(
         mass=1.5e-4, damping=0.02, stiffness=250, stop=1.5e-3, port_diameter=7e-3, **more
@@ -450,7 +451,9 @@ def test_wet_suction_is_seen():
         lambda c: c.suction.temperature, golden("C"), jnp.asarray(240.0)
     )  # below the dew point of 249.85 K at 114.8 kPa
     fluid = wet.fluid
-    state = wet.suction.state(fluid)
+    state = eqx.filter_jit(lambda line: line.state(fluid))(
+        wet.suction
+    )  # outside of a program it is refused
     assert bool(fluid.is_wet(state.T, state.rho))
     dry = golden("C").suction.state(fluid)
     assert not bool(fluid.is_wet(dry.T, dry.rho))
@@ -472,6 +475,34 @@ SCATTERED = [
     "discharge_valve.preload",
     "discharge_valve.port_length",
 ]
+
+
+def test_bouncing_valves_rest_by_the_scales_of_their_plates():
+    """The last bounces that count are of 1 mm/s; those down to 0.4 mm/s add 1e-9 of the flow."""
+    bouncing = eqx.tree_at(restitutions, inertial(), [jnp.asarray(0.2)] * 2)
+    default = solve_cycle(bouncing, mechanism(), SPEED, CycleOptions(nodes=8, panels=64))
+    lower = eqx.tree_at(sticking_speeds, bouncing, [jnp.asarray(4e-4)] * 2, is_leaf=_absent)
+    finer = solve_cycle(lower, mechanism(), SPEED, CycleOptions(nodes=8, panels=64))
+    np.testing.assert_allclose(
+        default.volumetric_efficiency, finer.volumetric_efficiency, rtol=1e-8
+    )
+
+
+def inertial() -> Cylinder:
+    """The golden machine D, whose valves rest by their own scales."""
+    return eqx.tree_at(sticking_speeds, golden("D"), [None] * 2, is_leaf=_absent)
+
+
+def restitutions(cylinder):
+    return [valve.restitution for valve in cylinder.valves]
+
+
+def sticking_speeds(cylinder):
+    return [valve.sticking_speed for valve in cylinder.valves]
+
+
+def _absent(leaf):
+    return leaf is None
 
 
 def test_whether_a_valve_rests_is_decided_without_the_damping_of_its_impact():
@@ -546,6 +577,8 @@ def test_scattered_designs_converge_or_say_why():
     assert np.mean(ok) > 0.95  # most of the others have more events than panels
     assert np.abs(closures[ok, 0]).max() < 1e-11
     closing = np.abs(closures[ok, 1])
-    assert closing.max() < 1e-4  # 6e-5 with the default six nodes, where valves bounce longest
+    # 1.7e-4 with the default six nodes, where valves bounce longest (37 events); next to it 5e-5
+    assert closing.max() < 3e-4
+    assert np.sort(closing)[-2] < 1e-4
     assert np.median(closing) < 1e-7
     assert len({tuple(row[row >= 0].tolist()) for row in np.asarray(which)}) > 300

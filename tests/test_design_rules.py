@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput
+from jaxcomp._fields import replaced
 from jaxcomp.design import design_rules, with_bore
+from jaxcomp.mechanism import CrankState, Cylinders, counterweights
 from jaxcomp.scene import load, with_values
+from jaxcomp.shaking import shaking_wrench
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +98,45 @@ def test_another_mechanism_is_refused(machine):
     other = eqx.tree_at(lambda c: c.mechanism, machine, Other())
     with pytest.raises(BadInput, match="`mechanism` must be a slider_crank"):
         with_bore(other, 0.1)
+
+
+LAYOUTS = {
+    "one": {"layout": "single"},
+    "V2": {"layout": "V90"},
+    "four": {"layout": "V90x2", "throw_pitch": 0.2, "rod_pitch": 0.04},
+    "eight": {"layout": "VV45x2", "throw_pitch": 0.2, "rod_pitch": 0.04},
+    "radial": {"layout": "radial-5"},
+    "boxer": {"layout": "boxer-2", "throw_pitch": 0.1},
+}
+
+
+@pytest.mark.parametrize("kind", ["slider_crank", "slider_link"])
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_counterweights_of_throws_follow_the_bore(machine, kind, layout):
+    """Typed counterweights are after the rule what their formula asks of the new machine."""
+    one = replaced(machine, mechanism=unbalanced(machine.mechanism))
+    if kind == "slider_link":
+        link = load("slider-link-8cc").as_compressor()
+        one = replaced(link, mechanism=replaced(link.mechanism, crank_eccentricity=0.0))
+    typed = counterweights(one.mechanism, Cylinders(**layout))
+    several = eqx.tree_at(lambda c: c.cylinders, one, typed, is_leaf=lambda x: x is None)
+    new = with_bore(several, 0.9 * one.mechanism.bore)
+    wanted = counterweights(new.mechanism, new.cylinders)
+    for found, rule in zip(new.cylinders.throws, wanted.throws, strict=True):
+        np.testing.assert_allclose(found.unbalance, rule.unbalance, rtol=1e-13)
+
+
+def unbalanced(mechanism):
+    return replaced(mechanism, crank_unbalance=jnp.zeros(()))
+
+
+@pytest.mark.parametrize("name", ["mayekawa-4wbhe", "mayekawa-8wbhe"])
+def test_bundled_machines_keep_no_first_order_at_another_bore(name):
+    """At constant speed, in units of the first order of one cylinder; 1e-12 is rounding."""
+    narrow = with_bore(load(name).as_compressor(), 0.120)
+    angle = jnp.linspace(0, 2 * jnp.pi, 64, endpoint=False)
+    speed = jnp.full_like(angle, 100.0)
+    force = shaking_wrench(narrow, CrankState(angle, speed, jnp.zeros_like(speed))).force
+    first = np.abs(np.fft.rfft(np.asarray(force), axis=-1)[:, 1]) / 32
+    one = narrow.mechanism.half_balance * 100.0**2
+    assert first.max() < 1e-12 * one

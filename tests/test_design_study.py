@@ -186,6 +186,14 @@ def test_what_a_connecting_rod_would_gain(drives):
         assert abs(saving[name]) < 0.03
 
 
+def test_half_the_friction_at_the_wall_would_meet_the_measured_saving(machine):
+    """At most 4 W at the terminals, some 3 W at the shaft; the coefficient at the wall is assumed."""
+    half = eqx.tree_at(lambda m: m.friction.wall.coefficient, machine, jnp.asarray(0.04))
+    found = compare_drives(half, ROD, SOLVER)
+    assert found.total_saving == pytest.approx(3.07, abs=0.02)
+    assert found.saving["wall"] == pytest.approx(1.73, abs=0.02)
+
+
 def test_derivatives_of_the_rules_equal_differences(machine):
     names = ("bore", "stroke_bore_ratio", "offset", "piston_clearance")
     for name in names:

@@ -1,5 +1,8 @@
 """The desk: a machine whose numbers move, headless, as a page of Panel, and in a real browser."""
 
+import dataclasses
+import html
+import re
 import shutil
 import socket
 from types import SimpleNamespace
@@ -161,14 +164,47 @@ def test_gains_can_be_sorted_and_numbers_get_sliders(page):
     assert page.ranges.objects[-1] is page.sliders[first].row
 
 
+def said(page):
+    """The message without the backslashes that keep Markdown out of it."""
+    return re.sub(r"\\(.)", r"\1", page.message.object)
+
+
 def test_wrong_input_is_answered_on_the_page(page):
     row = list(page.table.value["name"]).index(BORE)
     page._entered(SimpleNamespace(column="Value", row=row, value="-1 mm"))
     assert page.message.visible
-    assert page.message.object == 'mechanism.bore = "-1 mm": must be > 0 m'
+    assert said(page) == 'mechanism.bore = "-1 mm": must be > 0 m'
     file = SimpleNamespace(filename="mine.toml")
     page._load(SimpleNamespace(new=b"mechanism = 3", obj=file))
     assert "mechanism" in page.message.object
+
+
+def test_texts_of_a_machine_are_neither_html_nor_markdown(scene):
+    import panel as pn
+    from markdown_it import MarkdownIt
+
+    text = '<img src=x onerror="alert(1)"> ![a](http://example.org/a.png) *b* `c` 50 %'
+    named = dataclasses.replace(scene, name=text, description=text)
+    shown = _Page(named)
+    shown._say(text)
+    render = MarkdownIt("gfm-like").render
+    assert "<img" in render(text)
+    panes = [one.object for one in shown.body.select(pn.pane.Markdown) if "example" in one.object]
+    assert len(panes) == 2
+    for made in map(render, panes):
+        assert "<img" not in made
+        assert "<em>" not in made
+        assert 'onerror="alert' in html.unescape(made)  # as it was written
+
+
+def test_a_machine_that_is_opened_reads_no_files_beside_it(page, tmp_path):
+    (tmp_path / "secret.csv").write_text("of the user")
+    for name in (tmp_path / "secret.csv", "/etc/passwd"):
+        sent = f'[gas]\ntype = "crank_angle_table"\ncsv = "{name}"\nback_pressure = "1 bar"'
+        page._load(SimpleNamespace(new=sent.encode(), obj=SimpleNamespace(filename="m.toml")))
+        assert "names a file" in said(page)
+        assert "of the user" not in page.message.object
+        assert "root" not in page.message.object
 
 
 def test_pages_do_not_disturb_each_other(scene, page):

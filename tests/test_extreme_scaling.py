@@ -142,11 +142,11 @@ def test_rotor_of_any_size_is_the_same_rotor(size):
     )
 
 
-@pytest.mark.parametrize("value", [1e-300, 1e-9, 1e-6, 1e300])
+@pytest.mark.parametrize("value", [1e-300, 1e-9, 1e-6, 1e25])
 def test_an_admissible_value_is_never_moved(value):
     """A micrometre or a nanometre is small in SI and large in a bearing."""
     assert float(POSITIVE.clip(jnp.asarray(value))) == value
     assert float(jax.grad(POSITIVE.clip)(value)) == 1.0
-    for bad in (0.0, -value, np.nan, np.inf):
+    for bad in (0.0, -value, np.nan, np.inf, 1e30, 1e250):
         assert float(POSITIVE.clip(jnp.asarray(bad))) > 0
         assert float(jax.grad(POSITIVE.clip)(bad)) == 0.0

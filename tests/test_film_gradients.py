@@ -1,5 +1,7 @@
 """Derivatives of the film against finite differences, and finite at every edge."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +24,7 @@ from jaxcomp.film import (
     prepare,
     stiffness_damping,
 )
+from jaxcomp.film._models import _harmonics
 
 SIZES = jnp.array([16e-3, 22e-3, 9e-6, 4e-3])
 # The derivatives of the series model take longest to compile.
@@ -169,6 +172,14 @@ def test_stiffness_is_finite_from_no_load_over_twelve_decades(model):
     for function in (both, jax.jacrev(both, (0, 1))):
         for leaf in jax.tree.leaves(jax.jit(jax.vmap(function, (None, 0)))(SIZES, vectors)):
             assert bool(jnp.all(jnp.isfinite(leaf)))
+
+
+def test_harmonics_have_second_derivatives_at_no_eccentricity():
+    # of which the slopes of the stiffness are made: those of (-1)^(n+1) (eps/2)^n/eps, near no load
+    harmonics = partial(_harmonics, terms=5)
+    np.testing.assert_array_equal(jax.jacfwd(harmonics)(0.0), [0.0, -0.25, 0.0, 0.0, 0.0])
+    second = jax.jacfwd(jax.jacfwd(harmonics))(0.0)
+    np.testing.assert_allclose(second, [0.25, 0.0, 0.25, 0.0, 0.0], atol=1e-15)
 
 
 def test_stiffness_at_no_load_is_the_limit_of_light_load():

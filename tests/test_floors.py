@@ -20,7 +20,7 @@ FLOORS = [
     {"coupling"},
     {"running"},
     {"balancing"},
-    {"design", "tolerancing", "sweeping", "work_precision", "rating"},
+    {"design", "study", "tolerancing", "sweeping", "work_precision", "rating"},
     {"scene", "machines"},
     {"plot", "report"},
     {"desk"},

@@ -97,8 +97,8 @@ def test_barest_scene_is_right(bare, hand, crank):
 
 
 def test_barest_scene_costs_little_more_than_what_is_written_by_hand(bare, hand):
-    # measured 4.2 times: residual of the joints, energy account and resolution, which no result skips
-    assert bare.flops < 5 * hand.flops
+    # 3.7 times: residual of the joints, energy account and resolution, which no result skips
+    assert bare.flops < 4 * hand.flops
 
 
 def test_friction_and_fluctuation_cost_only_where_they_are(bare, crank):
@@ -136,11 +136,12 @@ def test_every_part_of_the_fullest_scene_costs_and_every_part_left_out_saves():
     fullest = [name for name in flops if name.startswith("all: ")]
     assert len(rotor) == 4
     assert len(fullest) == 1
-    for ladder in (crank, [BARE, HELD, WHOLE], rotor, crank[-1:] + fullest, rotor[-1:] + fullest):
+    # the forces on the rotor are those of a crank at a given speed
+    for ladder in (crank, [BARE, HELD, WHOLE], rotor, [HELD, *fullest], rotor[-1:] + fullest):
         costs_of_ladder = [flops[name] for name in ladder]
         assert all(a < b for a, b in pairwise(costs_of_ladder))
-    # measured 2700 times
-    assert flops[fullest[0]] > 1000 * flops[BARE]
+    # measured 324 times
+    assert flops[fullest[0]] > 200 * flops[BARE]
     # a scene without a crank has nothing of it: no loop but those of the elimination
     assert "lapack" in costs[rotor[0]].text
     assert all("lapack" not in costs[name].text for name in crank)

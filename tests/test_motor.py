@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from helpers import machine
 
-from jaxcomp import Collocation, Shooting, solve_orbit
-from jaxcomp.motor import ConstantTorque, Kloss, MeanSpeed, SlipLine
+from jaxcomp import Collocation, Shooting, load, solve_orbit
+from jaxcomp._fields import replaced
+from jaxcomp.motor import ConstantSpeed, ConstantTorque, Kloss, MeanSpeed, SlipLine
+from jaxcomp.scene import with_values
 
 MOTORS = {
     "mean speed": MeanSpeed(100.0),
@@ -59,3 +61,19 @@ def test_slip_line_turns_a_machine_without_friction():
     # shooting closes to 1e-9
     np.testing.assert_allclose(found.mechanical_efficiency, 1.0, rtol=1e-12)
     np.testing.assert_allclose(found.mean_speed, marched.mean_speed, rtol=1e-7)
+
+
+@pytest.mark.parametrize("slip", [1e-4, 1e-5])
+def test_a_stiff_motor_is_the_limit_of_constant_speed(slip):
+    """A torque curve that leaves the speed no room solves as the given speed does."""
+    kloss = {"type": "kloss", "pull_out_torque": "2000 N m", "pull_out_slip": slip}
+    machine = with_values(
+        load("mayekawa-wbhe"), {"motor": {**kloss, "synchronous_speed": "1000 rpm"}}
+    ).compressor
+    held = replaced(machine, motor=ConstantSpeed(machine.motor.synchronous_speed))
+    stiff, constant = solve_orbit(machine), solve_orbit(held)
+    # the swing of the speed, a tenth of the pull-out slip, moves the efficiency by 2e-4 of the slip
+    assert float(stiff.mechanical_efficiency) == pytest.approx(
+        float(constant.mechanical_efficiency), abs=1e-9 + 3e-4 * slip
+    )
+    assert float(stiff.speed_fluctuation) == pytest.approx(0.0997 * slip, rel=1e-3)

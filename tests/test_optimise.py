@@ -110,9 +110,9 @@ def test_rosenbrock_from_all_starts(scene):
 
 def test_bounds_hold_throughout_and_are_named(scene):
     found = optimise(asked(scene, bowl, 0.0, 2.0))
-    # The bound holds exactly; the slope of 1e-5 leaves 1e-5 of the other variable's range at most.
-    assert found.values[X] == 2
-    np.testing.assert_allclose(values(found), [2, 0.7], atol=2e-5)
+    assert found.values[X] == 2  # the bound holds exactly
+    # a slope of 1e-5 leaves less; 1e-6 is what SciPy knows its own optimum to
+    np.testing.assert_allclose(values(found), [2, 0.7], atol=1e-6)
     np.testing.assert_allclose(
         values(found), by_scipy(bowl_of, 0, 2, [1, 1], method="L-BFGS-B"), atol=1e-6
     )
@@ -455,7 +455,7 @@ def test_refusals_name_field_value_and_bound(scene):
     assert "`total` must be given finite bounds" in refused(
         scene, constraints={total: (None, np.nan)}
     )
-    assert "`starts` must be >= 1, but is 0" in refused(scene, starts=0)
+    assert "`starts` must be >= 1 and <= 10000, but is 0" in refused(scene, starts=0)
     assert f"`starts.{X}` must be >= 0 and <= 3, but is 4" in refused(scene, starts=[[4.0]])
     assert "of shape (starts, 1)" in refused(scene, starts=[[1.0, 2.0]])
     assert "`tolerance` must be > 0 and < 1" in refused(scene, tolerance=0.0)

@@ -87,8 +87,8 @@ def python(folder, code, given=""):
     return done.stdout
 
 
-def run_lines(folder, lines):
-    out = python(folder, DRIVER, json.dumps(lines)).rpartition("DONE")[2]
+def run_lines(folder, lines, before=""):
+    out = python(folder, before + DRIVER, json.dumps(lines)).rpartition("DONE")[2]
     answers = json.loads(out)
     for line, (code, text) in zip(lines, answers, strict=True):
         assert code == 0, f"{line}\n{text}"
@@ -142,6 +142,13 @@ def test_excerpts_can_be_read(package):
 @pytest.mark.parametrize("page", [page for page in OWN if commands(page)])
 def test_all_commands_of_own_pages_run(package, page):
     run_lines(package, [line for line in commands(page) if line[0] not in CHEAP])
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be held here")
+def test_a_machine_on_a_torque_curve_runs_on_one_processor(package):
+    """Where jaxlib leaves calls of LAPACK in this program that it cannot compile."""
+    one = min(os.sched_getaffinity(0))
+    run_lines(package, [["run", "yoke.toml"]], f"import os\nos.sched_setaffinity(0, [{one}])\n")
 
 
 EXAMPLES = [

@@ -157,13 +157,15 @@ def write_tables(folder: Path) -> None:
         (folder / name).write_text(table)
 
 
+def is_cheap(line: list[str]) -> bool:
+    return line[0] in CHEAP or "--measured" in line
+
+
 def run_all(page: str, lines: list[list[str]], folder: Path, monkeypatch) -> None:
     monkeypatch.chdir(folder)
     write_tables(folder)
     write_files(page, folder)
     for line in lines:
-        if line[0] == "desk":  # serves until it is interrupted; see tests/test_desk.py
-            continue
         done = CliRunner().invoke(app, line)
         assert done.exit_code == 0, f"{shlex.join(line)}\n{done.output}"
         if "--out" in line:
@@ -175,17 +177,26 @@ WITH_COMMANDS = [page for page in RUN if commands(page)]
 
 @pytest.mark.parametrize("page", WITH_COMMANDS)
 def test_cheap_commands_run(page, tmp_path, monkeypatch):
-    cheap = [line for line in commands(page) if line[0] in CHEAP or "--measured" in line]
+    cheap = [line for line in commands(page) if is_cheap(line)]
     assert cheap or page in ("notebooks/several-machines.md", "notebooks/desk.md")
     run_all(page, cheap, tmp_path, monkeypatch)
 
 
+# The cluster of `--dask` is not there; tests of sweeps start one. `desk` serves until it is interrupted;
+# see `test_desk.py`.
+LONGER = {
+    f"{Path(page).stem}-{i}-{line[0]}": (page, line)
+    for page in WITH_COMMANDS
+    for i, line in enumerate(commands(page))
+    if not is_cheap(line) and "--dask" not in line and line[0] != "desk"
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", WITH_COMMANDS)
-def test_all_commands_run(page, tmp_path, monkeypatch):
-    # the cluster of `--dask` is not there; tests of sweeps start one
-    lines = [line for line in commands(page) if "--dask" not in line]
-    run_all(page, lines, tmp_path, monkeypatch)
+@pytest.mark.parametrize(("page", "line"), LONGER.values(), ids=LONGER)
+def test_longer_commands_run(page, line, tmp_path, monkeypatch):
+    files = [one for one in commands(page) if one[0] == "new"]
+    run_all(page, [*files, line], tmp_path, monkeypatch)
 
 
 TABLES = [(page, code) for page in RUN for code in blocks(page, "toml")]

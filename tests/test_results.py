@@ -1,5 +1,9 @@
 """Results print themselves with units, become tables, and come back from files with the same bits."""
 
+import gc
+import json
+import os
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -30,6 +34,7 @@ from jaxcomp.crank import Orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.design import ParetoFront
 from jaxcomp.friction._slider_crank import SliderCrankLoop
+from jaxcomp.parts import Part, quantity
 from jaxcomp.rotor import (
     Disks,
     Link,
@@ -211,7 +216,7 @@ def test_files_outlive_the_private_modules_of_the_package():
     ):
         assert _found(old) is kind
         assert _found(_address(kind)) is kind
-    with pytest.raises(AttributeError):
+    with pytest.raises(ValueError, match="NeverThere"):
         _found("jaxcomp.crank._before:NeverThere")
 
 
@@ -305,3 +310,88 @@ def test_a_file_of_something_else_is_refused(tmp_path):
     np.savez(tmp_path / "evil.npz", head=np.array(head))
     with pytest.raises(BadInput, match="cannot read"):
         load_result(tmp_path / "evil.npz")
+
+
+def class_of(address, **fields):
+    return {"class": address, "fields": fields}
+
+
+def written(path, result, **arrays):
+    """A file as `save` writes it, with something else in the place of the result."""
+    head = json.dumps({"format": "jaxcomp result", "version": "0", "result": result})
+    np.savez(path, head=np.array(head), **arrays)
+    return path
+
+
+def test_a_hostile_file_deletes_nothing(tmp_path):
+    kept = tmp_path / "kept.txt"
+    kept.write_text("of the user")
+    fields = {"name": str(kept), "close_called": False, "delete": True}
+    closer = "jaxcomp.report:matplotlib.tempfile._TemporaryFileCloser"
+    with pytest.raises(BadInput, match="cannot read"):
+        load_result(written(tmp_path / "evil.npz", class_of(closer, **fields)))
+    gc.collect()
+    assert kept.read_text() == "of the user"
+
+
+@pytest.mark.parametrize(
+    "result",
+    [
+        {"name": "jaxcomp.scene:os.system"},
+        {"name": "jaxcomp.scene:load"},
+        class_of("jaxcomp.scene:os.system"),
+        class_of("jaxcomp.scene:load"),  # a function
+        class_of("jaxcomp.scene:SceneError"),  # neither part nor result
+        class_of("jaxcomp:jax.numpy.ndarray"),
+        class_of("jaxcomp._results:NamedTuple"),  # of another module
+        class_of("jaxcomp:__main__"),
+        class_of("jaxcomp.nowhere:Orbit"),
+        class_of("collections:OrderedDict"),
+        class_of("jaxcomp.mechanism:CrankState"),  # lacks its fields
+        class_of("jaxcomp.mechanism:CrankState", angle=0.0, speed=0.0, more=0.0),
+        class_of("jaxcomp.mechanism:CrankState", angle=0.0, speed=0.0),  # a part, but no result
+        {},
+        {"dict": [[{"list": []}, 1]]},  # a list as key
+        {"jax": "array_7"},
+        {"status": {"numpy": "array_0"}},
+        {"tuple": 3},
+        {"list": [[1, 2], {"x": 1, "y": 2}]},
+        "text",
+        None,
+    ],
+)
+def test_only_results_and_parts_are_made_from_a_file(result, tmp_path):
+    path = written(tmp_path / "evil.npz", result, array_0=np.array(10**6))
+    with pytest.raises(BadInput, match=r"evil\.npz"):
+        load_result(path)
+
+
+@pytest.mark.parametrize("head", ["{}", "[]", "1", "", "[" * 10**5, '{"format": "jaxcomp result"}'])
+def test_a_damaged_head_is_refused(head, tmp_path):
+    np.savez(tmp_path / "damaged.npz", head=np.array(head))
+    with pytest.raises(BadInput, match=r"damaged\.npz"):
+        load_result(tmp_path / "damaged.npz")
+
+
+def test_a_cut_file_is_refused_and_a_pipe_is_not_read(tmp_path):
+    balance().save(tmp_path / "whole.npz")
+    whole = (tmp_path / "whole.npz").read_bytes()
+    for kept in (0, 3, 40, len(whole) // 2, len(whole) - 30):
+        (tmp_path / "cut.npz").write_bytes(whole[:kept])
+        with pytest.raises(BadInput, match=r"cut\.npz"):
+            load_result(tmp_path / "cut.npz")
+    os.mkfifo(tmp_path / "pipe.npz")
+    with pytest.raises(OSError, match="pipe or a device"):
+        load_result(tmp_path / "pipe.npz")
+
+
+class LawOfAnExtension(Part):
+    """A part of another package."""
+
+    value: jax.Array = quantity("m")
+
+
+def test_parts_of_extensions_are_found():
+    assert _found(_address(LawOfAnExtension)) is LawOfAnExtension
+    with pytest.raises(ValueError, match="test_results:Mount"):  # of jaxcomp, not of that module
+        _found("test_results:Mount")

@@ -63,8 +63,16 @@ def test_what_no_rotor_can_have_is_refused_by_name(build, field):
     assert not str(error.value).endswith("but is .")
 
 
-def test_elements_in_parallel_have_one_length():
+def test_elements_in_parallel_have_one_length_and_add_up():
     RotorModel((SHAFT, ShaftElements((1, 2), 0.2, 0.03, 2e11, 0.0, 0.3)), (DISK,))
+    # two of the same are one of twice the modulus and twice the density
+    links, free = rotor().links, (0.2, 0.02)
+    single, nodes = (2.06e11, 7850.0, 0.3), (1, 2, 3)
+    both = [ShaftElements(nodes, *free, *single)] * 2
+    double = ShaftElements(nodes, *free, 2 * single[0], 2 * single[1], single[2])
+    found = undamped_modes(RotorModel(tuple(both), (DISK,), links=links), 4).frequency
+    one = undamped_modes(RotorModel((double,), (DISK,), links=links), 4).frequency
+    np.testing.assert_allclose(found, one, rtol=1e-12)
 
 
 def test_an_empty_word_is_named():

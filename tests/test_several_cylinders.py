@@ -43,7 +43,7 @@ from jaxcomp.crank import (
     train_torques,
 )
 from jaxcomp.crank._collocation import _of_count
-from jaxcomp.design import AnalysisOptions
+from jaxcomp.design import AnalysisOptions, DesignResult
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
@@ -53,6 +53,7 @@ from jaxcomp.friction import (
     SliderCrankFriction,
 )
 from jaxcomp.gas import DoubleActing, PolytropicCycle, StagedCycle
+from jaxcomp.machine import Machine
 from jaxcomp.mechanism import CrankState, Cylinders, SliderCrank, Throw, Vector, counterweights
 from jaxcomp.motor import MeanSpeed, SlipLine
 from jaxcomp.plot import cylinders_motion, order_spectra
@@ -180,6 +181,29 @@ def check_golden(orbit, count):
 def test_twin_has_the_golden_values(twin):
     check_golden(twin, 2)
     assert abs(twin.energy.residual) < 1e-13  # rounding of sums of a thousand terms
+
+
+def test_shaking_forces_and_couples_of_the_twin_by_order(twin):
+    """Golden values of an independent program: forward plus backward amplitudes in N and N m."""
+    result = DesignResult(Machine(several(LAYOUTS[2])), AnalysisOptions())
+    result.orbit = twin
+    force, couple = result.shaking_force, result.shaking_couple
+    # the golden figures have four digits behind the point, or three
+    np.testing.assert_allclose(force["1"], 3.058 + 3.059, atol=2e-3)
+    np.testing.assert_allclose(force["2"], 2 * 175.476, atol=2e-3)
+    np.testing.assert_allclose(force["3"], 26.229 + 26.227, atol=2e-3)
+    np.testing.assert_allclose(couple["1"], 0.0762 + 29.0771, atol=2e-4)
+    np.testing.assert_allclose(couple["2"], 3.6818 + 2.8363, atol=2e-4)
+
+
+def test_torque_fluctuation_is_that_of_the_torques_at_the_nodes(twin):
+    """The highest torque stands where a valve opens: at an edge, 1.3 % above the node beside it."""
+    load = twin.loads.total_loss_torque - twin.gas_torque
+    nodes = (load.max() - load.min()) / (jnp.sum(twin.weight * load) / (2 * jnp.pi))
+    assert nodes <= twin.torque_fluctuation < 1.02 * nodes
+    # at constant mean speed the mean load is the motor's torque
+    mean = jnp.sum(twin.weight * twin.motor_torque)
+    np.testing.assert_allclose(jnp.sum(twin.weight * load), mean, rtol=1e-12)
 
 
 @pytest.mark.slow  # half a minute of compiling each

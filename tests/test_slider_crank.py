@@ -314,7 +314,7 @@ def test_forces_of_the_frictionless_machine_of_the_balancing_paper():
         ({"conrod_mass": -1.0}, "`conrod_mass` must be >= 0"),
         ({"crank_inertia": 0.0}, "`crank_inertia` must be > 0"),
         ({"bore": np.nan}, "`bore` must be > 0, but is nan"),
-        ({"bore": np.inf}, "`bore` must be > 0, but is inf"),
+        ({"bore": np.inf}, "`bore` must be > 0, and at most 1e25 in size, but is inf"),
         ({"conrod_length": -0.3}, "`conrod_length` must be > 0"),
     ],
 )

@@ -127,9 +127,9 @@ def test_figures_with_r134a(r134a):
     np.testing.assert_allclose(orbit.peak_forces["upper_bearing"], 840, atol=1.5)
 
 
-def test_losses_that_were_measured(isobutane):
+def test_losses_that_were_set_from_the_paper(isobutane):
     """Dagilis et al.: at most 4 W of power consumption saved without the link-slider pair, 3 to
-    3.8 W in the thrust bearing, 2.5 W in the pump."""
+    3.8 W in the thrust bearing, 2.5 W in the pump by assumption; the machine is made with them."""
     orbit, _, _ = isobutane
     assert watts(orbit, "link_slider") < 4.0
     assert 3.0 < watts(orbit, "thrust_bearing") < 3.8
@@ -139,7 +139,7 @@ def test_losses_that_were_measured(isobutane):
         np.testing.assert_allclose(watts(orbit, name), loss, atol=0.01)
 
 
-def test_sliding_at_the_boundary_coefficient_costs_more_than_was_measured():
+def test_sliding_at_the_boundary_coefficient_costs_more_than_was_saved():
     """mu_s = 0.1 of boundary lubrication would take 17 W: the pair must run on a film."""
     orbit, _, _ = run(household(mu_s=0.1))
     assert orbit.status == Status.converged

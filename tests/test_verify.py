@@ -71,7 +71,7 @@ def test_march_finds_what_was_tampered_with(pair, change, found):
     spoilt = eqx.tree_at(where, orbit, value)
     march = jax.jit(verification, static_argnums=2)(compressor, spoilt, march_options())
     size = {
-        "speed_error": float(march.closure),
+        "speed_error": abs(float(march.closure)),
         "wall": float(march.loss_error["wall"] / orbit.energy.losses["wall"]),
         "peak": float(march.peak_error["wall"] / orbit.peak_forces["wall"]),
     }[found]
@@ -81,8 +81,7 @@ def test_march_finds_what_was_tampered_with(pair, change, found):
         "wall": (-1.001e-3, -0.999e-3),
         "peak": (0.0099, 0.0101),
     }[found]
-    assert low < abs(size) < high if found == "speed_error" else low < size < high
-    assert float(march.speed_error) > 1e-6 or found != "speed_error"
+    assert low < size < high
 
 
 @pytest.mark.slow
@@ -97,6 +96,33 @@ def test_default_orbits_of_the_bundled_machines_are_confirmed(name):
         # the estimate that the orbit has of its own is an upper one
         room = float(orbit.peak_error[joint]) + 1e-6 * float(orbit.peak_forces[joint])
         assert abs(float(error)) < room, joint
+
+
+SEVERAL = ["mayekawa-4wbhe", "mayekawa-6wbhe", "mayekawa-8wbhe", "refrigeration-twin-block"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*SEVERAL, "two-stage-crosshead"])
+def test_default_orbits_of_several_cylinders_are_confirmed(name):
+    """Dead centres of several cylinders coincide; the default leaves 1e-5 at most of the efficiency."""
+    march = solve_orbit(load(name), verify=True).verification
+    assert abs(float(march.efficiency_error)) < 1e-5
+    assert abs(float(march.closure)) < 1e-5
+
+
+def test_a_batch_of_twins_is_marched_within_a_program():
+    twin = load("refrigeration-twin").as_compressor()
+
+    @jax.jit
+    @jax.vmap
+    def errors(speed):
+        made = eqx.tree_at(lambda c: c.motor.mean_speed, twin, speed)
+        options = TimeIntegration(diffrax.Dopri5(), tolerance=1e-9, samples=200)
+        orbit = solve_orbit(made, Collocation(reversals=0), verify=options, throw=False)
+        return orbit.verification.efficiency_error
+
+    # without edges at load reversals the orbit is good to 1e-5
+    assert jnp.all(jnp.abs(errors(jnp.array([140.0, 150.0]))) < 3e-5)
 
 
 @pytest.mark.slow

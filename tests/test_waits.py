@@ -1,7 +1,8 @@
 """Whoever waits for the compiler or for many designs is told, on standard error and in pipes as well."""
 
-import time
+import re
 
+import jax
 import jax.numpy as jnp
 import pytest
 
@@ -10,15 +11,11 @@ from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, undampe
 
 
 @pytest.fixture
-def listening(monkeypatch):
+def told(monkeypatch):
     monkeypatch.setenv("JAXCOMP_WAITS", "on")
+    monkeypatch.setenv("JAXCOMP_CACHE", "off")
     monkeypatch.setattr(_waits, "_AFTER", 0.2)
-    monkeypatch.setattr(_waits, "_LOOK", 0.01)
-    import jax
-
-    jax.monitoring.register_event_duration_secs_listener(_waits._WATCH.heard)
-    yield
-    jax.monitoring.unregister_event_duration_listener(_waits._WATCH.heard)
+    monkeypatch.setattr(_waits._Compiles, "machine", "")
 
 
 def rotor(elements):
@@ -28,21 +25,19 @@ def rotor(elements):
     return RotorModel((shaft,), (Disks((1,), 5.0, 6e-3, 12e-3),), links=links)
 
 
-def test_a_call_that_compiles_says_so_once(listening, capsys):
+def test_a_call_that_compiles_says_so_once(told, monkeypatch, capsys):
     model = rotor(7)  # of a size that no other test compiles
-    time.sleep(0.5)  # what was compiled for the model is over
+    monkeypatch.setattr(_waits._Compiles, "machine", "my-rotor")
     capsys.readouterr()
     undamped_modes(model, 3)
     lines = [line for line in capsys.readouterr().err.splitlines() if "compiling" in line]
     assert len(lines) == 1
-    assert lines[0].startswith("jaxcomp: compiling undamped_modes:")
+    assert re.fullmatch(r"jaxcomp: compiling undamped_modes for my-rotor, about \d+ s", lines[0])
     undamped_modes(model, 3)
     assert "compiling" not in capsys.readouterr().err
 
 
-def test_what_others_compile_is_not_told(listening, capsys):
-    import jax
-
+def test_what_others_compile_is_not_told(told, capsys):
     def slow(x):
         for n in range(300):
             x = jnp.sin(x) + n

@@ -19,7 +19,8 @@ from ._balance import balance
 from ._bearing import bearing
 from ._check import check
 from ._compare import compare, sensitivity
-from ._files import explain, list_machines, new
+from ._files import cache, explain, list_machines, new
+from ._identify import identify
 from ._map import rating_map
 from ._modes import modes, update
 from ._optimise import optimise
@@ -85,6 +86,7 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
 
 _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     "Machines": {"new": new, "check": check, "list": list_machines, "explain": explain},
+    "This program": {"cache": cache},
     "Analyse one machine": {
         "run": run,
         "simulate": simulate,
@@ -99,6 +101,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     "Design and balance": {
         "balance": balance,
         "compare": compare,
+        "identify": identify,
         "optimise": optimise,
         "sensitivity": sensitivity,
         "sweep": sweep,

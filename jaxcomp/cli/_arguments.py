@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import jaxcomp as jc
 
+from .._waits import watch_compiles
 from ._start import CommandError, refuse
 
 if TYPE_CHECKING:
@@ -82,6 +83,7 @@ def changed_scene(
     texts = {**assignments(sets, "--set"), **assignments(designs, "--design")}
     changes = {path: entry(text) for path, text in texts.items()}
     scene = jc.scene.load(name_or_path)
+    watch_compiles(scene.name)
     if changes:
         scene = jc.scene.with_values(scene, changes, "set on the command line")
     names = (text.partition("=")[0].strip() for text in varied or ())

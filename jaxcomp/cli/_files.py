@@ -61,6 +61,35 @@ def new(
     typer.echo(f"{file} is written. Change it, then: jaxcomp check {file}; jaxcomp {verb} {file}")
 
 
+# ------------------------------------------------------------------ cache
+@reports_errors
+def cache(
+    empty: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show where compiled programs are kept for the next start, and how large they are.
+
+    Kept are programs of jaxcomp, of the command line, scripts and notebooks. The environment variable
+    [bold]JAXCOMP_CACHE[/bold] names another folder; [bold]JAXCOMP_CACHE=off[/bold] keeps none.
+
+    Example: [bold]jaxcomp cache[/bold], [bold]jaxcomp cache --empty[/bold]
+
+    Args:
+        empty: Remove them; they are compiled again when they are needed.
+    """
+    from .._programs import forget_kept, kept
+
+    if empty:
+        forget_kept()
+    found = kept()
+    folder = str(found.folder) if found.folder else f"none: {found.why}"
+    table = _word_table("Compiled programs", ("", ""), [
+        ("folder", folder), ("programs", f"{found.programs}"), ("size", f"{found.size / 2**20:.1f} MiB"),
+        ("emptied by", "jaxcomp cache --empty"),
+    ])  # fmt: skip
+    show_results(found._asdict() | {"folder": found.folder and folder}, [table], as_json)
+
+
 # ------------------------------------------------------------------- list
 @reports_errors
 def list_machines(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from math import pi
 from typing import Any, Literal
 
 from .._shown import shown
-from ._arguments import assignments, changed_scene
+from ._arguments import assignments, changed_scene, with_one_unit
 from ._options import AsJson, Machine, Out, Sets
 from ._output import hand_out, plain
 from ._start import CommandError, reports_errors, start_jax, waiting
 from ._tables import row_table
 
+# Temperatures of a map on each side.
+_MOST = 100
 # What the gas that comes and the liquid before the expansion are; see `jaxcomp.rating.RATINGS`.
 Standard = Literal["file", "ashrae", "en12900", "en12900-superheat", "ahri540"]
 
@@ -21,6 +24,8 @@ def rating_map(
     evaporating: str = "-30:-10:5",
     condensing: str = "35:55:5",
     rating: Standard = "file",
+    coefficients: Literal["10", "20", "30"] = "10",
+    speeds: str | None = None,
     sets: Sets = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -36,14 +41,33 @@ def rating_map(
         condensing (FROM:TO:COUNT): Condensing dew temperatures, degrees Celsius.
         rating: Return gas and liquid: those of the file, ASHRAE (both 32.2 C), EN 12900 (return gas 20
             C or superheat 10 K) or AHRI 540 (18.3 C).
+        coefficients: Of the polynomial in coefficients.csv of --out; 20 and 30 are over --speeds as well.
+        speeds (SPEED,SPEED): Mean speeds for 20 and 30 coefficients, at least three; tables and
+            pictures are those of the first.
     """
-    over = _axis(evaporating, "evaporating"), _axis(condensing, "condensing")
+    over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
     start_jax()
     from .. import rating as ratings
 
     scene = changed_scene(machine, sets)
+    scenes = {float(scene.as_compressor().motor.speed_guess): scene}
+    if speeds is not None:
+        given = [
+            changed_scene(machine, [*(sets or ()), f"motor.mean_speed={one}"])
+            for one in with_one_unit(speeds.split(","))
+        ]
+        scenes = {float(one.as_compressor().motor.speed_guess): one for one in given}
+        scene = given[0]
+    elif coefficients != "10":
+        raise CommandError(f"--coefficients {coefficients}: needs --speeds, at least three")
     with waiting("Solving the points (the first time they are compiled as well) ..."):
-        found = ratings.rating_map(scene, *over, rating)
+        maps = {n / (2 * pi): ratings.rating_map(one, *over, rating) for n, one in scenes.items()}
+    found = next(iter(maps.values()))
+    text = None
+    if out is not None and found.coefficients:
+        from ..scene.readings import polynomial_text, rating_metadata
+
+        text = polynomial_text(maps, int(coefficients), rating_metadata(scene, rating))
     keys = ("evaporating", "condensing", "ok", "values", "coefficients", "fit_error")
     result = {
         "machine": scene.name,
@@ -60,6 +84,8 @@ def rating_map(
 
     curves = {"map": found.columns}
     hand_out(result, map_tables(found, scene.name), as_json, out, figures, scene, curves)
+    if out is not None and text is not None:
+        (out / "coefficients.csv").write_text(text, encoding="utf-8")
 
 
 def map_tables(found, name: str):
@@ -93,22 +119,25 @@ def map_tables(found, name: str):
     yield row_table(title, ("", "Term", *labels), rows, texts=2)
 
 
-def _axis(text: str, name: str):
+def axis(text: str, name: str):
     """Temperatures [K] from `FROM:TO:COUNT` or a list with commas."""
     import numpy as np
 
     from ..rating import ZERO
 
+    first, last, *count = text.split(":") if text.count(":") == 2 else (text, "", "")
     try:
-        if ":" in text:
-            first, last, count = text.split(":")
-            values = np.linspace(float(first), float(last), int(count))
+        if last:
+            if int(*count) > _MOST:
+                raise ValueError
+            values = np.linspace(float(first), float(last), int(*count))
         else:
             values = np.array([float(one) for one in text.split(",")])
         if not values.size or not np.all((values > -150) & (values < 250)):
             raise ValueError
     except ValueError:
         raise CommandError(
-            f"--{name} {text}: must be FROM:TO:COUNT or a list, in degrees Celsius, as -30:-10:5"
+            f"--{name} {text}: must be FROM:TO:COUNT (at most {_MOST}) or a list, in degrees "
+            "Celsius, as -30:-10:5"
         ) from None
     return values + ZERO

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
@@ -274,8 +273,7 @@ def update(
 
 def read_frequencies(file: Path) -> tuple[list[float], list[int]]:
     """[rad/s] Measured frequencies, rising, and which of the distinct ones they are, from 1."""
-    with file.open(encoding="utf-8-sig", newline="") as lines:
-        rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
+    rows = jc.scene.read_cells(file)
     names = [cell.strip() for cell in rows[0]] if rows else []
     if "frequency [Hz]" not in names or len(rows) < 2:
         raise CommandError(f'{file}: must have a column "frequency [Hz]" and a line below it')

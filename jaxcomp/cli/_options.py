@@ -15,6 +15,7 @@ import typer
 import jaxcomp as jc
 
 from .._extensions import ExtensionError
+from .._files import regular
 from .._registry import DESIGN_RULES, registered
 
 _MACHINES = Path(__file__).parents[1] / "machines"
@@ -71,7 +72,7 @@ def _complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def _tables(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text("utf-8"))
+        return tomllib.loads(regular(file).read_text("utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
         return {}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from typing import Any, Literal
@@ -62,9 +63,11 @@ def run(
     start_jax(once=True)
     scene = changed_scene(machine, sets, designs)
     compressor = scene.as_compressor()
-    given = {} if tolerance is None else {"tolerance": tolerance}
-    kind = jc.crank.Shooting if solver == "shooting" else jc.crank.Collocation
-    method = kind(reversals=compressor.load_reversals, **given)
+    method = jc.crank.default_collocation(compressor)
+    if solver == "shooting":
+        method = jc.crank.Shooting(reversals=compressor.load_reversals)
+    if tolerance is not None:
+        method = dataclasses.replace(method, tolerance=tolerance)
     with waiting("Solving the periodic state (the first time it is compiled as well) ..."):
         orbit = jc.crank.solve_orbit(compressor, method, verify=verify or out is not None)
         result = run_result(scene, orbit)
@@ -118,6 +121,8 @@ def run_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     values, numbers = jax.tree.map(float, jax.device_get(found))
     grazes = numbers.pop("grazes")
     compressor = scene.as_compressor()
+    # where no film has a thickness there is no least one
+    known = tuple(one for one in known if values[one.name] != math.inf)
     rods, moved = _rods(compressor, orbit), orbit.positions or {}
     films = jc.crank.film_thickness(compressor, orbit)
     laws = {name: "orbit" if name in moved else "steady_load" for name in films}
@@ -270,6 +275,7 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
         yield _valves(result)
     yield _losses(result)
     yield _forces(result)
+    yield from _shaking(result)
     if "rod_load_reversal" in result:
         yield _reversals(result["rod_load_reversal"])
     if result.get("film_thickness"):
@@ -371,6 +377,23 @@ def _forces(result: dict[str, Any]):
     shaking = ("Shaking force", "", (size if size > 1e-9 * largest else 0.0) / scale)
     heads = ("Joint force", (f"Mean, {unit}", ".4g"), (f"Peak, {unit}", ".4g"))
     return row_table(None, heads, [*rows, (), shaking])
+
+
+def _shaking(result: dict[str, Any]):
+    """Shaking forces and couples by order; those that are rounding, as of a balanced order, as 0."""
+    forces, couples = (result[f"shaking_{kind}"] for kind in ("force", "couple"))
+    scales = max(forces.values(), default=0.0), max(couples.values(), default=0.0)
+
+    def shown_size(size, scale):
+        return size if size > 1e-6 * scale else 0.0
+
+    rows = [
+        (order, shown_size(forces[order], scales[0]), shown_size(couples[order], scales[1]))
+        for order in forces
+    ]
+    if scales[0] > 0:
+        heads = ("Shaking, by order", ("Force, N", ".4g"), ("Couple, N m", ".4g"))
+        yield row_table(None, heads, rows)
 
 
 def _reversals(rods: dict[str, dict[str, float]]):

@@ -80,6 +80,10 @@ def simulate(
         # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
         count = 1 if compressor.cylinders is None else compressor.cylinders.count
         turns = end * float(compressor.motor.speed_guess) / (2 * math.pi)
+        most = (jc.crank.MOST_STEPS - 2000) // (1000 * count)
+        refuse(
+            turns > most, f"--duration {duration}: must be at most {most} revolutions, with valves"
+        )
         steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * turns))
         listed = 1 + min(2 ** math.ceil(math.log2(500 + 200 * turns)), _MOST_LISTED)
     with waiting("Integrating (the first time it is compiled as well) ..."):

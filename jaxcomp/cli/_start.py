@@ -1,25 +1,27 @@
 """How a command starts and ends: its words are kept, JAX is made ready, errors are one line.
 
-Programs compile quickly and are kept for the next start. What a user can cause ends in one line on
+Programs compile quickly. What a user can cause ends in one line on
 standard error and exit code 2; anything else is a fault of the program and keeps its traceback.
 """
 
 import functools
 import gc
+import logging
 import os
 import shlex
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from pathlib import Path
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
-ENVIRONMENT = "JAXCOMP_CACHE_DIR"
-# What a shell expects of a program that an interrupt ends.
-STOPPED = 130
+from .._interrupts import STOPPED, say_stopped, words_when_stopped
+from .._waits import spinner, watch_compiles
+
+# [s] in which workers that are on their way have come.
+_WORKERS_WITHIN = 20
 _words: ContextVar[tuple[str, ...]] = ContextVar("words", default=())
 
 
@@ -59,6 +61,7 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def wrapped(**options: Any) -> None:
+        words_when_stopped()
         try:
             command(**options)
         except Exception as error:
@@ -70,7 +73,7 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
                 typer.echo(f"and {others} more; `jaxcomp check FILE` lists them", err=True)
             raise typer.Exit(2) from None
         except KeyboardInterrupt:
-            typer.echo("stopped", err=True)
+            typer.echo(say_stopped(), err=True)
             raise typer.Exit(STOPPED) from None
 
     return wrapped
@@ -96,8 +99,6 @@ def waiting(
     words: str = "Solving (the first time it is compiled as well) ...",
 ) -> AbstractContextManager[Any]:
     """Tell on standard error what the user waits for."""
-    from .._waits import spinner
-
     return spinner(words)
 
 
@@ -110,48 +111,7 @@ def start_jax(*, once: bool = False) -> None:
     quick_compiles()
     if once:
         unoptimised_compiles()
-    enable_compilation_cache()
-
-
-def keeps_programs() -> bool:
-    """Whether this jaxlib can load what it kept: 0.9.2 ends in a segmentation fault on some."""
-    from jaxlib.version import __version_info__
-
-    return __version_info__ >= (0, 10)
-
-
-def enable_compilation_cache() -> Path | None:
-    """Let JAX keep compiled programs in the user's cache folder.
-
-    The environment variable `JAXCOMP_CACHE_DIR` names another folder, or switches the cache off
-    (`off`, `0` or empty). JAX's own `JAX_COMPILATION_CACHE_DIR` goes first.
-
-    Returns:
-        The folder in use; `None` if there is none, also if it cannot be written or if kept programs
-        cannot be trusted.
-    """
-    import jax
-    import platformdirs
-
-    if not keeps_programs():
-        return None
-    wanted = os.environ.get("JAX_COMPILATION_CACHE_DIR") or os.environ.get(ENVIRONMENT)
-    if wanted is None and ENVIRONMENT not in os.environ:
-        wanted = str(platformdirs.user_cache_path("jaxcomp") / "xla")
-    if not wanted or wanted.lower() in ("off", "0"):
-        return None
-    folder = Path(wanted).expanduser()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return None
-    if not os.access(folder, os.W_OK):
-        return None
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    # small programs as well: a command runs dozens of them before its solver
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    return folder
+    watch_compiles()
 
 
 def quiet_loader() -> None:
@@ -206,6 +166,8 @@ def cluster(address: str | None) -> Iterator[Any]:
         from distributed import Client
     except ImportError:
         raise CommandError("--dask: needs Dask; pip install 'jaxcomp[dask]'") from None
+    # it logs with tracebacks what a lost connection at the end means, above an answer that is whole
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     where = {"scheduler_file" if address.endswith(".json") else "address": address}
     try:
         client = Client(**where, timeout=5)
@@ -215,4 +177,10 @@ def cluster(address: str | None) -> Iterator[Any]:
             f"`dask worker {address}` each worker"
         ) from None
     with client:
+        try:
+            client.wait_for_workers(1, timeout=_WORKERS_WITHIN)
+        except TimeoutError:
+            raise CommandError(
+                f"--dask {address}: the scheduler has no worker; `dask worker {address}` starts one"
+            ) from None
         yield client

@@ -11,6 +11,7 @@ import typer
 
 import jaxcomp as jc
 
+from .._interrupts import words_when_stopped
 from ._arguments import assignments, changed_scene, with_one_unit
 from ._options import (
     AccuracyOption,
@@ -26,7 +27,7 @@ from ._options import (
     complete_variable,
 )
 from ._output import hand_out, plain
-from ._start import STOPPED, CommandError, cluster, refuse, reports_errors, start_jax
+from ._start import CommandError, cluster, refuse, reports_errors, start_jax
 from ._tables import row_table
 
 # Designs up to which JSON has all of them; a table has a row each up to the second.
@@ -87,29 +88,26 @@ def sweep(
     asked = quantity or default_quantities(scene)
     several = _with_layouts(scene, assignments(layouts, "--over")[_LAYOUT]) if layouts else {}
     store = None if out is None else out / "sweep.zarr"
-    try:
-        with cluster(dask) as client:
-            options: dict[str, Any] = {
-                "samples": samples if axes else None,
-                "sampling": sampling.replace("-", "_"),
-                "seed": seed,
-                "options": analysis_options(accuracy),
-                "out": store,
-                "batch": batch,
-                "devices": devices,
-                "client": client,
-            }
-            if several:
-                options["dimension"] = _LAYOUT
-                found = jc.sweeping.sweep_machines(several, axes, asked, **options)
-            else:
-                found = jc.sweeping.sweep(scene, axes, asked, **options)
-    except KeyboardInterrupt:
-        kept = "nothing was kept; with --out FOLDER a stopped sweep goes on"
-        if out:
-            kept = f"{store} is kept; go on with the same command"
-        typer.echo(f"stopped; {kept}", err=True)
-        raise typer.Exit(STOPPED) from None
+    kept = "nothing was kept; with --out FOLDER a stopped sweep goes on"
+    if store:
+        kept = f"{store} is kept; go on with the same command"
+    words_when_stopped(f"stopped; {kept}")
+    with cluster(dask) as client:
+        options: dict[str, Any] = {
+            "samples": samples if axes else None,
+            "sampling": sampling.replace("-", "_"),
+            "seed": seed,
+            "options": analysis_options(accuracy),
+            "out": store,
+            "batch": batch,
+            "devices": devices,
+            "client": client,
+        }
+        if several:
+            options["dimension"] = _LAYOUT
+            found = jc.sweeping.sweep_machines(several, axes, asked, **options)
+        else:
+            found = jc.sweeping.sweep(scene, axes, asked, **options)
     if several:
         result, tables, figures = _layouts(scene.name, found)
     else:

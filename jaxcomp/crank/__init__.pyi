@@ -29,6 +29,7 @@ from ._torsion import throw_inertias as throw_inertias
 from ._torsion import throw_torques as throw_torques
 from ._torsion import train_over_speed as train_over_speed
 from ._torsion import train_torques as train_torques
+from ._transient import MOST_STEPS as MOST_STEPS
 from ._transient import TimeIntegration as TimeIntegration
 from ._transient import Transient as Transient
 from ._transient import simulate as simulate

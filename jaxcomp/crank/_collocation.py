@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from .._implicit import FixedPointReport, fixed_point, frozen
 from .._status import Status
 from ..compressor import Compressor, Instants, instants, kink_angles, loop_of
-from ..cylinder import Cylinder
+from ..cylinder import CycleOptions, Cylinder
 from ..friction import magnitude
 from ..mechanism import CrankState
 from ._iteration import (
@@ -50,6 +50,11 @@ _COINCIDING = 0.02
 _SAFETY = 5.0
 
 
+def default_cycle() -> CycleOptions:
+    """How the cycle is solved together with the crank: its panels are those of the crank as well."""
+    return CycleOptions(panels=40, nodes=8)
+
+
 class Collocation(eqx.Module):
     """Options of the collocation solver.
 
@@ -67,6 +72,7 @@ class Collocation(eqx.Module):
             kink is an edge, and there are no others.
         estimate: whether everything is evaluated at twice the nodes as well, which tells `loss_error`;
             without, that is NaN, and an orbit of several cylinders takes half the time.
+        cycle: how the cycle of a gas with valves is solved.
     """
 
     nodes: int = eqx.field(static=True, default=8)
@@ -76,6 +82,7 @@ class Collocation(eqx.Module):
     max_iterations: int = eqx.field(static=True, default=120)
     panel_count: int | None = eqx.field(static=True, default=None)
     estimate: bool = eqx.field(static=True, default=True)
+    cycle: CycleOptions = eqx.field(default_factory=default_cycle)
 
     name: ClassVar[str] = "collocation"
 
@@ -149,7 +156,9 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
     loads = loop.loads(loop.start(), True)
     torque = 0.5 * at.inertia_1 * speed**2 - at.conservative
-    energy = Energy(grid.total(torque), -grid.total(at.conservative), {})
+    # over a revolution at constant speed the inertia takes no work
+    work = -grid.total(at.conservative)
+    energy = Energy(work, work, {})
     report = FixedPointReport(jnp.asarray(0), jnp.zeros(()), jnp.asarray(True))
     status = Status.converged
     return orbit_on_panels(grid, at, state, torque, loads, energy, {}, status, report, solver)
@@ -163,8 +172,10 @@ def _energy_error(closure, now: Instant, acceleration, growth) -> Float[Array, "
     )
     mean = now.grid.total(gained) / (2 * jnp.pi)
     error = now.grid.total(jnp.abs(gained - mean)) / (2 * jnp.pi)
-    if growth is not None:  # the level of the speed follows from the torques
-        error += jnp.abs(at_edges[-1] / lax.stop_gradient(growth))
+    # the level of the speed follows from the torques, if these know the speed
+    if growth is not None:
+        level = at_edges[-1] / jnp.where(growth == 0, 1.0, lax.stop_gradient(growth))
+        error += jnp.abs(level)
     return error / (jnp.mean(now.energy) * now.energy_scale)
 
 

@@ -6,12 +6,12 @@ quickly, is left out.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .._each import mapped
 from .._fields import of_cylinder
@@ -26,7 +26,9 @@ from ..film import (
     OrbitBearing,
     film_unit,
     friction_moment,
+    load_number,
     minimum_film,
+    prepare,
     quarter_turn,
     running_state,
     shear_drag,
@@ -41,6 +43,8 @@ from ._panels import Panels, highest, panels
 OIL_HEAT_CAPACITY = 1.72e6
 # [m] Below counts as a thin film where a bearing names no other.
 THIN_FILM = 5e-6
+# [m] of both surfaces together where a bearing names no other: less than that of any bearing.
+ROUGHNESS = 1e-8
 
 
 class JournalFilm(eqx.Module):
@@ -168,7 +172,8 @@ def _journals(compressor: Compressor, orbit: Orbit):
         for number, names in enumerate(own, 1):
             if names.get(joint) in orbit.loads.forces:
                 yield names[joint], of_cylinder(law, number)
-    for joint, law in vars(compressor.friction).items() if count else ():
+    several = {} if compressor.friction is None or not count else vars(compressor.friction)
+    for joint, law in several.items():
         if isinstance(law, EachJournal):
             for number, names in enumerate(own, 1):
                 one = law.one(number)
@@ -287,7 +292,7 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
         flow=flow,
         shear_loss=shear,
         squeeze_loss=squeeze,
-        minimum_film=gap * (1 - largest) if moves else -largest_of(-resting),
+        minimum_film=gap * (1 - largest) if moves else _least(resting, largest_of),
         largest_pressure=largest_of(pressure),
         largest_eccentricity=largest,
         mean_flow=carried,
@@ -299,11 +304,38 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
         stiffness=unit / gap * mean(stiffness),
         damping=unit / gap * mean(damping),
         thin_share=_share_below(thickness, duration, _thin_film(law)),
-        steady_film=-largest_of(-resting),
+        steady_film=_least(resting, largest_of),
         steady_loss=mean(moment * difference),
         duration=duration,
         moving=moves,
     )
+
+
+def _least(thickness, largest_of) -> Float[Array, ""]:
+    """[m] Smallest over the revolution, above zero as all between which it is sought."""
+    return jnp.exp(-largest_of(-jnp.log(thickness)))
+
+
+def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
+    """Whether the film of a journal is thinner than its roughness at a node of the orbit.
+
+    A steady film is asked only where its journal does not come to rest: there squeeze holds it up, of
+    which the film knows nothing.
+    """
+    moved, rates, thin = orbit.positions or {}, journal_rates(compressor, orbit), jnp.asarray(False)
+    for name, law in _journals(compressor, orbit):
+        gap, roughness = law.radial_clearance, ROUGHNESS if law.roughness is None else law.roughness
+        if name in moved:
+            thin |= jnp.any(gap * (1 - jnp.hypot(*moved[name])) < roughness)
+        elif isinstance(law, JournalBearing) and issubclass(law.model, AbstractCarryingFilm):
+            bearing, rate = prepare(law), rates[name]
+            film: Any = bearing.film
+            ratio = jnp.maximum(gap / roughness - 1, 0.0)
+            most = ratio * film.load_gain(ratio)
+            number = load_number(bearing, jnp.hypot(*orbit.loads.forces[name]), rate)
+            turns = jnp.min(rate) * jnp.max(rate) > 0
+            thin |= turns & jnp.any(number > most)
+    return thin
 
 
 def _coefficients(film, position, force, turning):

@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._elimination import solve_small
 from .._implicit import AbstractRoot, root
 from .._status import Status
 from ..compressor import Compressor, Instants, instants, loop_of
@@ -265,7 +266,7 @@ class _TorqueCurve(AbstractClosure):
         right = jnp.stack(
             [jnp.ones_like(rest), grid.width[:, None] * (rest @ grid.rule.integral.T)], axis=-1
         )
-        answer = jnp.linalg.solve(matrix, right)  # E at the nodes = answer[0] E_left + answer[1]
+        answer = solve_small(matrix, right)  # E at the nodes = answer[0] E_left + answer[1]
         factor = 1 + jnp.sum(grid.weight * steepness * answer[..., 0], axis=1)
         shift = jnp.sum(grid.weight * (rest + steepness * answer[..., 1]), axis=1)
 

@@ -1,10 +1,12 @@
 """The periodic state of the crank: its energy account, its evidence, and where the power goes."""
 
 from collections.abc import Iterator
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
@@ -198,6 +200,15 @@ class Orbit(Result, eqx.Module):
         """[-] Estimated error of the losses over the work of the motor."""
         size = jnp.maximum(jnp.abs(self.energy.motor_work), self.energy.total_loss)
         return sum(self.loss_error.values(), start=jnp.zeros(())) / _nonzero(size)
+
+    @property
+    def torque_fluctuation(self) -> Float[Array, ""]:
+        """[-] Highest less lowest torque of gas, weights and friction over its mean, on the crank."""
+        load = self.loads.total_loss_torque - self.gas_torque
+        width = jnp.sum(self.weight.reshape(-1, self.panel_nodes), axis=-1)
+        both = jnp.stack([load, -load]).reshape(2, *width.shape, self.panel_nodes)
+        extremes = jax.vmap(partial(highest, gauss(self.panel_nodes), width))(both)
+        return jnp.sum(extremes) * 2 * jnp.pi / jnp.sum(self.weight * load)
 
     @property
     def speed_fluctuation(self) -> Float[Array, ""]:

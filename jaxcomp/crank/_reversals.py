@@ -23,6 +23,7 @@ from ._iteration import (
     improve,
     initial_motion,
     revolution,
+    rounding_of,
 )
 from ._panels import NO_WIDTH, Panels
 
@@ -77,6 +78,7 @@ class OrbitProblem(AbstractFixedPoint):
                 None,
                 self.tolerance,
                 self.max_iterations,
+                rounding_of(known),
             )
             return motion, (reversals, report)
 
@@ -94,6 +96,7 @@ class OrbitProblem(AbstractFixedPoint):
                 nothing,
                 tolerance,
                 self.max_iterations,
+                rounding_of(known),
             )
             motion, reversals, brackets = lax.cond(
                 last,

@@ -22,8 +22,9 @@ from .._fields import BadInput
 from .._implicit import AbstractRoot, FixedPointReport, frozen, root, zeros_of
 from .._status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
+from ..cylinder import CycleOptions
 from ..mechanism import CrankState
-from ._collocation import Collocation, orbit_on_panels
+from ._collocation import Collocation, default_cycle, orbit_on_panels
 from ._iteration import Known, prepare, revolution_edges
 from ._journals import moving
 from ._motion import closure_of, solve_motion
@@ -62,6 +63,7 @@ class Shooting(eqx.Module):
         max_newton: Newton steps on the periodicity condition.
         max_steps: steps of one revolution.
         output_nodes: nodes on every panel at which forces and speed are reported.
+        cycle: how the cycle of a gas with valves is solved.
     """
 
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
@@ -71,6 +73,7 @@ class Shooting(eqx.Module):
     max_newton: int = eqx.field(static=True, default=12)
     max_steps: int = eqx.field(static=True, default=4096)
     output_nodes: int = eqx.field(static=True, default=12)
+    cycle: CycleOptions = eqx.field(default_factory=default_cycle)
 
     name: ClassVar[str] = "shooting"
 

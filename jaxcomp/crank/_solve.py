@@ -11,26 +11,31 @@ since such a program takes far longer to compile than to run.
 
 Several cylinders between the same lines each have a cycle of their own, by their own crank angle.
 
-Of the speed the cylinder sees its mean and twelve harmonics; what they leave out is about a hundredth of
-the fluctuation, at the corners that the valves make.
+The speed reaches the cylinder as polynomials on the panels of its own cycle, through the values that the
+crank's polynomials have at the nodes there. All corners that the valves make are edges of both, so that
+the transfer is as exact as the two solutions.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jaxtyping import Array, Float
 
 from .._each import stacked
 from .._fields import BadInput, admissible, clipped, is_traced, listed, of_cylinder, replaced
 from .._implicit import frozen, settle, zeros_of
+from .._polynomials import gauss
 from .._status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
-from ..cylinder import Cycle, CycleOptions, Cylinder, SeveralCycles, solve_cycle
+from ..cylinder import Cycle, CycleOptions, Cylinder, Pace, SeveralCycles, solve_cycle
+from ..cylinder._march import START
 from ..cylinder._solve import CycleSolution, follow_cycle, no_solution, solution_of
 from ..motor import ConstantSpeed
 from ._collocation import Collocation, default_collocation
+from ._films import has_thin_film
 from ._orbit import Orbit, Verification
 
 if TYPE_CHECKING:
@@ -46,8 +51,6 @@ _COARSE = 0.1
 _JOINT_RESIDUAL = 1e-6
 _ENERGY_RESIDUAL = 1e-5
 _LOSS_ERROR = 1e-2
-HARMONICS = 12  # of the time over the crank angle, whose acceleration has kinks
-_OPTIONS = CycleOptions(panels=40, nodes=8)
 _TOLERANCE, _MAX_ITERATIONS = 1e-10, 20
 # Of derivatives: what is left of them is the contraction to this power, 1e-10 on ordinary machines.
 _TANGENT_ITERATIONS = 6
@@ -134,7 +137,7 @@ def solve_orbit(
 def _solved(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     good = admissible(compressor)
     orbit = _orbit(clipped(compressor), solver)
-    status = Status.where(orbit.margin > 0, orbit.status, Status.self_locking)
+    status = Status.where(orbit.margin <= 0, Status.self_locking, orbit.status)
     status = Status.where(good, status, Status.bad_input)
     return eqx.tree_at(lambda o: o.status, orbit, status)
 
@@ -173,7 +176,9 @@ def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     if getattr(solver, "estimate", True):
         coarse |= ~(seen.efficiency_error <= _LOSS_ERROR)
     good = orbit.status == Status.converged
-    status = Status.where(good & coarse, Status.unresolved, orbit.status)
+    thin = has_thin_film(compressor, seen)
+    status = Status.where(good & thin, Status.thin_film, orbit.status)
+    status = Status.where(good & coarse, Status.unresolved, status)
     status = Status.where(good & ~(finite & joints), Status.not_converged, status)
     return eqx.tree_at(lambda o: o.status, orbit, status)
 
@@ -188,7 +193,7 @@ def _with_cylinder(compressor: Compressor, solver) -> Orbit:
     assert isinstance(compressor.gas, Cylinder)
     if isinstance(compressor.motor, ConstantSpeed) or not compressor.gas.inert:
         # a marched cycle has no panels to start from: its speed is the mean one
-        cycle = _at_constant_speed(compressor)
+        cycle = _at_constant_speed(compressor, solver.cycle)
         settled = jnp.asarray(True)
         orbit = _orbit_of(compressor, cycle, solver)
     else:
@@ -200,17 +205,26 @@ def _with_cylinder(compressor: Compressor, solver) -> Orbit:
     )
 
 
+class _Motion(NamedTuple):
+    """The motion of the crank as the cylinders see it."""
+
+    level: Float[Array, ""]  # [-] logarithm of the mean speed over the motor's guess
+    pace: Pace  # over the own crank angle of each cylinder
+
+
 @eqx.filter_custom_jvp
 def _coupled(compressor: Compressor, solver):
     """Cycle and orbit that agree, the motion they have, and whether the iteration converged.
 
-    The unknowns are the logarithm of the mean speed over the motor's guess, and harmonics of the time
-    that a crank angle takes.
+    The unknowns are those of `_Motion`.
     """
     compressor = frozen(compressor)
-    still = jnp.zeros(1 + 2 * HARMONICS)
+    panels, nodes = solver.cycle.panels, solver.cycle.nodes
+    even = START + 2 * jnp.pi * jnp.linspace(0.0, 1.0, panels + 1)
+    steady = Pace(even, jnp.zeros((panels, nodes)))
+    still = _Motion(jnp.zeros(()), _repeated(compressor, steady))
     # nothing is known of a cycle and an orbit before the first iteration
-    nothing = _repeated(compressor, no_solution(compressor.gas, _OPTIONS))
+    nothing = _repeated(compressor, no_solution(compressor.gas, solver.cycle))
     _, beside = zeros_of(_iteration, compressor, solver, still, nothing)
     none = _repeated(compressor, Status.not_converged)
     beside = eqx.tree_at(lambda found: _cycles(found[0]).status, beside, none)
@@ -231,22 +245,16 @@ def _iteration(compressor: Compressor, solver, motion, start: CycleSolution):
 
     The cycle is marched where nothing has been found, and where the motion has changed its events.
     """
-    speed, fluctuation = _speeds(compressor, motion)
+    speed = _mean_speed(compressor, motion)
 
-    def one(mechanism, fluctuation, start):
+    def one(mechanism, pace, start):
         return solve_cycle(
-            compressor.gas,
-            mechanism,
-            speed,
-            _OPTIONS,
-            fluctuation=tuple(fluctuation),
-            start=start,
-            throw=False,
+            compressor.gas, mechanism, speed, solver.cycle, pace=pace, start=start, throw=False
         )
 
-    cycle = _of_each(compressor, one, fluctuation, start)
+    cycle = _of_each(compressor, one, motion.pace, start)
     orbit = _orbit_of(compressor, cycle, solver)
-    return _motion(compressor, orbit), (cycle, orbit)
+    return _motion(compressor, cycle, orbit), (cycle, orbit)
 
 
 @_coupled.def_jvp
@@ -258,46 +266,41 @@ def _coupled_jvp(primals, tangents):
 
     def iteration(numbers, motion):
         compressor = eqx.combine(numbers, rest)
-        speed, fluctuation = _speeds(compressor, motion)
+        speed = _mean_speed(compressor, motion)
 
-        def one(mechanism, fluctuation, cycle):
-            fluctuation = tuple(fluctuation)
-            return follow_cycle(compressor.gas, mechanism, speed, _OPTIONS, fluctuation, cycle)
+        def one(mechanism, pace, cycle):
+            return follow_cycle(compressor.gas, mechanism, speed, solver.cycle, pace, cycle)
 
-        made = _of_each(compressor, one, fluctuation, _cycles(frozen(cycle)))
+        made = _of_each(compressor, one, motion.pace, _cycles(frozen(cycle)))
         orbit = _orbit_of(compressor, made, solver)
-        return eqx.filter((_motion(compressor, orbit), (made, orbit)), eqx.is_inexact_array)
+        return eqx.filter((_motion(compressor, made, orbit), (made, orbit)), eqx.is_inexact_array)
 
     _, linear = jax.linearize(iteration, numbers, motion)
     given = jax.tree.map(lambda x, t: jnp.zeros_like(x) if t is None else t, numbers, tangents[0])
 
-    none, still = jax.tree.map(jnp.zeros_like, numbers), jnp.zeros_like(motion)
+    none, still = jax.tree.map(jnp.zeros_like, (numbers, motion))
     directly, beside = linear(given, still)
     _, across = jax.linearize(lambda motion: linear(none, motion), still)
 
     def solve(matvec, right_side):
         def closer(_, value):
-            return value + right_side - matvec(value)
+            return jax.tree.map(lambda v, r, m: v + r - m, value, right_side, matvec(value))
 
         return lax.fori_loop(0, _TANGENT_ITERATIONS, closer, right_side)
 
     moved = lax.custom_linear_solve(
-        lambda v: v - across(v)[0], directly, solve, transpose_solve=solve
+        lambda v: jax.tree.map(jnp.subtract, v, across(v)[0]),
+        directly,
+        solve,
+        transpose_solve=solve,
     )
     found = jax.tree.map(jnp.add, beside, across(moved)[1])
     return out, (found, moved, None)
 
 
-def _speeds(compressor: Compressor, motion):
-    """Mean speed, and harmonics (2, h) over the crank angle; of several cylinders each its own."""
-    harmonics = motion[1:].reshape(2, HARMONICS)
-    speed = compressor.motor.speed_guess * jnp.exp(motion[0])
-    if compressor.cylinders is None:
-        return speed, harmonics
-    phase = compressor.cylinders.phase[:, None] * jnp.arange(1, HARMONICS + 1)
-    c, s = jnp.cos(phase), jnp.sin(phase)
-    cosine, sine = harmonics
-    return speed, jnp.stack([cosine * c - sine * s, cosine * s + sine * c], axis=1)
+def _mean_speed(compressor: Compressor, motion: _Motion) -> Float[Array, ""]:
+    """[rad/s]"""
+    return compressor.motor.speed_guess * jnp.exp(motion.level)
 
 
 def _of_each(compressor: Compressor, one, *given) -> Cycle | SeveralCycles:
@@ -309,11 +312,11 @@ def _of_each(compressor: Compressor, one, *given) -> Cycle | SeveralCycles:
     return SeveralCycles(eqx.filter_vmap(one)(mechanisms, *given))
 
 
-def _at_constant_speed(compressor: Compressor) -> Cycle | SeveralCycles:
+def _at_constant_speed(compressor: Compressor, options: CycleOptions) -> Cycle | SeveralCycles:
     speed = compressor.motor.speed_guess
 
     def one(mechanism):
-        return solve_cycle(compressor.gas, mechanism, speed, _OPTIONS, throw=False)
+        return solve_cycle(compressor.gas, mechanism, speed, options, throw=False)
 
     if compressor.cylinders is None or listed(compressor.mechanism):
         return _of_each(compressor, one)
@@ -339,12 +342,25 @@ def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> O
     return solver.solve(replaced(compressor, gas=cycle.gas()))
 
 
-def _motion(compressor: Compressor, orbit: Orbit):
-    """Logarithm of the mean speed, and harmonics of the time that a crank angle takes."""
-    guess = compressor.motor.speed_guess
-    # less its mean: the quadrature is none for a harmonic alone
-    excess = orbit.mean_speed / orbit.state.speed - 1
-    phase = jnp.arange(1, HARMONICS + 1)[:, None] * orbit.state.angle
-    weight = orbit.weight * excess / jnp.pi
-    harmonics = [jnp.cos(phase) @ weight, jnp.sin(phase) @ weight]
-    return jnp.concatenate([jnp.log(orbit.mean_speed / guess)[None], *harmonics])
+def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit) -> _Motion:
+    """The motion of an orbit, on the panels of the cycle under which it was found."""
+    s = orbit.panel_nodes
+    rule = gauss(s)
+    angle, weight, speed = (
+        x.reshape(-1, s) for x in (orbit.state.angle, orbit.weight, orbit.state.speed)
+    )
+    left = angle[:, 0] - jnp.sum(weight, axis=1) * rule.nodes[0]
+    edges = jnp.append(left, left[0] + 2 * jnp.pi)
+    own = Pace(edges, orbit.mean_speed / speed - 1)
+
+    def on_panels(edges, phase):
+        angle = edges[:-1, None] + jnp.diff(edges)[:, None] * places
+        return Pace(edges, jax.vmap(jax.vmap(own.at))(angle - phase))
+
+    found = _cycles(cycle).raw[1]
+    edges, places = found.edges, gauss(found.points.shape[-2] - 1).nodes
+    if compressor.cylinders is None:
+        pace = on_panels(edges, 0.0)
+    else:
+        pace = jax.vmap(on_panels)(edges, compressor.cylinders.phase)
+    return _Motion(jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace)

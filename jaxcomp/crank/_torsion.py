@@ -130,12 +130,24 @@ class CrankTrain(Part):
     def __post_init__(self):
         spread_columns(self, jnp.size(jnp.asarray(self.stiffness)), "springs")
 
+    def springs(self, compressor: Compressor) -> int:
+        """How many springs stand between motor and throws.
+
+        Raises:
+            BadInput: another number of stiffnesses, or a machine without throws.
+        """
+        count = self.inertia.size + len(_cylinders_of(compressor).rows) - 1
+        if self.stiffness.shape != (count,):
+            raise BadInput("torsion.stiffness", self.stiffness, f"{count} values, one a spring")
+        return count
+
     def chain(self, compressor: Compressor) -> TorsionalChain:
         """The chain of a compressor with several cylinders.
 
         Raises:
             BadInput: inertias that leave none for the throws, or not one spring fewer than inertias.
         """
+        count = self.springs(compressor)
         throws = throw_inertias(compressor)
         whole = compressor.mechanism.crank_inertia
         left = whole - jnp.sum(self.inertia)
@@ -143,9 +155,6 @@ class CrankTrain(Part):
             raise BadInput(
                 "torsion.inertia", self.inertia, f"less than the crank's {float(whole):g}"
             )
-        count = self.inertia.size + throws.size - 1
-        if self.stiffness.shape != (count,):
-            raise BadInput("torsion.stiffness", self.stiffness, f"{count} values, one a spring")
         inertia = jnp.concatenate([self.inertia, left / throws.size + throws])
         made = TorsionalChain(jnp.ones(count + 1), jnp.ones(count))
         return replaced(made, inertia=inertia, stiffness=self.stiffness, damping=self.damping)

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._fields import BadInput, admissible, clipped, is_traced, replaced
+from .._fields import BadInput, admissible, clipped, counted, is_traced, replaced
 from .._implicit import zeros_of
 from .._results import Data, Result
 from .._status import SolveFailed, Status
@@ -22,6 +22,9 @@ from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration
 from ._orbit import Energy
 from ._transient_gas import DenseSteps, GasCourse, march_with_gas
+
+# Their course is kept: some hundred bytes a step.
+MOST_STEPS = 2**22
 
 
 class TimeIntegration(eqx.Module):
@@ -46,6 +49,10 @@ class TimeIntegration(eqx.Module):
     samples: int = eqx.field(static=True, default=2001)
     progress: bool = eqx.field(static=True, default=False)
     adjoint: diffrax.AbstractAdjoint = eqx.field(default_factory=diffrax.RecursiveCheckpointAdjoint)
+
+    def __check_init__(self):
+        counted("max_steps", self.max_steps, high=MOST_STEPS)
+        counted("samples", self.samples, 2, 10**7)
 
 
 class Transient(Result, eqx.Module):

@@ -48,8 +48,9 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     law = _Law(compressor, orbit.state.speed[0], orbit.motor_torque[0])
     first = orbit.state.angle[0]
     last = first + 2 * jnp.pi
-    kinks = kink_angles(compressor)
-    edges = jnp.concatenate([first[None], kinks[1:], (kinks[0] + 2 * jnp.pi)[None], last[None]])
+    # kinks of other cylinders may lie between the first dead centre and the first node
+    kinks = first + jnp.mod(kink_angles(compressor) - first, 2 * jnp.pi)
+    edges = jnp.concatenate([first[None], jnp.sort(kinks), last[None]])
     share = jnp.linspace(0.0, 1.0, max(2, options.samples // (edges.size - 1)))
     fine = edges[:-1, None] + jnp.diff(edges)[:, None] * share
     nodes = jnp.append(orbit.state.angle[1:], last)

@@ -6,6 +6,7 @@ from ._cycle import Cycle as Cycle
 from ._cycle import SeveralCycles as SeveralCycles
 from ._cylinder import Cylinder as Cylinder
 from ._cylinder import DischargeLine as DischargeLine
+from ._cylinder import Pace as Pace
 from ._cylinder import SuctionLine as SuctionLine
 from ._heat import AbstractHeat as AbstractHeat
 from ._heat import Adair as Adair
@@ -13,6 +14,7 @@ from ._heat import Annand as Annand
 from ._heat import Disconzi as Disconzi
 from ._heat import LaminarGap as LaminarGap
 from ._heat import LiuZhou as LiuZhou
+from ._heat import SuctionWarming as SuctionWarming
 from ._heat import Todescat as Todescat
 from ._heat import WallNetwork as WallNetwork
 from ._heat import Woschni as Woschni

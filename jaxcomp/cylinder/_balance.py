@@ -366,9 +366,10 @@ def after_event(case: Case, event, state, flags, force):
             continue
         first = 4 * which
         mode, u_sign, p_sign = flags[3 * which : 3 * which + 3]
-        speed = state[3 + 3 * which] * valve_scales(case, which)[1]
+        scale = valve_scales(case, which)[1]
         plate: Any = valve
-        rests = jnp.abs(plate.restitution * speed) < plate.sticking_speed
+        rebound = jnp.abs(plate.restitution * state[3 + 3 * which] * scale)
+        rests = rebound < plate.rest_speed(scale)
         pressed = force[which] <= 0
         at_seat = (event == first) & (mode == FREE)
         at_stop = event == first + 1

@@ -20,7 +20,7 @@ from numpy.polynomial import legendre
 
 from .._fields import ANY, NONNEGATIVE, quantity
 from .._implicit import AbstractRoot
-from .._polynomials import gauss
+from .._polynomials import gauss, legendre_columns
 from ..gas import AbstractGas
 from ._balance import jacobian, jump, rates
 from ._cylinder import Case
@@ -414,7 +414,7 @@ class SolvedPressure(AbstractGas):
         panel = jnp.searchsorted(self.edges[1:-1], angle, side="right")
         width = jnp.diff(self.edges)[panel]
         x = (angle - self.edges[panel]) / jnp.where(width > 0, width, 1.0)
-        weights = jnp.moveaxis(_legendre(2 * x - 1, count), 0, -1) @ _to_series(count)
+        weights = jnp.moveaxis(legendre_columns(2 * x - 1, count), 0, -1) @ _to_series(count)
         return jnp.sum(weights * self.values[panel], axis=-1)
 
 
@@ -433,7 +433,7 @@ def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
     bend = before - 2 * here + after
     shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
     place = jnp.asarray(x)[column] + jnp.clip(shift, -1, 1) * x[1]
-    return _legendre(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
+    return legendre_columns(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
 
 
 @cache
@@ -441,10 +441,3 @@ def _to_series(count: int) -> np.ndarray:
     """Legendre coefficients from the values at the points of a panel."""
     places = np.append(gauss(count - 1).nodes, 1.0)
     return np.linalg.inv(legendre.legvander(2 * places - 1, count - 1))
-
-
-def _legendre(x, count: int):
-    columns = [jnp.ones_like(x), x]
-    for k in range(1, count - 1):
-        columns.append(((2 * k + 1) * x * columns[k] - k * columns[k - 1]) / (k + 1))
-    return jnp.stack(columns[:count])

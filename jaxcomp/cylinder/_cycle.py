@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._results import Data, Result
@@ -261,11 +260,8 @@ class Cycle(Result, eqx.Module):
     def gas(self) -> "SolvedPressure":
         """The pressure as a gas that is prescribed over the crank angle."""
         _, z, pressure = self.raw
-        # all edges, since the valves' events are among them and the pressure swings between; and none
-        # so wide that the harmonics of the speed could not be told from the nodes on it
-        even = z.edges[0] + np.pi / 3 * (np.arange(6) + 0.5)
-        kinks = jnp.concatenate([z.edges[1:-1], even])
-        return SolvedPressure(z.edges, pressure, kinks, self.case.suction.p)
+        # all edges, since the valves' events are among them and the pressure swings between
+        return SolvedPressure(z.edges, pressure, z.edges[1:-1], self.case.suction.p)
 
     @property
     def capacity(self) -> Float[Array, ""]:

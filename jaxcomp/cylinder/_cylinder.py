@@ -1,18 +1,34 @@
 """The cylinder as a part of the machine: gas, valves, heat, leakage, and the lines it works between."""
 
-from typing import ClassVar, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, Part, is_traced, quantity
+from .._fields import (
+    NONNEGATIVE,
+    POSITIVE,
+    BadInput,
+    Bound,
+    Part,
+    is_traced,
+    known_values,
+    quantity,
+    replaced,
+)
+from .._polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve, Side
-from ._heat import AbstractHeat, LaminarGap, WallNetwork
+from ._heat import AbstractHeat, LaminarGap, SuctionWarming, WallNetwork
 from ._plenum import Plenum
+
+# [K] by which a temperature may pass saturation: pressures of saturated gas are given with few digits.
+_NEAR = 0.5
 
 
 class SuctionLine(Part):
@@ -25,6 +41,7 @@ class SuctionLine(Part):
         superheat: [K] above the dew temperature, instead of the gas's temperature.
         heating: [K] from there to the suction valve, in shell and muffler; none if absent. Capacity
             and overall efficiency count from the gas before it, as the standards do.
+        warming: a law of that rise, which rating points follow; `heating` is then where they begin.
         plenums: between line and valve, in the order of the flow; each with its neck on the side of the
             line. Without any the valve sees the gas of the line.
 
@@ -45,6 +62,7 @@ class SuctionLine(Part):
     heating: Float[Array, ""] | None = quantity(
         "K", NONNEGATIVE, default=None, doc="from there to the suction valve, in shell and muffler"
     )
+    warming: SuctionWarming | None = None
     plenums: tuple[Plenum, ...] = ()
 
     def __check_init__(self):
@@ -63,6 +81,9 @@ class SuctionLine(Part):
         def at(temperature):
             return fluid.state(temperature, fluid.density(temperature, pressure))
 
+        if self.warming is not None:
+            bound = "absent outside of rating points; `heating` is the rise at a single one"
+            raise BadInput("gas.suction.warming", "given", bound)
         comes = at(temperature)
         return (comes if self.heating is None else at(temperature + self.heating)), comes
 
@@ -113,6 +134,8 @@ class DischargeLine(Part):
     def liquid_enthalpy(self, fluid: AbstractFluid) -> Float[Array, ""]:
         """[J/kg] of the saturated liquid at the temperature before the expansion.
 
+        Not a number above the critical point, where there is no liquid.
+
         Raises:
             TypeError: a perfect gas, which has no liquid.
         """
@@ -125,8 +148,10 @@ class DischargeLine(Part):
                 temperature = fluid.saturation(p=self.pressure).T - less
             else:
                 temperature = self.condensing - less
-        liquid = fluid.saturation(T=temperature)
-        return fluid.state(liquid.T, liquid.liquid).h
+        is_liquid = temperature < fluid.critical_temperature
+        known = jnp.where(is_liquid, temperature, 0.99 * fluid.critical_temperature)
+        liquid = fluid.saturation(T=known)
+        return jnp.where(is_liquid, fluid.state(liquid.T, liquid.liquid).h, jnp.nan)
 
     def states(self, fluid: AbstractFluid, suction: GasState) -> tuple[GasState, GasState]:
         """The gas in the line, and the end of the isentropic compression to its pressure."""
@@ -158,6 +183,8 @@ class Cylinder(AbstractGas):
         walls: conductances that decide the wall's temperature; `wall_temperature` holds if absent.
 
     Raises:
+        BadInput: a line outside the range of its fluid: the condensing temperature must lie between the
+            evaporating and the critical one, gas above its dew temperature and liquid below it.
         ValueError: heat transfer without a wall temperature, walls without heat transfer, or a
             conductance to a plenum that is not there.
     """
@@ -186,6 +213,23 @@ class Cylinder(AbstractGas):
                     raise ValueError(f"`walls.{name}_conductance` needs `{name}.plenums`.")
         if self.heat is not None and self.wall_temperature is None:
             raise ValueError("heat transfer needs a `wall_temperature`.")
+        known = known_values(self)
+        for limit in (*_limits(known), *_dry_limits(known)):
+            if not is_traced(holds := limit.holds()) and not np.all(holds):
+                bound = f"{limit.bound} {limit.unit}, {limit.why}"
+                raise BadInput(limit.field, limit.value, bound)
+
+    def conditions(self):
+        return {f"{limit.field}: {limit.why}": limit.holds() for limit in _limits(self)}
+
+    def repaired(self):
+        repaired = self
+        for rule in _RULES:  # one after the other, as the later ones follow from the earlier
+            for limit in rule(repaired):
+                line, _, name = limit.field.partition(".")
+                moved = replaced(getattr(repaired, line), **{name: limit.clipped()})
+                repaired = replaced(repaired, **{line: moved})
+        return repaired
 
     def pressure(self, stroke):
         raise TypeError(
@@ -213,11 +257,161 @@ class Cylinder(AbstractGas):
         return all(valve.port_length is not None for valve in self.valves)
 
 
+class _Limit(NamedTuple):
+    """What a number of a line must keep to, beside its own bound."""
+
+    field: str
+    value: Any
+    bound: Bound
+    unit: str
+    why: str
+
+    def holds(self):
+        """Whether the number does."""
+        return self.bound.inside(self.value)
+
+    def clipped(self) -> Float[Array, ""]:
+        """The number moved inside."""
+        low, high, low_open, high_open = self.bound
+        low, high = low * (1 + 1e-6 * low_open), high * (1 - 1e-6 * high_open)
+        value = jnp.asarray(self.value)
+        moved = jnp.clip(jnp.nan_to_num(value), low, high)
+        return jnp.where(jnp.asarray(self.holds()), value, moved)
+
+
+def _limits(cylinder: Cylinder) -> Iterator[_Limit]:
+    for rule in _RULES:
+        yield from rule(cylinder)
+
+
+def _dew(fluid: AbstractFluid, pressure, saturated):
+    """[K] Dew temperature of a line; that of a perfect gas is far below all its temperatures."""
+    if saturated is not None:
+        return saturated
+    return fluid.dew_temperature(pressure) if isinstance(fluid, RealGas) else 0.0
+
+
+def _evaporating_limits(cylinder: Cylinder) -> Iterator[_Limit]:
+    fluid, line = cylinder.fluid, cylinder.suction
+    if isinstance(fluid, RealGas) and line.evaporating is not None:
+        inside = Bound(fluid.temperature_range[0], fluid.critical_temperature, high_open=True)
+        yield _Limit("suction.evaporating", line.evaporating, inside, "K", _critical(fluid))
+    if isinstance(fluid, RealGas) and line.superheat is not None and line.pressure is not None:
+        most = float(fluid.dew_pressure(fluid.critical_temperature))
+        why = f"the critical pressure of {fluid.name}, as gas has no superheat above it"
+        yield _Limit("suction.pressure", line.pressure, Bound(0.0, most, True, True), "Pa", why)
+
+
+def _suction_limits(cylinder: Cylinder) -> Iterator[_Limit]:
+    fluid, line = cylinder.fluid, cylinder.suction
+    (low, high), dew = fluid.temperature_range, _dew(fluid, line.pressure, line.evaporating)
+    heated = 0.0 if line.heating is None else line.heating
+    why = f"the range of {_name(fluid)}"
+    if line.temperature is not None:
+        inside = Bound(low, high - heated)
+        yield _Limit("suction.temperature", line.temperature, inside, "K", why)
+    if line.superheat is not None:
+        yield _Limit("suction.superheat", line.superheat, Bound(0.0, high - dew - heated), "K", why)
+
+
+def _condensing_limits(cylinder: Cylinder) -> Iterator[_Limit]:
+    fluid, (suction, discharge) = cylinder.fluid, (cylinder.suction, cylinder.discharge)
+    dew = _dew(fluid, suction.pressure, suction.evaporating)
+    if isinstance(fluid, RealGas) and discharge.condensing is not None:
+        inside = Bound(dew, fluid.critical_temperature, True, True)
+        why = f"between the evaporating temperature and {_critical(fluid)}"
+        yield _Limit("discharge.condensing", discharge.condensing, inside, "K", why)
+    if discharge.pressure is not None:
+        pressure = suction.pressure
+        if pressure is None and isinstance(fluid, RealGas):
+            pressure = fluid.dew_pressure(suction.evaporating)
+        if pressure is not None:
+            inside = Bound(pressure, np.inf, low_open=True)
+            why = "above the suction pressure"
+            yield _Limit("discharge.pressure", discharge.pressure, inside, "Pa", why)
+
+
+def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
+    fluid, line = cylinder.fluid, cylinder.discharge
+    (low, high), dew = fluid.temperature_range, _dew(fluid, line.pressure, line.condensing)
+    if line.temperature is not None:
+        tools = jnp if is_traced(dew) else np
+        inside = Bound(tools.maximum(low, dew - _NEAR), high)
+        why = f"dew temperature and range of {_name(fluid)}"
+        yield _Limit("discharge.temperature", line.temperature, inside, "K", why)
+    if not isinstance(fluid, RealGas):
+        return
+    if line.liquid_temperature is not None:
+        tools = jnp if is_traced(dew) else np
+        most = tools.minimum(dew + _NEAR, 0.9999 * fluid.critical_temperature)
+        why = f"triple point of {fluid.name} and saturation at the discharge pressure"
+        inside = Bound(low, most)
+        yield _Limit("discharge.liquid_temperature", line.liquid_temperature, inside, "K", why)
+    if line.subcooling is not None:
+        why = f"above the triple point of {fluid.name}, {low:g} K"
+        yield _Limit("discharge.subcooling", line.subcooling, Bound(0.0, dew - low), "K", why)
+
+
+def _dry_limits(cylinder: Cylinder) -> Iterator[_Limit]:
+    """Superheat, where temperatures give it; solvers call wet gas `Status.wet`."""
+    fluid, line = cylinder.fluid, cylinder.suction
+    if line.temperature is not None:
+        dew = _dew(fluid, line.pressure, line.evaporating)
+        why = f"the dew temperature of {_name(fluid)}"
+        yield _Limit("suction.temperature", line.temperature, Bound(dew - _NEAR), "K", why)
+
+
+_RULES: tuple[Callable[[Cylinder], Iterator[_Limit]], ...] = (
+    _evaporating_limits,
+    _suction_limits,
+    _condensing_limits,
+    _discharge_limits,
+)
+
+
+def _name(fluid: AbstractFluid) -> str:
+    return fluid.name if isinstance(fluid, RealGas) else "the perfect gas"
+
+
+def _critical(fluid: RealGas) -> str:
+    return f"the critical temperature of {fluid.name}"
+
+
+def ports_fit(cylinder: Cylinder, mechanism: AbstractMechanism) -> tuple[Bool[Array, "*k"], ...]:
+    """Whether the ports of suction and discharge valve are narrower than the piston."""
+    return tuple(valve.port_area < mechanism.piston_area for valve in cylinder.valves)
+
+
 class Line(NamedTuple):
     """A line with its temperature [K]."""
 
     side: Side
     temperature: Float[Array, ""]
+
+
+class Pace(eqx.Module):
+    """How unevenly a revolution passes: polynomials on p panels through s Gauss nodes on each.
+
+    Attributes:
+        edges: [rad] (p + 1,) rising crank angles, the last a revolution after the first.
+        excess: [-] (p, s) time that an angle takes at the nodes, over its mean and less one.
+    """
+
+    edges: Float[Array, " p_plus_1"]
+    excess: Float[Array, "p s"]
+
+    def at(self, angle: Float[Array, ""]) -> Float[Array, ""]:
+        """The excess [-] at a crank angle [rad] of any revolution, with all derivatives."""
+        first, revolution = self.edges[0], 2 * np.pi
+        turned = first + jnp.mod(angle - first, revolution)
+        panel = jnp.searchsorted(self.edges, turned, side="right", method="compare_all") - 1
+        panel = jnp.clip(panel, 0, self.edges.size - 2)
+        start, width = self.edges[panel], self.edges[panel + 1] - self.edges[panel]
+        wide = width > 0
+        x = jnp.where(wide, (turned - start) / jnp.where(wide, width, 1.0), 0.5)
+        count = self.excess.shape[-1]
+        terms = gauss(count).to_legendre @ self.excess[panel]
+        return legendre_columns(2 * x - 1, count) @ terms
 
 
 class Case(eqx.Module):
@@ -226,10 +420,7 @@ class Case(eqx.Module):
     cylinder: Cylinder  # the gas side
     mechanism: AbstractMechanism  # the piston's motion
     speed: Float[Array, ""]  # [rad/s] mean speed of the crank
-    # [-] harmonics over the crank angle of the time that an angle takes, relative to its mean; `None`
-    # at constant speed
-    cosine: Float[Array, " k"] | None
-    sine: Float[Array, " k"] | None
+    pace: Pace | None  # of the crank; `None` at constant speed
     # the gas at the two valves
     suction: GasState
     discharge: GasState
@@ -255,10 +446,7 @@ class Case(eqx.Module):
 
     def speed_at(self, angle: Float[Array, ""]) -> Float[Array, ""]:
         """[rad/s]"""
-        if self.cosine is None or self.sine is None:
-            return self.speed + 0 * angle
-        phase = angle * jnp.arange(1, self.cosine.size + 1)
-        return self.speed / (1 + jnp.cos(phase) @ self.cosine + jnp.sin(phase) @ self.sine)
+        return self.speed / (1 + (0 * angle if self.pace is None else self.pace.at(angle)))
 
     def volume(self, angle: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Volume [m^3] and its rate over the crank angle [m^3/rad]."""
@@ -268,26 +456,23 @@ class Case(eqx.Module):
         return area * (self.top - position) + clearance, -area * position_1
 
 
-def prepare(cylinder: Cylinder, mechanism, speed, fluctuation=None) -> Case:
+def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> Case:
     """Work out the states of the lines and what else is constant.
 
     Args:
         cylinder: the gas side.
         mechanism: an `AbstractMechanism`.
         speed: [rad/s] mean speed of the crank.
-        fluctuation: cosine and sine harmonics, from the first on, of the time that an angle takes,
-            relative to its mean; constant speed if absent.
+        pace: how unevenly the revolution passes; constant speed if absent.
     """
     suction, comes = cylinder.suction.states(cylinder.fluid)
     discharge, isentropic = cylinder.discharge.states(cylinder.fluid, suction)
     top, _ = mechanism.piston_extremes()
-    cosine, sine = (None, None) if fluctuation is None else fluctuation
     return Case(
         cylinder,
         mechanism,
         jnp.asarray(speed, float),
-        cosine,
-        sine,
+        pace,
         suction,
         discharge,
         isentropic,

@@ -248,6 +248,42 @@ def next_revolution(case, state: Float[Array, " n"]) -> Float[Array, " n"]:
     return state.at[-2].add(step * state[-1]).at[-1].set(0.0)
 
 
+class SuctionWarming(Part):
+    r"""What the gas is warmed by on its way to the suction valve, by the losses and the discharge side.
+
+    $$\Delta T = (T_2 - T_1)\left(1 - e^{-UA/(\dot m c_p)}\right)
+      + \varphi\frac{\dot W_{loss}}{\dot m c_p}$$
+
+    It grows where little gas flows, which a constant rise does not.
+
+    Args:
+        discharge_conductance: [W/K] UA to the gas that is delivered.
+        loss_share: [-] of the losses of motor and friction that go into the gas.
+    """
+
+    kind: ClassVar[str] = "suction_warming"
+
+    discharge_conductance: Float[Array, ""] = quantity(
+        "W/K", NONNEGATIVE, default=0.0, doc="UA to the gas that is delivered"
+    )
+    loss_share: Float[Array, ""] = quantity(
+        "", Bound(0.0, 1.0), default=0.0, doc="of motor and friction losses, into the gas"
+    )
+
+    def rise(self, comes, discharge_temperature, mass_flow, loss) -> Float[Array, ""]:
+        """[K] of the gas before the suction valve.
+
+        Args:
+            comes: the gas as it comes to the compressor.
+            discharge_temperature: [K]
+            mass_flow: [kg/s]
+            loss: [W] of motor and friction.
+        """
+        flow = mass_flow * comes.c_p
+        share = -jnp.expm1(-self.discharge_conductance / flow)
+        return (discharge_temperature - comes.T) * share + self.loss_share * loss / flow
+
+
 class LaminarGap(Part):
     """A round gap between piston and cylinder; the crankcase has the gas of the suction line.
 

@@ -34,7 +34,7 @@ from ._collocation import (
     point_angles,
 )
 from ._cycle import Cycle, Events, values_only
-from ._cylinder import Case, Cylinder, prepare
+from ._cylinder import Case, Cylinder, Pace, ports_fit, prepare
 from ._heat import OF_WALL
 from ._march import START, march
 from ._plenum import PER_PLENUM, chains
@@ -95,7 +95,7 @@ def solve_cycle(
     speed: float | Float[Array, ""],
     options: CycleOptions | None = None,
     *,
-    fluctuation: tuple[Float[Array, " k"], Float[Array, " k"]] | None = None,
+    pace: Pace | None = None,
     start: Cycle | CycleSolution | None = None,
     throw: bool = True,
 ) -> Cycle:
@@ -106,8 +106,7 @@ def solve_cycle(
         mechanism: the piston's motion.
         speed: [rad/s] mean speed of the crank.
         options: of the solver.
-        fluctuation: [-] cosine and sine harmonics over the crank angle, from the first on, of the time
-            that an angle takes, relative to its mean.
+        pace: how unevenly the revolution passes; constant speed if absent.
         start: a cycle of a similar machine by collocation with as many panels and nodes. Nothing is
             marched where this one has the same events.
         throw: raise if the cycle was not found. Within `jit`, `vmap` or `grad` nothing is raised;
@@ -120,7 +119,7 @@ def solve_cycle(
     Raises:
         SolveFailed: if `throw` and the status is not `Status.converged`.
     """
-    cycle = _solved(cylinder, mechanism, speed, options or CycleOptions(), fluctuation, start)
+    cycle = _solved(cylinder, mechanism, speed, options or CycleOptions(), pace, start)
     shown = throw and not is_traced(cycle.status._value)
     if shown and bool(jnp.any(cycle.status != Status.converged)):
         raise SolveFailed(cycle.status, f"residual {float(jnp.max(cycle.residual)):.2g}")
@@ -128,8 +127,8 @@ def solve_cycle(
 
 
 @eqx.filter_jit
-def _solved(cylinder, mechanism, speed, options: CycleOptions, fluctuation, start) -> Cycle:
-    case, good = _admitted(cylinder, mechanism, speed, fluctuation)
+def _solved(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
+    case, good = _admitted(cylinder, mechanism, speed, pace)
     marching = options.method == "march" or not cylinder.inert
     if marching:
         arrays, rest = eqx.partition(case, eqx.is_inexact_array)
@@ -143,15 +142,15 @@ def _solved(cylinder, mechanism, speed, options: CycleOptions, fluctuation, star
 
 
 def follow_cycle(
-    cylinder: Cylinder, mechanism: AbstractMechanism, speed, options, fluctuation, cycle: Cycle
+    cylinder: Cylinder, mechanism: AbstractMechanism, speed, options, pace, cycle: Cycle
 ) -> Cycle:
     """A cycle that has been found, with its dependence on the machine; nothing is solved.
 
     Args:
-        cylinder, mechanism, speed, options, fluctuation: as in `solve_cycle`.
+        cylinder, mechanism, speed, options, pace: as in `solve_cycle`.
         cycle: what it found, by collocation.
     """
-    case, good = _admitted(cylinder, mechanism, speed, fluctuation)
+    case, good = _admitted(cylinder, mechanism, speed, pace)
     return _result(case, good, solution_of(cycle), options, False)
 
 
@@ -161,10 +160,11 @@ def is_solved(cycle: Cycle) -> Bool[Array, ""]:
     return jnp.all(jnp.stack([cycle.status != one for one in failed]))
 
 
-def _admitted(cylinder, mechanism, speed, fluctuation) -> tuple[Case, Bool[Array, ""]]:
+def _admitted(cylinder, mechanism, speed, pace) -> tuple[Case, Bool[Array, ""]]:
     good = admissible(cylinder) & admissible(mechanism) & (jnp.asarray(speed) > 0)
+    good &= jnp.all(jnp.stack(ports_fit(cylinder, mechanism)))
     speed = jnp.where(jnp.asarray(speed) > 0, speed, 1.0)
-    return prepare(clipped(cylinder), clipped(mechanism), speed, fluctuation), good
+    return prepare(clipped(cylinder), clipped(mechanism), speed, pace), good
 
 
 def _result(case: Case, good, found: CycleSolution, options: CycleOptions, marching: bool) -> Cycle:

@@ -28,7 +28,9 @@ from ..crank import (
     journal_films,
     performance,
     solve_orbit,
+    time_harmonics,
 )
+from ..friction import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..rotor import (
     AXES,
@@ -44,6 +46,8 @@ from ..shaking import Wrench, shaking_wrench
 
 if TYPE_CHECKING:
     from ..crank import Shooting
+
+SHAKING_ORDERS = (1, 2, 3, 4, 6)  # of the revolution, which shaking forces and couples are told of
 
 
 class AnalysisOptions(eqx.Module):
@@ -332,6 +336,12 @@ class DesignResult:
         return journal_films(self._compressor, self.orbit)
 
     @property
+    def least_film(self) -> Float[Array, ""]:
+        """[m] Smallest of all journals over the revolution."""
+        films = [film.minimum_film for film in self.journals.values()]
+        return jnp.min(jnp.stack(films)) if films else jnp.asarray(jnp.inf)
+
+    @property
     def peak_shaking_force(self) -> Float[Array, ""]:
         """[N] Largest over the revolution."""
         return self._largest(self.wrench.force)
@@ -340,6 +350,25 @@ class DesignResult:
     def peak_shaking_moment(self) -> Float[Array, ""]:
         """[N m] Largest over the revolution."""
         return self._largest(self.wrench.moment)
+
+    @property
+    def shaking_force(self) -> dict[str, Float[Array, ""]]:
+        """[N] Amplitude by order of the revolution, along the long axis of the ellipse that it runs."""
+        return self._by_order(self.wrench.force)
+
+    @property
+    def shaking_couple(self) -> dict[str, Float[Array, ""]]:
+        """[N m] The same of the moment across the shaft."""
+        return self._by_order(self.wrench.moment)
+
+    def _by_order(self, vectors: Float[Array, "3 n"]) -> dict[str, Float[Array, ""]]:
+        orbit = self.orbit
+        duration = orbit.weight / orbit.state.speed
+        (x, y), _ = time_harmonics(vectors[:2], orbit.time, duration, max(SHAKING_ORDERS))
+        # the parts that turn with the crank and against it add up along the long axis
+        turning = jnp.stack([x + 1j * y, x - 1j * y]) / 2
+        size = jnp.sum(magnitude(turning.real, turning.imag), axis=0)
+        return {str(order): size[order - 1] for order in SHAKING_ORDERS}
 
     @property
     def vibration_of_all(self) -> Float[Array, ""]:

@@ -149,8 +149,6 @@ def rod_driven(machine: Any, rod: RodDrive) -> Compressor:
         )
     if friction.upper_bearing is None or friction.lower_bearing is None:
         raise BadInput("friction", "without", "one with an upper_bearing and a lower_bearing")
-    at_piston = rod.conrod_mass * rod.conrod_centre / rod.conrod_length
-    rotating, reciprocating = rod.conrod_mass - at_piston, rod.piston_mass + at_piston
     crank = SliderCrank(
         bore=mechanism.bore,
         crank_radius=mechanism.crank_radius,
@@ -160,9 +158,9 @@ def rod_driven(machine: Any, rod: RodDrive) -> Compressor:
         crank_inertia=mechanism.crank_inertia,
         conrod_centre=rod.conrod_centre,
         conrod_inertia=rod.conrod_inertia,
-        crank_unbalance=-(rotating + reciprocating / 2) * mechanism.crank_radius,
         crank_mass=mechanism.crank_mass,
     )
+    crank = replaced(crank, crank_unbalance=-crank.half_balance)
     film = friction.piston_film
     if film is not None:
         film = replaced(film, length=rod.piston_length)

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, counted
 from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ..machine import Machine
@@ -230,7 +230,7 @@ def optimise(
     goal = goal_of(problem, objective, maximise, constraints)
     chosen = method_of(method, goal)
     given, count = _given_starts(starts, problem)
-    points = space(problem, goal.ranges, max(samples, count), seed, given)
+    points = space(problem, goal.ranges, max(counted("samples", samples, 0), count), seed, given)
     search = Search(goal.problem, points, batch, max_steps, tolerance, callback)
     goal, sample = search.sampled(goal)
     begin = sample.starts(count) if given is None else given
@@ -241,9 +241,7 @@ def optimise(
 def _given_starts(starts, problem: Problem) -> tuple[np.ndarray | None, int]:
     """Designs to begin from, if they are given, and their number."""
     if isinstance(starts, int):
-        if starts < 1:
-            raise BadInput("starts", starts, ">= 1")
-        return None, starts
+        return None, counted("starts", starts, high=10_000)
     given = np.atleast_2d(np.asarray(starts, float))
     if given.ndim != 2 or given.shape[1] != len(problem.variables):
         raise BadInput("starts", given, f"of shape (starts, {len(problem.variables)})")

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, counted
 from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ._descent import BETTER, Descent, method_of
@@ -103,8 +103,7 @@ def pareto(
         BadInput: as `optimise`, or fewer than three points.
         SolveFailed: no design of the sample can be solved, or none keeps the constraints.
     """
-    if points < 3:
-        raise BadInput("points", points, ">= 3")
+    counted("points", points, 3, 10_000)
     if starts < 1:
         raise BadInput("starts", starts, ">= 1")
     if len(objectives) != 2 or objectives[0] == objectives[1]:

@@ -5,6 +5,7 @@ machine: crank and rotor stay one. It rebuilds the machine unchecked, as everyth
 `jit` does; a solver reports a design that left its bounds. A bare compressor is taken as well.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
@@ -50,15 +51,16 @@ def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
     $$m_p = (d/d_0)^2\, m_{p0}, \quad m_c = (l/l_0)\, m_{c0}, \quad I_c = (l/l_0)^2\, I_{c0} .$$
 
     The paper leaves open what follows here: the mass centre keeps its share b/l of the rod, the
-    offset of the cylinder its share e/r (which keeps the displacement exact), and the unbalance of
-    the crank its share of the rotating moment $m_c r a/l$ of the rod, as a counterweight that is
-    designed along. With a rotor, whose unbalances are those of the crank, all of them keep that share.
-    Shaft and rotor and the diameters of pins and journals do not change, nor do gas, motor and
-    coefficients of friction.
+    offset of the cylinder its share e/r (which keeps the displacement exact), and the crank its share
+    of what it balances, as counterweights that are designed along: with one slider-crank of the
+    rotating moment $m_c r a/l$ of the rod, with several cylinders or a slider-link of the half balance
+    $(m_{rot} + m_{rec}/2)\,r$ of its throws. With a rotor its unbalances, which are those of the crank,
+    keep that share. Shaft and rotor and the diameters of pins and journals do not change, nor do gas,
+    motor and coefficients of friction.
 
     A slider-link machine follows the same rule for R and $m_p$. The engaged length of its piston at
-    the bottom dead centre grows with the bore, the crank keeps its share of the half balance
-    $(m_s + m_p/2)R$, and slider, link, offset and the planes of the shaft stay.
+    the bottom dead centre grows with the bore, and slider, link, offset and the planes of the shaft
+    stay.
 
     Args:
         machine: the machine to start from, or its compressor alone.
@@ -79,25 +81,48 @@ def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
     bore = _checked("bore", bore, POSITIVE)
     scale = (mechanism.bore / bore) ** 2
     if isinstance(mechanism, SliderLink):
-        return _with_compressor(machine, mechanism=_link_with_bore(mechanism, bore, scale))
-    scaled = replaced(
-        mechanism,
-        bore=bore,
-        crank_radius=mechanism.crank_radius * scale,
-        conrod_length=mechanism.conrod_length * scale,
-        conrod_centre=mechanism.conrod_centre * scale,
-        offset=mechanism.offset * scale,
-        piston_mass=mechanism.piston_mass / scale,
-        conrod_mass=mechanism.conrod_mass * scale,
-        conrod_inertia=mechanism.conrod_inertia * scale**2,
-        crank_unbalance=mechanism.crank_unbalance * scale**2,
-    )
-    made = _with_compressor(machine, mechanism=scaled)
+        scaled = _link_with_bore(mechanism, bore, scale)
+    else:
+        scaled = replaced(
+            mechanism,
+            bore=bore,
+            crank_radius=mechanism.crank_radius * scale,
+            conrod_length=mechanism.conrod_length * scale,
+            conrod_centre=mechanism.conrod_centre * scale,
+            offset=mechanism.offset * scale,
+            piston_mass=mechanism.piston_mass / scale,
+            conrod_mass=mechanism.conrod_mass * scale,
+            conrod_inertia=mechanism.conrod_inertia * scale**2,
+        )
+    alone = isinstance(mechanism, SliderCrank) and _compressor(machine).cylinders is None
+    share = scale**2 if alone else scaled.half_balance / mechanism.half_balance
+    return _with_unbalances(_with_compressor(machine, mechanism=scaled), share)
+
+
+def _with_unbalances(machine: _Machine, share: Float[Array, ""]) -> _Machine:
+    """The machine with all unbalances of its crankshaft, or of the rotor that it is, times a factor."""
+    names = "crank_unbalance", "crank_unbalance_across", "crank_couple"
+    names += "crank_eccentricity", "crank_product", "crank_product_across"
+    compressor = _compressor(machine)
+    mechanism, cylinders = compressor.mechanism, compressor.cylinders
+    changes = {"mechanism": _scaled(mechanism, names, share)}
+    if cylinders is not None:
+        throws = tuple(_scaled(throw, ("unbalance",), share) for throw in cylinders.throws)
+        of_shaft = _scaled(cylinders, ("unbalance", "couple"), share)
+        changes["cylinders"] = eqx.tree_at(lambda c: c.throws, of_shaft, throws)
+    made = _with_compressor(machine, **changes)
     case = made.parts.get("loads") if isinstance(made, Machine) else None
     if not isinstance(case, LoadCase) or case.crank is None or not case.unbalances:
         return made
     where = lambda m: [table.magnitude for table in m.parts["loads"].unbalances]  # noqa: E731
-    return eqx.tree_at(where, made, [size * scale**2 for size in where(made)])
+    return eqx.tree_at(where, made, [size * share for size in where(made)])
+
+
+def _scaled(part, names: tuple[str, ...], factor: Float[Array, ""]):
+    """A part with those of its numbers that are fields and given times a factor."""
+    fields = {field.name for field in dataclasses.fields(part)} & set(names)
+    given = {name: getattr(part, name) for name in fields}
+    return replaced(part, **{name: v * factor for name, v in given.items() if v is not None})
 
 
 def with_stroke_bore_ratio(machine: _Machine, ratio: Float[Array, ""]) -> _Machine:
@@ -160,8 +185,6 @@ def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
     radius, piston_mass = mechanism.crank_radius * scale, mechanism.piston_mass / scale
     engaged = (mechanism.cylinder_length - 2 * mechanism.crank_radius) * bore / mechanism.bore
     length = engaged + 2 * radius
-    half = (mechanism.slider_mass + mechanism.piston_mass / 2) * mechanism.crank_radius
-    share = (mechanism.slider_mass + piston_mass / 2) * radius / half
     return replaced(
         mechanism,
         bore=bore,
@@ -169,8 +192,6 @@ def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
         cylinder_length=length,
         crown_to_link=mechanism.crown_to_link - mechanism.cylinder_length + length,
         piston_mass=piston_mass,
-        crank_eccentricity=mechanism.crank_eccentricity * share,
-        crank_product=mechanism.crank_product * share,
     )
 
 

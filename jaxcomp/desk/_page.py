@@ -22,6 +22,8 @@ from ._state import Desk, View
 # Sliders that a fresh page has: those of the numbers that the chosen quantity gains most by.
 _SLIDERS = 6
 _STEPS = 200
+# Punctuation; Markdown takes each as it is behind a backslash.
+_SIGN = re.compile(r"([!-/:-@\[-`{-~])")
 _PINNED = "#AAAAAA"
 _WIDE = {"sizing_mode": "stretch_width"}
 _TABLE = {"show_index": False} | _WIDE
@@ -100,7 +102,7 @@ class _Page:
         load = pn.widgets.FileInput(accept=".toml", label="Open a machine file")
         load.param.watch(self._load, "value")
         controls = pn.Column(
-            pn.pane.Markdown(f"## {scene.name}\n{scene.description}"),
+            pn.pane.Markdown(f"## {_as_it_is(scene.name)}\n{_as_it_is(scene.description)}"),
             self.state,
             self.message,
             self.quantity,
@@ -221,7 +223,7 @@ class _Page:
         if not event.new:
             return
         try:
-            scene = loads(event.new, event.obj.filename or "")
+            scene = loads(event.new, event.obj.filename or "", beside=False)
         except SceneError as error:
             self._say("\n\n".join(map(str, (error, *error.others))))
             return
@@ -244,7 +246,7 @@ class _Page:
             self._say("")
 
     def _say(self, text: str) -> None:
-        self.message.object, self.message.visible = text, bool(text)
+        self.message.object, self.message.visible = _as_it_is(text), bool(text)
 
     def _show_all(self) -> None:
         for slider in self.sliders.values():
@@ -259,13 +261,13 @@ class _Page:
         value = view.quantities.get(desk.quantity)
         if value is not None:
             look = shown(desk.quantity, desk.quantities[desk.quantity].unit, value)
-            named = f"**{look.words}: {look.text(float(value))}**"
+            named = f"**{_as_it_is(look.words)}: {look.text(float(value))}**"
         with hold():
             self.pictures.show(view, desk.pinned)
             rows = self._result_rows()
             moving = [column for column in rows if column in ("Now", "Difference")]
             self.results.patch({column: list(enumerate(rows[column])) for column in moving})
-            self.state.object = f"{named} {view.status and f'⚠ {view.status}'}"
+            self.state.object = f"{named} {view.status and f'⚠ {_as_it_is(view.status)}'}"
 
     def _show_gains(self) -> None:
         found = self.desk.gains()
@@ -454,6 +456,11 @@ def _drawn(view: View) -> dict[str, tuple[str, str, dict[str, dict[str, Any]]]]:
             bars = {"y": list(sizes), "right": list(map(float, sizes.values()))}
             out[title] = unit, "", {"": bars}
     return out
+
+
+def _as_it_is(text: str) -> str:
+    """A text whose signs mean nothing to Markdown and HTML, such as one from a file."""
+    return _SIGN.sub(r"\\\1", text)
 
 
 def _short(value: float) -> float:

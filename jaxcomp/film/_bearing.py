@@ -52,6 +52,7 @@ def _word(film: str | type[AbstractFilm]) -> str:
 
 
 THIN = "films below count as thin in results; 5 um if absent"
+ROUGHNESS = "of both surfaces; a film below it carries nothing; 0.01 um if absent"
 
 
 class JournalBearing(AbstractRing):
@@ -73,6 +74,8 @@ class JournalBearing(AbstractRing):
         oil: Name of an oil of the machine, which gives the viscosity.
         thin_film: [m] Films below count as thin in results, such as some times the roughness; absent:
             5 µm.
+        roughness: [m] of journal and bush together. A film that is thinner at any time is
+            `Status.thin_film`; absent: 0.01 µm, smoother than any bearing.
 
     Raises:
         BadInput: for a value that is not positive, L/D outside the range of the film model, another
@@ -92,6 +95,7 @@ class JournalBearing(AbstractRing):
     )
     oil: str | None = eqx.field(static=True, default=None)
     thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN)
+    roughness: Scalar | None = quantity("m", POSITIVE, default=None, doc=ROUGHNESS)
 
     @property
     def model(self) -> type[AbstractFilm]:

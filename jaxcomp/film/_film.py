@@ -32,7 +32,7 @@ Scalar = Float[Array, ""]
 Pair = Float[Array, "2 *n"]
 
 
-def as_float(value) -> Scalar:
+def as_float(value) -> Float[Array, "..."]:
     """The value as an array of floats in the default precision."""
     return jnp.asarray(value, dtype=jnp.result_type(float))
 

@@ -272,7 +272,8 @@ def _wave_numbers(modes: int) -> np.ndarray:
 def _harmonics(eps: Scalar, terms: int) -> Float[Array, " terms"]:
     """-(-b)^n/eps, n = 1, 2, ..., of 1/h = (1 + 2 sum (-b)^n cos(n theta))/sqrt(1 - eps^2)."""
     b_over_eps = 1 / (1 + jnp.sqrt(1 - eps**2))
-    return b_over_eps * (-eps * b_over_eps) ** np.arange(terms)
+    # products: the second derivative of a power of zero to an array of exponents is NaN
+    return jnp.cumprod(jnp.full(terms, -eps * b_over_eps).at[0].set(b_over_eps))
 
 
 def _half_wave(n: np.ndarray) -> np.ndarray:

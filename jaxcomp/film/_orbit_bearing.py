@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._fields import POSITIVE, BadInput, quantity
-from ._bearing import THIN, JournalBearing, friction_moment
+from ._bearing import ROUGHNESS, THIN, JournalBearing, friction_moment
 from ._film import Scalar
 from ._models import Ocvirk
 from ._parts import AbstractJournal, AbstractRing, film_unit, within
@@ -46,6 +46,7 @@ class OrbitBearing(AbstractRing):
         lands: Two with a full circumferential groove, in parallel, else one.
         thin_film: [m] Films below count as thin in results, such as some times the roughness; absent:
             5 µm.
+        roughness: [m] as in `JournalBearing`.
 
     Raises:
         BadInput: for a value that is not positive, L/D of a land outside the table, another film, no
@@ -59,6 +60,7 @@ class OrbitBearing(AbstractRing):
     oil: str | None = eqx.field(static=True, default=None)
     lands: int = eqx.field(static=True, default=1)
     thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN)
+    roughness: Scalar | None = quantity("m", POSITIVE, default=None, doc=ROUGHNESS)
 
     def __check_init__(self):
         if self.film not in _SQUEEZE:

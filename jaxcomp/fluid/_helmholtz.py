@@ -21,8 +21,11 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._fields import BadInput, Bound, is_traced
 from .._implicit import root
 from ._base import AbstractFluid, GasState, SmallSystem
+
+_NEAR = 0.5  # [K] by which gas may be colder than saturation, for pressures that are given in few digits
 
 
 class Saturation(NamedTuple):
@@ -95,6 +98,26 @@ class RealGas(AbstractFluid):
     def temperature_range(self):
         return self.data["T_least"], self.data["T_most"]
 
+    @property
+    def critical_temperature(self) -> float:
+        """[K]"""
+        return self.data["T_critical"]
+
+    def dew_temperature(self, p):
+        """[K] Dew temperature at pressures [Pa] by the ancillary curve, to about 0.1 K.
+
+        Beyond the curve that of its end: the critical temperature, or the lowest of the fluid.
+        Known pressures give numbers of NumPy, for checks that shall compile nothing.
+        """
+        tools = jnp if is_traced(p) else np
+        T, log_p = _dew_curve(self.name)
+        return tools.interp(tools.log(p), log_p, T)
+
+    def dew_pressure(self, T):
+        """[Pa] The inverse of `dew_temperature`."""
+        tools = jnp if is_traced(T) else np
+        return tools.exp(tools.interp(T, *_dew_curve(self.name)))
+
     def state(self, T, rho):
         data = self.data
         R, tau, delta = data["gas_constant"], data["T_r"] / T, rho / data["rho_r"]
@@ -125,11 +148,45 @@ class RealGas(AbstractFluid):
         dew = jnp.vectorize(lambda T: _ancillary(data["vapour_density"], T))(theta)
         return (theta == T) & (rho > 1.02 * dew)
 
-    @eqx.filter_jit
+    def density(self, T, p):
+        """Density [kg/m^3] of the gas at a temperature `T` [K] and a pressure `p` [Pa].
+
+        Raises:
+            BadInput: a temperature out of the fluid's range, or a pressure at which it is liquid. Within
+                `jit` the result is then near the limit of the metastable gas.
+        """
+        if not is_traced(T) and not is_traced(p):
+            self._require("T", T, Bound(*self.temperature_range), "K, the range of")
+            most = self.data["p_most"]
+            if np.all(np.less(T, self.critical_temperature)):
+                # what a pressure in few digits may be above saturation
+                most = float(self.dew_pressure(np.asarray(T) + _NEAR))
+            self._require("p", p, Bound(0.0, most, low_open=True), f"Pa at {T:g} K, for gas of")
+        return super().density(T, p)
+
+    def _require(self, name: str, value, bound: Bound, why: str) -> None:
+        if not np.all(bound.inside(np.asarray(value))):
+            raise BadInput(name, value, f"{bound} {why} {self.name}")
+
     def saturation(
         self, T: Float[Array, ""] | None = None, p: Float[Array, ""] | None = None
     ) -> Saturation:
         """Saturation at a temperature `T` [K] or at a pressure `p` [Pa] below the critical one.
+
+        Raises:
+            BadInput: one that is not between triple and critical point; within `jit` it is not seen.
+        """
+        ends = self.temperature_range[0], self.critical_temperature
+        if T is None and not is_traced(p):
+            low, high = (float(self.dew_pressure(end)) for end in ends)
+            self._require("p", p, Bound(low, high, high_open=True), "Pa, of liquid and vapour of")
+        elif T is not None and not is_traced(T):
+            self._require("T", T, Bound(*ends, high_open=True), "K, of liquid and vapour of")
+        return self._saturation(T, p)
+
+    @eqx.filter_jit
+    def _saturation(self, T, p) -> Saturation:
+        """Liquid and vapour in equilibrium.
 
         A pure fluid's ancillary curves are polished by Newton's method until pressure and Gibbs
         energy of both phases agree. A pseudo-pure fluid has no such equilibrium: its dew and bubble
@@ -178,6 +235,20 @@ class RealGas(AbstractFluid):
 
         T, liquid, vapour = jnp.exp(root(SmallSystem(misfit, solve, given)))
         return Saturation(T, self.state(T, vapour).p, liquid, vapour)
+
+
+@cache
+def _dew_curve(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """[K] and logarithms of [Pa] along the dew line; straight between them it errs by 1 mK."""
+    data = fluid_data(name)
+    curve = data["dew_pressure"]
+    T = 1 / np.linspace(1 / data["T_least"], 1 / data["T_critical"], 400)
+    theta = np.maximum(1 - T / curve["T_r"], 0.0)[:, None]
+    total = np.sum(curve["n"] * theta ** curve["t"], axis=1)
+    if curve["form"] == "sum":
+        return T, np.log(curve["reducing_value"] * (1 + total))
+    ratio = curve["T_r"] / T if curve["form"] == "exponential of tau" else 1.0
+    return T, np.log(curve["reducing_value"]) + ratio * total
 
 
 def _poly(table: np.ndarray, x, y):

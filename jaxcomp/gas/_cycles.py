@@ -177,7 +177,7 @@ class StagedCycle(AbstractGas):
     rod_diameter: Float[Array, ""] | None = quantity("m", POSITIVE, default=None)
 
     def __check_init__(self):
-        if not self.stages or set(self.stages) != set(range(1, max(self.stages) + 1)):
+        if not self.stages or set(self.stages) != set(range(1, len(set(self.stages)) + 1)):
             raise BadInput("stages", str(self.stages), "numbers from 1 without a gap")
 
     def conditions(self):

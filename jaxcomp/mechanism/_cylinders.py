@@ -23,6 +23,9 @@ from ._base import CrankState, Vector, rotating, turned_with
 from ._slider_crank import SliderCrank
 from ._slider_link import SliderLink
 
+# Throws of a layout, and rods of a star.
+_MOST = 64
+
 
 class Throw(Part):
     """One throw of the crankshaft with the rods on its pin.
@@ -273,12 +276,7 @@ def counterweights(mechanism: SliderCrank | SliderLink, cylinders: Cylinders) ->
 def _counterweights(
     mechanism: SliderCrank | SliderLink, cylinders: Cylinders
 ) -> list[Float[Array, ""]]:
-    if isinstance(mechanism, SliderLink):
-        rotating, reciprocating = mechanism.slider_mass, mechanism.piston_mass
-    else:
-        rotating, of_rod = mechanism.rod_masses
-        reciprocating = mechanism.piston_mass + of_rod
-    each = -(rotating + reciprocating / 2) * mechanism.crank_radius
+    each = -mechanism.half_balance
     sizes = [throw.banks.size for throw in cylinders.rows]
     if jnp.ndim(each) == 0:
         return [size * each for size in sizes]
@@ -294,14 +292,15 @@ def _layout(name: str) -> list[tuple[float, list[float]]]:
     text, times = re.sub(r"[ _-]", "", name.lower()), 1
     found = re.fullmatch(r"(v{1,2}|w|l)(\d+(?:\.\d+)?)(?:x(\d+))?", text)
     flat = re.fullmatch(r"(single|inline|boxer|opposed|radial)(\d*)(?:x(\d+))?", text)
-    if found:
+    if found and float(found[2]) * {"w": 2, "vv": 3}.get(found[1], 1) < 360:
         kind, spacing, times = found[1], float(found[2]), int(found[3] or 1)
         count = {"v": 2, "l": 2, "w": 3, "vv": 4}[kind]
         banks = [[(i - 0.5 * (count - 1)) * spacing for i in range(count)]]
     elif flat and (flat[2] or flat[1] not in ("inline", "radial")):
         kind, count, times = flat[1], int(flat[2] or 2), int(flat[3] or 1)
         if kind == "radial":
-            banks = [[i * 360 / count for i in range(count)]]
+            times = times if 1 <= count <= _MOST else 0
+            banks = [[i * 360 / count for i in range(min(count, _MOST))]]
         elif kind == "opposed":
             banks = [[0.0, 180.0]]
         else:
@@ -309,7 +308,7 @@ def _layout(name: str) -> list[tuple[float, list[float]]]:
             banks = [[0.0], [180.0]] if kind == "boxer" else [[0.0]]
     else:
         times = 0
-    if times < 1 or times > 64:
+    if times < 1 or times > _MOST:
         known = (
             '"single", "in-line-4", "boxer-2", "opposed", "radial-5", "V90", "W60", "VV45", "V90x2"'
         )

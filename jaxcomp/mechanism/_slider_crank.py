@@ -108,6 +108,15 @@ class SliderCrank(AbstractMechanism):
         return self.conrod_mass - sliding, sliding
 
     @property
+    def half_balance(self) -> Float[Array, ""]:
+        r"""[kg m] $(m_{rot} + m_{rec}/2)\,r$: all that rotates and half of what reciprocates.
+
+        A counterweight of this size leaves a first-order force that only turns backward.
+        """
+        rotating, of_rod = self.rod_masses
+        return (rotating + (self.piston_mass + of_rod) / 2) * self.crank_radius
+
+    @property
     def piston_area(self) -> Float[Array, ""]:
         return jnp.pi / 4 * self.bore**2
 

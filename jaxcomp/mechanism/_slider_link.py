@@ -159,6 +159,11 @@ class SliderLink(AbstractMechanism):
         return upper, upper + span
 
     @property
+    def half_balance(self) -> Float[Array, ""]:
+        """[kg m] (m_s + m_p/2) R: the slider and half of the piston, see `SliderCrank.half_balance`."""
+        return (self.slider_mass + self.piston_mass / 2) * self.crank_radius
+
+    @property
     def crank_unbalance(self) -> Float[Array, ""]:
         """[kg m] Of the crank alone, positive at the pin's side: -m_r e_cr."""
         return -self.crank_mass * self.crank_eccentricity

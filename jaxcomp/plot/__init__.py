@@ -37,6 +37,7 @@ from ._crank import torsion_over_speed as torsion_over_speed
 from ._crank import transient_figure as transient_figure
 from ._crank import transient_gas_figure as transient_gas_figure
 from ._cylinder import cylinder_figures as cylinder_figures
+from ._cylinder import identification_figures as identification_figures
 from ._cylinder import log_p_h as log_p_h
 from ._cylinder import power_use as power_use
 from ._cylinder import rating_figures as rating_figures

@@ -24,5 +24,6 @@ from ._schema import NAMED as NAMED
 from ._schema import SECTIONS as SECTIONS
 from ._text import NUMBER as NUMBER
 from ._text import SceneError as SceneError
+from ._text import read_cells as read_cells
 from ._text import visible as visible
 from ._units import to_si as to_si

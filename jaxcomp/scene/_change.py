@@ -194,7 +194,7 @@ def _set_value(document: dict[str, Any], path: str, value: Any, source: str) -> 
             node = node.setdefault(key, {})
         elif value is None:
             node.pop(key, None)
-        elif isinstance(value, Mapping) or key in _PLAIN:
+        elif isinstance(value, Mapping) or key in _PLAIN or _are_sections(value):
             node[key] = copy.deepcopy(value)
             if key == "type":
                 return {".".join([*keys[:-1], other]) for other in node if other != "type"}
@@ -247,6 +247,10 @@ def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str)
         elif isinstance(entry, Option) and (not same or before != after):
             out[name] = {"value": _listed(after), "source": source}
     return out
+
+
+def _are_sections(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
 
 
 def _replace_in_list(values: list, index: int, value: Any, path: str) -> None:

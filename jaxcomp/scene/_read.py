@@ -229,7 +229,7 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
             if np.ndim(value):  # as the file gives it, with its units
                 value = table
                 for name in error.field.split("."):
-                    value = value[name]
+                    value = value[int(name) if isinstance(value, list) else name]
                 value = unwrapped(value, path)[0]
             raise SceneError(join(path, error.field), f"must be {error.bound}", value) from None
         # a rule across fields: show the values that it names

@@ -12,8 +12,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._fields import BadInput, Part
+from .._files import regular
 from .._words import did_you_mean, hint
 from ..compressor import Compressor
+from ..crank import CrankTrain
 from ..machine import Assembly, Machine, assembled, correction_planes
 from ._read import MOST_HINTS, Reader
 from ._schema import NAMED, SECTIONS, entries, imported, join
@@ -117,7 +119,7 @@ def load(name_or_path: str | os.PathLike) -> Scene:
     if given in known:
         file, read = f"{given}.toml", known[given].read_bytes
     elif path.exists():
-        file, read = given, path.read_bytes
+        file, read = given, lambda: regular(path).read_bytes()
     elif path.suffix == ".toml":
         files = (str(other) for other in path.parent.glob("*.toml"))
         raise SceneError("", f"cannot be read: No such file{hint(given, files)}", file=given)
@@ -129,19 +131,20 @@ def load(name_or_path: str | os.PathLike) -> Scene:
         return loads(read(), file)
 
 
-def loads(text: str | bytes, file: str = "") -> Scene:
+def loads(text: str | bytes, file: str = "", *, beside: bool = True) -> Scene:
     """Read a scene from TOML text.
 
     Args:
         text: the scene; bytes are UTF-8.
         file: its name in messages.
+        beside: whether CSV files that it names are read, which a text from elsewhere must not ask for.
 
     Raises:
         SceneError: as `load`.
     """
     document = toml_tables(text, file)
     text = text if isinstance(text, str) else text.decode("utf-8")
-    return scene_of(document, file, text=text.removeprefix("\ufeff"))
+    return scene_of(document, file, text=text.removeprefix("\ufeff"), beside=beside)
 
 
 def dump(scene: Scene) -> str:
@@ -182,6 +185,7 @@ def scene_of(
     stale: Iterable[str] = (),
     text: str = "",
     corrections: Mapping[str, Array] | None = None,
+    beside: bool = True,
 ) -> Scene:
     """The scene that tables describe.
 
@@ -191,12 +195,13 @@ def scene_of(
         stale: paths of entries that are dropped where their section has no use for them.
         text: as in `Scene`.
         corrections: [kg m] unbalance that is added in correction planes, by name.
+        beside: as in `loads`.
 
     Raises:
         SceneError: as `load`.
     """
     with reading(file):
-        document = with_tables(document, Path(file).parent)
+        document = with_tables(document, Path(file).parent if beside else None)
         check_tables(document)
         machine, sources = _machine(document, Reader(stale), corrections or {})
         name = document.get("name", Path(file).stem or "machine")
@@ -204,6 +209,8 @@ def scene_of(
         found = Scene(name, description, machine, sources, file, document, text)
         try:
             found.assembly  # noqa: B018  names what the parts want of each other and do not find
+            if isinstance(train := found.parts.get("torsion"), CrankTrain):
+                train.springs(found.as_compressor())
         except BadInput as error:
             raise SceneError(error.field, f"must be {error.bound}", error.value) from None
     return found

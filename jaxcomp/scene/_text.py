@@ -23,6 +23,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .._files import regular
+
 # How a number is written in a text.
 NUMBER = r"[+-]?(?:\d+(?:_\d+)*(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 
@@ -210,7 +212,7 @@ def read_cells(path: str | os.PathLike) -> list[list[str]]:
         SceneError: a file that cannot be read, is too large or no text. It names the file.
     """
     with reading(os.fspath(path)):
-        with open(path, encoding="utf-8-sig") as file:  # line ends of any kind
+        with open(regular(path), encoding="utf-8-sig") as file:  # line ends of any kind
             text = file.read(_LARGEST + 1)
         if len(text) > _LARGEST:
             raise SceneError("", f"is larger than {_LARGEST / 1e6:.0f} MB")
@@ -226,12 +228,12 @@ def header_cell(text: str) -> tuple[str, str] | None:
     return (match[1], (match[2] or "").strip()) if match else None
 
 
-def with_tables(tables: Any, folder: Path, path: str = "") -> Any:
+def with_tables(tables: Any, folder: Path | None, path: str = "") -> Any:
     """Tables of a scene file in which every key `csv` gives way to the columns of that file.
 
     Args:
         tables: as read.
-        folder: from which relative names count.
+        folder: from which relative names count; `None` for a document without files beside it.
         path: dotted path of the tables, for messages.
 
     Raises:
@@ -252,6 +254,11 @@ def with_tables(tables: Any, folder: Path, path: str = "") -> Any:
     name = tables[KEY]
     if not isinstance(name, str):
         raise SceneError(f"{path}.{KEY}", "must be the name of a CSV file", name)
+    if folder is None:
+        problem = (
+            "names a file, and none is read for a machine that was sent; write its columns here"
+        )
+        raise SceneError(f"{path}.{KEY}", problem)
     columns = _columns(folder / name)
     for column in columns:
         if column in out:

@@ -22,9 +22,9 @@ A file of them is TOML, with names as in `jaxcomp.design.Variable`; `*` stands f
 import os
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
+from .._files import regular
 from ..design import by_name, variable
 from ..machine import Machine
 from ..tolerancing import Within, within
@@ -114,7 +114,7 @@ def read_tolerance_file(path: str | os.PathLike) -> ToleranceFile:
         SceneError: a file that cannot be read, or an entry that does not belong there.
     """
     with reading(os.fspath(path)):
-        return _file(toml_tables(Path(path).read_bytes()))
+        return _file(toml_tables(regular(path).read_bytes()))
 
 
 def _file(tables: Mapping[str, Any]) -> ToleranceFile:

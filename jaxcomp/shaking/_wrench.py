@@ -156,6 +156,6 @@ def half_balance(mechanism: SliderLink) -> HalfBalance:
     Args:
         mechanism: needs a crank mass; its present balance does not matter.
     """
-    unbalance = (mechanism.slider_mass + mechanism.piston_mass / 2) * mechanism.crank_radius
+    unbalance = mechanism.half_balance
     # J_xz = crank_product + z_s m_r e_cr, which leaves nothing about the piston plane
     return HalfBalance(unbalance / mechanism.crank_mass, jnp.zeros_like(unbalance))

@@ -1,5 +1,6 @@
 r"""The designs of a sweep: values of each variable, combined to a grid or drawn, block by block."""
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal, NamedTuple, TypeAlias
@@ -7,9 +8,11 @@ from typing import ClassVar, Literal, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._fields import BadInput
+from .._fields import BadInput, counted
 
 SAMPLE = "sample"
+# Designs of a sweep, at most: a day of work on a thousand cores.
+MOST = 2**30
 SAMPLINGS = ("sobol", "latin_hypercube", "random")
 # Rows that one seed of the plain generator serves; fixed, so that rows do not depend on blocks.
 _SEEDED = 4096
@@ -103,8 +106,7 @@ def _rising(name, low, high, count=2, positive=False) -> tuple[float, float]:
         raise BadInput(name, f"{low:g} to {high:g}", "a finite range that rises")
     if positive and not low > 0:
         raise BadInput(name, low, "> 0")
-    if count < 2:
-        raise BadInput(f"{name}.count", count, ">= 2")
+    counted(f"{name}.count", count, 2, 10**7)
     return float(low), float(high)
 
 
@@ -124,6 +126,7 @@ class GridPoints:
                 raise BadInput(name, values, "finite")
             if np.unique(values).size != values.size:
                 raise BadInput(name, values, "a list without repeated values")
+        counted("over", math.prod(self.shape), 1, MOST)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -166,10 +169,9 @@ class SamplePoints:
     dims: ClassVar[tuple[str, ...]] = (SAMPLE,)
 
     def __init__(self, axes: dict[str, Distribution], count: int, sampling: str, seed: int):
-        if count < 1 or count > 2**30:
-            raise BadInput("samples", count, ">= 1 and <= 2^30")
         if sampling not in SAMPLINGS:
             raise BadInput("sampling", sampling, f"one of {', '.join(SAMPLINGS)}")
+        counted("samples", count, 1, 2**24 if sampling == "latin_hypercube" else MOST)
         if seed < 0:
             raise BadInput("seed", seed, ">= 0")
         self.axes, self.count, self.sampling, self.seed = axes, count, sampling, seed

@@ -8,6 +8,7 @@ in the store of the same sweep only.
 
 import hashlib
 import json
+import math
 import os
 import re
 import shutil
@@ -30,6 +31,8 @@ if TYPE_CHECKING:  # neither is imported by who does not sweep
 
 OK = "ok"
 _OK_HEADING = {"long_name": "whether the quantities can be relied on"}
+# Numbers of a sweep that is kept in memory: 2 GiB.
+_MOST_HELD = 2**28
 _HEADER = "jaxcomp_sweep"
 _HEADER_KINDS = {"same": dict, "block": list, "width": int, "columns": list, "about": dict}
 # How Python shows where in memory an object lies, which is another place in every run.
@@ -93,6 +96,10 @@ class InMemory(_Store):
 
     def __init__(self, plan: Plan):
         shape, self.plan = plan.layout.shape, plan
+        size = math.prod(shape) * len(plan.columns)
+        if size > _MOST_HELD:
+            bound = f"at most {_MOST_HELD} in memory; give a folder `out` to keep more"
+            raise BadInput("numbers of this sweep", size, bound)
         self.arrays = {name: np.full(shape, np.nan) for name in plan.columns}
         self.arrays[OK] = np.zeros(shape, bool)
 

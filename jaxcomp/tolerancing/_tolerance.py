@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._fields import BadInput
+from .._fields import BadInput, counted
 from .._results import Data, Result
 from .._shown import shown
 from ..design import AnalysisOptions, Problem, by_name, prepared
@@ -188,6 +188,7 @@ def tolerance(
     near = local(made, scatter.mean(nominal), deviation, curvature)
     if samples is None:
         samples = _FEW if solves_gas(made) else _MANY
+    counted("samples", samples, high=2**24)
     many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client)
     value, swings = _one_at_a_time(made, scatter, nominal)
     return Tolerances(

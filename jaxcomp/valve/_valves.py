@@ -9,7 +9,7 @@ Positive Displacement Compressors, 2007), or a table over the lift.
 
 from abc import abstractmethod
 from dataclasses import KW_ONLY
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -137,8 +137,11 @@ class AbstractMovingValve(AbstractValve):
     restitution: Float[Array, ""] = quantity(
         "", Bound(0.0, 1.0, high_open=True), default=0.0, doc="at seat and stop"
     )
-    sticking_speed: Float[Array, ""] = quantity(
-        "m/s", POSITIVE, default=1e-4, doc="rebound below which the valve rests on seat or stop"
+    sticking_speed: Float[Array, ""] | None = quantity(
+        "m/s",
+        POSITIVE,
+        default=None,
+        doc="rebound below which the valve rests; absent: by its scales",
     )
     lift_table: Float[Array, " n"] | None = quantity(
         "m", NONNEGATIVE, shape=(None,), default=None, doc="rising from 0, of the areas beside it"
@@ -164,6 +167,20 @@ class AbstractMovingValve(AbstractValve):
             ):
                 raise ValueError("a table of areas needs a `lift_table` of the same length.")
 
+    def rest_speed(self, speed: Float[Array, ""]) -> Float[Array, ""]:
+        """Rebound [m/s] below which the valve rests on seat or stop.
+
+        If it is not given, 5e-4 of the speed at which spring and crank move it over its lift. What lower
+        bounces would add, which are many, is 1e-8 of the flow.
+
+        Args:
+            speed: [m/s] of the lift within a radian of the crank.
+        """
+        if self.sticking_speed is not None:
+            return self.sticking_speed
+        moving: Any = self.oscillator
+        return 5e-4 * (moving.stop * jnp.sqrt(moving.stiffness / moving.mass) + speed)
+
     def flow_area(self, lift):
         if self.flow_area_table is not None:
             return _curve(lift, self.lift_table, self.flow_area_table)
@@ -188,7 +205,7 @@ class PlateValve(AbstractMovingValve):
         damping: [N s/m]
         preload: [m] as a lift.
         restitution: [-] at seat and stop.
-        sticking_speed: [m/s] rebound below which the valve rests.
+        sticking_speed: [m/s] rebound below which the valve rests; absent: see `rest_speed`.
         lift_table: [m] (n,) of the areas beside it.
         flow_area_table: [m^2] (n,) effective.
         force_area_table: [m^2] (n,)
@@ -222,7 +239,7 @@ class ReedBeam(AbstractMovingValve):
         damping: [N s/m]
         preload: [m] as a lift.
         restitution: [-] at seat and stop.
-        sticking_speed: [m/s] rebound below which the valve rests.
+        sticking_speed: [m/s] rebound below which the valve rests; absent: see `rest_speed`.
         lift_table: [m] (n,) of the areas beside it.
         flow_area_table: [m^2] (n,) effective.
         force_area_table: [m^2] (n,)

@@ -16,9 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._fields import BadInput
+from .._programs import compiled_anew
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
 from ..crank import Collocation, Shooting, default_collocation
+from ..cylinder import CycleOptions
 from ..design import AnalysisOptions, DesignResult, quantity_named
 from ..machine import Assembly, Machine, assembled
 from ._report import Measurement, Reference
@@ -56,7 +58,8 @@ class Program:
 
         start = time.perf_counter()
         lowered = jax.jit(plain).lower(arrays)
-        self._compiled = lowered.compile()
+        with compiled_anew():
+            self._compiled = lowered.compile()
         self.seconds = time.perf_counter() - start
         self.lines = lowered.as_text().count("\n")
 
@@ -141,7 +144,8 @@ class Question(NamedTuple):
     @property
     def fine_solver(self) -> Collocation:
         """That of references."""
-        return Collocation(nodes=FINE_NODES, reversals=self.load_reversals)
+        cycle = CycleOptions(panels=80, nodes=8)
+        return Collocation(nodes=FINE_NODES, reversals=self.load_reversals, cycle=cycle)
 
     @property
     def load_reversals(self) -> int:

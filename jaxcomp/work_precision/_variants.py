@@ -184,7 +184,7 @@ def _rotor_scenes(design: Machine) -> Iterator[LeanScene]:
     if case.crank is not None and design.compressor is not None:
         machine = _filmed_machine(design.compressor), design.bearings, design.oils
         name = f"all: {subsets}, excited by the crank"
-        yield scene(name, replace(model, dof=6), case, "crank", *machine)
+        yield scene(name, replace(design.parts["rotor"], dof=6), case, "crank", *machine)
 
 
 def _filmed_machine(machine: Compressor) -> Compressor:

@@ -32,6 +32,7 @@ def main():
     if given.case:
         print(json.dumps(measured(given.case)))
         return
+    os.environ["JAXCOMP_CACHE"] = "off"
     print("| what | clock, s | processor, s | lowering | compiling | rest | programs |")
     print("|---|---|---|---|---|---|---|")
     for name, words in CASES.items():

@@ -353,7 +353,7 @@ def tolerance_study(question: Question, thorough: bool) -> Study:
 
     @cache
     def large():
-        many = drawn("sobol", _MORE if thorough else _MANY, 1)
+        many = drawn("sobol", _MORE if thorough else _MANY_SAMPLES, 1)
         if len(many) < 2 or not many.std() > 0:
             bound = f"one that {pattern} changes, with a value here"
             raise BadInput("quantity", question.quantity, bound)

@@ -1,0 +1,341 @@
+"""Rated points of a compressor in CSV files: readings with units, or a maker's polynomials.
+
+Readings have one point a line and units in the heads; lines that begin with `#` hold metadata:
+
+    # fluid = R22
+    evaporating [degC],condensing [degC],return_gas [degC],subcooling [K],capacity [W],power [W]
+    -5,30,18.3,0,14367,3382
+
+Both temperatures are dew temperatures. The gas is told by `return_gas` or `superheat`, the liquid by
+`liquid` or `subcooling`; `useful_superheat [K]` is how much superheat counts as capacity, all if absent.
+Conditions that are the same at all points may stand in the metadata (`# return_gas = 18.3 degC`), and an
+empty cell was not measured. `sd(power) [W]`, or in `[%]`, has the standard deviations.
+
+Polynomials have a head `quantity,unit,C1,...` with 10, 20 or 30 coefficients and a line a quantity,
+with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `jaxcomp.study.terms_of`.
+"""
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .._fields import BadInput
+from .._words import did_you_mean
+from ..cylinder import Cylinder
+from ..fluid import RealGas
+from ..rating import QUANTITIES, RATINGS, ZERO, RatingMap
+from ..study import MEASURED, Identification, Readings, terms_of, varied
+from ._change import with_machine
+from ._scene import Scene
+from ._text import SceneError, header_cell, read_cells, reading
+from ._units import factor
+
+# Temperatures, and differences of temperatures, which no zero point shifts.
+_LEVELS = ("evaporating", "condensing", "return_gas", "liquid")
+_DIFFERENCES = ("superheat", "subcooling", "useful_superheat")
+_CONDITIONS = (*_LEVELS, *_DIFFERENCES, "speed")
+_ZEROS = {
+    "degC": (1.0, ZERO), "°C": (1.0, ZERO), "C": (1.0, ZERO), "K": (1.0, 0.0),
+    "degF": (5 / 9, 459.67 * 5 / 9), "°F": (5 / 9, 459.67 * 5 / 9), "F": (5 / 9, 459.67 * 5 / 9),
+}  # fmt: skip
+_STEPS = {"K": 1.0, "degF": 5 / 9, "delta_degC": 1.0, "delta_degF": 5 / 9}
+_VALUE = re.compile(r"\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([^\s;,(]*)")
+_RANGE = re.compile(r"\s*([-+]?[\d.]+)\s*to\s*([-+]?[\d.]+)\s*([^\s;,(]*)")
+_SD = re.compile(r"\s*sd\((\w+)\)\s*\[(.*)\]\s*")
+# Points of a polynomial by default, and how close condensing may come to evaporating [K].
+_GRID, _CLOSEST = (5, 4), 15.0
+
+
+def read_readings(
+    path: str | os.PathLike,
+    evaporating: Sequence[float] | None = None,
+    condensing: Sequence[float] | None = None,
+    speed: float | None = None,
+) -> Readings:
+    """The points of a file of readings, or of one of polynomials over a grid.
+
+    Args:
+        path: of the CSV file.
+        evaporating, condensing: [K] grid of a polynomial; over the range in its metadata if absent.
+        speed: [rad/s] at which to take a polynomial over the speed.
+
+    Raises:
+        SceneError: a file that cannot be read, an unknown head, a missing unit, one of another
+            dimension, a condition that is missing or given twice, or a cell that is no number.
+    """
+    name = os.path.basename(os.fspath(path))
+    with reading(os.fspath(path)):
+        metadata, lines = _split(read_cells(path))
+        if not lines:
+            raise SceneError("", "has no line of heads")
+        if lines[0][0].strip() == "quantity":
+            return _polynomial(name, metadata, lines, evaporating, condensing, speed)
+        return _table(name, metadata, lines)
+
+
+def _split(lines) -> tuple[dict[str, str], list[list[str]]]:
+    metadata, rest = {}, []
+    for line in lines:
+        if line[0].lstrip().startswith("#"):
+            key, _, value = ",".join(line).lstrip("# ").partition("=")
+            metadata[key.strip()] = value.strip()
+        else:
+            rest.append(line)
+    return metadata, rest
+
+
+def _table(name: str, metadata: Mapping[str, str], lines) -> Readings:
+    scales, seen = [], set()
+    for cell in lines[0]:
+        what, scale = _head(cell)
+        if what in seen:
+            raise SceneError(cell.strip(), "is there twice")
+        seen.add(what)
+        scales.append((what, scale))
+    table: dict[str, list[float]] = {what: [] for what, _ in scales}
+    for number, line in enumerate(lines[1:], 2):
+        if len(line) != len(scales):
+            raise SceneError(f"line {number}", f"must have {len(scales)} cells", len(line))
+        for (what, (size, zero, _)), text in zip(scales, line, strict=True):
+            table[what].append(_number(text, f"line {number}.{what}") * size + zero)
+    columns = {what: np.array(values) for what, values in table.items()}
+    count = len(lines) - 1
+    if not count:
+        raise SceneError("", "has no points")
+    values = {what: columns[what] for what in columns if what in MEASURED}
+    if not values:
+        raise SceneError("", f"measures nothing; known are {', '.join(MEASURED)}")
+    deviations = {}
+    for what, (_, _, relative) in scales:
+        if what.startswith("sd "):
+            measured = what[3:]
+            if measured not in values:
+                raise SceneError(f"sd({measured})", f"needs a column {measured}")
+            share = np.abs(values[measured]) if relative else 1.0
+            deviations[measured] = columns[what] * share
+    conditions = {k: columns[k] for k in _CONDITIONS if k in columns}
+    return _readings(name, metadata, conditions, count, values, deviations)
+
+
+def _head(cell: str) -> tuple[str, tuple[float, float, bool]]:
+    """Name of a column; size of its unit, its zero, and whether it is relative."""
+    if match := _SD.fullmatch(cell):
+        what, unit = match[1], match[2].strip()
+        if what not in MEASURED:
+            near = did_you_mean(what, MEASURED)
+            raise SceneError(cell.strip(), f"is of an unknown quantity{near}")
+        if unit == "%":
+            return f"sd {what}", (0.01, 0.0, True)
+        si = MEASURED[what][0]
+        size = _STEPS[unit] if si == "K" and unit in _STEPS else factor(unit, si, what, unit)
+        return f"sd {what}", (size, 0.0, False)
+    known = header_cell(cell)
+    what, unit = (known[0], known[1]) if known else (cell.strip(), "")
+    if what not in (*_CONDITIONS, *MEASURED):
+        near = did_you_mean(what, (*_CONDITIONS, *MEASURED))
+        raise SceneError(cell.strip(), f"is an unknown column{near}")
+    if not unit:
+        raise SceneError(what, f'needs its unit in the head, as in "{what} [{_usual(what)}]"')
+    return what, (*_scale(what, unit), False)
+
+
+def _usual(what: str) -> str:
+    if what in _LEVELS or what == "discharge_temperature":
+        return "degC"
+    return "K" if what in _DIFFERENCES else "rpm" if what == "speed" else MEASURED[what][0]
+
+
+def _scale(what: str, unit: str) -> tuple[float, float]:
+    """Size of a unit in SI, and its zero."""
+    if what in _LEVELS or what == "discharge_temperature":
+        if unit not in _ZEROS:
+            raise SceneError(what, f"has the unit {unit}; it must be degC, K or degF")
+        return _ZEROS[unit]
+    if what in _DIFFERENCES:
+        if unit not in _STEPS:
+            bound = f"is a difference of temperatures and not one in {unit}; it must be in K"
+            raise SceneError(what, bound)
+        return _STEPS[unit], 0.0
+    if what == "speed":
+        turns = unit.lower() in ("hz", "1/s")
+        return (2 * np.pi if turns else factor(unit, "rad/s", what, unit)), 0.0
+    return factor(unit, MEASURED[what][0], what, unit), 0.0
+
+
+def _readings(
+    name, metadata, conditions: dict[str, Any], count: int, values, deviations, polynomial=False
+) -> Readings:
+    """Readings, with the conditions that the metadata has for all."""
+    for key in (*_CONDITIONS,):
+        match = _VALUE.match(metadata.get(key, ""))
+        if match and not _RANGE.match(metadata[key]):
+            if key in conditions:
+                raise SceneError(key, "is given in a column and in the metadata; one must go")
+            if not match[2]:
+                raise SceneError(key, f'needs its unit, as in "{key} = {match[1]} {_usual(key)}"')
+            size, zero = _scale(key, match[2])
+            conditions[key] = np.full(count, float(match[1]) * size + zero)
+    for key in ("evaporating", "condensing"):
+        if key not in conditions:
+            raise SceneError(key, f'is a missing column; a head is "{key} [degC]"')
+    for one, other in (("return_gas", "superheat"), ("liquid", "subcooling")):
+        if one in conditions and other in conditions:
+            raise SceneError(one, f"contradicts {other}: give one of the two")
+        if one not in conditions and other not in conditions:
+            problem = f"or {other} must be given: capacity and flow mean nothing without"
+            raise SceneError(one, problem)
+    S, D = conditions["evaporating"], conditions["condensing"]
+    if np.isnan([S, D]).any():
+        raise SceneError("evaporating", "and condensing must be given at every point")
+    gas = conditions["return_gas"] if "return_gas" in conditions else S + conditions["superheat"]
+    liquid = conditions["liquid"] if "liquid" in conditions else D - conditions["subcooling"]
+    useful = S + conditions["useful_superheat"] if "useful_superheat" in conditions else gas
+    speed = conditions.get("speed", np.full(count, np.nan))
+    fluid = metadata.get("fluid", "")
+    given = (S, D, gas, liquid, useful, speed, values, deviations)
+    return Readings(name, *given, polynomial=polynomial, fluid=fluid)
+
+
+def _polynomial(name, metadata, lines, evaporating, condensing, speed) -> Readings:
+    count = len(lines[0]) - 2
+    axes = []
+    sides = (("evaporating", evaporating, _GRID[0]), ("condensing", condensing, _GRID[1]))
+    for key, given, points in sides:
+        match = _RANGE.match(metadata.get(key, ""))
+        if given is None and match is None:
+            raise SceneError(key, "has no range in the metadata; give the temperatures to take")
+        if given is None:
+            assert match is not None
+            size, zero = _scale(key, match[3] or "degC")
+            ends = (float(match[1]) * size + zero, float(match[2]) * size + zero)
+            given = np.linspace(*ends, points)
+        axes.append(np.asarray(given, float))
+    S, D = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+    S, D = S[D - S > _CLOSEST], D[D - S > _CLOSEST]
+    if count > 10 and speed is None:
+        raise SceneError("speed", f"must be given for a polynomial of {count} coefficients")
+    turns = 0.0 if speed is None else speed / (2 * np.pi)
+    values = {}
+    for number, line in enumerate(lines[1:], 2):
+        if len(line) != count + 2:
+            raise SceneError(f"line {number}", f"must have {count + 2} cells", len(line))
+        what, unit = line[0].strip(), line[1].strip()
+        if what not in MEASURED:
+            near = did_you_mean(what, MEASURED)
+            raise SceneError(f"line {number}.quantity", f'"{what}" is unknown{near}')
+        row = [_number(text, f"line {number}.{what}") for text in line[2:]]
+        if count not in (10, 20, 30) or np.isnan(row).any():
+            raise SceneError(f"line {number}", "must have 10, 20 or 30 coefficients", count)
+        size, zero = _scale(what, unit)
+        values[what] = terms_of(count, S, D, turns) @ row * size + zero
+        if not (values[what] > 0).all():
+            raise SceneError(
+                what, "is not positive over the points; take fewer", values[what].min()
+            )
+    conditions = {"evaporating": S, "condensing": D}
+    if speed is not None:
+        conditions["speed"] = np.full(S.size, speed)
+    return _readings(name, metadata, conditions, S.size, values, {}, True)
+
+
+def _number(text: str, key: str) -> float:
+    if not text.strip():
+        return np.nan
+    try:
+        value = float(text)
+    except ValueError:
+        raise SceneError(key, "must be a number, or empty", text) from None
+    if not np.isfinite(value):
+        raise SceneError(key, "must be finite", value)
+    return value
+
+
+def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
+    """Machine, fluid and rating conditions of a map, as a file of polynomials has them.
+
+    Args:
+        scene: of a compressor with valves.
+        rating: of `jaxcomp.rating.RATINGS`.
+    """
+    gas = scene.as_compressor().gas
+    assert isinstance(gas, Cylinder)
+    assert isinstance(gas.fluid, RealGas)
+    told = RATINGS[rating]
+    given = {"return_gas": told.return_gas, "superheat": told.superheat}
+    if rating == "file":
+        given = {"return_gas": gas.suction.temperature, "superheat": gas.suction.superheat}
+    liquid = {"liquid": told.liquid, "subcooling": told.subcooling}
+    if rating == "file":
+        line = gas.discharge
+        liquid = {"liquid": line.liquid_temperature, "subcooling": line.subcooling}
+    if all(value is None for value in liquid.values()):
+        liquid = {"subcooling": 0.0}
+    out = {"machine": scene.name, "fluid": gas.fluid.name}
+    for key, value in (given | liquid).items():
+        if value is not None:
+            level = key in _LEVELS
+            shown = float(value) - ZERO * level
+            out[key] = f"{shown:.10g} {'degC' if level else 'K'}"
+    return out
+
+
+def polynomial_text(
+    maps: Mapping[float, RatingMap], count: int, metadata: Mapping[str, str]
+) -> str:
+    """A file of polynomials of the points of maps, which `read_readings` reads.
+
+    Args:
+        maps: by speed [1/s]; a single one for ten coefficients.
+        count: 10, 20 or 30.
+        metadata: of the lines with `#`: fluid, return gas, liquid.
+
+    Raises:
+        BadInput: fewer points than coefficients, or speeds that do not tell the terms of the speed.
+    """
+    rows, given = [], {name: [] for name, _, fitted in QUANTITIES if fitted}
+    for speed, one in maps.items():
+        ok = np.asarray(one.ok)
+        S, D = np.meshgrid(np.asarray(one.evaporating), np.asarray(one.condensing), indexing="ij")
+        rows.append(np.stack([S[ok], D[ok], np.full(ok.sum(), speed)]))
+        for name, values in given.items():
+            values.append(np.asarray(one.values[name])[ok])
+    S, D, n = np.concatenate(rows, axis=1)
+    terms = terms_of(count, S, D, n)
+    size = np.linalg.norm(terms, axis=0)
+    told = np.linalg.matrix_rank(terms / np.where(size > 0, size, 1.0), tol=1e-11)
+    if told < count:
+        bound = f"enough for {count} coefficients, at least three speeds for 20 and 30"
+        raise BadInput("points of the map", f"{S.size}, which tell {told}", bound)
+    span = [f"{x.min() - ZERO:.6g} to {x.max() - ZERO:.6g} degC" for x in (S, D)]
+    lines = [f"# {key} = {value}" for key, value in metadata.items()]
+    lines += [f"# evaporating = {span[0]}", f"# condensing = {span[1]}"]
+    table = []
+    for name, values in given.items():
+        value = np.concatenate(values)
+        row = np.linalg.lstsq(terms / size, value, rcond=None)[0] / size
+        error = np.abs(terms @ row / value - 1)
+        worst = int(error.argmax())
+        at = f"{S[worst] - ZERO:.4g}/{D[worst] - ZERO:.4g} C"
+        lines.append(f"# largest error of {name} = {error[worst]:.2%} at {at}")
+        table.append(",".join([name, MEASURED[name][0], *map(repr, row.tolist())]))
+    first = 1 if count == 10 else 0
+    head = ",".join(["quantity", "unit", *(f"C{k}" for k in range(first, count + first))])
+    return "\n".join([*lines, head, *table, ""])
+
+
+def identified_scene(scene: Scene, found: Identification) -> Scene:
+    """The scene with the identified values; each says where it comes from and how sure it is.
+
+    Args:
+        scene: that was identified.
+        found: the result.
+    """
+    for n, name in enumerate(found.parameters):
+        value, error = float(found.estimate[n]), float(found.standard_error[n])
+        source = f"identified from {found.source}, {value:.5g} +- {error:.2g} {found.units[n]}"
+        changed = varied(scene.machine, name).apply(scene.machine, found.estimate[n])
+        scene = with_machine(scene, changed, f"{source.strip()} (standard error)")
+    return scene

@@ -1,0 +1,554 @@
+r"""Least squares with bounds, priors and robust losses, and what its answer is worth.
+
+$$\min_{l\le p\le h}\ \tfrac12\sum_i\rho\Bigl(\bigl((f_i(p)-y_i)/s_i\bigr)^2\Bigr)
+  + \tfrac12\sum_j\bigl((t_j(p_j)-t_j(m_j))/q_j\bigr)^2,$$
+
+where t is the logarithm of a positive parameter, or the parameter itself, and q that of its prior. The
+model gives values and exact slopes in one call. Measured values, standard deviations and weights stay
+outside of it, so that hold-outs, profiles and repetitions compile nothing again; a weight of zero leaves
+a reading out. Covariance, chi-square and prediction intervals follow Seber and Wild, Nonlinear
+Regression (1989), sections 2.1, 5.1 and 5.2.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import optimize, stats
+from scipy.stats import qmc
+
+from .._fields import BadInput
+from .._words import one_of
+
+Model = Callable[[NDArray], tuple[NDArray, NDArray]]
+
+LOSSES = ("linear", "soft_l1", "huber")
+# What a combination of parameters moves chi-square by over its whole range, below which it is weak.
+_WEAK = 1.0
+# Singular value over the largest, below which nothing tells a combination.
+_UNIDENTIFIABLE = 1e-8
+# Entries of a direction that are named, over its largest.
+_NAMED = 0.05
+# Distance from a bound, over the range, at which a parameter counts as held by it.
+_AT_BOUND = 1e-3
+# Change of chi-square below which two minima are both told, and distance in standard errors above which
+# they are two.
+_NEAR, _APART = 4.0, 0.1
+
+
+class Parameter(NamedTuple):
+    """An unknown number with its bounds and what is known of it beforehand.
+
+    Attributes:
+        name: in tables and messages.
+        low, high: bounds.
+        start: first value, within the bounds.
+        prior: mean of what is known beforehand; `None` for nothing.
+        sd: its standard deviation, in the unit of the parameter.
+        log: count in its logarithm, as suits factors, areas and stiffnesses; linear otherwise.
+        unit: SI unit.
+    """
+
+    name: str
+    low: float
+    high: float
+    start: float
+    prior: float | None = None
+    sd: float | None = None
+    log: bool = True
+    unit: str = ""
+
+    def scaled(self, value: ArrayLike) -> Any:
+        """t of a value."""
+        return np.log(value) if self.log else np.asarray(value, float)
+
+    def slope(self, value: float) -> float:
+        """dp/dt at a value."""
+        return value if self.log else 1.0
+
+    @property
+    def prior_width(self) -> float | None:
+        """q, the standard deviation of the prior in t."""
+        if self.prior is None or self.sd is None:
+            return None
+        return self.sd / self.slope(self.prior)
+
+    @property
+    def reach(self) -> float:
+        """The standard deviation of the prior in t, or half the range of the bounds."""
+        half = float(self.scaled(self.high) - self.scaled(self.low)) / 2
+        return self.prior_width or half
+
+
+class Direction(NamedTuple):
+    """A combination of parameters that the readings tell more or less.
+
+    Attributes:
+        singular: singular value of the residuals' slopes over t, without priors.
+        entries: of the combination, one a parameter, in t; of unit length.
+        weak: whether a move over the whole prior or range changes chi-square by less than 1.
+        unidentifiable: whether nothing tells it.
+        words: such as "c up 10 % with n up 4.3 % and f down 2.8 %".
+        effect: [-] change of all residuals together, in standard deviations, at that finite move.
+    """
+
+    singular: float
+    entries: NDArray
+    weak: bool
+    unidentifiable: bool
+    words: str
+    effect: float
+
+
+class Minimum(NamedTuple):
+    """Where a start ended: parameters and chi-square with the priors."""
+
+    estimate: NDArray
+    chi_square: float
+
+
+class Prediction(NamedTuple):
+    """What a fitted model says of readings.
+
+    Attributes:
+        value: (n,)
+        model_sd: (n,) by the uncertainty of the parameters.
+        sd: (n,) with that of a reading.
+        half_width: (n,) of the 95 % interval of a reading as the standard deviations are given.
+        inflated: (n,) the same with the scatter of the fit: t max(1, s) times the whole deviation.
+    """
+
+    value: NDArray
+    model_sd: NDArray
+    sd: NDArray
+    half_width: NDArray
+    inflated: NDArray
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """Parameters fitted to readings, and what they are worth.
+
+    Attributes:
+        parameters: what was fitted.
+        estimate: (p,) the values.
+        covariance: (p, p) in the parameters.
+        measured, sd, weight: (m,) readings, their standard deviations and weights.
+        value, slope: (m,), (m, p) of the model at the estimate, over the parameters.
+        robust: (m,) weights that the loss gave to readings.
+        chi_square: sum of squares, with that of the priors.
+        freedom: readings and priors less parameters.
+        directions: combinations of parameters, the best known first.
+        at_bound: (p,) whether a bound holds it.
+        minima: other minima with a chi-square within 4.
+        steps: evaluations of the model by the best start.
+        converged: whether the solver met its tolerance.
+        failed_starts: starts at which the model has no value.
+    """
+
+    parameters: tuple[Parameter, ...]
+    estimate: NDArray
+    covariance: NDArray
+    measured: NDArray
+    sd: NDArray
+    weight: NDArray
+    value: NDArray
+    slope: NDArray
+    robust: NDArray
+    chi_square: float
+    freedom: int
+    directions: tuple[Direction, ...]
+    at_bound: NDArray
+    minima: tuple[Minimum, ...]
+    steps: int
+    converged: bool
+    failed_starts: int
+    loss: str = "linear"
+    model: Model | None = dataclasses.field(default=None, repr=False, compare=False)
+
+    @property
+    def standard_error(self) -> NDArray:
+        """(p,) in the units of the parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> NDArray:
+        """(p, p)"""
+        error = self.standard_error
+        return self.covariance / np.outer(error, error)
+
+    @property
+    def prior_share(self) -> NDArray:
+        """(p,) standard error over that of the prior; not a number without one."""
+        return np.array([
+            np.nan if one.prior_width is None else error / one.slope(value) / one.prior_width
+            for one, error, value in zip(
+                self.parameters, self.standard_error, self.estimate, strict=True
+            )
+        ])  # fmt: skip
+
+    @property
+    def p_value(self) -> float:
+        """Probability of a larger chi-square if the model and the deviations hold."""
+        return float(stats.chi2.sf(self.chi_square, self.freedom)) if self.freedom > 0 else np.nan
+
+    @property
+    def scatter(self) -> float:
+        """s, root of chi-square over its degrees of freedom; 1 without any."""
+        return float(np.sqrt(self.chi_square / self.freedom)) if self.freedom > 0 else 1.0
+
+    @property
+    def residual(self) -> NDArray:
+        """(m,) computed less measured, in standard deviations."""
+        return (self.value - self.measured) / self.sd
+
+    def interval(self, level: float = 0.95, inflated: bool = False) -> tuple[NDArray, NDArray]:
+        """Ends of the linear intervals of the parameters, with the scatter of the fit if `inflated`."""
+        half = self._quantile(level, inflated) * self.standard_error
+        return self.estimate - half, self.estimate + half
+
+    def predict(self, value: ArrayLike, slope: ArrayLike, sd: ArrayLike = 0.0) -> Prediction:
+        """What readings would be where the model has these values and slopes.
+
+        Args:
+            value: (n,) of the model at the estimate.
+            slope: (n, p) over the parameters.
+            sd: (n,) of a reading.
+        """
+        value, slope = np.asarray(value, float), np.asarray(slope, float)
+        model = np.sqrt(np.einsum("np,pq,nq->n", slope, self.covariance, slope))
+        whole = np.hypot(model, sd)
+        plain, inflated = (self._quantile(0.95, kind) * whole for kind in (False, True))
+        return Prediction(value, model, whole, plain, inflated)
+
+    def profile(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Ends of the interval of a parameter over which chi-square rises by its quantile.
+
+        All others are fitted again at every value. An end that lies outside the bounds is not a number.
+
+        Args:
+            name: of the parameter.
+            level: of the interval.
+
+        Raises:
+            BadInput: no such parameter, or a fit that was loaded and has no model.
+        """
+        names = [one.name for one in self.parameters]
+        if name not in names:
+            raise BadInput("name", name, one_of(name, names))
+        if self.model is None:
+            raise BadInput("model", "absent", "that of the fit, for a profile")
+        at, rise = names.index(name), stats.chi2.ppf(level, 1)
+        one = self.parameters[at]
+        problem = _Problem(self.model, self.parameters, self.measured, self.sd, self.weight)
+        centre, error = one.scaled(self.estimate[at]), self.standard_error[at]
+        error = float(error / one.slope(self.estimate[at]))
+        last = problem.scaled(self.estimate)
+
+        def excess(t: float) -> float:
+            """Root of the rise of chi-square over the wanted one; nearly linear in t."""
+            begin = last.copy()
+            begin[at] = t
+            free = np.arange(last.size) != at
+            found = problem.solve(begin, self.loss, free)
+            grown = np.inf if found is None else max(2 * found.cost - self._cost(problem), 0.0)
+            return float(np.sqrt(grown / rise)) - 1
+
+        ends = []
+        for sign, bound in ((-1, one.scaled(one.low)), (1, one.scaled(one.high))):
+            end = centre + sign * np.sqrt(rise) * error
+            end = max(end, bound) if sign < 0 else min(end, bound)
+            for _ in range(6):
+                over = excess(end)
+                if over >= 0 or end == bound:
+                    break
+                end = centre + (end - centre) * min(2.0, 1.1 / max(1 + over, 0.1))
+                end = max(end, bound) if sign < 0 else min(end, bound)
+            if not np.isfinite(over) or over < 0:
+                ends.append(np.nan)
+                continue
+            root = optimize.brentq(excess, centre, end, xtol=1e-7 * error, rtol=1e-13)
+            ends.append(float(np.exp(root)) if one.log else float(root))
+        return ends[0], ends[1]
+
+    def _cost(self, problem: "_Problem") -> float:
+        residual, _ = problem.at(problem.scaled(self.estimate))
+        return 2 * problem.cost(residual, self.loss)
+
+    def _quantile(self, level: float, inflated: bool) -> float:
+        tail = (1 + level) / 2
+        if not inflated or self.freedom <= 0:
+            return float(stats.norm.ppf(tail))
+        return float(stats.t.ppf(tail, self.freedom)) * max(1.0, self.scatter)
+
+
+class _Problem:
+    """Residuals and slopes over t, with the priors as the last rows."""
+
+    def __init__(self, model: Model, parameters, measured, sd, weight):
+        self.model, self.parameters = model, parameters
+        self.measured, self.sd, self.weight = measured, sd, weight
+        self.rows = [n for n, one in enumerate(parameters) if one.prior_width is not None]
+        self.low = np.array([one.scaled(one.low) for one in parameters])
+        self.high = np.array([one.scaled(one.high) for one in parameters])
+        self.reach = np.array([one.reach for one in parameters])
+        self._last: tuple[bytes, tuple[NDArray, NDArray]] | None = None
+
+    def scaled(self, values: ArrayLike) -> NDArray:
+        pairs = zip(self.parameters, np.asarray(values, float), strict=True)
+        return np.array([one.scaled(value) for one, value in pairs])
+
+    def values(self, t: NDArray) -> NDArray:
+        pairs = zip(self.parameters, t, strict=True)
+        return np.array([np.exp(x) if one.log else x for one, x in pairs])
+
+    def of_model(self, t: NDArray) -> tuple[NDArray, NDArray]:
+        """Values and slopes over the parameters; those of the last t are kept."""
+        key = t.tobytes()
+        if self._last is None or self._last[0] != key:
+            value, slope = self.model(self.values(t))
+            self._last = key, (np.asarray(value, float), np.asarray(slope, float))
+        return self._last[1]
+
+    def at(self, t: NDArray) -> tuple[NDArray, NDArray]:
+        """Residuals and slopes over t. Readings without weight are zero even where the model fails."""
+        value, slope = self.of_model(t)
+        values = self.values(t)
+        scale = np.array([one.slope(v) for one, v in zip(self.parameters, values, strict=True)])
+        used = self.weight > 0
+        factor = np.where(used, np.sqrt(self.weight) / self.sd, 0.0)
+        residual = np.where(used, (value - self.measured) * factor, 0.0)
+        slope = np.where(used[:, None], slope * factor[:, None] * scale, 0.0)
+        prior, prior_slope = np.zeros(len(self.rows)), np.zeros((len(self.rows), t.size))
+        for row, n in enumerate(self.rows):
+            one = self.parameters[n]
+            prior[row] = (t[n] - one.scaled(one.prior)) / one.prior_width
+            prior_slope[row, n] = 1 / one.prior_width
+        return np.concatenate([residual, prior]), np.concatenate([slope, prior_slope])
+
+    def loss(self, name: str):
+        """SciPy's loss on the readings and the square on the priors."""
+        if name == "linear":
+            return "linear"
+        readings = self.measured.size
+
+        def rho(z):
+            out = np.stack([z, np.ones_like(z), np.zeros_like(z)])
+            own, plain = z[:readings], np.stack([z, np.ones_like(z), np.zeros_like(z)])
+            if name == "soft_l1":
+                root = np.sqrt(1 + own)
+                robust = np.stack([2 * (root - 1), 1 / root, -0.5 / root**3])
+            else:
+                far = np.sqrt(np.maximum(own, 1.0))
+                robust = np.where(
+                    own <= 1,
+                    plain[:, :readings],
+                    np.stack([2 * far - 1, 1 / far, -0.5 / far**3]),
+                )
+            out[:, :readings] = robust
+            return out
+
+        return rho
+
+    def cost(self, residual: NDArray, loss: str) -> float:
+        rho = self.loss(loss)
+        square = residual**2
+        return 0.5 * float(np.sum(square if isinstance(rho, str) else rho(square)[0]))
+
+    def solve(self, start: NDArray, loss: str, free: NDArray | None = None):
+        """SciPy's answer from a start, with `x` all of t; `None` where the model has no value there."""
+        free = np.ones(start.size, bool) if free is None else free
+
+        def whole(x):
+            t = start.copy()
+            t[free] = x
+            return t
+
+        if not np.all(np.isfinite(self.at(start)[0])):
+            return None
+        if not free.any():
+            cost = self.cost(self.at(start)[0], loss)
+            return optimize.OptimizeResult(x=start, cost=cost, nfev=1, success=True)
+        # strictly inside, as the solver wants its start
+        span = self.high - self.low
+        begin = np.clip(start, self.low + 1e-9 * span, self.high - 1e-9 * span)
+        found = optimize.least_squares(
+            lambda x: self.at(whole(x))[0],
+            begin[free],
+            lambda x: self.at(whole(x))[1][:, free],
+            bounds=(self.low[free], self.high[free]),
+            x_scale=self.reach[free],
+            loss=self.loss(loss),  # pyright: ignore[reportArgumentType]
+            ftol=1e-10,
+            xtol=1e-10,
+            gtol=1e-10,
+            max_nfev=100,
+        )
+        found.x = whole(found.x)
+        return found
+
+
+def fit(
+    model: Model,
+    parameters: Sequence[Parameter],
+    measured: ArrayLike,
+    sd: ArrayLike,
+    *,
+    weight: ArrayLike = 1.0,
+    loss: str = "linear",
+    starts: int = 5,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
+    """Fit parameters to readings.
+
+    Args:
+        model: values (m,) and slopes (m, p) over the parameters, from the parameters (p,). A value that
+            is not a number makes the solver shorten its step.
+        parameters: (p,) unknowns.
+        measured: (m,) readings.
+        sd: (m,) their standard deviations.
+        weight: (m,) of the readings; zero leaves one out.
+        loss: of the readings: "linear" for squares, "soft_l1" or "huber" against outliers.
+        starts: how many; the first is that of the parameters, the others a Latin hypercube in the
+            bounds.
+        seed: of the hypercube.
+        progress: told after every start.
+
+    Raises:
+        BadInput: an unknown loss, bounds that hold no start, a deviation that is not positive, lists of
+            different lengths, fewer readings and priors than parameters, or a model without a value at
+            every start.
+    """
+    parameters = tuple(parameters)
+    measured = np.asarray(measured, float)
+    sd, weight = (np.broadcast_to(np.asarray(a, float), measured.shape) for a in (sd, weight))
+    _check(parameters, measured, sd, weight, loss)
+    problem = _Problem(model, parameters, measured, sd, weight)
+    first = problem.scaled([one.start for one in parameters])
+    points = [first]
+    if starts > 1:
+        cube = qmc.LatinHypercube(first.size, rng=seed).random(starts - 1)
+        points += list(problem.low + cube * (problem.high - problem.low))
+    answers = []
+    for number, point in enumerate(points, 1):
+        found = problem.solve(point, loss)
+        if found is not None:
+            answers.append(found)
+        if progress is not None:
+            told = "no value here" if found is None else f"chi-square {2 * found.cost:.6g}"
+            progress(f"start {number} of {len(points)}: {told}")
+    if not answers:
+        value, _ = problem.of_model(first)
+        bad = np.flatnonzero(~np.isfinite(value) & (weight > 0))
+        raise BadInput("start", bad.tolist(), "one at which all readings have a computed value")
+    best = min(answers, key=lambda one: one.cost)
+    return _fit(problem, best, answers, loss, len(points) - len(answers))
+
+
+def _check(parameters, measured, sd, weight, loss) -> None:
+    if loss not in LOSSES:
+        raise BadInput("loss", loss, one_of(loss, LOSSES))
+    for one in parameters:
+        if not one.low < one.high or (one.log and one.low <= 0):
+            raise BadInput(one.name, one.low, f"a range of positive width up to {one.high:g}")
+        if not one.low <= one.start <= one.high:
+            raise BadInput(one.name, one.start, f"within {one.low:g} to {one.high:g} at the start")
+    used = weight > 0
+    if not np.all(sd[used] > 0) or not np.all(np.isfinite(measured[used])):
+        raise BadInput("sd", sd, "positive, and every reading finite")
+    given = int(used.sum()) + sum(one.prior_width is not None for one in parameters)
+    if given < len(parameters):
+        bound = f"at least {len(parameters)}, one for each parameter; give more readings or priors"
+        raise BadInput("readings and priors", given, bound)
+
+
+def _fit(problem: _Problem, best, answers, loss: str, failed: int) -> Fit:
+    parameters, t = problem.parameters, best.x
+    residual, slope = problem.at(t)
+    value, model_slope = problem.of_model(t)
+    readings = value.size
+    rho = problem.loss(loss)
+    robust = np.ones(readings) if isinstance(rho, str) else rho(residual**2)[1][:readings]
+    weighted = slope.copy()
+    weighted[:readings] *= np.sqrt(robust)[:, None]
+    # scaled by the reach of each parameter, so that the decomposition sees numbers of one size
+    _, singular, rows = np.linalg.svd(weighted * problem.reach, full_matrices=False)
+    known = singular > 1e-14 * singular[0]
+    inverse = (rows[known].T / singular[known] ** 2) @ rows[known] * np.outer(*[problem.reach] * 2)
+    lost = (np.abs(rows[~known]) > 1e-6).any(axis=0)
+    inverse[lost, lost] = np.inf
+    values = problem.values(t)
+    scale = np.array([one.slope(v) for one, v in zip(parameters, values, strict=True)])
+    span = problem.high - problem.low
+    error = np.sqrt(np.diag(inverse))
+    minima: list[Minimum] = []
+    for one in sorted(answers, key=lambda one: one.cost):
+        near = 2 * (one.cost - best.cost) < _NEAR
+        apart = np.abs(one.x - t) > _APART * error
+        if near and apart.any() and one is not best:
+            seen = [problem.scaled(m.estimate) for m in minima]
+            if all((np.abs(one.x - other) > _APART * error).any() for other in seen):
+                minima.append(Minimum(problem.values(one.x), 2 * float(one.cost)))
+    used = int((problem.weight > 0).sum())
+    return Fit(
+        parameters,
+        values,
+        inverse * np.outer(scale, scale),
+        problem.measured,
+        problem.sd,
+        problem.weight,
+        value,
+        model_slope,
+        robust,
+        float(np.sum(residual**2)),
+        used + len(problem.rows) - t.size,
+        tuple(_directions(problem, t, slope[:readings] * np.sqrt(robust)[:, None])),
+        np.minimum(t - problem.low, problem.high - t) < _AT_BOUND * span,
+        tuple(minima),
+        int(best.nfev),
+        bool(best.success),
+        failed,
+        loss,
+        problem.model,
+    )
+
+
+def _directions(problem: _Problem, t: NDArray, slope: NDArray):
+    """Combinations of parameters by how well the readings alone tell them."""
+    # ln p as it is, so that a step of 0.1 is 10 %; linear parameters in their reach
+    unit = np.array([1.0 if one.log else one.reach for one in problem.parameters])
+    _, singular, rows = np.linalg.svd(slope * unit, full_matrices=True)
+    singular = np.concatenate([singular, np.zeros(t.size - singular.size)])
+    for value, entries in zip(singular, rows, strict=True):
+        # how far the combination goes until the first parameter leaves its reach
+        far = np.min(problem.reach / unit / np.maximum(np.abs(entries), 1e-12))
+        entries = entries * np.sign(entries[np.argmax(np.abs(entries))])
+        move = 0.1 / np.abs(entries).max() * entries
+        moved, _ = problem.at(t + move * unit)
+        here, _ = problem.at(t)
+        effect = float(np.linalg.norm((moved - here)[: slope.shape[0]]))
+        yield Direction(
+            float(value),
+            entries,
+            bool(value * far < _WEAK),
+            bool(value <= _UNIDENTIFIABLE * max(singular[0], 1e-300)),
+            _words(problem.parameters, move * unit),
+            effect,
+        )
+
+
+def _words(parameters: Sequence[Parameter], move: NDArray) -> str:
+    """A move in t in words, the largest first."""
+    size = np.abs(move / [1.0 if one.log else one.reach for one in parameters])
+    parts = []
+    for n in np.argsort(-size, kind="stable"):
+        if size[n] < _NAMED * size.max():
+            break
+        one, way = parameters[n], "up" if move[n] > 0 else "down"
+        amount = f"{100 * abs(move[n]):.2g} %" if one.log else f"{abs(move[n]):.2g} {one.unit}"
+        parts.append(f"{one.name} {way} {amount.strip()}")
+    first, rest = parts[0], parts[1:]
+    return first + (f" with {' and '.join(rest)}" if rest else "")

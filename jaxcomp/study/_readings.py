@@ -1,0 +1,192 @@
+"""Rated points of a compressor as they were measured, or as the polynomials of a maker give them."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from .._fields import BadInput
+from ..fluid import RealGas
+from ..rating import ZERO, capacity_rise
+
+# What a map measures: unit, whether the deviation is relative, and deviation by default, of readings and
+# of points that a polynomial gives.
+MEASURED = {
+    "capacity": ("W", True, 0.01, 0.015),
+    "mass_flow": ("kg/s", True, 0.01, 0.015),
+    "power": ("W", True, 0.01, 0.02),
+    "discharge_temperature": ("K", False, 2.0, 2.0),
+}
+# Root mean square difference of capacity over flow from the rise of enthalpy, beyond which they
+# contradict each other.
+_CONTRADICTION = 0.03
+
+
+@dataclasses.dataclass(frozen=True)
+class Readings:
+    """n rated points.
+
+    Attributes:
+        source: name of the file, for messages and for the sources of the machine's values.
+        evaporating, condensing: [K] (n,) dew temperatures.
+        gas: [K] (n,) that comes to the compressor.
+        liquid: [K] (n,) before the expansion.
+        useful: [K] (n,) of the gas up to which capacity counts.
+        speed: [rad/s] (n,); not a number for that of the machine.
+        values: [SI] (n,) by names of `MEASURED`; not a number where nothing was measured.
+        sd: [SI] (n,) standard deviations, by name; those by default where absent.
+        polynomial: whether the points are those of a polynomial, and no readings.
+        fluid: as the source names it; "" where it does not.
+    """
+
+    source: str
+    evaporating: NDArray
+    condensing: NDArray
+    gas: NDArray
+    liquid: NDArray
+    useful: NDArray
+    speed: NDArray
+    values: Mapping[str, NDArray]
+    sd: Mapping[str, NDArray] = dataclasses.field(default_factory=dict)
+    polynomial: bool = False
+    fluid: str = ""
+
+    @property
+    def names(self) -> list[str]:
+        """(n,) such as "-5/30 C"."""
+        pairs = zip(self.evaporating - ZERO, self.condensing - ZERO, strict=True)
+        return [f"{s:.4g}/{d:.4g} C" for s, d in pairs]
+
+    def deviation(self, name: str, given: Mapping[str, float]) -> NDArray:
+        """[SI] (n,) standard deviations of a quantity.
+
+        Args:
+            name: of `MEASURED`.
+            given: instead of those by default, by name; relative for all but temperatures.
+        """
+        _, relative, plain, fitted = MEASURED[name]
+        usual = given.get(name, fitted if self.polynomial else plain)
+        usual = usual * np.abs(self.values[name]) if relative else usual + 0 * self.values[name]
+        own = self.sd.get(name)
+        return usual if own is None else np.where(np.isfinite(own), own, usual)
+
+    def check(self, fluid: RealGas) -> None:
+        """Refuse points that cannot be.
+
+        Raises:
+            BadInput: another fluid, temperatures outside its range or in the wrong order, a point that
+                is there twice, or a capacity that contradicts the mass flow.
+        """
+        if self.fluid and self.fluid.lower() != fluid.name.lower():
+            bound = f"{fluid.name} as the machine; set gas.fluid.name to identify with another"
+            raise BadInput(f"{self.source}: fluid", self.fluid, bound)
+        top = fluid.data["T_critical"]
+        for n, name in enumerate(self.names):
+            at = f"{self.source}: point {name}"
+            if not ZERO - 100 < self.evaporating[n] < self.condensing[n] < top:
+                bound = f"evaporating below condensing below {top - ZERO:.4g} C"
+                raise BadInput(at, name, bound)
+            if self.gas[n] < self.evaporating[n] or self.useful[n] < self.evaporating[n]:
+                bound = f"at least the evaporating temperature, {self.evaporating[n] - ZERO:.4g} C"
+                raise BadInput(f"{at}: gas [C]", self.gas[n] - ZERO, bound)
+            if self.liquid[n] > self.condensing[n] + 1e-9:
+                raise BadInput(f"{at}: liquid [C]", self.liquid[n] - ZERO, "at most condensing")
+        rows = np.stack([self.evaporating, self.condensing, self.gas, np.nan_to_num(self.speed)])
+        _, count = np.unique(rows.round(6), axis=1, return_counts=True)
+        if (count > 1).any():
+            twice = len(self.names) - len(count)
+            raise BadInput(f"{self.source}: points", twice, "0 that are there twice; give means")
+        if {"capacity", "mass_flow"} <= set(self.values):
+            self._check_capacity(fluid)
+
+    def _check_capacity(self, fluid: RealGas) -> None:
+        ratio = self.values["capacity"] / self.values["mass_flow"]
+        there = np.isfinite(ratio)
+        rise = jax.jit(jax.vmap(lambda s, u, liquid: capacity_rise(fluid, s, u, liquid)))
+
+        def misfit(useful, liquid):
+            found = np.asarray(rise(jnp.asarray(self.evaporating), useful, liquid))
+            return float(np.sqrt(np.mean((ratio[there] / found[there] - 1) ** 2)))
+
+        own = misfit(jnp.asarray(self.useful), jnp.asarray(self.liquid))
+        if not there.any() or own < _CONTRADICTION:
+            return
+        pairs = {
+            f"useful superheat {heat:g} K and subcooling {cold:g} K": misfit(
+                jnp.asarray(self.evaporating + heat), jnp.asarray(self.condensing - cold)
+            )
+            for heat in (0, 5, 8.3, 10, 11.1, 15, 20, 30)
+            for cold in (0, 3, 5, 8.3, 10, 15)
+        }
+        best = min(pairs, key=lambda one: pairs[one])
+        bound = (
+            f"at most {_CONTRADICTION:.0%} between capacity and mass flow times the rise of enthalpy; "
+            f"{best} leave {pairs[best]:.1%}"
+        )
+        raise BadInput(f"{self.source}: capacity over mass flow", f"{own:.1%} off", bound)
+
+
+def terms_of(count: int, evaporating, condensing, speed=0.0) -> NDArray:
+    """The terms (..., count) of a polynomial.
+
+    Ten: cubic in S and D in the order of AHRI 540 and EN 12900. Twenty: cubic in S, D and n. Thirty: the
+    ten, in the order of variable-speed compressors, times 1, n and n^2.
+
+    Args:
+        count: 10, 20 or 30.
+        evaporating, condensing: [K] dew temperatures.
+        speed: [1/s]
+
+    Raises:
+        BadInput: another count.
+    """
+    e, c, n = np.broadcast_arrays(
+        np.asarray(evaporating) - ZERO, np.asarray(condensing) - ZERO, np.asarray(speed, float)
+    )
+    if count == 10:
+        rows = (1 + 0 * e, e, c, e**2, e * c, c**2, e**3, c * e**2, e * c**2, c**3)
+    elif count == 20:
+        rows = (1 + 0 * e, e, c, n, e * c, e * n, c * n, e**2, c**2, n**2, e * c * n, e**2 * c,
+                e**2 * n, e**3, e * c**2, c**2 * n, c**3, e * n**2, c * n**2, n**3)  # fmt: skip
+    elif count == 30:
+        m = n**2
+        rows = (1 + 0 * e, e, c, e**2, c**2, e * c * m, e**2 * c * m, e * c**2 * m, e * c * n,
+                e**2 * c * n, e * c**2 * n, e * c, e**2 * c, e * c**2, e**3, c**3, n, e * n, c * n,
+                e**2 * n, c**2 * n, e**3 * n, c**3 * n, m, e * m, c * m, e**2 * m, c**2 * m,
+                e**3 * m, c**3 * m)  # fmt: skip
+    else:
+        raise BadInput("coefficients", count, "10, 20 or 30")
+    return np.stack(rows, axis=-1)
+
+
+def joined(readings: Sequence[Readings]) -> Readings:
+    """The points of several sources as one, with nothing measured where a source has no value."""
+    first, *rest = readings
+    if not rest:
+        return first
+    names = list(dict.fromkeys(name for one in readings for name in one.values))
+
+    def column(one: Readings, of: Mapping[str, NDArray], name: str):
+        return of.get(name, np.full(one.evaporating.size, np.nan))
+
+    def together(field: str):
+        return np.concatenate([getattr(one, field) for one in readings])
+
+    plain = {k: together(k) for k in Readings.__dataclass_fields__ if k in _COLUMNS}
+    values = {k: np.concatenate([column(one, one.values, k) for one in readings]) for k in names}
+    # so that the defaults of each source stay its own
+    sd = {
+        k: np.concatenate([
+            one.deviation(k, {}) if k in one.values else column(one, {}, k) for one in readings
+        ])
+        for k in names
+    }  # fmt: skip
+    source = ", ".join(one.source for one in readings)
+    made = any(one.polynomial for one in readings)
+    return Readings(source, **plain, values=values, sd=sd, polynomial=made, fluid=first.fluid)
+
+
+_COLUMNS = ("evaporating", "condensing", "gas", "liquid", "useful", "speed")

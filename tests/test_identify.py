@@ -1,0 +1,140 @@
+"""Constants of a compressor from its rated points."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from jaxcomp import BadInput, load
+from jaxcomp.cli._app import app
+from jaxcomp.compressor import compressor_of
+from jaxcomp.cylinder import SuctionWarming
+from jaxcomp.fluid import RealGas
+from jaxcomp.machine import machine_of
+from jaxcomp.rating import rating_map
+from jaxcomp.scene.readings import identified_scene
+from jaxcomp.study import Readings, identify, varied
+
+ZERO = 273.15
+CLEARANCE, HEATING, FRICTION = (
+    "gas.clearance_ratio",
+    "gas.suction.heating",
+    "friction.main_journal.coefficient",
+)
+
+
+def points(values):
+    S, D = (axis.ravel() for axis in np.meshgrid([250.0, 258.0], [313.0, 323.0], indexing="ij"))
+    gas = np.full(4, 305.35)
+    return Readings("made.csv", S, D, gas, gas, gas, np.full(4, np.nan), values, fluid="R600a")
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load("r600a-8cc")
+
+
+@pytest.mark.parametrize(
+    ("vary", "options", "message"),
+    [
+        ({"motor.mean_speed": None}, {}, "vary mechanism.bore"),
+        ({"gas.clearence_ratio": None}, {}, "gas.clearance_ratio"),
+        ({CLEARANCE: (0.01, 0.04)}, {"prior": {HEATING: (10.0, 3.0)}}, "which are varied"),
+        ({CLEARANCE: None}, {"prior": {CLEARANCE: (0.02, 0.0)}}, "positive standard deviation"),
+        ({CLEARANCE: None}, {"hold_out": [4]}, "a row from 0 to 3"),
+        ({CLEARANCE: None}, {"sd": {"powr": 0.01}}, "power"),
+        ({CLEARANCE: None, "gas.clearance*": None}, {}, "varied once"),
+        ({"motor.losses.efficiency.*": (0.5, 2.0)}, {}, "efficiency.0. must be > 0 and <= 1"),
+        ({"gas.*_valve.nothing": None}, {}, "a pattern that fits a number"),
+    ],
+)
+def test_what_cannot_be_identified(machine, vary, options, message):
+    with pytest.raises(BadInput, match=message):
+        identify(machine, points({"power": np.full(4, 100.0)}), vary, **options)
+
+
+def test_a_pattern_varies_a_common_factor(machine):
+    design = machine_of(machine)
+    one = varied(design, "gas.*_valve.port_diameter", 0.5, 2.0)
+    assert (float(one.current(design)), one.unit) == (1.0, "")
+    before, after = design.compressor.gas, one.apply(design, 1.2).compressor.gas
+    for valve in ("suction_valve", "discharge_valve"):
+        was, now = (float(getattr(gas, valve).port_diameter) for gas in (before, after))
+        assert now == pytest.approx(1.2 * was, rel=1e-14)
+    lists = varied(design, "motor.losses.*").apply(design, 0.9).compressor.motor.losses
+    np.testing.assert_allclose(lists.efficiency, 0.9 * design.compressor.motor.losses.efficiency)
+
+
+def test_machines_and_points_that_do_not_suit(machine):
+    readings = points({"power": np.full(4, 100.0)})
+    with pytest.raises(BadInput, match="a cylinder with valves and a real gas"):
+        identify(load("mayekawa-wbhe"), readings, {"mechanism.bore": None})
+    with pytest.raises(BadInput, match="R600a as the machine"):
+        identify(machine, dataclasses.replace(readings, fluid="R22"), {CLEARANCE: None})
+    with pytest.raises(BadInput, match="nothing measured"):
+        identify(machine, points({}), {CLEARANCE: None})
+
+
+def test_warming_by_losses_and_by_the_discharge_side():
+    gas = RealGas("R22")
+    comes = gas.state(jnp.asarray(290.0), jnp.asarray(16.0))
+    flow, loss = 0.05, 600.0
+    capacity = flow * float(comes.c_p)
+    motor = SuctionWarming(0.0, 0.5).rise(comes, 370.0, flow, loss)
+    assert float(motor) == pytest.approx(300 / capacity, rel=1e-12)
+    # much conductance warms to the discharge temperature, little in proportion
+    most = SuctionWarming(1e3 * capacity, 0.0).rise(comes, 370.0, flow, loss)
+    assert float(most) == pytest.approx(80, rel=1e-9)
+    least = SuctionWarming(1e-6 * capacity, 0.0).rise(comes, 370.0, flow, loss)
+    assert float(least) == pytest.approx(80e-6, rel=1e-5)
+
+
+def test_the_law_of_warming_is_refused_where_nothing_closes_it():
+    compressor = compressor_of(load("semi-hermetic-200cc"))
+    with pytest.raises(BadInput, match="absent outside of rating points"):
+        compressor.gas.suction.states(compressor.gas.fluid)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["--vary", "mechanism.bore=1"], "must be PATH or PATH=LO:HI"),
+        (["--vary", "mechanism.bore", "--prior", "mechanism.bore=66mm"], "VALUE+-SD"),
+        (["--vary", "mechanism.bore", "--fit-at", "-7/33"], "is no point of the data"),
+        (["--vary", "mechanism.bore", "--fit-at", "7"], "EVAPORATING/CONDENSING"),
+        (["--vary", "mechanism.bore", "--hold-out", "9"], "from 1 to 1"),
+        (["--vary", "mechanism.bore", "--sd", "powr=1%"], "power"),
+    ],
+)
+def test_a_command_that_cannot_run(tmp_path, given, message):
+    file = tmp_path / "map.csv"
+    heads = "evaporating [degC],condensing [degC],return_gas [degC],subcooling [K],power [W]"
+    file.write_text(f"{heads}\n-5,30,18.3,0,3000\n-5,40,18.3,0,3500\n")
+    result = CliRunner().invoke(
+        app, ["identify", "semi-hermetic-200cc", "--data", str(file), *given]
+    )
+    assert result.exit_code
+    assert message in " ".join(result.output.split())
+
+
+@pytest.mark.slow
+def test_a_machine_is_found_again_from_its_own_map(machine):
+    """Four points of the machine itself, three for the fit: what was changed before comes back."""
+    found = rating_map(machine, [250.0, 258.0], [313.0, 323.0], "ashrae")
+    names = ("capacity", "power", "discharge_temperature")
+    readings = points({name: np.asarray(found.values[name]).ravel() for name in names})
+    truth = [0.02, 18.0]
+    vary = {CLEARANCE: (0.01, 0.05), HEATING: (8.0, 40.0)}
+    begin = load("r600a-8cc")
+    off = identify(begin, readings, vary, hold_out=[1], starts=1)
+    # the map has friction under the fluctuating speed, which is 1e-4 of the power, 0.01 of a deviation
+    distance = np.abs(np.asarray(off.estimate) - truth)
+    np.testing.assert_array_less(distance, 0.03 * np.asarray(off.standard_error))
+    assert off.held_out["power"].largest < 1e-3
+    assert off.held_out["capacity"].inside == 1
+    again = identified_scene(machine, off)
+    assert "identified from made.csv" in again.text or "identified from made.csv" in str(
+        again.document
+    )
