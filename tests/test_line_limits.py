@@ -106,3 +106,14 @@ def test_a_fluid_states_its_range():
 def test_a_port_wider_than_the_bore_is_refused():
     with pytest.raises(SceneError, match=r"port_diameter.* < 0\.022 m, the bore"):
         with_values(HOUSEHOLD, {"gas.discharge_valve.port_diameter": "23 mm"})
+
+
+@pytest.mark.parametrize("machine", [HOUSEHOLD, PROPANE], ids=lambda one: one.name)
+def test_rules_of_known_lines_may_be_asked_within_a_program(machine):
+    gas = machine.as_compressor().gas
+
+    @jax.jit
+    def kept(x):  # the gas is known, but sums of its numbers are symbols in here
+        return x, jnp.all(jnp.stack([jnp.asarray(one) for one in gas.conditions().values()]))
+
+    assert bool(kept(1.0)[1])

@@ -335,15 +335,17 @@ def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     fluid, line = cylinder.fluid, cylinder.discharge
     (low, high), dew = fluid.temperature_range, _dew(fluid, line.pressure, line.condensing)
     if line.temperature is not None:
-        tools = jnp if is_traced(dew) else np
-        inside = Bound(tools.maximum(low, dew - _NEAR), high)
+        least = dew - _NEAR
+        tools = jnp if is_traced(least) else np
+        inside = Bound(tools.maximum(low, least), high)
         why = f"dew temperature and range of {_name(fluid)}"
         yield _Limit("discharge.temperature", line.temperature, inside, "K", why)
     if not isinstance(fluid, RealGas):
         return
     if line.liquid_temperature is not None:
-        tools = jnp if is_traced(dew) else np
-        most = tools.minimum(dew + _NEAR, 0.9999 * fluid.critical_temperature)
+        most = dew + _NEAR  # traced within `jit`, even where the dew temperature is known
+        tools = jnp if is_traced(most) else np
+        most = tools.minimum(most, 0.9999 * fluid.critical_temperature)
         why = f"triple point of {fluid.name} and saturation at the discharge pressure"
         inside = Bound(low, most)
         yield _Limit("discharge.liquid_temperature", line.liquid_temperature, inside, "K", why)

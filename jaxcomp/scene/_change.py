@@ -15,7 +15,7 @@ from ..compressor import Compressor, single_numbers
 from ..film import NamedBearing
 from ..machine import Machine
 from ._read import unwrapped
-from ._scene import HEADER, Scene, places_of, scene_of
+from ._scene import HEADER, Scene, places_of, scene_of, with_springs_counted
 from ._schema import NAMED, SECTIONS, Number, Option, Section, choices, entries, kind_of
 from ._text import SceneError, is_section, reading
 from ._units import as_text, to_si
@@ -115,9 +115,10 @@ def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scen
         # a new type first: it decides which keys of its section stay
         for path in sorted(changes, key=lambda p: p.split(".")[-1] != "type"):
             stale |= _set_value(document, path, changes[path], source)
-    return scene_of(
+    found = scene_of(
         document, scene.file, stale - set(changes), scene.text, scene.machine.corrections
     )
+    return with_springs_counted(found) if any(p.startswith("torsion") for p in changes) else found
 
 
 def with_value(scene: Scene, path: str, value: Any, source: str = "set by the user") -> Scene:

@@ -144,7 +144,9 @@ def loads(text: str | bytes, file: str = "", *, beside: bool = True) -> Scene:
     """
     document = toml_tables(text, file)
     text = text if isinstance(text, str) else text.decode("utf-8")
-    return scene_of(document, file, text=text.removeprefix("\ufeff"), beside=beside)
+    return with_springs_counted(
+        scene_of(document, file, text=text.removeprefix("\ufeff"), beside=beside)
+    )
 
 
 def dump(scene: Scene) -> str:
@@ -209,11 +211,27 @@ def scene_of(
         found = Scene(name, description, machine, sources, file, document, text)
         try:
             found.assembly  # noqa: B018  names what the parts want of each other and do not find
-            if isinstance(train := found.parts.get("torsion"), CrankTrain):
-                train.springs(found.as_compressor())
         except BadInput as error:
             raise SceneError(error.field, f"must be {error.bound}", error.value) from None
     return found
+
+
+def with_springs_counted(scene: Scene) -> Scene:
+    """The scene, once its section `torsion` has one spring fewer than inertias.
+
+    Asked of files and of changes to that section: another layout may be solved without it.
+
+    Raises:
+        SceneError: another count.
+    """
+    train = scene.parts.get("torsion")
+    if isinstance(train, CrankTrain):
+        with reading(scene.file):
+            try:
+                train.springs(scene.as_compressor())
+            except BadInput as error:
+                raise SceneError(error.field, f"must be {error.bound}", error.value) from None
+    return scene
 
 
 def _machine(
