@@ -336,6 +336,15 @@ def replaced(part: _Tree, **changes) -> _Tree:
     )
 
 
+def rebuilt(part: _Tree, **changes) -> _Tree:
+    """A copy with other fields, of other types as well, made as JAX makes one from its leaves."""
+    new = object.__new__(type(part))
+    for field in dataclasses.fields(part):  # pyright: ignore[reportArgumentType]
+        value = changes.get(field.name, getattr(part, field.name))
+        object.__setattr__(new, field.name, value)
+    return new
+
+
 def _as_float(value: Any) -> Any:
     if value is None or type(value) is object:  # `object()` marks a leaf in JAX's own tree tools
         return value

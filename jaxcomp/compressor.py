@@ -3,7 +3,7 @@
 A part that is absent is `None`, and nothing of it is traced.
 """
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,25 +23,12 @@ from ._fields import (
     replaced,
     subparts,
 )
+from .crankshaft import Crankshaft, MachineLoops, machine_loops
 from .cylinder import Cylinder
 from .cylinder._cylinder import ports_fit
-from .friction import (
-    AbstractFriction,
-    AbstractJointLoop,
-    JointLoads,
-    closed,
-    joint_loop,
-    several_loops,
-)
+from .friction import AbstractFriction, JointLoads, closed
 from .gas import AbstractGas, DoubleActing, StagedCycle, Stroke
-from .mechanism import (
-    AbstractKinematics,
-    AbstractMechanism,
-    CrankState,
-    Cylinders,
-    SliderCrank,
-    SliderLink,
-)
+from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
 from .motor import AbstractMotor, ConstantSpeed, MeanSpeed
 
 
@@ -49,30 +36,28 @@ class Compressor(Part):
     """A machine as the crank sees it.
 
     Args:
-        mechanism: drives the piston.
-        motor: drives the crank.
+        mechanism: the linkage of one cylinder, which drives its piston.
+        crankshaft: drives the linkages; with the banks and the main bearings.
+        motor: drives the crankshaft.
         gas: loads the piston; `None` for a machine that turns in vacuum.
-        friction: the laws of the mechanism's joints; `None` for ideal joints.
-        gravity: [m/s^2] field in x and y of the mechanism's frame; without it weights are left out.
-        cylinders: how several cylinders stand about the crankshaft; `None` for a single one.
+        friction: the laws of the linkage's joints; `None` for ideal joints.
+        gravity: [m/s^2] field in x and y of the machine; without it weights are left out.
 
     Raises:
         ValueError: friction of another mechanism's kind.
-        BadInput: several cylinders with an unbalance of the crank that is not that of a throw.
+        BadInput: lists or laws that are not one for each cylinder, or a port wider than its bore.
     """
 
     kind: ClassVar[str] = "compressor"
 
     mechanism: AbstractMechanism
+    crankshaft: Crankshaft
     motor: AbstractMotor
     gas: AbstractGas | None = None
     friction: AbstractFriction | None = None
     gravity: Float[Array, "2"] | None = quantity("m/s^2", ANY, shape=(2,), default=None)
-    cylinders: Cylinders | None = None
 
     def __check_init__(self):
-        if self.cylinders is not None:
-            _check_single(self.mechanism)
         _check_lists(self)
         _check_ports(self)
         wanted = getattr(self.mechanism, "kind", None)
@@ -90,31 +75,21 @@ class Compressor(Part):
     @property
     def load_reversals(self) -> int:
         """How many contact or pin loads may reverse in the mid-stroke of an ordinary revolution."""
-        count = 1 if self.cylinders is None else self.cylinders.count
-        return count * self.mechanism.load_reversals
+        return self.crankshaft.count * self.mechanism.load_reversals
+
+    @property
+    def frictionless(self) -> bool:
+        """Whether no joint and no bearing of the shaft has a law."""
+        return self.friction is None and self.crankshaft.main_journal is None
+
+    @property
+    def linkages(self) -> AbstractMechanism:
+        """The mechanism with lists over the cylinders as (k, 1), as instants (k, n) want them."""
+        return self.crankshaft.each(self.mechanism, jnp.zeros(1))
 
 
-def _check_single(mechanism: AbstractMechanism) -> None:
-    """That a mechanism describes one of several cylinders."""
-    if not isinstance(mechanism, SliderCrank | SliderLink):
-        kind = type(mechanism).__name__
-        raise BadInput("mechanism", kind, "a slider_crank or slider_link, for several cylinders")
-    for name in (
-        "crank_unbalance",
-        "crank_unbalance_across",
-        "crank_couple",
-        "crank_product",
-        "crank_product_across",
-    ):
-        given = getattr(mechanism, name, None)
-        if given is not None and not is_traced(given) and bool(jnp.any(given != 0)):
-            bound = "0: with several cylinders the throws have the unbalances"
-            raise BadInput(f"mechanism.{name}", given, bound)
-
-
-# Sections in which a number may be a list over the cylinders, and what of them is the crankshaft's.
+# Sections in which a number may be a list over the cylinders.
 _LISTED = ("mechanism", "gas", "friction")
-_OF_SHAFT = ("crank_inertia", "crank_mass", "main_journal")
 
 
 def single_numbers(compressor: Compressor) -> dict[str, str]:
@@ -126,7 +101,6 @@ def single_numbers(compressor: Compressor) -> dict[str, str]:
         for name, field in quantities(part)
         if part.for_each_cylinder
         and field.metadata["shape"] == ()
-        and not (path or name).startswith(_OF_SHAFT)
         and ".laws." not in f".{path}"
         and getattr(part, name) is not None
         and jnp.ndim(getattr(part, name)) == 0
@@ -135,28 +109,22 @@ def single_numbers(compressor: Compressor) -> dict[str, str]:
 
 def _check_lists(compressor: Compressor) -> None:
     """That lists in the place of numbers have one entry a cylinder."""
-    count = 0 if compressor.cylinders is None else compressor.cylinders.count
+    count = compressor.crankshaft.count
     if isinstance(compressor.gas, StagedCycle) and len(compressor.gas.stages) != count:
         stages = str(compressor.gas.stages)
         raise BadInput("gas.stages", stages, f"one stage for each of {count} cylinders")
     for section in _LISTED:
         for path, part in subparts(getattr(compressor, section)):
-            if isinstance(part, AbstractEach) and (
-                path.startswith(_OF_SHAFT) or len(part.of_cylinder) != count
-            ):
-                bound = (
-                    f"one law for each of {count} cylinders" if count else "of several cylinders"
-                )
+            if isinstance(part, AbstractEach) and len(part.of_cylinder) != count:
                 where = f"{section}.{path}".rstrip(".")
+                bound = f"one law for each of {count} cylinders"
                 raise BadInput(f"{where}.of_cylinder", str(part.of_cylinder), bound)
         for path, value in listed(getattr(compressor, section)).items():
-            of_shaft = path.startswith(_OF_SHAFT)
-            if of_shaft or not count or value.shape != (count,):
-                several = count and not of_shaft
-                bound = f"one number, or one for each of {count} cylinders" if several else ""
-                raise BadInput(
-                    f"{section}.{path}", value, bound or "a single value, without [cylinders]"
-                )
+            if value.shape != (count,):
+                bound = f"one number, or one for each of {count} cylinders"
+                raise BadInput(f"{section}.{path}", value, bound)
+    for path, value in listed(compressor.crankshaft.main_journal).items():
+        raise BadInput(f"crankshaft.main_journal.{path}", value, "a single value")
 
 
 def _check_ports(compressor: Compressor) -> None:
@@ -204,13 +172,13 @@ def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
 class Instants(eqx.Module):
     """What crank angles alone decide, whatever the speed: prepared once and passed on.
 
-    With k cylinders, kinematics, pressure and gas force have a leading axis of k.
+    Kinematics, pressure and gas force have a leading axis of the k cylinders.
 
     Attributes:
         angle: [rad] crank angle.
-        kinematics: of the mechanism.
+        kinematics: of the linkages, by the crank angle of each.
         inertia, inertia_1: [kg m^2] J, reduced to the crank, and J' there.
-        pressure: [Pa] in the cylinder; `None` without gas.
+        pressure: [Pa] in the cylinders; `None` without gas.
         gas_force: [N] (p - p_back) A, positive towards the crank.
         conservative: [N m] torque of gas and weights on the crank.
     """
@@ -219,8 +187,8 @@ class Instants(eqx.Module):
     kinematics: AbstractKinematics
     inertia: Float[Array, "*n"]
     inertia_1: Float[Array, "*n"]
-    pressure: Float[Array, "*n"] | None
-    gas_force: Float[Array, "*n"]
+    pressure: Float[Array, "k *n"] | None
+    gas_force: Float[Array, "k *n"]
     conservative: Float[Array, "*n"]
 
     def entries(self, *index) -> "Instants":
@@ -228,69 +196,71 @@ class Instants(eqx.Module):
         return jax.tree.map(lambda x: x[index], self)
 
 
+class CylinderInstants(NamedTuple):
+    """The same of every cylinder by itself, without the crankshaft; all are (k, *n)."""
+
+    kinematics: AbstractKinematics
+    inertia: Float[Array, "k *n"]
+    inertia_1: Float[Array, "k *n"]
+    pressure: Float[Array, "k *n"] | None
+    gas_force: Float[Array, "k *n"]
+    conservative: Float[Array, "k *n"]
+
+
+def of_each_cylinder(
+    compressor: Compressor, angle: Float[Array, "*n"], sense=1.0
+) -> CylinderInstants:
+    """What crank angles decide of each cylinder, by its own crank angle, with its weights.
+
+    Args:
+        compressor: the machine.
+        angle: [rad] of the crank.
+        sense: +1 while the crank turns forward, -1 while it turns backward.
+    """
+    crankshaft, gravity = compressor.crankshaft, compressor.gravity
+    mechanism = crankshaft.each(compressor.mechanism, angle)
+    own = crankshaft.own_angle(angle)
+    kinematics = mechanism.kinematics(own)
+    pressure, force = None, jnp.zeros_like(own)
+    if compressor.gas is not None:
+        area, stroke = mechanism.piston_area, _stroke(mechanism, own, kinematics, sense)
+        gas = crankshaft.each(compressor.gas, angle)
+        pressure, across = gas.on_piston(stroke, area)
+        force = across * area
+    torque = -force * kinematics.position_1
+    if gravity is not None:
+        here = crankshaft.own_gravity(gravity, angle)
+        torque = torque + mechanism.weight_torque(kinematics, here)
+    inertia, inertia_1 = (
+        jnp.broadcast_to(one, own.shape) for one in mechanism.reduced_inertia(kinematics)
+    )
+    return CylinderInstants(kinematics, inertia, inertia_1, pressure, force, torque)
+
+
 def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Instants:
     """Everything at crank angles [rad] that does not depend on the motion.
 
     `sense` is +1 while the crank turns forward, -1 while it turns backward.
+
+    Raises:
+        BadInput: no inertia of the crankshaft, as in a machine that is not put together yet.
     """
-    mechanism, cylinders = compressor.mechanism, compressor.cylinders
-    if cylinders is not None:
-        return _of_several(compressor, cylinders, angle, sense)
-    kinematics = mechanism.kinematics(angle)
-    pressure, force = None, jnp.zeros_like(angle)
-    if compressor.gas is not None:
-        area, stroke = mechanism.piston_area, _stroke(mechanism, angle, kinematics, sense)
-        pressure, across = compressor.gas.on_piston(stroke, area)
-        force = across * area
-    torque = -force * kinematics.position_1
-    if compressor.gravity is not None:
-        torque = torque + mechanism.weight_torque(kinematics, compressor.gravity)
-    return Instants(
-        angle, kinematics, *mechanism.reduced_inertia(kinematics), pressure, force, torque
-    )
-
-
-def of_each_cylinder(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Instants:
-    """The instants of each cylinder of several, by its own crank angle and without the crankshaft.
-
-    All entries have a leading axis of cylinders. Weights are in the torques.
-
-    Args:
-        compressor: with several cylinders.
-        angle: [rad] of the crank.
-        sense: +1 while the crank turns forward, -1 while it turns backward.
-    """
-    cylinders = compressor.cylinders
-    assert cylinders is not None
-    one = replaced(compressor, cylinders=None, gravity=None, mechanism=without_crank(compressor))
-    laid = (cylinders.each(part, angle) for part in (one.mechanism, one.gas))
-    one = eqx.tree_at(
-        lambda c: (c.mechanism, c.gas), one, tuple(laid), is_leaf=lambda leaf: leaf is None
-    )
-    each = instants(one, cylinders.own_angle(angle), sense)
-    if compressor.gravity is None:
-        return each
-    own = cylinders.own_gravity(compressor.gravity, angle)
-    weights = one.mechanism.weight_torque(each.kinematics, own)
-    return eqx.tree_at(lambda e: e.conservative, each, each.conservative + weights)
-
-
-def _of_several(compressor: Compressor, cylinders: Cylinders, angle, sense) -> Instants:
-    """The instants of each cylinder by its own crank angle; inertias and torques are their sums."""
+    crankshaft, gravity = compressor.crankshaft, compressor.gravity
+    if crankshaft.inertia is None:
+        raise BadInput("crankshaft.inertia", "absent", "given, or a machine with a rotor")
     each = of_each_cylinder(compressor, angle, sense)
     torque = jnp.sum(each.conservative, axis=0)
-    if compressor.gravity is not None:
-        torque += cylinders.weight_torque(angle, compressor.gravity, compressor.mechanism)
-    inertia = compressor.mechanism.crank_inertia + jnp.sum(each.inertia, axis=0)
-    inertia_1 = jnp.sum(each.inertia_1, axis=0)
+    if gravity is not None:
+        torque += crankshaft.weight_torque(angle, gravity, compressor.mechanism)
     return Instants(
-        angle, each.kinematics, inertia, inertia_1, each.pressure, each.gas_force, torque
+        angle,
+        each.kinematics,
+        crankshaft.inertia + jnp.sum(each.inertia, axis=0),
+        jnp.sum(each.inertia_1, axis=0),
+        each.pressure,
+        each.gas_force,
+        torque,
     )
-
-
-def without_crank(compressor: Compressor) -> AbstractMechanism:
-    """The mechanism without inertia and mass of the crankshaft, which several cylinders share."""
-    return replaced(compressor.mechanism, crank_inertia=jnp.zeros(()), crank_mass=jnp.zeros(()))
 
 
 def _stroke(mechanism: AbstractMechanism, angle, kinematics: AbstractKinematics, sense) -> Stroke:
@@ -302,42 +272,39 @@ def _stroke(mechanism: AbstractMechanism, angle, kinematics: AbstractKinematics,
 
 
 def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Stroke:
-    """Displaced volume and direction of the stroke at crank angles [rad].
+    """Displaced volume and direction of the stroke of each cylinder, (k, *n), at crank angles [rad].
 
     `sense` is +1 while the crank turns forward, -1 while it turns backward.
     """
-    mechanism, cylinders = compressor.mechanism, compressor.cylinders
-    if cylinders is not None:
-        mechanism, angle = cylinders.each(mechanism, angle), cylinders.own_angle(angle)
-    return _stroke(mechanism, angle, mechanism.kinematics(angle), sense)
+    crankshaft = compressor.crankshaft
+    mechanism, own = crankshaft.each(compressor.mechanism, angle), crankshaft.own_angle(angle)
+    return _stroke(mechanism, own, mechanism.kinematics(own), sense)
 
 
 def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
-    """Absolute pressure [Pa] in the cylinder at crank angles [rad]; needs a gas."""
-    gas, cylinders = compressor.gas, compressor.cylinders
-    assert gas is not None
-    gas = gas if cylinders is None else cylinders.each(gas, angle)
+    """Absolute pressure [Pa] in the cylinders, (k, *n), at crank angles [rad]; needs a gas."""
+    assert compressor.gas is not None
+    gas = compressor.crankshaft.each(compressor.gas, angle)
     return gas.pressure(stroke_at(compressor, angle, sense))
 
 
 def crank_end_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
-    """Absolute pressure [Pa] behind double-acting pistons; `None` for a gas on one side only."""
-    gas, cylinders = compressor.gas, compressor.cylinders
-    if not isinstance(gas, DoubleActing):
+    """That behind double-acting pistons; `None` for a gas on one side only."""
+    if not isinstance(compressor.gas, DoubleActing):
         return None
-    gas = gas if cylinders is None else cylinders.each(gas, angle)
+    gas = compressor.crankshaft.each(compressor.gas, angle)
     return gas.crank_end_pressure(stroke_at(compressor, angle, sense))
 
 
-def gas_force(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Float[Array, "*n"]:
-    """(p - p_back) A [N] at crank angles [rad], positive towards the crank."""
+def gas_force(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Float[Array, "k *n"]:
+    """(p - p_back) A [N] of each cylinder at crank angles [rad], positive towards the crank."""
     return instants(compressor, angle, sense).gas_force
 
 
 def loads_at(
     compressor: Compressor,
     state: CrankState,
-    gas: Float[Array, "*n"] | None = None,
+    gas: Float[Array, "k *n"] | None = None,
     evidence: bool = True,
 ) -> JointLoads:
     """Joint loads of the compressor at given instants.
@@ -348,72 +315,48 @@ def loads_at(
     if gas is None:
         gas = gas_force(compressor, state.angle, jnp.sign(state.speed))
     loop = loop_of(compressor, state, gas)
-    return loop.loads(closed(loop), evidence)
+    return loop.loads(closed(loop.loops), evidence)
 
 
 def loop_of(
     compressor: Compressor,
     state: CrankState,
-    gas: Float[Array, "*n"],
+    gas: Float[Array, "k *n"],
     kinematics: AbstractKinematics | None = None,
-) -> AbstractJointLoop:
-    """The joint loop of the compressor at given instants; of all its cylinders if there are several.
+) -> MachineLoops:
+    """The joint loops of the compressor at given instants.
 
     Args:
         compressor: the machine.
         state: angle, speed and acceleration of the crank.
-        gas: [N] gas force, of each cylinder if there are several.
-        kinematics: of the mechanism at these angles, where the caller has them already.
+        gas: [N] gas force of each cylinder.
+        kinematics: of the linkages at these angles, where the caller has them already.
     """
-    mechanism, friction, cylinders = compressor.mechanism, compressor.friction, compressor.cylinders
-    if cylinders is None:
-        return joint_loop(mechanism, friction, state, gas, compressor.gravity, kinematics)
-    single = without_crank(compressor)
+    crankshaft, mechanism = compressor.crankshaft, compressor.mechanism
     if kinematics is None:
-        own = cylinders.own_angle(state.angle)
-        kinematics = cylinders.each(single, state.angle).kinematics(own)
-    assert isinstance(mechanism, SliderCrank | SliderLink)
-    return several_loops(
-        single,
-        friction,
-        cylinders,
-        state,
-        gas,
-        compressor.gravity,
-        mechanism.crank_mass,
-        kinematics,
+        own = crankshaft.own_angle(state.angle)
+        kinematics = crankshaft.each(mechanism, state.angle).kinematics(own)
+    return machine_loops(
+        mechanism, compressor.friction, crankshaft, state, gas, compressor.gravity, kinematics
     )
-
-
-def conservative_torque(
-    compressor: Compressor, angle: Float[Array, "*n"], gas: Float[Array, "*n"]
-) -> Float[Array, "*n"]:
-    """Torque [N m] on the crank of a gas force [N] and of the weights."""
-    _, position_1, _ = compressor.mechanism.piston(angle)
-    torque = -gas * position_1
-    if compressor.gravity is not None:
-        torque = torque + compressor.mechanism.gravity_torque(angle, compressor.gravity)
-    return torque
 
 
 def first_top(compressor: Compressor) -> Float[Array, ""]:
     """[rad] Crank angle of the top dead centre of the first cylinder, where the revolution begins."""
     top, _ = compressor.mechanism.dead_centres()
-    if compressor.cylinders is None:
-        return top
-    return jnp.ravel(top)[0] - compressor.cylinders.phase[0]
+    return jnp.ravel(top)[0] - compressor.crankshaft.phase[0]
 
 
 def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
     """Crank angles [rad] in one revolution from the top dead centre where torques have kinks, sorted.
 
-    Dead centres, reversals of a sliding direction and valve events. The first entry is the top dead
-    centre; events that do not occur coincide with a dead centre.
+    Dead centres, reversals of a sliding direction and valve events of every cylinder. The first entry is
+    the top dead centre of the first; events that do not occur coincide with a dead centre.
     """
     mechanism = compressor.mechanism
     top, bottom = mechanism.dead_centres()
     angles = [bottom]
-    if compressor.friction is not None:
+    if not compressor.frictionless:
         angles += list(mechanism.reversals())
     if compressor.gas is not None:
         highest, lowest = mechanism.piston_extremes()
@@ -421,14 +364,11 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         for displaced, inward in compressor.gas.valve_events(area * (highest - lowest)):
             angles.append(mechanism.angle_at(highest - displaced / area, inward))
         angles += compressor.gas.event_angles()
-    revolution, rest = 2 * jnp.pi, jnp.stack(jnp.broadcast_arrays(*angles))
-    if compressor.cylinders is not None:
-        # the first cylinder's top dead centre is the first edge
-        phase = compressor.cylinders.phase
-        rest = jnp.atleast_2d(rest.T)
-        tops = jnp.broadcast_to(top, phase.shape)
-        rest = jnp.broadcast_to(rest, (phase.size, rest.shape[1]))
-        rest = (jnp.concatenate([rest, tops[:, None]], axis=1) - phase[:, None]).ravel()
-        top = tops[0] - phase[0]
-    rest = top + jnp.mod(rest - top, revolution)
-    return jnp.concatenate([top[None], jnp.sort(rest)])
+    phase = compressor.crankshaft.phase
+    first = jnp.ravel(top)[0] - phase[0]
+    own = jnp.stack([jnp.broadcast_to(angle, phase.shape) for angle in (*angles, top)], axis=1)
+    rest = (own - phase[:, None]).ravel()
+    # the first cylinder's top dead centre is the first edge
+    rest = jnp.delete(rest, len(angles), assume_unique_indices=True)
+    rest = first + jnp.mod(rest - first, 2 * jnp.pi)
+    return jnp.concatenate([first[None], jnp.sort(rest)])

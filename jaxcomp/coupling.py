@@ -23,13 +23,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._fields import BadInput, of_cylinder, replaced
+from ._fields import BadInput, of_cylinder, rebuilt, replaced
 from ._words import one_of
 from .compressor import Compressor, at_speed, first_top, instants
 from .crank import Collocation, Orbit, journal_films, solve_orbit
-from .crankshaft import main_films
+from .crankshaft import shares
 from .film import DynamicCoefficients, NamedBearing
-from .friction import joints_of_cylinder, shares
 from .machine import Assembly, Machine
 from .mechanism import SliderCrank, SliderLink, Vector, contact_arms, rod_motion
 from .motor import ConstantSpeed
@@ -41,6 +40,7 @@ from .rotor import (
     RotorModel,
     SpeedTable,
     Unbalances,
+    main_films,
     steady_coefficients,
 )
 
@@ -90,7 +90,7 @@ def crank_forces(
     Raises:
         BadInput: another mechanism.
     """
-    mechanism, cylinders = compressor.mechanism, compressor.cylinders
+    mechanism, crankshaft = compressor.mechanism, compressor.crankshaft
     if not isinstance(mechanism, SliderCrank | SliderLink):
         raise BadInput("mechanism", type(mechanism).__name__, "a slider-crank or slider-link")
     angle, lost = state.state.angle, state.loads.loss_torque
@@ -98,19 +98,14 @@ def crank_forces(
     phase = state.mean_speed * state.time + first_top(compressor)
     share = state.weight / state.state.speed
     share = share / jnp.sum(share)
-    gas_forces = none
-    if cylinders is not None:
-        gas_forces = instants(state.under_gas(compressor), angle).gas_force
-    elif state.pressure is not None and compressor.gas is not None:
-        gas_forces = (state.pressure - compressor.gas.behind_piston) * mechanism.piston_area
+    gas_forces = instants(state.under_gas(compressor), angle).gas_force
+    own_angles = crankshaft.own_angle(angle)
+    of_joints = _rod_and_wall if isinstance(mechanism, SliderCrank) else _slider_and_wall
     forces, missing, of_pins = [], {}, set()
     for place, own_nodes in enumerate(nodes.of_cylinders):
-        joints = {joint: joint for joint in joints_of_cylinder(1)}
-        single, own, gas, suffix = mechanism, angle, gas_forces, ""
-        if cylinders is not None:
-            joints, suffix = joints_of_cylinder(place + 1), f"_{place + 1}"
-            single = of_cylinder(mechanism, place + 1)
-            own, gas = angle + cylinders.phase[place], gas_forces[place]
+        number = place + 1
+        single, own, gas = of_cylinder(mechanism, number), own_angles[place], gas_forces[place]
+        joints = {name: crankshaft.joint(name, number) for name in _OF_CYLINDER}
         of_pins |= set(joints.values())
         at = {
             name: state.loads.forces[joints[name]]
@@ -118,7 +113,6 @@ def crank_forces(
             if joints[name] in state.loads.forces
         }
         losses = {name: lost.get(joints[name], none) for name in ("crank_pin", "piston_pin")}
-        of_joints = _rod_and_wall if isinstance(single, SliderCrank) else _slider_and_wall
         pin, torque, side, lever = of_joints(single, own, at, losses)
         lever = lever - nodes.wall_position * side[1] - single.offset * side[0]
         wrenches = (
@@ -126,13 +120,10 @@ def crank_forces(
             ("gas", gas, none, -single.offset * gas),
             ("wall", side[0], side[1], lever),
         )
+        c, s = jnp.cos(crankshaft.bank_angle[place]), jnp.sin(crankshaft.bank_angle[place])
         for node, (name, fx, fy, mz) in zip(own_nodes, wrenches, strict=True):
-            if cylinders is not None:
-                c, s = jnp.cos(cylinders.bank_angle[place]), jnp.sin(cylinders.bank_angle[place])
-                fx, fy = c * fx - s * fy, s * fx + c * fy
-            table, missing[name + suffix] = _harmonics(
-                jnp.stack([fx, fy, none]), phase, share, orders
-            )
+            along = jnp.stack([c * fx - s * fy, s * fx + c * fy, none])
+            table, missing[crankshaft.joint(name, number)] = _harmonics(along, phase, share, orders)
             turning, _ = _harmonics(jnp.stack([none, none, mz]), phase, share, orders)
             forces.append(PeriodicForce(node, None, orders, *table, *turning))
     if nodes.rotor is not None:
@@ -145,8 +136,9 @@ def crank_forces(
     return CrankForces(tuple(forces), state.mean_speed, missing)
 
 
-# Joints whose forces act on crank pin and cylinder.
+# Joints whose forces act on crank pin and cylinder, and all of a cylinder.
 _PRESSED = ("crank_pin", "wall", "wall_crown", "wall_edge", "piston_film")
+_OF_CYLINDER = (*_PRESSED, "packing", "piston_pin", "link_slider")
 
 
 def _rod_and_wall(mechanism: SliderCrank, angle, forces, lost):
@@ -212,7 +204,7 @@ def film_coefficients(
     for number, name in names.items():
         if name not in films:
             where = f"rotor.links.{number}.law.linearised"
-            bound = '"mean_load": its bearing is none of `friction.main_journal.bearings`'
+            bound = '"mean_load": its bearing is none of `crankshaft.main_journal.bearings`'
             raise BadInput(where, "orbit", bound)
     return {i: DynamicCoefficients(films[name].stiffness, films[name].damping)
             for i, name in names.items() if name is not None}  # fmt: skip
@@ -260,21 +252,12 @@ def film_loads(
         state: periodic state of the crank.
     """
     films = main_films(rotor, pins[0])
-    share, cylinders = state.weight / state.state.speed, compressor.cylinders
+    share, crankshaft = state.weight / state.state.speed, compressor.crankshaft
     share = share / jnp.sum(share)
-    moment = jnp.zeros(2)
-    if cylinders is None:
-        mean = -(state.loads.forces["crank_pin"] @ share)
-    else:
-        each = jnp.stack(
-            [
-                -(state.loads.forces[joints_of_cylinder(k + 1)["crank_pin"]] @ share)
-                for k in range(cylinders.count)
-            ],
-            axis=1,
-        )
-        each = cylinders.turned(Vector(*each)).stacked()
-        mean, moment = jnp.sum(each, axis=1), each @ cylinders.position
+    pins = [crankshaft.joint("crank_pin", k + 1) for k in range(crankshaft.count)]
+    each = jnp.stack([-(state.loads.forces[pin] @ share) for pin in pins], axis=1)
+    each = crankshaft.turned(Vector(*each)).stacked()
+    mean, moment = jnp.sum(each, axis=1), each @ crankshaft.position
     bearings = tuple(_film(rotor, number).bearing for number, _ in films)
     position = jnp.stack([z for _, z in films])
     found = shares(bearings, position)
@@ -308,7 +291,7 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
     for word in left_out:
         if word not in LEAVABLE:
             raise BadInput("without", word, one_of(word, LEAVABLE))
-    mechanism = compressor.mechanism
+    mechanism, crankshaft = compressor.mechanism, compressor.crankshaft
     if "inertia" in left_out:
         # Their bounds leave out zero; a millionth is as good.
         names = ("piston_mass", "conrod_mass", "conrod_inertia")
@@ -316,12 +299,12 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
             names = ("piston_mass", "slider_mass")
         mechanism = replaced(mechanism, **{n: 1e-6 * getattr(mechanism, n) for n in names})
     if "fluctuation" in left_out:
-        mechanism = replaced(mechanism, crank_inertia=1e6 * mechanism.crank_inertia)
-    changed = replaced(compressor, mechanism=mechanism)
-    for word in ("gas", "friction"):
-        if word in left_out and getattr(changed, word) is not None:
-            changed = eqx.tree_at(lambda c, word=word: getattr(c, word), changed, None)
-    return changed
+        assert crankshaft.inertia is not None
+        crankshaft = replaced(crankshaft, inertia=1e6 * crankshaft.inertia)
+    changes: dict[str, Any] = dict.fromkeys({"gas", "friction"} & {*left_out})
+    if "friction" in left_out:
+        crankshaft = rebuilt(crankshaft, main_journal=None)
+    return rebuilt(compressor, mechanism=mechanism, crankshaft=crankshaft, **changes)
 
 
 class CrankLoads(NamedTuple):

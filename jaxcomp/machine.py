@@ -12,35 +12,15 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from ._fields import BadInput, Part, is_traced, printed, replaced
+from ._fields import BadInput, Part, printed, rebuilt
 from ._words import one_of
 from .compressor import Compressor, staged
 from .film import AbstractJournal, AbstractOil, NamedBearing
-from .friction import MainBearings
-from .mechanism import Cylinders, SliderLink
 
 if TYPE_CHECKING:  # a compressor alone does not import the rotor
     from .rotor import BalancingPlanes, LoadCase, PeriodicForce, RotorModel, Unbalances
-
-
-# Numbers of the mechanism that follow from the rotor of the same machine.
-OF_ROTOR = (
-    "crank_inertia",
-    "crank_mass",
-    "crank_unbalance",
-    "crank_unbalance_across",
-    "crank_couple",
-    "crank_eccentricity",
-    "crank_product",
-    "crank_product_across",
-)
-# Those of a slider-link as well where the rotor has its bearings.
-OF_ROTOR_BEARINGS = ("overhang", "bearing_span")
-# Numbers of several cylinders that do.
-OF_ROTOR_CYLINDERS = ("position", "rod_pitch", "throw_pitch", "unbalance", "places", "couple")
 
 
 class Machine(eqx.Module):
@@ -166,10 +146,11 @@ def assembled(machine: Machine) -> Assembly:
     )
     compressor = machine.compressor
     if compressor is not None and follows_rotor(machine):
+        from .rotor import crankshaft_of
+
         unbalances = (*case.unbalances, *corrections)
-        if isinstance(compressor.mechanism, SliderLink):
-            rotor = _with_joints(rotor, compressor.friction)
-        compressor = _with_rotor(compressor, rotor, unbalances, case.crank.pins)
+        shaft = crankshaft_of(rotor, compressor.crankshaft, unbalances, case.crank.pins)
+        compressor = rebuilt(compressor, crankshaft=shaft)
     return Assembly(
         None if compressor is None else staged(_filled(compressor, names)),
         None if rotor is None else _filled(rotor, names, "rotor"),
@@ -188,107 +169,6 @@ def correction_unbalance(node, value: Float[Array, "2"]) -> "Unbalances":
 
     two = Unbalances((node, node), jnp.zeros(2), jnp.array([0.0, jnp.pi / 2]))
     return eqx.tree_at(lambda u: u.magnitude, two, value)
-
-
-def _with_rotor(compressor: Compressor, rotor, unbalances, pins) -> Compressor:
-    """The compressor with the crankshaft that its rotor is, and its bearings where they stand.
-
-    Places along the shaft count from the node of the first rod.
-    """
-    from .crankshaft import axial_positions, bearing_positions, crankshaft, shaft_bearings
-
-    mechanism, cylinders, pin = compressor.mechanism, compressor.cylinders, pins[0]
-    if len(pins) != (1 if cylinders is None else cylinders.count):
-        count = "one node" if cylinders is None else f"a list of {cylinders.count} nodes"
-        raise BadInput("loads.crank.pin", str(pins), f"{count}, one for each cylinder")
-    linked, friction = isinstance(mechanism, SliderLink), compressor.friction
-    if not (linked or hasattr(mechanism, "crank_couple")):
-        kind = type(mechanism).__name__
-        raise BadInput("mechanism", kind, "a slider_crank or slider_link, for the loads of a rotor")
-    stand = bearing_positions(rotor, pin)
-    on_films = linked and all(name in stand for name in _shaft_bearings(friction))
-    for name in reversed(OF_ROTOR + OF_ROTOR_BEARINGS * on_films):
-        value = getattr(mechanism, name, None)
-        if value is not None and (name == "crank_inertia" or _given(value)):
-            bound = "absent: it follows from the rotor that `loads.crank` joins to the crank"
-            raise BadInput(f"mechanism.{name}", value, bound)
-    shaft = crankshaft(rotor, unbalances, pin)
-    mechanism = replaced(mechanism, crank_inertia=shaft.inertia, crank_mass=shaft.mass)
-    if on_films:
-        upper, lower = (stand[name] for name in _shaft_bearings(friction))
-        if not is_traced(lower) and not 0 <= float(upper) < float(lower):
-            bound = (
-                "the upper bearing behind the pin and the lower one behind that, along the shaft"
-            )
-            raise BadInput("loads.crank.pin", str(pins), bound)
-        mechanism = replaced(mechanism, overhang=upper, bearing_span=lower - upper)
-    if cylinders is None and linked:
-        mechanism = replaced(
-            mechanism,
-            crank_eccentricity=-shaft.unbalance[0] / shaft.mass,
-            crank_product=shaft.couple[0],
-            crank_unbalance_across=shaft.unbalance[1],
-            crank_product_across=shaft.couple[1],
-        )
-    elif cylinders is None:
-        mechanism = replaced(
-            mechanism,
-            crank_unbalance=shaft.unbalance[0],
-            crank_unbalance_across=shaft.unbalance[1],
-            crank_couple=shaft.couple,
-        )
-    else:
-        along = axial_positions(rotor, pin)
-        places = jnp.stack([along[node] for node in pins])
-        cylinders = _on_rotor(cylinders, places, shaft)
-    support = getattr(friction, "main_journal", None)
-    if isinstance(support, MainBearings) and support.position is None:
-        for name in support.names or ():
-            if len(support.bearings) > 1 and name not in stand:
-                bound = one_of(name, stand) + ", the bearings of the rotor's links"
-                raise BadInput("friction.main_journal.bearings", name, bound)
-        position = jnp.stack([jnp.asarray(stand.get(n, 0.0)) for n in support.names or ()])
-        support = replaced(support, position=position)
-        if support.shaft == "rotor" and len(support.bearings) > 2:
-            support = shaft_bearings(rotor, support, pin)
-        friction = _rebuilt(friction, {"main_journal": support})
-    return replaced(compressor, mechanism=mechanism, friction=friction, cylinders=cylinders)
-
-
-def _shaft_bearings(friction) -> tuple[str, ...]:
-    """Names of upper and lower bearing of a slider-link machine; "" for one without a name."""
-    laws = (getattr(friction, joint, None) for joint in ("upper_bearing", "lower_bearing"))
-    return tuple(law.name if isinstance(law, NamedBearing) else "" for law in laws)
-
-
-def _with_joints(rotor, friction):
-    """The rotor, its films named as the joints of a slider-link machine that they are."""
-    joints = dict(zip(_shaft_bearings(friction), ("upper_bearing", "lower_bearing"), strict=True))
-    links = tuple(
-        _rebuilt(link, {"law": _rebuilt(link.law, {"name": joints[link.law.name]})})
-        if getattr(link.law, "name", None) in joints
-        else link
-        for link in rotor.links
-    )
-    return eqx.tree_at(lambda r: r.links, rotor, links)
-
-
-def _on_rotor(cylinders: Cylinders, places, shaft) -> Cylinders:
-    """The cylinders with the places and unbalances of their rotor."""
-    bound = "absent: it follows from the rotor that `loads.crank` joins to the crank"
-    for number, throw in enumerate(cylinders.throws):
-        for name in ("position", "rod_pitch", "unbalance"):
-            if _given(getattr(throw, name)):
-                raise BadInput(f"cylinders.throws.{number}.{name}", getattr(throw, name), bound)
-    for name in ("throw_pitch", "rod_pitch", "balanced", "places", "unbalance", "couple"):
-        value = getattr(cylinders, name)
-        if value is not None and _given(value):
-            raise BadInput(f"cylinders.{name}", value, bound)
-    return replaced(cylinders, places=places, unbalance=shaft.unbalance, couple=shaft.couple)
-
-
-def _given(value) -> bool:
-    return not is_traced(value) and bool(np.any(np.asarray(value) != 0))
 
 
 class _Names(NamedTuple):
@@ -316,7 +196,7 @@ def _filled(node: Any, names: _Names, path: str = "") -> Any:
         return node
     if isinstance(node, tuple):
         return tuple(changes.get(str(i), child) for i, child in enumerate(node))
-    return _rebuilt(node, changes)
+    return rebuilt(node, **changes)
 
 
 def _children(node: Any) -> Iterator[tuple[str, Any]]:
@@ -324,12 +204,3 @@ def _children(node: Any) -> Iterator[tuple[str, Any]]:
         yield from ((f.name, getattr(node, f.name)) for f in dataclasses.fields(node))
     elif isinstance(node, tuple):
         yield from ((str(i), child) for i, child in enumerate(node))
-
-
-def _rebuilt(part: Part, changes: Mapping[str, Any]) -> Part:
-    """A copy with other fields, of other types as well, made as JAX makes one from its leaves."""
-    new = object.__new__(type(part))
-    for field in dataclasses.fields(part):
-        value = changes.get(field.name, getattr(part, field.name))
-        object.__setattr__(new, field.name, value)
-    return new

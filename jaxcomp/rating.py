@@ -298,7 +298,7 @@ def _at_point(here: Compressor, solver: Collocation, rise):
         rise: [K] of the suction gas where a law gives it.
     """
     assert isinstance(here.gas, Cylinder)
-    together = here.motor.closes == "torque" or not here.gas.inert or here.cylinders is not None
+    together = here.motor.closes == "torque" or not here.gas.inert or here.crankshaft.count > 1
     warming = here.gas.suction.warming
     if warming is not None:
         suction = replaced(here.gas.suction, warming=None, heating=rise)
@@ -307,7 +307,7 @@ def _at_point(here: Compressor, solver: Collocation, rise):
         orbit = solve_orbit(here, throw=False)
     else:
         speed = here.motor.speed_guess
-        cycle = solve_cycle(here.gas, here.mechanism, speed, throw=False)
+        cycle = solve_cycle(here.gas, of_cylinder(here.mechanism), speed, throw=False)
         orbit = solver.solve(replaced(here, gas=cycle.gas()))
         orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
     cycle, result = orbit.cycle, performance(here, orbit)

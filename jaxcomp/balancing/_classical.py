@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .._fields import BadInput
-from ..machine import Assembly, correction_unbalance
+from ..machine import Assembly
 from ..mechanism import SliderCrank
 from ..rotor import (
     BalancingPlanes,
@@ -111,15 +111,13 @@ def rod_ring(machine: Assembly) -> Unbalances | None:
     """
     mechanism = getattr(machine.compressor, "mechanism", None)
     crank = None if machine.loads is None else machine.loads.crank
-    if not isinstance(mechanism, SliderCrank) or crank is None:
+    if machine.compressor is None or not isinstance(mechanism, SliderCrank) or crank is None:
         return None
     big_end = 1 - mechanism.conrod_centre / mechanism.conrod_length
     moment = mechanism.conrod_mass * mechanism.crank_radius * big_end
-    pins, cylinders = crank.pins, getattr(machine.compressor, "cylinders", None)
-    if cylinders is None:
-        return correction_unbalance(pins[0], jnp.stack([moment, jnp.zeros(())]))
+    pins, crankshaft = crank.pins, machine.compressor.crankshaft
     rings = Unbalances(pins, 0.0, 0.0)
-    values = jnp.broadcast_to(moment, (len(pins),)), cylinders.throw_angle
+    values = jnp.broadcast_to(moment, (len(pins),)), crankshaft.throw_angle
     return eqx.tree_at(lambda u: (u.magnitude, u.phase), rings, values)
 
 

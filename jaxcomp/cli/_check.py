@@ -115,15 +115,14 @@ def _commands(scene: jc.scene.Scene) -> list[str]:
 
 
 def _of_cylinders(compressor: jc.Compressor):
-    """What follows from how several cylinders stand."""
+    """What follows from how cylinders stand about the crankshaft."""
     import numpy as np
 
     from .._each import AbstractEach
     from .._fields import listed, subparts
 
-    cylinders = compressor.cylinders
-    assert cylinders is not None
-    intervals = np.rad2deg(np.asarray(cylinders.firing_intervals))
+    crankshaft = compressor.crankshaft
+    intervals = np.rad2deg(np.asarray(crankshaft.firing_intervals))
     even = np.ptp(intervals) < 0.01
     shown = f"{intervals[0]:.4g}" if even else ", ".join(f"{x:.4g}" for x in intervals)
     parts = {"gas": compressor.gas, "friction": compressor.friction}
@@ -134,16 +133,16 @@ def _of_cylinders(compressor: jc.Compressor):
         if isinstance(part, AbstractEach)
     ]
     differing = ", ".join([*listed((compressor.mechanism, compressor.gas)), *kinds])
-    yield "Cylinders", cylinders.count, f"different in {differing}" if differing else ""
+    yield "Cylinders", crankshaft.count, f"different in {differing}" if differing else ""
     gas = getattr(compressor.gas, "head_end", compressor.gas)
     suction = np.unique(np.atleast_1d(getattr(gas, "suction_pressure", 0.0)))
     if suction.size > 1:
         between = ", ".join(f"{1e-5 * p:.5g}" for p in suction[1:])
         yield "Pressure between stages", f"{between} bar", ""
     yield "Between top dead centres", f"{shown} deg", "even" if even else "uneven"
-    places = getattr(getattr(compressor.friction, "main_journal", None), "position", None)
+    places = getattr(crankshaft.main_journal, "position", None)
     if places is not None:
-        rods = np.asarray(cylinders.position)
+        rods = np.asarray(crankshaft.position)
         outside = int(np.sum((rods < np.min(places)) | (rods > np.max(places))))
         yield "Rods outside the main bearings", outside, "overhung" if outside else ""
 
@@ -189,7 +188,7 @@ def _follows(scene: jc.scene.Scene):
         gas = of_cylinder(scene.compressor.gas)
         yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
         yield "Swept volume", 1e6 * float(mechanism.swept_volume), "cm3"
-        if scene.compressor.cylinders is not None:
+        if scene.compressor.crankshaft.count > 1:
             yield from _of_cylinders(scene.compressor)
         bore = getattr(mechanism, "bore", None)
         if bore is not None:

@@ -69,7 +69,7 @@ def optimise(
 
     Args:
         variables (NAME=LOW:HIGH): What may change and its range, e.g. bore=100mm:160mm (a rule: at
-            fixed displacement) or mechanism.crank_inertia=0.1kg*m^2:0.3kg*m^2. Repeatable.
+            fixed displacement) or crankshaft.inertia=0.1kg*m^2:0.3kg*m^2. Repeatable.
         objective (QUANTITY): What to improve; mechanical_efficiency if absent.
         targets (QUANTITY=VALUE): Value to meet in the sense of least squares, instead of --objective.
             Repeatable.

@@ -201,8 +201,8 @@ def orbit_curves(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
         columns |= {key: np.asarray(curve) for key, curve in curves.items()}
     crank_end = crank_end_pressure(compressor, orbit.state.angle)
     if crank_end is not None:
-        for number, pressure in enumerate(np.atleast_2d(crank_end), 1):
-            several = f".{number}" if compressor.cylinders is not None else ""
+        for number, pressure in enumerate(crank_end, 1):
+            several = f".{number}" if len(crank_end) > 1 else ""
             columns[f"crank_end_pressure{several} [Pa]"] = pressure
     return {"crank_angle [deg]": np.rad2deg(columns["crank_angle [rad]"]), **columns}
 
@@ -218,7 +218,7 @@ def _remarks(
                 f"degrees with {100 * rod['share']:.2g} % of its larger side: the pin may run dry "
                 "(API 618 asks for 15 degrees and 3 %)."
             )
-    if machine.friction is None:
+    if machine.frictionless:
         yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
     for valve in (valve for valve, near in grazes.items() if near):
         yield (
@@ -245,12 +245,7 @@ def _numbers(machine, assembly, orbit: jc.Orbit, known) -> tuple[dict[str, Any],
     assert compressor is not None
     # every joint that carries a force and could have friction has an entry; without a law it loses
     # nothing
-    friction = compressor.friction
-    joints = {
-        name: 0.0
-        for name in orbit.loads.forces
-        if friction is None or getattr(friction, name, friction) is None
-    }
+    joints = dict.fromkeys(orbit.loads.forces, 0.0)
     return {one.name: one.value(result) for one in known}, {
         "motor_work": energy.motor_work,
         "gas_work": energy.gas_work,
@@ -293,12 +288,12 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
     from .._fields import listed, of_cylinder
 
     rows, compressor = [], scene.as_compressor()
-    cylinders = compressor.cylinders
+    count = compressor.crankshaft.count
     bore = getattr(of_cylinder(compressor.mechanism), "bore", None)
     if bore is not None:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
-        each = "" if cylinders is None else f" in each of {cylinders.count} cylinders"
+        each = "" if count == 1 else f" in each of {count} cylinders"
         if listed(compressor.mechanism):
             each = " in the first of them"
         rows.append(("Bore x stroke", size, f"{volume} swept{each}"))

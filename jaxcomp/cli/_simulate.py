@@ -78,7 +78,7 @@ def simulate(
     steps, listed = 65536, 501
     if valves:
         # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
-        count = 1 if compressor.cylinders is None else compressor.cylinders.count
+        count = compressor.crankshaft.count
         turns = end * float(compressor.motor.speed_guess) / (2 * math.pi)
         most = (jc.crank.MOST_STEPS - 2000) // (1000 * count)
         refuse(

@@ -35,7 +35,7 @@ _IN_JSON = 10_000
 _ROWS = 40
 _SHARES = (5, 50, 95)
 # A word and no number: a sweep of its own for each of its values.
-_LAYOUT = "cylinders.layout"
+_LAYOUT = "crankshaft.layout"
 
 
 @reports_errors
@@ -66,7 +66,7 @@ def sweep(
     Args:
         over (NAME=VALUES): Variable and its values: FROM:TO:COUNT, log:FROM:TO:COUNT or A,B,C; with
             --samples FROM:TO, log:FROM:TO or normal:MEAN:DEVIATION. Repeatable; set in this order.
-            cylinders.layout=V90,W60 sweeps the layout.
+            crankshaft.layout=V90,W60 sweeps the layout.
         quantity (NAME): Quantity of each design, e.g. motor_power or loss_power.wall;
             mechanical_efficiency if absent. Repeatable.
         samples (N): Draw N designs instead of a grid.
@@ -125,9 +125,9 @@ def sweep(
 
 def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene]:
     """The scene with every layout of the cylinders, by its name."""
-    if getattr(scene.compressor, "cylinders", None) is None:
-        raise CommandError(f"--over {_LAYOUT}: {scene.name} has no section [cylinders]")
-    changes = {_LAYOUT: None, "cylinders.throws": None}
+    if scene.compressor is None:
+        raise CommandError(f"--over {_LAYOUT}: {scene.name} has no crankshaft")
+    changes = {_LAYOUT: None, "crankshaft.throws": None}
     return {
         name: jc.scene.with_values(scene, changes | {_LAYOUT: name})
         for name in dict.fromkeys(name.strip() for name in names.split(","))

@@ -88,7 +88,7 @@ class Collocation(eqx.Module):
 
     def problem(self, compressor: Compressor) -> OrbitProblem:
         """The fixed-point problem of a compressor."""
-        reversals = 0 if compressor.friction is None else self.reversals
+        reversals = 0 if compressor.frictionless else self.reversals
         resolution = Resolution(self.nodes, reversals, self.grading)
         return OrbitProblem(
             resolution,
@@ -104,7 +104,7 @@ class Collocation(eqx.Module):
         if self.panel_count is not None:
             kinks = _of_count(kinks, self.panel_count)
         known = prepare(compressor, revolution_edges(kinks))
-        if compressor.friction is None and not closure_of(compressor.motor).integrates:
+        if compressor.frictionless and not closure_of(compressor.motor).integrates:
             return _explicit_orbit(known, problem.resolution, self.name)
         motion, (_, report) = fixed_point(problem, known)
         return orbit_of_motion(known, problem.resolution, motion, report, self.name, self.estimate)
@@ -118,7 +118,7 @@ def default_collocation(compressor: Compressor) -> Collocation:
     panels without them leaves an error of 1e-6 in efficiency, rarely 1e-5, and of 1e-3 of the largest
     in its relative derivatives. With valves all events of the cycles stay edges.
     """
-    if compressor.cylinders is None or compressor.cylinders.count == 1:
+    if compressor.crankshaft.count == 1:
         return Collocation(reversals=compressor.load_reversals)
     valves = isinstance(compressor.gas, Cylinder)
     return Collocation(reversals=0, panel_count=None if valves else _PANELS)
@@ -154,7 +154,7 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
     speed = jnp.full_like(grid.angle, compressor.motor.speed_guess)
     state = CrankState(grid.angle, speed, jnp.zeros_like(speed))
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
-    loads = loop.loads(loop.start(), True)
+    loads = loop.loads(loop.loops.start(), True)
     torque = 0.5 * at.inertia_1 * speed**2 - at.conservative
     # over a revolution at constant speed the inertia takes no work
     work = -grid.total(at.conservative)
@@ -195,7 +195,7 @@ def loop_kinks(compressor: Compressor) -> int:
     """How many of the quantities that mark load reversals are kinks."""
     zero = jnp.zeros(())
     still = CrankState(zero, zero, zero)
-    gas = zero if compressor.cylinders is None else jnp.zeros(compressor.cylinders.count)
+    gas = jnp.zeros(compressor.crankshaft.count)
     return eqx.filter_eval_shape(lambda c: loop_of(c, still, gas), compressor).kinks
 
 
@@ -238,8 +238,8 @@ def orbit_of_motion(
     if motion.journals is not None:
         compressor = with_journals(compressor, both(motion.journals))
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
-    unknown = loop.start()
-    if compressor.friction is not None:
+    unknown = loop.loops.start()
+    if not compressor.frictionless:
         unknown = joints_of(loop, scales, both(nodes(motion.joints)))
     loads = loop.loads(unknown, True)
     law, loss = closure.law(compressor.motor, state.speed), loads.total_loss_torque
@@ -260,17 +260,17 @@ def orbit_of_motion(
     growth = None
     if closure.needs_steepness:
         now_known = (compressor, at, scales, energy, both(motion.acceleration))
-        unknown = both(nodes(motion.joints)) if compressor.friction is not None else energy
+        unknown = both(nodes(motion.joints)) if not compressor.frictionless else energy
         growth = grid.total(nodes(steepness(*frozen((*now_known, unknown)))))
     status = closure.verdict(compressor.motor, period, growth, status)
     lowest = jnp.min(energy)
     status = Status.where(lowest <= ENERGY_FLOOR, Status.stalled, status)
 
     def by_joint(function):
-        """A function of losses (..., n) for each joint; the joints of several cylinders at once."""
+        """A function of losses (..., n) for each joint, of all at once."""
         losses = loads.loss_torque
-        if compressor.cylinders is None or not losses:
-            return {name: function(loss) for name, loss in losses.items()}
+        if not losses:
+            return {}
         return dict(zip(losses, function(jnp.stack([*losses.values()])), strict=True))
 
     totals = by_joint(lambda loss: grid.total(nodes(loss)))

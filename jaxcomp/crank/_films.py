@@ -34,7 +34,8 @@ from ..film import (
     shear_drag,
     squeeze_of,
 )
-from ..friction import EachJournal, film_journals, joints_of_cylinder
+from ..crankshaft import film_journals
+from ..friction import EachJournal
 from ._journals import CLOSED, Drive, improved_positions, rate_shares
 from ._orbit import Orbit
 from ._panels import Panels, highest, panels
@@ -164,21 +165,16 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
 
 def _journals(compressor: Compressor, orbit: Orbit):
     """Joints with oil films, and their laws."""
-    count = 0 if compressor.cylinders is None else compressor.cylinders.count
-    own = [joints_of_cylinder(number + 1) for number in range(count)]
-    for joint, law in film_journals(compressor.friction).items():
-        if joint in orbit.loads.forces:
-            yield joint, law
-        for number, names in enumerate(own, 1):
-            if names.get(joint) in orbit.loads.forces:
-                yield names[joint], of_cylinder(law, number)
-    several = {} if compressor.friction is None or not count else vars(compressor.friction)
-    for joint, law in several.items():
-        if isinstance(law, EachJournal):
-            for number, names in enumerate(own, 1):
-                one = law.one(number)
-                if isinstance(one, JournalBearing):
-                    yield names[joint], one
+    crankshaft, friction = compressor.crankshaft, compressor.friction
+    own = {} if friction is None else vars(friction)
+    for law_name, law in film_journals(friction, crankshaft.main_journal).items():
+        if law_name not in own:
+            yield law_name, law
+    for number in range(1, crankshaft.count + 1):
+        for law_name, law in own.items():
+            one = law.one(number) if isinstance(law, EachJournal) else law
+            if isinstance(one, JournalBearing | OrbitBearing):
+                yield crankshaft.joint(law_name, number), of_cylinder(one, number)
 
 
 @eqx.filter_jit

@@ -24,7 +24,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._implicit import frozen
 from ..compressor import Compressor, Instants, instants, loop_of
-from ..friction import AbstractJointLoop, newton_step
+from ..crankshaft import MachineLoops
+from ..friction import newton_step
 from ..mechanism import CrankState
 from ._journals import (
     improved_positions,
@@ -88,9 +89,9 @@ class Motion(eqx.Module):
     # [-] crank acceleration at the nodes over the square of the speed scale
     acceleration: Float[Array, "p s"]
     first_energy: Float[Array, ""]  # [-] kinetic energy at the first edge
-    # [-] unknown of the joint loop at all nodes and then at the places, from its start, over the scale
-    # of forces; of no entries without friction, a row for each of several cylinders
-    joints: Float[Array, "*k m"]
+    # [-] unknowns of the joint loops at all nodes and then at the places, from their start, over the scale
+    # of forces; of no entries without friction
+    joints: Float[Array, "k m"]
     places: Float[Array, " k"]  # [rad] load reversals
     # [-] positions of the journals that move, over their clearances; `None` without any
     journals: Float[Array, "2 j p s"] | None = None
@@ -111,7 +112,7 @@ def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> Known:
     energy = 0.5 * jnp.mean(at.inertia) * speed**2
     force = jnp.max(jnp.abs(at.gas_force))
     stroke = lax.stop_gradient(compressor.mechanism.stroke / 2)
-    force += energy / (jnp.min(stroke) if stroke.ndim else stroke)
+    force += energy / jnp.min(stroke)
     return Known(compressor, edges, Scales(speed, energy, force))
 
 
@@ -124,15 +125,14 @@ def initial_motion(known: Known, resolution: Resolution) -> Motion:
     """Constant energy, or constant speed if the motor holds it; and no place in use."""
     places = jnp.full(2 * resolution.reversals, known.edges[0])
     grid = resolution.panels_between(known.edges, places)
-    friction = known.compressor.friction is not None
+    friction = not known.compressor.frictionless
     energy = jnp.ones_like(grid.angle)
     if closure_of(known.compressor.motor).needs_steepness:
         # a steep torque curve bends within the swing of the speed that a constant energy has
         inertia = instants(known.compressor, grid.angle).inertia
         energy = 0.5 * inertia * known.scales.speed**2 / known.scales.energy
-    joints = jnp.zeros(energy.size + places.size if friction else 0)
-    if known.compressor.cylinders is not None:
-        joints = jnp.tile(joints, (known.compressor.cylinders.count, 1))
+    count = known.compressor.crankshaft.count
+    joints = jnp.zeros((count, energy.size + places.size if friction else 0))
     journals = len(moving(known.compressor))
     centred = jnp.zeros((2, journals, *energy.shape)) if journals else None
     return Motion(energy, jnp.zeros_like(energy), jnp.ones(()), joints, places, centred)
@@ -145,23 +145,23 @@ def state_of(at: Instants, scales: Scales, energy, acceleration) -> CrankState:
     return CrankState(at.angle, jnp.sqrt(2 * floored / at.inertia), acceleration * scales.speed**2)
 
 
-def joints_of(loop: AbstractJointLoop, scales: Scales, unknown) -> Float[Array, " m"]:
+def joints_of(loop: MachineLoops, scales: Scales, unknown) -> Float[Array, " m"]:
     """[N] The unknown of the joint loops, from its value in units of the solver."""
-    return lax.stop_gradient(loop.start()) + scales.force * unknown
+    return lax.stop_gradient(loop.loops.start()) + scales.force * unknown
 
 
-def _improved_joints(loop: AbstractJointLoop, scales: Scales, unknown):
+def _improved_joints(loop: MachineLoops, scales: Scales, unknown):
     """Unknown, loss torque [N m] and marks of load reversals after one step of Newton's method.
 
     Its slopes are constants to derivatives: at the solution, where the step vanishes, derivatives of
     all orders are exact whatever the slopes.
     """
     force = joints_of(loop, scales, unknown)
-    (excess, *now), slopes = jax.jvp(loop.balance, (force,), (jnp.ones_like(force),))
-    slope, *rising = lax.stop_gradient(slopes)
-    step = newton_step(force, excess, slope, loop.limit()) - force
-    loss, marks = jax.tree.map(lambda value, rise: value + rise * step, now, rising)
-    return unknown + step / scales.force, loop.total_loss(loss), loop.rows(marks)
+    (excess, now), slopes = jax.jvp(loop.balance, (force,), (jnp.ones_like(force),))
+    slope, rising = lax.stop_gradient(slopes)
+    step = newton_step(force, excess, slope, loop.loops.limit()) - force
+    carried, marks = jax.tree.map(lambda value, rise: value + rise * step, now, rising)
+    return unknown + step / scales.force, *loop.finished(carried, marks)
 
 
 def steepness(
@@ -176,14 +176,14 @@ def steepness(
     def torques(energy, acceleration, force):
         state = state_of(at, scales, energy, acceleration)
         motor = compressor.motor.torque(state.speed)
-        if compressor.friction is None:
+        if compressor.frictionless:
             return motor, jnp.zeros_like(motor)
         loop = loop_of(compressor, state, at.gas_force, at.kinematics)
-        excess, loss, _ = loop.balance(force)
-        return motor - loop.total_loss(loss), excess
+        excess, (carried, _) = loop.balance(force)
+        return motor - loop.total_loss(carried), excess
 
     force, each = jnp.zeros_like(energy), jnp.ones_like(energy)[None]
-    if compressor.friction is not None:
+    if not compressor.frictionless:
         state = state_of(at, scales, energy, acceleration)
         loop = loop_of(compressor, state, at.gas_force, at.kinematics)
         force = joints_of(loop, scales, unknown)
@@ -254,7 +254,7 @@ def improve(
     film_loss = None
     if journals is not None:
         compressor = with_journals(compressor, everywhere(journals), lossless=True)
-    if compressor.friction is not None:
+    if not compressor.frictionless:
         loop = loop_of(compressor, state, at.gas_force, at.kinematics)
         joints, loss, rows = _improved_joints(loop, scales, joints)
         if journals is not None:

@@ -17,7 +17,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._each import mapped
-from .._fields import of_cylinder, replaced
+from .._fields import of_cylinder, rebuilt
 from ..compressor import Compressor
 from ..film import (
     AbstractSqueeze,
@@ -27,7 +27,7 @@ from ..film import (
     shear_drag,
     squeeze_of,
 )
-from ..friction import joints_of_cylinder, moving_journals, placed
+from ..crankshaft import moving_journals, placed
 from ..mechanism import CrankState, SliderCrank, rod_motion
 from ._panels import Panels
 
@@ -53,12 +53,14 @@ class Moving(NamedTuple):
 
 def moving(compressor: Compressor) -> tuple[Moving, ...]:
     """All journals whose orbits are solved, in the order of their positions."""
-    found, several = [], compressor.cylinders
-    for law, bearing in moving_journals(compressor.friction).items():
-        if several is not None and law in joints_of_cylinder(1):
-            for number in range(several.count):
-                joint = joints_of_cylinder(number + 1)[law]
-                found.append(Moving(law, joint, number, of_cylinder(bearing, number + 1)))
+    crankshaft, found = compressor.crankshaft, []
+    own = vars(compressor.friction) if compressor.friction is not None else {}
+    journals = moving_journals(compressor.friction, crankshaft.main_journal)
+    for law, bearing in journals.items():
+        if law in own:
+            for number in range(1, crankshaft.count + 1):
+                joint = crankshaft.joint(law, number)
+                found.append(Moving(law, joint, number - 1, of_cylinder(bearing, number)))
         else:
             found.append(Moving(law, law, None, bearing))
     return tuple(found)
@@ -84,7 +86,9 @@ def with_journals(
         law: positions[:, jnp.asarray(numbers)] if law in several else positions[:, numbers[0]]
         for law, numbers in rows.items()
     }
-    return replaced(compressor, friction=placed(compressor.friction, at, lossless))
+    crankshaft = compressor.crankshaft
+    friction, support = placed(compressor.friction, crankshaft.main_journal, at, lossless)
+    return rebuilt(compressor, friction=friction, crankshaft=rebuilt(crankshaft, main_journal=support))
 
 
 def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, tuple[Any, Any]]:
@@ -96,17 +100,14 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
         compressor: the machine.
         angle: [rad] of the crank.
     """
-    mechanism, several = compressor.mechanism, compressor.cylinders
+    mechanism, crankshaft = compressor.mechanism, compressor.crankshaft
     if not isinstance(mechanism, SliderCrank):
         return {}
-    own = angle[None] if several is None else several.own_angle(angle)
-    if several is not None:
-        mechanism = several.each(mechanism, angle)
+    tilts = rod_motion(crankshaft.each(mechanism, angle), crankshaft.own_angle(angle)).tilt_1
     found = {}
-    for number, tilt in enumerate(rod_motion(mechanism, own).tilt_1, 1):
-        names = {} if several is None else joints_of_cylinder(number)
-        for joint, shares in (("piston_pin", (tilt, -tilt)), ("crank_pin", (1 + tilt, 1 - tilt))):
-            found[names.get(joint, joint)] = shares
+    for number, tilt in enumerate(tilts, 1):
+        found[crankshaft.joint("piston_pin", number)] = (tilt, -tilt)
+        found[crankshaft.joint("crank_pin", number)] = (1 + tilt, 1 - tilt)
     return found
 
 

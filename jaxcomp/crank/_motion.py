@@ -79,9 +79,9 @@ def solve_motion(
     drive = motor_torque + at.conservative - 0.5 * at.inertia_1 * speed**2
     equation = _Equation(compressor, at, speed, drive)
     value = drive / at.inertia
-    if compressor.friction is None:
+    if compressor.frictionless:
         loop = equation.loop(value)
-        return Instantaneous(value, at, loop.loads(loop.start(), evidence))
+        return Instantaneous(value, at, loop.loads(loop.loops.start(), evidence))
     value, joint = root(equation)
     return Instantaneous(value, at, equation.loop(value).loads(joint, evidence))
 
@@ -101,7 +101,7 @@ class _Equation(AbstractRoot):
 
     def solve(self):
         start = self.drive / self.at.inertia
-        first = self.loop(start)
+        first = self.loop(start).loops
         limit = first.limit()
 
         def improve(_, unknowns):
@@ -116,8 +116,8 @@ class _Equation(AbstractRoot):
         """Torque [N m] and force [N] that are left over."""
         value, joint = unknowns
         loop = self.loop(value)
-        excess, loss, _ = loop.balance(joint)
-        return self.at.inertia * value - self.drive + loop.total_loss(loss), excess
+        excess, (carried, _) = loop.balance(joint)
+        return self.at.inertia * value - self.drive + loop.total_loss(carried), excess
 
     def removed(self, unknowns, rest):
         return self.newton(rest, self.slopes(unknowns)[1])

@@ -88,7 +88,7 @@ class Orbit(Result, eqx.Module):
         state: crank angle [rad], speed [rad/s], acceleration [rad/s^2], shape (n,).
         weight: [rad] quadrature weights over the revolution, shape (n,).
         time: [s] since the first dead centre, shape (n,).
-        pressure: [Pa] in the cylinder, shape (n,), or (k, n) with k cylinders; `None` without gas.
+        pressure: [Pa] in each of the k cylinders, shape (k, n); `None` without gas.
         gas_torque: [N m] on the crank, of gas and weights, shape (n,).
         motor_torque: [N m] shape (n,).
         loads: forces and friction of the joints at the nodes. With several cylinders the joints are
@@ -120,7 +120,7 @@ class Orbit(Result, eqx.Module):
     state: CrankState
     weight: Float[Array, " n"]
     time: Float[Array, " n"]
-    pressure: Float[Array, " n"] | None
+    pressure: Float[Array, "k n"] | None
     gas_torque: Float[Array, " n"]
     motor_torque: Float[Array, " n"]
     loads: JointLoads
@@ -160,11 +160,10 @@ class Orbit(Result, eqx.Module):
         yield Data("time", "s", self.time, at)
         yield Data("speed", "rad/s", self.state.speed, at)
         yield Data("acceleration", "rad/s^2", self.state.acceleration, at)
-        if self.pressure is not None and self.pressure.ndim == self.state.angle.ndim:
-            yield Data("pressure", "Pa", self.pressure, at)
-        elif self.pressure is not None:  # of each cylinder
-            for number, pressure in enumerate(jnp.moveaxis(self.pressure, -2, 0), 1):
-                yield Data(f"pressure.{number}", "Pa", pressure, at)
+        if self.pressure is not None:
+            every = jnp.moveaxis(self.pressure, -2, 0)
+            for number, pressure in enumerate(every, 1):
+                yield Data("pressure" if len(every) == 1 else f"pressure.{number}", "Pa", pressure, at)
         yield Data("motor_torque", "N m", self.motor_torque, at)
         yield Data("gas_torque", "N m", self.gas_torque, at, "of gas and weights on the crank")
         for name, torque in self.loads.loss_torque.items():
@@ -250,7 +249,7 @@ class Orbit(Result, eqx.Module):
     def weakest_cylinder(self) -> Int[Array, ""] | None:
         """Number, from 1, of the cylinder of several with the smallest margin."""
         margin = self.loads.margin
-        if margin is None or margin.ndim == self.state.angle.ndim:
+        if margin is None or margin.shape[-2] == 1:
             return None
         return 1 + jnp.argmin(jnp.min(margin, axis=-1), axis=-1)
 

@@ -132,7 +132,7 @@ class OrbitProblem(AbstractFixedPoint):
             energy[:count].reshape(new.angle.shape),
             acceleration[:count].reshape(new.angle.shape),
             motion.first_energy,
-            jnp.stack(joints) if motion.joints.ndim > 1 else joints[0],
+            jnp.stack(joints),
             places,
             journals,
         )

@@ -134,7 +134,7 @@ class Shooting(eqx.Module):
         the collocation solver; the solution does not.
         """
         edges = known.edges
-        if machine.friction is None or not self.reversals:
+        if machine.frictionless or not self.reversals:
             return edges[1:-1], edges
         problem = Collocation(_PLACING, self.reversals).problem(machine)
         motion, (reversals, _) = problem.solve(known)

@@ -155,7 +155,7 @@ def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegratio
 def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     """The orbit with the checks that hold for every motor and solver."""
     if isinstance(compressor.gas, Cylinder):
-        if compressor.cylinders is not None and compressor.gas.plenums:
+        if compressor.crankshaft.count > 1 and compressor.gas.plenums:
             which = "suction" if compressor.gas.suction.plenums else "discharge"
             bound = (
                 "absent beside several cylinders: only `simulate` follows plenums that they share"
@@ -305,9 +305,9 @@ def _mean_speed(compressor: Compressor, motion: _Motion) -> Float[Array, ""]:
 
 def _of_each(compressor: Compressor, one, *given) -> Cycle | SeveralCycles:
     """The cycle of every cylinder, by a function of its mechanism and of what else is given for each."""
-    if compressor.cylinders is None:
-        return one(compressor.mechanism, *given)
-    count = compressor.cylinders.count
+    count = compressor.crankshaft.count
+    if count == 1:  # mapped, both sides of every choice would be computed
+        return one(of_cylinder(compressor.mechanism), *given)
     mechanisms = stacked([of_cylinder(compressor.mechanism, i + 1) for i in range(count)])
     return SeveralCycles(eqx.filter_vmap(one)(mechanisms, *given))
 
@@ -318,7 +318,7 @@ def _at_constant_speed(compressor: Compressor, options: CycleOptions) -> Cycle |
     def one(mechanism):
         return solve_cycle(compressor.gas, mechanism, speed, options, throw=False)
 
-    if compressor.cylinders is None or listed(compressor.mechanism):
+    if compressor.crankshaft.count == 1 or listed(compressor.mechanism):
         return _of_each(compressor, one)
     # cylinders that are alike have one cycle
     return SeveralCycles(_repeated(compressor, one(compressor.mechanism)))
@@ -331,9 +331,9 @@ def _cycles(cycle: Cycle | SeveralCycles) -> Cycle:
 
 def _repeated(compressor: Compressor, tree):
     """The same for each of several cylinders."""
-    if compressor.cylinders is None:
+    count = compressor.crankshaft.count
+    if count == 1:
         return tree
-    count = compressor.cylinders.count
     return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), tree)
 
 
@@ -359,8 +359,7 @@ def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit) 
 
     found = _cycles(cycle).raw[1]
     edges, places = found.edges, gauss(found.points.shape[-2] - 1).nodes
-    if compressor.cylinders is None:
-        pace = on_panels(edges, 0.0)
-    else:
-        pace = jax.vmap(on_panels)(edges, compressor.cylinders.phase)
+    phase = compressor.crankshaft.phase
+    several = isinstance(cycle, SeveralCycles)
+    pace = jax.vmap(on_panels)(edges, phase) if several else on_panels(edges, phase[0])
     return _Motion(jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace)

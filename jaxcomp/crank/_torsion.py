@@ -26,9 +26,7 @@ from .._fields import (
     replaced,
     spread_columns,
 )
-from ..compressor import Compressor, at_speed, of_each_cylinder, without_crank
-from ..friction import joints_of_cylinder
-from ..mechanism import Cylinders
+from ..compressor import Compressor, at_speed, of_each_cylinder
 from ._collocation import Collocation
 from ._orbit import Orbit, time_harmonics
 from ._solve import solve_orbit
@@ -134,22 +132,23 @@ class CrankTrain(Part):
         """How many springs stand between motor and throws.
 
         Raises:
-            BadInput: another number of stiffnesses, or a machine without throws.
+            BadInput: another number of stiffnesses.
         """
-        count = self.inertia.size + len(_cylinders_of(compressor).rows) - 1
+        count = self.inertia.size + len(compressor.crankshaft.rows) - 1
         if self.stiffness.shape != (count,):
             raise BadInput("torsion.stiffness", self.stiffness, f"{count} values, one a spring")
         return count
 
     def chain(self, compressor: Compressor) -> TorsionalChain:
-        """The chain of a compressor with several cylinders.
+        """The chain of a machine.
 
         Raises:
             BadInput: inertias that leave none for the throws, or not one spring fewer than inertias.
         """
         count = self.springs(compressor)
         throws = throw_inertias(compressor)
-        whole = compressor.mechanism.crank_inertia
+        whole = compressor.crankshaft.inertia
+        assert whole is not None
         left = whole - jnp.sum(self.inertia)
         if not is_traced(left) and not bool(left > 0):
             raise BadInput(
@@ -184,21 +183,15 @@ def train_torques(
     The motor's torque acts on the first inertia, the friction of the main bearings evenly on the throws.
 
     Args:
-        compressor: with several cylinders.
+        compressor: the machine.
         orbit: its periodic state.
         train: its inertias and springs.
         count: harmonics; the orbit needs several nodes for a wave of the highest.
     """
     chain, own = train.chain(compressor), throw_torques(compressor, orbit)
-    losses, cylinders = orbit.loads.loss_torque, _cylinders_of(compressor)
-    of_rods = {
-        joint
-        for number in range(1, cylinders.count + 1)
-        for joint in joints_of_cylinder(number).values()
-    }
-    shaft = sum((loss for name, loss in losses.items() if name not in of_rods), jnp.zeros(()))
+    of_shaft = orbit.loads.total_loss_torque - jnp.sum(_own_losses(compressor, orbit), axis=0)
     before = jnp.zeros((train.inertia.size, orbit.time.size)).at[0].set(orbit.motor_torque)
-    torque = jnp.concatenate([before, own - shaft / own.shape[0]])
+    torque = jnp.concatenate([before, own - of_shaft / own.shape[0]])
     duration = orbit.weight / orbit.state.speed
     harmonic, frequency = time_harmonics(torque, orbit.time, duration, count)
     amplitude = chain.spring_torque(chain.response(harmonic, frequency), frequency)
@@ -215,7 +208,7 @@ def train_over_speed(
     """Mean torque of the first spring [N m] and peak of every spring [N m] at mean speeds [rad/s].
 
     Args:
-        compressor: with several cylinders; its motor gives way to the speed.
+        compressor: the machine; its motor gives way to the speed.
         train: its inertias and springs.
         speeds: [rad/s]
         count: harmonics; the orbit needs several nodes for a wave of the highest.
@@ -244,49 +237,32 @@ def throw_torques(compressor: Compressor, orbit: Orbit) -> Float[Array, "t n"]:
     of each throw (`throw_inertias`), which belongs to the chain.
 
     Args:
-        compressor: with several cylinders.
+        compressor: the machine.
         orbit: its periodic state.
-
-    Raises:
-        BadInput: a compressor without a description of its cylinders.
     """
-    cylinders = _cylinders_of(compressor)
     each = of_each_cylinder(orbit.under_gas(compressor), orbit.state.angle)
-    state, losses = orbit.state, orbit.loads.loss_torque
+    state = orbit.state
     swing = each.inertia - _mean_inertia(compressor)
     torque = each.conservative - swing * state.acceleration - 0.5 * each.inertia_1 * state.speed**2
-    own = [
-        sum(losses[name] for name in joints_of_cylinder(number).values() if name in losses)
-        for number in range(1, cylinders.count + 1)
-    ]
-    return _by_throw(cylinders, torque - jnp.stack([jnp.zeros_like(state.speed) + x for x in own]))
+    return compressor.crankshaft.of_throws(torque - _own_losses(compressor, orbit))
 
 
 def throw_inertias(compressor: Compressor) -> Float[Array, " t"]:
-    """[kg m^2] Mean inertia of the rods and pistons of each throw, reduced to the crank.
-
-    Raises:
-        BadInput: a compressor without a description of its cylinders.
-    """
-    cylinders = _cylinders_of(compressor)
-    mean = _mean_inertia(compressor)[:, 0]
-    return _by_throw(cylinders, jnp.broadcast_to(mean, (cylinders.count,)))
+    """[kg m^2] Mean inertia of the rods and pistons of each throw, reduced to the crank."""
+    return compressor.crankshaft.of_throws(_mean_inertia(compressor)[:, 0])
 
 
-def _cylinders_of(compressor: Compressor) -> Cylinders:
-    if compressor.cylinders is None:
-        raise BadInput("cylinders", "absent", "given: throws and banks of the machine")
-    return compressor.cylinders
+def _own_losses(compressor: Compressor, orbit: Orbit) -> Float[Array, "k n"]:
+    """[N m] Loss torque of the joints that each cylinder has for itself."""
+    losses, crankshaft = orbit.loads.loss_torque, compressor.crankshaft
+    joints = {} if compressor.friction is None else vars(compressor.friction)
+    none = jnp.zeros_like(orbit.state.speed)
+    return jnp.stack([
+        sum((losses.get(crankshaft.joint(name, k), none) for name in joints), none)
+        for k in range(1, crankshaft.count + 1)
+    ])  # fmt: skip
 
 
 def _mean_inertia(compressor: Compressor) -> Float[Array, "k 1"]:
     angle = jnp.linspace(0.0, 2 * jnp.pi, _SAMPLES, endpoint=False)
-    single = _cylinders_of(compressor).each(without_crank(compressor), angle)
-    return jnp.atleast_2d(jnp.mean(single.inertia(angle)[0], axis=-1, keepdims=True))
-
-
-def _by_throw(cylinders: Cylinders, values):
-    """Sums over the cylinders of each throw."""
-    sizes = [throw.banks.size for throw in cylinders.rows]
-    ends = np.cumsum(sizes)[:-1]
-    return jnp.stack([jnp.sum(part, axis=0) for part in jnp.split(values, ends)])
+    return jnp.mean(of_each_cylinder(compressor, angle).inertia, axis=-1, keepdims=True)

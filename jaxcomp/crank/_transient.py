@@ -318,14 +318,14 @@ def _listed(compressor: Compressor, good, motion, reached, scales, **others) -> 
 
 def _of_gas(gas: GasCourse, at) -> Iterator[Data]:
     """Pressure, temperature, mass, lifts and flows; of several cylinders with their numbers."""
-    several = gas.pressure.ndim > 1
     plenums = () if gas.plenum_pressure is None else gas.plenum_pressure
     for number, pressure in enumerate(plenums, 1):
         yield Data(f"plenum_pressure.{number}", "Pa", pressure, at)
     gas = dataclasses.replace(gas, plenum_pressure=None)
-    for number in range(gas.pressure.shape[0] if several else 1):
-        one = jax.tree.map(lambda leaf, number=number: leaf[number], gas) if several else gas
-        end = f".{number + 1}" if several else ""
+    count = gas.pressure.shape[0]
+    for number in range(count):
+        one = jax.tree.map(lambda leaf, number=number: leaf[number], gas)
+        end = f".{number + 1}" if count > 1 else ""
         yield Data(f"pressure{end}", "Pa", one.pressure, at)
         yield Data(f"temperature{end}", "K", one.temperature, at)
         yield Data(f"mass{end}", "kg", one.mass, at)

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Int
 from .._each import stacked
 from .._fields import ANY, of_cylinder, quantity, replaced
 from .._implicit import zeros_of
-from ..compressor import Compressor, instants, without_crank
+from ..compressor import Compressor, instants
 from ..cylinder import Cylinder
 from ..cylinder._balance import (
     EVENTS,
@@ -55,7 +55,7 @@ class HeldPressure(AbstractGas):
     """A pressure that something else decides, at one instant.
 
     Args:
-        value: [Pa] in the cylinder, or in each of several.
+        value: [Pa] in each cylinder.
         back_pressure: [Pa] behind the piston.
     """
 
@@ -74,24 +74,24 @@ class HeldPressure(AbstractGas):
 
 
 class GasCourse(eqx.Module):
-    """The gas in the cylinders over time; with k cylinders every entry has a leading axis of k.
+    """The gas in k cylinders over time.
 
     Attributes:
-        pressure: [Pa] (n,)
-        temperature: [K] (n,)
-        mass: [kg] (n,)
-        lift: [m] (2, n) of suction and discharge valve.
-        flow: [kg/s] (2, n) through them, forward.
-        totals: [kg] and [J] since the start.
+        pressure: [Pa] (k, n)
+        temperature: [K] (k, n)
+        mass: [kg] (k, n)
+        lift: [m] (k, 2, n) of suction and discharge valve.
+        flow: [kg/s] (k, 2, n) through them, forward.
+        totals: [kg] and [J] since the start, (k,) each.
         plenum_pressure: [Pa] (p, n) in the plenums before the suction valves and behind the discharge
             valves, which all cylinders share; `None` without any.
     """
 
-    pressure: Float[Array, "*k n"]
-    temperature: Float[Array, "*k n"]
-    mass: Float[Array, "*k n"]
-    lift: Float[Array, "*k 2 n"]
-    flow: Float[Array, "*k 2 n"]
+    pressure: Float[Array, "k n"]
+    temperature: Float[Array, "k n"]
+    mass: Float[Array, "k n"]
+    lift: Float[Array, "k 2 n"]
+    flow: Float[Array, "k 2 n"]
     totals: Accounts
     plenum_pressure: Float[Array, "p n"] | None = None
 
@@ -144,7 +144,7 @@ class CrankAndGas(AbstractLaw):
         def one(case, angle, state, flags):
             return rates(case, angle, state, flags, speed=now, sides=sides)
 
-        own = _own_angles(self.compressor, at["angle"])
+        own = self.compressor.crankshaft.own_angle(at["angle"])
         found = jax.vmap(one)(self.cases, own, at["gas"], _of_cylinders(flags))
         if not pair:
             return found, jnp.zeros(0)
@@ -205,7 +205,8 @@ class CrankAndGas(AbstractLaw):
 
         def instant(given):
             at, flags = given
-            own, (found, _) = _own_angles(self.compressor, at["angle"]), self.gases(at, flags)
+            own = self.compressor.crankshaft.own_angle(at["angle"])
+            found, _ = self.gases(at, flags)
             T, rho = jax.vmap(temperature_and_density)(cases, own, at["gas"])
             volume = jax.vmap(lambda case, a: case.volume(a)[0])(cases, own)
             scale = jax.vmap(lambda c: jnp.stack([valve_scales(c, i)[0] for i in (0, 1)]))(cases)
@@ -220,8 +221,6 @@ class CrankAndGas(AbstractLaw):
         totals = marched.state[self.kept :].reshape(cases.top.size, -1)
         totals = Accounts(*(totals * jax.vmap(account_scales)(cases)).T)
         made = GasCourse(*(jnp.moveaxis(value, 0, -1) for value in values), totals=totals)
-        if self.compressor.cylinders is None:
-            made = jax.tree.map(lambda leaf: leaf[0], made)
         if some:
             made = dataclasses.replace(made, plenum_pressure=of_plenums.T)
         return made, rise
@@ -245,7 +244,7 @@ def march_with_gas(
     first = {
         "angle": angle,
         "speed": speed / pace,
-        "gas": jax.vmap(_at_suction)(cases, _own_angles(compressor, angle)),
+        "gas": jax.vmap(_at_suction)(cases, compressor.crankshaft.own_angle(angle)),
         "plenums": first_states(jax.tree.map(lambda leaf: leaf[0], cases), rest=True),
     }
     first["work"] = zeros_of(_crank, compressor, first, jnp.zeros(cases.top.size), True)[1]
@@ -267,12 +266,6 @@ def march_with_gas(
     return law, marched
 
 
-def _own_angles(compressor: Compressor, angle) -> Float[Array, " k"]:
-    """[rad] Of every cylinder."""
-    several = compressor.cylinders
-    return angle[None] if several is None else several.own_angle(angle)
-
-
 def _of_cylinders(flags) -> Int[Array, "k 6"]:
     return flags[:-2].reshape(-1, FLAGS)
 
@@ -291,10 +284,8 @@ def _cases(compressor: Compressor) -> Case:
     gas: Any = compressor.gas
     assert isinstance(gas, Cylinder)
     speed = compressor.motor.speed_guess
-    if compressor.cylinders is None:
-        return jax.tree.map(lambda leaf: leaf[None], prepare(gas, compressor.mechanism, speed))
-    single = without_crank(compressor)
-    each = stacked([of_cylinder(single, i + 1) for i in range(compressor.cylinders.count)])
+    count = compressor.crankshaft.count
+    each = stacked([of_cylinder(compressor.mechanism, i + 1) for i in range(count)])
     return jax.vmap(lambda one: prepare(gas, one, speed))(each)
 
 
@@ -302,9 +293,7 @@ def _held(compressor: Compressor, pressure=None) -> Compressor:
     """The compressor with given pressures in its cylinders, (k,); those of the suction line if absent."""
     gas: Any = compressor.gas
     behind = gas.behind_piston
-    count = 1 if compressor.cylinders is None else compressor.cylinders.count
-    value = jnp.full(count, behind) if pressure is None else pressure
-    value = value if compressor.cylinders is not None else value[0]
+    value = jnp.full(compressor.crankshaft.count, behind) if pressure is None else pressure
     return replaced(compressor, gas=HeldPressure(value, behind))
 
 

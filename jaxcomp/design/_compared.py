@@ -28,7 +28,7 @@ from .._fields import (
 from .._status import Status
 from ..compressor import Compressor, compressor_of
 from ..crank import Collocation, Orbit, solve_orbit
-from ..friction import CoulombJournal, MainBearings, SliderCrankFriction, SliderLinkFriction
+from ..friction import CoulombJournal, SliderCrankFriction, SliderLinkFriction
 from ..machine import Machine, machine_of
 from ..mechanism import SliderCrank, SliderLink
 from ._rules import design_rules
@@ -135,51 +135,43 @@ def rod_driven(machine: Any, rod: RodDrive) -> Compressor:
     the rotating share of the rod and half of the reciprocating masses, in the plane of the piston.
 
     Args:
-        machine: a slider-link machine with both shaft bearings: a compressor, a machine or a scene.
+        machine: a slider-link machine: a compressor, a machine or a scene.
         rod: the rod and its piston.
 
     Raises:
-        BadInput: another mechanism, or a missing shaft bearing.
+        BadInput: another mechanism.
     """
     compressor = compressor_of(machine)
     mechanism, friction = compressor.mechanism, compressor.friction
+    crankshaft = compressor.crankshaft
     if not isinstance(mechanism, SliderLink) or not isinstance(friction, SliderLinkFriction):
         raise BadInput(
             "mechanism", getattr(mechanism, "kind", "another"), "a slider_link with friction"
         )
-    if friction.upper_bearing is None or friction.lower_bearing is None:
-        raise BadInput("friction", "without", "one with an upper_bearing and a lower_bearing")
     crank = SliderCrank(
         bore=mechanism.bore,
         crank_radius=mechanism.crank_radius,
         conrod_length=rod.conrod_length,
         piston_mass=rod.piston_mass,
         conrod_mass=rod.conrod_mass,
-        crank_inertia=mechanism.crank_inertia,
         conrod_centre=rod.conrod_centre,
         conrod_inertia=rod.conrod_inertia,
-        crank_mass=mechanism.crank_mass,
     )
-    crank = replaced(crank, crank_unbalance=-crank.half_balance)
+    none = jnp.zeros(())
+    crankshaft = rebuilt(
+        crankshaft, balanced=True, unbalance=none, shaft_unbalance=None, shaft_couple=None
+    )
     film = friction.piston_film
     if film is not None:
         film = replaced(film, length=rod.piston_length)
-    support = MainBearings(
-        (friction.upper_bearing, friction.lower_bearing),
-        mechanism.overhang + jnp.stack([jnp.zeros(()), mechanism.bearing_span]),
-        mechanism.crank_mass,
-        friction.thrust_bearing,  # pyright: ignore[reportArgumentType]
-        friction.pump,  # pyright: ignore[reportArgumentType]
-        ("upper_bearing", "lower_bearing"),
-    )
     laws = SliderCrankFriction(
         wall=friction.wall,
         piston_film=film,
         piston_pin=CoulombJournal(rod.pin_coefficient, rod.pin_diameter),
         crank_pin=friction.crank_pin,
-        main_journal=support,
     )
-    return Compressor(crank, compressor.motor, compressor.gas, laws, compressor.gravity)
+    parts = compressor.motor, compressor.gas, laws, compressor.gravity
+    return Compressor(crank, crankshaft, *parts)
 
 
 class DriveComparison(NamedTuple):

@@ -13,7 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, POSITIVE, BadInput, Bound, is_traced, listed, replaced
+from .._fields import ANY, POSITIVE, BadInput, Bound, is_traced, listed, rebuilt, replaced
 from .._registry import DESIGN_RULES
 from ..compressor import Compressor
 from ..machine import Machine
@@ -94,23 +94,20 @@ def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
             conrod_mass=mechanism.conrod_mass * scale,
             conrod_inertia=mechanism.conrod_inertia * scale**2,
         )
-    alone = isinstance(mechanism, SliderCrank) and _compressor(machine).cylinders is None
-    share = scale**2 if alone else scaled.half_balance / mechanism.half_balance
+    several = _compressor(machine).crankshaft.count > 1
+    alike = several or isinstance(mechanism, SliderLink)
+    share = scaled.half_balance / mechanism.half_balance if alike else scale**2
     return _with_unbalances(_with_compressor(machine, mechanism=scaled), share)
 
 
 def _with_unbalances(machine: _Machine, share: Float[Array, ""]) -> _Machine:
     """The machine with all unbalances of its crankshaft, or of the rotor that it is, times a factor."""
-    names = "crank_unbalance", "crank_unbalance_across", "crank_couple"
-    names += "crank_eccentricity", "crank_product", "crank_product_across"
-    compressor = _compressor(machine)
-    mechanism, cylinders = compressor.mechanism, compressor.cylinders
-    changes = {"mechanism": _scaled(mechanism, names, share)}
-    if cylinders is not None:
-        throws = tuple(_scaled(throw, ("unbalance",), share) for throw in cylinders.throws)
-        of_shaft = _scaled(cylinders, ("unbalance", "couple"), share)
-        changes["cylinders"] = eqx.tree_at(lambda c: c.throws, of_shaft, throws)
-    made = _with_compressor(machine, **changes)
+    shaft = _compressor(machine).crankshaft
+    throws = tuple(_scaled(throw, ("unbalance",), share) for throw in shaft.throws)
+    shaft = rebuilt(
+        _scaled(shaft, ("unbalance", "shaft_unbalance", "shaft_couple"), share), throws=throws
+    )
+    made = _with_compressor(machine, crankshaft=shaft)
     case = made.parts.get("loads") if isinstance(made, Machine) else None
     if not isinstance(case, LoadCase) or case.crank is None or not case.unbalances:
         return made

@@ -14,7 +14,8 @@ from jaxtyping import Array, Float
 
 from .._fields import ANY, NONNEGATIVE, BadInput, Bound, Part, quantities
 from .._words import hint
-from ..machine import OF_ROTOR, OF_ROTOR_CYLINDERS, Machine, follows_rotor
+from ..crankshaft import OF_ROTOR
+from ..machine import Machine, follows_rotor
 from ._rules import design_rules
 
 _Given = TypeVar("_Given")
@@ -170,10 +171,9 @@ def list_length(design: Machine, name: str) -> int:
 
 
 def _follows(design: Machine, name: str) -> bool:
-    root, _, rest = name.partition(".")
-    derived = root == "mechanism" and rest.split(".")[0] in OF_ROTOR
-    derived |= root == "cylinders" and rest.split(".")[-1] in OF_ROTOR_CYLINDERS
-    return derived and follows_rotor(design)
+    root, *rest = name.split(".")
+    own = rest[:1] if rest[:1] != ["throws"] else rest[2:]
+    return root == "crankshaft" and bool({*own} & {*OF_ROTOR, "position"}) and follows_rotor(design)
 
 
 def _polar(name: str) -> tuple[str, str]:

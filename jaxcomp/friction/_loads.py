@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from functools import singledispatch
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -59,15 +59,48 @@ _NEWTON_STEPS = 6
 _LEAST_SLOPE = 1e-3
 
 
-class AbstractJointLoop(AbstractRoot):
-    """The joints at given instants, up to one unknown of each instant that closes their balance.
+class Marks(NamedTuple):
+    """Quantities that mark load reversals.
 
-    Everything else follows from the unknown, a force, explicitly. A solver of the motion carries the
-    unknown along and improves it together with the motion; `joint_loads` solves for it.
+    Attributes:
+        kinks: [N] whose sign changes put kinks into the losses.
+        along, across: [N] components along x and y of loads that may come close to zero: the sign
+            changes of the first mark the places, the second tell how close.
     """
 
-    # How many quantities of `balance` are kinks; the others belong to near-zero loads.
+    kinks: tuple[Float[Array, "*n"], ...]
+    along: tuple[Float[Array, "*n"], ...]
+    across: tuple[Float[Array, "*n"], ...]
+
+
+class Balance(NamedTuple):
+    """The joints of one cylinder for an assumed unknown.
+
+    Attributes:
+        excess: [N] what is left of the balance; its slope over the unknown is near 1.
+        loss: [N m] loss torque of these joints.
+        force: [N] of the crank on what it drives.
+        marks: of load reversals.
+    """
+
+    excess: Float[Array, "*n"]
+    loss: Float[Array, "*n"]
+    force: Vector
+    marks: Marks
+
+
+class AbstractJointLoop(AbstractRoot):
+    """The joints of one cylinder at given instants, up to one unknown that closes their balance.
+
+    Everything else follows from the unknown, a force, explicitly; `joint_loads` solves for it.
+    """
+
+    # How many quantities of `Marks` are kinks.
     kinks: ClassVar[int] = 1
+    # The joint whose force is that of the crank on what it drives.
+    at_crank: ClassVar[str] = "crank_pin"
+    # Whether loads of the shaft come close to zero at places of their own.
+    marks_shaft: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -87,26 +120,8 @@ class AbstractJointLoop(AbstractRoot):
         """[N] What is left of the balance; its slope over the unknown is near 1."""
 
     @abstractmethod
-    def balance(
-        self, unknown: Float[Array, "*n"]
-    ) -> tuple[Float[Array, "*n"], Float[Array, "*n"], tuple[Float[Array, "*n"], ...]]:
-        """The excess, the loss torque [N m] of all joints, and the quantities that mark reversals.
-
-        These are first the kinks; then, of the loads that may come close to zero, the components
-        along x, whose sign changes mark the places, and those along y, which tell how close.
-        """
-
-    def total_loss(self, loss) -> Float[Array, "*n"]:
-        """[N m] Of all joints, from what `balance` gives as the loss."""
-        return loss
-
-    def rows(self, marks: tuple[Float[Array, "..."], ...]) -> tuple[Float[Array, "*n"], ...]:
-        """The quantities that mark reversals, one by one."""
-        return marks
-
-    def directions(self, unknown: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Directions of the unknowns of an instant, along a new leading axis."""
-        return jnp.ones_like(unknown)[None]
+    def balance(self, unknown: Float[Array, "*n"]) -> Balance:
+        """The excess with losses, force on the crank and marks of load reversals."""
 
     @abstractmethod
     def loads(self, unknown: Float[Array, "*n"], evidence: bool) -> JointLoads:

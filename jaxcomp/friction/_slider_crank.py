@@ -31,13 +31,14 @@ from ._laws import AbstractJournal, AbstractSlide, Packing, PistonFilm
 from ._loads import (
     AbstractFriction,
     AbstractJointLoop,
+    Balance,
     JointLoads,
+    Marks,
     joint_loop,
     journal_loss,
     journal_moment,
     relative,
 )
-from ._support import MainBearings, shaft_losses
 
 
 class SliderCrankFriction(AbstractFriction):
@@ -48,7 +49,6 @@ class SliderCrankFriction(AbstractFriction):
         piston_film: oil between piston and cylinder; it needs its wetted length.
         piston_pin: piston pin in the small end.
         crank_pin: crank pin in the big end.
-        main_journal: shaft in its main bearing in the plane of the rod, or in `MainBearings`.
         packing: rings about the piston rod of a machine with crosshead.
 
     Raises:
@@ -61,7 +61,6 @@ class SliderCrankFriction(AbstractFriction):
     piston_film: PistonFilm | None = None
     piston_pin: AbstractJournal | None = None
     crank_pin: AbstractJournal | None = None
-    main_journal: AbstractJournal | MainBearings | None = None
     packing: Packing | None = None
 
     def __check_init__(self):
@@ -73,6 +72,8 @@ class SliderCrankFriction(AbstractFriction):
 
 class SliderCrankLoop(AbstractJointLoop):
     """The joints of a slider-crank up to the side force N [N] of the cylinder wall."""
+
+    marks_shaft: ClassVar[bool] = True
 
     friction: SliderCrankFriction  # the laws of the joints
     bodies: RodBalance  # inertia, weight and gas forces
@@ -129,16 +130,12 @@ class SliderCrankLoop(AbstractJointLoop):
         return self._left(*self._pins(unknown, self._wall(unknown)))
 
     def balance(self, unknown):
-        return self.balance_and_rod_force(unknown)[0]
-
-    def balance_and_rod_force(self, unknown):
-        """The balance, and the force of the crank on the rod [N]."""
         wall = self._wall(unknown)
         forces, *moments = self._pins(unknown, wall)
         loss = sum(self._losses(forces, wall, *moments).values(), jnp.zeros_like(wall))
         near_zero = self._near_zero(forces)
-        marks = (unknown, *(force.x for force in near_zero), *(force.y for force in near_zero))
-        return (self._left(forces, *moments), loss, marks), forces.crank_pin
+        marks = Marks((unknown,), tuple(f.x for f in near_zero), tuple(f.y for f in near_zero))
+        return Balance(self._left(forces, *moments), loss, forces.crank_pin, marks)
 
     def _near_zero(self, forces):
         """Forces of the joints with a law: where one comes close to zero, its magnitude turns."""
@@ -164,15 +161,7 @@ class SliderCrankLoop(AbstractJointLoop):
             loss["crank_pin"] = journal_loss(
                 friction.crank_pin, crank_pin, 1 + rod.tilt_1, forces.crank_pin, self.speed
             )
-        shaft = self._shaft(forces) or {"main_journal": forces.main_journal}
-        return loss | shaft_losses(friction.main_journal, shaft, self.speed)
-
-    def _shaft(self, forces) -> dict[str, Vector]:
-        """Force of each main bearing on the shaft [N], by name."""
-        support = self.friction.main_journal
-        if not isinstance(support, MainBearings):
-            return {}
-        return support.reactions(forces.main_journal, self.bodies.crank_moment)
+        return loss
 
     def loads(self, unknown, evidence):
         side, wall = unknown, self._wall(unknown)
@@ -190,8 +179,6 @@ class SliderCrankLoop(AbstractJointLoop):
                 "wall": jnp.stack([-wall, side]),
                 "piston_pin": forces.piston_pin.stacked(),
                 "crank_pin": forces.crank_pin.stacked(),
-                "main_journal": forces.main_journal.stacked(),
-                **{name: force.stacked() for name, force in self._shaft(forces).items()},
             },
             loss_torque=self._losses(forces, wall, *moments),
             residual=residual,

@@ -27,22 +27,22 @@ from ..mechanism import (
     PistonLoads,
     SliderLink,
     Vector,
-    bearing_reactions,
     contact,
     contact_arms,
 )
-from ._laws import AbstractDrag, AbstractJournal, AbstractSlide, PistonFilm
+from ._laws import AbstractJournal, AbstractSlide, PistonFilm
 from ._loads import (
     AbstractFriction,
     AbstractJointLoop,
+    Balance,
     JointLoads,
+    Marks,
     joint_loads,
     joint_loop,
     journal_moment,
     relative,
     shaft_loss,
 )
-from ._support import drag_losses
 
 
 class SliderLinkFriction(AbstractFriction):
@@ -55,8 +55,6 @@ class SliderLinkFriction(AbstractFriction):
         piston_film: oil between piston and cylinder, over the engaged length of the piston.
         link_slider: slider in its link.
         crank_pin: crank pin in the slider.
-        upper_bearing, lower_bearing: of the shaft.
-        thrust_bearing, pump: drag on the shaft.
         slider_moment: "paper" as printed, "balanced" with the couple between slider and link.
 
     Raises:
@@ -69,10 +67,6 @@ class SliderLinkFriction(AbstractFriction):
     piston_film: PistonFilm | None = None
     link_slider: AbstractSlide | None = None
     crank_pin: AbstractJournal | None = None
-    upper_bearing: AbstractJournal | None = None
-    lower_bearing: AbstractJournal | None = None
-    thrust_bearing: AbstractDrag | None = None
-    pump: AbstractDrag | None = None
     slider_moment: Literal["paper", "balanced"] = eqx.field(static=True, default="paper")
 
     def __check_init__(self):
@@ -162,24 +156,17 @@ class SliderLinkLoop(AbstractJointLoop):
         return self._left(unknown, self._pin_moment(self._contacts(unknown)[2]))
 
     def balance(self, unknown):
-        return self.balance_and_rod_force(unknown)[0]
-
-    def balance_and_rod_force(self, unknown):
-        """The balance, and the force of the crank pin on the slider [N]."""
         touch, on_link, pin = self._contacts(unknown)
-        loss, moment, _ = self._losses(touch, on_link, pin)
+        loss, moment = self._losses(touch, on_link, pin)
         total = sum(loss.values(), jnp.zeros_like(unknown))
         # The bearings' loads come close to zero with that of the pin, too near for places of their own.
-        marks = (touch.crown, touch.edge, touch.slider, *pin)
-        return (self._left(unknown, moment), total, marks), pin
+        marks = Marks((touch.crown, touch.edge, touch.slider), (pin.x,), (pin.y,))
+        return Balance(self._left(unknown, moment), total, pin, marks)
 
     def _losses(self, touch, on_link, pin):
-        """Loss torques [N m] by joint, the moment of the crank pin, forces of the two bearings."""
+        """Loss torques [N m] by joint, and the moment of the crank pin."""
         friction, motion, speed = self.friction, self.motion, self.state.speed
         moment = self._pin_moment(pin)
-        bearings = bearing_reactions(
-            self.mechanism, self.motion.crank_acceleration(self.state), pin, self.gravity
-        )
         loss = {}
         if friction.wall is not None:
             pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)
@@ -194,17 +181,11 @@ class SliderLinkLoop(AbstractJointLoop):
                 if isinstance(friction.crank_pin, PlacedJournal)
                 else moment
             )
-        names = ("upper_bearing", "lower_bearing")
-        for name, force in zip(names, bearings, strict=True):
-            law = getattr(friction, name)
-            if law is not None:
-                loss[name] = shaft_loss(law, force, speed)
-        loss |= drag_losses(friction, speed, self.mechanism.crank_mass)
-        return loss, moment, bearings
+        return loss, moment
 
     def loads(self, unknown, evidence):
         touch, on_link, pin = self._contacts(unknown)
-        loss, pin_moment, bearings = self._losses(touch, on_link, pin)
+        loss, pin_moment = self._losses(touch, on_link, pin)
         residual = margin = None
         if evidence:
             residual = self._residual(touch, on_link, pin_moment)
@@ -219,8 +200,6 @@ class SliderLinkLoop(AbstractJointLoop):
                 "piston_film": jnp.stack([-self.film, jnp.zeros_like(self.film)]),
                 "link_slider": on_link.stacked(),
                 "crank_pin": pin.stacked(),
-                "upper_bearing": bearings[0].stacked(),
-                "lower_bearing": bearings[1].stacked(),
             },
             loss_torque=loss,
             residual=residual,

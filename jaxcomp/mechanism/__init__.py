@@ -4,16 +4,13 @@ from ._base import AbstractKinematics as AbstractKinematics
 from ._base import AbstractMechanism as AbstractMechanism
 from ._base import CrankState as CrankState
 from ._base import Vector as Vector
+from ._base import cross as cross
+from ._base import rotating as rotating
 from ._base import turned_with as turned_with
-from ._cylinders import Cylinders as Cylinders
-from ._cylinders import OrderSums as OrderSums
-from ._cylinders import Throw as Throw
-from ._cylinders import counterweights as counterweights
 from ._slider_crank import PinForces as PinForces
 from ._slider_crank import RodBalance as RodBalance
 from ._slider_crank import RodMotion as RodMotion
 from ._slider_crank import SliderCrank as SliderCrank
-from ._slider_crank import crank_pull as crank_pull
 from ._slider_crank import pin_forces as pin_forces
 from ._slider_crank import rod_balance as rod_balance
 from ._slider_crank import rod_moment as rod_moment
@@ -23,6 +20,5 @@ from ._slider_link import ContactArms as ContactArms
 from ._slider_link import LinkMotion as LinkMotion
 from ._slider_link import PistonLoads as PistonLoads
 from ._slider_link import SliderLink as SliderLink
-from ._slider_link import bearing_reactions as bearing_reactions
 from ._slider_link import contact as contact
 from ._slider_link import contact_arms as contact_arms

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import Part
+from .._fields import BadInput, Part
 
 
 class CrankState(NamedTuple):
@@ -88,7 +88,9 @@ class AbstractKinematics(eqx.Module):
 
 
 class AbstractMechanism(Part):
-    """A mechanism of one degree of freedom that drives one piston from one crank.
+    """The linkage of one cylinder: one degree of freedom that drives one piston from one crank.
+
+    What belongs to the crankshaft, its inertia and unbalance too, stands in `Crankshaft`.
 
     The frame has its origin at the crank centre, x along the cylinder towards the head, y across,
     and the crank turns from +x towards +y. A prime is a derivative with respect to crank angle.
@@ -98,7 +100,6 @@ class AbstractMechanism(Part):
     load_reversals: ClassVar[int] = 4
 
     piston_mass: eqx.AbstractVar[Float[Array, ""]]
-    crank_inertia: eqx.AbstractVar[Float[Array, ""]]
 
     @abstractmethod
     def kinematics(self, angle: Float[Array, "*n"]) -> AbstractKinematics:
@@ -108,13 +109,23 @@ class AbstractMechanism(Part):
     def reduced_inertia(
         self, kinematics: AbstractKinematics
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-        """Inertia reduced to the crank J [kg m^2] and J' [kg m^2/rad]."""
+        """Inertia of the linkage reduced to the crank J [kg m^2] and J' [kg m^2/rad]."""
 
     @abstractmethod
     def weight_torque(
         self, kinematics: AbstractKinematics, gravity: Float[Array, "2"]
     ) -> Float[Array, "*n"]:
-        """Torque [N m] of all weights on the crank, in a gravity [m/s^2] in x, y."""
+        """Torque [N m] of the linkage's weights on the crank, in a gravity [m/s^2] in x, y."""
+
+    @property
+    def half_balance(self) -> Float[Array, ""]:
+        """[kg m] What a counterweight balances: all that rotates and half of what reciprocates.
+
+        Raises:
+            BadInput: a mechanism that does not say.
+        """
+        bound = f"absent: a mechanism of type {self.kind} has no half_balance"
+        raise BadInput("crankshaft.balanced", True, bound)
 
     def piston(
         self, angle: Float[Array, "*n"]
@@ -124,13 +135,13 @@ class AbstractMechanism(Part):
         return kinematics.position, kinematics.position_1, kinematics.position_2
 
     def inertia(self, angle: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-        """Inertia reduced to the crank J [kg m^2] and J' [kg m^2/rad] at crank angles [rad]."""
+        """Inertia of the linkage, J [kg m^2] and J' [kg m^2/rad], at crank angles [rad]."""
         return self.reduced_inertia(self.kinematics(angle))
 
     def gravity_torque(
         self, angle: Float[Array, "*n"], gravity: Float[Array, "2"]
     ) -> Float[Array, "*n"]:
-        """Torque [N m] of all weights on the crank at an angle [rad], in a gravity [m/s^2] in x, y."""
+        """Torque [N m] of the linkage's weights on the crank at an angle [rad], as `weight_torque`."""
         return self.weight_torque(self.kinematics(angle), gravity)
 
     @abstractmethod

@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, quantity, replaced
+from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity, replaced
 from ._base import (
     AbstractKinematics,
     AbstractMechanism,
@@ -25,31 +25,23 @@ from ._base import (
     Vector,
     crank_direction,
     swing_at,
-    turned_with,
 )
 
 
 class SliderCrank(AbstractMechanism):
-    """Crank, connecting rod and piston as rigid bodies.
+    """Connecting rod and piston on a crank, as rigid bodies.
 
     The rod's mass centre lies on the line of its eyes, `conrod_centre` from the big end (the
     length b of Tsuji; a = l - b from the small end).
 
     Args:
         piston_mass: [kg] piston with rings and pin.
-        crank_inertia: [kg m^2] crankshaft with rotor about the shaft axis; absent where it follows
-            from the rotor of the same machine.
         bore: [m] piston diameter.
         crank_radius: [m] half the stroke if the offset is 0.
         conrod_length: [m] l, between the centres of the eyes.
         conrod_mass: [kg] of the rod.
         conrod_centre: [m] b, mass centre of the rod from the big end.
         conrod_inertia: [kg m^2] rod about its own mass centre.
-        crank_unbalance: [kg m] of the crank alone, positive at the pin's side.
-        crank_unbalance_across: [kg m] its part 90 degrees ahead of the pin; absent for none.
-        crank_couple: [kg m^2] (2,) sum of m r z over the crank, towards the pin and 90 degrees ahead
-            of it, z along the shaft from the plane of the rod; absent for none.
-        crank_mass: [kg] crankshaft with rotor; only its weight is used.
         offset: [m] cylinder axis at y = offset.
     """
 
@@ -61,31 +53,13 @@ class SliderCrank(AbstractMechanism):
     conrod_length: Float[Array, ""] = quantity("m", POSITIVE, doc="between the centres of the eyes")
     piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="piston with rings and pin")
     conrod_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE)
-    crank_inertia: Float[Array, ""] | None = quantity(
-        "kg m^2",
-        POSITIVE,
-        default=None,
-        doc="crankshaft with rotor about the shaft axis; absent where it follows from [rotor]",
-    )
     conrod_centre: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="mass centre of the rod from the big end"
     )
     conrod_inertia: Float[Array, ""] = quantity(
         "kg m^2", NONNEGATIVE, default=0.0, doc="rod about its own mass centre"
     )
-    crank_unbalance: Float[Array, ""] = quantity(
-        "kg m", ANY, default=0.0, doc="of the crank alone, positive at the pin's side"
-    )
-    crank_mass: Float[Array, ""] = quantity(
-        "kg", NONNEGATIVE, default=0.0, doc="crankshaft with rotor; only its weight is used"
-    )
     offset: Float[Array, ""] = quantity("m", ANY, default=0.0, doc="cylinder axis at y = offset")
-    crank_unbalance_across: Float[Array, ""] | None = quantity(
-        "kg m", ANY, default=None, doc="its part 90 degrees ahead of the pin"
-    )
-    crank_couple: Float[Array, "2"] | None = quantity(
-        "kg m^2", ANY, shape=(2,), default=None, doc="sum of m r z, z from the plane of the rod"
-    )
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         reach = self.crank_radius + abs(self.offset) < self.conrod_length
@@ -124,23 +98,17 @@ class SliderCrank(AbstractMechanism):
         return rod_motion(self, angle)
 
     def reduced_inertia(self, kinematics: "RodMotion"):  # pyright: ignore[reportIncompatibleMethodOverride]
-        r"""Tsuji's reduced inertia with its rate.
+        r"""Tsuji's reduced inertia with its rate, but for that of the crankshaft, I_0.
 
-        $$J = I_0 + m_c \tfrac{a}{l} r^2 + (m_p + m_c \tfrac{b}{l}) x_p'^2
+        $$J - I_0 = m_c \tfrac{a}{l} r^2 + (m_p + m_c \tfrac{b}{l}) x_p'^2
             + (I_c - m_c a b) \phi'^2$$
-
-        Raises:
-            BadInput: no inertia of the crank, as in a machine whose rotor is not put together yet.
         """
-        if self.crank_inertia is None:
-            raise BadInput("crank_inertia", "absent", "given, or a machine with a rotor")
         rod, b = kinematics, self.conrod_centre
         rotating_mass, of_rod = self.rod_masses
         reciprocating_mass = self.piston_mass + of_rod
         residue = self.conrod_inertia - self.conrod_mass * (self.conrod_length - b) * b
         value = (
-            self.crank_inertia
-            + rotating_mass * self.crank_radius**2
+            rotating_mass * self.crank_radius**2
             + reciprocating_mass * (rod.position_1 * rod.position_1)
             + residue * (rod.tilt_1 * rod.tilt_1)
         )
@@ -177,15 +145,11 @@ class SliderCrank(AbstractMechanism):
 
     def weight_torque(self, kinematics, gravity):
         rod, (rotating, of_rod) = kinematics, self.rod_masses
-        swinging = self.crank_unbalance + rotating * self.crank_radius
-        # the derivative of the crank's unit vector is (-sin, cos), that of the one ahead (-cos, -sin)
+        swinging = rotating * self.crank_radius
+        # the derivative of the crank's unit vector is (-sin, cos)
         along_crank = gravity[1] * rod.cosine - gravity[0] * rod.sine
         sliding = (self.piston_mass + of_rod) * gravity[0] * rod.position_1
-        torque = swinging * along_crank + sliding
-        if self.crank_unbalance_across is not None:
-            ahead = -gravity[0] * rod.cosine - gravity[1] * rod.sine
-            torque = torque + self.crank_unbalance_across * ahead
-        return torque
+        return swinging * along_crank + sliding
 
 
 class RodMotion(AbstractKinematics):
@@ -249,8 +213,6 @@ class RodBalance(eqx.Module):
         pin_x: [N] T_x without wall friction.
         piston_weight: [N] m_p g_y.
         rod_inertia: [N] m_c (a_G - g).
-        crank_inertia: [N] m_u (a_u - g).
-        crank_moment: [N m] sum of m a z over the crank, z from the plane of the rod; `None` for none.
         moment: [N m] I_c phi_dd + m_c r_M x (a_G - g).
     """
 
@@ -259,8 +221,6 @@ class RodBalance(eqx.Module):
     pin_x: Float[Array, "*n"]
     piston_weight: Float[Array, ""]
     rod_inertia: Vector
-    crank_inertia: Vector
-    crank_moment: Vector | None
     moment: Float[Array, "*n"]
 
 
@@ -287,17 +247,13 @@ def rod_balance(
     tilt = rod.tilt_1 * state.acceleration + rod.tilt_2 * square
     along, across = rod.crank_acceleration(state)
     rod_inertia = Vector(big_end * along + small_end * piston, big_end * across)
-    crank_inertia, couple = crank_pull(mechanism, Vector(along, across)), mechanism.crank_couple
     pin_x = -gas_force - mechanism.piston_mass * piston
     piston_weight = jnp.zeros(())
     if gravity is not None:
         pin_x = pin_x + mechanism.piston_mass * gravity[0]
         piston_weight = mechanism.piston_mass * gravity[1]
-        weights = mechanism.conrod_mass * gravity, mechanism.crank_mass * gravity
-        rod_inertia, crank_inertia = (
-            Vector(force.x - weight[0], force.y - weight[1])
-            for force, weight in zip((rod_inertia, crank_inertia), weights, strict=True)
-        )
+        weight = mechanism.conrod_mass * gravity
+        rod_inertia = Vector(rod_inertia.x - weight[0], rod_inertia.y - weight[1])
     # the big end lies at b (-cos(phi), sin(phi)) from the mass centre of the rod
     moment = mechanism.conrod_inertia * tilt - b * (
         rod.cos_tilt * rod_inertia.y + rod.sin_tilt * rod_inertia.x
@@ -308,43 +264,26 @@ def rod_balance(
         pin_x,
         piston_weight,
         rod_inertia,
-        crank_inertia,
-        None if couple is None else turned_with(*couple, Vector(along, across)),
         moment,
     )
 
 
-def crank_pull(mechanism: SliderCrank, second: Vector) -> Vector:
-    """Inertia of the crank's unbalance.
-
-    Args:
-        mechanism: the slider-crank.
-        second: [1/s^2] second time derivative of the unit vector towards the pin.
-
-    Returns:
-        [N] in x and y.
-    """
-    return turned_with(mechanism.crank_unbalance, mechanism.crank_unbalance_across, second)
-
-
 class PinForces(NamedTuple):
-    """Forces that the three joints transmit.
+    """Forces that the pins transmit.
 
     Attributes:
         piston_pin: [N] T, of the piston on the rod.
         crank_pin: [N] S, of the crank on the rod.
-        main_journal: [N] Q, of the main bearing on the crank.
     """
 
     piston_pin: Vector
     crank_pin: Vector
-    main_journal: Vector
 
 
 def pin_forces(
     balance: RodBalance, side_force: Float[Array, "*n"], wall_friction: Float[Array, "*n"]
 ) -> PinForces:
-    """The pin forces T, S, Q that go with a side force N and a wall friction f on the piston.
+    """The pin forces T and S that go with a side force N and a wall friction f on the piston.
 
     Args:
         balance: what is known without them.
@@ -353,8 +292,7 @@ def pin_forces(
     """
     piston_pin = Vector(balance.pin_x + wall_friction, side_force + balance.piston_weight)
     crank_pin = Vector(balance.rod_inertia.x - piston_pin.x, balance.rod_inertia.y - piston_pin.y)
-    journal = Vector(crank_pin.x + balance.crank_inertia.x, crank_pin.y + balance.crank_inertia.y)
-    return PinForces(piston_pin, crank_pin, journal)
+    return PinForces(piston_pin, crank_pin)
 
 
 def rod_moment(balance: RodBalance, piston_pin: Vector) -> Float[Array, "*n"]:

@@ -31,50 +31,32 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, quantity
+from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity
 from ._base import (
     AbstractKinematics,
     AbstractMechanism,
     Vector,
     crank_direction,
     swing_at,
-    turned_with,
 )
 
 
 class SliderLink(AbstractMechanism):
-    """Crank, slider and piston with link as rigid bodies; the shaft overhangs its two bearings.
+    """Slider and piston with link on a crank, as rigid bodies.
 
-    The piston plane lies `plane_height` above the mass centre of the machine, the upper bearing
-    `overhang` below the piston plane, the lower bearing `bearing_span` below the upper one. The
-    crown is flush with the end of the cylinder at the top dead centre. The crank's product of
-    inertia is that of its own mass distribution, about the piston plane, so that a design may move
-    the mass centre of the machine without changing the crank.
+    The crown is flush with the end of the cylinder at the top dead centre.
 
     Args:
         piston_mass: [kg] m_p, piston with link.
-        crank_inertia: [kg m^2] J_z, crankshaft with rotor about the shaft axis.
         bore: [m] D, piston diameter.
         crank_radius: [m] R, half the stroke.
         cylinder_length: [m] L_c.
         crown_to_link: [m] L_p, from the crown to the centre line of the link.
         slider_diameter: [m] D_s.
         slider_mass: [kg] m_s.
-        overhang: [m] z_p, from the piston plane to the upper bearing.
-        bearing_span: [m] z_b, from the upper to the lower bearing.
-        plane_height: [m] z_s, piston plane above the mass centre of the machine.
-        crank_mass: [kg] m_r, crankshaft with rotor.
-        crank_eccentricity: [m] e_cr, mass centre of the crank, positive opposite the pin.
-        crank_product: [kg m^2] sum of m x (z + z_s) over the crank, x towards the pin.
         offset: [m] -e, cylinder axis at y = offset.
         piston_centre_offset: [m] e_cl, mass centre of the piston from the cylinder axis, to +y.
         piston_centre_lead: [m] the same from the link's centre line, to the crown; for weight.
-        crank_centre_depth: [m] mass centre of the crank below the piston plane; for weight.
-        crank_unbalance_across: [kg m] of the crank alone, 90 degrees ahead of the pin; `None` for none.
-        crank_product_across: [kg m^2] as `crank_product`, 90 degrees ahead of the pin.
-
-    Inertia, unbalances and products of the crank, and the places of the bearings, follow from the rotor
-    of a machine in which `loads.crank` joins the two.
     """
 
     kind: ClassVar[str] = "slider_link"
@@ -90,51 +72,12 @@ class SliderLink(AbstractMechanism):
     slider_diameter: Float[Array, ""] = quantity("m", NONNEGATIVE, doc="D_s")
     piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="m_p, piston with link")
     slider_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="m_s")
-    crank_inertia: Float[Array, ""] | None = quantity(
-        "kg m^2",
-        POSITIVE,
-        default=None,
-        doc="J_z, crankshaft with rotor about the shaft axis; absent where it follows from [rotor]",
-    )
-    overhang: Float[Array, ""] | None = quantity(
-        "m",
-        NONNEGATIVE,
-        default=None,
-        doc="z_p, from the piston plane to the upper bearing; absent where [rotor] has the bearings",
-    )
-    bearing_span: Float[Array, ""] | None = quantity(
-        "m",
-        POSITIVE,
-        default=None,
-        doc="z_b, from the upper to the lower bearing; absent where [rotor] has the bearings",
-    )
-    plane_height: Float[Array, ""] = quantity(
-        "m", ANY, default=0.0, doc="z_s, piston plane above the mass centre of the machine"
-    )
-    crank_mass: Float[Array, ""] = quantity(
-        "kg", NONNEGATIVE, default=0.0, doc="m_r, crankshaft with rotor"
-    )
-    crank_eccentricity: Float[Array, ""] = quantity(
-        "m", ANY, default=0.0, doc="e_cr, mass centre of the crank, positive opposite the pin"
-    )
-    crank_product: Float[Array, ""] = quantity(
-        "kg m^2", ANY, default=0.0, doc="sum of m x (z + z_s) over the crank, x towards the pin"
-    )
     offset: Float[Array, ""] = quantity("m", ANY, default=0.0, doc="cylinder axis at y = offset")
     piston_centre_offset: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="e_cl, mass centre of the piston from the cylinder axis, to +y"
     )
     piston_centre_lead: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="the same from the link's centre line, to the crown; for weight"
-    )
-    crank_centre_depth: Float[Array, ""] = quantity(
-        "m", ANY, default=0.0, doc="mass centre of the crank below the piston plane; for weight"
-    )
-    crank_unbalance_across: Float[Array, ""] | None = quantity(
-        "kg m", ANY, default=None, doc="of the crank alone, 90 degrees ahead of the pin"
-    )
-    crank_product_across: Float[Array, ""] | None = quantity(
-        "kg m^2", ANY, default=None, doc="as crank_product, 90 degrees ahead of the pin"
     )
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
@@ -146,40 +89,9 @@ class SliderLink(AbstractMechanism):
         return jnp.pi / 4 * self.bore**2
 
     @property
-    def bearing_places(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """[m] Upper and lower bearing below the piston plane.
-
-        Raises:
-            BadInput: not given, as in a machine whose rotor is not put together yet.
-        """
-        upper, span = self.overhang, self.bearing_span
-        if upper is None or span is None:
-            name = "overhang" if upper is None else "bearing_span"
-            raise BadInput(name, "absent", "given, or a machine with these bearings in its rotor")
-        return upper, upper + span
-
-    @property
     def half_balance(self) -> Float[Array, ""]:
         """[kg m] (m_s + m_p/2) R: the slider and half of the piston, see `SliderCrank.half_balance`."""
         return (self.slider_mass + self.piston_mass / 2) * self.crank_radius
-
-    @property
-    def crank_unbalance(self) -> Float[Array, ""]:
-        """[kg m] Of the crank alone, positive at the pin's side: -m_r e_cr."""
-        return -self.crank_mass * self.crank_eccentricity
-
-    @property
-    def product_of_inertia(self) -> Float[Array, ""]:
-        """[kg m^2] J_xz, the sum of m x z over the crank with z from the machine's mass centre."""
-        return self.crank_product - self.plane_height * self.crank_unbalance
-
-    @property
-    def product_of_inertia_across(self) -> Float[Array, ""] | None:
-        """[kg m^2] J_yz in the axes of the crank; `None` without an unbalance there."""
-        if self.crank_unbalance_across is None:
-            return self.crank_product_across
-        product = 0.0 if self.crank_product_across is None else self.crank_product_across
-        return product - self.plane_height * self.crank_unbalance_across
 
     def kinematics(self, angle):
         cosine, sine = crank_direction(angle)
@@ -187,13 +99,10 @@ class SliderLink(AbstractMechanism):
         return LinkMotion(cosine, sine, self.crown_to_link + along, -across, -along)
 
     def reduced_inertia(self, kinematics):
-        r"""$J = J_z + m_s R^2 + m_p R^2\sin^2\varphi$ with its rate."""
+        r"""$m_s R^2 + m_p R^2\sin^2\varphi$ with its rate."""
         across, along = kinematics.position_1, kinematics.position_2
-        if self.crank_inertia is None:
-            raise BadInput("crank_inertia", "absent", "given, or a machine with a rotor")
         value = (
-            self.crank_inertia
-            + self.slider_mass * self.crank_radius**2
+            self.slider_mass * self.crank_radius**2
             + self.piston_mass * (across * across)
         )
         return value, 2 * self.piston_mass * (across * along)
@@ -216,14 +125,8 @@ class SliderLink(AbstractMechanism):
 
     def weight_torque(self, kinematics, gravity):
         across = -kinematics.sine * gravity[0]
-        with_pin = self.slider_mass * self.crank_radius + self.crank_unbalance
-        torque = with_pin * (across + kinematics.cosine * gravity[1]) + (
-            self.piston_mass * self.crank_radius * across
-        )
-        if self.crank_unbalance_across is not None:
-            ahead = kinematics.cosine * gravity[0] + kinematics.sine * gravity[1]
-            torque = torque - self.crank_unbalance_across * ahead
-        return torque
+        slider = self.slider_mass * (across + kinematics.cosine * gravity[1])
+        return (slider + self.piston_mass * across) * self.crank_radius
 
 
 class LinkMotion(AbstractKinematics):
@@ -345,43 +248,6 @@ def contact(
     slope = jnp.maximum(slope, jnp.where(margin > 0, 1e-9, 0.05 * (1 + steepest)))
     n = (q + wall * (crown_side * kappa_1 - edge_side * kappa_2)) / slope
     return Contact(a1 * n - kappa_1, -a2 * n + kappa_2, n, margin)
-
-
-def bearing_reactions(
-    mechanism: SliderLink,
-    crank_acceleration: tuple[Float[Array, "*n"], Float[Array, "*n"]],
-    crank_pin: Vector,
-    gravity: Float[Array, "2"] | None = None,
-) -> tuple[Vector, Vector]:
-    """Forces [N] of the upper and the lower bearing on the shaft (Eqs. 25-30 and Table 2).
-
-    Moments are taken about the lower bearing with the crank's inertia referred to the piston plane,
-    so the place of the machine's mass centre drops out. Eq. (28) and (30) have sign slips in the
-    print; Table 2 is right and is reproduced.
-
-    Args:
-        mechanism: masses and planes.
-        crank_acceleration: [1/s^2] second time derivative of the crank's unit vector in x and y.
-        crank_pin: [N] force of the crank pin on the slider.
-        gravity: [m/s^2] field in x and y.
-    """
-    weights = (None, None) if gravity is None else mechanism.crank_mass * gravity
-    _, reach = mechanism.bearing_places
-    upper, lower = [], []
-    unbalance = mechanism.crank_unbalance, mechanism.crank_unbalance_across
-    product = mechanism.crank_product, mechanism.crank_product_across
-    pulls, tilts = (
-        turned_with(*vector, Vector(*crank_acceleration)) for vector in (unbalance, product)
-    )
-    for own, tilt, pin, weight in zip(pulls, tilts, crank_pin, weights, strict=True):
-        # forces on the shaft besides those of the bearings, negative
-        pull = pin + own
-        if weight is not None:
-            pull = pull - weight
-            tilt = tilt - mechanism.crank_centre_depth * weight
-        upper.append((reach * pull - tilt) / mechanism.bearing_span)
-        lower.append(pull - upper[-1])
-    return Vector(*upper), Vector(*lower)
 
 
 def _side(value):

@@ -23,8 +23,8 @@ from .._fields import of_cylinder
 from .._shown import RPM, shown
 from ..compressor import Compressor
 from ..crank import Orbit, journal_films
-from ..friction import MainBearings
-from ..mechanism import Cylinders, SliderCrank, SliderLink
+from ..crankshaft import Crankshaft, MainBearings, bearing_names
+from ..mechanism import SliderCrank, SliderLink
 from . import _style as style
 from ._bearings import in_clearance
 from ._fine import FineTurn, fine_turn
@@ -106,7 +106,7 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
 
     Several cylinders are shown from the front and the side, see `cylinders_motion`.
     """
-    if compressor.cylinders is not None:
+    if compressor.crankshaft.count > 1:
         return cylinders_motion(compressor, orbit, frames)
     turn = fine_turn(compressor, orbit)
     angles = _even_in_time(turn, frames)
@@ -174,6 +174,7 @@ def sketch(compressor: Compressor, turn: FineTurn, angle: float) -> Sketch:
     else:
         name = type(mechanism).__name__
         raise TypeError(f"There is no drawing of a mechanism of type {name}.")
+    feet |= dict.fromkeys(bearing_names(compressor.crankshaft), np.zeros(2))
     return Sketch(lines, {name: Arrow(place, forces[name]) for name, place in feet.items()})
 
 
@@ -181,7 +182,7 @@ def _forces(compressor: Compressor, turn: FineTurn) -> dict[str, np.ndarray]:
     """[N] (2, n) Forces of the joints over the revolution, and that of the gas on the piston."""
     forces = {name: np.asarray(force) for name, force in turn.loads.forces.items()}
     if compressor.gas is not None and turn.pressure is not None:
-        excess = np.asarray(turn.pressure) - float(compressor.gas.behind_piston)
+        excess = np.asarray(turn.pressure[0]) - float(compressor.gas.behind_piston)
         push = -excess * float(compressor.mechanism.piston_area)
         forces["gas"] = np.stack([push, np.zeros_like(push)])
     return forces
@@ -208,7 +209,6 @@ def _slider_crank(m: SliderCrank, angle: float):
         "wall": piston,
         "piston_pin": piston,
         "crank_pin": pin,
-        "main_journal": centre,
     }
     return lines, feet
 
@@ -237,8 +237,6 @@ def _slider_link(m: SliderLink, angle: float):
         "wall_crown": np.array([position, y]),
         "wall_edge": np.array([edge, y]),
         "link_slider": pin,
-        "upper_bearing": centre,
-        "lower_bearing": centre,
     }
     return lines, feet
 
@@ -296,8 +294,7 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
         orbit: its periodic state.
         frames: pictures of the revolution, even in time.
     """
-    cylinders = compressor.cylinders
-    assert cylinders is not None
+    cylinders = compressor.crankshaft
     turn = fine_turn(compressor, orbit)
     angles = _even_in_time(turn, frames)
     names, places = _main_bearings(compressor)
@@ -361,14 +358,14 @@ def machine_views(compressor: Compressor, orbit: Orbit) -> Figure:
 
 def _main_bearings(compressor: Compressor) -> tuple[tuple[str, ...], np.ndarray]:
     """Names of the main bearings and their places [m] along the shaft."""
-    support = getattr(compressor.friction, "main_journal", None)
+    support = compressor.crankshaft.main_journal
     if not isinstance(support, MainBearings):
         return ("main_journal",), np.zeros(1)
     places = np.zeros(1) if support.position is None else np.asarray(support.position)
     return support.names or (), places
 
 
-def _draw(cylinders: Cylinders, number: int, single: SliderCrank, angle: float, drawn) -> None:
+def _draw(cylinders: Crankshaft, number: int, single: SliderCrank, angle: float, drawn) -> None:
     """Crank and rod, piston and cylinder from the front; rod and piston from the side."""
     bank, phase = float(cylinders.bank_angle[number]), float(cylinders.phase[number])
     own, _ = _slider_crank(single, angle + phase)
@@ -381,7 +378,7 @@ def _draw(cylinders: Cylinders, number: int, single: SliderCrank, angle: float, 
     drawn[4].set_data([place - wide, place + wide], rod[0, [2, 2]])
 
 
-def _crank_line(cylinders: Cylinders, radius: float, angle: float):
+def _crank_line(cylinders: Crankshaft, radius: float, angle: float):
     """The crank from the side: z and x of its axis, throw by throw."""
     z, x, places, room = [], [], list(np.asarray(cylinders.position)), 0.25 * radius
     for throw in cylinders.rows:

@@ -21,7 +21,7 @@ from ..film import (
     coefficients_per_load,
     film_ratio,
 )
-from ..friction import joints_of_cylinder
+from ..crankshaft import bearing_names
 from ..mechanism import SliderLink
 from . import _style as style
 from ._fine import fine_turn
@@ -44,7 +44,7 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
     loads = _loads(compressor, {k: np.asarray(v) for k, v in turn.loads.forces.items()})
     look = shown("load", "N", np.hypot(*np.stack(list(loads.values()), axis=1)))
     figure, axes = style.new_polar_figure(-(-len(loads) // 2), 2, f"Bearing loads, {look.unit}")
-    several = compressor.cylinders is not None
+    several = compressor.crankshaft.count > 1
     what = "x and y of the machine for its bearings. " if several else ""
     dots = "Dots: every 45° of crank angle from top dead centre."
     style.note(figure, f"{dots} {what}Across: turned with the rotation from the head.")
@@ -68,18 +68,13 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
 
 def _loads(compressor, forces):
     """Loads on the bushes; the joints report the forces of the bearings on the shaft instead."""
-    if compressor.cylinders is not None:
-        own = [joints_of_cylinder(k + 1) for k in range(compressor.cylinders.count)]
-        pins = {joints["crank_pin"]: forces[joints["crank_pin"]] for joints in own}
-        within = {name for joints in own for name in joints.values()}
-        return pins | {name: -force for name, force in forces.items() if name not in within}
-    if isinstance(compressor.mechanism, SliderLink):
-        upper, lower = -forces["upper_bearing"], -forces["lower_bearing"]
-        ends = {"upper_bearing": upper, "lower_bearing": lower, "support": upper + lower}
-        return {"crank_pin": forces["crank_pin"], **ends}
-    signs = {"crank_pin": 1.0, "main_journal": -1.0}
-    # a mechanism of another package may have other joints
-    return {name: sign * forces[name] for name, sign in signs.items() if name in forces} or forces
+    shaft = compressor.crankshaft
+    pins = {shaft.joint("crank_pin", k + 1) for k in range(shaft.count)}
+    on_pins = {name: force for name, force in forces.items() if name in pins}
+    on_shaft = {name: -force for name, force in forces.items() if name in bearing_names(shaft)}
+    if isinstance(compressor.mechanism, SliderLink) and len(on_shaft) > 1:
+        on_shaft["support"] = sum(on_shaft.values())
+    return on_pins | on_shaft
 
 
 # ---------------------------------------------------------------- journals over a revolution

@@ -27,7 +27,8 @@ from ..crank import (
     train_over_speed,
 )
 from ..film import OrbitBearing
-from ..friction import MainBearings, SliderCrankFriction
+from ..crankshaft import MainBearings
+from ..friction import SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension, shaking_wrench
 from . import _style as style
@@ -52,7 +53,7 @@ def orbit_figures(
         figures |= cylinder_figures(orbit.cycle, performance(compressor, orbit))
     figures["speed"] = speed_over_turn(compressor, orbit)
     figures["torques"] = crank_torques(compressor, orbit)
-    if compressor.cylinders is not None:
+    if compressor.crankshaft.count > 1:
         if compressor.gas is not None:
             figures["cylinder_torques"] = cylinder_torques(compressor, orbit)
         figures["machine"] = machine_views(compressor, orbit)
@@ -95,8 +96,8 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     ax.axhline(back, color=style.INK, linewidth=0.9, linestyle="--", label="Behind the piston")
     ax.set(xlim=(0, None), ylim=(0, None), ylabel="Pressure, MPa")
     ax.set_xlabel("Displaced volume (clearance not counted), cm³")
-    several = compressor.cylinders
-    of_all = "" if several is None else f" of {several.count} cylinders"
+    count = compressor.crankshaft.count
+    of_all = "" if count == 1 else f" of {count} cylinders"
     work = f"Work on the gas{of_all}\n{float(orbit.energy.gas_work):.4g} J per revolution"
     ax.text(0.5, 0.42, work, transform=ax.transAxes, ha="center", fontsize=9, color=style.INK)
     style.legend(ax, loc="upper right")
@@ -180,10 +181,10 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     turn, mechanism = fine_turn(compressor, orbit), compressor.mechanism
     torques = {"motor": turn.motor_torque, "gas": turn.gas_torque}
     whole, piston = _inertia_torques(compressor, turn.state)
-    moving = whole - mechanism.crank_inertia * turn.state.acceleration
+    moving = whole - compressor.crankshaft.inertia * turn.state.acceleration
     if isinstance(mechanism, SliderCrank):
         torques |= {"piston": -piston, "rod": -(moving - piston)}
-        many = "" if compressor.cylinders is None else "s"
+        many = "" if compressor.crankshaft.count == 1 else "s"
         looks = {name: {"label": f"Inertia of the {name}{many}"} for name in ("piston", "rod")}
     else:
         torques["piston"] = -moving
@@ -235,17 +236,19 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     mechanism, friction = compressor.mechanism, compressor.friction
     if not isinstance(friction, SliderCrankFriction) or not isinstance(mechanism, SliderCrank):
         return None
-    if compressor.cylinders is not None:
+    if compressor.crankshaft.count > 1:
         return None
     speed, forces = turn.state.speed, turn.loads.forces
     rates = journal_rates(compressor, turn)
     moments = {}
-    support = friction.main_journal
+    shaft = compressor.crankshaft
+    support = shaft.main_journal
     if isinstance(support, MainBearings):
         loads = {name: Vector(*forces[name]) for name in support.names or ()}
-        moments = dict(support.moments(loads, speed))
-    for name in ("piston_pin", "crank_pin", "main_journal"):
-        law, rate = getattr(friction, name), rates[name]
+        moments = dict(support.moments(loads, speed, shaft.mass))
+    laws = {"piston_pin": friction.piston_pin, "crank_pin": friction.crank_pin}
+    for name, law in (laws | {"main_journal": support}).items():
+        rate = rates.get(name, speed)
         if isinstance(law, OrbitBearing):
             # of a journal that moves that of its loss: not all of it is a moment on the bush
             moments[name] = turn.loads.loss_torque[name] * speed / rate
@@ -265,11 +268,9 @@ def _inertia_torques(compressor: Compressor, state):
     whole = at.inertia * state.acceleration + 0.5 * at.inertia_1 * state.speed**2
     position_1, position_2 = at.kinematics.position_1, at.kinematics.position_2
     stroke = position_1 * (position_1 * state.acceleration + position_2 * state.speed**2)
-    mass, several = compressor.mechanism.piston_mass, compressor.cylinders
-    if several is None:
-        return whole, mass * stroke
-    mass = jnp.broadcast_to(mass, (several.count,))
-    return whole, jnp.sum(several.along(mass, state.angle) * stroke, axis=0)
+    crankshaft = compressor.crankshaft
+    mass = jnp.broadcast_to(compressor.mechanism.piston_mass, (crankshaft.count,))
+    return whole, jnp.sum(crankshaft.along(mass, state.angle) * stroke, axis=0)
 
 
 # ---------------------------------------------------------------- several cylinders

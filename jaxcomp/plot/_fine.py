@@ -24,7 +24,7 @@ class FineTurn(NamedTuple):
     """The turn at n rising angles; quantities and units as in `Orbit`."""
 
     state: CrankState
-    pressure: Float[Array, " n"] | None
+    pressure: Float[Array, "k n"] | None
     gas_torque: Float[Array, " n"]
     motor_torque: Float[Array, " n"]
     loads: JointLoads
@@ -69,10 +69,8 @@ def first_diagram(
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """[m^3], [Pa] Displaced volume and pressure of the first cylinder; the turn must have gas."""
     assert turn.pressure is not None
-    mechanism, several = of_cylinder(compressor.mechanism), compressor.cylinders
-    angle, pressure = turn.state.angle, turn.pressure
-    if several is not None:
-        angle, pressure = angle + several.phase[0], pressure[0]
+    mechanism = of_cylinder(compressor.mechanism)
+    angle, pressure = turn.state.angle + compressor.crankshaft.phase[0], turn.pressure[0]
     top = mechanism.piston_extremes()[0]
     return mechanism.piston_area * (top - mechanism.piston(angle)[0]), pressure
 

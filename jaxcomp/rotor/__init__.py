@@ -14,6 +14,11 @@ from ._campbell import campbell as campbell
 from ._campbell import critical_speeds as critical_speeds
 from ._campbell import critical_speeds_between as critical_speeds_between
 from ._conventions import AXES as AXES
+from ._crankshaft import axial_positions as axial_positions
+from ._crankshaft import bearing_positions as bearing_positions
+from ._crankshaft import crankshaft_of as crankshaft_of
+from ._crankshaft import main_films as main_films
+from ._crankshaft import shaft_bearings as shaft_bearings
 from ._damped import DampedModes as DampedModes
 from ._damped import damped_modes as damped_modes
 from ._links import Clamped as Clamped

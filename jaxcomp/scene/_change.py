@@ -65,8 +65,9 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
     """
     from ..design import matching, variable
 
-    if scene.compressor is None or scene.compressor.cylinders is None:
+    if scene.compressor is None or scene.compressor.crankshaft.count == 1:
         return scene
+    count = scene.compressor.crankshaft.count
     single = single_numbers(scene.compressor)
     changes = {}
     for path in paths:
@@ -81,7 +82,7 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
             if "value" not in table:
                 value = float(variable(scene.machine, name).current(scene.machine))
                 table = {"value": f"{value} {single[name]}".strip(), "source": "default"}
-            changes[name] = {**table, "value": [table["value"]] * scene.compressor.cylinders.count}
+            changes[name] = {**table, "value": [table["value"]] * count}
     return _with_entries(scene, changes, "") if changes else scene
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from .._fields import Part, of_cylinder, subparts
 from .._shown import RPM
+from ..compressor import Compressor
 from ..film import NamedBearing
 from ..gas import PolytropicCycle
 from ..mechanism import SliderCrank
@@ -131,16 +132,19 @@ _SLIDER_CRANK: tuple[_Ratio, ...] = (
     ("crank radius over rod length", lambda m: m.crank_radius / m.conrod_length, 0.08, 0.5),
     ("conrod_centre over rod length", lambda m: m.conrod_centre / m.conrod_length, 0.05, 0.95),
     (
-        "crank_unbalance over that of piston and rod at the crank pin",
-        lambda m: m.crank_unbalance / ((m.piston_mass + m.conrod_mass) * m.crank_radius),
-        0.0,
-        3.0,
-    ),
-    (
         "rod's radius of gyration over its length",
         lambda m: np.sqrt(m.conrod_inertia / max(m.conrod_mass, 1e-300)) / m.conrod_length,
         0.1,
         1.0,
+    ),
+)
+_CRANKSHAFT: tuple[_Ratio, ...] = (
+    (
+        "unbalance of a throw over that of its pistons and rods at the crank pin",
+        lambda c: max(abs(u) for u in c.crankshaft.unbalances(c.mechanism))
+        / np.max((c.mechanism.piston_mass + c.mechanism.conrod_mass) * c.mechanism.crank_radius),
+        0.0,
+        3.0,
     ),
 )
 _JOURNAL: tuple[_Ratio, ...] = (
@@ -200,7 +204,9 @@ def _of_value(row: DescribedValue) -> Iterator[ImplausibleValue]:
 
 def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleValue]:
     ratios: tuple[_Ratio, ...] = ()
-    if isinstance(part, SliderCrank):
+    if isinstance(part, Compressor) and isinstance(part.mechanism, SliderCrank):
+        ratios = _CRANKSHAFT
+    elif isinstance(part, SliderCrank):
         ratios = _SLIDER_CRANK
     elif all(hasattr(part, name) for name in ("radial_clearance", "diameter", "length")):
         ratios = _JOURNAL

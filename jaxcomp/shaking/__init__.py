@@ -19,8 +19,6 @@ from ._vibration import orbit_load as orbit_load
 from ._vibration import point_motion as point_motion
 from ._vibration import simulate_block as simulate_block
 from ._vibration import time_response as time_response
-from ._wrench import HalfBalance as HalfBalance
 from ._wrench import Wrench as Wrench
-from ._wrench import half_balance as half_balance
 from ._wrench import shaking_wrench as shaking_wrench
 from ._wrench import wrench_about as wrench_about

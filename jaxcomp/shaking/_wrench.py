@@ -15,18 +15,17 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..compressor import Compressor, without_crank
+from ..compressor import Compressor
 from ..mechanism import (
     AbstractMechanism,
     CrankState,
     SliderCrank,
     SliderLink,
     Vector,
-    crank_pull,
+    cross,
     rod_motion,
-    turned_with,
+    rotating,
 )
-from ..mechanism._base import cross, rotating
 
 
 class Wrench(NamedTuple):
@@ -43,17 +42,13 @@ class Wrench(NamedTuple):
 
 @singledispatch
 def shaking_wrench(mechanism: AbstractMechanism | Compressor, state: CrankState) -> Wrench:
-    """Inertia forces of a mechanism on its block, about the origin of the mechanism's axes.
+    """Inertia forces of all moving parts on the block, in the axes of the machine.
 
-    Of a compressor they are those of its mechanism; with several cylinders those of all of them, in
-    the axes of the machine with the origin on the shaft at z = 0, moments about all three axes.
-
-    For a slider-link machine the origin lies on the shaft in the plane of the machine's mass
-    centre. For a slider-crank it lies in the plane of motion, and the moment has a z-component
-    only; move it with `wrench_about` by (0, 0, z) to an origin z below that plane.
+    Moments are about all three axes through the origin of the crankshaft, `Crankshaft.origin`. Of a
+    mechanism alone they are those of its linkage, without the crankshaft, in the plane of motion.
 
     Args:
-        mechanism: masses and geometry; or a compressor with several cylinders.
+        mechanism: a compressor, or the mechanism of one cylinder.
         state: angle, speed and acceleration of the crank, shape (n,).
 
     Raises:
@@ -62,24 +57,22 @@ def shaking_wrench(mechanism: AbstractMechanism | Compressor, state: CrankState)
     raise TypeError(f"No shaking forces are known for a {type(mechanism).__name__}.")
 
 
+def _in_plane(force: Float[Array, "2 *n"], moment: Float[Array, "*n"]) -> Wrench:
+    zero = jnp.zeros_like(moment)
+    return Wrench(jnp.concatenate([force, zero[None]]), jnp.stack([zero, zero, moment]))
+
+
 @shaking_wrench.register
 def _(mechanism: SliderLink, state: CrankState) -> Wrench:
     # U = w^2 cos + a sin, V = w^2 sin - a cos
     _, second = rotating(*state)
-    minus = u, v = Vector(-second[0], -second[1])
+    u, v = -second[0], -second[1]
     along = (mechanism.piston_mass + mechanism.slider_mass) * mechanism.crank_radius
     across = mechanism.slider_mass * mechanism.crank_radius
-    pull = turned_with(mechanism.crank_unbalance, mechanism.crank_unbalance_across, minus)
-    tilt = turned_with(mechanism.product_of_inertia, mechanism.product_of_inertia_across, minus)
-    height, arm = mechanism.plane_height, -mechanism.offset - mechanism.piston_centre_offset
-    with_shaft = mechanism.crank_inertia + across * mechanism.crank_radius
-    force = [along * u + pull.x, across * v + pull.y, jnp.zeros_like(u)]
-    moment = [
-        across * height * v - tilt.y,
-        tilt.x - along * height * u,
-        -with_shaft * state.acceleration + mechanism.piston_mass * mechanism.crank_radius * arm * u,
-    ]
-    return Wrench(jnp.stack(force), jnp.stack(moment))
+    arm = -mechanism.offset - mechanism.piston_centre_offset
+    turning = mechanism.piston_mass * mechanism.crank_radius * arm * u
+    moment = turning - across * mechanism.crank_radius * state.acceleration
+    return _in_plane(jnp.stack([along * u, across * v]), moment)
 
 
 @shaking_wrench.register
@@ -96,33 +89,25 @@ def _(mechanism: SliderCrank, state: CrankState) -> Wrench:
 
     piston = mechanism.piston_mass * piston_acceleration
     conrod = mechanism.conrod_mass * centre_acceleration
-    pull = crank_pull(mechanism, Vector(*second)).stacked()
-    force = -(conrod + pull).at[0].add(piston)
     # the rod turns at -d(tilt)/dt; the piston's force acts along y = offset
-    moment = -(
-        mechanism.crank_inertia * state.acceleration
-        + cross(centre, conrod)
-        - mechanism.conrod_inertia * tilt_acceleration
-        - offset * piston
-    )
-    zero = jnp.zeros_like(moment)
-    return Wrench(jnp.concatenate([force, zero[None]]), jnp.stack([zero, zero, moment]))
+    turning = cross(centre, conrod) - mechanism.conrod_inertia * tilt_acceleration
+    return _in_plane(-conrod.at[0].add(piston), offset * piston - turning)
 
 
 @shaking_wrench.register
 def _(compressor: Compressor, state: CrankState) -> Wrench:
-    cylinders, mechanism = compressor.cylinders, compressor.mechanism
-    if cylinders is None:
-        return shaking_wrench(mechanism, state)
-    single = without_crank(compressor)
-    own = state._replace(angle=cylinders.own_angle(state.angle))
-    each = shaking_wrench(cylinders.each(single, state.angle), own)
-    pull, tilting = cylinders.crank_pulls(state, mechanism, [(1.0, 0.0), (0.0, 1.0)])
-    force = cylinders.turned(Vector(each.force[0], each.force[1])).stacked()
-    place = cylinders.along(cylinders.position, state.angle)
-    total = jnp.sum(force, axis=1) - pull.stacked()
-    levered = jnp.sum(place * force, axis=1) - tilting.stacked()  # sum of z F
-    turning = jnp.sum(each.moment[2], axis=0) - mechanism.crank_inertia * state.acceleration
+    crankshaft = compressor.crankshaft
+    own = CrankState(crankshaft.own_angle(state.angle), state.speed, state.acceleration)
+    each = shaking_wrench(crankshaft.each(compressor.mechanism, state.angle), own)
+    pulls = crankshaft.crank_pulls(state, compressor.mechanism, [(1.0, 0.0), (0.0, 1.0)])
+    pull, tilting = (vector.stacked() for vector in pulls)
+    force = crankshaft.turned(Vector(each.force[0], each.force[1])).stacked()
+    place = crankshaft.along(crankshaft.position, state.angle)
+    total = jnp.sum(force, axis=1) - pull
+    # sum of z F, from the origin
+    levered = jnp.sum(place * force, axis=1) - tilting - crankshaft.origin * total
+    assert crankshaft.inertia is not None
+    turning = jnp.sum(each.moment[2], axis=0) - crankshaft.inertia * state.acceleration
     return Wrench(
         jnp.stack([*total, jnp.zeros_like(turning)]), jnp.stack([-levered[1], levered[0], turning])
     )
@@ -133,29 +118,3 @@ def wrench_about(wrench: Wrench, point: Float[Array, "3"]) -> Wrench:
     point = jnp.asarray(point)
     lever = jnp.cross(point, wrench.force, axisb=0, axisc=0)
     return Wrench(wrench.force, wrench.moment - lever)
-
-
-class HalfBalance(NamedTuple):
-    """Balance of the crank that makes forces and moments equal in x and y.
-
-    Attributes:
-        crank_eccentricity: [m] e_cr.
-        crank_product: [kg m^2] about the piston plane, as in `SliderLink`.
-    """
-
-    crank_eccentricity: Float[Array, ""]
-    crank_product: Float[Array, ""]
-
-
-def half_balance(mechanism: SliderLink) -> HalfBalance:
-    r"""Counterweight that takes half the piston's first harmonic.
-
-    $m_r e_{cr} = (m_s + m_p/2)R$ and $J_{xz} = (m_s + m_p/2) R z_s$: one rotating weight cannot do
-    better than turn the force along x into one of half the size that rotates backwards.
-
-    Args:
-        mechanism: needs a crank mass; its present balance does not matter.
-    """
-    unbalance = mechanism.half_balance
-    # J_xz = crank_product + z_s m_r e_cr, which leaves nothing about the piston plane
-    return HalfBalance(unbalance / mechanism.crank_mass, jnp.zeros_like(unbalance))

@@ -41,7 +41,8 @@ from ..cylinder import CycleOptions, Cylinder
 from ..design import AnalysisOptions, DesignResult, available_quantities, quantity_named
 from ..gas import StagedCycle
 from ..machine import Machine
-from ..mechanism import CrankState, Cylinders, SliderCrank
+from ..crankshaft import Crankshaft
+from ..mechanism import CrankState, SliderCrank
 from ..motor import MeanSpeed
 from ._report import Growth, Measurement, Reference
 from ._study import (
@@ -387,7 +388,7 @@ def with_layout(machine: Compressor | None, layout: str) -> Compressor:
 
     Args:
         machine: with a slider-crank; its counterweights do not count.
-        layout: as in `Cylinders`.
+        layout: as in `Crankshaft`.
 
     Raises:
         BadInput: another mechanism, or stages that share an intermediate pressure.
@@ -398,12 +399,19 @@ def with_layout(machine: Compressor | None, layout: str) -> Compressor:
     if isinstance(machine.gas, StagedCycle):
         raise BadInput("gas", "staged", "the same for every cylinder, for this study")
     one = of_cylinder(mechanism)
-    absent = {"crank_unbalance_across": None, "crank_couple": None}
-    one = replaced(one, crank_unbalance=jnp.zeros(()), **absent)
     throw, rod = _THROW_PITCH * one.bore, _ROD_PITCH * one.bore
-    cylinders = Cylinders(layout=layout, throw_pitch=throw, rod_pitch=rod, balanced=True)
+    shaft = machine.crankshaft
+    crankshaft = Crankshaft(
+        shaft.inertia,
+        shaft.mass,
+        layout=layout,
+        throw_pitch=throw,
+        rod_pitch=rod,
+        balanced=True,
+        main_journal=shaft.main_journal,
+    )
     gas, friction = of_cylinder(machine.gas), of_cylinder(machine.friction)
-    made = Compressor(one, machine.motor, gas, friction, machine.gravity, cylinders)
+    made = Compressor(one, crankshaft, machine.motor, gas, friction, machine.gravity)
     if isinstance(machine.motor, MeanSpeed):
         return made
     return at_speed(made, machine.motor.speed_guess)

@@ -23,7 +23,7 @@ from .. import film as films
 from .._fields import BadInput
 from ..coupling import loaded_rotor
 from ..crank import Collocation, solve_orbit
-from ..friction import film_journals
+from ..crankshaft import film_journals
 from ..machine import Machine, assembled
 from ..rotor import LoadedFilm, RotorModel, load_vector, matrices, respond
 from ._report import Reference
@@ -144,7 +144,10 @@ def film_gradient_study(question: Question, thorough: bool) -> Study:
 def film_places(design: Machine) -> tuple[Place, ...]:
     """The films of a machine: of its joints, the most eccentric first, and of its rotor."""
     made, found = assembled(design), []
-    journals = {} if made.compressor is None else film_journals(made.compressor.friction)
+    journals = {}
+    if made.compressor is not None:
+        shaft = made.compressor.crankshaft
+        journals = film_journals(made.compressor.friction, shaft.main_journal)
     if made.compressor is not None and journals:
         orbit = solve_orbit(made.compressor, Collocation(reversals=0, tolerance=1e-6), throw=False)
         for name, bearing in journals.items():

@@ -27,7 +27,8 @@ from ..coupling import loaded_rotor
 from ..crank import Collocation, TimeIntegration, solve_orbit
 from ..design import AnalysisOptions
 from ..film import JournalBearing
-from ..friction import CoulombJournal, RegularisedJournal, SliderCrankFriction, film_journals
+from ..crankshaft import film_journals
+from ..friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
 from ..machine import Assembly, Machine, assembled, machine_of
 from ..mechanism import SliderCrank
 from ..motor import ConstantSpeed, SlipLine
@@ -189,7 +190,7 @@ def _rotor_scenes(design: Machine) -> Iterator[LeanScene]:
 
 def _filmed_machine(machine: Compressor) -> Compressor:
     """The same joints with films on crank pin and main journal."""
-    friction = machine.friction
+    friction, crankshaft = machine.friction, machine.crankshaft
     if not isinstance(friction, SliderCrankFriction):
         return machine
 
@@ -199,8 +200,11 @@ def _filmed_machine(machine: Compressor) -> Compressor:
         d = law.diameter
         return JournalBearing(d, _LENGTH_RATIO * d, _CLEARANCE_RATIO * d / 2, _VISCOSITY)
 
-    laws = {name: film(getattr(friction, name)) for name in ("crank_pin", "main_journal")}
-    return replace(machine, friction=replace(friction, **laws))
+    return replace(
+        machine,
+        friction=replace(friction, crank_pin=film(friction.crank_pin)),
+        crankshaft=replace(crankshaft, main_journal=film(crankshaft.main_journal)),
+    )
 
 
 def _grounded(model: RotorModel, case: LoadCase, kept: int) -> tuple[RotorModel, LoadCase]:
@@ -370,18 +374,18 @@ FAMILIES: dict[str, Family | None] = {
         "coefficients x {:g}",
         (2.0, 4.0, 8.0, 16.0, 32.0, 40.0, 64.0),
         _times(".coefficient"),
-        lambda compressor: scaled(compressor.friction, ".coefficient", 1.0)[1],
+        lambda compressor: scaled(compressor, ".coefficient", 1.0)[1],
     ),
     # crank inertias so small that the crank all but stalls at the end of the compression
     "near stall": Family(
-        "crank inertia x {:g}", (0.3, 0.1, 0.03, 0.01, 3e-3), _times(".mechanism.crank_inertia")
+        "crank inertia x {:g}", (0.3, 0.1, 0.03, 0.01, 3e-3), _times(".crankshaft.inertia")
     ),
     # oil of ever lower viscosity: journals that run at ever higher eccentricity
     "thin film": Family(
         "viscosity x {:g}",
         (0.5, 0.2, 0.1, 0.03, 0.01),
         _times(".dynamic_viscosity"),
-        lambda compressor: film_journals(compressor.friction),
+        lambda compressor: film_journals(compressor.friction, compressor.crankshaft.main_journal),
     ),
     # motors of ever smaller slip, through the same mean torque at the same mean speed
     "stiff motor": Family("slip {:g}", (0.1, 0.01, 1e-3, 1e-4), with_slip),

@@ -27,12 +27,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._each import mapped
-from .._fields import NONNEGATIVE, POSITIVE, BadInput, Part, quantity, replaced
+from .._fields import POSITIVE, BadInput, Part, quantity, replaced
 from .._polynomials import cubic_step
 from ..film import AbstractJournal, JournalBearing, NamedBearing, OrbitBearing, PlacedJournal
+from ..friction import STANDARD_GRAVITY, OilPump, ThrustBearing, shaft_loss
 from ..mechanism import Vector
-from ._laws import STANDARD_GRAVITY, OilPump, ThrustBearing
-from ._loads import shaft_loss
 
 
 class MainBearings(Part):
@@ -40,10 +39,9 @@ class MainBearings(Part):
 
     Args:
         bearings: the bearings or their names.
-        position: [m] (n,) of each along the shaft from the plane of the rod, any direction positive;
-            absent where a rotor says on which nodes they stand, or for a single bearing in the plane.
-        shaft_mass: [kg] shaft with rotor, on the thrust bearing.
-        thrust_bearing: its law; `None` for none.
+        position: [m] (n,) of each along the shaft; absent where a rotor says on which nodes they stand,
+            or for a single bearing.
+        thrust_bearing: its law, under the weight of the shaft; `None` for none.
         pump: drag of the oil pump; `None` for none.
         names: of the bearings in results; by default their own, or "main_1" and so on.
         shaft: "rigid" on films, a "beam" of constant section, or the shaft of the "rotor" of the same
@@ -60,10 +58,7 @@ class MainBearings(Part):
 
     bearings: tuple[AbstractJournal, ...]
     position: Float[Array, " n"] | None = quantity(
-        "m", shape=(None,), default=None, doc="along the shaft from the plane of the rod"
-    )
-    shaft_mass: Float[Array, ""] = quantity(
-        "kg", NONNEGATIVE, default=0.0, doc="shaft with rotor, on the thrust bearing"
+        "m", shape=(None,), default=None, doc="along the shaft"
     )
     thrust_bearing: ThrustBearing | None = None
     pump: OilPump | None = None
@@ -110,24 +105,6 @@ class MainBearings(Part):
         apart = self.position.max() > self.position.min()
         return {"a shaft with bearings in different places": apart}
 
-    def reactions(self, force: Vector, moment: Vector | None) -> dict[str, Vector]:
-        """[N] Force of each bearing on the shaft, by name.
-
-        Args:
-            force: [N] sum of all of them in x and y.
-            moment: [N m] sum of force times position; `None` for none.
-
-        Raises:
-            BadInput: several bearings whose positions nobody gave.
-        """
-        found = {}
-        for name, (share, lever) in zip(self.names or (), self.line(), strict=True):
-            own = Vector(share * force.x, share * force.y)
-            if moment is not None:
-                own = Vector(own.x + lever * moment.x, own.y + lever * moment.y)
-            found[name] = own
-        return found
-
     def influence(self, places: Float[Array, " k"]) -> Float[Array, "m k"]:
         """[-] What each of m bearings takes of a force at places [m] along the shaft.
 
@@ -154,9 +131,15 @@ class MainBearings(Part):
         return self.position
 
     def moments(
-        self, reactions: dict[str, Vector], rate: Float[Array, "*n"]
+        self, reactions: dict[str, Vector], rate: Float[Array, "*n"], mass: Float[Array, ""]
     ) -> dict[str, Float[Array, "*n"]]:
-        """[N m] Friction of every part by name, for reactions [N] and a rate of rotation [rad/s]."""
+        """[N m] Friction of every part by name.
+
+        Args:
+            reactions: [N] by name.
+            rate: [rad/s] of rotation.
+            mass: [kg] of the shaft, whose weight is on the thrust bearing.
+        """
         forces = Vector(*(jnp.stack(part) for part in zip(*reactions.values(), strict=True)))
 
         def loss(bearing, x, y):
@@ -164,20 +147,16 @@ class MainBearings(Part):
 
         losses = mapped(loss, self.bearings, *forces)
         found = dict(zip(reactions, losses, strict=True))
-        return found | drag_losses(self, rate, self.shaft_mass)
-
-
-def drag_losses(
-    laws: Any, rate: Float[Array, "*n"], mass: Float[Array, ""]
-) -> dict[str, Float[Array, "*n"]]:
-    """[N m] Friction of `thrust_bearing` and `pump`, where there is a law, under a shaft's mass [kg]."""
-    drags = {name: getattr(laws, name) for name in ("thrust_bearing", "pump")}
-    weight = mass * STANDARD_GRAVITY
-    return {name: law.moment(rate, weight) for name, law in drags.items() if law is not None}
+        drags = {"thrust_bearing": self.thrust_bearing, "pump": self.pump}
+        weight = mass * STANDARD_GRAVITY
+        return found | {n: law.moment(rate, weight) for n, law in drags.items() if law is not None}
 
 
 def shaft_losses(
-    support: Any, reactions: dict[str, Vector], speed: Float[Array, "*n"]
+    support: Any,
+    reactions: dict[str, Vector],
+    speed: Float[Array, "*n"],
+    mass: Float[Array, ""],
 ) -> dict[str, Float[Array, "*n"]]:
     """[N m] Loss torque of each bearing of the shaft by name, under its force on the shaft [N].
 
@@ -185,9 +164,10 @@ def shaft_losses(
         support: `MainBearings`, the law of a single journal, or `None`.
         reactions: by name.
         speed: [rad/s] of the crank.
+        mass: [kg] of the shaft.
     """
     if isinstance(support, MainBearings):
-        return support.moments(reactions, speed)
+        return support.moments(reactions, speed, mass)
     if support is None:
         return {}
     return {name: shaft_loss(support, force, speed) for name, force in reactions.items()}
@@ -263,47 +243,57 @@ def _beam(
     return jnp.linalg.solve(matrix, right)[:count]
 
 
-def film_journals(friction: Any) -> dict[str, JournalBearing | OrbitBearing]:
+def bearing_names(crankshaft: Any) -> tuple[str, ...]:
+    """Names in results of the bearings of a crankshaft."""
+    support = crankshaft.main_journal
+    return support.names or () if isinstance(support, MainBearings) else ("main_journal",)
+
+
+def film_journals(friction: Any, support: Any) -> dict[str, JournalBearing | OrbitBearing]:
     """The oil-lubricated journals of a machine by joint; those of the shaft by their own names.
 
     Args:
         friction: the laws of a mechanism, or `None`.
+        support: law of the shaft's journal, `MainBearings` or `None`.
     """
     laws = {} if friction is None else dict(vars(friction))
-    support = laws.get("main_journal")
     if isinstance(support, MainBearings):
         laws |= dict(zip(support.names or (), support.bearings, strict=True))
+    else:
+        laws["main_journal"] = support
     kinds = (JournalBearing, OrbitBearing)
     return {name: law for name, law in laws.items() if isinstance(law, kinds)}
 
 
-def moving_journals(friction: Any) -> dict[str, OrbitBearing]:
-    """The journals whose orbits are solved, by joint; those of the shaft by their own names."""
-    journals = film_journals(friction)
+def moving_journals(friction: Any, support: Any) -> dict[str, OrbitBearing]:
+    """Those whose orbits are solved; see `film_journals`."""
+    journals = film_journals(friction, support)
     return {name: law for name, law in journals.items() if isinstance(law, OrbitBearing)}
 
 
 def placed(
-    friction: Any, positions: dict[str, Float[Array, "2 *n"]], lossless: bool = False
-) -> Any:
-    """The laws with their moving journals at positions over the clearance, by joint.
+    friction: Any,
+    support: Any,
+    positions: dict[str, Float[Array, "2 *n"]],
+    lossless: bool = False,
+) -> tuple[Any, Any]:
+    """The laws of joints and shaft with their moving journals at positions over the clearance.
 
     Args:
-        friction: the laws of a mechanism.
-        positions: (2, *n) of each journal.
+        friction, support: as of `film_journals`.
+        positions: (2, *n) of each journal, by joint.
         lossless: leave the losses of these out, for who adds them.
     """
     laws = {
         name: PlacedJournal(law, positions[name], lossless)
-        for name, law in moving_journals(friction).items()
+        for name, law in moving_journals(friction, support).items()
         if name in positions
     }
-    support = getattr(friction, "main_journal", None)
     if isinstance(support, MainBearings):
         names = zip(support.names or (), support.bearings, strict=True)
-        bearings = tuple(laws.pop(name, law) for name, law in names)
-        laws["main_journal"] = replaced(support, bearings=bearings)
-    return replaced(friction, **laws)
+        support = replaced(support, bearings=tuple(laws.pop(name, law) for name, law in names))
+    support = laws.pop("main_journal", support)
+    return (replaced(friction, **laws) if laws else friction), support
 
 
 def _weight(bearing: AbstractJournal) -> Float[Array, ""]:

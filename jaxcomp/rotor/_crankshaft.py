@@ -10,57 +10,94 @@ $$\sum U (\cos\delta, \sin\delta), \qquad \sum U z (\cos\delta, \sin\delta) .$$
 
 import dataclasses
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from ._fields import BadInput, replaced
-from .film import NamedBearing
-from .friction import MainBearings, ShaftBearings
-from .rotor import (
-    Link,
-    LoadedFilm,
-    Mount,
-    RotorModel,
-    Unbalances,
-    nodal_load,
-    node_names,
-    receptance,
-    shaft_mass,
-    shaft_polar_inertia,
-    subsets,
-)
+from .._fields import BadInput, is_traced, rebuilt, replaced
+from .._words import one_of
+from ..crankshaft import OF_ROTOR, Crankshaft, MainBearings, ShaftBearings
+from ..film import NamedBearing
+from ._links import Link, LoadedFilm, Mount
+from ._loads import Unbalances, nodal_load
+from ._model import RotorModel, node_names, subsets
+from ._response import receptance
+from ._shaft import shaft_mass, shaft_polar_inertia
 
 Node = int | str
+_FOLLOWS = "absent: it follows from the rotor that `loads.crank` joins to the crank"
 
 
-class Crankshaft(NamedTuple):
-    """A rotor as the crank mechanism sees it.
+def crankshaft_of(
+    rotor: RotorModel, described: Crankshaft, unbalances: Iterable[Unbalances], pins: tuple
+) -> Crankshaft:
+    """The crankshaft that a rotor is; differentiable in all its numbers.
 
-    Attributes:
-        inertia: [kg m^2] about the axis.
-        mass: [kg].
-        unbalance: [kg m] (2,) towards the pin and 90 degrees ahead of it.
-        couple: [kg m^2] (2,) sum of unbalance times z from the plane of the rod.
-    """
-
-    inertia: Float[Array, ""]
-    mass: Float[Array, ""]
-    unbalance: Float[Array, "2"]
-    couple: Float[Array, "2"]
-
-
-@eqx.filter_jit  # one program where a machine is put together, instead of one for each product
-def crankshaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node) -> Crankshaft:
-    """The crankshaft of a rotor, differentiable in all its numbers.
+    Inertia, mass, unbalance and places of rods and bearings are the rotor's; throws, banks and the
+    laws of the bearings those that are described. Places along the shaft count from the first pin.
 
     Args:
         rotor: the model.
+        described: the crankshaft without what follows from the rotor.
         unbalances: on its nodes; those on other parts of the model do not turn and are left out.
-        pin: node in the plane of the rod.
+        pins: node in the plane of the rod of every cylinder.
+
+    Raises:
+        BadInput: a number that follows from the rotor, pins that are not one a cylinder or not on the
+            shaft, or a bearing that the rotor does not have.
     """
+    if len(pins) != described.count:
+        bound = f"one node for each of {described.count} cylinders"
+        raise BadInput("loads.crank.pin", str(pins), bound)
+    _check_free(described)
+    inertia, mass, unbalance, couple = _of_shaft(rotor, unbalances, pins[0])
+    along = axial_positions(rotor, pins[0])
+    made = replaced(
+        described,
+        inertia=inertia,
+        mass=mass,
+        shaft_unbalance=unbalance,
+        shaft_couple=couple,
+        places=jnp.stack([along[node] for node in pins]),
+    )
+    support = made.main_journal
+    if not isinstance(support, MainBearings) or support.position is not None:
+        return made
+    stand = bearing_positions(rotor, pins[0])
+    for name in support.names or ():
+        if len(support.bearings) > 1 and name not in stand:
+            bound = one_of(name, stand) + ", the bearings of the rotor's links"
+            raise BadInput("crankshaft.main_journal.bearings", name, bound)
+    places = [jnp.asarray(stand.get(name, 0.0)) for name in support.names or ()]
+    support = replaced(support, position=jnp.stack(places))
+    if support.shaft == "rotor" and len(support.bearings) > 2:
+        support = shaft_bearings(rotor, support, pins[0])
+    return rebuilt(made, main_journal=support)
+
+
+def _check_free(described: Crankshaft) -> None:
+    """That nothing is given that follows from the rotor."""
+    for name in OF_ROTOR:
+        value = getattr(described, name)
+        if value is not None and (name == "inertia" or _given(value)):
+            raise BadInput(f"crankshaft.{name}", value, _FOLLOWS)
+    for number, throw in enumerate(described.throws):
+        for name in ("position", "rod_pitch", "unbalance"):
+            if _given(getattr(throw, name)):
+                where = f"crankshaft.throws.{number}.{name}"
+                raise BadInput(where, getattr(throw, name), _FOLLOWS)
+
+
+def _given(value) -> bool:
+    return not is_traced(value) and bool(np.any(np.asarray(value) != 0))
+
+
+@eqx.filter_jit  # one program where a machine is put together, instead of one for each product
+def _of_shaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node):
+    """Inertia [kg m^2], mass [kg], unbalance [kg m] (2,) and couple [kg m^2] (2,) of a shaft."""
     place = axial_positions(rotor, pin)
     inertia = mass = jnp.zeros(())
     for shaft in rotor.shafts:
@@ -77,7 +114,7 @@ def crankshaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node) -
         z = jnp.stack([jnp.asarray(place.get(node, 0.0), float) for node in table.nodes])
         vectors = own * table.magnitude * jnp.stack([jnp.cos(table.phase), jnp.sin(table.phase)])
         unbalance, couple = unbalance + vectors.sum(-1), couple + vectors @ z
-    return Crankshaft(inertia, mass, unbalance, couple)
+    return inertia, mass, unbalance, couple
 
 
 def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, ""]]:

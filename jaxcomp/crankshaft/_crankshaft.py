@@ -1,4 +1,4 @@
-r"""Several cylinders on one crankshaft: banks, throws and counterweights.
+r"""The crankshaft of a machine: its inertia, throws and banks, counterweights and main bearings.
 
 Machine axes: origin on the shaft, z along it, the crank turns from +x to +y. Cylinder $k$ points along
 the bank angle $b_k$, its rod runs on a pin at the throw angle $t_k$ and stands at $z_k$ along the shaft.
@@ -7,7 +7,8 @@ It sees the crank angle
 $$\psi_k = \theta + t_k - b_k ,$$
 
 so that all laws of one cylinder hold with $\psi_k$ in place of $\theta$. The rods stand side by side,
-each with a bearing of its own on the pin; fork-and-blade and articulated rods are not described.
+each with a bearing of its own on the pin; fork-and-blade and articulated rods are not described. A
+machine with one cylinder has one throw with one bank, both at angle 0 unless it says otherwise.
 """
 
 import re
@@ -18,13 +19,36 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._fields import ANY, BadInput, Part, along_cylinders, quantity, replaced
-from ._base import CrankState, Vector, rotating, turned_with
-from ._slider_crank import SliderCrank
-from ._slider_link import SliderLink
+from .._fields import (
+    ANY,
+    NONNEGATIVE,
+    POSITIVE,
+    BadInput,
+    Part,
+    along_cylinders,
+    is_traced,
+    quantity,
+    rebuilt,
+    replaced,
+)
+from ..film import AbstractJournal
+from ..mechanism import AbstractMechanism, CrankState, Vector, rotating, turned_with
+from ._bearings import MainBearings
 
 # Throws of a layout, and rods of a star.
 _MOST = 64
+# What follows from the rotor of a machine in which `loads.crank` joins the two.
+OF_ROTOR = (
+    "inertia",
+    "mass",
+    "unbalance",
+    "balanced",
+    "shaft_unbalance",
+    "shaft_couple",
+    "throw_pitch",
+    "rod_pitch",
+    "places",
+)
 
 
 class Throw(Part):
@@ -52,65 +76,98 @@ class Throw(Part):
             raise BadInput("banks", "[]", "at least one bank angle")
 
 
-class Cylinders(Part):
-    """How the cylinders of a machine stand about its crankshaft.
+class Crankshaft(Part):
+    """The crankshaft, with what sits on it.
 
-    The mechanism describes one cylinder, with the crank's inertia for the whole machine; it must be
-    without an unbalance of its own, which the throws have. Cylinders are numbered throw by throw. A
-    number of mechanism, gas or friction that differs from cylinder to cylinder is a list there.
+    Cylinders are numbered throw by throw. A number of mechanism, gas or friction that differs from
+    cylinder to cylinder is a list there.
 
     Args:
-        throws: of the crankshaft; none with a layout.
+        inertia: [kg m^2] crankshaft with rotor about the shaft axis; absent where it follows from the
+            rotor of the same machine.
+        mass: [kg] crankshaft with rotor; its weight is on the bearings.
+        throws: of the crankshaft; none with a layout, or for a single throw with one cylinder.
         layout: its name in the place of throws: "single", "in-line-4", "boxer-2", "opposed", "radial-5",
             "V90" for two banks on one throw, "W60" for three, "VV45" for four, "V90x2" for two such
             throws. Pins of several throws are spread evenly, an even number of four or more as its own
             mirror image.
         throw_pitch: [m] between neighbouring throws of a layout.
         rod_pitch: [m] between neighbouring rods of a throw of a layout.
+        unbalance: [kg m] of the crank at each throw of a layout without rods, positive at the pin's
+            side; that of a counterweight is negative.
         balanced: whether every throw has, beside its own unbalance, the counterweight that takes what
             turns forward of the first order, see `counterweights`.
+        shaft_unbalance: [kg m] (2,) of the whole crank beside that of the throws, along the first throw
+            at angle 0 and 90 degrees ahead of it; of a rotor its own.
+        shaft_couple: [kg m^2] (2,) sum of that unbalance times its place.
         places: [m] of every rod along the shaft in the place of that by throws; of a rotor its pins'.
-        unbalance: [kg m] (2,) of the whole crank beside that of the throws, along the first throw at
-            angle 0 and 90 degrees ahead of it; of a rotor its own.
-        couple: [kg m^2] (2,) sum of that unbalance times its place.
+        mass_centre: [m] place of the mass along the shaft, for its weight.
+        origin: [m] place along the shaft about which moments on the block count.
+        main_journal: law of the shaft in its bearing, or `MainBearings`; `None` without friction there.
 
     Raises:
-        BadInput: no throw, throws beside a layout, an unknown layout, or places that are not one a rod.
+        BadInput: throws beside a layout or beside an unbalance of a layout's throws, an unknown layout,
+            or places that are not one a rod.
     """
 
-    kind: ClassVar[str] = "cylinders"
+    kind: ClassVar[str] = "crankshaft"
 
+    inertia: Float[Array, ""] | None = quantity(
+        "kg m^2",
+        POSITIVE,
+        default=None,
+        doc="with rotor about the shaft axis; absent where it follows from [rotor]",
+    )
+    mass: Float[Array, ""] = quantity(
+        "kg", NONNEGATIVE, default=0.0, doc="crankshaft with rotor; its weight is on the bearings"
+    )
     throws: tuple[Throw, ...] = ()
     layout: str | None = eqx.field(static=True, default=None)
     throw_pitch: Float[Array, ""] = quantity("m", ANY, default=0.0)
     rod_pitch: Float[Array, ""] = quantity("m", ANY, default=0.0)
+    unbalance: Float[Array, ""] = quantity(
+        "kg m", ANY, default=0.0, doc="of the crank at each throw, positive at the pin's side"
+    )
     balanced: bool = eqx.field(static=True, default=False)
+    shaft_unbalance: Float[Array, "2"] | None = quantity(
+        "kg m", ANY, shape=(2,), default=None, doc="beside the throws, at the pin and ahead of it"
+    )
+    shaft_couple: Float[Array, "2"] | None = quantity(
+        "kg m^2", ANY, shape=(2,), default=None, doc="sum of shaft unbalance times place"
+    )
     places: Float[Array, " k"] | None = quantity("m", ANY, shape=(None,), default=None)
-    unbalance: Float[Array, "2"] | None = quantity("kg m", ANY, shape=(2,), default=None)
-    couple: Float[Array, "2"] | None = quantity("kg m^2", ANY, shape=(2,), default=None)
+    mass_centre: Float[Array, ""] = quantity(
+        "m", ANY, default=0.0, doc="of the mass along the shaft, for its weight"
+    )
+    origin: Float[Array, ""] = quantity(
+        "m", ANY, default=0.0, doc="place about which moments on the block count"
+    )
+    main_journal: AbstractJournal | MainBearings | None = None
 
     def __check_init__(self):
         if self.layout is not None:
             _layout(self.layout)
-            if self.throws:
+        if self.throws:
+            if self.layout is not None:
                 raise BadInput("throws", f"{len(self.throws)} throws", "absent beside a layout")
-        elif not self.throws:
-            raise BadInput("throws", "()", "at least one throw, or a layout")
+            if not is_traced(self.unbalance) and float(self.unbalance) != 0:
+                raise BadInput("unbalance", self.unbalance, "absent beside throws, which have theirs")
         if self.places is not None and self.places.shape != (self.count,):
             raise BadInput("places", self.places, f"one for each of {self.count} rods")
 
     @property
     def rows(self) -> tuple[Throw, ...]:
         """The throws, given or of the layout."""
-        if self.layout is None:
+        if self.throws:
             return self.throws
-        made = _layout(self.layout)
+        made = _layout(self.layout or "single")
         middle = 0.5 * (len(made) - 1)
         return tuple(
             replaced(
                 Throw(np.deg2rad(banks), np.deg2rad(angle)),
                 position=(number - middle) * self.throw_pitch,
                 rod_pitch=self.rod_pitch,
+                unbalance=self.unbalance,
             )
             for number, (angle, banks) in enumerate(made)
         )
@@ -118,15 +175,15 @@ class Cylinders(Part):
     @property
     def count(self) -> int:
         """Number of cylinders; also where the numbers are only shapes."""
-        if self.layout is not None:
-            return sum(len(banks) for _, banks in _layout(self.layout))
-        return sum(throw.banks.size for throw in self.throws)
+        if self.throws:
+            return sum(throw.banks.size for throw in self.throws)
+        return sum(len(banks) for _, banks in _layout(self.layout or "single"))
 
     def each(self, part, like):
         """A part whose lists over the cylinders go with instants like these."""
         return along_cylinders(part, like)
 
-    def unbalances(self, mechanism: SliderCrank | SliderLink) -> list[Float[Array, ""]]:
+    def unbalances(self, mechanism: AbstractMechanism) -> list[Float[Array, ""]]:
         """[kg m] of the crank at every throw, with its counterweight where `balanced` says so."""
         given = [throw.unbalance for throw in self.rows]
         if not self.balanced:
@@ -184,6 +241,15 @@ class Cylinders(Part):
         """[rad] psi of every cylinder at crank angles [rad]."""
         return self.along(self.phase, angle) + angle
 
+    def joint(self, name: str, number: int) -> str:
+        """Name in results of a joint of cylinder `number` >= 1; only several cylinders are numbered."""
+        return name if self.count == 1 else f"{name}_{number}"
+
+    def of_throws(self, values: Float[Array, "k *n"]) -> Float[Array, "t *n"]:
+        """Sums of values of the cylinders over those of each throw."""
+        ends = np.cumsum([throw.banks.size for throw in self.rows])[:-1]
+        return jnp.stack([jnp.sum(part, axis=0) for part in jnp.split(values, ends)])
+
     def along(
         self, values: Float[Array, " k"], like: Float[Array, "*n"]
     ) -> Float[Array, "k *ones"]:
@@ -202,7 +268,7 @@ class Cylinders(Part):
         return jnp.stack(self.turned(Vector(gravity[0] * ones, gravity[1] * ones), back=True))
 
     def crank_pulls(
-        self, state: CrankState, mechanism: SliderCrank | SliderLink, line, influence=None
+        self, state: CrankState, mechanism: AbstractMechanism, line, influence=None
     ) -> list[Vector]:
         """What m receivers take of the inertia [N] of the crank's unbalances, in machine axes.
 
@@ -217,7 +283,7 @@ class Cylinders(Part):
         vectors = self._crank_vectors(mechanism, line, influence)
         return [turned_with(*vector, second) for vector in vectors]
 
-    def _crank_vectors(self, mechanism: SliderCrank | SliderLink, line, influence=None):
+    def _crank_vectors(self, mechanism: AbstractMechanism, line, influence=None):
         """(2,) What each takes of the unbalances, along the crank at angle 0 and ahead of it."""
         rows = self.rows
         angle, place = (jnp.stack(e) for e in ([t.angle for t in rows], [t.position for t in rows]))
@@ -226,7 +292,7 @@ class Cylinders(Part):
         taken = None if influence is None else influence(place)
         for number, (share, lever) in enumerate(line):
             vector = vectors @ (share + lever * place if taken is None else taken[number])
-            for part, own in ((share, self.unbalance), (lever, self.couple)):
+            for part, own in ((share, self.shaft_unbalance), (lever, self.shaft_couple)):
                 vector = vector if own is None else vector + part * own
             yield vector
 
@@ -234,7 +300,7 @@ class Cylinders(Part):
         self,
         angle: Float[Array, "*n"],
         gravity: Float[Array, "2"],
-        mechanism: SliderCrank | SliderLink,
+        mechanism: AbstractMechanism,
     ):
         """[N m] on the crank, of the weights of its unbalances."""
         (vector,) = self._crank_vectors(mechanism, [(1.0, 0.0)])
@@ -256,31 +322,29 @@ class OrderSums(NamedTuple):
     backward_couple: Complex[Array, ""]
 
 
-def counterweights(mechanism: SliderCrank | SliderLink, cylinders: Cylinders) -> Cylinders:
-    r"""The cylinders with the counterweights that take what turns forward of the first order.
+def counterweights(mechanism: AbstractMechanism, crankshaft: Crankshaft) -> Crankshaft:
+    r"""The crankshaft with the counterweights that take what turns forward of the first order.
 
     On a throw of n rods $u = -(n m_{rot} + \tfrac n2 m_{rec})\,r$: banks that are equally spaced over
     180 degrees have then no first order left, neither force nor couple, if the rods are at one place.
 
     Args:
         mechanism: one of the cylinders.
-        cylinders: how they stand; their unbalances do not matter.
+        crankshaft: its unbalances at the throws do not matter.
     """
-    weights = _counterweights(mechanism, cylinders)
+    weights = _counterweights(mechanism, crankshaft)
     throws = tuple(
-        replaced(throw, unbalance=u) for throw, u in zip(cylinders.rows, weights, strict=True)
+        replaced(throw, unbalance=u) for throw, u in zip(crankshaft.rows, weights, strict=True)
     )
-    return Cylinders(throws, places=cylinders.places)
+    none = jnp.zeros_like(crankshaft.unbalance)
+    return rebuilt(crankshaft, throws=throws, layout=None, balanced=False, unbalance=none)
 
 
 def _counterweights(
-    mechanism: SliderCrank | SliderLink, cylinders: Cylinders
+    mechanism: AbstractMechanism, crankshaft: Crankshaft
 ) -> list[Float[Array, ""]]:
-    each = -mechanism.half_balance
-    sizes = [throw.banks.size for throw in cylinders.rows]
-    if jnp.ndim(each) == 0:
-        return [size * each for size in sizes]
-    return [jnp.sum(part) for part in jnp.split(each, np.cumsum(sizes)[:-1])]
+    each = jnp.broadcast_to(-mechanism.half_balance, (crankshaft.count,))
+    return list(crankshaft.of_throws(each))
 
 
 def _layout(name: str) -> list[tuple[float, list[float]]]:

@@ -1,0 +1,162 @@
+r"""The joint loops of all cylinders, which meet in the main bearings of their crankshaft only.
+
+Given the motion of the crank every rod has its own loop. The forces $S_k$ of the crank on the rods, in
+machine axes, load the main bearings together with the pull of the throws' unbalances,
+
+$$Q_i = \sum_k B_i(z_k) S_k + \sum_j B_i(z_j) u_j a_j ,$$
+
+with the influence $B_i$ of a place on each bearing by `MainBearings`; a single journal takes all.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..film import AbstractJournal
+from ..friction import AbstractJointLoop, JointLoads, Marks, joint_loop
+from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
+from ._bearings import MainBearings, bearing_names, shaft_losses
+from ._crankshaft import Crankshaft
+
+
+class Carried(NamedTuple):
+    """What the joints of the cylinders give the crankshaft, (k, *n) each."""
+
+    loss: Float[Array, "k *n"]  # [N m] loss torque of each cylinder's own joints
+    force: Vector  # [N] of the crank on what it drives, in the axes of the cylinders
+
+
+class MachineLoops(eqx.Module):
+    """The joints of a machine at n instants, up to the unknowns (k, n) of the loops of k cylinders.
+
+    Everything else follows from the unknowns, forces [N], explicitly. A solver of the motion carries
+    them along and improves them together with the motion.
+    """
+
+    # of all cylinders; their arrays have a leading axis of k
+    loops: AbstractJointLoop
+    crankshaft: Crankshaft
+    speed: Float[Array, "*n"]  # [rad/s] of the crank
+    shares: Float[Array, "m k"]  # [-] what each main bearing takes of the force of each rod
+    pull: tuple[Vector, ...]  # [N] of the crankshaft's inertia and weight on every main bearing
+
+    @property
+    def kinks(self) -> int:
+        """How many of the quantities that mark reversals are kinks; the others belong to loads."""
+        return self.crankshaft.count * self.loops.kinks
+
+    def balance(self, unknown) -> tuple[Float[Array, "k *n"], tuple[Carried, Marks]]:
+        """[N] What is left of the balances; what the shaft carries, and marks of load reversals."""
+        excess, loss, force, marks = self.loops.balance(unknown)
+        return excess, (Carried(loss, force), marks)
+
+    def finished(self, carried: Carried, marks: Marks):
+        """Loss torque [N m] of all joints, and the quantities that mark reversals one by one.
+
+        These are first the kinks; then, of the loads that may come close to zero, the components
+        along x, whose sign changes mark the places, and those along y, which tell how close.
+        """
+        reactions = self._reactions(carried.force)
+        loss = jnp.sum(carried.loss, axis=0) + sum(self._shaft_losses(reactions).values(), 0.0)
+        shaft = self._near_zero(reactions)
+        kinks, along, across = ([row for mark in group for row in mark] for group in marks)
+        along += [force.x for force in shaft]
+        return loss, (*kinks, *along, *across, *(force.y for force in shaft))
+
+    def total_loss(self, carried: Carried) -> Float[Array, "*n"]:
+        """[N m] Loss torque of all joints."""
+        return self.finished(carried, Marks((), (), ()))[0]
+
+    def directions(self, unknown) -> Float[Array, "k k *n"]:
+        """Of one cylinder's unknown after the other, along a new leading axis."""
+        one = jnp.eye(unknown.shape[0]).reshape(unknown.shape[:1] * 2 + (1,) * (unknown.ndim - 1))
+        return one * jnp.ones_like(unknown)
+
+    def _shaft_losses(self, reactions: dict[str, Vector]) -> dict[str, Float[Array, "*n"]]:
+        shaft = self.crankshaft
+        return shaft_losses(shaft.main_journal, reactions, self.speed, shaft.mass)
+
+    def _near_zero(self, reactions: dict[str, Vector]) -> list[Vector]:
+        """The loads of the shaft that mark places where they come close to zero."""
+        rubs = self.loops.marks_shaft and self.crankshaft.main_journal is not None
+        return list(reactions.values()) if rubs else []
+
+    def _reactions(self, force: Vector) -> dict[str, Vector]:
+        """Force of each main bearing on the shaft [N], by name."""
+        shaft = self.crankshaft
+        turned, found = shaft.turned(force), {}
+        for name, share, own in zip(bearing_names(shaft), self.shares, self.pull, strict=True):
+            share = shaft.along(share, self.speed)
+            found[name] = Vector(
+                *(jnp.sum(share * f, axis=0) + p for f, p in zip(turned, own, strict=True))
+            )
+        return found
+
+    def loads(self, unknown, evidence: bool) -> JointLoads:
+        """Forces and losses; with residual and margin if `evidence`."""
+        each, shaft = self.loops.loads(unknown, evidence), self.crankshaft
+        reactions = self._reactions(Vector(*each.forces[self.loops.at_crank]))
+        forces, losses = {}, {}
+        for place in range(shaft.count):
+            for joint, force in each.forces.items():
+                forces[shaft.joint(joint, place + 1)] = force[:, place]
+            for joint, loss in each.loss_torque.items():
+                losses[shaft.joint(joint, place + 1)] = loss[place]
+        shape = (-1, *self.speed.shape)
+        minima = [each.minima.reshape(shape), *(f.x[None] for f in self._near_zero(reactions))]
+        return JointLoads(
+            forces=forces | {name: force.stacked() for name, force in reactions.items()},
+            loss_torque=losses | self._shaft_losses(reactions),
+            residual=None if each.residual is None else jnp.max(jnp.abs(each.residual), axis=0),
+            margin=each.margin,
+            kinks=each.kinks.reshape(shape),
+            minima=jnp.concatenate(minima),
+        )
+
+
+def machine_loops(
+    mechanism: AbstractMechanism,
+    friction: Any,
+    crankshaft: Crankshaft,
+    state: CrankState,
+    gas_force: Float[Array, "k *n"],
+    gravity: Float[Array, "2"] | None,
+    kinematics: AbstractKinematics,
+) -> MachineLoops:
+    """The joint loops of a machine at given instants.
+
+    Args:
+        mechanism: of one cylinder.
+        friction: its laws, or `None` for joints without friction.
+        crankshaft: what the cylinders sit on.
+        state: angle, speed and acceleration of the crank, shape (n,) or ().
+        gas_force: [N] of each cylinder.
+        gravity: [m/s^2] field in machine axes; `None` leaves weights out.
+        kinematics: of each cylinder, with a leading axis of k.
+    """
+    shape = kinematics.position.shape
+    each = CrankState(
+        crankshaft.own_angle(state.angle),
+        jnp.broadcast_to(state.speed, shape),
+        jnp.broadcast_to(state.acceleration, shape),
+    )
+    own_gravity = None if gravity is None else crankshaft.own_gravity(gravity, state.angle)
+    support: AbstractJournal | MainBearings | None = crankshaft.main_journal
+    line, influence = [(1.0, 0.0)], None
+    shares = jnp.ones((1, crankshaft.count))
+    if isinstance(support, MainBearings):
+        line, influence = support.line(), support.influence
+        shares = influence(crankshaft.position)
+    pulls = crankshaft.crank_pulls(state, mechanism, line, influence)
+    if gravity is not None:
+        weight, centre = crankshaft.mass * gravity, crankshaft.mass_centre
+        pulls = [
+            Vector(*(p - (share + lever * centre) * w for p, w in zip(pull, weight, strict=True)))
+            for pull, (share, lever) in zip(pulls, line, strict=True)
+        ]
+    laws = crankshaft.each(friction, state.angle)
+    single = crankshaft.each(mechanism, state.angle)
+    loops = joint_loop(single, laws, each, gas_force, own_gravity, kinematics)
+    return MachineLoops(loops, crankshaft, state.speed, shares, tuple(pulls))
