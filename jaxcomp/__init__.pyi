@@ -39,6 +39,9 @@ from .crank import TimeIntegration as TimeIntegration
 from .crank import Transient as Transient
 from .crank import simulate as simulate
 from .crank import solve_orbit as solve_orbit
+from .crankshaft import Crankshaft as Crankshaft
+from .crankshaft import MainBearings as MainBearings
+from .crankshaft import Throw as Throw
 from .design import AnalysisOptions as AnalysisOptions
 from .design import DesignResult as DesignResult
 from .design import design_rules as design_rules
@@ -53,7 +56,6 @@ from .film import NamedBearing as NamedBearing
 from .film import Oil as Oil
 from .friction import CoulombJournal as CoulombJournal
 from .friction import CoulombSlide as CoulombSlide
-from .friction import MainBearings as MainBearings
 from .friction import OilPump as OilPump
 from .friction import PistonFilm as PistonFilm
 from .friction import RegularisedJournal as RegularisedJournal

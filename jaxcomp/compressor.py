@@ -121,10 +121,17 @@ def _check_lists(compressor: Compressor) -> None:
                 raise BadInput(f"{where}.of_cylinder", str(part.of_cylinder), bound)
         for path, value in listed(getattr(compressor, section)).items():
             if value.shape != (count,):
-                bound = f"one number, or one for each of {count} cylinders"
-                raise BadInput(f"{section}.{path}", value, bound)
-    for path, value in listed(compressor.crankshaft.main_journal).items():
-        raise BadInput(f"crankshaft.main_journal.{path}", value, "a single value")
+                several = f", or one for each of {count} cylinders" if count > 1 else ""
+                raise BadInput(f"{section}.{path}", value, f"one number{several}")
+    support = compressor.crankshaft.main_journal
+    for path, value in listed(support).items():
+        raise BadInput(f"crankshaft.main_journal.{path}", value, "one number")
+    for path, part in subparts(support):
+        if isinstance(part, AbstractEach):
+            where = f"crankshaft.main_journal.{path}".rstrip(".")
+            raise BadInput(
+                f"{where}.of_cylinder", str(part.of_cylinder), "absent: the shaft is one"
+            )
 
 
 def _check_ports(compressor: Compressor) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from ._fields import BadInput, replaced
+from ._fields import BadInput, of_cylinder, replaced
 from ._results import Data, Result
 from ._words import one_of
 from .compressor import Compressor, compressor_of

@@ -4,6 +4,7 @@ import dataclasses
 import json
 from functools import cache
 from operator import attrgetter
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxcomp import Compressor, Status, solve_orbit
+from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
@@ -42,13 +44,11 @@ MECHANISM = {
     "conrod_length": 0.294,
     "piston_mass": 2.65,
     "conrod_mass": 3.79,
-    "crank_inertia": 0.156,
     "conrod_centre": 0.084,
     "conrod_inertia": 0.07,
-    "crank_unbalance": -0.0757,
-    "crank_mass": 20.0,
     "offset": 0.0,
 }
+CRANKSHAFT = {"inertia": 0.156, "mass": 20.0, "unbalance": -0.0757}
 GAS = {
     "suction_pressure": 0.098e6,
     "discharge_pressure": 0.98e6,
@@ -60,18 +60,31 @@ WALL = 0.083
 PINS = {"piston_pin": (0.013, 0.040), "crank_pin": (0.013, 0.090), "main_journal": (0.013, 0.092)}
 
 
+class Laws(NamedTuple):
+    """Friction of a slider-crank and of the shaft in its main journal."""
+
+    friction: Any
+    main_journal: Any = None
+
+
+def laws(**joints) -> Laws:
+    """Laws by joint, the main journal among them."""
+    journal = joints.pop("main_journal", None)
+    return Laws(SliderCrankFriction(**joints), journal)
+
+
 def coulomb(scale=1.0, **parts):
     """The four Coulomb joints of the paper; `scale` multiplies all coefficients."""
     joints = {"wall": CoulombSlide(scale * WALL)}
     joints |= {name: CoulombJournal(scale * mu, d) for name, (mu, d) in PINS.items()}
-    return SliderCrankFriction(**(joints | parts))
+    return laws(**(joints | parts))
 
 
 def regularised(transition_speed, scale=1.0):
     journals = {
         name: RegularisedJournal(scale * mu, d, transition_speed) for name, (mu, d) in PINS.items()
     }
-    return SliderCrankFriction(wall=RegularisedSlide(scale * WALL, transition_speed), **journals)
+    return laws(wall=RegularisedSlide(scale * WALL, transition_speed), **journals)
 
 
 # Every friction law of the slider-crank by name; a new law joins the tests by joining this list.
@@ -79,9 +92,9 @@ FRICTION = {
     "coulomb": coulomb(),
     "regularised": regularised(0.05),
     "film": coulomb(wall=None, piston_film=PistonFilm(5e-5, 0.05, 0.1)),
-    "wall only": SliderCrankFriction(wall=CoulombSlide(WALL)),
+    "wall only": laws(wall=CoulombSlide(WALL)),
     "pins only": coulomb(wall=None),
-    "none": SliderCrankFriction(),
+    "none": laws(),
 }
 
 
@@ -90,15 +103,18 @@ def mechanism(**changes) -> SliderCrank:
 
 
 def machine(*, motor=None, friction="coulomb", gravity=(0.0, 0.0), gas=None, **changes):
-    """The machine with changes to any number of mechanism or gas, by name."""
-    unknown = set(changes) - set(MECHANISM) - set(GAS)
+    """The machine with changes to any number of mechanism, crankshaft or gas, by name."""
+    unknown = set(changes) - set(MECHANISM) - set(CRANKSHAFT) - set(GAS)
     assert not unknown, unknown
     pick = lambda table: table | {k: v for k, v in changes.items() if k in table}  # noqa: E731
+    given = coulomb() if friction == "coulomb" else friction
+    given = given if isinstance(given, Laws) else Laws(given)
     return Compressor(
         SliderCrank(**pick(MECHANISM)),
+        Crankshaft(**pick(CRANKSHAFT), main_journal=given.main_journal),
         MeanSpeed(1000 * RPM) if motor is None else motor,
         PolytropicCycle(**pick(GAS)) if gas is None else gas,
-        coulomb() if friction == "coulomb" else friction,
+        given.friction,
         gravity,
     )
 
@@ -125,14 +141,18 @@ def random_mechanisms(rng, count, *, offset=True):
         "conrod_length": l,
         "piston_mass": u(0.1, 5),
         "conrod_mass": u(0.1, 5),
-        "crank_inertia": u(0.01, 1),
         "conrod_centre": l * u(-0.2, 1.1),
         "conrod_inertia": u(0, 0.1),
-        "crank_unbalance": u(-0.1, 0.1),
-        "crank_mass": u(0, 30),
         "offset": (l - r) * u(-0.5, 0.5) if offset else np.zeros(count),
     }
     return jax.vmap(lambda v: SliderCrank(**v))({k: jnp.asarray(v) for k, v in values.items()})
+
+
+def random_crankshafts(rng, count):
+    """Crankshafts of all proportions, with a leading axis on every leaf."""
+    u = lambda low, high: rng.uniform(low, high, count)  # noqa: E731
+    values = {"inertia": u(0.01, 1), "mass": u(0, 30), "unbalance": u(-0.1, 0.1)}
+    return jax.vmap(lambda v: Crankshaft(**v))({k: jnp.asarray(v) for k, v in values.items()})
 
 
 def pick(tree, index):
@@ -229,7 +249,7 @@ BAD = {
     "rod as long as crank": {"mechanism__conrod_length": 0.05},
     "offset too large": {"mechanism__offset": 0.25},
     "negative mass": {"mechanism__piston_mass": -1.0},
-    "no inertia": {"mechanism__crank_inertia": 0.0},
+    "no inertia": {"crankshaft__inertia": 0.0},
     "pressures exchanged": {"gas__discharge_pressure": 0.05e6},
     "zero pressure": {"gas__suction_pressure": 0.0},
     "nan bore": {"mechanism__bore": np.nan},
@@ -250,5 +270,5 @@ def with_films(design):
             dynamic_viscosity=0.02,
         )
 
-    at = lambda c: (c.friction.crank_pin, c.friction.main_journal)  # noqa: E731
+    at = lambda c: (c.friction.crank_pin, c.crankshaft.main_journal)  # noqa: E731
     return eqx.tree_at(at, design, (journal(0.05), journal(0.06)))

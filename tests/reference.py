@@ -391,16 +391,18 @@ def from_compressor(compressor) -> Machine:
         for name, value in vars(part).items()
         if value is not None and name in Machine.__dataclass_fields__
     }
-    values = numbers(compressor.mechanism)
+    values, shaft = numbers(compressor.mechanism), compressor.crankshaft
+    for name in ("inertia", "mass", "unbalance"):
+        values[f"crank_{name}"] = float(getattr(shaft, name))
     if compressor.gas is not None:
         values |= numbers(compressor.gas)
     friction, pins, wall = compressor.friction, {}, 0.0
     if friction is not None:
         wall = 0.0 if friction.wall is None else float(friction.wall.coefficient)
-        for name in ("piston_pin", "crank_pin", "main_journal"):
-            law = getattr(friction, name)
-            if hasattr(law, "coefficient"):
-                pins[name] = (float(law.coefficient), float(law.diameter))
+    for name in ("piston_pin", "crank_pin", "main_journal"):
+        law = getattr(shaft if name == "main_journal" else friction, name, None)
+        if hasattr(law, "coefficient"):
+            pins[name] = (float(law.coefficient), float(law.diameter))
     gravity = (0.0, 0.0) if compressor.gravity is None else tuple(map(float, compressor.gravity))
     has_gas = compressor.gas is not None
     machine = Machine(**values, gravity=gravity, wall=wall, pins=pins, has_gas=has_gas)

@@ -211,9 +211,9 @@ class ManyLinks(Many):
             pressed, rubbed = np.abs(one) + np.abs(two), link * np.abs(push)
             pin = np.array([push, rubbed]) + self.slider_mass * (still + per * speeding)
             swing = still / r + per / r * speeding  # of the crank's unit vector
-            pull = pin - self.crank_mass * self.crank_eccentricity * swing
-            reach = self.overhang + self.bearing_span
-            upper = (reach * pull - self.crank_product * swing) / self.bearing_span
+            pull = pin + self.crank_unbalance * swing
+            span = self.lower_place - self.upper_place
+            upper = (self.lower_place * pull - self.crank_couple * swing) / span
             forces = zip(self.names[2:], (pin, upper, pull - upper), strict=True)
             return pressed, rubbed, *(self.pin_moment(name, np.hypot(*f)) for name, f in forces)
 
@@ -239,12 +239,21 @@ def many_of(compressors) -> tuple[Many, list]:
     machines = []
     for compressor in compressors:
         machine, friction = LinkMachine(**dict.fromkeys(_NEEDED, 1.0)), compressor.friction
+        shaft = compressor.crankshaft
+        support = shaft.main_journal
         for part in (compressor.mechanism, compressor.gas):
             for name, value in vars(part).items():
                 setattr(machine, name, None if value is None else float(value))
+        machine.crank_inertia, machine.crank_unbalance = (
+            float(shaft.inertia),
+            float(shaft.unbalance),
+        )
+        machine.crank_couple = float(shaft.shaft_couple[0])
+        machine.upper_place, machine.lower_place = map(float, support.position)
         machine.wall = float(friction.wall.coefficient)
         machine.link_slider = float(friction.link_slider.coefficient)
-        laws = {name: getattr(friction, name) for name in ManyLinks.names[2:]}
+        laws = {"crank_pin": friction.crank_pin}
+        laws |= dict(zip(support.names, support.bearings, strict=True))
         machine.pins = {k: (float(v.coefficient), float(v.diameter)) for k, v in laws.items()}
         machines.append(machine.prepare())
     return ManyLinks.of(machines), [machine.kinks() for machine in machines]

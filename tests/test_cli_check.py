@@ -270,7 +270,7 @@ def test_an_unbalance_of_another_machine_is_unusual(tmp_path):
     file = tmp_path / "small.toml"
     file.write_text(text.replace('"0.25 kg"', '"25 g"').replace('"0.20 kg"', '"20 g"'))
     unusual = read_json(invoke("check", str(file), "--json").stdout)["unusual"]
-    assert any("crank_unbalance" in row["what"] for row in unusual)
+    assert any("unbalance of a throw" in row["what"] for row in unusual)
 
 
 def test_check_says_how_several_cylinders_fire():

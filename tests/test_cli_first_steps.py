@@ -105,7 +105,7 @@ def test_design_variables_of_other_mechanisms_are_not_offered():
 
 
 def test_names_of_contributors_are_not_broken():
-    name = "friction.main_journal.coefficient"
+    name = "crankshaft.main_journal.coefficient"
     words = ["mayekawa-wbhe", "--quantity", "swept_volume", "--samples", "64", "--vary"]
     words += [f"{name}=+-10 %", "--vary", "mechanism.bore=+-0.1 mm", "--curvature", "none"]
     shown = CliRunner().invoke(app, ["tolerance", *words], env={"COLUMNS": "80"})

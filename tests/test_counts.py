@@ -18,8 +18,8 @@ from jaxcomp import (
 from jaxcomp._fields import admissible, clipped
 from jaxcomp.cli._map import axis
 from jaxcomp.cli._start import CommandError
+from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.gas import EachGas, PolytropicCycle, StagedCycle
-from jaxcomp.mechanism import Cylinders
 from jaxcomp.sweeping import grid, log_grid, uniform
 
 MANY = 10**10
@@ -42,9 +42,9 @@ def swept(over, samples=None, **options):
     [
         lambda: StagedCycle((1, MANY), 1e5, 4e5, 1.2),
         lambda: EachGas((GAS, GAS), (1, MANY)),
-        lambda: Cylinders(layout=f"radial-{MANY}"),
-        lambda: Cylinders(layout=f"in-line-{MANY}"),
-        lambda: Cylinders(layout=f"V90x{MANY}"),
+        lambda: Crankshaft(layout=f"radial-{MANY}"),
+        lambda: Crankshaft(layout=f"in-line-{MANY}"),
+        lambda: Crankshaft(layout=f"V90x{MANY}"),
         lambda: grid(0.0, 1.0, MANY),
         lambda: log_grid(1.0, 2.0, MANY),
         lambda: swept({"mechanism.bore": uniform(0.12, 0.14)}, MANY),
@@ -73,7 +73,7 @@ def test_a_map_has_a_bounded_number_of_points():
 @pytest.mark.parametrize("layout", ["radial-0", "V360", "W180", "VV120"])
 def test_a_layout_without_rods_or_with_two_in_one_place_is_refused(layout):
     with pytest.raises(BadInput, match="layout"):
-        Cylinders(layout=layout)
+        Crankshaft(layout=layout)
 
 
 def test_stages_need_no_order():

@@ -38,7 +38,6 @@ def mechanism():
         conrod_length=44e-3,
         piston_mass=0.05,
         conrod_mass=0.02,
-        crank_inertia=1e-4,
     )
 
 

@@ -38,8 +38,8 @@ def test_a_stiff_block_moves_as_the_rigid_body_under_the_shaking_forces():
     scene = load(NAME)
     compressor, model, orders = scene.compressor, stiff(scene), (1, 2, 4)
     # the rotor's unbalances turn at the mean speed, so the crank does here: 1e-6 of its fluctuation
-    heavy = 1e6 * compressor.mechanism.crank_inertia
-    compressor = eqx.tree_at(lambda c: c.mechanism.crank_inertia, compressor, heavy)
+    heavy = 1e6 * compressor.crankshaft.inertia
+    compressor = eqx.tree_at(lambda c: c.crankshaft.inertia, compressor, heavy)
     orbit = solve_orbit(compressor, Collocation(nodes=6, reversals=0))
     speed, case = orbit.mean_speed, scene.parts["loads"]
     inner = crank_forces(compressor, orbit, case.crank, orders).forces
@@ -91,7 +91,7 @@ def test_the_crank_shakes_the_block_where_the_scene_gives_no_forces():
     before, without = (r["nodes"][name]["major_axis"][0][0] for r in (crank, file))
     assert before < without
     # corrections load the main bearings, whose friction moves the crank and the result by up to 4e-4
-    sets = ["--set", "friction.main_journal=none"]
+    sets = ["--set", "crankshaft.main_journal=none"]
     found = command("balance", NAME, *sets)
     assert found["excitation"] == "crank"
     for one in found["planes"]:
@@ -109,11 +109,11 @@ def test_the_crank_shakes_the_block_where_the_scene_gives_no_forces():
 def test_a_number_of_one_cylinder_makes_a_list():
     scene = load("mayekawa-4wbhe")
     paths = ("mechanism.bore.2", "friction.*.coefficient.*", "mechanism.offset.0")
-    made = with_lists(scene, (*paths, "cylinders.throws.0.banks.1", "motor.mean_speed.*"))
+    made = with_lists(scene, (*paths, "crankshaft.throws.0.banks.1", "motor.mean_speed.*"))
     one = made.compressor
     assert one.mechanism.bore.shape == one.mechanism.offset.shape == (4,)
     assert one.friction.wall.coefficient.shape == (4,)
-    assert one.friction.main_journal.bearings[0].coefficient.shape == ()
+    assert one.crankshaft.main_journal.bearings[0].coefficient.shape == ()
     assert made.sources["mechanism.bore"] == scene.sources["mechanism.bore"]
     changed = with_value(scene, "mechanism.bore.2", "131 mm").compressor.mechanism.bore
     np.testing.assert_allclose(changed, (0.130, 0.130, 0.131, 0.130), rtol=1e-15)
@@ -124,7 +124,7 @@ def test_a_number_of_one_cylinder_makes_a_list():
 @pytest.mark.slow  # two programs for two layouts
 def test_layouts_are_swept_on_the_command_line(tmp_path):
     arguments = (
-        "sweep", "refrigeration-twin", "--over", "cylinders.layout=in-line-2,V90",
+        "sweep", "refrigeration-twin", "--over", "crankshaft.layout=in-line-2,V90",
         "--over", "mechanism.bore.1=50mm:60mm", "--samples", "4", "--sampling", "latin-hypercube",
         "--quantity", "speed_fluctuation", "--accuracy", "coarse",
         "--out", str(tmp_path / "out"),
@@ -163,7 +163,7 @@ def test_run_tells_the_reversal_of_the_rod_loads_and_the_crank_ends(tmp_path):
     sets = (
         "gas.rod_diameter=none",
         "motor.mean_speed=200rpm",
-        "mechanism.crank_inertia=200 kg m^2",
+        "crankshaft.inertia=200 kg m^2",
     )
     slow = command("run", "two-stage-crosshead", *(word for one in sets for word in ("--set", one)))
     assert any("may run dry" in remark for remark in slow["remarks"])

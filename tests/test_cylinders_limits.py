@@ -7,17 +7,24 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
-from test_several_cylinders import COARSE, LAYOUTS, layout, losses, several
+from test_several_cylinders import COARSE, LAYOUTS, TWO, layout, losses, several
 
 from jaxcomp import BadInput, load, solve_orbit
 from jaxcomp.compressor import instants
+from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.friction import Packing, SliderCrankFriction
 from jaxcomp.gas import StagedCycle
-from jaxcomp.mechanism import CrankState, Cylinders, rod_motion
+from jaxcomp.mechanism import CrankState, rod_motion
 from jaxcomp.motor import MeanSpeed
 from jaxcomp.shaking import shaking_wrench
 from jaxcomp.work_precision import STUDIES, Measurement
 from jaxcomp.work_precision._orbit import growth, with_layout
+
+
+def named(layout, **given):
+    """The crankshaft of the golden machines in a layout by name."""
+    return Crankshaft(0.1566, layout=layout, main_journal=TWO, **given)
+
 
 # [J] indicated work of a cylinder, closed form
 WORK = 297.326137139
@@ -33,8 +40,8 @@ def test_cylinders_with_a_share_of_everything_are_one():
     mechanism = dataclasses.replace(made, bore=made.bore / 3**0.5, **third)
     throws = layout(shared)
     together = dataclasses.replace(throws.throws[0], rod_pitch=0.0)
-    cylinders = dataclasses.replace(throws, throws=(together,))
-    three = dataclasses.replace(one, mechanism=mechanism, cylinders=cylinders)
+    crankshaft = dataclasses.replace(throws, throws=(together,))
+    three = dataclasses.replace(one, mechanism=mechanism, crankshaft=crankshaft)
     found, wanted = solve_orbit(three, COARSE), solve_orbit(one, COARSE)
     # the solver converges to 1e-13; areas of three bores sum to one to rounding
     assert float(found.mechanical_efficiency) == pytest.approx(
@@ -52,9 +59,10 @@ def test_swapped_cylinders_change_nothing():
     banks, bores = np.array([-50.0, 10.0, 65.0]), np.array([0.13, 0.11, 0.12])
 
     def solved(order):
-        throw = layout([(0.0, 0.0, list(banks[order]), -0.4)]).throws[0]
-        cylinders = Cylinders((dataclasses.replace(throw, rod_pitch=0.0),))
-        made = several([(0.0, 0.0, list(banks), -0.4)], cylinders=cylinders)
+        shaft = layout([(0.0, 0.0, list(banks[order]), -0.4)])
+        throw = dataclasses.replace(shaft.throws[0], rod_pitch=0.0)
+        shaft = dataclasses.replace(shaft, throws=(throw,))
+        made = several([(0.0, 0.0, list(banks), -0.4)], crankshaft=shaft)
         mechanism = dataclasses.replace(made.mechanism, bore=bores[order])
         return solve_orbit(dataclasses.replace(made, mechanism=mechanism), COARSE)
 
@@ -72,7 +80,9 @@ def test_swapped_cylinders_change_nothing():
 
 
 def test_without_friction_nothing_is_lost():
-    orbit = solve_orbit(several(LAYOUTS[4], friction=None), COARSE)
+    orbit = solve_orbit(
+        several(LAYOUTS[4], friction=None, crankshaft=layout(LAYOUTS[4], None)), COARSE
+    )
     assert float(orbit.mechanical_efficiency) == pytest.approx(1.0, abs=1e-13)
     # quadrature with 6 nodes on a panel
     assert float(orbit.energy.gas_work) == pytest.approx(4 * WORK, rel=1e-5)
@@ -82,7 +92,7 @@ def test_moments_about_the_shaft_balance_at_every_instant():
     """Walls, motor and friction of the main bearings are what the moving parts push the frame with."""
     made = several([(0.0, -0.1, [-40.0, 30.0], -0.5), (170.0, 0.1, [-45.0], -0.3)])
     orbit = solve_orbit(made, COARSE)
-    rod = rod_motion(made.mechanism, made.cylinders.own_angle(orbit.state.angle))
+    rod = rod_motion(made.mechanism, made.crankshaft.own_angle(orbit.state.angle))
     walls = jnp.stack([orbit.loads.forces[f"wall_{k}"][1] for k in (1, 2, 3)])
     lost = orbit.loads.loss_torque
     # the rod turns at minus the rate of its tilt and drags the piston along, which leans on the wall
@@ -107,7 +117,7 @@ AMPLITUDES = {1: 1.0, 2: 0.171245174885237, 4: -1.255445766737e-3, 6: 1.03545576
 def test_orders_of_force_and_couple_are_the_closed_forms(name):
     """By Fourier transform of the exact motion at constant speed; sums against the table elsewhere."""
     speed, count = 100.0, 64
-    made = several(LAYOUTS[1], cylinders=Cylinders(layout=name, throw_pitch=0.3, rod_pitch=0.05))
+    made = several(LAYOUTS[1], crankshaft=named(name, throw_pitch=0.3, rod_pitch=0.05))
     length = made.mechanism.conrod_length
     # without the rotating mass of the rod, whose mass centre lies in the small end
     mechanism = dataclasses.replace(
@@ -124,7 +134,7 @@ def test_orders_of_force_and_couple_are_the_closed_forms(name):
         for v in (wrench.force, wrench.moment)
     )
     for order, amplitude in AMPLITUDES.items():
-        sums = made.cylinders.order_sums(order)
+        sums = made.crankshaft.order_sums(order)
         got = force[[order, -order]], moment[[order, -order]]
         ahead, behind = (amplitude * complex(f) for f in sums[:2])
         np.testing.assert_allclose(got[0], (ahead, behind), atol=1e-12, err_msg=str(order))
@@ -140,10 +150,10 @@ def test_even_firing_leaves_the_orders_of_the_number_of_cylinders(name):
     angle = jnp.asarray(2 * np.pi * np.arange(points) / points)
 
     def orders(layout):
-        made = several(LAYOUTS[1], cylinders=Cylinders(layout=layout))
+        made = several(LAYOUTS[1], crankshaft=named(layout))
         found = instants(made, angle)
         torque = found.conservative - 0.5 * 100.0**2 * found.inertia_1
-        return made.cylinders.count, np.abs(np.fft.rfft(torque)) / points
+        return made.crankshaft.count, np.abs(np.fft.rfft(torque)) / points
 
     count, spectrum = orders(name)
     rest = np.arange(spectrum.size) % count != 0
@@ -169,7 +179,7 @@ def test_cost_over_the_number_of_cylinders():
             dataclasses.replace(several_bores, gas=StagedCycle((1, 2), 1e5, 9e5, 1.3, 0.1)), "V90"
         )
     made = with_layout(load("mayekawa-8wbhe").compressor, "V90x2")
-    assert made.cylinders.count == 4
+    assert made.crankshaft.count == 4
     machine = load("slider-link-8cc").compressor
     with pytest.raises(BadInput, match="slider_crank"):
         with_layout(machine, "V90")
@@ -268,7 +278,7 @@ def test_two_stages_by_an_independent_program():
     friction = SliderCrankFriction(packing=Packing(program.drag))
     made = dataclasses.replace(
         scene,
-        cylinders=Cylinders(layout="V90"),
+        crankshaft=Crankshaft(scene.crankshaft.inertia, layout="V90"),
         friction=friction,
         motor=MeanSpeed(program.speed, "proportional"),
     )

@@ -9,16 +9,16 @@ from test_transient_valves import BEHIND, light_rod, with_plenums
 
 from jaxcomp import BadInput, Compressor, ConstantSpeed, load, solve_orbit
 from jaxcomp.crank import performance
-from jaxcomp.mechanism import Cylinders
-from jaxcomp.scene import with_value
+from jaxcomp.crankshaft import Crankshaft
+from jaxcomp.scene import with_value, with_values
 
-TWIN = {"layout": "in-line-2", "throw_pitch": "40 mm"}
+TWIN = {"crankshaft.layout": "in-line-2", "crankshaft.throw_pitch": "40 mm"}
 
 
 @pytest.mark.slow
 def test_each_cylinder_at_constant_speed_has_the_cycle_of_a_machine_of_its_own():
     """A bore that is one number gives one cycle twice; a list gives each its own."""
-    scene = with_value(load("r134a-7cc"), "cylinders", TWIN)
+    scene = with_values(load("r134a-7cc"), TWIN)
     scene = with_value(scene, "motor", {"type": "constant_speed", "mean_speed": "2950 rpm"})
     scene = with_value(scene, "mechanism.bore", ["22 mm", "24 mm"])
     machine = scene.as_compressor()
@@ -45,7 +45,7 @@ def test_each_cylinder_at_constant_speed_has_the_cycle_of_a_machine_of_its_own()
 
 @pytest.mark.slow  # a minute of compilation
 def test_cylinders_that_are_alike_have_one_cycle_with_a_speed_that_varies_as_well():
-    twin = with_value(load("r134a-7cc"), "cylinders", TWIN)
+    twin = with_values(load("r134a-7cc"), TWIN)
     orbit = solve_orbit(twin)
     cycle = orbit.cycle
     assert abs(orbit.energy.residual) < 1e-12
@@ -62,7 +62,7 @@ def test_cylinders_that_are_alike_have_one_cycle_with_a_speed_that_varies_as_wel
 
 @pytest.mark.slow  # two minutes of compilation
 def test_derivatives_of_several_coupled_cycles_are_those_of_differences():
-    twin = with_value(load("r134a-7cc"), "cylinders", TWIN).as_compressor()
+    twin = with_values(load("r134a-7cc"), TWIN).as_compressor()
 
     @jax.jit
     def outputs(log):
@@ -83,9 +83,9 @@ def test_derivatives_of_several_coupled_cycles_are_those_of_differences():
 def test_plenums_that_cylinders_share_are_refused_by_name():
     twin = Compressor(
         light_rod(),
+        Crankshaft(8e-4, layout="in-line-2", throw_pitch=0.1),
         ConstantSpeed(300.0),
         with_plenums(BEHIND),
-        cylinders=Cylinders(layout="in-line-2", throw_pitch=0.1),
     )
     with pytest.raises(BadInput, match=r"gas\.suction\.plenums.*`simulate`"):
         solve_orbit(twin)

@@ -271,7 +271,7 @@ def test_the_counterweight_is_one_for_crank_and_rotor(scene):
         vectors = [u.magnitude * jnp.exp(1j * u.phase) for u in machine.parts["loads"].unbalances]
         total = complex(sum(jnp.sum(v) for v in vectors))
         mechanism = made.compressor.mechanism
-        crank = complex(mechanism.crank_unbalance, mechanism.crank_unbalance_across)
+        crank = complex(*made.compressor.crankshaft.shaft_unbalance)
         assert crank == pytest.approx(total, rel=1e-14)
         share = total.real / float(
             mechanism.conrod_mass

@@ -60,8 +60,8 @@ CYCLES = {
 OTHERS = {
     "rod ratio 0.8": (machine(conrod_length=0.05 / 0.8), {"converged"}),
     "rod ratio 0.95": (machine(conrod_length=0.05 / 0.95), {"converged"}),
-    "swings by 96 %": (machine(crank_inertia=0.01), {"converged"}),
-    "swings by 169 %": (machine(crank_inertia=0.002), {"converged"}),
+    "swings by 96 %": (machine(inertia=0.01), {"converged"}),
+    "swings by 169 %": (machine(inertia=0.002), {"converged"}),
     # the turn takes its time where the crank all but halts, between two nodes
     "all but halts": (machine(motor=MeanSpeed(16.0)), {"unresolved", "stalled"}),
     "halts between the nodes": (machine(motor=MeanSpeed(11.0)), {"unresolved", "stalled"}),
@@ -135,7 +135,7 @@ def test_friction_takes_more_of_the_motor_up_to_locking(quick):
 
 def test_margin_is_that_of_the_rod_where_only_the_wall_rubs():
     """mu tan(phi) = 1 is the limit of a slider-crank in closed form; the status flips there."""
-    only_wall = lambda mu: coulomb(0.0, wall=type(coulomb().wall)(mu))  # noqa: E731
+    only_wall = lambda mu: coulomb(0.0, wall=type(coulomb().friction.wall)(mu))  # noqa: E731
     limit = np.sqrt(1 - (0.05 / 0.294) ** 2) / (0.05 / 0.294)
     below, above = (
         solve_many([machine(friction=only_wall(limit * share))], QUICK, derivatives=True)[0][1]
@@ -209,8 +209,8 @@ def _losses_at_constant_speed(twin, angle, speed):
 HARD = {
     "rod ratio 0.9": (machine(conrod_length=0.05 / 0.9), 2e-6),
     "rod ratio 0.95": (machine(conrod_length=0.05 / 0.95), 2e-4),
-    "swings by 96 %": (machine(crank_inertia=0.01), 2e-6),
-    "swings by 169 %": (machine(crank_inertia=0.002), 2e-5),
+    "swings by 96 %": (machine(inertia=0.01), 2e-6),
+    "swings by 169 %": (machine(inertia=0.002), 2e-5),
     "friction times 30": (machine(friction=coulomb(30.0)), 2e-6),
     "pressure ratio 100": (machine(discharge_pressure=100 * PRESSURE), 2e-6),
     "slow": (machine(motor=MeanSpeed(30.0)), 2e-5),

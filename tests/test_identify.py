@@ -21,7 +21,7 @@ ZERO = 273.15
 CLEARANCE, HEATING, FRICTION = (
     "gas.clearance_ratio",
     "gas.suction.heating",
-    "friction.main_journal.coefficient",
+    "crankshaft.main_journal.coefficient",
 )
 
 

@@ -58,7 +58,7 @@ def test_extreme_designs_are_converged_or_flagged_in_one_batch(coupled):
             lambda c: (
                 c.gas.suction_pressure, c.gas.discharge_pressure, c.gas.back_pressure,
                 c.mechanism.piston_mass, c.mechanism.conrod_mass, c.mechanism.conrod_inertia,
-                c.mechanism.crank_unbalance,
+                c.crankshaft.unbalance,
             ),
             made,
             replace_fn=lambda value: value * load_,
@@ -103,19 +103,19 @@ def test_a_slope_along_the_counterweight_is_that_of_differences(coupled):
     """The balance weight loads the main journal; its film and loss follow."""
     pin = coupled.friction.crank_pin
     moving = eqx.tree_at(
-        lambda c: (c.friction.main_journal, c.friction.crank_pin), coupled,
+        lambda c: (c.crankshaft.main_journal, c.friction.crank_pin), coupled,
         (pin, load("mayekawa-wbhe").as_compressor().friction.crank_pin),
     )  # fmt: skip
 
     @jax.jit
     def read(unbalance):
-        made = eqx.tree_at(lambda c: c.mechanism.crank_unbalance, moving, unbalance)
+        made = eqx.tree_at(lambda c: c.crankshaft.unbalance, moving, unbalance)
         orbit = solve_orbit(made, FAST, throw=False)
         film = journal_films(made, orbit)["main_journal"]
         return jnp.stack([1e6 * film.minimum_film, orbit.loss_power["main_journal"],
                           1e-6 * film.largest_pressure])  # fmt: skip
 
-    at = moving.mechanism.crank_unbalance
+    at = moving.crankshaft.unbalance
     slope = jax.jit(jax.jacfwd(read))(at)
     difference = (read(at + 1e-5) - read(at - 1e-5)) / 2e-5
     np.testing.assert_allclose(slope, difference, rtol=1e-5)

@@ -32,8 +32,8 @@ SPEED = 1000 * np.pi / 30
 PIN = {"type": "orbit", "diameter": "90 mm", "length": "45 mm", "radial_clearance": "45 um",
        "dynamic_viscosity": "10 mPa s"}  # fmt: skip
 # The fitted constants that the golden orbit was computed with, before they were fitted anew.
-OLDER = {"mechanism.conrod_inertia": "0.005380 kg m^2", "mechanism.crank_inertia": "0.1566 kg m^2",
-         "mechanism.crank_unbalance": "-0.336325 kg m", "gas.clearance_ratio": "0.76 %"}  # fmt: skip
+OLDER = {"mechanism.conrod_inertia": "0.005380 kg m^2", "crankshaft.inertia": "0.1566 kg m^2",
+         "crankshaft.unbalance": "-0.336325 kg m", "gas.clearance_ratio": "0.76 %"}  # fmt: skip
 # Where the load comes close to zero there, and its kinks: panels are graded towards these.
 NEAR_ZERO = np.radians([11.268, 80.316, 284.328])
 

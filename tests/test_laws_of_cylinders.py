@@ -42,7 +42,7 @@ def same_numbers(made):
         gas.clearance_ratio,
         gas.back_pressure,
     )
-    count = made.cylinders.count
+    count = made.crankshaft.count
     turns = tuple(2 - place % 2 for place in range(count))
     # the transition is over at the slowest node: tanh is 1 there but for rounding
     wall = EachSlide((CoulombSlide(0.083), RegularisedSlide(0.083, 1e-9)), turns)
@@ -134,11 +134,9 @@ def scene_text():
     """The bundled machine with two unlike cylinders in V60."""
     text = load("mayekawa-wbhe").text
     head = text[: text.index("[gas]")]
-    return (
-        "\n".join(line for line in head.splitlines() if not line.startswith("crank_unbalance"))
-        + '\n[cylinders]\nlayout = "V60"\n'
-        + MIXED
-    )
+    lines = [line for line in head.splitlines() if not line.startswith("unbalance")]
+    lines.insert(lines.index("[crankshaft]") + 1, 'layout = "V60"')
+    return "\n".join(lines) + MIXED
 
 
 @pytest.fixture(scope="module")
@@ -218,13 +216,16 @@ def test_what_does_not_go_together_is_named(scene):
     with pytest.raises(BadInput, match=r"laws.1.*a law of one cylinder, but is staged"):
         EachGas((gas, staged))
     journal = made.friction.piston_pin
-    shaft = dataclasses.replace(made.friction, main_journal=EachJournal((journal, journal)))
-    with pytest.raises(BadInput, match=r"friction.main_journal.of_cylinder"):
-        dataclasses.replace(made, friction=shaft)
+    each = EachJournal((journal, journal))
+    shaft = dataclasses.replace(made.crankshaft, main_journal=each)
+    with pytest.raises(BadInput, match=r"crankshaft.main_journal.of_cylinder"):
+        dataclasses.replace(made, crankshaft=shaft)
     single = load("mayekawa-wbhe").compressor
     wall = EachSlide((CoulombSlide(0.1), CoulombSlide(0.2)))
     friction = dataclasses.replace(single.friction, wall=wall)
-    with pytest.raises(BadInput, match=r"friction.wall.of_cylinder.*of several cylinders"):
+    with pytest.raises(
+        BadInput, match=r"friction.wall.of_cylinder.*one law for each of 1 cylinders"
+    ):
         dataclasses.replace(single, friction=friction)
     with pytest.raises(SceneError, match=r"of_cylinder.*one law for each of 2 cylinders"):
         loads(scene_text().replace("of_cylinder = [1, 2]", "of_cylinder = [1, 2, 1]"))

@@ -107,7 +107,7 @@ def test_pins_read_as_radii_miss_the_efficiency():
     pins = lambda c: (  # noqa: E731
         c.friction.piston_pin.diameter,
         c.friction.crank_pin.diameter,
-        c.friction.main_journal.diameter,
+        c.crankshaft.main_journal.diameter,
     )
     efficiency, _, _ = _table(eqx.tree_at(pins, machine, tuple(2 * d for d in pins(machine))))
     # 84 to 86 % instead of 90 to 92 %: no unprinted constant makes up for six points

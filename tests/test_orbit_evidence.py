@@ -26,8 +26,8 @@ NEARLY_UNLOADED = {
     "conrod_mass": 8.292,
     "conrod_centre": 77.117e-3,
     "conrod_inertia": 0.1019,
-    "crank_inertia": 0.27326,
-    "crank_unbalance": -0.58939,
+    "inertia": 0.27326,
+    "unbalance": -0.58939,
 }
 COEFFICIENTS = {
     "wall": 0.08349,
@@ -185,8 +185,8 @@ def test_a_reversal_that_runs_into_a_valve_event_is_given_up():
         "mechanism.conrod_mass": 3.6249,
         "mechanism.conrod_centre": 7.8791e-5,
         "mechanism.conrod_inertia": 0.046131,
-        "mechanism.crank_inertia": 0.15448,
-        "mechanism.crank_unbalance": -0.23708,
+        "crankshaft.inertia": 0.15448,
+        "crankshaft.unbalance": -0.23708,
         "motor.mean_speed": 105.51,
         "gas.suction_pressure": 97599.0,
         "gas.discharge_pressure": 967120.0,
@@ -198,8 +198,8 @@ def test_a_reversal_that_runs_into_a_valve_event_is_given_up():
         "friction.piston_pin.diameter": 0.039289,
         "friction.crank_pin.coefficient": 0.012276,
         "friction.crank_pin.diameter": 0.084519,
-        "friction.main_journal.coefficient": 0.012033,
-        "friction.main_journal.diameter": 0.095795,
+        "crankshaft.main_journal.coefficient": 0.012033,
+        "crankshaft.main_journal.diameter": 0.095795,
     }
     design = unchecked(design, **changes)
     orbit = solve_orbit(design)

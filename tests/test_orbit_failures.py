@@ -34,7 +34,7 @@ def members():
     # 10 rpm store too little energy to get over the compression
     cases["too slow"] = (machine(motor=MeanSpeed(1.0)), "stalled")
     cases["no inertia to speak of"] = (
-        machine(crank_inertia=1e-6, conrod_mass=0.01, piston_mass=0.01),
+        machine(inertia=1e-6, conrod_mass=0.01, piston_mass=0.01),
         "stalled",
     )
     cases["healthy and last"] = (machine(clearance_ratio=0.0), "converged")
@@ -97,7 +97,7 @@ CURVES = {
     "too weak": (kloss(10.0), {"stalled", "not_converged", "no_periodic_state"}),
     "far too weak": (kloss(1.0), {"stalled", "not_converged", "no_periodic_state"}),
     "hardly any inertia": (
-        kloss(150.0, crank_inertia=1e-4, conrod_mass=0.01, piston_mass=0.01),
+        kloss(150.0, inertia=1e-4, conrod_mass=0.01, piston_mass=0.01),
         {"stalled", "not_converged"},
     ),
     "locked": (kloss(150.0, friction=coulomb(80.0)), {"self_locking"}),

@@ -92,7 +92,7 @@ def test_torques_add_up_to_the_inertia_of_the_crankshaft(machine, orbit):
     }
     state = fine_turn(machine, orbit).state
     _, rise = over_turn(state.angle, state.acceleration)
-    expected = float(machine.mechanism.crank_inertia) * rise
+    expected = float(machine.crankshaft.inertia) * rise
     np.testing.assert_allclose(sum(curves.values()), expected, atol=1e-6 * np.abs(expected).max())
 
 

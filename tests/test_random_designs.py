@@ -9,9 +9,18 @@ import dataclasses
 import numpy as np
 import pytest
 import reference_batch
-from helpers import machine, pick, random_mechanisms, solve_many, status_of
+from helpers import (
+    machine,
+    pick,
+    random_crankshafts,
+    random_mechanisms,
+    solve_many,
+    status_of,
+)
 
 from jaxcomp import Collocation, Compressor
+from jaxcomp._fields import rebuilt
+from jaxcomp.crankshaft import Crankshaft, MainBearings
 from jaxcomp.friction import (
     CoulombJournal,
     CoulombSlide,
@@ -32,27 +41,29 @@ MOTORS = {
 }
 
 
-def crank_design(rng, mechanism):
+def crank_design(rng, mechanism, crankshaft):
     """A slider-crank with gas and friction, its speed, and the mean torque of its gas."""
     speed = rng.uniform(60, 200)
     suction, ratio = rng.uniform(0.5e5, 5e5), rng.uniform(2, 12)
     clearance, exponent = rng.uniform(0.005, 0.06), rng.uniform(1.02, 1.4)
     torque = suction * float(mechanism.swept_volume) * np.log(ratio) / (2 * np.pi)
-    journals = {
-        name: CoulombJournal(rng.uniform(0.001, 0.03), rng.uniform(0.01, 0.06))
-        for name in ("piston_pin", "crank_pin", "main_journal")
-    }
-    friction = SliderCrankFriction(wall=CoulombSlide(rng.uniform(0.0, 0.15)), **journals)
+    piston_pin, crank_pin, journal = (
+        CoulombJournal(rng.uniform(0.001, 0.03), rng.uniform(0.01, 0.06)) for _ in range(3)
+    )
+    friction = SliderCrankFriction(
+        wall=CoulombSlide(rng.uniform(0.0, 0.15)), piston_pin=piston_pin, crank_pin=crank_pin
+    )
+    crankshaft = rebuilt(crankshaft, main_journal=journal)
     gas = PolytropicCycle(suction, suction * ratio, exponent, clearance, suction)
     gravity = machine(gravity=(0.0, -9.81)).gravity
-    return Compressor(mechanism, MeanSpeed(speed), gas, friction, gravity), torque
+    return Compressor(mechanism, crankshaft, MeanSpeed(speed), gas, friction, gravity), torque
 
 
 def link_design(rng):
     """The same of a slider-link, from the household machine to one five times as large."""
     u, r = rng.uniform, rng.uniform(0.008, 0.05)
     bore = r * u(1.5, 4.0)
-    mechanism = SliderLink(
+    linkage = dict(
         bore=bore,
         crank_radius=r,
         cylinder_length=r * u(2.5, 5.0),
@@ -60,25 +71,31 @@ def link_design(rng):
         slider_diameter=r * u(1.0, 2.0),
         piston_mass=u(50, 300) * bore**2,
         slider_mass=u(10, 100) * bore**2,
-        crank_inertia=u(50, 500) * bore**2 * r,
-        overhang=r * u(1.0, 4.0),
-        bearing_span=r * u(2.0, 8.0),
-        crank_mass=u(500, 3000) * bore**2,
-        crank_eccentricity=r * u(-0.1, 0.1),
-        crank_product=u(-50, 50) * bore**2 * r**2,
-        offset=r * u(-0.3, 0.3),
-        piston_centre_offset=r * u(-0.2, 0.2),
+    )
+    inertia = u(50, 500) * bore**2 * r
+    upper, span = r * u(1.0, 4.0), r * u(2.0, 8.0)
+    mass = u(500, 3000) * bore**2
+    unbalance, couple = mass * r * u(-0.1, 0.1), u(-50, 50) * bore**2 * r**2
+    mechanism = SliderLink(
+        **linkage, offset=r * u(-0.3, 0.3), piston_centre_offset=r * u(-0.2, 0.2)
     )
     speed, suction, ratio = u(60, 330), u(0.5e5, 3e5), u(2, 12)
     gas = PolytropicCycle(suction, suction * ratio, u(1.02, 1.4), u(0.005, 0.06), suction)
-    journals = {
-        name: CoulombJournal(u(0.001, 0.03), r * u(0.8, 2.0))
-        for name in ("crank_pin", "upper_bearing", "lower_bearing")
-    }
+    pin, *journals = (CoulombJournal(u(0.001, 0.03), r * u(0.8, 2.0)) for _ in range(3))
     slides = {name: CoulombSlide(u(0.0, 0.1)) for name in ("wall", "link_slider")}
     torque = suction * float(mechanism.swept_volume) * np.log(ratio) / (2 * np.pi)
-    friction = SliderLinkFriction(**slides, **journals)
-    return Compressor(mechanism, MeanSpeed(speed), gas, friction), torque
+    support = MainBearings(
+        tuple(journals), [upper, upper + span], names=reference_batch.ManyLinks.names[3:]
+    )
+    crankshaft = Crankshaft(
+        inertia=inertia,
+        mass=mass,
+        unbalance=-unbalance,
+        shaft_couple=[couple, 0.0],
+        main_journal=support,
+    )
+    friction = SliderLinkFriction(**slides, crank_pin=pin)
+    return Compressor(mechanism, crankshaft, MeanSpeed(speed), gas, friction), torque
 
 
 def designs(kind: str, motor: str, count: int, seed: int):
@@ -86,7 +103,8 @@ def designs(kind: str, motor: str, count: int, seed: int):
     rng = np.random.default_rng(seed)
     if kind == "slider_crank":
         mechanisms = random_mechanisms(rng, count)
-        made = [crank_design(rng, pick(mechanisms, number)) for number in range(count)]
+        shafts = random_crankshafts(rng, count)
+        made = [crank_design(rng, pick(mechanisms, n), pick(shafts, n)) for n in range(count)]
     else:
         made = [link_design(rng) for _ in range(count)]
     torques = [torque for _, torque in made]

@@ -62,7 +62,7 @@ def test_table_1():
         float(gas.discharge_pressure): 0.98e6,
         float(gas.exponent): 1.05,
         float(friction.wall.coefficient): 0.083,
-        float(friction.main_journal.diameter): 0.092,
+        float(crankshaft.main_journal.diameter): 0.092,
         float(friction.crank_pin.diameter): 0.090,
         float(friction.piston_pin.diameter): 0.040,
     }
@@ -173,7 +173,7 @@ def test_thrust_bearing_whose_faces_are_not_parallel():
     watts = float(orbit.energy.losses["thrust_bearing"] / orbit.period)
     # Coulomb's law under the weight: in proportion to the coefficient, 0.194 instead of 0.095; the
     # notebook solves it again and finds 6.65 W
-    other = watts * 0.194 / float(compressor.friction.thrust_bearing.coefficient)
+    other = watts * 0.194 / float(compressor.crankshaft.main_journal.thrust_bearing.coefficient)
     assert other == pytest.approx(6.65, abs=0.02)
     assert other == pytest.approx(6.8, rel=0.03)
 

@@ -11,10 +11,10 @@ import pytest
 
 from jaxcomp import BadInput, Collocation, load, solve_orbit
 from jaxcomp.coupling import crank_forces, crank_loads, loaded_rotor
-from jaxcomp.crankshaft import crankshaft
 from jaxcomp.rotor import (
     CrankNodes,
     RotorModel,
+    crankshaft_of,
     load_vector,
     magnetic_pull_limit,
     node_index,
@@ -60,12 +60,7 @@ def test_forces_add_up_to_the_inertia_force_alone(scene, orbit):
     moment = sum(f.moment_cosine - 1j * f.moment_sine for f in found.forces[:3])[:, 2]
     moment = moment + WALL * (wall.cosine - 1j * wall.sine)[:, 1]
     # Rod and piston without the crank, which carries its own inertia in the rotor model.
-    alone = eqx.tree_at(
-        lambda m: [m.crank_unbalance, m.crank_unbalance_across, m.crank_inertia],
-        mechanism,
-        [jnp.zeros(())] * 3,
-    )
-    wrench = shaking_wrench(alone, orbit.state)
+    wrench = shaking_wrench(mechanism, orbit.state)
     size = float(jnp.abs(wrench.force).max())
     # Linear in the forces at every node of the orbit: rounding only.
     shaken = harmonics(wrench.force[:2], orbit, mechanism)
@@ -93,7 +88,7 @@ def test_coefficients_converge_with_the_orbit_and_truncation_is_reported(scene, 
         assert float(many[name]) < 0.05
     # The share of the energy beyond order two, from the values themselves.
     gas = scene.compressor.gas.behind_piston
-    values = (orbit.pressure - gas) * scene.compressor.mechanism.piston_area
+    values = (orbit.pressure[0] - gas) * scene.compressor.mechanism.piston_area
     share = orbit.weight / orbit.state.speed
     power = float(jnp.sum(share * values**2) / jnp.sum(share))
     c = harmonics(values[None], orbit, scene.compressor.mechanism, (0, 1, 2))[:, 0]
@@ -114,7 +109,7 @@ def test_gas_and_motor_torque_turn_rotor_and_crankcase(scene, orbit):
     rotor, block = r.displacement[0, 0, jnp.array([core, case]), 5]
     # The rotor turns freely at this frequency, J w^2 theta = torque, but for the torsion of the shaft
     # with a frequency of a kHz: (50 Hz/1 kHz)^2.
-    polar, w = float(scene.compressor.mechanism.crank_inertia), float(found.spin_speed)
+    polar, w = float(scene.compressor.crankshaft.inertia), float(found.spin_speed)
     torque = complex(f[pin, 5] + f[core, 5])
     assert complex(rotor) == pytest.approx(-torque / (polar * w**2), rel=0.01)
     # And the crankcase turns about the vertical, which a lateral model cannot show.
@@ -122,7 +117,7 @@ def test_gas_and_motor_torque_turn_rotor_and_crankcase(scene, orbit):
 
 
 def test_other_mechanisms_are_refused(orbit):
-    other: Any = SimpleNamespace(mechanism=object(), cylinders=None)
+    other: Any = SimpleNamespace(mechanism=object(), crankshaft=None)
     with pytest.raises(BadInput, match="slider-crank or slider-link, but is object"):
         crank_forces(other, orbit, CrankNodes(21, "head", "wall"))
 
@@ -152,12 +147,12 @@ def test_hermetic_machine_has_the_printed_figures(scene):
     swept = float(scene.compressor.mechanism.swept_volume)
     assert swept == pytest.approx(68e-6, rel=1e-3)
     # The crankshaft is the rotor: inertia from the mass matrix, mass and balance from the tables.
-    shaft = crankshaft(model, loads.unbalances, 21)
+    described = scene.machine.compressor.crankshaft
+    shaft = crankshaft_of(model, described, loads.unbalances, (21,))
     assert float(shaft.inertia) == pytest.approx(_polar(model), rel=1e-12)
     assert float(shaft.mass) == pytest.approx(rotor, rel=1e-12)
-    np.testing.assert_allclose(shaft.unbalance, [-475e-6, 0.0], atol=1e-15)
-    mechanism = scene.compressor.mechanism
-    assert float(mechanism.crank_inertia) == float(shaft.inertia)
+    np.testing.assert_allclose(shaft.shaft_unbalance, [-475e-6, 0.0], atol=1e-15)
+    assert float(scene.compressor.crankshaft.inertia) == float(shaft.inertia)
 
 
 def _polar(model):

@@ -14,7 +14,8 @@ crank_radius = "20 mm"
 conrod_length = "100 mm"
 piston_mass = "0.3 kg"
 conrod_mass = "0.2 kg"
-crank_inertia = "0.01 kg m^2"
+[crankshaft]
+inertia = "0.01 kg m^2"
 [motor]
 type = "mean_speed"
 mean_speed = "1500 rpm"
@@ -67,7 +68,7 @@ BAD = {
     ),
     "list for one value": (
         replaced('"50 mm"', '["50 mm", "60 mm"]'),
-        "mechanism.bore = ['50 mm', '60 mm']: must be a single value, without [cylinders]",
+        "mechanism.bore = ['50 mm', '60 mm']: must be one number",
     ),
     "unknown key": (
         replaced("bore", "bor"),
@@ -159,11 +160,11 @@ BAD = {
     ),
     "section twice": (
         replaced("[gas]", "[motor]"),
-        "motor: is given twice, in lines 11 and 14; keep one of them",
+        "motor: is given twice, in lines 12 and 15; keep one of them",
     ),
     "key twice": (
-        replaced("[motor]", 'bore = "60 mm"\n[motor]'),
-        "mechanism.bore: is given twice, in lines 5 and 11; keep one of them",
+        replaced("[crankshaft]", 'bore = "60 mm"\n[crankshaft]'),
+        "mechanism.bore: is given twice, in lines 5 and 10; keep one of them",
     ),
     "temperature as pressure": (
         replaced('"1 bar"', '"-23.3 degC"'),

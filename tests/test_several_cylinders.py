@@ -43,18 +43,18 @@ from jaxcomp.crank import (
     train_torques,
 )
 from jaxcomp.crank._collocation import _of_count
+from jaxcomp.crankshaft import Crankshaft, MainBearings, Throw, counterweights
 from jaxcomp.design import AnalysisOptions, DesignResult
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
     CoulombSlide,
-    MainBearings,
     Packing,
     SliderCrankFriction,
 )
 from jaxcomp.gas import DoubleActing, PolytropicCycle, StagedCycle
 from jaxcomp.machine import Machine
-from jaxcomp.mechanism import CrankState, Cylinders, SliderCrank, Throw, Vector, counterweights
+from jaxcomp.mechanism import CrankState, SliderCrank, Vector
 from jaxcomp.motor import MeanSpeed, SlipLine
 from jaxcomp.plot import cylinders_motion, order_spectra
 from jaxcomp.rotor import (
@@ -120,13 +120,16 @@ GOLDEN = {
 }
 
 
-def layout(throws):
-    return Cylinders(
-        tuple(
-            Throw(np.deg2rad(banks), np.deg2rad(angle), place, 0.04, unbalance)
-            for angle, place, banks, unbalance in throws
-        )
+JOURNAL = CoulombJournal(0.013, 0.092)
+TWO = MainBearings((JOURNAL, JOURNAL), jnp.array([-0.25, 0.25]))
+
+
+def layout(throws, main_journal=TWO, **given):
+    rows = tuple(
+        Throw(np.deg2rad(banks), np.deg2rad(angle), place, 0.04, unbalance)
+        for angle, place, banks, unbalance in throws
     )
+    return Crankshaft(0.1566, throws=rows, main_journal=main_journal, **given)
 
 
 def several(throws, **changes) -> Compressor:
@@ -138,18 +141,15 @@ def several(throws, **changes) -> Compressor:
         conrod_mass=3.787313735,
         conrod_centre=0.08399916850e-3,
         conrod_inertia=0.005380,
-        crank_inertia=0.1566,
     )
-    journal = CoulombJournal(0.013, 0.092)
     friction = SliderCrankFriction(
         wall=CoulombSlide(0.083),
         piston_pin=CoulombJournal(0.013, 0.040),
         crank_pin=CoulombJournal(0.013, 0.090),
-        main_journal=MainBearings((journal, journal), jnp.array([-0.25, 0.25])),
     )
     gas = PolytropicCycle(98e3, 980e3, 1.05, 0.0076, 98e3)
     motor = MeanSpeed(1000 * np.pi / 30, "proportional")
-    one = Compressor(mechanism, motor, gas, friction, cylinders=layout(throws))
+    one = Compressor(mechanism, layout(throws), motor, gas, friction)
     return dataclasses.replace(one, **changes)
 
 
@@ -246,10 +246,10 @@ COARSE = Collocation(nodes=6, reversals=0)
 def test_one_of_several_is_one():
     """At any bank angle, with a single journal: the program of one cylinder to rounding."""
     single = load("mayekawa-wbhe").as_compressor()
-    unbalance = single.mechanism.crank_unbalance
-    mechanism = dataclasses.replace(single.mechanism, crank_unbalance=0.0)
-    turned = Cylinders((Throw([0.7], angle=0.2, position=0.3, unbalance=unbalance),))
-    one = dataclasses.replace(single, mechanism=mechanism, cylinders=turned)
+    shaft = single.crankshaft
+    throw = Throw([0.7], angle=0.2, position=0.3, unbalance=shaft.unbalance)
+    turned = dataclasses.replace(shaft, throws=(throw,), unbalance=0.0)
+    one = dataclasses.replace(single, crankshaft=turned)
     found, wanted = solve_orbit(one, COARSE), solve_orbit(single, COARSE)
     assert float(found.mechanical_efficiency) == pytest.approx(
         float(wanted.mechanical_efficiency), abs=1e-13
@@ -284,7 +284,7 @@ def test_forces_on_the_frame_are_the_shaking_force(twin):
     wall = [forces[f"wall_{k}"] for k in (1, 2)]
     own = Vector(*(jnp.stack([-f[i] for f in wall]) for i in (0, 1)))
     own = Vector(own.x + gas, own.y)
-    total = compressor.cylinders.turned(own).stacked()
+    total = compressor.crankshaft.turned(own).stacked()
     frame = total.sum(axis=1) - forces["main_1"] - forces["main_2"]
     np.testing.assert_allclose(frame, wrench.force[:2], atol=1e-8)  # [N] of forces of 10 kN
     z = np.array([-0.02, 0.02])[:, None]
@@ -352,7 +352,7 @@ def test_counterweights_are_those_of_the_golden_machine():
     for count, throws in LAYOUTS.items():
         if count > 1:
             made = several(throws)
-            weights = counterweights(made.mechanism, made.cylinders)
+            weights = counterweights(made.mechanism, made.crankshaft)
             for throw, (_, _, _, unbalance) in zip(weights.throws, throws, strict=True):
                 assert float(throw.unbalance) == pytest.approx(unbalance, rel=2e-9)  # as typed
 
@@ -377,7 +377,7 @@ def test_torsional_chain_has_the_golden_values():
 def test_a_stiff_crank_train_moves_as_the_rigid_crank(twin):
     """Motor, throw and counterweight on stiff springs: the harmonics of the orbit's own motion."""
     compressor = several(LAYOUTS[2])
-    inertia = float(compressor.mechanism.crank_inertia)
+    inertia = float(compressor.crankshaft.inertia)
     chain = TorsionalChain(
         [0.6 * inertia, 0.4 * inertia + float(throw_inertias(compressor)[0])], [1e12]
     )
@@ -396,7 +396,7 @@ def test_derivatives_to_bank_and_throw_angle():
     # no two dead centres at one angle, where panels vanish and the discrete solution has a corner
     uneven = [(0.0, -0.1, [-45.0, 43.0], -0.5), (170.0, 0.1, [-40.0, 48.0], -0.5)]
     base = several(uneven, motor=MeanSpeed(100.0))
-    place = lambda c: (c.cylinders.throws[0].banks, c.cylinders.throws[1].angle)  # noqa: E731
+    place = lambda c: (c.crankshaft.throws[0].banks, c.crankshaft.throws[1].angle)  # noqa: E731
 
     @jax.jit
     def efficiency(banks, angle):
@@ -427,12 +427,12 @@ def test_torque_curve_and_gravity_close_the_energy():
 @pytest.mark.parametrize("count", [4, 6, 8])
 def test_bundled_machines_balance_their_first_order(count):
     machine = load(f"mayekawa-{count}wbhe").as_compressor()
-    assert machine.cylinders.count == count
+    assert machine.crankshaft.count == count
     angle = 2 * np.pi * np.arange(64) / 64
     state = CrankState(jnp.asarray(angle), jnp.full(64, 100.0), jnp.zeros(64))
     force = np.asarray(shaking_wrench(machine, state).force)
     first = np.fft.fft(force[0] + 1j * force[1])[[1, -1]] / 64
-    one = dataclasses.replace(machine, cylinders=layout([(0.0, 0.0, [0.0], 0.0)]))
+    one = dataclasses.replace(machine, crankshaft=layout([(0.0, 0.0, [0.0], 0.0)]))
     single = np.asarray(shaking_wrench(one, state).force)
     # the counterweights are typed to nine digits
     assert np.abs(first).max() < 1e-8 * np.abs(single).max()
@@ -453,12 +453,11 @@ def test_films_of_every_cylinder_are_told():
     """Films of two pins and two main bearings, of one law each."""
     film = JournalBearing(0.09, 0.05, 4.5e-5, 0.01, film="short")
     made = several(LAYOUTS[2])
-    friction = dataclasses.replace(
-        made.friction,
-        crank_pin=film,
-        main_journal=MainBearings((film, film), jnp.array([-0.25, 0.25])),
+    made = dataclasses.replace(
+        made,
+        friction=dataclasses.replace(made.friction, crank_pin=film),
+        crankshaft=layout(LAYOUTS[2], MainBearings((film, film), jnp.array([-0.25, 0.25]))),
     )
-    made = dataclasses.replace(made, friction=friction)
     orbit = solve_orbit(made, COARSE)
     thickness = film_thickness(made, orbit)
     assert set(thickness) == {"crank_pin_1", "crank_pin_2", "main_1", "main_2"}
@@ -468,7 +467,7 @@ def test_films_of_every_cylinder_are_told():
 
 
 TWIN_ON_ROTOR = (
-    ("[motor]", "[cylinders]\n[[cylinders.throws]]\nbanks = ['-20 deg', '50 deg']\n\n[motor]"),
+    ("[motor]", "[crankshaft]\n[[crankshaft.throws]]\nbanks = ['-20 deg', '50 deg']\n\n[motor]"),
     ("pin = 21\nhead = \"head\"\nwall = \"wall\"", "pin = [19, 21]\nhead = ['head', 'head']\n"
      "wall = ['wall', 'wall']"),
 )  # fmt: skip
@@ -486,19 +485,20 @@ def test_forces_of_every_cylinder_on_a_rotor_add_up_to_the_inertia_of_all():
     scene = on_rotor()
     compressor = scene.compressor
     # the places of the rods are those of their nodes, the unbalances those of the rotor
-    np.testing.assert_allclose(compressor.cylinders.position, (0.0, 0.010), atol=1e-12)
+    np.testing.assert_allclose(compressor.crankshaft.position, (0.0, 0.010), atol=1e-12)
     orbit = solve_orbit(compressor, COARSE)
     orders = tuple(range(7))
     found = crank_forces(compressor, orbit, scene.parts["loads"].crank, orders)
     assert len(found.forces) == 7
     alone = dataclasses.replace(
         compressor,
-        mechanism=dataclasses.replace(compressor.mechanism, crank_inertia=1e-9),
-        cylinders=dataclasses.replace(compressor.cylinders, unbalance=None, couple=None),
+        crankshaft=dataclasses.replace(
+            compressor.crankshaft, inertia=1e-9, shaft_unbalance=None, shaft_couple=None
+        ),
     )
     wrench = shaking_wrench(alone, orbit.state)
     share = orbit.weight / orbit.state.speed
-    phase = orbit.mean_speed * orbit.time - compressor.cylinders.phase[0]
+    phase = orbit.mean_speed * orbit.time - compressor.crankshaft.phase[0]
     waves = np.exp(-1j * np.outer(orders, phase)) * np.where(np.array(orders) == 0, 1, 2)[:, None]
     waves = waves * np.asarray(share / share.sum())
     each = [np.asarray(f.cosine - 1j * f.sine) for f in found.forces[:6]]
@@ -507,7 +507,7 @@ def test_forces_of_every_cylinder_on_a_rotor_add_up_to_the_inertia_of_all():
     np.testing.assert_allclose(
         sum(each)[:, :2], waves @ np.asarray(wrench.force[:2]).T, atol=1e-11 * size
     )
-    places = np.repeat(compressor.cylinders.position, 3)
+    places = np.repeat(compressor.crankshaft.position, 3)
     tilting = sum(z * force[:, :2] for z, force in zip(places, each, strict=True))
     wanted = np.stack([wrench.moment[1], -wrench.moment[0]])
     np.testing.assert_allclose(tilting, waves @ wanted.T, atol=1e-13 * size)
@@ -517,7 +517,7 @@ def test_a_rotor_gives_what_cylinders_must_leave_open():
     two = "banks = ['-20 deg', '50 deg']"
     with pytest.raises(SceneError, match=r"throws.0.rod_pitch.*follows from the rotor"):
         on_rotor((two, two + "\nrod_pitch = '10 mm'"))
-    with pytest.raises(SceneError, match=r"pin.*a list of 3 nodes"):
+    with pytest.raises(SceneError, match=r"pin.*one node for each of 3 cylinders"):
         on_rotor((two, "banks = ['-20 deg', '50 deg', '90 deg']"))
 
 
@@ -525,14 +525,11 @@ def test_a_rotor_gives_what_cylinders_must_leave_open():
 def test_several_slider_links():
     """One of them is the single machine; two do twice the work and close the energy."""
     single = load("slider-link-8cc").as_compressor()
-    unbalance = single.mechanism.crank_unbalance
-    held = dataclasses.replace(single.mechanism, crank_product=0.0)
-    single = dataclasses.replace(single, mechanism=held)
-    mechanism = dataclasses.replace(held, crank_eccentricity=0.0)
-    one = Cylinders((Throw([0.0], unbalance=unbalance),))
-    with pytest.raises(BadInput, match=r"crank_unbalance.*throws have the unbalances"):
-        dataclasses.replace(single, cylinders=one)
-    made = dataclasses.replace(single, mechanism=mechanism, cylinders=one)
+    shaft = single.crankshaft
+    one = dataclasses.replace(shaft, throws=(Throw([0.0]),))
+    with pytest.raises(BadInput, match=r"unbalance.*absent beside throws, which have theirs"):
+        dataclasses.replace(one, unbalance=0.1)
+    made = dataclasses.replace(single, crankshaft=one)
     orbit, wanted = solve_orbit(made, COARSE), solve_orbit(single, COARSE)
     # the solver converges to 1e-13 of the energy
     assert float(orbit.mechanical_efficiency) == pytest.approx(
@@ -542,8 +539,8 @@ def test_several_slider_links():
         assert losses(orbit, name) == pytest.approx(float(loss), rel=1e-10), name
     force, other = (shaking_wrench(c, wanted.state).force for c in (made, single))
     np.testing.assert_allclose(force, other, atol=1e-10 * float(jnp.abs(other).max()))
-    twin = Cylinders((Throw([0.0, 1.2], rod_pitch=0.01, unbalance=unbalance),))
-    two = solve_orbit(dataclasses.replace(made, cylinders=twin), COARSE)
+    twin = dataclasses.replace(shaft, throws=(Throw([0.0, 1.2], rod_pitch=0.01),))
+    two = solve_orbit(dataclasses.replace(made, crankshaft=twin), COARSE)
     assert abs(two.energy.residual) < 1e-12
     assert float(two.energy.gas_work) == pytest.approx(2 * float(orbit.energy.gas_work), rel=1e-4)
 
@@ -618,7 +615,7 @@ def test_layouts_by_name_have_the_sums_of_the_table():
     for name, key in NAMED.items():
         wanted = ((0.5, 0.5), (0.5, 0.5)) if key == "single" else BALANCES[key][1:]
         for order, (ahead, behind) in zip((1, 2), wanted, strict=True):
-            sums = Cylinders(layout=name).order_sums(order)
+            sums = Crankshaft(layout=name).order_sums(order)
             got = abs(complex(sums.forward)), abs(complex(sums.backward))
             np.testing.assert_allclose(got, (ahead, behind), atol=1e-12, err_msg=name)
     # (f+, f- of order 2), then couples of order 1 in pitches
@@ -633,7 +630,7 @@ def test_layouts_by_name_have_the_sums_of_the_table():
         "VV45 x2": ((2.613125929753, 1.082392200292), (2, 0)),
     }
     for name, (second, couple) in more.items():
-        made = Cylinders(layout=name.replace(" ", ""), throw_pitch=1.0)
+        made = Crankshaft(layout=name.replace(" ", ""), throw_pitch=1.0)
         sums, first = made.order_sums(2), made.order_sums(1)
         np.testing.assert_allclose(
             [abs(complex(x)) for x in (sums.forward, sums.backward)], second, atol=1e-12
@@ -641,16 +638,18 @@ def test_layouts_by_name_have_the_sums_of_the_table():
         got = [abs(complex(x)) for x in (first.forward_couple, first.backward_couple)]
         np.testing.assert_allclose(got, couple, atol=1e-12, err_msg=name)
     with pytest.raises(BadInput, match="a layout such as"):
-        Cylinders(layout="V")
+        Crankshaft(layout="V")
 
 
 def test_a_balanced_layout_has_the_counterweights():
     made = several(LAYOUTS[4])
-    shorthand = Cylinders(layout="V90x2", throw_pitch=0.2, rod_pitch=0.04, balanced=True)
+    shorthand = Crankshaft(
+        made.crankshaft.inertia, layout="V90x2", throw_pitch=0.2, rod_pitch=0.04, balanced=True
+    )
     state = CrankState(jnp.linspace(0.0, 6.0, 50), jnp.full(50, 100.0), jnp.full(50, 30.0))
     one, other = (
-        shaking_wrench(dataclasses.replace(made, cylinders=c), state)
-        for c in (made.cylinders, shorthand)
+        shaking_wrench(dataclasses.replace(made, crankshaft=c), state)
+        for c in (made.crankshaft, shorthand)
     )
     # unbalances typed to nine digits, of forces of kN
     np.testing.assert_allclose(one.force, other.force, atol=1e-5)
@@ -739,20 +738,17 @@ def test_three_bearings_of_a_beam_have_the_closed_form():
 
 def test_parts_name_what_does_not_go_together(twin):
     made = several(LAYOUTS[2])
-    with pytest.raises(BadInput, match=r"crank_unbalance.*throws have the unbalances"):
-        dataclasses.replace(
-            made, mechanism=dataclasses.replace(made.mechanism, crank_unbalance=0.1)
-        )
+    with pytest.raises(BadInput, match=r"unbalance.*absent beside throws, which have theirs"):
+        dataclasses.replace(made.crankshaft, unbalance=0.1)
     with pytest.raises(BadInput, match="at least one bank angle"):
         Throw([])
-    with pytest.raises(BadInput, match="at least one throw"):
-        Cylinders(())
+    assert Crankshaft(0.1).count == 1
     assert set(twin.energy.losses) >= {"main_1", "main_2", "crank_pin_1", "wall_2"}
 
 
 def test_a_layout_by_name_has_its_count_without_numbers():
     """Solvers ask for it while they find out shapes."""
-    shapes = eqx.filter_eval_shape(lambda c: c, Cylinders(layout="V90x2", throw_pitch=0.09))
+    shapes = eqx.filter_eval_shape(lambda c: c, Crankshaft(layout="V90x2", throw_pitch=0.09))
     assert shapes.count == 4
 
 
@@ -864,7 +860,7 @@ def test_the_rotor_has_the_torsion_of_the_chain():
 def test_layouts_are_swept():
     scene, layouts = load("refrigeration-twin"), ("in-line-2", "boxer-2")
     found = sweep_machines(
-        {name: with_values(scene, {"cylinders.layout": name}) for name in layouts},
+        {name: with_values(scene, {"crankshaft.layout": name}) for name in layouts},
         {},
         ["peak_shaking_force", "speed_fluctuation"],
         dimension="layout",

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, SceneError, load, loads
-from jaxcomp.crankshaft import shaft_bearings
+from jaxcomp.crankshaft import MainBearings
 from jaxcomp.film import JournalBearing, NamedBearing
-from jaxcomp.friction import CoulombJournal, MainBearings
-from jaxcomp.rotor import Link, LoadedFilm, RotorModel, ShaftElements
+from jaxcomp.friction import CoulombJournal
+from jaxcomp.rotor import Link, LoadedFilm, RotorModel, ShaftElements, shaft_bearings
 
 JOURNAL = CoulombJournal(0.013, 0.092)
 POSITION = jnp.array([-0.25, 0.05, 0.3])
@@ -95,7 +95,7 @@ def test_the_elements_of_a_rotor_give_the_beam():
     np.testing.assert_allclose(found.line(), wanted.line(), atol=1e-7)
 
 
-TEXT = '[friction.main_journal]\ntype = "main_bearings"\n'
+TEXT = '[crankshaft.main_journal]\ntype = "main_bearings"\n'
 
 
 def test_a_machine_with_a_rotor_bends_its_own_shaft():
@@ -103,8 +103,8 @@ def test_a_machine_with_a_rotor_bends_its_own_shaft():
     text = load("hermetic-68cc").text
     flexible = TEXT + 'shaft = "rotor"\nstiffness = ["1e8 N/m", "2e8 N/m", "2e8 N/m"]\n'
     assert text.count(TEXT) == 1
-    rigid = loads(text).as_compressor().friction.main_journal
-    made = loads(text.replace(TEXT, flexible)).as_compressor().friction.main_journal
+    rigid = loads(text).as_compressor().crankshaft.main_journal
+    made = loads(text.replace(TEXT, flexible)).as_compressor().crankshaft.main_journal
     np.testing.assert_allclose(made.position, rigid.position, atol=1e-15)
     place = jnp.zeros(1)
     shares, wanted = made.influence(place)[:, 0], rigid.influence(place)[:, 0]

@@ -10,9 +10,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from test_slider_link import OFFSET, coulomb_friction, joint_loads, machine, random_states
+from test_slider_link import (
+    OFFSET,
+    SHAFT,
+    compressor,
+    coulomb_friction,
+    crankshaft,
+    loads_at,
+    machine,
+    product_of_inertia,
+    random_states,
+)
 
 from jaxcomp import BadInput
+from jaxcomp.compressor import instants
+from jaxcomp.crankshaft import Crankshaft, counterweights
 from jaxcomp.mechanism import CrankState, SliderCrank
 from jaxcomp.scene import SceneError, describe, dump, load, loads, with_value
 from jaxcomp.shaking import (
@@ -25,7 +37,6 @@ from jaxcomp.shaking import (
     damping_matrix,
     free_body_error,
     free_body_response,
-    half_balance,
     harmonics,
     mass_matrix,
     natural_frequencies,
@@ -47,14 +58,16 @@ def slider_crank(**changes):
         conrod_length=0.045,
         piston_mass=0.05,
         conrod_mass=0.04,
-        crank_inertia=4.5e-4,
         conrod_centre=0.017,
         conrod_inertia=1.1e-5,
-        crank_unbalance=-4e-4,
-        crank_mass=1.2,
         offset=1.5e-3,
     )
     return SliderCrank(**(values | changes))
+
+
+def rod_shaft(unbalance=-4e-4):
+    """A crankshaft in the plane of the rod."""
+    return Crankshaft(inertia=4.5e-4, mass=1.2, unbalance=unbalance)
 
 
 def suspension(stiffness=1.0, damping_ratio=0.03, **changes):
@@ -79,8 +92,9 @@ def suspension(stiffness=1.0, damping_ratio=0.03, **changes):
     return Suspension(**(values | changes))
 
 
-def momentum_link(m, angle, speed):
+def momentum_link(made, angle, speed):
     """Momentum and angular momentum about the origin from positions alone."""
+    m, shaft = made.mechanism, made.crankshaft
 
     def velocity(position):
         return jax.jvp(position, (angle,), (speed,))[1]
@@ -92,7 +106,7 @@ def momentum_link(m, angle, speed):
     def place(x, y, z):
         return jnp.stack([x, y, jnp.broadcast_to(z, x.shape)])
 
-    R, e, zs = m.crank_radius, (-m.offset), -m.plane_height
+    R, e, zs = m.crank_radius, (-m.offset), -shaft.origin
     piston = body(
         m.piston_mass,
         # any x fixed to the piston will do
@@ -102,7 +116,8 @@ def momentum_link(m, angle, speed):
     slider = body(m.slider_mass, lambda a: place(R * jnp.cos(a), R * jnp.sin(a), zs), 0.0)
     # The crank as point masses: one with its unbalance at z = 0 and a pair without unbalance that
     # supplies the product of inertia. The rest of J_z turns in place.
-    mr, ecr, jxz = m.crank_mass, m.crank_eccentricity, m.product_of_inertia
+    mr, jxz = shaft.mass, product_of_inertia(shaft)
+    ecr = -shaft.unbalance / mr
 
     def turning(a, radius, z):
         return place(radius * jnp.cos(a), radius * jnp.sin(a), z)
@@ -114,12 +129,14 @@ def momentum_link(m, angle, speed):
         body(pair, lambda a: turning(a, arm, height), 0.0),
         body(pair, lambda a: turning(a, -arm, -height), 0.0),
     ]
-    rest = m.crank_inertia - mr * ecr**2 - 2 * pair * arm**2
+    rest = shaft.inertia - mr * ecr**2 - 2 * pair * arm**2
     parts.append((jnp.zeros(3), jnp.array([0.0, 0.0, 1.0]) * rest * speed))
     return tuple(sum(x) for x in zip(piston, slider, *parts, strict=True))
 
 
-def momentum_crank(m, angle, speed):
+def momentum_crank(made, angle, speed):
+    m, shaft = made.mechanism, made.crankshaft
+
     def velocity(position):
         return jax.jvp(position, (angle,), (speed,))[1]
 
@@ -139,30 +156,30 @@ def momentum_crank(m, angle, speed):
 
     z = jnp.array([0.0, 0.0, 1.0])
     linear = m.piston_mass * velocity(piston) + m.conrod_mass * velocity(centre)
-    linear = linear + m.crank_unbalance / m.crank_radius * velocity(pin)
+    linear = linear + shaft.unbalance / m.crank_radius * velocity(pin)
     angular = jnp.cross(piston(angle), m.piston_mass * velocity(piston))
     angular = angular + jnp.cross(centre(angle), m.conrod_mass * velocity(centre))
-    spin = m.conrod_inertia * velocity(rod_angle) + m.crank_inertia * speed
+    spin = m.conrod_inertia * velocity(rod_angle) + shaft.inertia * speed
     return linear, angular + spin * z
 
 
 @pytest.mark.parametrize(
-    ("mechanism", "momentum"),
+    ("made", "momentum"),
     [
-        (machine(offset=-2e-3, piston_centre_offset=-1.5e-3), momentum_link),
-        (slider_crank(), momentum_crank),
+        (compressor(machine(offset=-2e-3, piston_centre_offset=-1.5e-3)), momentum_link),
+        (compressor(slider_crank(), shaft=rod_shaft()), momentum_crank),
     ],
     ids=["slider-link", "slider-crank"],
 )
-def test_wrench_is_the_rate_of_change_of_all_momentum(mechanism, momentum):
+def test_wrench_is_the_rate_of_change_of_all_momentum(made, momentum):
     state, _ = random_states(200, 10)
 
     def rate(angle, speed, acceleration):
         motion = (angle, speed), (speed, acceleration)
-        return jax.jvp(lambda a, w: momentum(mechanism, a, w), *motion)[1]
+        return jax.jvp(lambda a, w: momentum(made, a, w), *motion)[1]
 
     force, moment = jax.jit(jax.vmap(rate))(*state)
-    wrench = eqx.filter_jit(shaking_wrench)(mechanism, state)
+    wrench = eqx.filter_jit(shaking_wrench)(made, state)
     # rounding: the crank and the piston cancel by up to a factor of ten
     np.testing.assert_allclose(wrench.force.T, -force, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(wrench.moment.T, -moment, rtol=1e-12, atol=1e-13)
@@ -175,19 +192,19 @@ def test_wrench_equals_the_sum_of_all_reactions_on_the_block(reading):
     As printed the slider has no couple, so that M_z is short of it; balanced, nothing is missing.
     """
     m = machine(offset=-2e-3, piston_centre_offset=-1.5e-3)
-    friction = coulomb_friction(0.15, 0.12, slider_moment=reading)
+    made = compressor(m, coulomb_friction(0.15, 0.12, slider_moment=reading))
     state, gas = random_states(200, 11)
-    loads = joint_loads(m, friction, state, gas)
+    loads = loads_at(made, state, gas)
     f, loss = loads.forces, loads.loss_torque
     # the motor torque that goes with this acceleration, from the energy of the machine
-    inertia, inertia_1 = m.inertia(state.angle)
-    motor = inertia * state.acceleration + 0.5 * inertia_1 * state.speed**2
+    whole = instants(made, state.angle)
+    motor = whole.inertia * state.acceleration + 0.5 * whole.inertia_1 * state.speed**2
     motor = motor + gas * m.piston(state.angle)[1] + loads.total_loss_torque
 
     crown = m.piston(state.angle)[0]
     mouth = m.crown_to_link + m.crank_radius - m.cylinder_length  # edge of the cylinder
     e, half = (-m.offset), m.bore / 2
-    plane = -m.plane_height
+    plane = -made.crankshaft.origin
 
     def on_block(force, x, y, z):
         fx, fy = -force[0], -force[1]  # reaction
@@ -196,7 +213,7 @@ def test_wrench_equals_the_sum_of_all_reactions_on_the_block(reading):
     def rim(force):  # contacts lie on the -y side of the piston if the force points to +y
         return -e - half * jnp.sign(force[1])
 
-    upper, lower = plane + m.overhang, plane + m.overhang + m.bearing_span
+    upper, lower = plane + made.crankshaft.main_journal.position
     total = on_block(f["wall_crown"], crown, rim(f["wall_crown"]), plane)
     total += on_block(f["wall_edge"], mouth, rim(f["wall_edge"]), plane)
     total += on_block(f["piston_film"], 0.0, -e, plane)
@@ -206,7 +223,7 @@ def test_wrench_equals_the_sum_of_all_reactions_on_the_block(reading):
     drag = sum(loss[k] for k in ("upper_bearing", "lower_bearing", "thrust_bearing", "pump"))
     total = total.at[5].add(drag - motor)
 
-    wrench = jnp.concatenate(shaking_wrench(m, state))
+    wrench = jnp.concatenate(shaking_wrench(made, state))
     # rounding of forces up to 2 kN and of arms of 0.05 m
     np.testing.assert_allclose(total[:5], wrench[:5], rtol=1e-11, atol=1e-9)
     missing = 0.0
@@ -221,10 +238,10 @@ def test_wrench_equals_the_sum_of_all_reactions_on_the_block(reading):
 def test_errata_of_the_z_moment():
     """Eq. (40) prints m_s R for m_s R^2: a hundred times too much at R = 9.6 mm."""
     m, state = machine(), CrankState(jnp.zeros(1), jnp.zeros(1), jnp.ones(1))
-    moment = shaking_wrench(m, state).moment[2, 0]
-    R, ms = m.crank_radius, m.slider_mass
-    np.testing.assert_allclose(moment, -(m.crank_inertia + ms * R**2), rtol=1e-15)
-    printed = -(m.crank_inertia + ms * R)
+    moment = shaking_wrench(compressor(m), state).moment[2, 0]
+    R, ms, inertia = m.crank_radius, m.slider_mass, SHAFT["inertia"]
+    np.testing.assert_allclose(moment, -(inertia + ms * R**2), rtol=1e-15)
+    printed = -(inertia + ms * R)
     np.testing.assert_allclose(printed - moment, -ms * R * (1 - R), rtol=1e-12)
 
 
@@ -242,27 +259,30 @@ def test_wrench_about_another_point():
 def test_slider_link_is_the_slider_crank_with_an_endless_rod():
     """Error of order R/l, so that it falls by ten from l to 10 l."""
     state, _ = random_states(200, 12)
-    link = shaking_wrench(machine(plane_height=0.0, crank_product=0.0, slider_mass=0.0), state)
+    shaft = rod_shaft(SHAFT["unbalance"])
+    link = shaking_wrench(compressor(machine(slider_mass=0.0), shaft=shaft), state)
 
     def error(length):
-        crank = slider_crank(
-            conrod_length=length, piston_mass=0.110, conrod_mass=0.0, conrod_inertia=0.0,
-            crank_unbalance=-1.2 * 0.62e-3, offset=0.0,
-        )  # fmt: skip
-        return np.abs(np.concatenate(shaking_wrench(crank, state)) - np.concatenate(link)).max()
+        rod = slider_crank(
+            conrod_length=length, piston_mass=0.110, conrod_mass=0.0, conrod_inertia=0.0, offset=0.0
+        )
+        crank = shaking_wrench(compressor(rod, shaft=shaft), state)
+        return np.abs(np.concatenate(crank) - np.concatenate(link)).max()
 
     assert 9.5 < error(1.0) / error(10.0) < 10.5
 
 
 def test_half_balance_gives_equal_forces_and_moments():
     m = machine()
-    best = half_balance(m)
     # 0.62 mm and 2.6e-5 kg m^2 for this machine, to the digits given
-    assert round(1e3 * float(best.crank_eccentricity), 2) == 0.62
-    m = eqx.tree_at(lambda m: (m.crank_eccentricity, m.crank_product), m, tuple(best))
-    np.testing.assert_allclose(m.product_of_inertia, 2.6e-5, rtol=5e-3)  # two digits given
+    assert round(1e3 * float(m.half_balance) / SHAFT["mass"], 2) == 0.62
+    told = crankshaft(shaft_couple=None, unbalance=0.0, balanced=True)
+    typed = counterweights(m, told)
+    np.testing.assert_allclose(typed.origin * m.half_balance, 2.6e-5, rtol=5e-3)  # two digits given
     angle = jnp.array([0.0, np.pi / 2])
-    wrench = shaking_wrench(m, CrankState(angle, jnp.full(2, 300.0), jnp.zeros(2)))
+    state = CrankState(angle, jnp.full(2, 300.0), jnp.zeros(2))
+    wrench, same = (shaking_wrench(compressor(m, shaft=shaft), state) for shaft in (typed, told))
+    np.testing.assert_allclose(np.concatenate(wrench), np.concatenate(same), rtol=1e-14)
     np.testing.assert_allclose(wrench.force[0, 0], -wrench.force[1, 1], rtol=1e-13)
     np.testing.assert_allclose(wrench.moment[1, 0], wrench.moment[0, 1], rtol=1e-13)
     # "first-harmonic shaking force 48 N" at 2907 rpm
@@ -272,22 +292,23 @@ def test_half_balance_gives_equal_forces_and_moments():
 
 def test_bearing_loads_do_not_depend_on_the_mass_centre_of_the_machine():
     state, gas = random_states(200, 13)
-    here = joint_loads(machine(**OFFSET), coulomb_friction(), state, gas).forces
-    there = joint_loads(machine(plane_height=0.1, **OFFSET), coulomb_friction(), state, gas).forces
+    near, far = (
+        compressor(machine(**OFFSET), coulomb_friction(), crankshaft(origin=origin))
+        for origin in (0.035, 0.1)
+    )
+    here, there = (loads_at(made, state, gas).forces for made in (near, far))
     for name in ("upper_bearing", "lower_bearing"):
         np.testing.assert_allclose(here[name], there[name], atol=1e-12)
     # the shaking moment does: it is that of the same forces about another point
-    near = shaking_wrench(machine(**OFFSET), state)
-    far = shaking_wrench(machine(plane_height=0.1, **OFFSET), state)
-    moved = wrench_about(near, (0.0, 0.0, 0.1 - 0.035))
-    np.testing.assert_allclose(far.moment, moved.moment, rtol=1e-11, atol=1e-13)
+    moved = wrench_about(shaking_wrench(near, state), (0.0, 0.0, 0.1 - 0.035))
+    moment = shaking_wrench(far, state).moment
+    np.testing.assert_allclose(moment, moved.moment, rtol=1e-11, atol=1e-13)
 
 
-def first_harmonic(speed=304.4, m=None, **changes):
-    m = machine() if m is None else m
+def first_harmonic(speed=304.4, **changes):
     angle = jnp.arange(64) * 2 * np.pi / 64
     state = CrankState(angle, jnp.full(64, speed), jnp.zeros(64))
-    wrench = shaking_wrench(m, state)
+    wrench = shaking_wrench(compressor(), state)
     # equal steps are exact for 64 points and few harmonics
     load = harmonics(
         suspension(**changes), wrench, angle / speed, jnp.full(64, 2 * np.pi / 64 / speed), 3
@@ -408,19 +429,18 @@ def test_free_body_amplitude_of_the_household_machine():
 
 def test_gradient_of_the_vibration_equals_differences():
     """Every number of machine and suspension; also where a mode is degenerate."""
-    m = machine(**OFFSET)
 
     def amplitude(tree):
-        mechanism, block = tree
+        made, block = tree
         speed = 304.4
         angle = jnp.arange(32) * 2 * np.pi / 32
         state = CrankState(angle, jnp.full(32, speed), 300 * jnp.sin(2 * angle))
         step = jnp.full(32, 2 * np.pi / 32 / speed)
-        load = harmonics(block, shaking_wrench(mechanism, state), angle / speed, step, 3)
+        load = harmonics(block, shaking_wrench(made, state), angle / speed, step, 3)
         corner = point_motion(block, block_response(block, load), (0.06, 0.05, 0.06))
         return 1e6 * jnp.sqrt(jnp.sum(corner.rms**2))  # [um]
 
-    tree = (m, suspension())
+    tree = (compressor(machine(**OFFSET)), suspension())
     flat, rebuild = ravel_pytree(tree)
     f = jax.jit(lambda x: amplitude(rebuild(x)))
     gradient = jax.jit(jax.grad(f))(flat)

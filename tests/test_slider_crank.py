@@ -1,12 +1,15 @@
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import MECHANISM, coulomb, mechanism, pick, random_mechanisms
+from helpers import MECHANISM, Laws, coulomb, mechanism, pick, random_crankshafts, random_mechanisms
 from scipy.optimize import minimize_scalar
 
 from jaxcomp import BadInput, Compressor
-from jaxcomp.compressor import conservative_torque, loads_at
+from jaxcomp.compressor import instants, loads_at
+from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.mechanism import CrankState, SliderCrank, rod_motion
 from jaxcomp.motor import ConstantTorque
 
@@ -33,7 +36,7 @@ def batch(request, rng):
     )
     gas = jnp.asarray(rng.uniform(-5e3, 2e4, COUNT))
     gravity = jnp.asarray(rng.uniform(-10, 10, (COUNT, 2)))
-    return machines, state, gas, gravity
+    return machines, state, gas, gravity, random_crankshafts(rng, COUNT)
 
 
 def along_time(function, state):
@@ -135,32 +138,36 @@ def test_angle_at_the_ends_of_the_stroke_is_finite_with_its_slope(inward):
 
 
 # ---------------------------------------------------------------- balances
-def assembled(machine, gravity, friction):
-    return Compressor(machine, ConstantTorque(0.0), None, friction, gravity)
+def assembled(machine, shaft, gravity, friction):
+    given = friction or Laws(None)
+    shaft = dataclasses.replace(shaft, main_journal=given.main_journal)
+    return Compressor(machine, shaft, ConstantTorque(0.0), None, given.friction, gravity)
 
 
-def crank_balance_and_energy_form(machine, state, gas, gravity, friction):
+def crank_balance_and_energy_form(machine, shaft, state, gas, gravity, friction):
     """Motor torque by the crank's own balance, by the energy form, and a size."""
-    compressor = assembled(machine, gravity, friction)
-    loads = loads_at(compressor, state, gas)
+    compressor = assembled(machine, shaft, gravity, friction)
+    loads = loads_at(compressor, state, gas[None])
     rod = rod_motion(machine, state.angle)
     pin = machine.crank_radius * jnp.stack([jnp.cos(state.angle), jnp.sin(state.angle)])
     on_rod = loads.forces["crank_pin"]
     terms = [
-        machine.crank_inertia * state.acceleration,
+        shaft.inertia * state.acceleration,
         pin[0] * on_rod[1],
         -pin[1] * on_rod[0],
         loads.loss_torque["crank_pin"] / (1 + rod.tilt_1) if friction is not None else 0.0,
         loads.loss_torque["main_journal"] if friction is not None else 0.0,
     ]
-    weight = machine.crank_unbalance / machine.crank_radius
+    weight = shaft.unbalance / machine.crank_radius
     if gravity is not None:
         terms += [-weight * pin[0] * gravity[1], weight * pin[1] * gravity[0]]
-    inertia, inertia_1 = machine.inertia(state.angle)
+    at = instants(compressor, state.angle)
+    _, position_1, _ = machine.piston(state.angle)
     energy = (
-        inertia * state.acceleration
-        + 0.5 * inertia_1 * state.speed**2
-        - conservative_torque(compressor, state.angle, gas)
+        at.inertia * state.acceleration
+        + 0.5 * at.inertia_1 * state.speed**2
+        - at.conservative
+        + gas * position_1
         + loads.total_loss_torque
     )
     forces = jnp.stack([jnp.hypot(*f) for f in loads.forces.values()])
@@ -171,22 +178,23 @@ def crank_balance_and_energy_form(machine, state, gas, gravity, friction):
 @pytest.mark.parametrize("gravity_on", [False, True], ids=["no gravity", "gravity"])
 @pytest.mark.parametrize("friction", [None, coulomb()], ids=["frictionless", "coulomb"])
 def test_newton_euler_equals_energy_form(batch, friction, gravity_on):
-    machines, state, gas, gravity = batch
+    machines, state, gas, gravity, shafts = batch
 
-    def both(machine, state, gas, gravity):
+    def both(machine, shaft, state, gas, gravity):
         field = gravity if gravity_on else None
-        return crank_balance_and_energy_form(machine, state, gas, field, friction)
+        return crank_balance_and_energy_form(machine, shaft, state, gas, field, friction)
 
-    newton, energy, size = jax.jit(jax.vmap(both))(machines, state, gas, gravity)
+    newton, energy, size = jax.jit(jax.vmap(both))(machines, shafts, state, gas, gravity)
     np.testing.assert_allclose((newton - energy) / size, 0.0, atol=ROUNDING)
 
 
 def test_forces_on_every_body_balance_its_inertia(batch):
     """Accelerations by differentiating the positions of the mass centres twice."""
-    machines, state, gas, gravity = batch
+    machines, state, gas, gravity, shafts = batch
 
-    def sums(machine, state, gas, gravity):
-        forces = loads_at(assembled(machine, gravity, coulomb()), state, gas).forces
+    def sums(machine, shaft, state, gas, gravity):
+        compressor = assembled(machine, shaft, gravity, coulomb())
+        forces = loads_at(compressor, state, gas[None]).forces
         r, l, b = machine.crank_radius, machine.conrod_length, machine.conrod_centre
 
         def pins(angle):
@@ -197,14 +205,14 @@ def test_forces_on_every_body_balance_its_inertia(batch):
             crank, piston = pins(angle)
             return crank + b / l * (piston - crank)
 
-        unbalance = lambda angle: machine.crank_unbalance / r * pins(angle)[0]  # noqa: E731
+        unbalance = lambda angle: shaft.unbalance / r * pins(angle)[0]  # noqa: E731
         piston_acc = along_time(lambda a: pins(a)[1], state)[2]
         rod_acc = along_time(centre, state)[2]
         crank_acc = along_time(unbalance, state)[2]
         t, s, q = (forces[k] for k in ("piston_pin", "crank_pin", "main_journal"))
         on_piston = jnp.stack([-gas, 0.0]) + forces["wall"] - t + machine.piston_mass * gravity
         on_rod = t + s + machine.conrod_mass * gravity
-        on_crank = q - s + machine.crank_mass * gravity
+        on_crank = q - s + shaft.mass * gravity
         left = [
             on_piston - machine.piston_mass * piston_acc,
             on_rod - machine.conrod_mass * rod_acc,
@@ -214,7 +222,7 @@ def test_forces_on_every_body_balance_its_inertia(batch):
         return jnp.stack(left) / size
 
     np.testing.assert_allclose(
-        jax.jit(jax.vmap(sums))(machines, state, gas, gravity), 0.0, atol=ROUNDING
+        jax.jit(jax.vmap(sums))(machines, shafts, state, gas, gravity), 0.0, atol=ROUNDING
     )
 
 
@@ -235,7 +243,6 @@ def test_kinetic_energy_is_half_inertia_times_square_of_speed(batch):
             machine.piston_mass * v**2
             + machine.conrod_mass * jnp.sum(vc**2)
             + machine.conrod_inertia * turn**2
-            + machine.crank_inertia * state.speed**2
         )
         return summed, machine.inertia(state.angle)[0] * state.speed**2
 
@@ -244,9 +251,9 @@ def test_kinetic_energy_is_half_inertia_times_square_of_speed(batch):
 
 
 def test_gravity_torque_is_the_slope_of_potential_energy(batch):
-    machines, state, _, gravity = batch
+    machines, state, _, gravity, shafts = batch
 
-    def both(machine, angle, g):
+    def both(machine, shaft, angle, g):
         r, l, b = machine.crank_radius, machine.conrod_length, machine.conrod_centre
 
         def potential(angle):
@@ -256,12 +263,13 @@ def test_gravity_torque_is_the_slope_of_potential_energy(batch):
             return -(
                 machine.piston_mass * piston @ g
                 + machine.conrod_mass * centre @ g
-                + machine.crank_unbalance / r * crank @ g
+                + shaft.unbalance / r * crank @ g
             )
 
-        return -jax.grad(potential)(angle), machine.gravity_torque(angle, g)
+        whole = instants(assembled(machine, shaft, g, None), angle).conservative
+        return -jax.grad(potential)(angle), whole
 
-    slope, torque = jax.jit(jax.vmap(both))(machines, state.angle, gravity)
+    slope, torque = jax.jit(jax.vmap(both))(machines, shafts, state.angle, gravity)
     np.testing.assert_allclose(torque, slope, rtol=1e-10, atol=1e-11)
 
 
@@ -278,12 +286,13 @@ def test_forces_of_the_frictionless_machine_of_the_balancing_paper():
     The sign of the bracket in (4) depends on that of phi and P, which the print does not fix; the
     one here belongs to the phi of `SliderCrank` and to P pushing the piston to the crank.
     """
-    machine = mechanism(crank_unbalance=0.0)
+    machine = mechanism()
     angle = jnp.linspace(0.1, 6.4, 50)
     speed = jnp.full(50, 300.0)
     gas = 9e3 * jnp.cos(angle) ** 2
     state = CrankState(angle, speed, jnp.zeros(50))
-    loads = jax.jit(loads_at)(assembled(machine, None, None), state, gas)
+    bare = assembled(machine, Crankshaft(0.1), None, None)
+    loads = jax.jit(loads_at)(bare, state, gas[None])
     b, l, r = machine.conrod_centre, machine.conrod_length, machine.crank_radius
     reciprocating = machine.conrod_mass * b / l + machine.piston_mass
     rotating = machine.conrod_mass * (l - b) / l * r * speed**2
@@ -312,7 +321,6 @@ def test_forces_of_the_frictionless_machine_of_the_balancing_paper():
         ({"offset": -0.25}, "crank_radius + |offset| < conrod_length"),
         ({"piston_mass": -1e-9}, "`piston_mass` must be >= 0"),
         ({"conrod_mass": -1.0}, "`conrod_mass` must be >= 0"),
-        ({"crank_inertia": 0.0}, "`crank_inertia` must be > 0"),
         ({"bore": np.nan}, "`bore` must be > 0, but is nan"),
         ({"bore": np.inf}, "`bore` must be > 0, and at most 1e25 in size, but is inf"),
         ({"conrod_length": -0.3}, "`conrod_length` must be > 0"),
@@ -327,3 +335,8 @@ def test_bad_geometry_is_refused_by_name(changes, words):
 def test_wrong_shape_is_refused():
     with pytest.raises(ValueError, match=r"bore.*shape"):
         SliderCrank(**(MECHANISM | {"bore": [[0.1, 0.2]]}))  # a list has a value for each cylinder
+
+
+def test_a_crankshaft_without_inertia_is_refused():
+    with pytest.raises(BadInput, match="`inertia` must be > 0"):
+        Crankshaft(0.0)

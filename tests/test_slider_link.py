@@ -6,6 +6,7 @@ the letters of the print; misprints are corrected where a comment says so.
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,7 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp import BadInput
+from jaxcomp import BadInput, Compressor
+from jaxcomp.compressor import instants
+from jaxcomp.compressor import loads_at as eager_loads_at
+from jaxcomp.crankshaft import Crankshaft, MainBearings
 from jaxcomp.friction import (
     CoulombJournal,
     CoulombSlide,
@@ -22,7 +26,6 @@ from jaxcomp.friction import (
     SliderCrankFriction,
     SliderLinkFriction,
     ThrustBearing,
-    substitution,
 )
 from jaxcomp.friction import joint_loads as eager_joint_loads
 from jaxcomp.mechanism import (
@@ -33,9 +36,9 @@ from jaxcomp.mechanism import (
     contact,
     contact_arms,
 )
+from jaxcomp.motor import MeanSpeed
 
 joint_loads = eqx.filter_jit(eager_joint_loads)
-jit_substitution = eqx.filter_jit(substitution)
 
 GEOMETRY = dict(
     bore=0.023,
@@ -45,13 +48,13 @@ GEOMETRY = dict(
     slider_diameter=0.018,
     piston_mass=0.110,
     slider_mass=0.022,
-    crank_inertia=4.5e-4,
-    overhang=0.024,
-    bearing_span=0.042,
-    plane_height=0.035,
-    crank_mass=1.2,
-    crank_eccentricity=0.62e-3,
-    crank_product=2.6e-5 - 0.035 * 1.2 * 0.62e-3,  # J_xz = 2.6e-5 kg m^2
+)
+SHAFT = dict(
+    inertia=4.5e-4,
+    mass=1.2,
+    unbalance=-1.2 * 0.62e-3,  # e_cr = 0.62 mm
+    shaft_couple=[2.6e-5 - 0.035 * 1.2 * 0.62e-3, 0.0],  # J_xz = 2.6e-5 kg m^2
+    origin=0.035,
 )
 SIGNS = np.array(np.meshgrid([1, -1], [1, -1], [1, -1], indexing="ij")).reshape(3, 8)
 
@@ -66,13 +69,73 @@ def coulomb_friction(mu_c=0.1, mu_s=0.1, mu=0.01, **changes) -> SliderLinkFricti
         link_slider=CoulombSlide(mu_s),
         piston_film=PistonFilm(6e-6, 4e-3),
         crank_pin=CoulombJournal(mu, 0.012),
-        upper_bearing=CoulombJournal(mu, 0.016),
-        lower_bearing=CoulombJournal(mu, 0.016),
+    )
+    return SliderLinkFriction(**(laws | changes))
+
+
+def bearings(mu=0.01, **changes) -> MainBearings:
+    laws = dict(
+        bearings=(CoulombJournal(mu, 0.016), CoulombJournal(mu, 0.016)),
+        position=[0.024, 0.066],
         # The golden values were made with g = 9.81 m/s^2.
         thrust_bearing=ThrustBearing(0.095 * 9.81 / 9.80665, 0.011, 0.008),
         pump=OilPump(2.5 / 305),
+        names=("upper_bearing", "lower_bearing"),
     )
-    return SliderLinkFriction(**(laws | changes))
+    return MainBearings(**(laws | changes))
+
+
+def crankshaft(**changes) -> Crankshaft:
+    return Crankshaft(**(SHAFT | {"main_journal": bearings()} | changes))
+
+
+def compressor(linkage=None, friction=None, shaft=None, **parts) -> Compressor:
+    """The linkage on its shaft; what is not given is that of this file, without friction."""
+    return Compressor(
+        machine() if linkage is None else linkage,
+        crankshaft() if shaft is None else shaft,
+        **({"motor": MeanSpeed(300.0)} | parts),
+        friction=friction,
+    )
+
+
+@eqx.filter_jit
+def loads_at(compressor, state, gas):
+    """Of one cylinder, under its gas force (n,)."""
+    return eager_loads_at(compressor, state, gas[None])
+
+
+class Substitution(NamedTuple):
+    """One substitution of Eq. (35): G(a) [rad/s^2] and |G'(a)|, by which it shrinks the error."""
+
+    acceleration: jax.Array
+    contraction: jax.Array
+
+
+@eqx.filter_jit
+def substitution(compressor, state, gas, motor_torque) -> Substitution:
+    """The crank acceleration that Eq. (35) gives for an assumed one, a -> G(a).
+
+    The contacts are piecewise linear in a and enter the denominator J_z + g_4; only the moments of the
+    journals are taken at the assumed a. The print drops the pump from (35); it is in.
+    """
+    whole = instants(compressor, state.angle)
+    _, piston_1, _ = compressor.mechanism.piston(state.angle)
+    drive = (
+        motor_torque + whole.conservative - gas * piston_1 - 0.5 * whole.inertia_1 * state.speed**2
+    )
+
+    def split(value):
+        loads = loads_at(compressor, state._replace(acceleration=value), gas)
+        zero = jnp.zeros_like(value)
+        contacts = sum((loads.loss_torque.get(k, zero) for k in ("wall", "link_slider")), zero)
+        return whole.inertia * value + contacts, loads.total_loss_torque - contacts + zero
+
+    value = state.acceleration
+    (contacts, journals), (slope, journal_slope) = jax.jvp(split, (value,), (jnp.ones_like(value),))
+    return Substitution(
+        value - (contacts + journals - drive) / slope, jnp.abs(journal_slope / slope)
+    )
 
 
 def random_states(n, seed=0):
@@ -85,18 +148,24 @@ def random_states(n, seed=0):
     return state, jnp.asarray(rng.uniform(-50, 700, n))
 
 
+def product_of_inertia(shaft: Crankshaft):
+    """[kg m^2] J_xz, the sum of m x z over the crank with z from the mass centre of the machine."""
+    return shaft.shaft_couple[0] - shaft.origin * shaft.unbalance
+
+
 class Printed:
     """Eqs. (1)-(35) as printed, for given signs d1..d5; (13) with its bracket completed."""
 
-    def __init__(self, m: SliderLink, mu_c, mu_s, eta_over_c, state, gas_force, signs):
+    def __init__(self, machine: Compressor, mu_c, mu_s, eta_over_c, state, gas_force, signs):
+        m, shaft = machine.mechanism, machine.crankshaft
         phi, w, a = (np.asarray(x) for x in state)
         v = {f.name: np.asarray(getattr(m, f.name)) for f in dataclasses.fields(m)}
         D, R, Ds = v["bore"], v["crank_radius"], v["slider_diameter"]
         Lc, Lp = v["cylinder_length"], v["crown_to_link"]
-        mp, ms, mr = v["piston_mass"], v["slider_mass"], v["crank_mass"]
-        e, ecl, ecr = -v["offset"], v["piston_centre_offset"], v["crank_eccentricity"]
-        zs, zp, zb = v["plane_height"], v["overhang"], v["bearing_span"]
-        Jxz, Jz = np.asarray(m.product_of_inertia), v["crank_inertia"]
+        mp, ms, mr = v["piston_mass"], v["slider_mass"], np.asarray(shaft.mass)
+        e, ecl, ecr = -v["offset"], v["piston_centre_offset"], -np.asarray(shaft.unbalance) / mr
+        zs, (zp, zq) = np.asarray(shaft.origin), np.asarray(shaft.main_journal.position)
+        zb, Jxz, Jz = zq - zp, np.asarray(product_of_inertia(shaft)), np.asarray(shaft.inertia)
         d1, d2, d3, d4, d5 = signs
         sin, cos = np.sin(phi), np.cos(phi)
         xd, xdd = -R * w * sin, -R * (w**2 * cos + a * sin)
@@ -185,9 +254,10 @@ OFFSET = dict(offset=-1e-3, piston_centre_offset=1e-3)
 
 @pytest.fixture(scope="module")
 def golden():
-    loads = joint_loads(machine(**OFFSET), coulomb_friction(), GOLDEN_STATE, GOLDEN_GAS)
+    made = compressor(machine(**OFFSET), coulomb_friction())
+    loads = loads_at(made, GOLDEN_STATE, GOLDEN_GAS)
     signs = (*kinematic_signs(GOLDEN_STATE), *sides(loads))
-    return loads, Printed(machine(**OFFSET), 0.1, 0.1, 4e-3 / 6e-6, GOLDEN_STATE, GOLDEN_GAS, signs)
+    return loads, Printed(made, 0.1, 0.1, 4e-3 / 6e-6, GOLDEN_STATE, GOLDEN_GAS, signs)
 
 
 def test_golden_forces(golden):
@@ -203,25 +273,25 @@ def test_golden_determinant(golden):
     np.testing.assert_allclose(golden[1].A, GOLDEN[:, 2], atol=6e-13)  # twelve decimals
 
 
-def substitute(mechanism, friction, state, gas, motor_torque, times):
+def substitute(made, state, gas, motor_torque, times):
     value = jnp.zeros_like(state.angle)
     steps = []
     for _ in range(times):
         now = state._replace(acceleration=value)
-        value, contraction = jit_substitution(mechanism, friction, now, gas, motor_torque)
+        value, contraction = substitution(made, now, gas, motor_torque)
         steps.append(value)
     return steps, contraction
 
 
 def test_golden_acceleration():
-    steps, _ = substitute(machine(**OFFSET), coulomb_friction(), GOLDEN_STATE, GOLDEN_GAS, 0.25, 5)
+    made = compressor(machine(**OFFSET), coulomb_friction())
+    steps, _ = substitute(made, GOLDEN_STATE, GOLDEN_GAS, 0.25, 5)
     np.testing.assert_allclose(steps[-1], GOLDEN[:, 12], atol=6e-10, rtol=1e-13)  # nine decimals
 
 
 def test_five_substitutions_reach_rounding(golden):
-    steps, contraction = substitute(
-        machine(**OFFSET), coulomb_friction(), GOLDEN_STATE, GOLDEN_GAS, 0.25, 9
-    )
+    made = compressor(machine(**OFFSET), coulomb_friction())
+    steps, contraction = substitute(made, GOLDEN_STATE, GOLDEN_GAS, 0.25, 9)
     change = np.abs(steps[4] - steps[8]) / np.abs(steps[8])
     assert change.max() < 1e-12
     # 3.3e-4 with a coefficient of 0.01: five substitutions leave (3.3e-4)^5
@@ -230,15 +300,15 @@ def test_five_substitutions_reach_rounding(golden):
 
 def test_contraction_is_the_slope_of_the_substitution():
     state, gas = random_states(200, 1)
-    m, friction = machine(**OFFSET), coulomb_friction()
+    made = compressor(machine(**OFFSET), coulomb_friction())
 
     def image(a):
-        return jit_substitution(m, friction, state._replace(acceleration=a), gas, 0.25).acceleration
+        return substitution(made, state._replace(acceleration=a), gas, 0.25).acceleration
 
     # Differences: G is linear in a up to the curvature of the load magnitudes, 1e-6 of a step of 1.
     a = state.acceleration
     measured = np.abs(image(a + 1.0) - image(a - 1.0)) / 2
-    given = jit_substitution(m, friction, state, gas, 0.25).contraction
+    given = substitution(made, state, gas, 0.25).contraction
     np.testing.assert_allclose(measured, given, atol=2e-5)
     assert given.max() < 2e-3  # the estimate mu R [...]/J_z gives 9e-4 for one margin of 0.9
 
@@ -246,10 +316,11 @@ def test_contraction_is_the_slope_of_the_substitution():
 def test_contacts_and_reactions_equal_the_printed_formulas():
     state, gas = random_states(200, 2)
     m = machine(offset=-2e-3, piston_centre_offset=-1.5e-3)
-    loads = joint_loads(m, coulomb_friction(0.2, 0.15), state, gas)
+    made = compressor(m, coulomb_friction(0.2, 0.15))
+    loads = loads_at(made, state, gas)
     assert loads.margin.min() > 0.1
     signs = (*kinematic_signs(state), *sides(loads))
-    p = Printed(m, 0.2, 0.15, 4e-3 / 6e-6, state, gas, signs)
+    p = Printed(made, 0.2, 0.15, 4e-3 / 6e-6, state, gas, signs)
     f = loads.forces
     # rounding: loads up to 3 kN from arms that differ by a factor of four
     tight = dict(rtol=1e-10, atol=1e-9)
@@ -271,7 +342,7 @@ def test_contacts_and_reactions_equal_the_printed_formulas():
         for k in ("crank_pin", "upper_bearing", "lower_bearing", "thrust_bearing", "pump")
     )
     expected = -(p.g5 * state.speed**2 - 0.25 + moments + p.g6 * p.G) / (p.g4 + p.Jz)
-    got = jit_substitution(m, coulomb_friction(0.2, 0.15), state, gas, 0.25).acceleration
+    got = substitution(made, state, gas, 0.25).acceleration
     np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-7)
     assert (p.g4 + p.Jz).min() > 0
 
@@ -432,8 +503,11 @@ def test_piston_kinematics_equal_their_derivatives():
     np.testing.assert_allclose(
         j_1, jax.jvp(lambda a: m.inertia(a)[0], (angle,), (one,))[1], atol=1e-20
     )
-    energy = m.crank_inertia + m.slider_mass * m.crank_radius**2 + m.piston_mass * x_1**2
+    energy = m.slider_mass * m.crank_radius**2 + m.piston_mass * x_1**2
     np.testing.assert_allclose(j, energy, rtol=1e-14)
+    whole = instants(compressor(m), angle)
+    np.testing.assert_allclose(whole.inertia, 4.5e-4 + energy, rtol=1e-14)
+    np.testing.assert_array_equal(whole.inertia_1, j_1)
 
 
 def test_angle_at_inverts_the_piston_position():

@@ -5,24 +5,28 @@ positions alone. Where the print of Dagilis, Vaitkus, Kirejchick, *Slider-link d
 Mathematical model*, differs, a test says by how much.
 """
 
-import equinox as eqx
 import numpy as np
 import pytest
 from test_slider_link import (
     Printed,
+    bearings,
+    compressor,
     coulomb_friction,
-    jit_substitution,
-    joint_loads,
+    crankshaft,
     kinematic_signs,
+    loads_at,
     machine,
+    product_of_inertia,
     random_states,
     sides,
+    substitution,
 )
 
-from jaxcomp.mechanism._base import rotating
+from jaxcomp.mechanism import rotating
 
 MU_C, MU_S = 0.2, 0.15
 M = machine(offset=-2e-3, piston_centre_offset=-1.5e-3)
+MADE = compressor(M, coulomb_friction(MU_C, MU_S))
 STATE, GAS = random_states(300, 50)
 # Forces reach 3 kN: rounding leaves 1e-12 N, which solving and arms of 5 cm raise to 1e-10.
 TIGHT = dict(atol=1e-9, rtol=0)
@@ -31,7 +35,7 @@ TIGHT = dict(atol=1e-9, rtol=0)
 @pytest.fixture(scope="module", params=["paper", "balanced"])
 def loads(request):
     friction = coulomb_friction(MU_C, MU_S, slider_moment=request.param)
-    return request.param, joint_loads(M, friction, STATE, GAS)
+    return request.param, loads_at(compressor(M, friction), STATE, GAS)
 
 
 @pytest.fixture(scope="module")
@@ -110,8 +114,9 @@ def test_crankshaft_is_in_balance_with_the_corrected_moments(loads):
         np.asarray(found.forces[k]) for k in ("crank_pin", "upper_bearing", "lower_bearing")
     )
     _, second = (np.asarray(x) for x in rotating(*STATE))
-    zs, zp, zb = (float(x) for x in (M.plane_height, M.overhang, M.bearing_span))
-    unbalance, product = float(M.crank_unbalance), float(M.product_of_inertia)
+    shaft = MADE.crankshaft
+    zs, (zp, zq) = float(shaft.origin), np.asarray(shaft.main_journal.position)
+    zb, unbalance, product = zq - zp, float(shaft.unbalance), float(product_of_inertia(shaft))
     np.testing.assert_allclose(a + b - pin, unbalance * second, **TIGHT)
     # sum of z F over the shaft equals the rate of sum of z m v, which is J_xz times e''
     left = pin * zs - a * (zs - zp) - b * (zs - zp - zb)
@@ -130,10 +135,10 @@ def test_crankshaft_is_in_balance_with_the_corrected_moments(loads):
 
 def test_bracket_of_13():
     """The bracket that (13) lacks can only close where the determinant says."""
-    found = joint_loads(M, coulomb_friction(MU_C, MU_S), STATE, GAS)
+    found = loads_at(MADE, STATE, GAS)
     d1, d2 = kinematic_signs(STATE)
     d3, d4, d5 = sides(found)
-    p = Printed(M, MU_C, MU_S, 4e-3 / 6e-6, STATE, GAS, (d1, d2, d3, d4, d5))
+    p = Printed(MADE, MU_C, MU_S, 4e-3 / 6e-6, STATE, GAS, (d1, d2, d3, d4, d5))
     phi, w, a = (np.asarray(x) for x in STATE)
     R, D, Ds = float(M.crank_radius), float(M.bore), float(M.slider_diameter)
     e, ecl = float(-M.offset), float(M.piston_centre_offset)
@@ -155,20 +160,19 @@ def test_bracket_of_13():
 
 
 def test_pump_is_missing_in_the_print_of_35():
-    friction = coulomb_friction(MU_C, MU_S)
-    whole = jit_substitution(M, friction, STATE, GAS, 0.25).acceleration
-    without = eqx.tree_at(lambda f: f.pump.torque, friction, 0.0 * friction.pump.torque)
-    printed = jit_substitution(M, without, STATE, GAS, 0.25).acceleration
-    found = joint_loads(M, friction, STATE, GAS)
-    p = Printed(M, MU_C, MU_S, 4e-3 / 6e-6, STATE, GAS, (*kinematic_signs(STATE), *sides(found)))
-    expected = float(friction.pump.torque) / (p.g4 + p.Jz)
+    whole = substitution(MADE, STATE, GAS, 0.25).acceleration
+    without = compressor(M, MADE.friction, crankshaft(main_journal=bearings(pump=None)))
+    printed = substitution(without, STATE, GAS, 0.25).acceleration
+    found = loads_at(MADE, STATE, GAS)
+    p = Printed(MADE, MU_C, MU_S, 4e-3 / 6e-6, STATE, GAS, (*kinematic_signs(STATE), *sides(found)))
+    expected = float(MADE.crankshaft.main_journal.pump.torque) / (p.g4 + p.Jz)
     # both are substitutions from the same acceleration; up to 7e3 rad/s^2 with rounding of the sums
     np.testing.assert_allclose(printed - whole, expected, rtol=1e-8)
 
 
 def test_direction_of_the_pin_force_needs_both_signs():
     """Eq. (18) prints arctg(F_ky/F_kx), which loses half of the directions."""
-    found = joint_loads(M, coulomb_friction(MU_C, MU_S), STATE, GAS)
+    found = loads_at(MADE, STATE, GAS)
     x, y = np.asarray(found.forces["crank_pin"])
     printed, right = np.arctan(y / x), np.arctan2(y, x)
     backwards = x < 0

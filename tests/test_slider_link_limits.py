@@ -9,16 +9,22 @@ from jax.flatten_util import ravel_pytree
 from test_slider_link import (
     OFFSET,
     Printed,
+    bearings,
+    compressor,
     coulomb_friction,
+    crankshaft,
     eager_joint_loads,
+    eager_loads_at,
     joint_loads,
     kinematic_signs,
+    loads_at,
     machine,
     random_states,
     sides,
     substitute,
 )
 
+from jaxcomp.compressor import instants
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
@@ -36,12 +42,16 @@ def film_journal(diameter, length, film="fit"):
 
 
 def film_friction(**changes):
-    return coulomb_friction(
-        crank_pin=film_journal(0.012, 0.016),
-        upper_bearing=film_journal(0.016, 0.022),
-        lower_bearing=film_journal(0.016, 0.016),
-        **changes,
-    )
+    return coulomb_friction(crank_pin=film_journal(0.012, 0.016), **changes)
+
+
+def film_bearings(**changes):
+    films = film_journal(0.016, 0.022), film_journal(0.016, 0.016)
+    return bearings(bearings=films, **changes)
+
+
+def on_films(linkage, friction):
+    return compressor(linkage, friction, crankshaft(main_journal=film_bearings()))
 
 
 def test_frictionless_contacts():
@@ -68,12 +78,13 @@ def test_frictionless_power_is_the_rate_of_kinetic_energy(reading):
     """No losses at all: gas and motor power equal d/dt of the kinetic energy of the parts."""
     m = machine(offset=-2e-3)
     state, gas = random_states(200, 21)
-    friction = SliderLinkFriction(slider_moment=reading)
-    (a,), _ = substitute(m, friction, state, gas, 0.25, 1)
+    shaft = crankshaft(main_journal=None)
+    made = compressor(m, SliderLinkFriction(slider_moment=reading), shaft)
+    (a,), _ = substitute(made, state, gas, 0.25, 1)
 
     def kinetic(angle, speed):
         R = m.crank_radius
-        pin = m.crank_inertia + m.slider_mass * R**2 + m.piston_mass * (R * jnp.sin(angle)) ** 2
+        pin = shaft.inertia + m.slider_mass * R**2 + m.piston_mass * (R * jnp.sin(angle)) ** 2
         return 0.5 * pin * speed**2
 
     rate = jax.jvp(kinetic, (state.angle, state.speed), (state.speed, a))[1]
@@ -116,7 +127,7 @@ def test_massless_piston_leaves_n_to_the_gas():
     np.testing.assert_array_equal(*n)
     # g_4 of (34) is then m_s R^2, which is what (35) adds to J_z
     signs = (*kinematic_signs(state), *sides(joint_loads(m, coulomb_friction(), state, gas)))
-    printed = Printed(m, 0.1, 0.1, 0.0, state, gas, signs)
+    printed = Printed(compressor(m), 0.1, 0.1, 0.0, state, gas, signs)
     np.testing.assert_allclose(printed.g4, m.slider_mass * m.crank_radius**2, rtol=1e-14)
 
 
@@ -142,13 +153,16 @@ def test_sides_without_offset_of_the_piston():
 
 
 @pytest.mark.parametrize("reading", READINGS)
-@pytest.mark.parametrize("friction", [coulomb_friction, film_friction])
-def test_power_identity(friction, reading):
+@pytest.mark.parametrize(
+    ("friction", "support"), [(coulomb_friction, bearings), (film_friction, film_bearings)]
+)
+def test_power_identity(friction, support, reading):
     """Motor and gas power less losses, written with magnitudes, change the kinetic energy."""
     m = machine(offset=-2e-3, piston_centre_offset=-1e-3)
     law = friction(mu_c=0.2, mu_s=0.15, slider_moment=reading)
+    made = compressor(m, law, crankshaft(main_journal=support()))
     state, gas = random_states(200, 25)
-    loads = joint_loads(m, law, state, gas)
+    loads = loads_at(made, state, gas)
     f, loss = loads.forces, loads.loss_torque
     w, R = state.speed, m.crank_radius
     # The torque of the motor from the shaft's own balance (29), not from the reduced inertia
@@ -156,15 +170,15 @@ def test_power_identity(friction, reading):
     on_shaft = R * (
         f["crank_pin"][0] * jnp.sin(state.angle) - f["crank_pin"][1] * jnp.cos(state.angle)
     )
-    motor = m.crank_inertia * state.acceleration + drag - on_shaft
+    motor = made.crankshaft.inertia * state.acceleration + drag - on_shaft
 
     xd, yd = m.piston(state.angle)[1] * w, R * jnp.cos(state.angle) * w
     length = contact_arms(m, state.angle).engaged
     film = 4e-3 * np.pi * m.bore * length * xd**2 / 6e-6
     wall = 0.2 * (abs(f["wall_crown"][1]) + abs(f["wall_edge"][1])) * abs(xd)
     link = 0.15 * abs(f["link_slider"][0]) * abs(yd)
-    inertia, inertia_1 = m.inertia(state.angle)
-    kinetic = (inertia * state.acceleration + 0.5 * inertia_1 * w**2) * w
+    whole = instants(made, state.angle)
+    kinetic = (whole.inertia * state.acceleration + 0.5 * whole.inertia_1 * w**2) * w
     terms = jnp.stack([motor * w, -gas * xd, -film, -wall, -link, -drag * w, -kinetic])
     # rounding: 1e-15 of the largest term
     assert np.abs(terms.sum(axis=0) / np.abs(terms).max(axis=0)).max() < 2e-14
@@ -195,13 +209,12 @@ def test_balanced_slider_carries_the_moment_of_the_pin():
 def test_losses_reverse_with_the_rotation():
     """Turned backwards with mirrored acceleration the same power is lost."""
     state, gas = random_states(200, 27)
-    m, friction = machine(**OFFSET), film_friction(slider_moment="balanced")
+    friction = film_friction(slider_moment="balanced")
     # mirror the machine about its cylinder axis: phi -> -phi, e -> -e, e_cl -> -e_cl
     mirrored = machine(**{k: -v for k, v in OFFSET.items()})
-    forward = joint_loads(m, friction, state, gas)
-    backward = joint_loads(
-        mirrored, friction, CrankState(-state.angle, -state.speed, -state.acceleration), gas
-    )
+    back = CrankState(-state.angle, -state.speed, -state.acceleration)
+    forward = loads_at(on_films(machine(**OFFSET), friction), state, gas)
+    backward = loads_at(on_films(mirrored, friction), back, gas)
     for name in forward.loss_torque:
         np.testing.assert_allclose(
             backward.loss_torque[name], -forward.loss_torque[name], rtol=1e-9, atol=1e-12
@@ -211,7 +224,7 @@ def test_losses_reverse_with_the_rotation():
 def test_regularised_friction_goes_over_to_coulomb():
     state, gas = random_states(200, 28)
     m = machine(**OFFSET)
-    sharp = joint_loads(m, coulomb_friction(), state, gas)
+    sharp = loads_at(compressor(m, coulomb_friction()), state, gas)
 
     def gap(v0):
         smooth = coulomb_friction(
@@ -219,7 +232,7 @@ def test_regularised_friction_goes_over_to_coulomb():
             link_slider=RegularisedSlide(0.1, v0),
             crank_pin=RegularisedJournal(0.01, 0.012, v0),
         )
-        loads = joint_loads(m, smooth, state, gas)
+        loads = loads_at(compressor(m, smooth), state, gas)
         assert loads.residual.max() < 1e-14
         return np.abs(loads.total_loss_torque - sharp.total_loss_torque).max()
 
@@ -242,12 +255,13 @@ def test_regularised_friction_goes_over_to_coulomb():
 
 def test_weights_enter_every_balance():
     """The bearings carry the sum of weight and inertia, and the energy balance stays closed."""
-    m = machine(piston_centre_lead=0.02, crank_centre_depth=0.03, offset=-1e-3)
+    m, shaft = machine(piston_centre_lead=0.02, offset=-1e-3), crankshaft(mass_centre=0.03)
     state, gas = random_states(200, 29)
     field = jnp.array([4.0, -9.0])
     friction = coulomb_friction(0.15, 0.1)
-    loads = joint_loads(m, friction, state, gas, field)
-    plain = joint_loads(m, friction, state, gas)
+    made = compressor(m, friction, shaft, gravity=field)
+    loads = loads_at(made, state, gas)
+    plain = loads_at(compressor(m, friction, shaft), state, gas)
     assert loads.residual.max() < 1e-14
     f = loads.forces
     on_shaft = f["upper_bearing"] + f["lower_bearing"] - f["crank_pin"]
@@ -255,28 +269,35 @@ def test_weights_enter_every_balance():
         plain.forces["upper_bearing"] + plain.forces["lower_bearing"] - plain.forces["crank_pin"]
     )
     np.testing.assert_allclose(on_shaft, still - 1.2 * field[:, None], rtol=1e-11, atol=1e-10)
+    # about the piston plane, where the pin has no moment
+    tilt, tilt_still = (
+        0.024 * each.forces["upper_bearing"] + 0.066 * each.forces["lower_bearing"]
+        for each in (loads, plain)
+    )
+    weight = jnp.broadcast_to(-0.03 * 1.2 * field[:, None], tilt.shape)
+    np.testing.assert_allclose(tilt - tilt_still, weight, rtol=1e-11, atol=1e-11)
 
     # torque of all weights = slope of their potential
     def potential(angle):
         R = m.crank_radius
         pin = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-        carried = (m.slider_mass * R + m.crank_unbalance) * pin
+        carried = (m.slider_mass * R + shaft.unbalance) * pin
         return field @ carried + field[0] * m.piston_mass * R * jnp.cos(angle)
 
     torque = jax.vmap(jax.grad(potential))(state.angle)
-    np.testing.assert_allclose(m.gravity_torque(state.angle, field), torque, rtol=1e-12, atol=1e-14)
+    whole = instants(made, state.angle)
+    np.testing.assert_allclose(whole.conservative, torque, rtol=1e-12, atol=1e-14)
     # the power identity with weights: (29) from the pin force against the reduced form
     drag = sum(
         v for k, v in loads.loss_torque.items() if k not in ("wall", "piston_film", "link_slider")
     )
     R = m.crank_radius
     crank_weight = jax.vmap(jax.grad(
-        lambda a: m.crank_unbalance * (field[0] * jnp.cos(a) + field[1] * jnp.sin(a))
+        lambda a: shaft.unbalance * (field[0] * jnp.cos(a) + field[1] * jnp.sin(a))
     ))(state.angle)  # fmt: skip
     pin = R * (f["crank_pin"][0] * jnp.sin(state.angle) - f["crank_pin"][1] * jnp.cos(state.angle))
-    motor = m.crank_inertia * state.acceleration + drag - pin - crank_weight
-    inertia, inertia_1 = m.inertia(state.angle)
-    reduced = inertia * state.acceleration + 0.5 * inertia_1 * state.speed**2
+    motor = shaft.inertia * state.acceleration + drag - pin - crank_weight
+    reduced = whole.inertia * state.acceleration + 0.5 * whole.inertia_1 * state.speed**2
     reduced = reduced + loads.total_loss_torque + gas * m.piston(state.angle)[1] - torque
     np.testing.assert_allclose(motor, reduced, rtol=1e-11, atol=1e-12)
 
@@ -290,23 +311,28 @@ def edge_states():
 
 
 @pytest.mark.parametrize(
-    "friction",
-    [coulomb_friction(), film_friction(slider_moment="balanced")],
+    ("friction", "support"),
+    [
+        (coulomb_friction(), bearings()),
+        (film_friction(slider_moment="balanced"), film_bearings()),
+    ],
     ids=["coulomb", "film balanced"],
 )
-def test_no_nan_at_dead_centres_and_contact_switches(friction):
+def test_no_nan_at_dead_centres_and_contact_switches(friction, support):
     state, gas = edge_states()
 
     @eqx.filter_jit
     @eqx.filter_value_and_grad
     def total(tree):
-        loads = eager_joint_loads(*tree, gas)
+        made, state = tree
+        loads = eager_loads_at(made, state, gas[None])
         forces = sum(jnp.sum(f) for f in loads.forces.values())
         return jnp.sum(loads.total_loss_torque) + 1e-3 * forces + jnp.sum(loads.margin)
 
-    massless = machine(piston_mass=0.0, slider_mass=0.0, crank_eccentricity=0.0)
-    for mechanism in (machine(), massless):
-        value, gradient = total((mechanism, friction, state))
+    massless = machine(piston_mass=0.0, slider_mass=0.0)
+    for linkage, changes in ((machine(), {}), (massless, {"unbalance": 0.0})):
+        shaft = crankshaft(main_journal=support, **changes)
+        value, gradient = total((compressor(linkage, friction, shaft), state))
         assert np.isfinite(value)
         for leaf in jax.tree.leaves(gradient):
             assert np.all(np.isfinite(leaf))
@@ -315,16 +341,17 @@ def test_no_nan_at_dead_centres_and_contact_switches(friction):
 @pytest.mark.parametrize("reading", [pytest.param("paper", marks=pytest.mark.slow), "balanced"])
 def test_gradients_equal_differences(reading):
     """Losses, loads and margin by every parameter, at a state beside the dead centre as well."""
-    m, friction = machine(**OFFSET), film_friction(slider_moment=reading)
+    made = on_films(machine(**OFFSET), film_friction(slider_moment=reading))
     state = CrankState(
         jnp.array([0.02, 1.2, 2.0, 4.0, 5.6]), jnp.full(5, 300.0), jnp.full(5, -200.0)
     )
     gas = jnp.array([200.0, -5.0, 3.0, 10.0, 290.0])
-    flat, rebuild = ravel_pytree((m, friction, state, gas))
+    flat, rebuild = ravel_pytree((made, state, gas))
     weights = jnp.asarray(np.random.default_rng(30).normal(size=40))
 
     def scalar(x):
-        loads = eager_joint_loads(*rebuild(x))
+        *now, force = rebuild(x)
+        loads = eager_loads_at(*now, force[None])
         # torques of 0.01 N m beside forces of 100 N
         torques = [1e4 * t for t in loads.loss_torque.values()]
         parts = [*torques, *loads.forces.values(), loads.margin]
@@ -359,11 +386,11 @@ def test_second_derivatives_of_the_coupled_reading():
 
 def test_batches_equal_single_instants():
     state, gas = random_states(200, 31)
-    m, friction = machine(**OFFSET), coulomb_friction(slider_moment="balanced")
-    whole = joint_loads(m, friction, state, gas)
-    one_by_one = jax.jit(jax.vmap(lambda s, g: eager_joint_loads(m, friction, s, g)))(state, gas)
+    made = compressor(machine(**OFFSET), coulomb_friction(slider_moment="balanced"))
+    whole = loads_at(made, state, gas)
+    one_by_one = jax.jit(jax.vmap(lambda s, g: eager_loads_at(made, s, g[None])))(state, gas)
     np.testing.assert_allclose(whole.total_loss_torque, one_by_one.total_loss_torque, rtol=1e-14)
-    single = joint_loads(m, friction, jax.tree.map(lambda x: x[3], state), gas[3])
+    single = loads_at(made, jax.tree.map(lambda x: x[3], state), gas[3])
     np.testing.assert_allclose(single.total_loss_torque, whole.total_loss_torque[3], rtol=1e-14)
 
 
@@ -372,3 +399,7 @@ def test_kinks_are_where_the_sides_change():
     loads = joint_loads(machine(**OFFSET), coulomb_friction(), state, gas)
     np.testing.assert_array_equal(np.sign(loads.kinks), np.stack(sides(loads)))
     np.testing.assert_array_equal(loads.minima[0], loads.forces["crank_pin"][0])
+    # of the whole machine the same: its bearings have no places of their own
+    whole = loads_at(compressor(machine(**OFFSET), coulomb_friction()), state, gas)
+    np.testing.assert_array_equal(whole.kinks, loads.kinks)
+    np.testing.assert_array_equal(whole.minima, loads.minima)

@@ -1,6 +1,5 @@
 """Slider-link machines whose crankshaft is a rotor: what each gives to the other."""
 
-import dataclasses
 import re
 
 import equinox as eqx
@@ -35,11 +34,11 @@ transverse_inertia = "4e-4 kg m^2"
 
 [[rotor.links]]
 nodes = ["upper", "ground"]
-law = { type = "film", bearing = "upper-bearing" }
+law = { type = "film", bearing = "upper_bearing" }
 
 [[rotor.links]]
 nodes = ["lower", "ground"]
-law = { type = "film", bearing = "lower-bearing" }
+law = { type = "film", bearing = "lower_bearing" }
 
 [[rotor.bodies]]
 centre = "block"
@@ -63,14 +62,14 @@ wall_position = "20 mm"
 """
 ONE = 'pin = "pin"\nhead = "head"\nwall = "wall"'
 TWO = 'pin = ["pin", "pin_2"]\nhead = ["head", "head"]\nwall = ["wall", "wall"]'
-TWIN = '[cylinders]\n[[cylinders.throws]]\nbanks = ["-20 deg", "50 deg"]\n\n'
-# every number of the crankshaft
-DERIVED = "crank_inertia|overhang|bearing_span|crank_mass|crank_eccentricity|crank_product"
+TWIN = '[[crankshaft.throws]]\nbanks = ["-20 deg", "50 deg"]\n\n'
+# what the file has of the crankshaft
+DERIVED = "inertia|mass|balanced|position"
 
 
 def on_rotor(pins, *more, more_text=""):
     """The bundled machine with eccentric cylinder, the couple of the slider, and a shaft of its own."""
-    text = load("slider-link-8cc").text.split("# z runs downwards")[0]
+    text = load("slider-link-8cc").text.split("# z runs downwards along")[0]
     text = re.sub(rf"(?m)^({DERIVED}) = .*\n", "", text)
     changes = (
         ('slider_moment = { value = "paper"', 'slider_moment = { value = "balanced"'),
@@ -100,22 +99,18 @@ def test_forces_on_the_nodes_add_up_to_the_inertia_of_piston_and_slider(single, 
     found = crank_forces(made, orbit, case.crank, orders)
     assert len(found.forces) == (6 if twin else 3)
     # piston and slider alone: a crank without mass
-    absent = {"crank_inertia": 1e-12, "crank_eccentricity": 0.0, "crank_product": 0.0}
-    if not twin:
-        absent |= {"crank_unbalance_across": 0.0, "crank_product_across": 0.0}
     alone = eqx.tree_at(
-        lambda c: [getattr(c.mechanism, name) for name in absent],
+        lambda c: (
+            c.crankshaft.inertia,
+            c.crankshaft.shaft_unbalance,
+            c.crankshaft.shaft_couple,
+        ),
         made,
-        [jnp.asarray(value) for value in absent.values()],
+        (jnp.asarray(1e-12), jnp.zeros(2), jnp.zeros(2)),
     )
-    if twin:
-        alone = eqx.tree_at(
-            lambda c: (c.cylinders.unbalance, c.cylinders.couple), alone, (jnp.zeros(2),) * 2
-        )
     wrench = shaking_wrench(alone, orbit.state)
     share = orbit.weight / orbit.state.speed
-    first = -float(made.cylinders.phase[0]) if twin else 0.0
-    phase = orbit.mean_speed * orbit.time + first
+    phase = orbit.mean_speed * orbit.time - float(made.crankshaft.phase[0])
     waves = np.exp(-1j * np.outer(orders, phase)) * np.where(np.array(orders) == 0, 1, 2)[:, None]
     waves = waves * np.asarray(share / share.sum())
     each = [np.asarray(f.cosine - 1j * f.sine) for f in found.forces]
@@ -126,8 +121,7 @@ def test_forces_on_the_nodes_add_up_to_the_inertia_of_piston_and_slider(single, 
     # about the shaft, with the moments of the forces on the walls; the joints' loop is closed with the
     # motion only, 3e-10 seen
     turning = sum(np.asarray(f.moment_cosine - 1j * f.moment_sine)[:, 2] for f in found.forces)
-    banks = made.cylinders.bank_angle if twin else np.zeros(1)
-    for bank, wall in zip(banks, each[2::3], strict=True):
+    for bank, wall in zip(made.crankshaft.bank_angle, each[2::3], strict=True):
         turning += 0.02 * (np.cos(bank) * wall[:, 1] - np.sin(bank) * wall[:, 0])
     np.testing.assert_allclose(
         turning, waves @ np.asarray(wrench.moment[2]), atol=1e-9 * size * 0.0096
@@ -136,64 +130,55 @@ def test_forces_on_the_nodes_add_up_to_the_inertia_of_piston_and_slider(single, 
 
 def test_a_crankshaft_follows_from_its_rotor(single):
     """Bearings, products and unbalance are those of a machine with the same numbers typed."""
-    mechanism = single.compressor.mechanism
+    shaft = single.compressor.crankshaft
     mass = 0.9 + 7800 * np.pi / 4 * 0.016**2 * 0.126
     along = 500e-6 * np.exp(1j * np.deg2rad(170)) + 80e-6 * np.exp(1j * np.deg2rad(60))
     product = 0.126 * 80e-6 * np.exp(1j * np.deg2rad(60))
-    assert float(mechanism.crank_mass) == pytest.approx(mass, rel=1e-12)
-    assert float(mechanism.crank_unbalance) == pytest.approx(along.real, rel=1e-12)
-    assert float(mechanism.crank_unbalance_across) == pytest.approx(along.imag, rel=1e-12)
-    assert float(mechanism.crank_product) == pytest.approx(product.real, rel=1e-12)
-    assert float(mechanism.crank_product_across) == pytest.approx(product.imag, rel=1e-12)
-    assert float(mechanism.overhang) == pytest.approx(0.024, rel=1e-12)
-    assert float(mechanism.bearing_span) == pytest.approx(0.042, rel=1e-12)
+    assert float(shaft.mass) == pytest.approx(mass, rel=1e-12)
+    assert complex(*shaft.shaft_unbalance) == pytest.approx(along, rel=1e-12)
+    assert complex(*shaft.shaft_couple) == pytest.approx(product, rel=1e-12)
+    np.testing.assert_allclose(shaft.main_journal.position, [0.024, 0.066], rtol=1e-12)
+    np.testing.assert_array_equal(shaft.position, [0.0])
 
 
 def test_one_of_several_on_a_rotor_is_one(single):
     """The unbalance ahead of the pin loads bearings and frame alike by either way."""
     listed = ONE.replace('"pin"\n', '["pin"]\n').replace('"head"\n', '["head"]\n')
     listed = listed.replace('wall = "wall"', 'wall = ["wall"]')
-    one = on_rotor(listed, more_text='[cylinders]\n[[cylinders.throws]]\nbanks = ["0 deg"]\n\n')
+    one = on_rotor(listed, more_text='[[crankshaft.throws]]\nbanks = ["0 deg"]\n\n')
     angle = jnp.linspace(0.1, 6.0, 25)
     state = CrankState(angle, 300.0 + jnp.sin(angle), 500.0 * jnp.cos(angle))
     first, other = (loads_at(scene.compressor, state).forces for scene in (single, one))
     for bearing in ("upper_bearing", "lower_bearing"):
         # explicit but for the couple of the slider, which is closed to rounding
         np.testing.assert_allclose(first[bearing], other[bearing], atol=1e-9)
-    wrenches = [shaking_wrench(s.compressor.mechanism if s is single else s.compressor, state)
-                for s in (single, one)]  # fmt: skip
-    height = float(single.compressor.mechanism.plane_height)
-    force, moment = np.asarray(wrenches[0].force), np.array(wrenches[0].moment)
-    # the origin of a single one is the mass centre of the machine, and z runs downwards
-    moment[0] -= height * force[1]
-    moment[1] += height * force[0]
-    np.testing.assert_allclose(force, wrenches[1].force, atol=1e-10 * np.abs(force).max())
-    np.testing.assert_allclose(moment, wrenches[1].moment, atol=1e-10 * np.abs(moment).max())
+    wrenches = [shaking_wrench(scene.compressor, state) for scene in (single, one)]
+    for part, same in zip(*wrenches, strict=True):
+        np.testing.assert_allclose(part, same, atol=1e-10 * np.abs(part).max())
 
 
 def test_what_follows_from_the_rotor_is_not_typed():
-    diameter = 'bore = { value = "23 mm"'
-    with pytest.raises(SceneError, match=r"overhang.*follows from the rotor"):
-        on_rotor(ONE, (diameter, f'overhang = "20 mm"\n{diameter}'))
-    with pytest.raises(SceneError, match=r"upper bearing behind the pin"):
-        on_rotor(ONE.replace('pin = "pin"', 'pin = "end"'))
+    header = "[crankshaft]\n"
+    with pytest.raises(SceneError, match=r"crankshaft.mass.*follows from the rotor"):
+        on_rotor(ONE, (header, f'{header}mass = "1 kg"\n'))
+    throws = '[[crankshaft.throws]]\nbanks = ["0 deg"]\nunbalance = "1 g mm"\n\n'
+    with pytest.raises(SceneError, match=r"crankshaft.throws.0.unbalance.*follows from the rotor"):
+        on_rotor(ONE, more_text=throws)
     apart = load("slider-link-8cc").as_compressor()
-    apart = dataclasses.replace(
-        apart, mechanism=dataclasses.replace(apart.mechanism, overhang=None)
-    )
-    with pytest.raises(BadInput, match=r"overhang.*a machine with these bearings in its rotor"):
+    apart = eqx.tree_at(lambda c: c.crankshaft.main_journal.position, apart, None)
+    with pytest.raises(BadInput, match=r"position.*or a rotor with these bearings in it"):
         solve_orbit(apart)
 
 
 @pytest.mark.slow  # the journal's orbit is compiled for half a minute
 def test_films_of_a_slider_link_along_the_orbits_of_their_journals(single):
-    law = '[bearings.upper-bearing]\ntype = "film"'
+    law = '[bearings.upper_bearing]\ntype = "film"'
     orbit = law.replace('"film"', '"orbit"')
     scene = on_rotor(ONE, (law, orbit))
     scene = loads(
         scene.text.replace(
-            'law = { type = "film", bearing = "upper-bearing" }',
-            'law = { type = "film", bearing = "upper-bearing", linearised = "orbit" }',
+            'law = { type = "film", bearing = "upper_bearing" }',
+            'law = { type = "film", bearing = "upper_bearing", linearised = "orbit" }',
         )
     )
     made = assembled(scene.machine)

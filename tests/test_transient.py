@@ -19,6 +19,7 @@ from helpers import (
 
 from jaxcomp import BadInput, Collocation, Compressor, SolveFailed
 from jaxcomp.crank import TimeIntegration, simulate
+from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.motor import ConstantTorque, Kloss, MeanSpeed
 
 # Strong enough to get over the first compression from rest.
@@ -137,7 +138,7 @@ def test_bad_machine_is_reported(driven):
 # ---------------------------------------------------------------- without friction: exact
 def test_free_turning_conserves_energy():
     base = machine(motor=ConstantTorque(0.0))
-    free = Compressor(base.mechanism, base.motor)
+    free = Compressor(base.mechanism, Crankshaft(0.156), base.motor)
     result = simulate(free, 0.5, speed=100.0, options=TimeIntegration(samples=21))
     energy = np.asarray(result.kinetic_energy)
     # a hundred steps of 1e-8 each
@@ -213,7 +214,7 @@ def test_gradient_of_the_end_speed_equals_finite_differences(driven):
     def end_speed(pull_out, inertia):
         compressor = unchecked(driven)
         compressor = eqx.tree_at(
-            lambda c: (c.motor.pull_out_torque, c.mechanism.crank_inertia),
+            lambda c: (c.motor.pull_out_torque, c.crankshaft.inertia),
             compressor,
             (pull_out, inertia),
         )

@@ -10,12 +10,13 @@ from jaxcomp import load, solve_orbit
 from jaxcomp._fields import BadInput
 from jaxcomp._shown import shown
 from jaxcomp.compressor import Compressor
+from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import ConstantSpeed
 from jaxcomp.scene import SceneError, loads, with_values
 
 STAGED = files("jaxcomp").joinpath("machines/two-stage-crosshead.toml").read_text()
-BEARING = "[[friction.main_journal.bearings]]"
+BEARING = "[[crankshaft.main_journal.bearings]]"
 
 
 @pytest.mark.parametrize("value", ["[]", '["50 mm"]', '["50 mm", "40 mm", "30 mm"]'])
@@ -29,10 +30,10 @@ def test_a_list_in_a_row_of_sections_is_named(value):
 def test_an_empty_list_is_no_number_of_a_single_cylinder():
     with pytest.raises(SceneError, match=r"mechanism\.piston_mass = \[\]"):
         with_values(load("mayekawa-wbhe"), {"mechanism.piston_mass": []})
-    given = dict.fromkeys(("bore", "crank_radius", "conrod_length", "crank_inertia"), 0.1)
+    given = dict.fromkeys(("bore", "crank_radius", "conrod_length"), 0.1)
     rod = SliderCrank(**given | {"conrod_length": 0.4}, piston_mass=[], conrod_mass=1.0)
     with pytest.raises(BadInput, match=r"mechanism\.piston_mass"):
-        Compressor(rod, ConstantSpeed(100.0))
+        Compressor(rod, Crankshaft(0.1), ConstantSpeed(100.0))
 
 
 def test_rows_of_sections_are_set_at_once():
@@ -53,7 +54,8 @@ def test_springs_of_a_crank_train_are_counted_when_it_is_read(springs):
 def test_without_friction_at_constant_speed_the_efficiency_is_one():
     machine = with_values(load("mayekawa-wbhe"), {"friction": None})
     speed = machine.compressor.motor.speed_guess
-    held = Compressor(machine.compressor.mechanism, ConstantSpeed(speed), machine.compressor.gas)
+    here = machine.compressor
+    held = Compressor(here.mechanism, Crankshaft(0.1), ConstantSpeed(speed), here.gas)
     assert float(solve_orbit(held).mechanical_efficiency) == 1.0
 
 

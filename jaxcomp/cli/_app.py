@@ -19,7 +19,7 @@ from ._balance import balance
 from ._bearing import bearing
 from ._check import check
 from ._compare import compare, sensitivity
-from ._files import cache, explain, list_machines, new
+from ._files import cache, explain, list_machines, new, upgrade
 from ._identify import identify
 from ._map import rating_map
 from ._modes import modes, update
@@ -85,7 +85,13 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
 
 
 _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
-    "Machines": {"new": new, "check": check, "list": list_machines, "explain": explain},
+    "Machines": {
+        "new": new,
+        "check": check,
+        "upgrade": upgrade,
+        "list": list_machines,
+        "explain": explain,
+    },
     "This program": {"cache": cache},
     "Analyse one machine": {
         "run": run,

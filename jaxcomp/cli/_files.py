@@ -61,6 +61,41 @@ def new(
     typer.echo(f"{file} is written. Change it, then: jaxcomp check {file}; jaxcomp {verb} {file}")
 
 
+@reports_errors
+def upgrade(
+    file: Annotated[Path, typer.Argument()],
+    out: Annotated[Path | None, typer.Option()] = None,
+) -> None:
+    """Rewrite a machine file of an older version, with its comments, sources and order.
+
+    The old text stays beside it, with the ending .old.
+
+    Example: [bold]jaxcomp upgrade my-machine.toml[/bold]
+
+    Args:
+        file: Machine file to rewrite.
+        out (FILE): Write there, and leave the file as it is.
+    """
+    import tomllib
+
+    from ..scene import loads, upgraded
+
+    refuse(not file.is_file(), f"{file}: cannot be read: no such file")
+    text = file.read_text(encoding="utf-8")
+    try:
+        made = upgraded(text)
+    except (tomllib.TOMLDecodeError, ValueError) as error:
+        raise CommandError(f"{file}: {error}") from None
+    if made == text:
+        typer.echo(f"{file} has today's spelling already.")
+        return
+    loads(made, str(file))
+    if out is None:
+        file.with_name(f"{file.name}.old").write_text(text, encoding="utf-8")
+    (out or file).write_text(made, encoding="utf-8")
+    typer.echo(f"{out or file} is written. Next: jaxcomp check {out or file}")
+
+
 # ------------------------------------------------------------------ cache
 @reports_errors
 def cache(

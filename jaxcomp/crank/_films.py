@@ -19,6 +19,7 @@ from .._implicit import AbstractFixedPoint, fixed_point, frozen, settle
 from .._polynomials import gauss
 from .._status import Status
 from ..compressor import Compressor
+from ..crankshaft import film_journals
 from ..film import (
     AbstractCarryingFilm,
     AbstractSolvedFilm,
@@ -34,7 +35,6 @@ from ..film import (
     shear_drag,
     squeeze_of,
 )
-from ..crankshaft import film_journals
 from ..friction import EachJournal
 from ._journals import CLOSED, Drive, improved_positions, rate_shares
 from ._orbit import Orbit

@@ -89,8 +89,8 @@ class Motion(eqx.Module):
     # [-] crank acceleration at the nodes over the square of the speed scale
     acceleration: Float[Array, "p s"]
     first_energy: Float[Array, ""]  # [-] kinetic energy at the first edge
-    # [-] unknowns of the joint loops at all nodes and then at the places, from their start, over the scale
-    # of forces; of no entries without friction
+    # [-] unknowns of the joint loops at all nodes and then at the places, from their start, over the
+    # scale of forces; of no entries without friction
     joints: Float[Array, "k m"]
     places: Float[Array, " k"]  # [rad] load reversals
     # [-] positions of the journals that move, over their clearances; `None` without any

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 from .._each import mapped
 from .._fields import of_cylinder, rebuilt
 from ..compressor import Compressor
+from ..crankshaft import moving_journals, placed
 from ..film import (
     AbstractSqueeze,
     OrbitBearing,
@@ -27,7 +28,6 @@ from ..film import (
     shear_drag,
     squeeze_of,
 )
-from ..crankshaft import moving_journals, placed
 from ..mechanism import CrankState, SliderCrank, rod_motion
 from ._panels import Panels
 
@@ -88,7 +88,9 @@ def with_journals(
     }
     crankshaft = compressor.crankshaft
     friction, support = placed(compressor.friction, crankshaft.main_journal, at, lossless)
-    return rebuilt(compressor, friction=friction, crankshaft=rebuilt(crankshaft, main_journal=support))
+    return rebuilt(
+        compressor, friction=friction, crankshaft=rebuilt(crankshaft, main_journal=support)
+    )
 
 
 def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, tuple[Any, Any]]:

@@ -163,7 +163,9 @@ class Orbit(Result, eqx.Module):
         if self.pressure is not None:
             every = jnp.moveaxis(self.pressure, -2, 0)
             for number, pressure in enumerate(every, 1):
-                yield Data("pressure" if len(every) == 1 else f"pressure.{number}", "Pa", pressure, at)
+                yield Data(
+                    "pressure" if len(every) == 1 else f"pressure.{number}", "Pa", pressure, at
+                )
         yield Data("motor_torque", "N m", self.motor_torque, at)
         yield Data("gas_torque", "N m", self.gas_torque, at, "of gas and weights on the crank")
         for name, torque in self.loads.loss_torque.items():

@@ -145,7 +145,11 @@ class MainBearings(Part):
         def loss(bearing, x, y):
             return shaft_loss(bearing, Vector(x, y), rate)
 
-        losses = mapped(loss, self.bearings, *forces)
+        if len(self.bearings) < 3:  # one after the other they share the program of a pin's film
+            each = zip(self.bearings, *forces, strict=True)
+            losses = [loss(bearing, x[None], y[None])[0] for bearing, x, y in each]
+        else:
+            losses = mapped(loss, self.bearings, *forces)
         found = dict(zip(reactions, losses, strict=True))
         drags = {"thrust_bearing": self.thrust_bearing, "pump": self.pump}
         weight = mass * STANDARD_GRAVITY

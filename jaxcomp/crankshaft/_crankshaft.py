@@ -15,6 +15,7 @@ import re
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -32,7 +33,13 @@ from .._fields import (
     replaced,
 )
 from ..film import AbstractJournal
-from ..mechanism import AbstractMechanism, CrankState, Vector, rotating, turned_with
+from ..mechanism import (
+    AbstractKinematics,
+    AbstractMechanism,
+    CrankState,
+    Vector,
+    turned_with,
+)
 from ._bearings import MainBearings
 
 # Throws of a layout, and rods of a star.
@@ -151,7 +158,9 @@ class Crankshaft(Part):
             if self.layout is not None:
                 raise BadInput("throws", f"{len(self.throws)} throws", "absent beside a layout")
             if not is_traced(self.unbalance) and float(self.unbalance) != 0:
-                raise BadInput("unbalance", self.unbalance, "absent beside throws, which have theirs")
+                raise BadInput(
+                    "unbalance", self.unbalance, "absent beside throws, which have theirs"
+                )
         if self.places is not None and self.places.shape != (self.count,):
             raise BadInput("places", self.places, f"one for each of {self.count} rods")
 
@@ -245,6 +254,18 @@ class Crankshaft(Part):
         """Name in results of a joint of cylinder `number` >= 1; only several cylinders are numbered."""
         return name if self.count == 1 else f"{name}_{number}"
 
+    def second_rate(self, kinematics: AbstractKinematics, state: CrankState) -> Vector:
+        """[1/s^2] Second time derivative of the unit vector along the crank at angle 0.
+
+        Args:
+            kinematics: of the linkages, whose first has the angle with its sine and cosine already.
+            state: of the crank.
+        """
+        first = jax.tree.map(lambda leaf: leaf[0], kinematics)
+        x, y = first.crank_acceleration(state)
+        c, s = jnp.cos(self.phase[0]), jnp.sin(self.phase[0])
+        return Vector(c * x + s * y, c * y - s * x)
+
     def of_throws(self, values: Float[Array, "k *n"]) -> Float[Array, "t *n"]:
         """Sums of values of the cylinders over those of each throw."""
         ends = np.cumsum([throw.banks.size for throw in self.rows])[:-1]
@@ -268,18 +289,17 @@ class Crankshaft(Part):
         return jnp.stack(self.turned(Vector(gravity[0] * ones, gravity[1] * ones), back=True))
 
     def crank_pulls(
-        self, state: CrankState, mechanism: AbstractMechanism, line, influence=None
+        self, second: Vector, mechanism: AbstractMechanism, line, influence=None
     ) -> list[Vector]:
         """What m receivers take of the inertia [N] of the crank's unbalances, in machine axes.
 
         Args:
-            state: angle, speed and acceleration of the crank.
+            second: [1/s^2] second time derivative of the unit vector along the crank at angle 0.
             mechanism: one of the cylinders.
             line: for each receiver what it takes of a force at z = 0 and of a moment, sum of F z:
                 (1, 0) for all of the force, (0, 1) for the moment.
             influence: (m, t) what they take of forces at t places [m], where that is no straight line.
         """
-        second = Vector(*rotating(*state)[1])
         vectors = self._crank_vectors(mechanism, line, influence)
         return [turned_with(*vector, second) for vector in vectors]
 
@@ -340,9 +360,7 @@ def counterweights(mechanism: AbstractMechanism, crankshaft: Crankshaft) -> Cran
     return rebuilt(crankshaft, throws=throws, layout=None, balanced=False, unbalance=none)
 
 
-def _counterweights(
-    mechanism: AbstractMechanism, crankshaft: Crankshaft
-) -> list[Float[Array, ""]]:
+def _counterweights(mechanism: AbstractMechanism, crankshaft: Crankshaft) -> list[Float[Array, ""]]:
     each = jnp.broadcast_to(-mechanism.half_balance, (crankshaft.count,))
     return list(crankshaft.of_throws(each))
 

@@ -149,7 +149,8 @@ def machine_loops(
     if isinstance(support, MainBearings):
         line, influence = support.line(), support.influence
         shares = influence(crankshaft.position)
-    pulls = crankshaft.crank_pulls(state, mechanism, line, influence)
+    second = crankshaft.second_rate(kinematics, state)
+    pulls = crankshaft.crank_pulls(second, mechanism, line, influence)
     if gravity is not None:
         weight, centre = crankshaft.mass * gravity, crankshaft.mass_centre
         pulls = [

@@ -22,6 +22,7 @@ from .._fields import (
     Part,
     quantities,
     quantity,
+    rebuilt,
     replaced,
     subparts,
 )

@@ -2,6 +2,7 @@
 
 from . import _slider_crank as _slider_crank
 from . import _slider_link as _slider_link
+from ._laws import STANDARD_GRAVITY as STANDARD_GRAVITY
 from ._laws import AbstractDrag as AbstractDrag
 from ._laws import AbstractJournal as AbstractJournal
 from ._laws import AbstractSlide as AbstractSlide
@@ -13,12 +14,11 @@ from ._laws import OilPump as OilPump
 from ._laws import Packing as Packing
 from ._laws import PistonFilm as PistonFilm
 from ._laws import RegularisedJournal as RegularisedJournal
-from ._laws import STANDARD_GRAVITY as STANDARD_GRAVITY
 from ._laws import RegularisedSlide as RegularisedSlide
 from ._laws import ThrustBearing as ThrustBearing
 from ._loads import AbstractFriction as AbstractFriction
-from ._loads import Balance as Balance
 from ._loads import AbstractJointLoop as AbstractJointLoop
+from ._loads import Balance as Balance
 from ._loads import JointLoads as JointLoads
 from ._loads import Marks as Marks
 from ._loads import closed as closed

@@ -21,7 +21,6 @@ from ..mechanism import (
     CrankState,
     RodBalance,
     SliderCrank,
-    Vector,
     pin_forces,
     rod_balance,
     rod_moment,

@@ -124,7 +124,7 @@ class AbstractMechanism(Part):
         Raises:
             BadInput: a mechanism that does not say.
         """
-        bound = f"absent: a mechanism of type {self.kind} has no half_balance"
+        bound = f"absent: {type(self).__name__} has no half_balance"
         raise BadInput("crankshaft.balanced", True, bound)
 
     def piston(

@@ -35,7 +35,6 @@ from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity
 from ._base import (
     AbstractKinematics,
     AbstractMechanism,
-    Vector,
     crank_direction,
     swing_at,
 )
@@ -101,10 +100,7 @@ class SliderLink(AbstractMechanism):
     def reduced_inertia(self, kinematics):
         r"""$m_s R^2 + m_p R^2\sin^2\varphi$ with its rate."""
         across, along = kinematics.position_1, kinematics.position_2
-        value = (
-            self.slider_mass * self.crank_radius**2
-            + self.piston_mass * (across * across)
-        )
+        value = self.slider_mass * self.crank_radius**2 + self.piston_mass * (across * across)
         return value, 2 * self.piston_mass * (across * along)
 
     def dead_centres(self):

@@ -14,6 +14,7 @@ from .._shown import shown
 from ..compressor import Compressor
 from ..crank import Orbit, journal_films
 from ..crank._films import JournalFilm
+from ..crankshaft import bearing_names
 from ..film import (
     AbstractFilm,
     AbstractSolvedFilm,
@@ -21,7 +22,6 @@ from ..film import (
     coefficients_per_load,
     film_ratio,
 )
-from ..crankshaft import bearing_names
 from ..mechanism import SliderLink
 from . import _style as style
 from ._fine import fine_turn
@@ -69,9 +69,10 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
 def _loads(compressor, forces):
     """Loads on the bushes; the joints report the forces of the bearings on the shaft instead."""
     shaft = compressor.crankshaft
-    pins = {shaft.joint("crank_pin", k + 1) for k in range(shaft.count)}
-    on_pins = {name: force for name, force in forces.items() if name in pins}
-    on_shaft = {name: -force for name, force in forces.items() if name in bearing_names(shaft)}
+    # in their own order: what a compiled program returns is sorted by name
+    pins = [shaft.joint("crank_pin", k + 1) for k in range(shaft.count)]
+    on_pins = {name: forces[name] for name in pins if name in forces}
+    on_shaft = {name: -forces[name] for name in bearing_names(shaft)}
     if isinstance(compressor.mechanism, SliderLink) and len(on_shaft) > 1:
         on_shaft["support"] = sum(on_shaft.values())
     return on_pins | on_shaft

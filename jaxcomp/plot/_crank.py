@@ -26,8 +26,8 @@ from ..crank import (
     time_harmonics,
     train_over_speed,
 )
-from ..film import OrbitBearing
 from ..crankshaft import MainBearings
+from ..film import OrbitBearing
 from ..friction import SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension, shaking_wrench

@@ -27,3 +27,4 @@ from ._text import SceneError as SceneError
 from ._text import read_cells as read_cells
 from ._text import visible as visible
 from ._units import to_si as to_si
+from ._upgrade import upgraded as upgraded

@@ -141,8 +141,10 @@ _SLIDER_CRANK: tuple[_Ratio, ...] = (
 _CRANKSHAFT: tuple[_Ratio, ...] = (
     (
         "unbalance of a throw over that of its pistons and rods at the crank pin",
-        lambda c: max(abs(u) for u in c.crankshaft.unbalances(c.mechanism))
-        / np.max((c.mechanism.piston_mass + c.mechanism.conrod_mass) * c.mechanism.crank_radius),
+        lambda c: (
+            max(abs(u) for u in c.crankshaft.unbalances(c.mechanism))
+            / np.max((c.mechanism.piston_mass + c.mechanism.conrod_mass) * c.mechanism.crank_radius)
+        ),
         0.0,
         3.0,
     ),

@@ -29,6 +29,7 @@ from ._text import (
     toml_text_like,
     with_tables,
 )
+from ._upgrade import check_spelling
 
 # Keys of a file beside its sections.
 HEADER = ("name", "description", "source")
@@ -205,6 +206,7 @@ def scene_of(
     with reading(file):
         document = with_tables(document, Path(file).parent if beside else None)
         check_tables(document)
+        check_spelling(document, file)
         machine, sources = _machine(document, Reader(stale), corrections or {})
         name = document.get("name", Path(file).stem or "machine")
         description = document.get("description", "")

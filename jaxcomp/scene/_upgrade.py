@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ._text import value_text
+from ._text import SceneError, value_text
 from ._units import to_si
 
 # Sections and keys that moved as they are; a header's sections move with it.
@@ -70,16 +70,33 @@ class _Section:
         return found
 
 
-def is_old(document: Mapping[str, Any]) -> bool:
-    """Whether tables are those of an older spelling."""
-    known = {*MOVED, *(f"{section}.{key}" for section, keys in _MADE.items() for key in keys)}
-    for path in known:
+def old_paths(document: Mapping[str, Any]) -> list[str]:
+    """Paths of the entries of tables that are of an older spelling."""
+    made = (f"{section}.{key}" for section, keys in _MADE.items() for key in keys)
+    found = []
+    for path in (*MOVED, *made):
         node: Any = document
         for key in path.split("."):
             node = node.get(key) if isinstance(node, Mapping) else None
         if node is not None:
-            return True
-    return False
+            found.append(path)
+    return found
+
+
+def check_spelling(document: Mapping[str, Any], file: str) -> None:
+    """That no entry of tables is of an older spelling.
+
+    Raises:
+        SceneError: one is; the message names today's, and the command that rewrites a file.
+    """
+    for path in old_paths(document):
+        new = upgraded_path(path)
+        today = f", today {new}" if new != path else ", today in [crankshaft]"
+        raise SceneError(
+            path,
+            f"is of an older spelling{today}; `jaxcomp upgrade {file or 'FILE'}` rewrites a file "
+            "with its comments and sources",
+        )
 
 
 def upgraded(text: str) -> str:
@@ -93,7 +110,7 @@ def upgraded(text: str) -> str:
         ValueError: an old entry in a place that cannot be rewritten, such as an inline table.
     """
     document = tomllib.loads(text)
-    if not is_old(document):
+    if not old_paths(document):
         return text
     sections = _split(text)
     by_name = {one.name: one for one in sections if not one.row}
@@ -114,6 +131,12 @@ def upgraded(text: str) -> str:
     first += _made(document, mechanism)
     first += friction.take("main_journal")
     shaft.entries = first + shaft.entries
+    # a source of the whole section goes along
+    sourced = [(mechanism, shaft)] if shaft not in sections else []
+    for old, new in (*sourced, (friction, support)):
+        source = [one for one in old.entries if one.key == "source"]
+        if source and (new is support or first) and not any(e.key == "source" for e in new.entries):
+            new.entries.insert(0, _Entry("source", source[0].lines[-1:]))
     names = [name for name in _MADE["friction"] if name in document.get("friction", {})]
     if names:
         rows = [by_name[f"friction.{name}"] for name in names if f"friction.{name}" in by_name]
@@ -124,9 +147,11 @@ def upgraded(text: str) -> str:
             row.name, row.row = "crankshaft.main_journal.bearings", True
     if shaft not in sections and shaft.entries:
         sections.insert(_after(sections, "mechanism"), shaft)
-    if support not in sections and support.entries:
+    if support not in sections and {one.key for one in support.entries} - {"source"}:
         support.name = "friction.main_journal"
-        rows = [i for i, one in enumerate(sections) if one.name == "crankshaft.main_journal.bearings"]
+        rows = [
+            i for i, one in enumerate(sections) if one.name == "crankshaft.main_journal.bearings"
+        ]
         place = rows[0] if rows else _after(sections, "crankshaft")
         sections.insert(place, support)
     for one in sections:
@@ -135,8 +160,10 @@ def upgraded(text: str) -> str:
                 one.name = new + one.name[len(old) :]
                 break
     made = "".join(_joined(one) for one in sections)
-    if is_old(tomllib.loads(made)):
-        raise ValueError("an old entry stands in an inline table or under a dotted key; write it out")
+    if old_paths(tomllib.loads(made)):
+        raise ValueError(
+            "an old entry stands in an inline table or under a dotted key; write it out"
+        )
     return made
 
 
@@ -213,19 +240,22 @@ def _made(document: Mapping[str, Any], mechanism: _Section) -> list[_Entry]:
             ("crank_product_across", "kg m^2"),
         )
     )
-    made, notes = [], []
+    notes = []
     for key in ("crank_eccentricity", "crank_product", *_MADE["mechanism"]):
         notes += [line for one in mechanism.take(key) for line in one.lines[:-1]]
     eccentricity, mass = (
-        _number(given, key, unit) for key, unit in (("crank_eccentricity", "m"), ("crank_mass", "kg"))
+        _number(given, key, unit)
+        for key, unit in (("crank_eccentricity", "m"), ("crank_mass", "kg"))
     )
+    rows = []
     if eccentricity:
-        made.append(_entry("unbalance", -(mass or 0.0) * eccentricity, "kg m", _source(given, "crank_eccentricity")))
+        rows.append(("unbalance", -(mass or 0.0) * eccentricity, "kg m", "crank_eccentricity"))
     if ahead:
-        made.append(_entry("shaft_unbalance", [0.0, ahead], "kg m", _source(given, "crank_unbalance_across")))
+        rows.append(("shaft_unbalance", [0.0, ahead], "kg m", "crank_unbalance_across"))
     if product or tilted:
-        source = _source(given, "crank_product" if product else "crank_product_across")
-        made.append(_entry("shaft_couple", [product or 0.0, tilted or 0.0], "kg m^2", source))
+        source = "crank_product" if product else "crank_product_across"
+        rows.append(("shaft_couple", [product or 0.0, tilted or 0.0], "kg m^2", source))
+    made = [_entry(key, value, unit, _source(given, old)) for key, value, unit, old in rows]
     if made:
         made[0].lines = notes + made[0].lines
     return made

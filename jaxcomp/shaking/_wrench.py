@@ -99,7 +99,8 @@ def _(compressor: Compressor, state: CrankState) -> Wrench:
     crankshaft = compressor.crankshaft
     own = CrankState(crankshaft.own_angle(state.angle), state.speed, state.acceleration)
     each = shaking_wrench(crankshaft.each(compressor.mechanism, state.angle), own)
-    pulls = crankshaft.crank_pulls(state, compressor.mechanism, [(1.0, 0.0), (0.0, 1.0)])
+    second = Vector(*rotating(*state)[1])
+    pulls = crankshaft.crank_pulls(second, compressor.mechanism, [(1.0, 0.0), (0.0, 1.0)])
     pull, tilting = (vector.stacked() for vector in pulls)
     force = crankshaft.turned(Vector(each.force[0], each.force[1])).stacked()
     place = crankshaft.along(crankshaft.position, state.angle)

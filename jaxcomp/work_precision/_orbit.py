@@ -23,7 +23,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from .._fields import BadInput, of_cylinder, replaced
+from .._fields import BadInput, of_cylinder
 from .._implicit import FixedPointReport
 from .._status import Status
 from ..compressor import Compressor, at_speed, instants, kink_angles, loads_at
@@ -37,11 +37,11 @@ from ..crank import (
     orbit_on_panels,
     panels,
 )
+from ..crankshaft import Crankshaft
 from ..cylinder import CycleOptions, Cylinder
 from ..design import AnalysisOptions, DesignResult, available_quantities, quantity_named
 from ..gas import StagedCycle
 from ..machine import Machine
-from ..crankshaft import Crankshaft
 from ..mechanism import CrankState, SliderCrank
 from ..motor import MeanSpeed
 from ._report import Growth, Measurement, Reference

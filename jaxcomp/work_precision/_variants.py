@@ -23,11 +23,11 @@ import numpy as np
 from .._fields import BadInput, replaced
 from .._status import SolveFailed, Status
 from ..compressor import Compressor
-from ..coupling import loaded_rotor
+from ..coupling import loaded_rotor, without
 from ..crank import Collocation, TimeIntegration, solve_orbit
+from ..crankshaft import film_journals
 from ..design import AnalysisOptions
 from ..film import JournalBearing
-from ..crankshaft import film_journals
 from ..friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
 from ..machine import Assembly, Machine, assembled, machine_of
 from ..mechanism import SliderCrank
@@ -142,10 +142,11 @@ def _crank_scenes(design: Machine) -> Iterator[LeanScene]:
     if machine is None:
         return
     given = ConstantSpeed(machine.motor.speed_guess)
+    ideal = without(machine, ("friction",))
     ladder = {
-        "given speed, no friction": replace(machine, motor=given, friction=None),
+        "given speed, no friction": replace(ideal, motor=given),
         "given speed": replace(machine, motor=given),
-        "fluctuating speed, no friction": replace(machine, friction=None),
+        "fluctuating speed, no friction": ideal,
         "fluctuating speed": machine,
     }
     if isinstance(machine.friction, SliderCrankFriction):

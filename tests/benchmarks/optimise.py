@@ -85,7 +85,7 @@ def bores():
 
 MASSES = "mechanism.piston_mass", "mechanism.conrod_mass"
 UNBALANCE, ROD, INERTIA = (
-    "mechanism.crank_unbalance", "mechanism.conrod_length", "mechanism.crank_inertia",
+    "crankshaft.unbalance", "mechanism.conrod_length", "crankshaft.inertia",
 )  # fmt: skip
 EFFICIENCY, FLUCTUATION, FORCE = (
     "mechanical_efficiency", "speed_fluctuation", "peak_force.crank_pin",
