@@ -11,11 +11,11 @@ PACKAGE = Path(jaxcomp.__file__).parent
 FLOORS = [
     {"parts", "mechanism", "gas", "film", "motor", "fluid"},
     {"friction", "valve"},
+    {"crankshaft"},
     {"cylinder"},
     {"compressor"},
     {"crank", "shaking"},
     {"rotor"},
-    {"crankshaft"},
     {"machine"},
     {"coupling"},
     {"running"},
