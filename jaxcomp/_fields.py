@@ -124,6 +124,7 @@ def quantity(
     default: Any = _MISSING,
     doc: str = "",
     spread: bool = False,
+    usual: tuple[float, float] | None = None,
 ) -> Any:
     """Declare a field that holds a float array in an SI unit.
 
@@ -136,8 +137,12 @@ def quantity(
         doc: one line for the tables of `jaxcomp`.
         spread: a column of a table, for which a single value stands for all rows; the class calls
             `spread_columns` once it knows their number.
+        usual: [SI] sizes between which values lie in reciprocating compressors from the smallest
+            household machine to large process machines; `check` points at others, but for zero, which
+            switches an effect off.
     """
     metadata = {"unit": unit, "bound": bound, "shape": shape, "doc": doc, "spread": spread}
+    metadata["usual"] = usual
     options: dict[str, Any] = {"converter": _as_float, "metadata": metadata}
     if default is not _MISSING:
         options["default"] = default
