@@ -161,7 +161,7 @@ def test_an_unusual_value_is_pointed_at_but_no_error():
         ("mechanism.piston_mass", "25 kg"),  # in a bore of 50 mm
         ("gas.exponent", 2.5),
         ("gas.clearance_ratio", 5.0),
-        ("friction.crank_pin.diameter", "20 m"),
+        ("friction.crank_pin.diameter", "5 m"),
     ],
 )
 def test_slips_of_a_unit_are_pointed_at(path, value):

@@ -22,7 +22,7 @@ from .._status import SolveFailed, Status
 from ..machine import Machine
 from ._descent import BETTER, Descent, Method, method_of, run_together
 from ._goal import FEASIBLE, Goal, Interval, Objective, Point, Ranges, goal_of
-from ._problem import Asked, Problem, Solved, solved
+from ._problem import Asked, Problem, Solved, given_problem, solved
 
 if TYPE_CHECKING:
     import optax
@@ -227,7 +227,7 @@ def optimise(
     >>> print(f"{1e3 * best.values['bore']:.1f} mm, {100 * best.objective:.2f} %, {best.status}")
     130.9 mm, 91.17 %, converged
     """
-    goal = goal_of(problem, objective, maximise, constraints)
+    goal = goal_of(given_problem(problem), objective, maximise, constraints)
     chosen = method_of(method, goal)
     given, count = _given_starts(starts, problem)
     points = space(problem, goal.ranges, max(counted("samples", samples, 0), count), seed, given)

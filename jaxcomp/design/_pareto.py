@@ -13,7 +13,7 @@ from .._status import SolveFailed, Status
 from ._descent import BETTER, Descent, method_of
 from ._goal import Goal, Interval, Limit, goal_of
 from ._optimise import Callback, Optimum, Search, optimum_of, space
-from ._problem import Asked, Problem
+from ._problem import Asked, Problem, given_problem
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -108,6 +108,7 @@ def pareto(
         raise BadInput("starts", starts, ">= 1")
     if len(objectives) != 2 or objectives[0] == objectives[1]:
         raise BadInput("objectives", str(objectives), "two different quantities")
+    problem = given_problem(problem)
     quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
     # all quantities in one order, so that one program serves both ends and the front
     problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)

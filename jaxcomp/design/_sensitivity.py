@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, listed_names
 from .._results import Data, Result
 from .._shown import Shown, shown, small_unit
 from ..crank import Collocation
@@ -189,6 +189,7 @@ def sensitivity(
     bore 130 mm +2 % per %
     crank radius 50 mm +1 % per %
     """
+    listed_names("quantities", quantities)
     design, asked = machine_of(scene), tuple(quantities or ("mechanical_efficiency",))
     options, compressor = options or AnalysisOptions(), design.compressor
     if (

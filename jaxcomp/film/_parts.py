@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import POSITIVE, BadInput, Bound, Part, is_traced, quantity
+from .._shown import ZERO_CELSIUS
 from ._film import Scalar, as_float
 
-ZERO_CELSIUS = 273.15  # [K]
 DENSITY = 900.0  # [kg/m^3] at 15 degrees Celsius, ordinary mineral oil
 
 

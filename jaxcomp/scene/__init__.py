@@ -14,6 +14,7 @@ from ._explain import Explained as Explained
 from ._explain import explained as explained
 from ._explain import part_places as part_places
 from ._explain import start as start
+from ._explain import start_from as start_from
 from ._explain import starts as starts
 from ._scene import Bundled as Bundled
 from ._scene import Scene as Scene

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._fields import BadInput, counted
+from .._fields import BadInput, counted, listed_names
 from .._results import Data, Result
 from .._shown import shown
 from ..design import AnalysisOptions, Problem, by_name, prepared
@@ -172,7 +172,9 @@ def tolerance(
         BadInput: an unknown variable or quantity, a tolerance that takes a variable out of its
             bounds, correlations that cannot be, or an option that makes no sense.
     """
+    listed_names("quantities", quantities)
     asked, limits = quantities, limits or {}
+    scatter_of(tolerances)  # refuses what is no tolerance, before its name is looked up
     if not isinstance(scene, Problem):
         tolerances = by_name(machine_of(scene), tolerances)
         names = [name_of(one) for one in quantities or ()]
