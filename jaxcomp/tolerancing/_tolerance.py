@@ -16,6 +16,7 @@ from ..design._problem import Asked, name_of, problem_of, solves_gas
 from ..machine import machine_of
 from ._moments import (
     Curvature,
+    Keep,
     Local,
     Moments,
     Sampled,
@@ -146,6 +147,7 @@ def tolerance(
     curvature: Curvature = "differences",
     client: "Client | None" = None,
     progress: bool = True,
+    keep: Keep | None = None,
 ) -> Tolerances:
     """What production tolerances do to a machine, by derivatives and by Monte Carlo.
 
@@ -166,6 +168,8 @@ def tolerance(
         curvature: how the second order comes about, see `local`; `None` for the first alone.
         client: of a Dask cluster whose workers solve the samples, see `sweep`; this process if absent.
         progress: show a bar on standard error, if that is a terminal.
+        keep: called as work goes on with the machines (n, variables) drawn so far, their quantities
+            (n, quantities), both in SI units, and whether each could be solved.
 
     Raises:
         ConnectionError: the scheduler of the cluster was lost.
@@ -191,7 +195,7 @@ def tolerance(
     if samples is None:
         samples = _FEW if solves_gas(made) else _MANY
     counted("samples", samples, high=2**24)
-    many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client)
+    many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client, keep)
     value, swings = _one_at_a_time(made, scatter, nominal)
     return Tolerances(
         made,
