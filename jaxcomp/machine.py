@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._fields import BadInput, Part, is_traced, printed, replaced
+from ._fields import BadInput, Part, is_traced, no_machine, printed, replaced
 from ._words import one_of
 from .compressor import Compressor, staged
 from .film import AbstractJournal, AbstractOil, NamedBearing
@@ -134,8 +134,15 @@ def machine_of(scene: Any) -> Machine:
 
     Args:
         scene: of `jaxcomp.load`; anything with an attribute `machine`; or a machine.
+
+    Raises:
+        BadInput: something else, such as the name of a file.
     """
-    return scene if isinstance(scene, Machine) else scene.machine
+    if isinstance(scene, Machine):
+        return scene
+    if not hasattr(scene, "machine"):
+        raise no_machine(scene)
+    return scene.machine
 
 
 def correction_planes(places: Any) -> tuple[str, ...]:
