@@ -7,6 +7,7 @@ units), the solvers (which mark a traced design outside its bounds) and the prin
 """
 
 import dataclasses
+import os
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
@@ -15,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from . import _precision as _precision  # before JAX runs anything
 from ._programs import keep_programs
@@ -53,6 +54,40 @@ class MissingPart(BadInput):
     def __init__(self, quantity: str, part: str):
         super().__init__(quantity, "absent", part)
         self.args = (f"Quantity '{quantity}' needs {part}; this scene has none.",)
+
+
+def no_machine(given: Any, part: str = "") -> BadInput:
+    """The complaint about an argument that should be a machine, or that `part` of a scene."""
+    text = isinstance(given, str | os.PathLike)
+    file = os.fspath(given) if text else "my.toml"
+    bound = f'a machine, such as `jaxcomp.load("{file}"){part}`'
+    return BadInput("machine", f'"{file}"' if text else f"a {type(given).__name__}", bound)
+
+
+def listed_names(field: str, given: Any) -> Any:
+    """Names in a list, which a single text is not.
+
+    Raises:
+        BadInput: a single text.
+    """
+    if isinstance(given, str):
+        raise BadInput(field, f'"{given}"', f'a list, ["{given}"]')
+    return given
+
+
+def single_number(field: str, given: Any) -> Float[Array, ""]:
+    """[SI] One number, traced or not.
+
+    Raises:
+        BadInput: a text, or an array.
+    """
+    if isinstance(given, str):
+        raise BadInput(field, f'"{given}"', "a number in SI units, as 0.05 for 50 mm")
+    value = jnp.asarray(given, dtype=jnp.result_type(float))
+    if value.ndim:
+        bound = "one number; for many designs at once map the function with `jax.vmap`"
+        raise BadInput(field, value, bound)
+    return value
 
 
 # No number of a machine in SI units comes near; products of some larger ones overflow.
@@ -100,6 +135,19 @@ class Bound(NamedTuple):
         return " and ".join(parts) or "finite"
 
 
+def plausible(bound: Bound, unit: str, usual: tuple[float, float] | None) -> Bound:
+    """A bound without the lengths that can only be millimetres taken for metres.
+
+    Args:
+        bound: of a number.
+        unit: its SI unit.
+        usual: [SI] its usual range; one that ends below half a metre says nothing.
+    """
+    if unit != "m" or usual is None or usual[1] < 0.5:
+        return bound
+    return bound._replace(high=min(bound.high, 10 * usual[1]), high_open=False)
+
+
 def counted(field: str, value: int, low: int = 1, high: int = 10**6) -> int:
     """A count, which must not take all time and memory.
 
@@ -124,6 +172,7 @@ def quantity(
     default: Any = _MISSING,
     doc: str = "",
     spread: bool = False,
+    usual: tuple[float, float] | None = None,
 ) -> Any:
     """Declare a field that holds a float array in an SI unit.
 
@@ -136,8 +185,12 @@ def quantity(
         doc: one line for the tables of `jaxcomp`.
         spread: a column of a table, for which a single value stands for all rows; the class calls
             `spread_columns` once it knows their number.
+        usual: [SI] sizes between which values lie in reciprocating compressors from the smallest
+            household machine to large process machines; `check` points at others, but for zero, which
+            switches an effect off.
     """
     metadata = {"unit": unit, "bound": bound, "shape": shape, "doc": doc, "spread": spread}
+    metadata["usual"] = usual
     options: dict[str, Any] = {"converter": _as_float, "metadata": metadata}
     if default is not _MISSING:
         options["default"] = default
@@ -169,15 +222,17 @@ class Part(eqx.Module):
 
     def __check_init__(self):
         for name, field in quantities(self):
-            value, bound = getattr(self, name), field.metadata["bound"]
+            value, declared = getattr(self, name), field.metadata
             if value is None:
                 continue
+            bound = plausible(declared["bound"], declared["unit"], declared["usual"])
             listed = is_listed(self, field, value)
             if not listed:
                 _check_shape(type(self).__name__, name, value, field.metadata["shape"])
             if not is_traced(value) and not (inside := bound.inside(np.asarray(value))).all():
                 place = int(np.argmin(inside)) if listed else 0
                 size = ", and at most 1e25 in size" if np.any(np.abs(value) > LARGEST) else ""
+                size = size or _in_metres(np.asarray(value), declared["bound"], bound)
                 where = f"{bound}{size} in cylinder {place + 1}" if listed else f"{bound}{size}"
                 raise BadInput(name, value[place] if listed else value, where)
         for rule, holds in known_values(self).conditions().items():
@@ -345,9 +400,20 @@ def rebuilt(part: _Tree, **changes) -> _Tree:
     return new
 
 
+def _in_metres(value: np.ndarray, wide: Bound, narrow: Bound) -> str:
+    """What to write for a length that was given in millimetres."""
+    if wide.high <= narrow.high or not value.max() > narrow.high:
+        return ""
+    largest = float(value.max())
+    return f" m (lengths are in m; {largest:g} mm are {largest / 1e3:g})"
+
+
 def _as_float(value: Any) -> Any:
     if value is None or type(value) is object:  # `object()` marks a leaf in JAX's own tree tools
         return value
+    if isinstance(value, str):
+        bound = "a number in SI units; texts with units stand in machine files"
+        raise BadInput("value", f'"{value}"', bound)
     return jnp.asarray(value, dtype=jnp.result_type(float))
 
 

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import jax
 from jaxlib.version import __version_info__
 
-from ._waits import tell_compile
+from ._waits import compiling
 
 ENVIRONMENT = "JAXCOMP_CACHE"
 # [bytes] All that is kept; what was read longest ago goes first.
@@ -128,9 +128,9 @@ def _compiled(
         else:
             jax.monitoring.record_event("/jax/compilation_cache/cache_hits")
             return program
-    if ours:
-        tell_compile(len(code))
-    program = compile_one(backend, computation, devices, options, callbacks, *rest, **named)
+    telling = compiling(len(code), path is not None) if ours else contextlib.nullcontext()
+    with telling:
+        program = compile_one(backend, computation, devices, options, callbacks, *rest, **named)
     if path is not None:
         with contextlib.suppress(Exception):  # a program that XLA cannot write down
             made = program.serialize()

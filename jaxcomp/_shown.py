@@ -9,6 +9,7 @@ from ._registry import registered_quantity
 
 # [rpm] in 1 rad/s
 RPM = 30 / math.pi
+ZERO_CELSIUS = 273.15  # [K]
 # Endings of pure numbers that people give in per cent, beside the quantities of the registry.
 _SHARES = ("efficiency", "fluctuation", "clearance_ratio")
 # Sizes from which on a unit is used, the largest first.

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 # [s] Compiling for longer than this is told; between two lines of progress.
 _AFTER, _EVERY = 2.0, 10.0
@@ -16,6 +17,15 @@ _AFTER, _EVERY = 2.0, 10.0
 _PER_BYTE = 4e-5
 _PACKAGE = str(Path(__file__).parent)
 # Files whose functions nobody calls by name.
+# What functions compute, in words, where it is not in their names.
+_COMPUTES = {
+    "solve_orbit": "the steady state", "orbit": "the steady state", "solve_cycle": "the cycle",
+    "simulate": "the motion", "sensitivity": "the gains", "gains": "the gains",
+    "optimise": "the search", "pareto": "the search", "improve": "the search",
+    "sweep": "the designs", "sweep_machines": "the designs", "tolerance": "the tolerances",
+    "balance": "the balance", "rating_map": "the map", "identify": "the map",
+    "compare": "the comparison", "accuracy": "the settings", "page": "the desk", "serve": "the desk",
+}  # fmt: skip
 _UNNAMED = (f"{os.sep}cli{os.sep}", "__main__.py", "_fields.py", "_programs.py", "_waits.py")
 
 
@@ -23,7 +33,7 @@ class _Compiles:
     """Whether compiling is told, and for which machine."""
 
     told, machine = False, ""
-    spinner = False  # shows that something goes on, and says that it may be compiling
+    status: Any = None  # of rich, which shows that something goes on; it says what compiles
 
 
 def watch_compiles(machine: str = "") -> None:
@@ -34,25 +44,44 @@ def watch_compiles(machine: str = "") -> None:
     _Compiles.told, _Compiles.machine = True, machine or _Compiles.machine
 
 
-def tell_compile(size: int) -> None:
-    """A program of so many bytes will be compiled; say so if that takes long."""
+@contextmanager
+def compiling(size: int, kept: bool = False) -> Iterator[None]:
+    """A program of so many bytes is compiled; say so before if that takes long.
+
+    Args:
+        size: [bytes] of its text.
+        kept: whether later processes find it compiled.
+    """
     seconds = size * _PER_BYTE
     wanted = _Compiles.told or os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
-    if not wanted or not shows_waits() or _Compiles.spinner or seconds < _AFTER:
+    if not wanted or not shows_waits() or seconds < _AFTER:
+        yield
         return
-    machine = f" for {_Compiles.machine}" if _Compiles.machine else ""
-    _say(f"compiling {_called()}{machine}, about {float(f'{seconds:.1g}'):.0f} s")
+    machine = f" of {_Compiles.machine}" if _Compiles.machine else ""
+    text = f"compiling {_called()}{machine}, about {float(f'{seconds:.1g}'):.0f} s"
+    text += "; later starts are quicker" if kept else ""
+    status = _Compiles.status
+    if status is None:
+        _say(text)
+        yield
+        return
+    before = status.status
+    status.update(f"{text[0].upper()}{text[1:]} ...")
+    try:
+        yield
+    finally:
+        status.update(before)
 
 
 def _called() -> str:
-    """The outermost function of this package that runs and has a public name."""
+    """What the outermost function of this package that runs and has a public name computes."""
     frame, name = sys._getframe(1), ""
     while frame is not None:
         file, word = frame.f_code.co_filename, frame.f_code.co_name
         if file.startswith(_PACKAGE) and not any(place in file for place in _UNNAMED):
             name = name if word.startswith(("_", "<")) else word
         frame = frame.f_back
-    return name or "the results"
+    return _COMPUTES.get(name) or (f"the {name.replace('_', ' ')}" if name else "the results")
 
 
 def shows_waits() -> bool:
@@ -69,12 +98,11 @@ def spinner(text: str) -> Iterator[None]:
     if not console.is_terminal or not shows_waits():
         yield
         return
-    _Compiles.spinner = True
     try:
-        with console.status(text):
+        with console.status(text) as _Compiles.status:
             yield
     finally:
-        _Compiles.spinner = False
+        _Compiles.status = None
 
 
 class Progress:

@@ -17,6 +17,7 @@ from ._fields import (
     Part,
     is_traced,
     listed,
+    no_machine,
     of_cylinder,
     quantities,
     quantity,
@@ -153,8 +154,15 @@ def compressor_of(machine: Any) -> Compressor:
     Args:
         machine: a compressor; or a machine or a scene, which is put together first (anything with a
             method `as_compressor`).
+
+    Raises:
+        BadInput: something else, such as the name of a file.
     """
-    return staged(machine) if isinstance(machine, Compressor) else machine.as_compressor()
+    if isinstance(machine, Compressor):
+        return staged(machine)
+    if not hasattr(machine, "as_compressor"):
+        raise no_machine(machine)
+    return machine.as_compressor()
 
 
 def staged(compressor: Compressor) -> Compressor:

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._fields import BadInput, Part, printed, rebuilt
+from ._fields import BadInput, Part, no_machine, printed, rebuilt
 from ._words import one_of
 from .compressor import Compressor, staged
 from .film import AbstractJournal, AbstractOil, NamedBearing
@@ -114,8 +114,15 @@ def machine_of(scene: Any) -> Machine:
 
     Args:
         scene: of `jaxcomp.load`; anything with an attribute `machine`; or a machine.
+
+    Raises:
+        BadInput: something else, such as the name of a file.
     """
-    return scene if isinstance(scene, Machine) else scene.machine
+    if isinstance(scene, Machine):
+        return scene
+    if not hasattr(scene, "machine"):
+        raise no_machine(scene)
+    return scene.machine
 
 
 def correction_planes(places: Any) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float
 
 from ._fields import BadInput, of_cylinder, replaced
 from ._results import Data, Result
+from ._shown import ZERO_CELSIUS
 from ._words import one_of
 from .compressor import Compressor, compressor_of
 from .crank import Collocation, performance, solve_orbit
@@ -25,7 +26,7 @@ from .cylinder import Cylinder, solve_cycle
 from .fluid import RealGas
 from .motor import ConstantSpeed
 
-ZERO = 273.15  # [K] at 0 degrees Celsius
+ZERO = ZERO_CELSIUS
 
 
 class Rating(NamedTuple):

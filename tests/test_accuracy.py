@@ -18,6 +18,7 @@ from jaxcomp.work_precision._orbit import by_scipy, known_quantities
 from jaxcomp.work_precision._report import observed_order
 from jaxcomp.work_precision._rotor import film_places
 from jaxcomp.work_precision._study import (
+    ROTOR_QUANTITIES,
     Call,
     Question,
     Setting,
@@ -374,6 +375,13 @@ def test_setting_is_measured_beside_its_reference():
     assert made.cheapest(1e-4) is None
 
 
+def test_a_time_that_is_known_is_not_measured_again():
+    calls = []
+    call = Call(lambda: calls.append(0) or 2.0, seconds=0.25)
+    row = measured(Setting("a", "b", lambda: call), Reference(2.0, 2.0, ("a", "b")))
+    assert (row.seconds, row.error, len(calls)) == (0.25, 0.0, 1)
+
+
 def test_setting_that_gives_nothing_says_why():
     whole = Reference(1.0, 1.0, ("x", "y"))
 
@@ -605,27 +613,48 @@ def test_samples_and_derivatives_agree_on_what_varies():
 
 
 # [-] Errors of the default solver that its own march may tell, by quantity: a peak of the crank pin of
-# slider-link-8cc is known to 3e-4, the largest pressure of its film to 1.2e-4, other peaks to 4e-5
-# (notebooks/solvers.md), all else to 1e-6.
+# slider-link-8cc is known to 3e-4, the largest pressure of its film to 1.2e-4, its torque from valley to
+# peak to 6e-5, other peaks to 4e-5 (notebooks/solvers.md), all else to 1e-6.
 # The margin is the least of the nodes.
 PEAKS, MARGIN, REST = 1e-3, 1e-4, 1e-5
+# Of a harmonic relative to itself: the sixth force of hermetic-68cc, a small part of all, to 1.2e-5.
+HARMONICS = 1e-4
+ALLOWED = {
+    "joint_margin": MARGIN,
+    "torque_fluctuation": PEAKS,
+    "peak": PEAKS,
+    "film_pressure": PEAKS,
+    "shaking": HARMONICS,
+}
+# Quantities that the solver may have no part in: no film is thin at any node, and one cylinder in the
+# plane of z = 0 shakes with no couple.
+SOLVED_BY_NOTHING = ("swept_volume", "mean_speed", "gas_power", "thin_film_share", "shaking_couple")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [*MACHINES[:2], pytest.param(MACHINES[2], marks=pytest.mark.slow)])
-def test_every_quantity_has_a_true_error_or_a_refusal_in_words(name):
+@pytest.mark.slow  # a minute of compilation each
+@pytest.mark.parametrize(
+    ("name", "part"), [*((name, "crank") for name in MACHINES), (MACHINES[2], "rotor")]
+)
+def test_every_quantity_has_a_true_error_or_a_refusal_in_words(monkeypatch, name, part):
+    every = known_quantities(machine_of(load(name)))
+    # in two, as all of them in one program compile for four minutes
+    some = tuple(
+        one for one in every if (one.partition(".")[0] in ROTOR_QUANTITIES) == (part == "rotor")
+    )
+    monkeypatch.setattr("jaxcomp.work_precision._orbit.known_quantities", lambda design: some)
     found = accuracy(load(name), None, "quantities")
-    assert [row.method for row in found.rows] == list(known_quantities(machine_of(load(name))))
+    assert [row.method for row in found.rows] == list(some)
+    unlike = {}
     for row in found.rows:
         if np.isfinite(row.error):
-            allowed = MARGIN if row.method == "joint_margin" else REST
-            allowed = PEAKS if row.method.startswith(("peak", "film_pressure")) else allowed
-            assert found.claimed(row) < allowed, row
+            bounds = (b for start, b in ALLOWED.items() if row.method.startswith(start))
+            if not found.claimed(row) < next(bounds, REST):
+                unlike[row.method] = found.claimed(row)
+        elif row.method.partition(".")[0] not in SOLVED_BY_NOTHING:
+            unlike[row.method] = row.why
         else:
             assert row.why == "the solver of the periodic state has no part in it", row
-            # no film is thin at any node
-            kind = row.method.partition(".")[0]
-            assert kind in ("swept_volume", "mean_speed", "gas_power", "thin_film_share"), row
+    assert not unlike
 
 
 ALL_STUDIES = STUDIES | DEVELOPER_STUDIES

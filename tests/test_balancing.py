@@ -409,6 +409,15 @@ def test_rigid_balance_takes_away_sum_and_couple():
     assert float(jnp.sum(pair.permissible)) == pytest.approx(3.5 * 20.05e-6, rel=1e-3)
 
 
+@pytest.mark.parametrize(("centre", "share"), [(0.04, 0.6), (0.06, 0.4), (0.0, 0.7), (0.09, 0.3)])
+def test_the_plane_nearer_to_the_mass_centre_may_keep_more(centre, share):
+    """By the levers of a rotor between its bearings, within 30 to 70 % (ISO 21940-11)."""
+    places = {"a": 0.0, "b": 0.1}
+    pair = rigid_balance((), places, ("a", "b"), centre=centre, mass=2.0, speed=300.0)
+    whole = 6.3e-3 * 2.0 / 300.0
+    np.testing.assert_allclose(pair.permissible, [share * whole, (1 - share) * whole], rtol=1e-14)
+
+
 # ---------------------------------------------------------------- measured data
 HEADER = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]\n"
 

@@ -163,7 +163,10 @@ def test_frictionless_joints_lose_nothing():
             ["run", "mayekawa-wbhe", "--set", "gas.discharge_pressure=1kPa"],
             "must be a cycle with discharge_pressure > suction_pressure",
         ),
-        (["run", "mayekawa-wbhe", "--design", "bore=-1mm"], "`bore` must be > 0, but is -0.001"),
+        (
+            ["run", "mayekawa-wbhe", "--design", "bore=-1mm"],
+            "`bore` must be > 0 and <= 10 m, but is -0.001",
+        ),
         (["run", "mayekawa-wbhe", "--design", "bore=12"], "bore = 12: lacks its unit"),
         (
             ["run", "mayekawa-wbhe", "--design", "bor=1mm"],

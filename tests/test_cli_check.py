@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+import tomlkit
 import typer
 from helpers import read_json
 from typer.testing import CliRunner
@@ -13,7 +14,7 @@ from jaxcomp._registry import DESIGN_RULES
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_machine
 from jaxcomp.design import design_rules
-from jaxcomp.scene import SceneError, implausible_values, load, loads, start, with_value
+from jaxcomp.scene import SceneError, implausible_values, load, loads, machines, start, with_value
 
 # Five faults in four sections; everything else is as `jaxcomp new` writes it.
 FAULTS = {
@@ -107,6 +108,39 @@ def test_check_shows_parts_and_what_follows():
     assert found["parts"]["rotor"]["without_source"] == 0
 
 
+def test_every_bundled_machine_has_usual_numbers():
+    for name in (one.name for one in machines()):
+        assert {one.path for one in implausible_values(load(name))} <= {"mechanism"}, name
+
+
+def test_what_a_scene_leaves_out_is_one_line(tmp_path):
+    whole = tomlkit.parse(start("slider-crank", "m"))
+    assert "all friction" not in said_by_check(tmp_path, whole)
+    for section, words in (
+        ("gas", "forces of the gas [gas]"),
+        ("friction", "all friction [friction]"),
+    ):
+        lacking = tomlkit.parse(tomlkit.dumps(whole))
+        del lacking[section]
+        assert words in said_by_check(tmp_path, lacking)
+    for joint in ("crank_pin", "main_journal"):
+        lacking = tomlkit.parse(tomlkit.dumps(whole))
+        del lacking["friction"][joint]
+        words = f"friction of {joint.replace('_', ' ')} [friction.{joint}]"
+        assert words in said_by_check(tmp_path, lacking)
+        assert "[gas]" not in said_by_check(tmp_path, lacking)
+
+
+def said_by_check(folder, document):
+    """The line on what is left out, which JSON has as well."""
+    file = folder / "m.toml"
+    file.write_text(tomlkit.dumps(document))
+    lines = " ".join(invoke("check", str(file)).stdout.split())
+    found = read_json(invoke("check", str(file), "--json").stdout)["left_out"]
+    assert f"left out {', '.join(found)}" in lines
+    return ", ".join(found)
+
+
 def test_an_unusual_value_is_pointed_at_but_no_error():
     """Table 1 of Tsuji et al. has the rod's mass centre at 0.0857 mm, a thousandth of a usual one."""
     result = invoke("check", "mayekawa-wbhe")
@@ -124,6 +158,10 @@ def test_an_unusual_value_is_pointed_at_but_no_error():
         ("gas.suction_pressure", "1 Pa"),
         ("friction.wall.coefficient", 5.0),
         ("mechanism.conrod_inertia", "250 kg m^2"),
+        ("mechanism.piston_mass", "25 kg"),  # in a bore of 50 mm
+        ("gas.exponent", 2.5),
+        ("gas.clearance_ratio", 5.0),
+        ("friction.crank_pin.diameter", "5 m"),
     ],
 )
 def test_slips_of_a_unit_are_pointed_at(path, value):

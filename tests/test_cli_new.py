@@ -9,7 +9,19 @@ from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
-from jaxcomp.scene import SECTIONS, describe, implausible_values, loads, start, starts
+from jaxcomp.scene import (
+    SECTIONS,
+    describe,
+    dump,
+    implausible_values,
+    load,
+    loads,
+    machines,
+    start,
+    start_from,
+    starts,
+    with_value,
+)
 from jaxcomp.scene._schema import entries
 
 KINDS = list(starts())
@@ -20,7 +32,9 @@ def invoke(*arguments):
 
 
 def test_there_is_a_start_for_both_mechanisms_several_cylinders_and_a_rotor():
-    assert sorted(KINDS) == ["rotor", "slider-crank", "slider-link", "v-twin"]
+    assert sorted(KINDS) == [
+        "refrigeration", "rotor", "semi-hermetic", "slider-crank", "slider-link", "v-twin"
+    ]  # fmt: skip
     assert KINDS[0] == "slider-crank"
 
 
@@ -35,6 +49,56 @@ def test_file_is_written_valid_and_usual(kind, tmp_path):
     given = [row for row in describe(scene) if row.given is not None and row.unit]
     assert given
     assert {row.source for row in given} == {"example value, to be replaced"}
+
+
+@pytest.mark.parametrize("machine", [one.name for one in machines()])
+def test_a_file_from_a_machine_is_that_machine_without_its_sources(machine):
+    scene = load(machine)
+    text = start_from(scene, "mine")
+    made = loads(text)
+    # -23.3 degC + 273.15 is 249.85 to the last digit but one
+    trees = [(one.compressor, dict(one.parts)) for one in (made, scene)]
+    assert eqx.tree_equal(*trees, rtol=1e-14, atol=1e-300)
+    given = [row for row in describe(made) if row.given is not None and row.unit]
+    assert {row.source for row in given} == {f"value of {machine}, to be replaced"}
+    assert made.name == "mine"
+    assert made.description == f"Started from {machine}"
+    for name, part in dict(made.parts).items():  # and every entry is explained
+        section = text.split(f"\n[{name}]\n")[1]
+        assert all(re.search(rf"{key}\b", section) for key in entries(type(part)))
+
+
+def test_new_from_a_machine(tmp_path):
+    file = tmp_path / "pump.toml"
+    result = invoke("new", str(file), "--from", "r290-6cc")
+    assert result.exit_code == 0, result.stderr
+    text = file.read_text()
+    assert 'evaporating = "-23.3 degC"' in text
+    assert "# a number >= 0 [K], above the dew point" in text
+    assert "ASHRAE" not in text
+    assert f"jaxcomp run {file}" in result.stdout
+    assert "r290-6cc" in invoke("new", "-", "--from", "r29-6cc").stderr
+
+
+@pytest.mark.parametrize(
+    ("kind", "layout", "count"), [("refrigeration", "in-line-2", 2), ("semi-hermetic", "V90x2", 4)]
+)
+def test_one_documented_edit_makes_more_cylinders(kind, layout, count):
+    text = start(kind, "m")
+    assert f'layout = "{layout}"' in " ".join(text.replace("\n# ", " ").split())  # in its head
+    more = loads(re.sub(r'^layout = "[^"]*"', f'layout = "{layout}"', text, flags=re.M))
+    assert more.compressor.crankshaft.count == count
+
+
+def test_temperatures_are_in_degrees_and_differences_in_kelvins():
+    scene = loads(start("refrigeration", "m"))
+    assert float(scene.compressor.gas.suction.evaporating) == pytest.approx(249.85, rel=1e-15)
+    assert float(scene.compressor.gas.suction.heating) == 18.0
+    assert 'evaporating = "-23.3 degC"' in dump(scene)
+    fahrenheit = with_value(scene, "gas.discharge.condensing", "130 °F")
+    assert float(fahrenheit.compressor.gas.discharge.condensing) == pytest.approx(
+        (130 - 32) / 1.8 + 273.15, rel=1e-15
+    )
 
 
 def test_no_file_is_overwritten_without_force(tmp_path):
@@ -107,6 +171,9 @@ def test_comments_carry_unit_bound_and_meaning():
         pytest.param(["run", "--kind", "slider-crank"], marks=pytest.mark.slow),
         pytest.param(["run", "--kind", "slider-link"], marks=pytest.mark.slow),
         pytest.param(["balance", "--kind", "rotor"], marks=pytest.mark.slow),
+        # compiles the cycle of a machine with valves
+        pytest.param(["run", "--kind", "refrigeration"], marks=pytest.mark.slow),
+        pytest.param(["run", "--kind", "semi-hermetic"], marks=pytest.mark.slow),
     ],
     ids=lambda words: " ".join(words[:3:2]),
 )

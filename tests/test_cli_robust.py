@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -155,17 +156,31 @@ STUBBORN = {
 }
 
 
+@contextmanager
+def interruptible(command):
+    """A process that hears interrupts, and ends with the test whatever it does."""
+    # A process ignores the interrupts that its parent ignores, as the jobs that a shell has in the
+    # background do.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    try:
+        yield running
+    finally:
+        running.kill()
+
+
 @pytest.mark.parametrize("kind", STUBBORN)
 def test_an_interrupt_ends_what_does_not_stop(kind):
     code = "import threading, time\nfrom jaxcomp._interrupts import ends_when_interrupted\n"
     code += "with ends_when_interrupted():" + STUBBORN[kind]
-    running = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    assert running.stdout is not None
-    running.stdout.readline()
-    running.send_signal(signal.SIGINT)
-    _, told = running.communicate(timeout=20)  # of the 30 s that it would take by itself
+    with interruptible([sys.executable, "-c", code]) as running:
+        assert running.stdout is not None
+        running.stdout.readline()
+        running.send_signal(signal.SIGINT)
+        _, told = running.communicate(timeout=20)  # of the 30 s that it would take by itself
     assert (running.returncode, told) == (130, b"stopped\n")
 
 
@@ -175,15 +190,15 @@ def test_an_interrupt_ends_what_does_not_stop(kind):
 def test_a_real_interrupt_at_any_time(tmp_path, after):
     words = ("sweep", "mayekawa-wbhe", "--over", "bore=100mm:150mm:100000", "--out", tmp_path)
     command = [sys.executable, "-m", "jaxcomp", *map(str, words)]
-    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    # Python itself starts for 50 ms, or a second on a busy machine, in which an interrupt is its own
-    # affair; then there is the thread that watches for one
-    while len(os.listdir(f"/proc/{running.pid}/task")) < 2:
-        time.sleep(0.01)
-    time.sleep(after)
-    running.send_signal(signal.SIGINT)
-    # 1.5 s after which it is ended, and as long again for other work of the processor
-    _, told = running.communicate(timeout=3)
+    with interruptible(command) as running:
+        # Python itself starts for 50 ms, or a second on a busy machine, in which an interrupt is its
+        # own affair; then there is the thread that watches for one
+        while len(os.listdir(f"/proc/{running.pid}/task")) < 2:
+            time.sleep(0.01)
+        time.sleep(after)
+        running.send_signal(signal.SIGINT)
+        # 1.5 s after which it is ended, and as long again for other work of the processor
+        _, told = running.communicate(timeout=3)
     assert running.returncode == 130, told
     assert b"Traceback" not in told
     assert b"stopped" in told

@@ -187,7 +187,7 @@ REFUSED = {
     "unknown variable": (["--over", "bor=1mm:2mm:3"], 'did you mean "bore"'),
     "no unit": (["--over", "bore=100:200:3"], "lacks its unit"),
     "other dimension": (["--over", "bore=1s,2s"], "another dimension"),
-    "bound": (["--over", "bore=-1mm:2mm:3"], "--over bore=-1mm:2mm:3: must be > 0 m"),
+    "bound": (["--over", "bore=-1mm:2mm:3"], "--over bore=-1mm:2mm:3: must be > 0 and <= 10 m"),
     "falling": (["--over", "bore=2mm:1mm:3"], "rises"),
     "one value": (["--over", "bore=1mm:2mm:1"], ">= 2"),
     "no count": (["--over", "bore=1mm:2mm"], "from:to:count"),

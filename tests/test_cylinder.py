@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from jaxcomp import SliderCrank, SolveFailed, Status
 from jaxcomp.cylinder import (
@@ -25,10 +26,23 @@ from jaxcomp.cylinder import (
 )
 from jaxcomp.fluid import PerfectGas, RealGas
 from jaxcomp.plot import cylinder_figures
-from jaxcomp.valve import CheckValve, PlateValve
+from jaxcomp.valve import CheckValve, PlateValve, ReedBeam
 
 SPEED = 2950 * 2 * np.pi / 60
 COLLOCATION = CycleOptions(nodes=10, panels=40)
+
+
+def test_a_reed_is_a_cantilever_that_its_port_loads():
+    """Its tip by the integral of M m/(E I) along the beam, m the moment of a unit load there."""
+    long, place, wide, thick, elastic = 15e-3, 11e-3, 6e-3, 0.15e-3, 200e9
+    reed = ReedBeam(
+        port_diameter=4e-3, stop=1e-3, thickness=thick, width=wide, length=long,
+        port_distance=place, elastic_modulus=elastic, density=7800,
+    )  # fmt: skip
+    bending = elastic * wide * thick**3 / 12
+    tip, _ = quad(lambda x: (place - x) * (long - x) / bending, 0, place)
+    np.testing.assert_allclose(reed.oscillator.stiffness, 1 / tip, rtol=1e-12)
+    np.testing.assert_allclose(reed.oscillator.mass, 7800 * wide * thick * long / 3, rtol=1e-12)
 
 
 def mechanism():

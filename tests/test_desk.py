@@ -79,13 +79,31 @@ def test_every_number_moves_itself_alone(desk):
 def test_undo_and_dragging(desk):
     start = efficiency(desk)
     for value in (0.131, 0.132, 0.133):
-        desk.move(BORE, value)
-    desk.drop_changes_since(0)
-    assert desk.changes == 1
+        desk.move(BORE, value, dragging=True)
+    assert desk.changes == (1, 0)
+    dragged = efficiency(desk)
     assert desk.undo()
     assert desk.values[BORE] == 0.13
     assert efficiency(desk) == start
     assert not desk.undo()
+    assert desk.redo()
+    assert desk.values[BORE] == 0.133
+    assert efficiency(desk) == dragged
+    assert not desk.redo()
+
+
+def test_a_value_typed_between_two_drags_is_a_change_of_its_own(desk):
+    desk.move(BORE, 0.131, dragging=True)  # and let go where nobody sees it
+    desk.enter(BORE, "140 mm")
+    desk.move(BORE, 0.132, dragging=True)
+    desk.move(BORE, 0.133, dragging=True)
+    seen = []
+    while desk.undo():
+        seen.append(desk.values[BORE])
+    assert seen == [0.14, 0.131, 0.13]
+    desk.redo()
+    desk.enter(PIN, "0.02")  # what was undone before is gone
+    assert not desk.redo()
 
 
 @pytest.mark.parametrize(
@@ -104,7 +122,7 @@ def test_wrong_input_has_the_message_of_a_machine_file(desk, text, words):
         desk.enter("mechanism.crank_radius", text)
     assert "mechanism" in str(error.value)
     assert desk.values["mechanism.crank_radius"] == before
-    assert desk.changes == 0
+    assert desk.changes == (0, 0)
     assert not desk.view.status
 
 
@@ -154,14 +172,83 @@ def test_a_slider_moves_pictures_and_table(page):
     assert np.max(pinned) > np.max(curve.data["x"])
 
 
-def test_gains_can_be_sorted_and_numbers_get_sliders(page):
+def rows_of(page):
+    return page.table.value.set_index("name")
+
+
+def check_rows(page):
+    """Every row has the label, value and gain of its own number."""
+    for name, row in rows_of(page).iterrows():
+        assert row["Number"] == page.desk.label(name)
+        assert row["Value"] == page.desk.text(name)
+    gains = page.desk.gains().ranking(page.desk.quantity)
+    shown = rows_of(page)
+    assert all(shown.loc[one.number, "gain"] == one.change for one in gains)
+    assert all(shown.loc[one.number, "Gain"] == one.rise for one in gains)
+
+
+def test_rows_stay_together_when_sorted_by_gain(scene):
+    page = _Page(scene)
+    check_rows(page)  # gains from the first moment
+    before = list(page.table.value["name"])
     page._sort(None)
-    first = page.table.value["name"].iloc[0]
+    after = list(page.table.value["name"])
+    assert after != before
+    assert after[0] in page.sliders
+    check_rows(page)
+    row = after.index(BORE)
+    page.table.value.loc[row, "Value"] = "125 mm"  # as the browser does before it tells
+    page._entered(SimpleNamespace(column="Value", row=row, value="125 mm"))
+    assert page.desk.values[BORE] == 0.125
+    check_rows(page)
+    for step in (page._undo, page._redo, page._sort, page._undo):
+        step(None)
+        check_rows(page)
+    assert page.desk.values[BORE] == 0.13
+
+
+def test_numbers_get_sliders_and_lose_them(page):
+    first = page._by_gain()[0]
     assert first in page.sliders
     page.remove_slider(first)
     assert first not in page.sliders
     page.add_slider(first)
     assert page.ranges.objects[-1] is page.sliders[first].row
+
+
+@pytest.mark.parametrize("moves_with_its_ends", [False, True])  # as in Panel 1.10
+def test_a_value_typed_beyond_a_slider_is_what_is_computed_and_saved(scene, moves_with_its_ends):
+    page = _Page(scene)
+    slider = page.sliders[BORE].slider
+    if moves_with_its_ends:
+        slider.param.watch(
+            lambda _: slider.param.update(value=min(max(slider.value, slider.start), slider.end)),
+            ["start", "end"],
+        )
+    row = list(page.table.value["name"]).index(BORE)
+    seen = []
+    for text, value in (("170 mm", 0.17), ("60 mm", 0.06), ("200 mm", 0.2)):
+        page._entered(SimpleNamespace(column="Value", row=row, value=text))
+        assert page.desk.values[BORE] == value
+        assert float(np.asarray(page.desk.machine.compressor.mechanism.bore)) == value
+        assert rows_of(page).loc[BORE, "Value"] == text
+        assert slider.value == pytest.approx(value * 1e3, rel=1e-15)
+        low, high = page.sliders[BORE].range
+        assert low <= value <= high
+        assert loads(page.desk.toml()).compressor.mechanism.bore == value
+        seen.append(value)
+    assert page.desk.changes == (3, 0)
+    for value in (*seen[1::-1], 0.13):
+        page._undo(None)
+        assert page.desk.values[BORE] == value
+        assert slider.value == pytest.approx(value * 1e3, rel=1e-15)
+    page._redo(None)
+    assert page.desk.values[BORE] == 0.17
+    low, high = (end.value for end in page.sliders[BORE].ends)
+    page.sliders[BORE].ends[0].value = 171.0  # the range would leave the value out
+    assert "must hold the present value, 170 mm" in said(page)
+    assert [end.value for end in page.sliders[BORE].ends] == [low, high]
+    assert page.desk.values[BORE] == 0.17
 
 
 def said(page):
@@ -214,71 +301,139 @@ def test_pages_do_not_disturb_each_other(scene, page):
     assert page.desk.values[BORE] == value
 
 
-@pytest.mark.slow  # a browser
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs Debian's chromium")
-def test_in_a_browser(scene, tmp_path):
-    """Drag a slider, see the figure change, save, reload; nothing leaves the computer."""
-    playwright = pytest.importorskip("playwright.sync_api")
+@pytest.fixture(scope="module")
+def browser():
+    """Debian's Chromium, driven by Playwright."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright")
+    where = shutil.which("chromium")
+    if where is None:
+        pytest.skip("needs the system's chromium")
+    with playwright.sync_playwright() as started:
+        made = started.chromium.launch(executable_path=where, args=["--no-sandbox"])
+        yield made
+        made.close()
+
+
+@pytest.fixture(scope="module")
+def address(scene):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    server, saved = serve(scene, show=False, threaded=True, port=port), tmp_path / "saved.toml"
-    try:
-        with playwright.sync_playwright() as started:
-            browser = started.chromium.launch(
-                executable_path=shutil.which("chromium"), args=["--no-sandbox"]
-            )
-            check_page(browser, f"http://127.0.0.1:{port}/", saved)
-            browser.close()
-    finally:
-        server.stop()
-    assert load(saved).compressor.motor.mean_speed != scene.compressor.motor.mean_speed
+    server = serve(scene, show=False, threaded=True, port=port)
+    yield f"http://127.0.0.1:{port}/"
+    server.stop()
 
 
-def check_page(browser, address, saved):
-    """Drag the first slider; see value, picture, undo and a second tab; save and open again."""
-    asked = []
+class Tab:
+    """A tab with the desk."""
 
-    def opened():
-        tab = browser.new_page(viewport={"width": 1280, "height": 1000})
-        tab.on("request", lambda request: asked.append(request.url))
-        tab.goto(address)
-        tab.wait_for_selector(".tabulator-row", timeout=60_000)
-        return tab
+    def __init__(self, browser, address, width=1280, height=1000):
+        self.asked = []
+        self.page = browser.new_page(viewport={"width": width, "height": height})
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.goto(address)
+        self.page.wait_for_selector(".tabulator-row", timeout=60_000)
 
-    def value(tab):
-        return tab.locator("strong", has_text="Mechanical efficiency").inner_text()
+    def result(self):
+        return self.page.locator("strong", has_text="Mechanical efficiency").inner_text()
 
-    def forces(tab):
-        return tab.locator(".bk-Figure").nth(1).screenshot()
+    def rows(self):
+        """Value and gain by number, as they stand one below the other."""
+        texts = self.page.locator(".numbers .tabulator-row").evaluate_all(
+            "rows => rows.map(row => ['Number', 'Value', 'Gain'].map(field =>"
+            " row.querySelector(`[tabulator-field=${field}]`)?.innerText ?? ''))"
+        )
+        return {number: (value, gain) for number, value, gain in texts}
 
-    def changed(tab, before):
+    def value(self, number):
+        return self.rows().get(number, ("", ""))[0]
+
+    def press(self, name):
+        self.page.get_by_role("button", name=name, exact=True).click()
+
+    def type(self, number, text):
+        row = self.page.locator(".numbers .tabulator-row", has_text=number).first
+        row.locator("[tabulator-field=Value]").dblclick()
+        row.locator("input").fill(text)
+        row.locator("input").press("Enter")
+
+    def wait(self, holds, what):
         for _ in range(200):
-            if value(tab) != before:
-                return value(tab)
-            tab.wait_for_timeout(50)
-        raise AssertionError("nothing changed within ten seconds")
+            if holds():
+                return
+            self.page.wait_for_timeout(50)
+        raise AssertionError(f"not within ten seconds: {what}")
 
-    tab, other = opened(), opened()
-    start, picture = value(tab), forces(tab)
-    handle = tab.locator(".noUi-handle").first.bounding_box()
-    tab.mouse.move(handle["x"] + 5, handle["y"] + 5)
-    tab.mouse.down()
-    tab.mouse.move(handle["x"] + 45, handle["y"] + 5)
-    changed(tab, start)
-    tab.mouse.up()
-    tab.wait_for_timeout(1000)
-    dragged = value(tab)
-    assert forces(tab) != picture
-    assert value(other) == start
-    with tab.expect_download() as download:
-        tab.get_by_text("Save as machine file").click()
-    download.value.save_as(saved)
-    tab.get_by_role("button", name="Undo").click()
-    assert changed(tab, dragged) == start
-    other.set_input_files("input[type=file]", saved)
-    assert changed(other, start) == dragged
-    tab.reload()  # begins anew
-    tab.wait_for_selector(".tabulator-row", timeout=60_000)
-    assert value(tab) == start
-    assert all(url.startswith((address, "data:", "blob:")) for url in asked)
+    def saved(self, path):
+        with self.page.expect_download() as download:
+            self.page.get_by_text("Save as machine file").click()
+        download.value.save_as(path)
+        return load(path)
+
+
+@pytest.mark.slow  # a browser
+def test_sorting_typing_undo_and_saving_in_a_browser(browser, address, tmp_path):
+    tab = Tab(browser, address)
+    start = tab.rows()
+    assert all(gain for _, gain in start.values())  # from the first moment
+    tab.press("Sort by gain")
+    tab.wait(lambda: list(tab.rows()) != list(start), "another order")
+    ranked = tab.rows()
+    assert all(start[number] == texts for number, texts in ranked.items() if number in start)
+    tab.type("bore", "170 mm")  # beyond the end of its slider
+    tab.wait(lambda: tab.value("bore") == "170 mm", "what was typed")
+    tab.wait(lambda: tab.page.get_by_text("bore [mm]: 170").count() == 1, "the slider follows")
+    others = {number: texts[0] for number, texts in tab.rows().items() if number != "bore"}
+    assert others == {n: texts[0] for n, texts in (start | ranked).items() if n in others}
+    assert float(tab.saved(tmp_path / "a.toml").compressor.mechanism.bore) == 0.17
+    tab.press("Undo")
+    tab.wait(lambda: tab.value("bore") == "130 mm", "the value before, in one step")
+    tab.press("Redo")
+    tab.wait(lambda: tab.value("bore") == "170 mm", "the value again")
+    assert float(tab.saved(tmp_path / "b.toml").compressor.mechanism.bore) == 0.17
+    tab.press("Undo")
+    tab.wait(lambda: tab.value("bore") == "130 mm", "the value before")
+    head = tab.page.locator(".numbers .tabulator-col[tabulator-field=Gain] .tabulator-col-sorter")
+    for falling in (False, True):
+        head.click()
+        tab.page.wait_for_timeout(300)
+        gains = [gain for _, gain in tab.rows().values() if "per %" in gain]
+        numbers = [float(gain.split()[0]) for gain in gains]
+        assert numbers == sorted(numbers, reverse=falling)
+    tab.type("bore", "140 mm")  # while a header sorts
+    tab.wait(lambda: "140 mm" in tab.page.get_by_text("140 mm").all_inner_texts(), "the value")
+    assert float(tab.saved(tmp_path / "c.toml").compressor.mechanism.bore) == 0.14
+    tab.page.close()
+
+
+@pytest.mark.slow  # a browser
+def test_dragging_two_tabs_and_opening_in_a_browser(browser, address, scene, tmp_path):
+    """Drag a slider, see the figure change, save, reload; nothing leaves the computer."""
+    tab, other = Tab(browser, address), Tab(browser, address)
+
+    def picture():
+        return tab.page.locator(".bk-Figure").nth(1).screenshot()
+
+    start, before = tab.result(), picture()
+    handle = tab.page.locator(".noUi-handle").first.bounding_box()
+    tab.page.mouse.move(handle["x"] + 5, handle["y"] + 5)
+    tab.page.mouse.down()
+    tab.page.mouse.move(handle["x"] + 45, handle["y"] + 5)
+    tab.wait(lambda: tab.result() != start, "another result")
+    tab.page.mouse.up()
+    tab.page.wait_for_timeout(1000)
+    dragged = tab.result()
+    assert picture() != before
+    assert other.result() == start
+    speed = tab.saved(tmp_path / "saved.toml").compressor.motor.mean_speed
+    assert speed != scene.compressor.motor.mean_speed
+    tab.press("Undo")
+    tab.wait(lambda: tab.result() == start, "the start")
+    other.page.set_input_files("input[type=file]", tmp_path / "saved.toml")
+    other.wait(lambda: other.result() == dragged, "the machine that was opened")
+    tab.page.reload()  # begins anew
+    tab.page.wait_for_selector(".tabulator-row", timeout=60_000)
+    assert tab.result() == start
+    assert all(url.startswith((address, "data:", "blob:")) for url in tab.asked + other.asked)
+    tab.page.close()
+    other.page.close()

@@ -12,6 +12,7 @@ from jaxcomp.compressor import cylinder_pressure, kink_angles, stroke_at
 from jaxcomp.gas import (
     CallableDiagram,
     CrankAngleTable,
+    DoubleActing,
     FourierDiagram,
     PolytropicCycle,
     Stroke,
@@ -68,6 +69,21 @@ def test_indicated_work_is_the_closed_form(n, clearance):
     )
     # ten digits are what `quad` was asked for
     assert indicated_work(gas) == pytest.approx(expected, rel=1e-9)
+
+
+def test_every_pressure_on_a_double_acting_piston_has_its_own_area():
+    ends = cycle(), cycle(suction_pressure=2e5, clearance_ratio=0.1)
+    gas = DoubleActing(*ends, rod_diameter=0.04, ambient_pressure=0.9e5)
+    area, rod = np.pi / 4 * 0.1**2, np.pi / 4 * 0.04**2
+    displaced, inward = SWEPT * np.array([0.0, 0.3, 0.8, 0.4]), np.array([1.0, 1.0, -1.0, -1.0])
+    near, far = (
+        Stroke(jnp.zeros(4), jnp.asarray(d), jnp.asarray(SWEPT), jnp.asarray(way))
+        for d, way in ((displaced, inward), (SWEPT - displaced, -inward))
+    )
+    head, net = gas.on_piston(near, area)
+    np.testing.assert_array_equal(head, ends[0].pressure(near))
+    force = area * head - (area - rod) * ends[1].pressure(far) - rod * 0.9e5
+    np.testing.assert_allclose(area * net, force, rtol=1e-13)  # rounding
 
 
 @pytest.mark.parametrize("n", [1.0, 1.3])

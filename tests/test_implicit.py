@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp._implicit import AbstractFixedPoint, fixed_point, settle
+from jaxcomp._implicit import AbstractFixedPoint, AbstractRoot, fixed_point, root, settle
 
 
 class Kepler(AbstractFixedPoint):
@@ -29,6 +29,27 @@ class Kepler(AbstractFixedPoint):
 def kepler(eccentricity, anomaly, tolerance=1e-14, steps=200):
     value, report = fixed_point(Kepler(tolerance, steps), (eccentricity, anomaly))
     return value["angle"], report
+
+
+class Cubes(AbstractRoot):
+    """x^3 = a, entry by entry."""
+
+    a: jax.Array
+
+    def solve(self):
+        return jnp.cbrt(self.a)
+
+    def rest(self, unknowns):
+        return unknowns**3 - self.a
+
+
+def test_a_root_has_the_derivatives_of_its_equations():
+    a = jnp.asarray([0.5, 8.0])
+    cube_root = lambda a: root(Cubes(a))  # noqa: E731
+    np.testing.assert_allclose(jax.jacfwd(cube_root)(a), np.diag(a ** (-2 / 3) / 3), rtol=1e-14)
+    np.testing.assert_allclose(jax.jacrev(cube_root)(a), np.diag(a ** (-2 / 3) / 3), rtol=1e-14)
+    second = jax.grad(jax.grad(lambda a: cube_root(a[None])[0]))(a[1])
+    np.testing.assert_allclose(second, -2 / 9 * 8 ** (-5 / 3), rtol=1e-14)
 
 
 def test_root_is_found_and_reported():

@@ -3,7 +3,8 @@
 import pytest
 
 from jaxcomp.film import iso_vg_viscosity
-from jaxcomp.scene import SceneError, load, loads, with_value, with_values
+from jaxcomp.scene import SceneError, load, loads, to_si, with_value, with_values
+from jaxcomp.scene.tolerances import read_tolerance
 
 GOOD = """
 name = "m"
@@ -262,6 +263,52 @@ def test_a_file_of_junk_is_answered_soon(junk, monkeypatch):
         loads(GOOD + "".join(junk.format(i) for i in range(3000)))
     assert len(caught.value.others) >= 2999
     assert len(looked_up) <= 20
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "kelvin"),
+    [
+        ("-23.3 degC", "gas.suction.evaporating", 249.85),
+        ("18.3 C", "gas.suction.temperature", 291.45),
+        ("-4°F", "--over gas.discharge.condensing=-4°F:3", 253.15),
+        ("20 celsius", "gas.wall_temperature.1", 293.15),
+        ("249.85 K", "--limit discharge_temperature", 249.85),
+        ("10 K", "gas.suction.superheat", 10.0),
+    ],
+)
+def test_temperatures_with_a_zero_of_their_own(text, key, kelvin):
+    assert float(to_si(text, "K", key)) == pytest.approx(kelvin, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "words"),
+    [
+        ("10 degC", "gas.suction.superheat", r'difference of temperatures is needed; write "10 K"'),
+        (
+            "18 °F",
+            "gas.discharge.subcooling",
+            r'difference of temperatures is needed; write "10 K"',
+        ),
+        ("2 C", "film_temperature_rise.crank_pin", "difference of temperatures"),
+        (
+            "10",
+            "gas.suction.temperature",
+            'lacks its unit; it must be a temperature .* "-23.3 degC"',
+        ),
+        ("10", "gas.suction.superheat", 'lacks its unit; .* "10 K"'),
+        ("10 coulomb", "gas.suction.temperature", "another dimension"),
+    ],
+)
+def test_a_difference_of_temperatures_is_no_temperature(text, key, words):
+    with pytest.raises(SceneError, match=words):
+        to_si(text, "K", key)
+
+
+def test_a_tolerance_of_a_temperature_is_a_difference():
+    one = read_tolerance("+-2 K", "K", "gas.suction.temperature")
+    assert one == read_tolerance("+-2 K", "K", "gas.suction.superheat")
+    with pytest.raises(SceneError, match="difference of temperatures"):
+        read_tolerance("+-2 degC", "K", "gas.suction.temperature")
 
 
 def test_oil_by_grade_and_temperature():

@@ -1,6 +1,7 @@
 """Whoever waits for the compiler or for many designs is told, on standard error and in pipes as well."""
 
 import re
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -32,9 +33,37 @@ def test_a_call_that_compiles_says_so_once(told, monkeypatch, capsys):
     undamped_modes(model, 3)
     lines = [line for line in capsys.readouterr().err.splitlines() if "compiling" in line]
     assert len(lines) == 1
-    assert re.fullmatch(r"jaxcomp: compiling undamped_modes for my-rotor, about \d+ s", lines[0])
+    assert re.fullmatch(r"jaxcomp: compiling the undamped modes of my-rotor, about \d+ s", lines[0])
     undamped_modes(model, 3)
     assert "compiling" not in capsys.readouterr().err
+
+
+def test_what_is_kept_is_told_and_shown_by_a_spinner(told, monkeypatch, capsys):
+    class Status:
+        status, seen = "Solving ...", []
+
+        def update(self, text):
+            self.status = text
+            self.seen.append(text)
+
+    shown = Status()
+    monkeypatch.setattr(_waits._Compiles, "told", True)
+    monkeypatch.setattr(_waits._Compiles, "machine", "r290-6cc")
+    with _waits.compiling(10**6, kept=True):
+        pass
+    words = "compiling the results of r290-6cc, about 40 s; later starts are quicker"
+    assert capsys.readouterr().err == f"jaxcomp: {words}\n"
+    monkeypatch.setattr(_waits._Compiles, "status", shown)
+    with _waits.compiling(10**6, kept=True):
+        assert shown.status == f"C{words[1:]} ..."
+    assert shown.status == "Solving ..."
+    assert not capsys.readouterr().err
+
+
+def test_names_of_functions_are_those_of_the_package():
+    texts = "".join(path.read_text() for path in Path(_waits._PACKAGE).rglob("*.py"))
+    for name in _waits._COMPUTES:
+        assert f"def {name}(" in texts, name
 
 
 def test_what_others_compile_is_not_told(told, capsys):

@@ -13,7 +13,7 @@ import jaxcomp as jc
 
 from ._arguments import changed_scene
 from ._options import AsJson, ExcitationOption, Machine, Out, Quantity, Sets
-from ._output import hand_out, plain
+from ._output import Partial, hand_out, plain
 from ._start import quick_compiles, refuse, reports_errors
 from ._tables import Markup, column_table, row_table
 
@@ -78,6 +78,12 @@ def accuracy(
     quick_compiles()  # nothing is kept, so that compile times are those of a first call
     scene = changed_scene(machine, sets)
     name = scene.name
+    partial = Partial(out, "settings")
+
+    def keep(rows) -> None:
+        fields = ("method", "setting", "error", "seconds", "compile_seconds")
+        partial.keep({field: [getattr(row, field) for row in rows] for field in fields})
+
     with progress_of("Measuring", unit="settings") as bar:
 
         def progress(label, number, total):
@@ -100,8 +106,11 @@ def accuracy(
                 excitation=excitation,
                 thorough=thorough,
                 progress=progress,
+                keep=keep,
             )
             result, tables = accuracy_result(report, error), accuracy_tables(report, error)
+
+    partial.done()
 
     def figures():
         if study == "scenes":

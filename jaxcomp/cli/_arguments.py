@@ -90,12 +90,13 @@ def changed_scene(
     return jc.scene.with_lists(scene, names)
 
 
-def si(text: str, unit: str, option: str) -> float:
-    """[SI] A number of the command line."""
+def si(text: str, unit: str, option: str, difference: bool = False) -> float:
+    """[SI] A number of the command line, or a difference of two such as a deviation."""
     if not text:
         raise jc.scene.SceneError(option, "lacks a value")
     given = entry(text)
-    return float(jc.scene.to_si(text if given is None else given, unit, option))
+    given = text if given is None else given
+    return float(jc.scene.to_si(given, unit, option, difference=difference))
 
 
 def value_of(name: str, text: str, option: str) -> float:

@@ -56,7 +56,7 @@ def error_result(file: str, errors: Sequence[jc.scene.SceneError]) -> dict[str, 
 
 
 def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
-    """Parts, what follows from them, commands that take the scene, and unusual values."""
+    """Parts, what follows from them, commands for the scene, what it leaves out, unusual values."""
     rows = jc.scene.describe(scene)
     words = {row.path[: -len(".type")]: row.value for row in rows if row.path.endswith(".type")}
 
@@ -80,6 +80,7 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
         "parts": {name: counts for name, counts in parts.items() if counts["values"]},
         "follows": [{"what": what, "value": x, "unit": unit} for what, x, unit in _follows(scene)],
         "commands": _commands(scene),
+        "left_out": list(jc.scene.left_out(scene)),
         "unusual": [value._asdict() for value in jc.scene.implausible_values(scene)],
     }
 
@@ -94,6 +95,7 @@ def check_tables(result: dict[str, Any]):
     for value in result["unusual"]:
         shown = escape(f"{value['path']}: {value['what']}, usual is {value['usual']}")
         yield f"[yellow]unusual[/yellow]  {shown}"
+    yield f"left out  {escape(', '.join(result['left_out']) or 'nothing')}"
     verdict = "valid; look at the unusual values again" if result["unusual"] else "valid"
     yield f"[green]{verdict}[/green]; for jaxcomp {', '.join(result['commands'])}"
 

@@ -31,33 +31,44 @@ _OTHERS = {
 
 
 # What a new machine is; each has a file in `jaxcomp/scene/starts`.
-Kind = Literal["slider-crank", "v-twin", "slider-link", "rotor"]
+Kind = Literal["slider-crank", "v-twin", "slider-link", "refrigeration", "semi-hermetic", "rotor"]
 
 
 @reports_errors
 def new(
     file: Annotated[Path, typer.Argument()] = Path("my-machine.toml"),
     kind: Kind = "slider-crank",
+    machine: Annotated[str | None, typer.Option("--from", autocompletion=complete_machine)] = None,
     force: bool = False,
 ) -> None:
     """Write a scene file to start from, with a comment on every entry.
 
-    Example: [bold]jaxcomp new my-machine.toml --kind slider-link[/bold]
+    Example: [bold]jaxcomp new my-machine.toml --kind refrigeration[/bold], [bold]jaxcomp new
+    my-machine.toml --from r290-6cc[/bold]
 
     Args:
         file: File to write; - prints it.
         kind: What to start from.
+        machine (MACHINE): Bundled machine or scene file to start from, with its numbers.
         force: Write over a file.
     """
-    from ..scene import start
+    from ..scene import load, start, start_from
 
-    if str(file) == "-":
-        typer.echo(start(kind, "my-machine"), nl=False)
+    printed = str(file) == "-"
+    refuse(not printed and file.suffix != ".toml", f"{file}: must end in .toml")
+    refuse(
+        not printed and file.exists() and not force,
+        f"{file}: is there already; --force writes over it",
+    )
+    name = "my-machine" if printed else file.stem
+    scene = None if machine is None else load(machine)
+    text = start(kind, name) if scene is None else start_from(scene, name)
+    if printed:
+        typer.echo(text, nl=False)
         return
-    refuse(file.suffix != ".toml", f"{file}: must end in .toml")
-    refuse(file.exists() and not force, f"{file}: is there already; --force writes over it")
-    file.write_text(start(kind, file.stem), encoding="utf-8")
-    verb = "respond" if kind == "rotor" else "run"
+    file.write_text(text, encoding="utf-8")
+    has_crank = kind != "rotor" if scene is None else scene.compressor is not None
+    verb = "run" if has_crank else "respond"
     typer.echo(f"{file} is written. Change it, then: jaxcomp check {file}; jaxcomp {verb} {file}")
 
 

@@ -214,7 +214,8 @@ def _priors(scene, texts) -> dict[str, tuple[float, float]]:
         if not sign:
             raise CommandError(f"--prior {name}={given}: must be PATH=VALUE+-SD")
         unit = varied(scene.machine, name).unit
-        out[name] = tuple(si(one.strip(), unit, f"--prior {name}") for one in (mean, width))
+        both = ((mean, False), (width, True))
+        out[name] = tuple(si(one.strip(), unit, f"--prior {name}", sd) for one, sd in both)
     return out
 
 
@@ -226,7 +227,7 @@ def _deviations(texts) -> dict[str, float]:
     for name, given in assignments(texts, "--sd").items():
         if name not in MEASURED:
             raise CommandError(f"--sd {name}: must be {one_of(name, MEASURED)}")
-        out[name] = si(given, "" if MEASURED[name][1] else "K", f"--sd {name}")
+        out[name] = si(given, "" if MEASURED[name][1] else "K", f"--sd {name}", difference=True)
     return out
 
 

@@ -23,7 +23,7 @@ from ._options import (
     analysis_options,
     complete_variable,
 )
-from ._output import hand_out, plain
+from ._output import Partial, hand_out, plain
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import beside_table, bold, row_table
 
@@ -136,7 +136,19 @@ def optimise(
             words = "Sampling the ranges" if stage == "sample" else "Searching, designs a start"
             progress.at(done, total, words)
 
-        options["callback"] = callback
+        partial = Partial(out, "designs")
+        solved: list[tuple[Any, Any, Any]] = []
+
+        def keep(designs, found) -> None:
+            import numpy as np
+
+            solved.append((designs, found.values, found.ok))
+            points, values, ok = map(np.concatenate, zip(*solved, strict=True))
+            columns = {f"{data.name} [{data.unit}]" if data.unit else data.name: data.values
+                       for data in made.columns(points, values)}  # fmt: skip
+            partial.keep(columns | {"solved": ok})
+
+        options |= {"callback": callback, "keep": keep}
         goal, way = made.quantities[0], _maximise(asked)
         if pareto:
             options |= {"maximise": (way, None), "points": points}
@@ -148,6 +160,7 @@ def optimise(
             }
             options |= {"maximise": way, "method": asked["method"]}
             found = jc.design.optimise(made, wanted or goal, **options)
+    partial.done()
     seconds = time.perf_counter() - begun
     if isinstance(found, jc.design.ParetoFront):
         result = front_result(scene, asked, found, seconds)

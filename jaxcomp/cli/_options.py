@@ -17,6 +17,7 @@ import jaxcomp as jc
 from .._extensions import ExtensionError
 from .._files import regular
 from .._registry import DESIGN_RULES, registered
+from ._start import CommandError, show_error
 
 _MACHINES = Path(__file__).parents[1] / "machines"
 
@@ -146,14 +147,26 @@ Quantities = Annotated[list[str] | None, typer.Option(autocompletion=complete_qu
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object in SI units instead of tables.")
 ]
+
+
+def folder(out: Path | None) -> Path | None:
+    """A folder for results, which is made if it is not there; a file is none."""
+    if out is not None and out.exists() and not out.is_dir():
+        show_error(CommandError(f"--out {out}: is a file; name a folder, which is made if absent"))
+        raise typer.Exit(2)
+    return out
+
+
 Out = Annotated[
     Path | None,
     typer.Option(
-        help="Folder for report.html, pictures, result.json and scene.toml as it was run."
+        help="Folder for report.html, pictures, result.json and scene.toml as it was run.",
+        callback=folder,
     ),
 ]
 OutWithoutScene = Annotated[
-    Path | None, typer.Option(help="Folder for report.html, pictures and result.json.")
+    Path | None,
+    typer.Option(help="Folder for report.html, pictures and result.json.", callback=folder),
 ]
 ExcitationOption = Annotated[
     Excitation | None,

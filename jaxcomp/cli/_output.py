@@ -7,6 +7,7 @@ import io
 import json
 import math
 import sys
+import time
 from collections.abc import Callable, Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,12 +15,15 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from .._interrupts import words_when_stopped
 from .._registry import registered
 from ._start import command_line, waiting
 
 if TYPE_CHECKING:
     from ..scene import Scene
 
+# [s] Between two writings of what there is so far.
+_EVERY = 1.0
 _WRITTEN = "Report, pictures, curves, result and scene"
 
 
@@ -51,6 +55,46 @@ def hand_out(
             columns = {k: made() if callable(made) else made for k, made in (curves or {}).items()}
             write_results(out, figures(), result, scene, tables, columns)
     show_results(result, tables, as_json, out, written)
+
+
+class Partial:
+    """What long work has so far, which an interrupt leaves: in a file, or in a word.
+
+    Args:
+        out: folder of the command; without one the word says how to keep more.
+        unit: what the pieces are.
+    """
+
+    def __init__(self, out: Path | None, unit: str):
+        self.file = None if out is None else out / "partial.csv"
+        self.unit, self.written = unit, -_EVERY
+        self.columns: dict[str, Any] = {}
+
+    def keep(self, columns: Mapping[str, Any], best: str = "") -> None:
+        """Keep columns of equal length in the place of what was kept before.
+
+        Args:
+            columns: by name with unit.
+            best: the best of them in words.
+        """
+        self.columns = dict(columns)
+        count = len(next(iter(self.columns.values()), ()))
+        kept = "with --out FOLDER they are kept"
+        if self.file is not None:
+            kept = f"they are in {self.file}"
+            if time.monotonic() - self.written > _EVERY:
+                from .._results import csv_text
+
+                self.file.parent.mkdir(parents=True, exist_ok=True)
+                _write(self.file, csv_text(self.columns).encode())
+                self.written = time.monotonic()
+        words_when_stopped(f"stopped after {count:,} {self.unit}{best and f', {best}'}; {kept}")
+
+    def done(self) -> None:
+        """The work has ended: its results stand for what was kept."""
+        words_when_stopped()
+        if self.file is not None:
+            self.file.unlink(missing_ok=True)
 
 
 def write_results(

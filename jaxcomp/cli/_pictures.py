@@ -11,7 +11,7 @@ import jaxcomp as jc
 
 from .._shown import RPM
 from ._arguments import changed_scene
-from ._options import Designs, Machine, Sets
+from ._options import Designs, Machine, Sets, folder
 from ._output import hand_out
 from ._rotor import points_and_range, rotor_of
 from ._start import CommandError, refuse, reports_errors, start_jax, waiting
@@ -21,7 +21,7 @@ from ._tables import row_table
 @reports_errors
 def animate(
     machine: Machine,
-    out: Annotated[Path, typer.Option()],
+    out: Annotated[Path, typer.Option(callback=folder)],
     sets: Sets = None,
     speed: str | None = None,
     frames: int = 48,

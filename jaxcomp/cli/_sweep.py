@@ -203,7 +203,11 @@ def _axis(text: str, unit: str, option: str, sampled: bool):
     parts = [part.strip() for part in text.split(":")]
 
     def numbers(texts):
-        return [_number(one, unit, option) for one in with_one_unit(texts)]
+        # a deviation is a difference
+        return [
+            _number(one, unit, option, kind == "normal" and place == 1)
+            for place, one in enumerate(with_one_unit(texts))
+        ]
 
     if sampled:
         forms = "from:to, log:from:to or normal:mean:deviation with --samples"
@@ -229,11 +233,12 @@ def _made(kind, option, *numbers):
         raise CommandError(f"{option}: {error}") from None
 
 
-def _number(text: str, unit: str, option: str) -> float:
+def _number(text: str, unit: str, option: str, difference: bool) -> float:
     try:
-        return float(jc.scene.to_si(float(text), unit, option))
+        given: float | str = float(text)
     except ValueError:
-        return float(jc.scene.to_si(text, unit, option))
+        given = text
+    return float(jc.scene.to_si(given, unit, option, difference=difference))
 
 
 def sweep_result(found, scene: str) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from ._options import (
     analysis_options,
     complete_variable,
 )
-from ._output import hand_out, plain
+from ._output import Partial, hand_out, plain
 from ._start import CommandError, cluster, refuse, reports_errors, start_jax, waiting
 from ._sweep import default_quantities, start_devices
 from ._tables import row_table
@@ -114,11 +114,18 @@ def tolerance(
     names = list(quantity or (() if limits else default_quantities(scene)))
     for name in names:
         jc.design.quantity_named(name)
+    asked = list(dict.fromkeys([*names, *limits]))
+    partial = Partial(out, "machines")
+
+    def keep(points, values, ok) -> None:
+        columns = [*given, *asked]
+        partial.keep(dict(zip(columns, (*points.T, *values.T), strict=True)) | {"solved": ok})
+
     with waiting(), cluster(dask) as client:
         found = jc.tolerancing.tolerance(
             design,
             given,
-            list(dict.fromkeys([*names, *limits])),
+            asked,
             correlations=correlations,
             limits=limits,
             options=options,
@@ -127,7 +134,9 @@ def tolerance(
             seed=seed,
             client=client,
             curvature=None if curvature == "none" else curvature,
+            keep=keep,
         )
+        partial.done()
         tighter = None if rejects is None else permitted_tolerances(found, rejects)
     result = tolerance_result(found, scene.name, given, correlations, balanced)
     if tighter is not None:

@@ -51,8 +51,12 @@ class SuctionLine(Part):
 
     kind: ClassVar[str] = "suction_line"
 
-    pressure: Float[Array, ""] | None = quantity("Pa", POSITIVE, default=None, doc="absolute")
-    temperature: Float[Array, ""] | None = quantity("K", POSITIVE, default=None, doc="of the gas")
+    pressure: Float[Array, ""] | None = quantity(
+        "Pa", POSITIVE, default=None, doc="absolute", usual=(1e3, 1e8)
+    )
+    temperature: Float[Array, ""] | None = quantity(
+        "K", POSITIVE, default=None, doc="of the gas", usual=(150.0, 700.0)
+    )
     evaporating: Float[Array, ""] | None = quantity(
         "K", POSITIVE, default=None, doc="dew temperature, instead of the pressure"
     )
@@ -108,7 +112,9 @@ class DischargeLine(Part):
 
     kind: ClassVar[str] = "discharge_line"
 
-    pressure: Float[Array, ""] | None = quantity("Pa", POSITIVE, default=None, doc="absolute")
+    pressure: Float[Array, ""] | None = quantity(
+        "Pa", POSITIVE, default=None, doc="absolute", usual=(1e3, 1e8)
+    )
     condensing: Float[Array, ""] | None = quantity(
         "K", POSITIVE, default=None, doc="dew temperature, instead of the pressure"
     )
@@ -117,6 +123,7 @@ class DischargeLine(Part):
         POSITIVE,
         default=None,
         doc="of gas that flows back; that of isentropic compression if absent",
+        usual=(150.0, 700.0),
     )
     subcooling: Float[Array, ""] | None = quantity(
         "K", NONNEGATIVE, default=None, doc="of the liquid before the expansion; none if absent"
@@ -197,8 +204,12 @@ class Cylinder(AbstractGas):
     discharge: DischargeLine
     suction_valve: AbstractValve
     discharge_valve: AbstractValve
-    clearance_ratio: Float[Array, ""] = quantity("", POSITIVE, doc="clearance over swept volume")
-    wall_temperature: Float[Array, ""] | None = quantity("K", POSITIVE, default=None)
+    clearance_ratio: Float[Array, ""] = quantity(
+        "", POSITIVE, doc="clearance over swept volume", usual=(1e-3, 0.3)
+    )
+    wall_temperature: Float[Array, ""] | None = quantity(
+        "K", POSITIVE, default=None, usual=(150.0, 700.0)
+    )
     heat: AbstractHeat | None = None
     leakage: LaminarGap | None = None
     walls: WallNetwork | None = None

@@ -196,8 +196,12 @@ class WallNetwork(Part):
 
     kind: ClassVar[str] = "wall_network"
 
-    ambient_temperature: Float[Array, ""] = quantity("K", POSITIVE, doc="around the wall")
-    ambient_conductance: Float[Array, ""] = quantity("W/K", POSITIVE, doc="UA to its surroundings")
+    ambient_temperature: Float[Array, ""] = quantity(
+        "K", POSITIVE, doc="around the wall", usual=(200.0, 500.0)
+    )
+    ambient_conductance: Float[Array, ""] = quantity(
+        "W/K", POSITIVE, doc="UA to its surroundings", usual=(1e-3, 1e4)
+    )
     suction_conductance: Float[Array, ""] = quantity(
         "W/K", NONNEGATIVE, default=0.0, doc="UA to the suction plenum next to the valve"
     )
@@ -296,8 +300,10 @@ class LaminarGap(Part):
 
     kind: ClassVar[str] = "laminar_gap"
 
-    gap: Float[Array, ""] = quantity("m", NONNEGATIVE, doc="radial clearance")
-    length: Float[Array, ""] = quantity("m", POSITIVE, doc="of the sealing surface")
+    gap: Float[Array, ""] = quantity("m", NONNEGATIVE, doc="radial clearance", usual=(5e-7, 1e-3))
+    length: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="of the sealing surface", usual=(1e-3, 1.0)
+    )
     viscosity: Float[Array, ""] | None = quantity(
         "Pa s", POSITIVE, default=None, doc="of the gas; the fluid's own if absent"
     )

@@ -44,9 +44,11 @@ class Plenum(Part):
 
     kind: ClassVar[str] = "plenum"
 
-    volume: Float[Array, ""] = quantity("m^3", POSITIVE)
-    neck_length: Float[Array, ""] = quantity("m", POSITIVE, doc="with its end correction")
-    neck_diameter: Float[Array, ""] = quantity("m", POSITIVE)
+    volume: Float[Array, ""] = quantity("m^3", POSITIVE, usual=(1e-7, 10.0))
+    neck_length: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="with its end correction", usual=(1e-3, 10.0)
+    )
+    neck_diameter: Float[Array, ""] = quantity("m", POSITIVE, usual=(1e-3, 1.0))
     loss_coefficient: Float[Array, ""] = quantity(
         "", NONNEGATIVE, default=1.5, doc="of the neck, over its dynamic pressure"
     )

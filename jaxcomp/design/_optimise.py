@@ -22,13 +22,15 @@ from .._status import SolveFailed, Status
 from ..machine import Machine
 from ._descent import BETTER, Descent, Method, method_of, run_together
 from ._goal import FEASIBLE, Goal, Interval, Objective, Point, Ranges, goal_of
-from ._problem import Asked, Problem, Solved, solved
+from ._problem import Asked, Problem, Solved, given_problem, solved
 
 if TYPE_CHECKING:
     import optax
 
 # Called with "sample" or "descent", the designs solved (from each start) and the largest number of them.
 Callback = Callable[[str, int, int], None]
+# Called with designs [SI] (n, variables) and what was solved of them.
+Keep = Callable[[np.ndarray, Solved], None]
 
 
 class Constrained(NamedTuple):
@@ -193,6 +195,7 @@ def optimise(
     seed: int = 0,
     batch: int = 8,
     callback: Callback | None = None,
+    keep: Keep | None = None,
 ) -> Optimum:
     """The best design of a problem.
 
@@ -216,6 +219,7 @@ def optimise(
         batch: designs solved at once.
         callback: called as work goes on with "sample" or "descent", the designs solved (from each
             start) and the largest number of them; what it raises ends the search.
+        keep: called with designs [SI] (n, variables) and with what was solved of them, as work goes on.
 
     Raises:
         BadInput: a variable without finite range, an unknown quantity, an impossible bound.
@@ -227,11 +231,11 @@ def optimise(
     >>> print(f"{1e3 * best.values['bore']:.1f} mm, {100 * best.objective:.2f} %, {best.status}")
     130.9 mm, 91.17 %, converged
     """
-    goal = goal_of(problem, objective, maximise, constraints)
+    goal = goal_of(given_problem(problem), objective, maximise, constraints)
     chosen = method_of(method, goal)
     given, count = _given_starts(starts, problem)
     points = space(problem, goal.ranges, max(counted("samples", samples, 0), count), seed, given)
-    search = Search(goal.problem, points, batch, max_steps, tolerance, callback)
+    search = Search(goal.problem, points, batch, max_steps, tolerance, callback, keep)
     goal, sample = search.sampled(goal)
     begin = sample.starts(count) if given is None else given
     descents = search.descents([(goal, start) for start in begin], chosen)
@@ -276,7 +280,7 @@ class Search:
     Args:
         problem: of the goal or goals.
         points: [SI] (n, variables) designs of the sample.
-        batch, max_steps, tolerance, callback: as in `optimise`.
+        batch, max_steps, tolerance, callback, keep: as in `optimise`.
 
     Raises:
         BadInput: an option out of bounds.
@@ -291,13 +295,14 @@ class Search:
         max_steps: int,
         tolerance: float,
         callback: Callback | None,
+        keep: Keep | None = None,
     ):
         for name, number in {"max_steps": max_steps, "batch": batch}.items():
             if number < 1:
                 raise BadInput(name, number, ">= 1")
         if not 0 < tolerance < 1:
             raise BadInput("tolerance", tolerance, "> 0 and < 1")
-        self.solved = partial(solved, problem, batch=batch)
+        self.problem, self.batch, self.keep = problem, batch, keep
         self.points, self.max_steps, self.tolerance = points, max_steps, tolerance
         self.tell = callback or (lambda stage, done, most: None)
         parts, at_once = [], 4 * batch
@@ -308,6 +313,13 @@ class Search:
         if not np.any(self.found.ok):
             details = f"none of {len(points)} designs could be solved"
             raise SolveFailed(Status.not_converged, details)
+
+    def solved(self, points: Float[np.ndarray, "n variables"]) -> Solved:
+        """Solve designs, and let them be kept."""
+        found = solved(self.problem, points, self.batch)
+        if self.keep is not None:
+            self.keep(points, found)
+        return found
 
     def sampled(self, goal: Goal) -> tuple[Goal, Sample]:
         """A goal in spreads of the quantities over the sample, and the sample as it judges it."""

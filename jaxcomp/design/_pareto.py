@@ -12,8 +12,8 @@ from .._results import Data, Result
 from .._status import SolveFailed, Status
 from ._descent import BETTER, Descent, method_of
 from ._goal import Goal, Interval, Limit, goal_of
-from ._optimise import Callback, Optimum, Search, optimum_of, space
-from ._problem import Asked, Problem
+from ._optimise import Callback, Keep, Optimum, Search, optimum_of, space
+from ._problem import Asked, Problem, given_problem
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -85,6 +85,7 @@ def pareto(
     seed: int = 0,
     batch: int = 8,
     callback: Callback | None = None,
+    keep: Keep | None = None,
 ) -> ParetoFront:
     """Trace the front of two objectives by gradients; all its points move at once.
 
@@ -95,7 +96,7 @@ def pareto(
         constraints: [SI] as in `optimise`.
         points: of the front, with both ends; a front without conflict has one.
         starts: of the search for each end.
-        max_steps, samples, seed, batch, callback: as in `optimise`, whose steps count anew
+        max_steps, samples, seed, batch, callback, keep: as in `optimise`, whose steps count anew
             for each end and for the points between.
         tolerance: [-] as in `optimise`.
 
@@ -108,6 +109,7 @@ def pareto(
         raise BadInput("starts", starts, ">= 1")
     if len(objectives) != 2 or objectives[0] == objectives[1]:
         raise BadInput("objectives", str(objectives), "two different quantities")
+    problem = given_problem(problem)
     quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
     # all quantities in one order, so that one program serves both ends and the front
     problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)
@@ -116,7 +118,7 @@ def pareto(
     ]
     method, ranges = method_of("slsqp", goals[0]), goals[0].ranges
     designs = space(problem, ranges, max(samples, starts), seed)
-    search = Search(goals[0].problem, designs, batch, max_steps, tolerance, callback)
+    search = Search(goals[0].problem, designs, batch, max_steps, tolerance, callback, keep)
     ends, front = [], []
     for goal, sample in map(search.sampled, goals):
         descents = search.descents([(goal, start) for start in sample.starts(starts)], method)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._fields import BadInput, MissingPart
+from .._fields import BadInput, MissingPart, listed_names
 from .._results import Data
 from ..cylinder import Cylinder
 from ..machine import Machine, assembled, machine_of
@@ -148,9 +148,14 @@ def problem(
     0.02042
     """
     design = machine_of(scene)
+    listed_names("variables", variables)
+    listed_names("quantities", quantities)
     ranges = variables if isinstance(variables, dict) else dict.fromkeys(variables, (None, None))
     if not quantities:
         raise BadInput("quantities", "none", "at least one")
+    for name, ends in ranges.items():
+        if isinstance(ends, str) or np.shape(ends) != (2,):
+            raise BadInput(name, f"{ends}", "a pair of ends in SI units, (low, high)")
     chosen = tuple(variable(design, n, *ends) for n, ends in by_name(design, ranges).items())
     made = Problem(design, chosen, tuple(quantities), options or AnalysisOptions())
     # Refuses what the scene does not have before anything is compiled.
@@ -171,6 +176,7 @@ def problem_of(
         BadInput: as `problem`; or, for the argument `label`, other variables than the given problem
             has; or quantities or options beside those of its own.
     """
+    listed_names("quantities", quantities)
     if not isinstance(scene, Problem):
         return problem(scene, names, quantities or ("mechanical_efficiency",), options)
     if quantities is not None or options is not None:
@@ -179,6 +185,18 @@ def problem_of(
     if list(names) != own:
         raise BadInput(label, ", ".join(names), f"{', '.join(own)}, in this order")
     return scene
+
+
+def given_problem(given: Any) -> Problem:
+    """A problem, which an optimiser takes and a scene is not.
+
+    Raises:
+        BadInput: something else.
+    """
+    if isinstance(given, Problem):
+        return given
+    example = 'problem(scene, {"mechanism.bore": (0.12, 0.14)}, ["mechanical_efficiency"])'
+    raise BadInput("problem", f"a {type(given).__name__}", f"a `Problem`, such as {example}")
 
 
 def solves_gas(problem: Problem) -> bool:

@@ -13,7 +13,20 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, POSITIVE, BadInput, Bound, is_traced, listed, rebuilt, replaced
+from .._fields import (
+    ANY,
+    POSITIVE,
+    BadInput,
+    Bound,
+    is_traced,
+    listed,
+    no_machine,
+    plausible,
+    quantities,
+    rebuilt,
+    replaced,
+    single_number,
+)
 from .._registry import DESIGN_RULES
 from ..compressor import Compressor
 from ..machine import Machine
@@ -78,7 +91,7 @@ def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
     0.1173 m, 1327 cm3
     """
     mechanism = _ruled(machine)
-    bore = _checked("bore", bore, POSITIVE)
+    bore = _checked("bore", bore, _of_field(mechanism, "bore"), "m")
     scale = (mechanism.bore / bore) ** 2
     if isinstance(mechanism, SliderLink):
         scaled = _link_with_bore(mechanism, bore, scale)
@@ -193,6 +206,8 @@ def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
 
 
 def _compressor(machine: Machine | Compressor) -> Compressor:
+    if not isinstance(machine, Machine | Compressor):
+        raise no_machine(machine, ".machine")
     found = machine.compressor if isinstance(machine, Machine) else machine
     if found is None:
         raise BadInput("compressor", "absent", "given, for this design rule")
@@ -232,8 +247,14 @@ def _film(machine: Machine | Compressor):
     return film
 
 
-def _checked(name: str, value, bound: Bound) -> Float[Array, ""]:
-    value = jnp.asarray(value, dtype=jnp.result_type(float))
+def _of_field(mechanism: SliderCrank | SliderLink, name: str) -> Bound:
+    """The bound of a length of the mechanism."""
+    declared = dict(quantities(mechanism))[name].metadata
+    return plausible(declared["bound"], declared["unit"], declared["usual"])
+
+
+def _checked(name: str, value, bound: Bound, unit: str = "") -> Float[Array, ""]:
+    value = single_number(name, value)
     if not is_traced(value) and not bool(bound.holds(value)):
-        raise BadInput(name, value, str(bound))
+        raise BadInput(name, value, f"{bound} {unit}".rstrip())
     return value

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, listed_names
 from .._results import Data, Result
 from .._shown import Shown, shown, small_unit
 from ..crank import Collocation
@@ -150,13 +150,19 @@ class Influence(NamedTuple):
         return shown(self.number, self.unit, self.present).text(self.present)
 
     @property
+    def rise(self) -> float:
+        """The number in `change`: per cent per per cent, or in the unit of the quantity."""
+        if self.relative:
+            return self.elasticity
+        return self.derivative / small_unit(self.unit)[1] * self.quantity.factor
+
+    @property
     def change(self) -> str:
         """What a rise of the number by 1 %, or by one unit, changes."""
         if self.relative:
-            return f"{self.elasticity:+.3g} % per %"
-        unit, factor = small_unit(self.unit)
-        rise = f"{self.derivative / factor * self.quantity.factor:+.3g} {self.quantity.unit}"
-        return f"{rise.rstrip()} per {unit or 'unit'}"
+            return f"{self.rise:+.3g} % per %"
+        rise = f"{self.rise:+.3g} {self.quantity.unit}"
+        return f"{rise.rstrip()} per {small_unit(self.unit)[0] or 'unit'}"
 
 
 def sensitivity(
@@ -183,6 +189,7 @@ def sensitivity(
     bore 130 mm +2 % per %
     crank radius 50 mm +1 % per %
     """
+    listed_names("quantities", quantities)
     design, asked = machine_of(scene), tuple(quantities or ("mechanical_efficiency",))
     options, compressor = options or AnalysisOptions(), design.compressor
     if (

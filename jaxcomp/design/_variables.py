@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import ANY, NONNEGATIVE, BadInput, Bound, Part, quantities
+from .._fields import ANY, NONNEGATIVE, BadInput, Bound, Part, plausible, quantities
 from .._words import hint
 from ..crankshaft import OF_ROTOR
 from ..machine import Machine, follows_rotor
@@ -95,20 +95,25 @@ def variable(
         rule = design_rules[name]
         unit, bound = rule.unit, rule.bound
         rule.current(design)  # refuses a machine for which it is not made
+        steps = ["mechanism", name]
     else:
         unit, bound = _declared(design, name)
+        steps = _steps(name)
         if _follows(design, name):
             raise BadInput(
                 name, "derived", "a number that is given: this one follows from the rotor"
             )
+    limit = plausible(bound, unit, _usual(design, steps))
     for end in (low, high):
-        if end is not None and not bool(bound.holds(end)):
-            raise BadInput(name, end, str(bound))
+        if isinstance(end, str):
+            raise BadInput(name, f'"{end}"', f"a range of numbers in {unit or 'SI units'}")
+        if end is not None and not bool(limit.holds(end)):
+            raise BadInput(name, end, f"{limit} {unit}".rstrip())
     low = bound.low if low is None else float(low)
     high = bound.high if high is None else float(high)
     if not low <= high:
         raise BadInput(name, low, f"a range from low to high, here up to {high:g}")
-    return Variable(name, low, high, unit, bound)
+    return Variable(name, low, high, unit, limit)
 
 
 def variable_names(design: Machine) -> list[str]:
@@ -263,6 +268,14 @@ def _declared(design: Machine, name: str) -> tuple[str, Bound]:
     if jnp.ndim(value) > 0:
         return "", ANY
     return field.metadata["unit"], field.metadata["bound"]
+
+
+def _usual(design: Machine, steps: list[str]) -> tuple[float, float] | None:
+    """[SI] Usual range of a number, if its field declares one."""
+    try:
+        return _field(design, steps).metadata["usual"]
+    except (LookupError, TypeError):  # corrections, and rules that no field stands for
+        return None
 
 
 def _field(design: Machine, steps: list[str]) -> dataclasses.Field:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import panel as pn
-from bokeh.models import ColumnDataSource, FactorRange, Title
+from bokeh.models import ColumnDataSource, FactorRange, HTMLTemplateFormatter, Title
 from bokeh.plotting import figure
 from panel.io import hold
 
@@ -22,6 +22,8 @@ from ._state import Desk, View
 # Sliders that a fresh page has: those of the numbers that the chosen quantity gains most by.
 _SLIDERS = 6
 _STEPS = 200
+# Columns of the gain: as a number, and as its text, which is shown.
+_GAIN = ("Gain", "gain")
 # Punctuation; Markdown takes each as it is behind a backslash.
 _SIGN = re.compile(r"([!-/:-@\[-`{-~])")
 _PINNED = "#AAAAAA"
@@ -74,7 +76,6 @@ class _Page:
         self.desk = desk = Desk(scene)
         self.sliders: dict[str, _Slider] = {}
         self._wanted: tuple[str, float] | None = None
-        self._before_drag: int | None = None
         self.pictures = _Pictures(desk.view)
         self.message = pn.pane.Alert("", alert_type="warning", visible=False)
         self.state = pn.pane.Markdown("", **_WIDE)
@@ -88,6 +89,7 @@ class _Page:
         )
         calls = {
             "Undo": self._undo,
+            "Redo": self._redo,
             "Pin this state": self._pin,
             "Sort by gain": self._sort,
             "Improve": self._improve,
@@ -117,7 +119,6 @@ class _Page:
             styles=_PICTURES,
         )
         self.body[:] = [pn.FlexBox(controls, pictures, align_items="start")]
-        self._show_gains()
         for name in self._by_gain()[:_SLIDERS]:
             self.add_slider(name)
         self._show()
@@ -146,21 +147,18 @@ class _Page:
         wanted, self._wanted = self._wanted, None
         if wanted is None or wanted[1] == self.desk.values[wanted[0]]:
             return
-        if self._before_drag is None:
-            self._before_drag = self.desk.changes
-        self._tried(lambda: self.desk.move(*wanted))
+        self._tried(lambda: self.desk.move(*wanted, dragging=True))
         self._show()
 
     def let_go(self) -> None:
         """A slider was let go: its way is one change, and what is slow to follow it follows now."""
         self._drag()
-        if self._before_drag is not None:
-            self.desk.drop_changes_since(self._before_drag)
-            self._before_drag = None
+        self.desk.let_go()
         self._show_all()
 
     def _entered(self, event) -> None:
         if event.column == "Value":
+            self._drag()
             name = self.table.value["name"].iloc[event.row]
             self._tried(lambda: self.desk.enter(name, str(event.value)))
             self._show_all()
@@ -174,8 +172,13 @@ class _Page:
         self._show_gains()
 
     def _undo(self, _) -> None:
-        if not self.desk.undo():
-            self._say("There is nothing to undo.")
+        self._drag()
+        self._say("" if self.desk.undo() else "There is nothing to undo.")
+        self._show_all()
+
+    def _redo(self, _) -> None:
+        self._drag()
+        self._say("" if self.desk.redo() else "There is nothing to do again.")
         self._show_all()
 
     def _pin(self, _) -> None:
@@ -184,9 +187,13 @@ class _Page:
         self._show()
 
     def _sort(self, _) -> None:
-        order = {name: place for place, name in enumerate(self._by_gain())}
+        # another order of the rows, which a header that sorts would hide; patches go by the index
         rows = self.table.value
-        self.table.value = rows.iloc[np.argsort([order[name] for name in rows["name"]])]
+        place = {name: number for number, name in enumerate(self._by_gain())}
+        self.table.sorters = []
+        self.table.value = rows.sort_values(
+            "name", key=lambda names: names.map(place), ignore_index=True
+        )
 
     def _improve(self, _) -> None:
         ranges = {name: one.range for name, one in self.sliders.items()}
@@ -270,31 +277,39 @@ class _Page:
             self.state.object = f"{named} {view.status and f'⚠ {_as_it_is(view.status)}'}"
 
     def _show_gains(self) -> None:
-        found = self.desk.gains()
-        ranked = found.ranking(self.desk.quantity)
-        changes = {one.number: one.change for one in ranked}
+        gains = self._gains()
+        columns = zip(*(gains[name] for name in self.table.value["name"]), strict=True)
+        self.table.patch(
+            {key: list(enumerate(column)) for key, column in zip(_GAIN, columns, strict=True)}
+        )
+
+    def _gains(self) -> dict[str, tuple[float, str]]:
+        """Gain of every number as a number, which sorts, and in words."""
+        ranked = self.desk.gains().ranking(self.desk.quantity)
         self._order = {one.number: place for place, one in enumerate(ranked)}
-        rows = self.table.value["name"]
-        self.table.patch({"Gain": [(i, changes.get(name, "none")) for i, name in enumerate(rows)]})
+        gains = {one.number: (one.rise, one.change) for one in ranked}
+        return {name: gains.get(name, (0.0, "none")) for name in self.desk.numbers}
 
     def _by_gain(self) -> list[str]:
         return sorted(self.desk.numbers, key=lambda name: self._order.get(name, len(self._order)))
 
     def _numbers_table(self) -> Any:
-        desk = self.desk
+        desk, gains = self.desk, self._gains()
         rows = {
             "name": list(desk.numbers),
             "Number": [desk.label(name) for name in desk.numbers],
             "Value": [desk.text(name) for name in desk.numbers],
-            "Gain": ["" for _ in desk.numbers],
         }
+        rows |= dict(zip(_GAIN, zip(*gains.values(), strict=True), strict=True))
         table = pn.widgets.Tabulator(
             pd.DataFrame(rows),
-            hidden_columns=["name"],
-            editors={"Number": None, "Gain": None, "Value": {"type": "input"}},
+            hidden_columns=["name", _GAIN[1]],
+            editors={"Number": None, _GAIN[0]: None, "Value": {"type": "input"}},
+            formatters={_GAIN[0]: HTMLTemplateFormatter(template=f"<%- {_GAIN[1]} %>")},
             header_filters={"Number": {"type": "input", "placeholder": "filter"}},
             widths={"Number": "40%", "Value": "24%", "Gain": "36%"},
             height=420,
+            css_classes=["numbers"],
             **_TABLE,
         )
         table.on_edit(self._entered)
@@ -334,14 +349,16 @@ class _Slider:
             for word, end in (("from", low), ("to", high))
         ]
         label = f"{desk.label(name)}{f' [{look.unit}]' if look.unit else ''}"
-        low, high = (end.value for end in self.ends)
+        value = self._value
+        low, high = min(value, self.ends[0].value), max(value, self.ends[1].value)
         self.slider = _QuickSlider(
-            label=label, start=low, end=high, step=(high - low) / _STEPS,
-            value=desk.values[name] * look.factor, format="0[.]00000",
+            label=label, start=low, end=high, step=(high - low) / _STEPS, value=value, format="0[.]00000",
             styles={"flex": "1 1 180px", "min-width": "150px"},
         )  # fmt: skip
-        self.slider.param.watch(lambda e: page.drag(name, e.new / self.factor), "value")
-        self.slider.param.watch(lambda _: page.let_go(), "value_throttled")
+        # what the desk sets is no drag; some versions of Panel move a slider when its ends move
+        self._following = False
+        self.slider.param.watch(self._moved, "value")
+        self.slider.param.watch(self._let_go, "value_throttled")
         for end in self.ends:
             end.param.watch(self._other_ends, "value")
         remove = pn.widgets.Button(label="×", width=30)
@@ -354,27 +371,53 @@ class _Slider:
         return self.slider.start / self.factor, self.slider.end / self.factor
 
     def follow(self) -> None:
-        """Stand where the number stands, with ends that hold it."""
-        value = self.page.desk.values[self.name] * self.factor
-        if not self.slider.start <= value <= self.slider.end:
-            low, high = self.page.desk.range_of(self.name)
-            self._set_ends(low * self.factor, high * self.factor)
-        if self.slider.value != value:
-            self.slider.value = value
+        """Stand where the number stands, between ends that hold it."""
+        value, low, high = self._value, self.slider.start, self.slider.end
+        if not low <= value <= high:
+            wide = [end * self.factor for end in self.page.desk.range_of(self.name)]
+            low, high = min(low, _short(wide[0]), value), max(high, _short(wide[1]), value)
+        self._set(low, high)
+
+    @property
+    def _value(self) -> float:
+        return self.page.desk.values[self.name] * self.factor
+
+    def _moved(self, event) -> None:
+        if not self._following:
+            self.page.drag(self.name, event.new / self.factor)
+
+    def _let_go(self, _) -> None:
+        if not self._following:
+            self.page.let_go()
 
     def _other_ends(self, _) -> None:
+        if self._following:
+            return
         low, high = (end.value for end in self.ends)
         bound = self.page.desk.numbers[self.name].bound
-        inside = all(bool(bound.holds(end / self.factor)) for end in (low, high))
-        if inside and low < high:
-            self._set_ends(low, high)
-        else:
+        numbers = None not in (low, high)
+        if not numbers or not (
+            low < high and all(bound.holds(end / self.factor) for end in (low, high))
+        ):
             self.page._say(f"{self.name}: the ends of the range must rise and be {bound}")
+        elif not low <= self._value <= high:
+            text = self.page.desk.text(self.name)
+            self.page._say(f"{self.name}: the range must hold the present value, {text}")
+        else:
+            self._set(low, high)
+            return
+        self._set(self.slider.start, self.slider.end)
 
-    def _set_ends(self, low: float, high: float) -> None:
-        self.slider.param.update(start=low, end=high, step=(high - low) / _STEPS)
-        for end, value in zip(self.ends, (low, high), strict=True):
-            end.value = _short(value)
+    def _set(self, low: float, high: float) -> None:
+        """Ends and value in one change."""
+        self._following = True
+        try:
+            step = (high - low) / _STEPS
+            self.slider.param.update(start=low, end=high, step=step, value=self._value)
+            for field, end in zip(self.ends, (low, high), strict=True):
+                field.value = end
+        finally:
+            self._following = False
 
 
 class _Pictures:

@@ -93,6 +93,8 @@ class Desk:
         self.numbers = {one.name: one for one in given_numbers(self.machine)}
         self.values = {name: one.value for name, one in self.numbers.items()}
         self._earlier: list[tuple[Machine, dict[str, float]]] = []
+        self._later: list[tuple[Machine, dict[str, float]]] = []
+        self._dragged = ""
         self.pinned: View | None = None
         self.view = self._solved()
 
@@ -112,18 +114,29 @@ class Desk:
         reach = 0.2 * abs(value) or {"rad": 0.2, "kg m": 1e-4, "m": 1e-3}.get(one.unit, 1.0)
         return max(value - reach, one.bound.low), min(value + reach, one.bound.high)
 
-    def move(self, name: str, value: float) -> None:
+    def move(self, name: str, value: float, dragging: bool = False) -> None:
         """Give a number another value [SI] and solve.
+
+        Args:
+            name: of the number.
+            value: [SI]
+            dragging: whether it moves on; all its moves until `let_go` are one change.
 
         Raises:
             SceneError: the value lies outside its bound.
         """
         one = self.numbers[name]
         self._check(one, value, shown(name, one.unit, value).text(value))
-        self._keep()
+        if not (dragging and self._dragged == name):
+            self._keep()
+        self._dragged = name if dragging else ""
         self.machine = one.moved(self.machine, value)
         self.values[name] = value
         self.view = self._solved()
+
+    def let_go(self) -> None:
+        """What is dragged next is a change of its own."""
+        self._dragged = ""
 
     def enter(self, name: str, text: str) -> None:
         """Give a number the value that was typed, checked as in a scene file.
@@ -138,25 +151,32 @@ class Desk:
             given = text
         value = float(to_si(given, one.unit, name))
         self._check(one, value, text)
+        if value == self.values[name]:
+            return
         with_machine(self.scene, one.moved(self.machine, value), _SOURCE)
         self.move(name, value)
 
     def undo(self) -> bool:
         """Go back to the state before the last change; whether there was one."""
-        if not self._earlier:
+        return self._step(self._earlier, self._later)
+
+    def redo(self) -> bool:
+        """Go on to the state that the last `undo` left; whether there was one."""
+        return self._step(self._later, self._earlier)
+
+    def _step(self, source: list, target: list) -> bool:
+        self.let_go()
+        if not source:
             return False
-        self.machine, self.values = self._earlier.pop()
+        target.append((self.machine, self.values))
+        self.machine, self.values = source.pop()
         self.view = self._solved()
         return True
 
-    def drop_changes_since(self, count: int) -> None:
-        """Make one change, as of a slider that was dragged, of all that follow the first `count`."""
-        del self._earlier[count + 1 :]
-
     @property
-    def changes(self) -> int:
-        """How many changes can be undone."""
-        return len(self._earlier)
+    def changes(self) -> tuple[int, int]:
+        """How many changes can be undone, and how many done again."""
+        return len(self._earlier), len(self._later)
 
     def pin(self) -> None:
         """Keep the present results to compare with."""
@@ -214,6 +234,8 @@ class Desk:
             raise SceneError(one.name, f"must be {one.bound} {one.unit}".rstrip(), given)
 
     def _keep(self) -> None:
+        self.let_go()
+        self._later.clear()
         self._earlier.append((self.machine, dict(self.values)))
 
     def _solved(self) -> View:

@@ -94,8 +94,10 @@ class JournalBearing(AbstractRing):
         eqx.field(static=True, default="reynolds", converter=_word)  # pyright: ignore
     )
     oil: str | None = eqx.field(static=True, default=None)
-    thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN)
-    roughness: Scalar | None = quantity("m", POSITIVE, default=None, doc=ROUGHNESS)
+    thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN, usual=(1e-8, 1e-4))
+    roughness: Scalar | None = quantity(
+        "m", POSITIVE, default=None, doc=ROUGHNESS, usual=(1e-9, 1e-5)
+    )
 
     @property
     def model(self) -> type[AbstractFilm]:

@@ -59,8 +59,10 @@ class OrbitBearing(AbstractRing):
     film: Literal["reynolds", "short"] = eqx.field(static=True, default="reynolds")
     oil: str | None = eqx.field(static=True, default=None)
     lands: int = eqx.field(static=True, default=1)
-    thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN)
-    roughness: Scalar | None = quantity("m", POSITIVE, default=None, doc=ROUGHNESS)
+    thin_film: Scalar | None = quantity("m", POSITIVE, default=None, doc=THIN, usual=(1e-8, 1e-4))
+    roughness: Scalar | None = quantity(
+        "m", POSITIVE, default=None, doc=ROUGHNESS, usual=(1e-9, 1e-5)
+    )
 
     def __check_init__(self):
         if self.film not in _SQUEEZE:

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._fields import POSITIVE, BadInput, Bound, Part, is_traced, quantity
+from .._shown import ZERO_CELSIUS
 from ._film import Scalar, as_float
 
-ZERO_CELSIUS = 273.15  # [K]
 DENSITY = 900.0  # [kg/m^3] at 15 degrees Celsius, ordinary mineral oil
 
 
@@ -67,7 +67,7 @@ class Oil(AbstractOil):
 
     kind: ClassVar[str] = "viscosity"
 
-    dynamic_viscosity: Scalar = quantity("Pa s", POSITIVE)
+    dynamic_viscosity: Scalar = quantity("Pa s", POSITIVE, usual=(1e-4, 2.0))
 
 
 class GradedOil(AbstractOil):
@@ -81,9 +81,15 @@ class GradedOil(AbstractOil):
 
     kind: ClassVar[str] = "grade"
 
-    grade: Scalar = quantity("", POSITIVE, doc="ISO VG, in mm^2/s at 40 degrees Celsius")
-    temperature: Scalar = quantity("K", Bound(low=ZERO_CELSIUS - 95, low_open=True))
-    density: Scalar = quantity("kg/m^3", POSITIVE, default=DENSITY, doc="at 15 degrees Celsius")
+    grade: Scalar = quantity(
+        "", POSITIVE, doc="ISO VG, in mm^2/s at 40 degrees Celsius", usual=(2.0, 1500.0)
+    )
+    temperature: Scalar = quantity(
+        "K", Bound(low=ZERO_CELSIUS - 95, low_open=True), usual=(250.0, 450.0)
+    )
+    density: Scalar = quantity(
+        "kg/m^3", POSITIVE, default=DENSITY, doc="at 15 degrees Celsius", usual=(600.0, 1300.0)
+    )
 
     @property
     def dynamic_viscosity(self) -> Scalar:
@@ -121,11 +127,17 @@ class AbstractRing(AbstractJournal):
     """What journal bearings with a full ring have in common, whatever their film."""
 
     oil: eqx.AbstractVar[str | None]
-    diameter: Scalar = quantity("m", POSITIVE, doc="of the journal")
-    length: Scalar = quantity("m", POSITIVE, doc="of the bearing")
-    radial_clearance: Scalar = quantity("m", POSITIVE, doc="bush radius minus journal radius")
+    diameter: Scalar = quantity("m", POSITIVE, doc="of the journal", usual=(2e-3, 1.0))
+    length: Scalar = quantity("m", POSITIVE, doc="of the bearing", usual=(1e-3, 1.0))
+    radial_clearance: Scalar = quantity(
+        "m", POSITIVE, doc="bush radius minus journal radius", usual=(1e-6, 1e-3)
+    )
     dynamic_viscosity: Scalar | None = quantity(
-        "Pa s", POSITIVE, default=None, doc="of the oil in the film; absent where oil names it"
+        "Pa s",
+        POSITIVE,
+        default=None,
+        doc="of the oil in the film; absent where oil names it",
+        usual=(1e-4, 2.0),
     )
 
     def __check_init__(self):

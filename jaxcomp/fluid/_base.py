@@ -198,12 +198,18 @@ class PerfectGas(AbstractFluid):
 
     kind: ClassVar[str] = "perfect_gas"
 
-    gas_constant: Float[Array, ""] = quantity("J/(kg K)", POSITIVE, doc="specific")
+    gas_constant: Float[Array, ""] = quantity(
+        "J/(kg K)", POSITIVE, doc="specific", usual=(30.0, 5000.0)
+    )
     kappa: Float[Array, ""] = quantity(
         "", Bound(1.0, 2.0, low_open=True), doc="ratio of the heat capacities"
     )
-    viscosity: Float[Array, ""] = quantity("Pa s", POSITIVE, default=2.0e-5, doc="dynamic")
-    conductivity: Float[Array, ""] = quantity("W/(m K)", POSITIVE, default=0.0285, doc="thermal")
+    viscosity: Float[Array, ""] = quantity(
+        "Pa s", POSITIVE, default=2.0e-5, doc="dynamic", usual=(1e-6, 1e-4)
+    )
+    conductivity: Float[Array, ""] = quantity(
+        "W/(m K)", POSITIVE, default=0.0285, doc="thermal", usual=(5e-3, 0.5)
+    )
 
     @property
     def specific_gas_constant(self):

@@ -41,7 +41,9 @@ class CoulombSlide(AbstractSlide):
     kind: ClassVar[str] = "coulomb"
     for_each_cylinder: ClassVar[bool] = True
 
-    coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
+    coefficient: Float[Array, ""] = quantity(
+        "", NONNEGATIVE, doc="coefficient of friction", usual=(5e-4, 0.5)
+    )
 
     def force(self, load, speed):
         return self.coefficient * load * jnp.sign(speed)
@@ -61,8 +63,10 @@ class RegularisedSlide(AbstractSlide):
     kind: ClassVar[str] = "regularised"
     for_each_cylinder: ClassVar[bool] = True
 
-    coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
-    transition_speed: Float[Array, ""] = quantity("m/s", POSITIVE, doc="v0")
+    coefficient: Float[Array, ""] = quantity(
+        "", NONNEGATIVE, doc="coefficient of friction", usual=(5e-4, 0.5)
+    )
+    transition_speed: Float[Array, ""] = quantity("m/s", POSITIVE, doc="v0", usual=(1e-6, 1.0))
 
     def force(self, load, speed):
         return self.coefficient * load * jnp.tanh(speed / self.transition_speed)
@@ -79,8 +83,10 @@ class CoulombJournal(AbstractJournal):
     kind: ClassVar[str] = "coulomb"
     for_each_cylinder: ClassVar[bool] = True
 
-    coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
-    diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of pin or journal")
+    coefficient: Float[Array, ""] = quantity(
+        "", NONNEGATIVE, doc="coefficient of friction", usual=(5e-4, 0.5)
+    )
+    diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of pin or journal", usual=(2e-3, 1.0))
 
     def moment(self, load, rate):
         return self.coefficient * load * self.diameter / 2 * jnp.sign(rate)
@@ -98,9 +104,13 @@ class RegularisedJournal(AbstractJournal):
     kind: ClassVar[str] = "regularised"
     for_each_cylinder: ClassVar[bool] = True
 
-    coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
-    diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of pin or journal")
-    transition_speed: Float[Array, ""] = quantity("m/s", POSITIVE, doc="v0, at the surface")
+    coefficient: Float[Array, ""] = quantity(
+        "", NONNEGATIVE, doc="coefficient of friction", usual=(5e-4, 0.5)
+    )
+    diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of pin or journal", usual=(2e-3, 1.0))
+    transition_speed: Float[Array, ""] = quantity(
+        "m/s", POSITIVE, doc="v0, at the surface", usual=(1e-6, 1.0)
+    )
 
     def moment(self, load, rate):
         radius = self.diameter / 2
@@ -140,7 +150,7 @@ class PistonFilm(Part):
     kind: ClassVar[str] = "viscous"
     for_each_cylinder: ClassVar[bool] = True
 
-    radial_clearance: Float[Array, ""] = quantity("m", POSITIVE)
+    radial_clearance: Float[Array, ""] = quantity("m", POSITIVE, usual=(1e-6, 1e-3))
     dynamic_viscosity: Float[Array, ""] | None = quantity(
         "Pa s", POSITIVE, default=None, doc="of the oil; absent where oil names it"
     )
@@ -221,8 +231,10 @@ class ThrustBearing(AbstractDrag):
 
     kind: ClassVar[str] = "thrust"
 
-    coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="coefficient of friction")
-    outer_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="R_t")
+    coefficient: Float[Array, ""] = quantity(
+        "", NONNEGATIVE, doc="coefficient of friction", usual=(5e-4, 0.5)
+    )
+    outer_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="R_t", usual=(2e-3, 0.5))
     inner_radius: Float[Array, ""] = quantity("m", NONNEGATIVE, default=0.0, doc="r_t")
     transition_rate: Float[Array, ""] | None = quantity(
         "rad/s", POSITIVE, default=None, doc="smooths the law through rest, for start and stop"

@@ -44,14 +44,22 @@ class PolytropicCycle(AbstractGas):
     kind: ClassVar[str] = "polytropic"
     for_each_cylinder: ClassVar[bool] = True
 
-    suction_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
-    discharge_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
-    exponent: Float[Array, ""] = quantity("", Bound(1.0, 3.0), doc="1 is isothermal")
+    suction_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute", usual=(1e3, 2e7))
+    discharge_pressure: Float[Array, ""] = quantity(
+        "Pa", POSITIVE, doc="absolute", usual=(1e4, 1e8)
+    )
+    exponent: Float[Array, ""] = quantity(
+        "", Bound(1.0, 3.0), doc="1 is isothermal", usual=(1.0, 1.7)
+    )
     clearance_ratio: Float[Array, ""] = quantity(
-        "", NONNEGATIVE, default=0.0, doc="clearance volume over swept volume"
+        "", NONNEGATIVE, default=0.0, doc="clearance volume over swept volume", usual=(1e-3, 0.3)
     )
     back_pressure: Float[Array, ""] | None = quantity(
-        "Pa", NONNEGATIVE, default=None, doc="behind the piston; the suction pressure if absent"
+        "Pa",
+        NONNEGATIVE,
+        default=None,
+        doc="behind the piston; the suction pressure if absent",
+        usual=(1e3, 2e7),
     )
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
@@ -115,7 +123,9 @@ class DoubleActing(AbstractGas):
 
     head_end: PolytropicCycle
     crank_end: PolytropicCycle
-    rod_diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of the piston rod")
+    rod_diameter: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="of the piston rod", usual=(5e-3, 0.3)
+    )
     ambient_pressure: Float[Array, ""] = quantity(
         "Pa", NONNEGATIVE, default=101325.0, doc="on the rod's other end"
     )
@@ -169,12 +179,18 @@ class StagedCycle(AbstractGas):
     for_each_cylinder: ClassVar[bool] = True
 
     stages: tuple[int, ...] = eqx.field(static=True)
-    suction_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
-    discharge_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute")
-    exponent: Float[Array, ""] = quantity("", Bound(1.0, 3.0), doc="1 is isothermal")
-    clearance_ratio: Float[Array, ""] = quantity("", NONNEGATIVE, default=0.0)
-    back_pressure: Float[Array, ""] | None = quantity("Pa", NONNEGATIVE, default=None)
-    rod_diameter: Float[Array, ""] | None = quantity("m", POSITIVE, default=None)
+    suction_pressure: Float[Array, ""] = quantity("Pa", POSITIVE, doc="absolute", usual=(1e3, 2e7))
+    discharge_pressure: Float[Array, ""] = quantity(
+        "Pa", POSITIVE, doc="absolute", usual=(1e4, 1e8)
+    )
+    exponent: Float[Array, ""] = quantity(
+        "", Bound(1.0, 3.0), doc="1 is isothermal", usual=(1.0, 1.7)
+    )
+    clearance_ratio: Float[Array, ""] = quantity("", NONNEGATIVE, default=0.0, usual=(1e-3, 0.3))
+    back_pressure: Float[Array, ""] | None = quantity(
+        "Pa", NONNEGATIVE, default=None, usual=(1e3, 2e7)
+    )
+    rod_diameter: Float[Array, ""] | None = quantity("m", POSITIVE, default=None, usual=(5e-3, 0.3))
 
     def __check_init__(self):
         if not self.stages or set(self.stages) != set(range(1, len(set(self.stages)) + 1)):

@@ -40,7 +40,7 @@ class CrankAngleTable(AbstractDiagram):
         "rad", ANY, shape=(None,), doc="rising, within one revolution"
     )
     cylinder_pressure: Float[Array, " n"] = quantity("Pa", NONNEGATIVE, shape=(None,))
-    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE, usual=(1e3, 2e7))
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         rising = (self.angle[1:] > self.angle[:-1]).all()
@@ -84,7 +84,7 @@ class FourierDiagram(AbstractDiagram):
     mean: Float[Array, ""] = quantity("Pa", ANY, doc="a_0")
     cosine: Float[Array, " n"] = quantity("Pa", ANY, shape=(None,), doc="a_1, a_2, ...")
     sine: Float[Array, " n"] = quantity("Pa", ANY, shape=(None,), doc="b_1, b_2, ...")
-    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE, usual=(1e3, 2e7))
 
     def __check_init__(self):
         _check_same_length(self, "cosine", "sine")
@@ -117,7 +117,7 @@ class VolumeTable(AbstractDiagram):
         "Pa", NONNEGATIVE, shape=(None,), doc="while the piston moves towards the head"
     )
     outward_pressure: Float[Array, " n"] = quantity("Pa", NONNEGATIVE, shape=(None,))
-    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE, usual=(1e3, 2e7))
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         rising = (self.volume[1:] > self.volume[:-1]).all()
@@ -152,7 +152,7 @@ class CallableDiagram(AbstractDiagram):
     """
 
     function: Callable[[Stroke], Float[Array, "*n"]]
-    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE)
+    back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE, usual=(1e3, 2e7))
 
     def pressure(self, stroke):
         return self.function(stroke)

@@ -48,18 +48,26 @@ class SliderCrank(AbstractMechanism):
     kind: ClassVar[str] = "slider_crank"
     for_each_cylinder: ClassVar[bool] = True
 
-    bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter")
-    crank_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="half the stroke if offset is 0")
-    conrod_length: Float[Array, ""] = quantity("m", POSITIVE, doc="between the centres of the eyes")
-    piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="piston with rings and pin")
-    conrod_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE)
+    bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter", usual=(5e-3, 1.0))
+    crank_radius: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="half the stroke if offset is 0", usual=(1e-3, 0.5)
+    )
+    conrod_length: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="between the centres of the eyes", usual=(5e-3, 3.0)
+    )
+    piston_mass: Float[Array, ""] = quantity(
+        "kg", NONNEGATIVE, doc="piston with rings and pin", usual=(1e-3, 500.0)
+    )
+    conrod_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, usual=(1e-3, 1000.0))
     conrod_centre: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="mass centre of the rod from the big end"
     )
     conrod_inertia: Float[Array, ""] = quantity(
-        "kg m^2", NONNEGATIVE, default=0.0, doc="rod about its own mass centre"
+        "kg m^2", NONNEGATIVE, default=0.0, doc="rod about its own mass centre", usual=(1e-9, 200.0)
     )
-    offset: Float[Array, ""] = quantity("m", ANY, default=0.0, doc="cylinder axis at y = offset")
+    offset: Float[Array, ""] = quantity(
+        "m", ANY, default=0.0, doc="cylinder axis at y = offset", usual=(0.0, 0.1)
+    )
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         reach = self.crank_radius + abs(self.offset) < self.conrod_length

@@ -62,16 +62,22 @@ class SliderLink(AbstractMechanism):
     for_each_cylinder: ClassVar[bool] = True
     load_reversals: ClassVar[int] = 12  # up to ten are seen: of crown, edge, slider and crank pin
 
-    bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter D")
-    crank_radius: Float[Array, ""] = quantity("m", POSITIVE, doc="R, half the stroke")
-    cylinder_length: Float[Array, ""] = quantity("m", POSITIVE, doc="L_c")
+    bore: Float[Array, ""] = quantity("m", POSITIVE, doc="piston diameter D", usual=(5e-3, 1.0))
+    crank_radius: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="R, half the stroke", usual=(1e-3, 0.5)
+    )
+    cylinder_length: Float[Array, ""] = quantity("m", POSITIVE, doc="L_c", usual=(5e-3, 2.0))
     crown_to_link: Float[Array, ""] = quantity(
         "m", POSITIVE, doc="L_p, from the crown to the centre line of the link"
     )
-    slider_diameter: Float[Array, ""] = quantity("m", NONNEGATIVE, doc="D_s")
-    piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="m_p, piston with link")
-    slider_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="m_s")
-    offset: Float[Array, ""] = quantity("m", ANY, default=0.0, doc="cylinder axis at y = offset")
+    slider_diameter: Float[Array, ""] = quantity("m", NONNEGATIVE, doc="D_s", usual=(2e-3, 0.5))
+    piston_mass: Float[Array, ""] = quantity(
+        "kg", NONNEGATIVE, doc="m_p, piston with link", usual=(1e-3, 500.0)
+    )
+    slider_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="m_s", usual=(1e-4, 200.0))
+    offset: Float[Array, ""] = quantity(
+        "m", ANY, default=0.0, doc="cylinder axis at y = offset", usual=(0.0, 0.1)
+    )
     piston_centre_offset: Float[Array, ""] = quantity(
         "m", ANY, default=0.0, doc="e_cl, mass centre of the piston from the cylinder axis, to +y"
     )

@@ -96,7 +96,7 @@ class MeanSpeed(AbstractMotor):
     closes = "mean_speed"
 
     mean_speed: Float[Array, ""] = quantity(
-        "rad/s", POSITIVE, doc="one revolution over its duration"
+        "rad/s", POSITIVE, doc="one revolution over its duration", usual=(6.0, 3200.0)
     )
     shape: Literal["constant", "proportional"] = eqx.field(static=True, default="constant")
 
@@ -130,7 +130,9 @@ class ConstantSpeed(AbstractMotor):
     kind: ClassVar[str] = "constant_speed"
     closes = "speed"
 
-    mean_speed: Float[Array, ""] = quantity("rad/s", POSITIVE, doc="at every crank angle")
+    mean_speed: Float[Array, ""] = quantity(
+        "rad/s", POSITIVE, doc="at every crank angle", usual=(6.0, 3200.0)
+    )
 
     def torque(self, speed):
         raise BadInput(
@@ -178,7 +180,7 @@ class SlipLine(AbstractMotor):
     kind: ClassVar[str] = "slip_line"
 
     slope: Float[Array, ""] = quantity("N m s", POSITIVE, doc="torque per rad/s of slip")
-    synchronous_speed: Float[Array, ""] = quantity("rad/s", POSITIVE)
+    synchronous_speed: Float[Array, ""] = quantity("rad/s", POSITIVE, usual=(6.0, 3200.0))
 
     def torque(self, speed):
         return self.slope * (self.synchronous_speed - speed)
@@ -200,9 +202,9 @@ class Kloss(AbstractMotor):
 
     kind: ClassVar[str] = "kloss"
 
-    pull_out_torque: Float[Array, ""] = quantity("N m", POSITIVE)
-    pull_out_slip: Float[Array, ""] = quantity("", POSITIVE)
-    synchronous_speed: Float[Array, ""] = quantity("rad/s", POSITIVE)
+    pull_out_torque: Float[Array, ""] = quantity("N m", POSITIVE, usual=(1e-3, 1e6))
+    pull_out_slip: Float[Array, ""] = quantity("", POSITIVE, usual=(0.005, 1.0))
+    synchronous_speed: Float[Array, ""] = quantity("rad/s", POSITIVE, usual=(6.0, 3200.0))
 
     def torque(self, speed):
         slip = 1 - speed / self.synchronous_speed

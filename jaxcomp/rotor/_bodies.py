@@ -34,7 +34,7 @@ class Disks(Part):
     """
 
     nodes: tuple[Node, ...] = eqx.field(static=True)
-    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,), spread=True)
+    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,), spread=True, usual=(1e-4, 1e5))
     transverse_inertia: Array = quantity("kg m^2", NONNEGATIVE, shape=(None,), spread=True)
     polar_inertia: Array = quantity("kg m^2", NONNEGATIVE, shape=(None,), spread=True)
     offset: Array | None = quantity("m", shape=(None,), spread=True, default=None)
@@ -58,7 +58,7 @@ class PointMasses(Part):
     """
 
     nodes: tuple[Node, ...] = eqx.field(static=True)
-    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,), spread=True)
+    mass: Array = quantity("kg", NONNEGATIVE, shape=(None,), spread=True, usual=(1e-4, 1e5))
 
     def __post_init__(self):
         spread_columns(self, len(self.nodes), "masses")
@@ -122,7 +122,7 @@ class RigidBody(Part):
     centre: Node = eqx.field(static=True)
     nodes: tuple[Node, ...] = eqx.field(static=True)
     arm: Array = quantity("m", shape=(None, 3))
-    mass: Array = quantity("kg", NONNEGATIVE)
+    mass: Array = quantity("kg", NONNEGATIVE, usual=(1e-4, 1e5))
     inertia: Array = quantity("kg m^2", shape=(3, 3))
     spin_inertia: Array | None = quantity("kg m^2", NONNEGATIVE, default=None)
 

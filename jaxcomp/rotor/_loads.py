@@ -25,7 +25,7 @@ class Unbalances(Part):
     """
 
     nodes: tuple[Node, ...] = eqx.field(static=True)
-    magnitude: Array = quantity("kg m", NONNEGATIVE, shape=(None,), spread=True)
+    magnitude: Array = quantity("kg m", NONNEGATIVE, shape=(None,), spread=True, usual=(1e-9, 10.0))
     phase: Array = quantity("rad", shape=(None,), spread=True)
 
     def __post_init__(self):

@@ -276,7 +276,7 @@ class BalancingPlanes(Part):
 
     planes: tuple[CorrectionPlane, ...]
     targets: tuple[TargetPlane, ...]
-    speeds: Array = quantity("rad/s", POSITIVE, shape=(None,))
+    speeds: Array = quantity("rad/s", POSITIVE, shape=(None,), usual=(0.5, 1e4))
 
     def __check_init__(self):
         for what in ("planes", "targets"):

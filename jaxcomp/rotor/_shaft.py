@@ -108,10 +108,12 @@ class ShaftElements(Part):
     """
 
     nodes: tuple[tuple[Node, Node], ...] | tuple[Node, ...] = eqx.field(static=True)
-    length: Array = quantity("m", POSITIVE, shape=(None,), spread=True)
-    outer_diameter: Array = quantity("m", POSITIVE, shape=(None,), spread=True)
-    young_modulus: Array = quantity("Pa", POSITIVE, shape=(None,), spread=True)
-    density: Array = quantity("kg/m^3", NONNEGATIVE, shape=(None,), spread=True)
+    length: Array = quantity("m", POSITIVE, shape=(None,), spread=True, usual=(1e-4, 10.0))
+    outer_diameter: Array = quantity("m", POSITIVE, shape=(None,), spread=True, usual=(1e-3, 2.0))
+    young_modulus: Array = quantity("Pa", POSITIVE, shape=(None,), spread=True, usual=(1e9, 1e12))
+    density: Array = quantity(
+        "kg/m^3", NONNEGATIVE, shape=(None,), spread=True, usual=(500.0, 25e3)
+    )
     poisson: Array = quantity("", Bound(-1.0, 0.5, low_open=True), shape=(None,), spread=True)
     inner_diameter: Array | None = quantity(
         "m", NONNEGATIVE, shape=(None,), spread=True, default=None

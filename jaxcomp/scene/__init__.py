@@ -9,10 +9,12 @@ from ._describe import DescribedValue as DescribedValue
 from ._describe import ImplausibleValue as ImplausibleValue
 from ._describe import describe as describe
 from ._describe import implausible_values as implausible_values
+from ._describe import left_out as left_out
 from ._explain import Explained as Explained
 from ._explain import explained as explained
 from ._explain import part_places as part_places
 from ._explain import start as start
+from ._explain import start_from as start_from
 from ._explain import starts as starts
 from ._scene import Bundled as Bundled
 from ._scene import Scene as Scene

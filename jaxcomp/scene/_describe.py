@@ -1,21 +1,23 @@
 """What a scene says: its values as rows of a table, and those that a machine hardly has.
 
-The usual ranges are wide, a factor of two or more beyond what reciprocating compressors from the smallest
-household machine to large process machines have; a value outside is worth a second look, no more: it may
-be the slip of a unit or of a decimal point.
+The usual ranges, which the declarations of numbers have, are wide, a factor of two or more beyond what
+reciprocating compressors from the smallest household machine to large process machines have; a value
+outside is worth a second look, no more: it may be the slip of a unit or of a decimal point.
 """
 
+import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._fields import Part, of_cylinder, subparts
-from .._shown import RPM
+from .._fields import Part, of_cylinder, quantities, subparts
+from .._shown import shown
 from ..compressor import Compressor
 from ..film import NamedBearing
 from ..gas import PolytropicCycle
-from ..mechanism import SliderCrank
+from ..mechanism import SliderCrank, SliderLink
+from ..motor import ConstantSpeed
 from ._read import unwrapped
 from ._scene import Scene
 from ._schema import NAMED, Number, Option, Section, choices, entries, join, kind_of, meanings
@@ -109,26 +111,17 @@ class ImplausibleValue(NamedTuple):
     usual: str
 
 
-# SI, by the last name of the path. Zero is left alone: it switches an effect off.
-_RPM = 1 / RPM
-_VALUES: dict[str, tuple[float, float, str]] = {
-    "bore": (5e-3, 1.0, "5 mm to 1 m"),
-    "crank_radius": (1e-3, 0.5, "1 mm to 0.5 m"),
-    "conrod_length": (5e-3, 3.0, "5 mm to 3 m"),
-    "mean_speed": (60 * _RPM, 3e4 * _RPM, "60 to 30,000 rpm"),
-    "synchronous_speed": (60 * _RPM, 3e4 * _RPM, "60 to 30,000 rpm"),
-    "suction_pressure": (1e3, 2e7, "0.01 to 200 bar"),
-    "discharge_pressure": (1e4, 1e8, "0.1 to 1000 bar"),
-    "clearance_ratio": (1e-3, 0.3, "0.1 to 30 %"),
-    "coefficient": (5e-4, 0.5, "0.0005 to 0.5"),
-    "dynamic_viscosity": (1e-4, 2.0, "0.1 mPa s to 2 Pa s"),
-    "radial_clearance": (1e-6, 1e-3, "1 um to 1 mm"),
-    "young_modulus": (1e9, 1e12, "1 to 1000 GPa"),
-    "density": (500.0, 25e3, "500 to 25,000 kg/m^3"),
-}
 _Ratio = tuple[str, Callable, float, float]
-_SLIDER_CRANK: tuple[_Ratio, ...] = (
+# Of a body as wide and as long as the bore: pistons are hollow and shorter, or double and of iron.
+_PISTON: _Ratio = (
+    "piston_mass over bore cubed, kg/m^3", lambda m: m.piston_mass / m.bore**3, 100.0, 2e4,
+)  # fmt: skip
+_SLIDER_LINK: tuple[_Ratio, ...] = (
     ("stroke over bore", lambda m: 2 * m.crank_radius / m.bore, 0.2, 4.0),
+    _PISTON,
+)
+_SLIDER_CRANK: tuple[_Ratio, ...] = (
+    *_SLIDER_LINK,
     ("crank radius over rod length", lambda m: m.crank_radius / m.conrod_length, 0.08, 0.5),
     ("conrod_centre over rod length", lambda m: m.conrod_centre / m.conrod_length, 0.05, 0.95),
     (
@@ -180,28 +173,39 @@ _FLOW: tuple[_Ratio, ...] = (
 
 
 def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
-    """What is unusual in a scene, in the order of its parts."""
+    """What is unusual in a scene, in the order of its parts.
+
+    The usual range of a number stands in the declaration of its field, those of ratios here.
+    """
     machine = scene.machine
-    found = [one for row in describe(scene) for one in _of_value(row)]
+    rows = {row.path: row for row in describe(scene)}
+    found: list[ImplausibleValue] = []
     roots: dict[str, Any] = {"": machine.compressor}
-    roots |= {f"bearings.{name}": part for name, part in machine.bearings.items()}
+    for section in NAMED:
+        roots |= {f"{section}.{name}": part for name, part in getattr(machine, section).items()}
     crank = getattr(machine.parts.get("loads"), "crank", None)
     from_crank = crank is not None and machine.compressor is not None
     for root, tree in {**roots, **machine.parts}.items():
         for path, part in subparts(tree):
-            found += _of_part(join(root, path).rstrip("."), part, from_crank)
+            where = join(root, path).rstrip(".")
+            found += _of_numbers(where, part, rows)
+            found += _of_part(where, part, from_crank)
     return tuple(found)
 
 
-def _of_value(row: DescribedValue) -> Iterator[ImplausibleValue]:
-    key = row.path.split(".")[-1]
-    if key not in _VALUES or (not row.unit and key not in ("clearance_ratio", "coefficient")):
-        return
-    low, high, usual = _VALUES[key]
-    sizes = np.abs(np.asarray(row.value, float))
-    if np.any((sizes > 0) & ((sizes < low) | (sizes > high))):
-        given = row.given if row.given is not None else f"{row.value} {row.unit}"
-        yield ImplausibleValue(row.path, f"{given}", usual)
+def _of_numbers(
+    where: str, part: Part, rows: dict[str, DescribedValue]
+) -> Iterator[ImplausibleValue]:
+    for name, field in quantities(part):
+        path, usual = join(where, name), field.metadata["usual"]
+        if usual is None or path not in rows:  # such as a bearing that a joint names
+            continue
+        sizes = np.abs(np.asarray(rows[path].value, float))
+        if np.any((sizes > 0) & ((sizes < usual[0]) | (sizes > usual[1]))):
+            given, unit = rows[path].given, field.metadata["unit"]
+            what = f"{rows[path].value} {unit}".rstrip() if given is None else f"{given}"
+            low, high = (shown(name, unit, end).text(end) for end in usual)
+            yield ImplausibleValue(path, what, f"{low} to {high}" if usual[0] else f"up to {high}")
 
 
 def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleValue]:
@@ -210,6 +214,8 @@ def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleVal
         ratios = _CRANKSHAFT
     elif isinstance(part, SliderCrank):
         ratios = _SLIDER_CRANK
+    elif isinstance(part, SliderLink):
+        ratios = _SLIDER_LINK
     elif all(hasattr(part, name) for name in ("radial_clearance", "diameter", "length")):
         ratios = _JOURNAL
     elif all(hasattr(part, name) for name in ("suction_pressure", "discharge_pressure")):
@@ -225,3 +231,42 @@ def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleVal
         value = float(ratio(of_cylinder(part)))
         if value != 0 and not low <= abs(value) <= high:
             yield ImplausibleValue(path, f"{what} is {value:.3g}", f"{low:g} to {high:g}")
+
+
+# Joints that a machine may well be without, and sections of whole parts, in words.
+_RARE = ("packing", "thrust_bearing", "pump")
+_WHOLE = {
+    "gas": "forces of the gas", "friction": "all friction", "gravity": "weights",
+    "rotor": "bending of the shaft", "suspension": "springs under the block",
+    "torsion": "twist of the shaft",
+}  # fmt: skip
+
+
+def left_out(scene: Scene) -> tuple[str, ...]:
+    """What a scene does not describe, and so is computed without, each in words with its key."""
+    compressor, out = scene.machine.compressor, []
+    if compressor is None:
+        out.append("the crank drive [mechanism]")
+    else:
+        given = [name for name in _WHOLE if getattr(compressor, name, None) is not None]
+        out += [f"{_WHOLE[name]} [{name}]" for name in ("gas", "friction") if name not in given]
+        if "friction" in given:
+            out += [
+                f"friction of {what} [friction.{key}]" for what, key in _ideal(compressor.friction)
+            ]
+        if isinstance(compressor.motor, ConstantSpeed):
+            out.append("fluctuation of the speed [motor]")
+        if "gravity" not in given:
+            out.append(f"{_WHOLE['gravity']} (gravity)")
+    absent = (name for name in ("rotor", "suspension", "torsion") if name not in scene.parts)
+    return (*out, *(f"{_WHOLE[name]} [{name}]" for name in absent))
+
+
+def _ideal(friction: Any) -> Iterator[tuple[str, str]]:
+    """Joints without a law of friction: their names in words, and their keys."""
+    joints = {field.name: getattr(friction, field.name) for field in dataclasses.fields(friction)}
+    if joints.pop("piston_film", None) is not None:
+        joints.pop("wall", None)  # which has either
+    for name, law in joints.items():
+        if law is None and name not in _RARE:
+            yield ("piston" if name == "wall" else name.replace("_", " ")), name

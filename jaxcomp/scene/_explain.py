@@ -21,6 +21,7 @@ from .._words import nearest
 from ..compressor import Compressor
 from ..film import NamedBearing
 from ._read import chosen, is_value, unwrapped
+from ._scene import Scene
 from ._schema import (
     NAMED,
     Entry,
@@ -35,8 +36,8 @@ from ._schema import (
     meanings,
     top_sections,
 )
-from ._text import SceneError, bundled, key_text, value_text
-from ._units import as_text, to_si
+from ._text import SceneError, bundled, is_section, key_text, value_text
+from ._units import as_text, in_celsius, to_si
 
 _LONGEST = 60  # characters of an example that is taken from a machine
 # Values of examples, where no machine has one: a metre or a pascal would be unusual.
@@ -74,13 +75,56 @@ def start(kind: str, name: str) -> str:
         kind: key of `starts`.
         name: name of the new machine.
     """
-    document = tomllib.loads(_start_files()[kind].read_text("utf-8"))
-    return annotated({"name": name, **document})
+    text = _start_files()[kind].read_text("utf-8")
+    remarks = " ".join(re.findall(r"\A(?:#.*\n)*", text)[0].replace("\n# ", " ").split()).lstrip(
+        "# "
+    )
+    return annotated({"name": name, **tomllib.loads(text)}, remarks)
 
 
-def annotated(document: Mapping[str, Any]) -> str:
-    """TOML of the tables of a valid scene, with comments on every entry they have or could have."""
-    lines = [*_comment(*_HOW), ""]
+def start_from(scene: Scene, name: str) -> str:
+    """The text of a machine file to start from, with the numbers of a machine and none of its sources.
+
+    Temperatures are in degrees Celsius.
+
+    Args:
+        scene: of `jaxcomp.load`.
+        name: name of the new machine.
+    """
+    tables = {key: one for key, one in scene.document.items() if is_section(one)}
+    head = {key: one for key, one in scene.document.items() if key not in tables}
+    head |= {
+        "name": name,
+        "description": f"Started from {scene.name}",
+        "source": f"value of {scene.name}, to be replaced",
+    }
+    return annotated({key: _bare(one, key) for key, one in (head | tables).items()})
+
+
+def _bare(entry: Any, path: str) -> Any:
+    """An entry without sources, with temperatures in degrees Celsius."""
+    if isinstance(entry, Mapping) and "value" not in entry:
+        return {key: _bare(one, join(path, key)) for key, one in entry.items() if key != "source"}
+    if isinstance(entry, list) and any(isinstance(one, Mapping) for one in entry):
+        return [_bare(one, f"{path}.{at}") for at, one in enumerate(entry)]
+    value, unit, _ = unwrapped(entry, path)
+    return in_celsius(_with_unit(value, unit), path)
+
+
+def _with_unit(value: Any, unit: str | None) -> Any:
+    if isinstance(value, list):
+        return [_with_unit(one, unit) for one in value]
+    return f"{value} {unit}" if unit else value
+
+
+def annotated(document: Mapping[str, Any], *remarks: str) -> str:
+    """TOML of the tables of a valid scene, with comments on every entry they have or could have.
+
+    Args:
+        document: the tables.
+        remarks: comments for its head.
+    """
+    lines = [*_comment(*_HOW, *filter(None, remarks)), ""]
     lines += [f"{key} = {value_text(one)}" for key, one in document.items() if isinstance(one, str)]
     told: set[type] = set()
     if any(key in entries(Compressor) for key in document):

@@ -115,6 +115,9 @@ def load(name_or_path: str | os.PathLike) -> Scene:
     ...
     jaxcomp.scene._text.SceneError: no machine ... "mayekawa-wbeh"; did you mean "mayekawa-wbhe"?
     """
+    if not isinstance(name_or_path, str | os.PathLike):
+        what = f"a {type(name_or_path).__name__}"
+        raise SceneError("machine", "must be the name of a bundled machine or of a file", what)
     given, known = os.fspath(name_or_path), bundled("machines")
     path = Path(given)
     if given in known:

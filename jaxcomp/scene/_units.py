@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._fields import BadInput
+from .._shown import ZERO_CELSIUS
 from ._text import NUMBER, SceneError
 
 if TYPE_CHECKING:
@@ -34,7 +35,16 @@ _GRADE = re.compile(
     r"([+-]?\d+(?:\.\d+)?)\s*(degC|°C|C|degF|°F|F|K)\s*",
     re.IGNORECASE,
 )
-_DEGREES = ("degC", "°C", "celsius", "degF", "°F", "fahrenheit", "K", "kelvin")
+# Size and zero [K] of the degrees in which temperatures are given; differences have no zero.
+ZEROS = {
+    "degC": (1.0, ZERO_CELSIUS), "°C": (1.0, ZERO_CELSIUS), "C": (1.0, ZERO_CELSIUS), "K": (1.0, 0.0),
+    "degF": (5 / 9, 459.67 * 5 / 9), "°F": (5 / 9, 459.67 * 5 / 9), "F": (5 / 9, 459.67 * 5 / 9),
+}  # fmt: skip
+_LEVELS = {name.lower(): one for name, one in ZEROS.items() if one[1]}
+_LEVELS |= {"celsius": ZEROS["C"], "fahrenheit": ZEROS["F"]}
+_DEGREES = (*ZEROS, *_LEVELS, "kelvin")
+# Keys of temperatures end so. Every other number in K is a difference: 10 K of superheat are not 283 K.
+_TEMPERATURES = ("temperature", "evaporating", "condensing")
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE)
 _EXAMPLES = {
     "m": "130 mm",
@@ -44,6 +54,7 @@ _EXAMPLES = {
     "kg": "2.65 kg",
     "N m": "120 N m",
     "Pa s": "4 mPa s",
+    "K": "10 K",
 }
 # What most files use, so that they are read without the registry of units, which takes half a second.
 FREQUENT = {
@@ -54,14 +65,19 @@ FREQUENT = {
 }  # fmt: skip
 
 
-def to_si(given: Any, unit: str, key: str, default_unit: str | None = None) -> np.ndarray:
+def to_si(
+    given: Any, unit: str, key: str, default_unit: str | None = None, difference: bool = False
+) -> np.ndarray:
     """A value of a scene file in SI units.
+
+    A temperature may be given in degrees ("-23.3 degC"), a difference of temperatures in K only.
 
     Args:
         given: number, text with a unit, or (nested) list of them.
         unit: SI unit of the result, empty for a pure number.
         key: dotted path of the entry, for the message.
         default_unit: unit of bare numbers, where one was given for all of them.
+        difference: whether it is one of two values, such as a tolerance, whatever the key.
 
     Returns:
         [SI] Array in `unit`; of shape () for a single value.
@@ -70,16 +86,27 @@ def to_si(given: Any, unit: str, key: str, default_unit: str | None = None) -> n
         SceneError: no number, another dimension, a missing unit, or a value that is not finite.
     """
     if isinstance(given, list):
-        parts = [to_si(part, unit, f"{key}.{i}", default_unit) for i, part in enumerate(given)]
+        parts = [
+            to_si(part, unit, f"{key}.{i}", default_unit, difference)
+            for i, part in enumerate(given)
+        ]
         if len({part.shape for part in parts}) > 1:
             raise SceneError(key, "has rows of different length", given)
         return np.array(parts, dtype=float).reshape(len(parts), *(parts[0].shape if parts else ()))
-    return np.asarray(_single(given, unit, key, default_unit))
+    level = not difference and _is_temperature(unit, key)
+    return np.asarray(_single(given, unit, key, default_unit, level))
 
 
-def _single(given: Any, unit: str, key: str, default_unit: str | None) -> float:
+def _is_temperature(unit: str, key: str) -> bool:
+    """Whether a number is a temperature, and no difference of temperatures."""
+    name = key.partition("=")[0]  # of an option
+    return unit == "K" and re.sub(r"(\.\d+)+$", "", name).endswith(_TEMPERATURES)
+
+
+def _single(given: Any, unit: str, key: str, default_unit: str | None, level: bool) -> float:
+    wanted = _wanted(unit, level)
     if isinstance(given, bool) or not isinstance(given, int | float | str):
-        raise SceneError(key, f"must be {_wanted(unit)}", given)
+        raise SceneError(key, f"must be {wanted}", given)
     if isinstance(given, str):
         if _NOT_FINITE.fullmatch(given[:_LONGEST_TEXT]):
             raise SceneError(key, "must be finite", given)
@@ -87,7 +114,7 @@ def _single(given: Any, unit: str, key: str, default_unit: str | None) -> float:
             return _oil(grade, key, given)
         match = _QUANTITY.fullmatch(given) if len(given) <= _LONGEST_TEXT else None
         if not match:
-            raise SceneError(key, f"is no number; it must be {_wanted(unit)}", given)
+            raise SceneError(key, f"is no number; it must be {wanted}", given)
         if comma := _DECIMAL_COMMA.fullmatch(given):
             point = f"{comma[1]}.{comma[2]}"
             raise SceneError(key, f'has a decimal comma; write "{point}"', given)
@@ -99,8 +126,17 @@ def _single(given: Any, unit: str, key: str, default_unit: str | None) -> float:
         raise SceneError(key, "must be finite", given)
     given_unit = given_unit or default_unit or ""
     if not given_unit and unit:
-        raise SceneError(key, f"lacks its unit; it must be {_wanted(unit)}", given)
-    value = number * factor(given_unit, unit, key, given)
+        raise SceneError(key, f"lacks its unit; it must be {wanted}", given)
+    degrees = _LEVELS.get(given_unit.lower()) if unit == "K" else None
+    if degrees and not level:
+        raise SceneError(
+            key,
+            "is a temperature, where a difference of temperatures is needed; "
+            f'write "{number * degrees[0]:g} K"',
+            given,
+        )
+    size, zero = degrees or (factor(given_unit, unit, key, given), 0.0)
+    value = number * size + zero
     if not math.isfinite(value):
         raise SceneError(key, "must be finite", given)
     return value
@@ -163,8 +199,8 @@ def _oil(grade: re.Match, key: str, given: str) -> float:
     """[Pa s] Viscosity of an oil by its grade and temperature."""
     from ..film import iso_vg_viscosity
 
-    value, unit = float(grade[2]), grade[3].lstrip("°deg").upper()
-    kelvin = {"C": value + 273.15, "F": (value - 32) / 1.8 + 273.15, "K": value}[unit]
+    size, zero = _LEVELS.get(grade[3].lower(), ZEROS["K"])
+    kelvin = float(grade[2]) * size + zero
     try:
         return float(iso_vg_viscosity(float(grade[1]), kelvin))
     except BadInput as error:
@@ -188,12 +224,23 @@ def as_text(value: Any, unit: str, given: Any = None) -> Any:
         return float(value)
     match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
     if match and match[2]:
-        scale = factor(match[2], unit)
+        degrees = _LEVELS.get(match[2].lower()) if unit == "K" else None
+        size, zero = degrees or (factor(match[2], unit), 0.0)
         for digits in (12, 15, 17):
-            text = f"{float(value) / scale:.{digits}g}"
-            if float(text) * scale == value:
+            text = f"{(float(value) - zero) / size:.{digits}g}"
+            if float(text) * size + zero == value:
                 return f"{text} {match[2]}"
     return f"{float(value)!r} {unit}"
+
+
+def in_celsius(given: Any, key: str) -> Any:
+    """An entry of a scene file, in degrees Celsius where it is a temperature in kelvins."""
+    if isinstance(given, list):
+        return [in_celsius(one, f"{key}.{at}") for at, one in enumerate(given)]
+    match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
+    if match is None or match[2] != "K" or not _is_temperature("K", key):
+        return given
+    return f"{float(match[1]) - ZERO_CELSIUS:.10g} degC"
 
 
 @cache
@@ -228,7 +275,9 @@ def _angle(unit: pint.Unit) -> bool:
     return "radian" in str(_registry().get_root_units(unit)[1])
 
 
-def _wanted(unit: str) -> str:
+def _wanted(unit: str, level: bool = False) -> str:
+    if level:
+        return 'a temperature with its unit, such as "-23.3 degC" or "249.85 K"'
     if not unit:
         return "a pure number without a unit (% is accepted)"
     if unit == "Pa s":

@@ -31,16 +31,12 @@ from ..study import MEASURED, Identification, Readings, terms_of, varied
 from ._change import with_machine
 from ._scene import Scene
 from ._text import SceneError, header_cell, read_cells, reading
-from ._units import factor
+from ._units import ZEROS, factor
 
 # Temperatures, and differences of temperatures, which no zero point shifts.
 _LEVELS = ("evaporating", "condensing", "return_gas", "liquid")
 _DIFFERENCES = ("superheat", "subcooling", "useful_superheat")
 _CONDITIONS = (*_LEVELS, *_DIFFERENCES, "speed")
-_ZEROS = {
-    "degC": (1.0, ZERO), "°C": (1.0, ZERO), "C": (1.0, ZERO), "K": (1.0, 0.0),
-    "degF": (5 / 9, 459.67 * 5 / 9), "°F": (5 / 9, 459.67 * 5 / 9), "F": (5 / 9, 459.67 * 5 / 9),
-}  # fmt: skip
 _STEPS = {"K": 1.0, "degF": 5 / 9, "delta_degC": 1.0, "delta_degF": 5 / 9}
 _VALUE = re.compile(r"\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([^\s;,(]*)")
 _RANGE = re.compile(r"\s*([-+]?[\d.]+)\s*to\s*([-+]?[\d.]+)\s*([^\s;,(]*)")
@@ -151,9 +147,9 @@ def _usual(what: str) -> str:
 def _scale(what: str, unit: str) -> tuple[float, float]:
     """Size of a unit in SI, and its zero."""
     if what in _LEVELS or what == "discharge_temperature":
-        if unit not in _ZEROS:
+        if unit not in ZEROS:
             raise SceneError(what, f"has the unit {unit}; it must be degC, K or degF")
-        return _ZEROS[unit]
+        return ZEROS[unit]
     if what in _DIFFERENCES:
         if unit not in _STEPS:
             bound = f"is a difference of temperatures and not one in {unit}; it must be in K"

@@ -79,7 +79,7 @@ def read_tolerance(text: Any, unit: str, key: str) -> Within:
     if relative:
         values = [float(n.replace(" ", "")) / 100 for n in numbers]
     else:
-        values = [float(to_si(f"{n} {given_unit}", unit, key)) for n in numbers]
+        values = [float(to_si(f"{n} {given_unit}", unit, key, difference=True)) for n in numbers]
     if two:
         limits: Any = (min(values), max(values))  # drawings have either one on top
     else:

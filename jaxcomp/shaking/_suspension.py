@@ -32,7 +32,9 @@ class Spring(Part):
     kind: ClassVar[str] = "spring"
 
     position: Float[Array, "3"] = quantity("m", ANY, shape=(3,), doc="where it holds the block")
-    axial_stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE, doc="along its axis")
+    axial_stiffness: Float[Array, ""] = quantity(
+        "N/m", NONNEGATIVE, doc="along its axis", usual=(10.0, 1e9)
+    )
     lateral_stiffness: Float[Array, ""] = quantity(
         "N/m", NONNEGATIVE, default=0.0, doc="across its axis"
     )
@@ -62,7 +64,9 @@ class Suspension(Part):
 
     kind: ClassVar[str] = "suspension"
 
-    mass: Float[Array, ""] = quantity("kg", POSITIVE, doc="of all that hangs in the springs")
+    mass: Float[Array, ""] = quantity(
+        "kg", POSITIVE, doc="of all that hangs in the springs", usual=(0.1, 1e5)
+    )
     inertia_x: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")
     inertia_y: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")
     inertia_z: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")

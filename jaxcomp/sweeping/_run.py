@@ -186,7 +186,7 @@ def _check(asked: Problem, points: GridPoints | SamplePoints) -> None:
     for one in asked.variables:
         for end in points.ends[one.name]:
             if not bool(one.bound.holds(end)):
-                raise BadInput(one.name, end, str(one.bound))
+                raise BadInput(one.name, end, f"{one.bound} {one.unit}".rstrip())
     names = [*{*points.dims, *points.axes}, *asked.names, OK]
     for name in names:
         if names.count(name) > 1:

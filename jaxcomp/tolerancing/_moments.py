@@ -13,6 +13,7 @@ independent sets, each scrambled by itself if it is a sequence of Sobol; how muc
 error of what all of them together say, whatever the kind of sampling.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import equinox as eqx
@@ -24,7 +25,7 @@ from jaxtyping import Array, Bool, Float
 from .._fields import BadInput
 from .._waits import progress_of
 from ..design import Problem
-from ..design._problem import solved
+from ..design._problem import solved, solves_gas
 from ..sweeping._blocks import default_width, solved_blocks
 from ._scatter import Sampling, Scatter, drawn_normals
 
@@ -38,6 +39,10 @@ _STEP = 0.5
 SETS = 8
 # Designs of a block.
 _BLOCK = 8192
+# The same of machines whose gas is solved, some seconds of them.
+_SLOW_BLOCK = 32
+# Called with the rows so far [SI], their quantities [SI], and whether each could be solved.
+Keep = Callable[[np.ndarray, np.ndarray, np.ndarray], None]
 # Designs in step where each costs a product of small matrices: wide enough to be worth a call.
 _WIDE = 1024
 
@@ -179,6 +184,7 @@ def sampled(
     seed: int = 0,
     progress: bool = True,
     client: "Client | None" = None,
+    keep: Keep | None = None,
 ) -> Sampled:
     """Draw machines and solve them.
 
@@ -192,7 +198,7 @@ def sampled(
         drawn_normals(names, len(one), sampling, seed * SETS + number)
         for number, one in enumerate(np.array_split(np.arange(samples), SETS))
     ])  # fmt: skip
-    values, ok = solved_rows(problem, scatter.at(nominal, normals), progress, client)
+    values, ok = solved_rows(problem, scatter.at(nominal, normals), progress, client, keep)
     good = values[ok]
     if len(good) < 2:
         return Sampled(normals, values, ok, *np.full((5, values.shape[1]), np.nan))
@@ -207,15 +213,18 @@ def sampled(
     return Sampled(normals, values, ok, mean, deviation, skewness, *errors)
 
 
-def solved_rows(problem: Problem, rows, progress=False, client=None):
+def solved_rows(problem: Problem, rows, progress=False, client=None, keep: Keep | None = None):
     """[SI] (rows, quantities) and whether they could be solved, in blocks as a sweep solves them."""
     rows, devices = np.asarray(rows), jax.local_devices()
     width = default_width(devices) if problem.options.known is None else _WIDE
-    blocks = ((first, rows[first : first + _BLOCK]) for first in range(0, len(rows), _BLOCK))
+    size = _SLOW_BLOCK if solves_gas(problem) else _BLOCK
+    blocks = ((first, rows[first : first + size]) for first in range(0, len(rows), size))
     values, ok, done = np.empty((len(rows), len(problem.quantities))), np.empty(len(rows), bool), 0
     with progress_of("Drawing machines", len(rows), unit="machines", show=progress) as shown:
         for first, some, *found in solved_blocks(problem, width, devices, client, blocks):
             values[first : first + len(some)], ok[first : first + len(some)] = found
             done += len(some)
             shown.at(done)
+            if keep is not None:
+                keep(rows[:done], values[:done], ok[:done])
     return values, ok

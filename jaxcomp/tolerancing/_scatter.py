@@ -7,7 +7,7 @@ Engineering Mechanics 1, 105-112), and each deviation is that of its own distrib
 
 import math
 from collections.abc import Mapping
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import jax.numpy as jnp
 import numpy as np
@@ -184,6 +184,7 @@ def scatter_of(
     """
     if not tolerances:
         raise BadInput("tolerances", "none", "at least one")
+    _check_kinds(tolerances)
     names = list(tolerances)
     wanted, latent = np.eye(len(names)), np.eye(len(names))
     for pair, value in (correlations or {}).items():
@@ -203,6 +204,16 @@ def scatter_of(
         bound = "such that the matrix of all of them has positive eigenvalues"
         raise BadInput("correlations", f"of smallest eigenvalue {smallest}", bound) from None
     return Scatter(dict(tolerances), wanted, root)
+
+
+def _check_kinds(tolerances: Any) -> None:
+    """That every tolerance is one, and not a bare number."""
+    example = "tolerances by name, such as {'mechanism.bore': within(2e-5)}, which is +-0.02 mm"
+    if not isinstance(tolerances, Mapping):
+        raise BadInput("tolerances", f"a {type(tolerances).__name__}", example)
+    for name, one in tolerances.items():
+        if not isinstance(one, Within):
+            raise BadInput(f"tolerances.{name}", f"{one}", f"made with `within`: {example}")
 
 
 def _normal_correlation(a: Within, b: Within, wanted: float, label: str) -> float:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._fields import BadInput, counted
+from .._fields import BadInput, counted, listed_names
 from .._results import Data, Result
 from .._shown import shown
 from ..design import AnalysisOptions, Problem, by_name, prepared
@@ -16,6 +16,7 @@ from ..design._problem import Asked, name_of, problem_of, solves_gas
 from ..machine import machine_of
 from ._moments import (
     Curvature,
+    Keep,
     Local,
     Moments,
     Sampled,
@@ -146,6 +147,7 @@ def tolerance(
     curvature: Curvature = "differences",
     client: "Client | None" = None,
     progress: bool = True,
+    keep: Keep | None = None,
 ) -> Tolerances:
     """What production tolerances do to a machine, by derivatives and by Monte Carlo.
 
@@ -166,13 +168,17 @@ def tolerance(
         curvature: how the second order comes about, see `local`; `None` for the first alone.
         client: of a Dask cluster whose workers solve the samples, see `sweep`; this process if absent.
         progress: show a bar on standard error, if that is a terminal.
+        keep: called as work goes on with the machines (n, variables) drawn so far, their quantities
+            (n, quantities), both in SI units, and whether each could be solved.
 
     Raises:
         ConnectionError: the scheduler of the cluster was lost.
         BadInput: an unknown variable or quantity, a tolerance that takes a variable out of its
             bounds, correlations that cannot be, or an option that makes no sense.
     """
+    listed_names("quantities", quantities)
     asked, limits = quantities, limits or {}
+    scatter_of(tolerances)  # refuses what is no tolerance, before its name is looked up
     if not isinstance(scene, Problem):
         tolerances = by_name(machine_of(scene), tolerances)
         names = [name_of(one) for one in quantities or ()]
@@ -189,7 +195,7 @@ def tolerance(
     if samples is None:
         samples = _FEW if solves_gas(made) else _MANY
     counted("samples", samples, high=2**24)
-    many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client)
+    many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client, keep)
     value, swings = _one_at_a_time(made, scatter, nominal)
     return Tolerances(
         made,

@@ -38,8 +38,10 @@ class AbstractValve(Part):
     """
 
     _: KW_ONLY
-    port_diameter: Float[Array, ""] = quantity("m", POSITIVE)
-    flow_coefficient: Float[Array, ""] = quantity("", POSITIVE, default=0.65, doc="C_d")
+    port_diameter: Float[Array, ""] = quantity("m", POSITIVE, usual=(5e-4, 0.3))
+    flow_coefficient: Float[Array, ""] = quantity(
+        "", POSITIVE, default=0.65, doc="C_d", usual=(0.2, 1.2)
+    )
     port_length: Float[Array, ""] | None = quantity(
         "m",
         POSITIVE,
@@ -112,8 +114,10 @@ class OilFilm(Part):
 
     kind: ClassVar[str] = "oil_film"
 
-    viscosity: Float[Array, ""] = quantity("Pa s", NONNEGATIVE, doc="dynamic, of the oil")
-    seat_width: Float[Array, ""] = quantity("m", POSITIVE)
+    viscosity: Float[Array, ""] = quantity(
+        "Pa s", NONNEGATIVE, doc="dynamic, of the oil", usual=(1e-4, 2.0)
+    )
+    seat_width: Float[Array, ""] = quantity("m", POSITIVE, usual=(1e-5, 0.02))
     thickness: Float[Array, ""] = quantity("m", POSITIVE, doc="with the plate on its seat")
     seat_diameter: Float[Array, ""] | None = quantity(
         "m", POSITIVE, default=None, doc="that of the port if absent"
@@ -130,9 +134,11 @@ class AbstractMovingValve(AbstractValve):
     """What the moving valves share."""
 
     _: KW_ONLY
-    stop: Float[Array, ""] = quantity("m", POSITIVE, doc="largest lift")
-    force_coefficient: Float[Array, ""] = quantity("", POSITIVE, default=1.1, doc="C_f")
-    damping: Float[Array, ""] = quantity("N s/m", NONNEGATIVE, default=0.0)
+    stop: Float[Array, ""] = quantity("m", POSITIVE, doc="largest lift", usual=(5e-5, 0.02))
+    force_coefficient: Float[Array, ""] = quantity(
+        "", POSITIVE, default=1.1, doc="C_f", usual=(0.2, 3.0)
+    )
+    damping: Float[Array, ""] = quantity("N s/m", NONNEGATIVE, default=0.0, usual=(0.0, 1e4))
     preload: Float[Array, ""] = quantity("m", NONNEGATIVE, default=0.0, doc="as a lift")
     restitution: Float[Array, ""] = quantity(
         "", Bound(0.0, 1.0, high_open=True), default=0.0, doc="at seat and stop"
@@ -217,8 +223,8 @@ class PlateValve(AbstractMovingValve):
     kind: ClassVar[str] = "reed"
 
     _: KW_ONLY
-    mass: Float[Array, ""] = quantity("kg", POSITIVE, doc="moving")
-    stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE)
+    mass: Float[Array, ""] = quantity("kg", POSITIVE, doc="moving", usual=(1e-6, 2.0))
+    stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE, usual=(10.0, 1e6))
 
     @property
     def oscillator(self):
@@ -256,11 +262,13 @@ class ReedBeam(AbstractMovingValve):
 
     _: KW_ONLY
     thickness: Float[Array, ""] = quantity("m", POSITIVE)
-    width: Float[Array, ""] = quantity("m", POSITIVE)
-    length: Float[Array, ""] = quantity("m", POSITIVE, doc="root to tip")
-    port_distance: Float[Array, ""] = quantity("m", POSITIVE, doc="from the root")
-    elastic_modulus: Float[Array, ""] = quantity("Pa", POSITIVE, default=193e9)
-    density: Float[Array, ""] = quantity("kg/m^3", POSITIVE, default=7800.0)
+    width: Float[Array, ""] = quantity("m", POSITIVE, usual=(1e-3, 0.1))
+    length: Float[Array, ""] = quantity("m", POSITIVE, doc="root to tip", usual=(2e-3, 0.3))
+    port_distance: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="from the root", usual=(1e-3, 0.3)
+    )
+    elastic_modulus: Float[Array, ""] = quantity("Pa", POSITIVE, default=193e9, usual=(1e9, 1e12))
+    density: Float[Array, ""] = quantity("kg/m^3", POSITIVE, default=7800.0, usual=(500.0, 25e3))
 
     @property
     def oscillator(self):

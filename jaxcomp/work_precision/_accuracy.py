@@ -1,7 +1,7 @@
 r"""`accuracy`: error against run time of the solvers of a quantity."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -16,7 +16,7 @@ from ._cycle import cycle_study
 from ._gradient import gradient_study
 from ._march import order_study, transient_study
 from ._orbit import cylinders_study, orbit_study, quantities_study
-from ._report import Cost, Report
+from ._report import Cost, Measurement, Report
 from ._rotor import FILM_QUANTITIES, film_study, response_study
 from ._study import ROTOR_QUANTITIES, Program, Question, Study, answer, measured
 
@@ -70,6 +70,7 @@ def accuracy(
     excitation: Literal["crank", "file"] | None = None,
     thorough: bool = False,
     progress: Callable[[str, int, int], None] | None = None,
+    keep: Callable[[Sequence[Measurement]], None] | None = None,
 ) -> Report:
     """Measure error against run time.
 
@@ -85,6 +86,7 @@ def accuracy(
             solver of the crank has a part in the answer.
         thorough: all methods and settings instead of the more instructive ones.
         progress: called before each setting with its name, its number and how many there are.
+        keep: called after each setting with all that are measured.
 
     Returns:
         Every setting with its error and time, the reference, and, for studies of the crank, the errors
@@ -121,6 +123,8 @@ def accuracy(
     for number, setting in enumerate(plan.settings, 1):
         progress(f"{setting.method}, {setting.label}", number, total)
         rows.append(measured(setting, reference))
+        if keep is not None:
+            keep(rows)
     report = Report(
         kind.name,
         getattr(scene, "name", "design"),

@@ -199,7 +199,7 @@ def _of_load(model, place: Place, name: str) -> Callable[[Any], Any]:
 
 def _model_call(solved: Callable[[int], films.FilmSolution], value) -> Call:
     """A function of the load number, over a batch of points at the same place."""
-    over, program = Compiled(jax.vmap(value)).call(jnp.full(_BATCH, solved(4).load_number))
+    over, program, _ = Compiled(jax.vmap(value)).call(jnp.full(_BATCH, solved(4).load_number))
     return Call(lambda: over()[0], program)
 
 
@@ -219,7 +219,7 @@ def response_study(question: Question, thorough: bool) -> Study:
     def prepare(solver, count):
         # the same speeds again and again, so that their number alone is what differs
         speeds = jnp.asarray(np.resize(compared, count))
-        run, program = Compiled(partial(solve, solver)).call(model, loads, speeds)
+        run, program, _ = Compiled(partial(solve, solver)).call(model, loads, speeds)
         return Call(lambda: run()[:_COMPARED] if count > _COMPARED else run(), program)
 
     def reference(count):

@@ -7,7 +7,7 @@ prepares a call that gives the quantity, or several values of it; `measured` run
 import math
 import time
 from collections.abc import Callable, Iterable
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -76,7 +76,7 @@ class Program:
         """[s] median of several calls."""
         return median_time(self.on(*arguments))
 
-    @property
+    @cached_property
     def flops(self) -> float:
         found = self._compiled.cost_analysis() or {}
         return float(found.get("flops", np.nan))
@@ -193,10 +193,12 @@ class Call(NamedTuple):
     Attributes:
         run: gives a number, an array of them, or a `Solved`.
         program: what it runs, where that is one compiled program.
+        seconds: [s] its median time, where that is known already.
     """
 
     run: Callable[[], Any]
     program: Program | None = None
+    seconds: float | None = None
 
 
 class Setting(NamedTuple):
@@ -374,7 +376,8 @@ def measured(setting: Setting, reference: Reference) -> Measurement:
     except (RuntimeError, SolveFailed, BadInput) as failed:
         return row._replace(why=str(failed))
     solved = found if isinstance(found, Solved) else Solved(found)
-    seconds, program = median_time(call.run), call.program
+    seconds = median_time(call.run) if call.seconds is None else call.seconds
+    program = call.program
     row = row._replace(
         error=math.inf if solved.why else reference.error(solved.value),
         seconds=seconds / setting.share,

@@ -26,7 +26,7 @@ PANELS = {1: 7, 2: 11, 4: 14, 8: 24}
 
 
 def settings(made):
-    fast = {"reversals": 0, "panel_count": PANELS[made.cylinders.count], "estimate": False}
+    fast = {"reversals": 0, "panel_count": PANELS[made.crankshaft.count], "estimate": False}
     yield "4 nodes, coarse", Collocation(nodes=4, tolerance=1e-3, **fast)
     yield "5 nodes, coarse", Collocation(nodes=5, tolerance=1e-3, **fast)
     yield "default", default_collocation(made)

@@ -1,0 +1,77 @@
+"""What long work has so far stays there when it is interrupted."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import jaxcomp as jc
+from jaxcomp import _interrupts
+from jaxcomp.cli import _output
+from jaxcomp.tolerancing import within
+
+
+def read(file):
+    with open(file) as lines:
+        return list(csv.DictReader(lines))
+
+
+def test_pieces_are_in_a_file_until_the_work_ends(tmp_path, monkeypatch):
+    monkeypatch.setattr(_output, "_EVERY", 0.0)
+    kept = _output.Partial(tmp_path / "out", "designs")
+    kept.keep({"bore [m]": [0.12]})
+    kept.keep({"bore [m]": [0.12, 0.13], "solved": [True, False]})
+    file = tmp_path / "out" / "partial.csv"
+    assert read(file)[1] == {"bore [m]": "0.13", "solved": "False"}
+    assert _interrupts.say_stopped() == f"stopped after 2 designs; they are in {file}"
+    kept.done()
+    assert not file.exists()
+    assert _interrupts.say_stopped() == "stopped"
+
+
+def test_without_a_folder_the_word_says_how_to_keep_them():
+    kept = _output.Partial(None, "machines")
+    kept.keep({"bore": np.arange(2000)})
+    words = "stopped after 2,000 machines; with --out FOLDER they are kept"
+    assert _interrupts.say_stopped() == words
+
+
+def test_studies_hand_out_what_they_have():
+    scene, designs, machines = jc.load("mayekawa-wbhe"), [], []
+    made = jc.problem(scene, {"bore": (0.12, 0.14)}, ["swept_volume"])
+    keep = lambda points, found: designs.append((points, found.values))  # noqa: E731
+    jc.optimise(made, maximise=True, samples=4, starts=1, max_steps=3, keep=keep)
+    assert sum(len(points) for points, _ in designs) >= 5
+    assert all(len(points) == len(values) for points, values in designs)
+    jc.tolerance(
+        made, {"bore": within(1e-5)}, samples=32, progress=False,
+        keep=lambda *rows: machines.append([len(one) for one in rows]),
+    )  # fmt: skip
+    assert machines[-1] == [32, 32, 32]
+
+
+@pytest.mark.slow  # a search that runs until it is stopped
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for children")
+def test_an_interrupted_search_leaves_its_designs(tmp_path):
+    out = tmp_path / "out"
+    words = ["optimise", "mayekawa-wbhe", "--variable", "bore=100mm:160mm", "--samples", "100000"]
+    program = subprocess.Popen(
+        [sys.executable, "-m", "jaxcomp", *words, "--out", str(out)],
+        stderr=subprocess.PIPE, text=True, env=os.environ | {"JAXCOMP_WAITS": "off"},
+    )  # fmt: skip
+    until = time.monotonic() + 120
+    while not (out / "partial.csv").exists() and time.monotonic() < until:
+        time.sleep(0.1)
+    program.send_signal(signal.SIGINT)
+    _, said = program.communicate(timeout=20)
+    assert program.returncode == _interrupts.STOPPED
+    assert f"they are in {out / 'partial.csv'}" in said
+    assert "Traceback" not in said
+    rows = read(out / "partial.csv")
+    assert rows
+    assert all(0.1 <= float(row["bore [m]"]) <= 0.16 for row in rows)
