@@ -122,11 +122,12 @@ def _check_lists(compressor: Compressor) -> None:
                 raise BadInput(f"{where}.of_cylinder", str(part.of_cylinder), bound)
         for path, value in listed(getattr(compressor, section)).items():
             if value.shape != (count,):
-                several = f", or one for each of {count} cylinders" if count > 1 else ""
-                raise BadInput(f"{section}.{path}", value, f"one number{several}")
+                several = f"one number, or one for each of {count} cylinders"
+                bound = several if count > 1 else "a single value, as there is one cylinder"
+                raise BadInput(f"{section}.{path}", value, bound)
     support = compressor.crankshaft.main_journal
     for path, value in listed(support).items():
-        raise BadInput(f"crankshaft.main_journal.{path}", value, "one number")
+        raise BadInput(f"crankshaft.main_journal.{path}", value, "a single value")
     for path, part in subparts(support):
         if isinstance(part, AbstractEach):
             where = f"crankshaft.main_journal.{path}".rstrip(".")

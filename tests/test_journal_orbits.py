@@ -53,7 +53,7 @@ def pin_load(compressor):
         now = instants(compressor, angle)
         state = CrankState(angle, jnp.full_like(angle, SPEED), jnp.zeros_like(angle))
         loop = loop_of(compressor, state, now.gas_force, now.kinematics)
-        return -loop.loads(loop.start(), False).forces["crank_pin"]
+        return -loop.loads(loop.loops.start(), False).forces["crank_pin"]
 
     return at, lambda angle: -rod_motion(compressor.mechanism, angle).tilt_1
 

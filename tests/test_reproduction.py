@@ -238,7 +238,7 @@ def test_mean_force_of_the_bundled_machine():
     held = eqx.tree_at(lambda c: c.friction, machine, None)
     orbit = solve_orbit(held, Collocation(reversals=0))
     share = np.asarray(orbit.weight) / (2 * np.pi)
-    mean = area * float(np.sum(share * np.asarray(orbit.pressure)))
+    mean = area * float(np.sum(share * np.asarray(orbit.pressure[0])))
     assert mean == pytest.approx(1420, abs=5)
     assert mean - area * float(machine.gas.behind_piston) == pytest.approx(709, abs=10)
 

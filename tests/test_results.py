@@ -189,7 +189,7 @@ def test_the_curves_read_back_by_pandas_equal_the_orbit(orbit, tmp_path):
     read = pandas.read_csv(tmp_path / "curves.csv")
     pairs = {
         "crank_angle [rad]": orbit.state.angle,
-        "pressure [Pa]": orbit.pressure,
+        "pressure [Pa]": orbit.pressure[0],
         "speed [rad/s]": orbit.state.speed,
         "motor_torque [N m]": orbit.motor_torque,
         "joint_force.crank_pin.y [N]": orbit.loads.forces["crank_pin"][1],

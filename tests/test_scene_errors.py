@@ -69,7 +69,7 @@ BAD = {
     ),
     "list for one value": (
         replaced('"50 mm"', '["50 mm", "60 mm"]'),
-        "mechanism.bore = ['50 mm', '60 mm']: must be one number",
+        "mechanism.bore = ['50 mm', '60 mm']: must be a single value, as there is one cylinder",
     ),
     "unknown key": (
         replaced("bore", "bor"),
