@@ -22,10 +22,14 @@ def link_friction(share):
     return test_slider_link.coulomb_friction(0.1 * share, 0.1 * share, 0.01 * share)
 
 
+def rubbing(share):
+    return coulomb(share).friction
+
+
 JOINTS = {
-    "slider-crank": (mechanism(offset=0.01), coulomb, 3e4, 1e2),
-    "steep slider-crank": (mechanism(conrod_length=0.05 / 0.95), coulomb, 3e4, 1e2),
-    "regularised": (mechanism(), lambda share: regularised(1e-8, share), 3e4, 1e2),
+    "slider-crank": (mechanism(offset=0.01), rubbing, 3e4, 1e2),
+    "steep slider-crank": (mechanism(conrod_length=0.05 / 0.95), rubbing, 3e4, 1e2),
+    "regularised": (mechanism(), lambda share: regularised(1e-8, share).friction, 3e4, 1e2),
     "slider-link": (test_slider_link.machine(offset=-2e-3), link_friction, 7e2, 3e2),
     "balanced slider-link": (
         test_slider_link.machine(),

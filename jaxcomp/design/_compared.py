@@ -29,6 +29,7 @@ from .._fields import (
 from .._status import Status
 from ..compressor import Compressor, compressor_of
 from ..crank import Collocation, Orbit, solve_orbit
+from ..crankshaft import counterweights
 from ..friction import CoulombJournal, SliderCrankFriction, SliderLinkFriction
 from ..machine import Machine, machine_of
 from ..mechanism import SliderCrank, SliderLink
@@ -158,10 +159,7 @@ def rod_driven(machine: Any, rod: RodDrive) -> Compressor:
         conrod_centre=rod.conrod_centre,
         conrod_inertia=rod.conrod_inertia,
     )
-    none = jnp.zeros(())
-    crankshaft = rebuilt(
-        crankshaft, balanced=True, unbalance=none, shaft_unbalance=None, shaft_couple=None
-    )
+    crankshaft = rebuilt(counterweights(crank, crankshaft), shaft_unbalance=None, shaft_couple=None)
     film = friction.piston_film
     if film is not None:
         film = replaced(film, length=rod.piston_length)

@@ -29,4 +29,3 @@ from ._loads import newton_step as newton_step
 from ._loads import shaft_loss as shaft_loss
 from ._slider_crank import SliderCrankFriction as SliderCrankFriction
 from ._slider_link import SliderLinkFriction as SliderLinkFriction
-from ._slider_link import substitution as substitution

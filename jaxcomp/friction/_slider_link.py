@@ -10,10 +10,9 @@ Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathem
 Eqs. (1)-(18), (29), (31)-(35).
 """
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
@@ -37,7 +36,6 @@ from ._loads import (
     Balance,
     JointLoads,
     Marks,
-    joint_loads,
     joint_loop,
     journal_moment,
     relative,
@@ -257,59 +255,6 @@ def _slider_link_loop(
         (along, across),
         gas_force,
         gravity,
-    )
-
-
-class Substitution(NamedTuple):
-    """One substitution of Eq. (35).
-
-    Attributes:
-        acceleration: [rad/s^2] G(a).
-        contraction: [-] |G'(a)|: the factor by which a substitution shrinks the error.
-    """
-
-    acceleration: Float[Array, "*n"]
-    contraction: Float[Array, "*n"]
-
-
-def substitution(
-    mechanism: SliderLink,
-    friction: SliderLinkFriction,
-    state: CrankState,
-    gas_force: Float[Array, "*n"],
-    motor_torque: Float[Array, "*n"],
-    gravity: Float[Array, "2"] | None = None,
-) -> Substitution:
-    r"""The crank acceleration that Eq. (35) gives for an assumed one, a -> G(a).
-
-    The contacts are piecewise linear in a and enter the denominator $J_z + g_4$; only the moments
-    of the journals are taken at the assumed a. The print drops the pump from (35); it is in.
-
-    Args:
-        mechanism, friction: the machine.
-        state: angle, speed and the assumed acceleration of the crank.
-        gas_force: [N] (p - p_back) A.
-        motor_torque: [N m].
-        gravity: [m/s^2] field in x and y.
-    """
-    inertia, inertia_1 = mechanism.inertia(state.angle)
-    _, piston_1, _ = mechanism.piston(state.angle)
-    drive = motor_torque - gas_force * piston_1 - 0.5 * inertia_1 * state.speed**2
-    if gravity is not None:
-        drive = drive + mechanism.gravity_torque(state.angle, gravity)
-
-    def split(value):
-        loads = joint_loads(
-            mechanism, friction, state._replace(acceleration=value), gas_force, gravity
-        )
-        zero = jnp.zeros_like(value)
-        contacts = sum((loads.loss_torque.get(k, zero) for k in ("wall", "link_slider")), zero)
-        return inertia * value + contacts, loads.total_loss_torque - contacts + zero
-
-    value = state.acceleration
-    (contacts, journals), (slope, journal_slope) = jax.jvp(split, (value,), (jnp.ones_like(value),))
-    return Substitution(
-        value - (contacts + journals - drive) / slope, jnp.abs(journal_slope / slope)
     )
 
 

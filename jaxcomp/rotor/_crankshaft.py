@@ -64,9 +64,13 @@ def crankshaft_of(
         places=jnp.stack([along[node] for node in pins]),
     )
     support = made.main_journal
-    if not isinstance(support, MainBearings) or support.position is not None:
+    if not isinstance(support, MainBearings):
         return made
     stand = bearing_positions(rotor, pins[0])
+    if support.position is not None:
+        if set(support.names or ()) <= set(stand):
+            raise BadInput("crankshaft.main_journal.position", support.position, _FOLLOWS)
+        return made
     for name in support.names or ():
         if len(support.bearings) > 1 and name not in stand:
             bound = one_of(name, stand) + ", the bearings of the rotor's links"

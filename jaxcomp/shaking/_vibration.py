@@ -18,7 +18,6 @@ from jaxtyping import Array, Complex, Float
 
 from ..compressor import Compressor
 from ..crank import Orbit, time_harmonics
-from ..mechanism import AbstractMechanism
 from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
 from ._wrench import Wrench, shaking_wrench, wrench_about
 
@@ -82,18 +81,17 @@ def harmonics(
 
 
 def orbit_load(
-    mechanism: AbstractMechanism | Compressor, orbit: Orbit, suspension: Suspension, count: int
+    compressor: Compressor, orbit: Orbit, suspension: Suspension, count: int
 ) -> Harmonics:
     """Harmonics of the shaking wrench of a periodic state about the mass centre of the block.
 
     Args:
-        mechanism: of the compressor that the orbit was found for, or the compressor, which may have
-            several cylinders.
+        compressor: that the orbit was found for.
         orbit: the periodic state.
         suspension: gives the mass centre.
         count: number of harmonics.
     """
-    wrench = shaking_wrench(mechanism, orbit.state)
+    wrench = shaking_wrench(compressor, orbit.state)
     duration = orbit.weight / orbit.state.speed
     return harmonics(suspension, wrench, orbit.time, duration, count)
 
