@@ -627,6 +627,7 @@ ALLOWED = {
     "peak": PEAKS,
     "film_pressure": PEAKS,
     "film_thickness": PEAKS,
+    "steady_film_thickness": PEAKS,
     "least_film": PEAKS,
     "thin_film_share": COUNTED,
     "shaking": HARMONICS,

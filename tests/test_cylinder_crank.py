@@ -146,7 +146,7 @@ def test_a_change_of_the_crank_reaches_the_cycle_through_the_motion_alone():
     step = 1e-2
     (_, converged), (slope, _) = with_slope(jnp.zeros(()))
     assert bool(converged)
-    ends = [with_slope(jnp.full((), sign * step))[0][0] for sign in (1.0, -1.0)]
+    ends = [with_slope(jnp.zeros(()) + way)[0][0] for way in (step, -step)]
     difference = (ends[0] - ends[1]) / (2 * step)
     # 1.6e-3 is what 30 panels leave; without the motion, the slopes of flow and work are zero
     np.testing.assert_allclose(slope, difference, rtol=3e-3)
