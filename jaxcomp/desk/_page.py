@@ -42,7 +42,10 @@ _CARD = """
 :host { background: white; border: 1px solid #e3e6ea; border-radius: 8px; padding: 10px;
   box-sizing: border-box; min-width: 0; }
 """
-_FIGURE = {"flex": "1 1 340px", "min-width": "0", "max-width": "640px"}
+_GRID = """
+:host { display: grid !important; gap: 8px;
+  grid-template-columns: repeat(auto-fit, minmax(min(310px, 100%), 1fr)); }
+"""
 
 
 def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = False) -> Any:
@@ -120,9 +123,7 @@ class _Page:
             return pn.Column(*parts, styles={"grid-area": name}, stylesheets=[_CARD], **_WIDE)
 
         title = f"## {_as_it_is(scene.name)}\n{_as_it_is(scene.description)}"
-        first, *rest = [
-            pn.pane.Bokeh(one, styles=_FIGURE, **_WIDE) for one in self.pictures.figures
-        ]
+        first, *rest = [pn.pane.Bokeh(one, **_WIDE) for one in self.pictures.figures]
         self.body[:] = [
             pn.Column(
                 area("head", pn.pane.Markdown(title, **_WIDE), self.state, self.message),
@@ -135,7 +136,7 @@ class _Page:
                     self.ranges,
                     self.table,
                 ),
-                area("rest", pn.FlexBox(*rest, justify_content="start"), self.results),
+                area("rest", pn.Column(*rest, stylesheets=[_GRID], **_WIDE), self.results),
                 stylesheets=[_SIDES],
                 **_WIDE,
             )
