@@ -1,9 +1,11 @@
 """Pressure and speed of a compressor with a cylinder of its own, solved together."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from test_cylinder import golden
 from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, problem, solve_orbit
@@ -118,6 +120,36 @@ def test_derivatives_of_cycle_and_crank_agree_with_differences():
         difference = (ends[0] - ends[1]) / (2 * step)
         # third derivatives of the mass flow, 50, at this step, and values to 1e-11
         np.testing.assert_allclose(forward[:, column], difference, atol=2e-6)
+
+
+def test_a_change_of_the_crank_reaches_the_cycle_through_the_motion_alone():
+    """Nothing in the cylinder knows the inertia of the crank: its derivative is that of the coupling."""
+    plain = eqx.tree_at(
+        lambda gas: (gas.heat, gas.leakage), golden("D"), (None, None), is_leaf=lambda x: x is None
+    )
+    machine = load("r134a-7cc").machine.as_compressor()
+    machine = eqx.tree_at(lambda c: (c.gas, c.friction), machine, (plain, None))
+    solver = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=30, nodes=6))
+
+    def solved(log):
+        # light enough for the speed to vary by 9 %
+        light = eqx.tree_at(lambda c: c.mechanism.crank_inertia, machine, 1e-4 * jnp.exp(log))
+        orbit = solve_orbit(light, solver, throw=False)
+        cycle = orbit.cycle
+        values = [cycle.mass_flow, cycle.indicated_work, orbit.speed_fluctuation]
+        return jnp.log(jnp.stack(values)), orbit.converged
+
+    @jax.jit
+    def with_slope(log):
+        return jax.jvp(solved, (log,), (jnp.ones(()),))
+
+    step = 1e-2
+    (_, converged), (slope, _) = with_slope(jnp.zeros(()))
+    assert bool(converged)
+    ends = [with_slope(jnp.zeros(()) + way)[0][0] for way in (step, -step)]
+    difference = (ends[0] - ends[1]) / (2 * step)
+    # 1.6e-3 is what 30 panels leave; without the motion, the slopes of flow and work are zero
+    np.testing.assert_allclose(slope, difference, rtol=3e-3)
 
 
 def test_quantities_of_the_gas_are_those_of_machines_with_valves():

@@ -251,6 +251,36 @@ def test_a_value_typed_beyond_a_slider_is_what_is_computed_and_saved(scene, move
     assert page.desk.values[BORE] == 0.17
 
 
+def test_what_check_finds_unusual_stands_on_the_page(page):
+    assert "conrod\\_centre" in page.warnings.object  # as Table 1 has it
+    row = list(page.table.value["name"]).index("mechanism.piston_mass")
+    page._entered(SimpleNamespace(column="Value", row=row, value="60 kg"))
+    assert "piston\\_mass over bore cubed" in page.warnings.object
+    page._undo(None)
+    assert "piston" not in page.warnings.object
+
+
+def test_what_matters_most_stands_first(page):
+    assert list(page.results.value["Result"])[:2] == ["Mechanical efficiency", "Shaft power"]
+    assert "Shaft power" in re.sub(r"\\(.)", r"\1", page.state.object)
+
+
+@pytest.mark.slow  # compiles the cycle and its derivatives
+def test_a_machine_with_valves_has_its_pictures():
+    desk = Desk(load("r290-6cc"))
+    assert desk.quantity == "cop"
+    view = desk.view
+    assert not view.status
+    assert set(view.lifts) == {"suction", "discharge"}
+    stop = float(desk.machine.compressor.gas.suction_valve.stop)
+    # a plate may bounce into its stop by a tenth
+    assert 0 < max(view.lifts["suction"]) < 1.1 * stop
+    # a sum of ten powers, to rounding and to the closure of the cycle's balance
+    assert sum(map(float, view.power_use.values())) == pytest.approx(
+        float(view.quantities["electric_power"]), rel=1e-6
+    )
+
+
 def said(page):
     """The message without the backslashes that keep Markdown out of it."""
     return re.sub(r"\\(.)", r"\1", page.message.object)
@@ -357,18 +387,24 @@ class Tab:
         row.locator("input").fill(text)
         row.locator("input").press("Enter")
 
-    def wait(self, holds, what):
-        for _ in range(200):
+    def wait(self, holds, what, seconds=10):
+        for _ in range(20 * seconds):
             if holds():
                 return
             self.page.wait_for_timeout(50)
-        raise AssertionError(f"not within ten seconds: {what}")
+        raise AssertionError(f"not within {seconds} seconds: {what}")
 
     def saved(self, path):
         with self.page.expect_download() as download:
             self.page.get_by_text("Save as machine file").click()
         download.value.save_as(path)
         return load(path)
+
+
+def in_order(tab, falling):
+    gains = [gain for _, gain in tab.rows().values() if "per %" in gain]
+    numbers = [float(gain.split()[0]) for gain in gains]
+    return numbers == sorted(numbers, reverse=falling)
 
 
 @pytest.mark.slow  # a browser
@@ -396,14 +432,36 @@ def test_sorting_typing_undo_and_saving_in_a_browser(browser, address, tmp_path)
     head = tab.page.locator(".numbers .tabulator-col[tabulator-field=Gain] .tabulator-col-sorter")
     for falling in (False, True):
         head.click()
-        tab.page.wait_for_timeout(300)
-        gains = [gain for _, gain in tab.rows().values() if "per %" in gain]
-        numbers = [float(gain.split()[0]) for gain in gains]
-        assert numbers == sorted(numbers, reverse=falling)
+        tab.wait(lambda falling=falling: in_order(tab, falling), f"rows in order, {falling}")
     tab.type("bore", "140 mm")  # while a header sorts
     tab.wait(lambda: "140 mm" in tab.page.get_by_text("140 mm").all_inner_texts(), "the value")
     assert float(tab.saved(tmp_path / "c.toml").compressor.mechanism.bore) == 0.14
     tab.page.close()
+
+
+@pytest.mark.slow  # a browser
+def test_a_phone_shows_a_picture_first_and_nothing_is_cut(browser, address):
+    tab = Tab(browser, address, 390, 844)
+    tab.page.wait_for_timeout(500)
+    picture = tab.page.locator(".bk-Figure").first.bounding_box()
+    assert picture["y"] + picture["height"] < 844
+    assert tab.page.evaluate("document.documentElement.scrollWidth") <= 390
+    tab.page.close()
+
+
+@pytest.mark.slow  # a browser
+def test_a_tab_that_is_closed_at_work_leaves_no_traceback(browser, address, capfd, caplog):
+    tab = Tab(browser, address)
+    tab.press("Improve")
+    tab.page.wait_for_timeout(300)
+    tab.page.close()
+    other = Tab(browser, address)
+    other.press("Improve")
+    found = re.compile("converged|no better step|step limit")
+    other.wait(lambda: other.page.get_by_text(found).count() > 0, "an answer", seconds=180)
+    other.page.close()
+    assert "Traceback" not in capfd.readouterr().err + caplog.text
+    assert not [one for one in caplog.records if one.levelname == "ERROR"]
 
 
 @pytest.mark.slow  # a browser

@@ -289,18 +289,20 @@ def test_a_lost_scheduler_is_named_and_what_is_done_is_kept(tmp_path):
     assert found.load().identical(sweep_runs.cheap(None, 200_000))
 
 
-@pytest.mark.slow  # a million designs, three times
-def test_a_million_designs_on_a_cluster_with_a_killed_worker(cluster, tmp_path):
+@pytest.mark.slow  # 300,000 designs twice, in a minute; a million took four
+def test_many_designs_on_a_cluster_with_a_killed_worker(cluster, tmp_path):
+    count = 300_000
+
     def run(out, **options):
-        return sweep_runs.many(out, 1_000_000, None, **options)
+        return sweep_runs.many(out, count, None, **options)
 
     started = time.perf_counter()
     alone = run(tmp_path / "alone").load()
     between = time.perf_counter()
-    found = check_cluster(cluster, tmp_path / "out", run, 20)
+    found = check_cluster(cluster, tmp_path / "out", run, 10)
     print(
-        f"{1e6 / (between - started):.0f} designs/s in one process, "
-        f"{1e6 / (time.perf_counter() - between):.0f} on two workers, one of which was killed"
+        f"{count / (between - started):.0f} designs/s in one process, "
+        f"{count / (time.perf_counter() - between):.0f} on two workers, one of which was killed"
     )
     assert found.identical(alone)
 

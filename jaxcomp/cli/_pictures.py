@@ -121,6 +121,7 @@ def desk(
     """Open a page in the browser on which results follow while numbers of the machine are dragged.
 
     Nothing leaves this computer: the page is served on the loopback address alone. Ctrl+C ends it.
+    Needs Panel: [bold]pip install '.[desk]'[/bold] in the folder of jaxcomp.
 
     Example: [bold]jaxcomp desk mayekawa-wbhe[/bold]
 
@@ -134,5 +135,7 @@ def desk(
     try:
         from ..desk import serve
     except ImportError:
-        raise CommandError("the desk needs Panel; pip install 'jaxcomp[desk]'") from None
+        raise CommandError(
+            "the desk needs Panel; in the folder of jaxcomp: pip install '.[desk]'"
+        ) from None
     serve(scene, port=port, show=browser)

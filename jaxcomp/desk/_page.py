@@ -17,11 +17,13 @@ from .._shown import shown
 from .._status import SolveFailed
 from ..plot._style import INK, colour, words
 from ..scene import Scene, SceneError, loads
-from ._state import Desk, View
+from ._state import HEADLINES, Desk, View
 
 # Sliders that a fresh page has: those of the numbers that the chosen quantity gains most by.
 _SLIDERS = 6
 _STEPS = 200
+# How long what is compiled for the first time takes.
+_WHILE = "some ten seconds, of a machine with valves a minute or two"
 # Columns of the gain: as a number, and as its text, which is shown.
 _GAIN = ("Gain", "gain")
 # Punctuation; Markdown takes each as it is behind a backslash.
@@ -29,9 +31,21 @@ _SIGN = re.compile(r"([!-/:-@\[-`{-~])")
 _PINNED = "#AAAAAA"
 _WIDE = {"sizing_mode": "stretch_width"}
 _TABLE = {"show_index": False} | _WIDE
-# Sides of the page, as styles of CSS.
-_CONTROLS = {"min-width": "320px", "flex": "1 1 380px", "max-width": "520px"}
-_PICTURES = {"min-width": "320px", "flex": "2 1 480px"}
+# Side by side where there is room; on a phone the first picture stands before the numbers.
+_SIDES = """
+:host { display: grid !important; gap: 14px; grid-template: "head head" auto "numbers first" auto
+  "numbers rest" 1fr / minmax(330px, 470px) minmax(0, 1fr); }
+@media (max-width: 860px) { :host { gap: 8px; grid-template: "head" auto "first" auto "numbers" auto
+  "rest" auto / minmax(0, 1fr); } }
+"""
+_CARD = """
+:host { background: white; border: 1px solid #e3e6ea; border-radius: 8px; padding: 10px;
+  box-sizing: border-box; min-width: 0; }
+"""
+_GRID = """
+:host { display: grid !important; gap: 8px;
+  grid-template-columns: repeat(auto-fit, minmax(min(310px, 100%), 1fr)); }
+"""
 
 
 def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = False) -> Any:
@@ -103,25 +117,34 @@ class _Page:
         )
         load = pn.widgets.FileInput(accept=".toml", label="Open a machine file")
         load.param.watch(self._load, "value")
-        controls = pn.Column(
-            pn.pane.Markdown(f"## {_as_it_is(scene.name)}\n{_as_it_is(scene.description)}"),
-            self.state,
-            self.message,
-            self.quantity,
-            pn.FlexBox(*self.buttons.values(), save, load),
-            self.ranges,
-            self.table,
-            styles=_CONTROLS,
-        )
-        pictures = pn.Column(
-            pn.FlexBox(*self.pictures.figures, justify_content="start"),
-            self.results,
-            styles=_PICTURES,
-        )
-        self.body[:] = [pn.FlexBox(controls, pictures, align_items="start")]
+        self.warnings = pn.pane.Markdown("", **_WIDE)
+
+        def area(name, *parts):
+            return pn.Column(*parts, styles={"grid-area": name}, stylesheets=[_CARD], **_WIDE)
+
+        title = f"## {_as_it_is(scene.name)}\n{_as_it_is(scene.description)}"
+        first, *rest = [pn.pane.Bokeh(one, **_WIDE) for one in self.pictures.figures]
+        self.body[:] = [
+            pn.Column(
+                area("head", pn.pane.Markdown(title, **_WIDE), self.state, self.message),
+                area("first", first),
+                area(
+                    "numbers",
+                    self.quantity,
+                    pn.FlexBox(*self.buttons.values(), save, load),
+                    self.warnings,
+                    self.ranges,
+                    self.table,
+                ),
+                area("rest", pn.Column(*rest, stylesheets=[_GRID], **_WIDE), self.results),
+                stylesheets=[_SIDES],
+                **_WIDE,
+            )
+        ]
         for name in self._by_gain()[:_SLIDERS]:
             self.add_slider(name)
         self._show()
+        self._show_warnings()
 
     # ------------------------------------------------------------ what the user does
 
@@ -169,7 +192,21 @@ class _Page:
 
     def _other_quantity(self, event) -> None:
         self.desk.quantity = event.new
+        self._say(f"Computing the gains; the first time of a quantity takes {_WHILE}.")
+        self._later(self._gains_of_other)
+
+    def _gains_of_other(self) -> None:
         self._show_gains()
+        self._say("")
+        self._show()
+
+    def _later(self, call) -> None:
+        """Call when the browser has what was said before; at once where there is none."""
+        document = pn.state.curdoc
+        if document is None:
+            call()
+        else:
+            document.add_next_tick_callback(call)
 
     def _undo(self, _) -> None:
         self._drag()
@@ -199,6 +236,7 @@ class _Page:
         ranges = {name: one.range for name, one in self.sliders.items()}
         button, document = self.buttons["Improve"], pn.state.curdoc
         button.loading = True
+        self._say(f"Searching between the ends of the sliders; the first search takes {_WHILE}.")
 
         def told(stage, done, most):
             later(lambda: setattr(button, "label", f"Improve: {stage}, {done} of {most}"))
@@ -206,7 +244,7 @@ class _Page:
         def later(call):
             if document is None:
                 call()
-            else:
+            elif document.session_context is not None and not document.session_context.destroyed:
                 document.add_next_tick_callback(call)
 
         def done(words):
@@ -261,6 +299,12 @@ class _Page:
         self.table.patch({"Value": list(enumerate(map(self.desk.text, self.table.value["name"])))})
         self._show_gains()
         self._show()
+        self._show_warnings()
+
+    def _show_warnings(self) -> None:
+        found = self.desk.warnings()
+        self.warnings.object = "\n".join(f"- Unusual: {_as_it_is(one)}" for one in found)
+        self.warnings.visible = bool(found)
 
     def _show(self) -> None:
         """Pictures and results of the present state, in one message to the browser."""
@@ -269,6 +313,11 @@ class _Page:
         if value is not None:
             look = shown(desk.quantity, desk.quantities[desk.quantity].unit, value)
             named = f"**{_as_it_is(look.words)}: {look.text(float(value))}**"
+        for name in HEADLINES:
+            if name in view.quantities and name != desk.quantity:
+                size = view.quantities[name]
+                look = shown(name, desk.quantities[name].unit, size)
+                named += f" · {_as_it_is(look.words)}: {look.text(float(size))}"
         with hold():
             self.pictures.show(view, desk.pinned)
             rows = self._result_rows()
@@ -319,7 +368,9 @@ class _Page:
     def _result_rows(self) -> Any:
         desk, pinned = self.desk, self.desk.pinned
         rows = []
-        for name, value in desk.view.quantities.items():
+        first = [name for name in HEADLINES if name in desk.view.quantities]
+        for name in dict.fromkeys([*first, *desk.view.quantities]):
+            value = desk.view.quantities[name]
             look = shown(name, desk.quantities[name].unit, value)
             row = {"Result": look.words, "Now": look.text(float(value))}
             if pinned is not None:
@@ -345,7 +396,9 @@ class _Slider:
         look = shown(name, desk.numbers[name].unit, [low, high])
         self.factor = look.factor
         self.ends = [
-            pn.widgets.FloatInput(label=word, value=_short(end * look.factor), width=90)
+            pn.widgets.FloatInput(
+                label=word, value=_short(end * look.factor), width=82, margin=(5, 4)
+            )
             for word, end in (("from", low), ("to", high))
         ]
         label = f"{desk.label(name)}{f' [{look.unit}]' if look.unit else ''}"
@@ -353,7 +406,7 @@ class _Slider:
         low, high = min(value, self.ends[0].value), max(value, self.ends[1].value)
         self.slider = _QuickSlider(
             label=label, start=low, end=high, step=(high - low) / _STEPS, value=value, format="0[.]00000",
-            styles={"flex": "1 1 180px", "min-width": "150px"},
+            styles={"flex": "1 1 110px", "min-width": "100px"}, margin=(5, 4),
         )  # fmt: skip
         # what the desk sets is no drag; some versions of Panel move a slider when its ends move
         self._following = False
@@ -361,7 +414,7 @@ class _Slider:
         self.slider.param.watch(self._let_go, "value_throttled")
         for end in self.ends:
             end.param.watch(self._other_ends, "value")
-        remove = pn.widgets.Button(label="×", width=30)
+        remove = pn.widgets.Button(label="×", width=30, margin=(5, 0))
         remove.on_click(lambda _: page.remove_slider(name))
         self.row = pn.FlexBox(self.slider, *self.ends, remove, align_items="end")
 
@@ -431,7 +484,7 @@ class _Pictures:
             rows = {} if bars is None else {"y_range": FactorRange(*reversed(bars["y"]))}
             plot: Any = figure(
                 title=Title(text=title, text_color=INK), x_axis_label=x, y_axis_label=y, height=260,
-                width=370, tools="pan,wheel_zoom,reset", toolbar_location="above", **rows,
+                tools="pan,wheel_zoom,reset", toolbar_location="above", **rows, **_WIDE,
             )  # fmt: skip
             plot.toolbar.logo = None
             for name, columns in parts.items():
@@ -452,7 +505,10 @@ class _Pictures:
                 plot.x_range.start = 0
             elif len(parts) > 1:
                 legend = plot.legend[0]
-                legend.update(orientation="horizontal", label_text_font_size="8pt", ncols=4)
+                # so many columns as the narrowest picture has room for
+                columns = max(1, 52 // (6 + max(len(words(name)) for name in parts)))
+                legend.update(orientation="horizontal", label_text_font_size="8pt", ncols=columns)
+                plot.height += 20 * (-(-len(parts) // columns) - 1)
                 legend.update(click_policy="hide", border_line_color=None, padding=0)
                 plot.add_layout(legend, "above")
             self.figures.append(plot)
@@ -476,6 +532,7 @@ def _drawn(view: View) -> dict[str, tuple[str, str, dict[str, dict[str, Any]]]]:
         curves = {"gas": {"x": x, "y": y}}
         out["Indicator diagram"] = "Displaced volume, cm³", "Pressure, MPa", curves
     for title, label, angle, values, factor in (
+        ("Valve lift", "mm", view.lift_angle, view.lifts, 1e3),
         ("Joint forces", "Magnitude, N", view.angle, view.forces, 1.0),
         ("Smallest film thickness", "µm", view.film_angle, view.films, 1e6),
     ):
@@ -488,10 +545,12 @@ def _drawn(view: View) -> dict[str, tuple[str, str, dict[str, dict[str, Any]]]]:
             }
             out[title] = "Crank angle, degrees", label, curves
     losses = {words(name): one for name, one in view.losses.items()}
+    uses = {words(name): one for name, one in view.power_use.items()}
     vibration = {}
     for name, (now, after) in view.vibration.items():
         vibration |= {name: now * 1e6, f"{name}, balanced": after * 1e6}
     for title, unit, sizes in (
+        ("Power use", "W", uses),
         ("Friction losses", "W", losses),
         ("Vibration of the targets", "µm", vibration),
     ):

@@ -15,6 +15,7 @@ from .._shown import shown
 from .._status import Status
 from ..balancing import least_squares
 from ..crank import film_thickness
+from ..cylinder import SeveralCycles
 from ..design import (
     AnalysisOptions,
     DesignResult,
@@ -28,9 +29,15 @@ from ..design import (
 from ..design._variables import GivenNumber, given_numbers, variable_label
 from ..machine import Machine
 from ..plot._fine import fine_turn, first_diagram
-from ..scene import Scene, SceneError, dump, to_si, with_machine
+from ..scene import Scene, SceneError, dump, implausible_values, to_si, with_machine
 
 _SOURCE = "set at the desk"
+# Quantities that stand before the others, as far as a machine has them.
+HEADLINES = (
+    "cop", "capacity", "electric_power", "overall_efficiency", "mechanical_efficiency", "motor_power",
+    "least_film", "vibration",
+)  # fmt: skip
+_FIRST = ("cop", "mechanical_efficiency")
 
 
 class View(NamedTuple):
@@ -43,6 +50,9 @@ class View(NamedTuple):
         volume, pressure: [m^3], [Pa] (n,) displaced volume and cylinder pressure; `None` without gas.
         forces: [N] (n,) magnitude by joint.
         losses: [W] friction power by joint.
+        lift_angle: [rad] (k,) crank angle of the lifts.
+        lifts: [m] (k,) of the valves of the first cylinder, by valve; empty without.
+        power_use: [W] what the power of a machine with valves is spent on, by cause.
         films: [m] (m,) smallest film thickness by journal, at `film_angle` [rad].
         vibration: [m] (2,) root mean square amplitude by target, now and after the balancing by least
             squares.
@@ -55,6 +65,9 @@ class View(NamedTuple):
     pressure: Any = None
     forces: Mapping[str, Any] = {}
     losses: Mapping[str, Any] = {}
+    lift_angle: Any = None
+    lifts: Mapping[str, Any] = {}
+    power_use: Mapping[str, Any] = {}
     film_angle: Any = None
     films: Mapping[str, Any] = {}
     vibration: Mapping[str, Any] = {}
@@ -85,7 +98,9 @@ class Desk:
         self.scene, self.machine = scene, scene.machine
         self.options = options or AnalysisOptions()
         self.quantities = available_quantities(self.machine, members=True)
-        self.quantity = quantity or next(iter(self.quantities))
+        self.quantity = quantity or next(
+            name for name in (*_FIRST, *self.quantities) if name in self.quantities
+        )
         if self.quantity not in self.quantities:
             raise BadInput("quantity", self.quantity, f"one of {', '.join(self.quantities)}")
         whole = available_quantities(self.machine).values()
@@ -198,6 +213,14 @@ class Desk:
         """The text of its scene file, with the comments of the file that it was loaded from."""
         return dump(self.changed_scene())
 
+    def warnings(self) -> list[str]:
+        """What is unusual in the machine as it stands, as `jaxcomp check` says it."""
+        try:
+            found = implausible_values(self.changed_scene())
+        except SceneError:  # which the status names
+            return []
+        return [f"{one.path}: {one.what}, usual is {one.usual}" for one in found]
+
     def improve(self, ranges: Mapping[str, tuple[float, float]], callback=None) -> str:
         """Make the chosen quantity as good as it can be within ranges, from the present state on.
 
@@ -265,8 +288,16 @@ def _of_crank(found: DesignResult) -> dict[str, Any]:
     compressor, orbit = found.assembly.compressor, found.orbit
     assert compressor is not None
     turn = fine_turn(compressor, orbit)
-    gas = turn.pressure is not None
+    gas, cycle = turn.pressure is not None, orbit.cycle
     volume, pressure = first_diagram(compressor, turn) if gas else (None, None)
+    lift_angle, lifts, uses = None, {}, {}
+    if cycle is not None:
+        first = (
+            jax.tree.map(lambda x: x[0], cycle.each) if isinstance(cycle, SeveralCycles) else cycle
+        )
+        lift_angle = first.angle
+        lifts = dict(zip(("suction", "discharge"), first.lift, strict=True))
+        uses = {name: one for name, one in found.performance.power.items() if jnp.ndim(one) == 0}
     return {
         "angle": turn.state.angle,
         "volume": volume,
@@ -276,6 +307,9 @@ def _of_crank(found: DesignResult) -> dict[str, Any]:
             for name, force in turn.loads.forces.items()
         },
         "losses": orbit.loss_power,
+        "lift_angle": lift_angle,
+        "lifts": lifts,
+        "power_use": uses,
         "film_angle": orbit.state.angle,
         "films": film_thickness(compressor, orbit),
     }
