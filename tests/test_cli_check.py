@@ -115,18 +115,21 @@ def test_every_bundled_machine_has_usual_numbers():
 
 def test_what_a_scene_leaves_out_is_one_line(tmp_path):
     whole = tomlkit.parse(start("slider-crank", "m"))
-    assert "all friction" not in said_by_check(tmp_path, whole)
+    assert "friction of all joints" not in said_by_check(tmp_path, whole)
     for section, words in (
         ("gas", "forces of the gas [gas]"),
-        ("friction", "all friction [friction]"),
+        ("friction", "friction of all joints [friction]"),
     ):
         lacking = tomlkit.parse(tomlkit.dumps(whole))
         del lacking[section]
         assert words in said_by_check(tmp_path, lacking)
-    for joint in ("crank_pin", "main_journal"):
+    for section, joint, what in (
+        ("friction", "crank_pin", "crank pin"),
+        ("crankshaft", "main_journal", "the shaft"),
+    ):
         lacking = tomlkit.parse(tomlkit.dumps(whole))
-        del lacking["friction"][joint]
-        words = f"friction of {joint.replace('_', ' ')} [friction.{joint}]"
+        del lacking[section][joint]
+        words = f"friction of {what} [{section}.{joint}]"
         assert words in said_by_check(tmp_path, lacking)
         assert "[gas]" not in said_by_check(tmp_path, lacking)
 

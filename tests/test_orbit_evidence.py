@@ -154,11 +154,12 @@ def efficiency(design):
 def test_programs_are_small():
     """Lines of StableHLO of the default orbit: compiling takes about a second a thousand.
 
-    The bounds are a tenth above what was counted: 3,585, 9,782 and 6,057.
+    The bounds are a few per cent above what was counted: 3,999, 9,536 and 6,400. Until banks and throws
+    were turned for one cylinder as for sixteen they were 3,634 and 8,685.
     """
     design = load("mayekawa-wbhe").machine.compressor
-    assert lines(efficiency, design) < 3_900
-    assert lines(jax.value_and_grad(efficiency), design) < 9_000
+    assert lines(efficiency, design) < 4_100
+    assert lines(jax.value_and_grad(efficiency), design) < 9_800
     assert lines(efficiency, with_films(design)) < 6_600
 
 

@@ -28,6 +28,9 @@ def every_number(tree):
 
 # Parameters that are zero in this machine have no size of their own.
 SIZE_AT_ZERO = {"mechanism.offset": 0.05, "gravity": 10.0}
+# Places along the shaft, of which a single journal in the plane of the rod knows nothing.
+ALONG = {f"crankshaft.{name}" for name in ("throw_pitch", "rod_pitch", "mass_centre", "origin")}
+SIZE_AT_ZERO |= dict.fromkeys(ALONG, 0.1)
 
 
 def differences(compressor, solver):
@@ -83,7 +86,7 @@ def test_reverse_mode_through_collocation(point, estimates):
 
 def test_no_parameter_is_without_influence_by_mistake(point, estimates):
     idle = {name for (name, _), slope in estimates.items() if np.all(np.abs(slope) < 1e-12)}
-    assert idle == set()
+    assert idle == ALONG
 
 
 @pytest.mark.slow

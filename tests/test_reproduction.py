@@ -62,14 +62,14 @@ def test_table_1():
         float(gas.discharge_pressure): 0.98e6,
         float(gas.exponent): 1.05,
         float(friction.wall.coefficient): 0.083,
-        float(crankshaft.main_journal.diameter): 0.092,
+        float(machine.crankshaft.main_journal.diameter): 0.092,
         float(friction.crank_pin.diameter): 0.090,
         float(friction.piston_pin.diameter): 0.040,
     }
     assert list(printed) == pytest.approx(list(printed.values()), rel=1e-6)  # digits of the file
     assert float(m.crank_radius) == pytest.approx(0.050, abs=5e-5)  # 49.99 mm by the volume
-    for joint in ("main_journal", "crank_pin", "piston_pin"):
-        assert float(getattr(friction, joint).coefficient) == pytest.approx(0.013)
+    for law in (machine.crankshaft.main_journal, friction.crank_pin, friction.piston_pin):
+        assert float(law.coefficient) == pytest.approx(0.013)
 
 
 def test_peaks_of_figures_3_and_4(turns):

@@ -131,16 +131,18 @@ _SLIDER_CRANK: tuple[_Ratio, ...] = (
         1.0,
     ),
 )
+
+
+def _throw_balance(c: Any) -> float:
+    """Largest unbalance of a throw over that of its pistons and rods at the crank pin."""
+    m, shaft = c.mechanism, c.crankshaft
+    one = (m.piston_mass + m.conrod_mass) * m.crank_radius
+    carried = shaft.of_throws(np.broadcast_to(one, (shaft.count,)))
+    return max(abs(u) / all_ for u, all_ in zip(shaft.unbalances(m), carried, strict=True))
+
+
 _CRANKSHAFT: tuple[_Ratio, ...] = (
-    (
-        "unbalance of a throw over that of its pistons and rods at the crank pin",
-        lambda c: (
-            max(abs(u) for u in c.crankshaft.unbalances(c.mechanism))
-            / np.max((c.mechanism.piston_mass + c.mechanism.conrod_mass) * c.mechanism.crank_radius)
-        ),
-        0.0,
-        3.0,
-    ),
+    ("unbalance of a throw over that of its pistons and rods", _throw_balance, 0.0, 3.0),
 )
 _JOURNAL: tuple[_Ratio, ...] = (
     ("radial_clearance over radius", lambda j: 2 * j.radial_clearance / j.diameter, 2e-4, 1e-2),
@@ -228,15 +230,16 @@ def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleVal
             join(path, "load"), "absent, without a crank to take it from", '["80 N", "0 N"]'
         )
     for what, ratio, low, high in ratios:
-        value = float(ratio(of_cylinder(part)))
+        value = float(ratio(part if ratios is _CRANKSHAFT else of_cylinder(part)))
         if value != 0 and not low <= abs(value) <= high:
-            yield ImplausibleValue(path, f"{what} is {value:.3g}", f"{low:g} to {high:g}")
+            where = "crankshaft" if ratios is _CRANKSHAFT else path
+            yield ImplausibleValue(where, f"{what} is {value:.3g}", f"{low:g} to {high:g}")
 
 
 # Joints that a machine may well be without, and sections of whole parts, in words.
 _RARE = ("packing", "thrust_bearing", "pump")
 _WHOLE = {
-    "gas": "forces of the gas", "friction": "all friction", "gravity": "weights",
+    "gas": "forces of the gas", "friction": "friction of all joints", "gravity": "weights",
     "rotor": "bending of the shaft", "suspension": "springs under the block",
     "torsion": "twist of the shaft",
 }  # fmt: skip
@@ -254,6 +257,8 @@ def left_out(scene: Scene) -> tuple[str, ...]:
             out += [
                 f"friction of {what} [friction.{key}]" for what, key in _ideal(compressor.friction)
             ]
+        if compressor.crankshaft.main_journal is None:
+            out.append("friction of the shaft [crankshaft.main_journal]")
         if isinstance(compressor.motor, ConstantSpeed):
             out.append("fluctuation of the speed [motor]")
         if "gravity" not in given:
