@@ -79,7 +79,8 @@ def _called() -> str:
     while frame is not None:
         file, word = frame.f_code.co_filename, frame.f_code.co_name
         if file.startswith(_PACKAGE) and not any(place in file for place in _UNNAMED):
-            name = name if word.startswith(("_", "<")) else word
+            inner = word.startswith(("_", "<")) or "<locals>" in frame.f_code.co_qualname
+            name = name if inner else word
         frame = frame.f_back
     return _COMPUTES.get(name) or (f"the {name.replace('_', ' ')}" if name else "the results")
 
