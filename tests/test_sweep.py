@@ -419,7 +419,10 @@ def test_another_function_of_the_same_name_is_another_sweep(machine, tmp_path):
 BAD = {
     "no variable": ({"over": {}}, "over"),
     "unknown variable": ({"over": {"boar": [1.0]}}, "boar"),
-    "out of bounds": ({"over": {"bore": [-0.1, 0.1]}}, "`bore` must be > 0 and <= 10 m, but is -0.1"),
+    "out of bounds": (
+        {"over": {"bore": [-0.1, 0.1]}},
+        "`bore` must be > 0 and <= 10 m, but is -0.1",
+    ),
     "repeated": ({"over": {"bore": [0.1, 0.1]}}, "without repeated"),
     "not finite": ({"over": {"bore": [0.1, np.nan]}}, "finite"),
     "distribution": ({"over": {"bore": uniform(0.1, 0.2)}}, "samples"),
