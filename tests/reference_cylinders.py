@@ -1,8 +1,8 @@
 """Newton-Euler program of k cylinders on one crank in NumPy, which shares nothing with the package.
 
-Forces on every piston and rod in the axes of its cylinder, and on the shaft in those of the machine; the
-speed over the revolution on a uniform grid, by the trapezoidal rule, with the level of a motor torque that
-goes with the speed.
+Forces on every piston and rod in the axes of its cylinder, and on the shaft in those of the machine;
+the speed over the revolution on a uniform grid, by the trapezoidal rule, with the level of a motor torque
+that goes with the speed.
 """
 
 from dataclasses import dataclass, field
@@ -129,9 +129,8 @@ class Cylinders:
         left = self.torque(theta, speed, before, level)
         for _ in range(12):
             here = self.torque(theta, speed, now, level)
-            step = np.where(
-                here == left, 0.0, -here * (now - before) / np.where(here == left, 1.0, here - left)
-            )
+            fall = np.where(here == left, 1.0, here - left)
+            step = np.where(here == left, 0.0, -here * (now - before) / fall)
             before, left, now = now, here, now + step
             if np.max(np.abs(step)) < 1e-10 * np.max(np.abs(now)):
                 break
