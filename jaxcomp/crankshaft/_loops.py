@@ -79,9 +79,15 @@ class MachineLoops(eqx.Module):
         return shaft_losses(shaft.main_journal, reactions, self.speed, shaft.mass)
 
     def _near_zero(self, reactions: dict[str, Vector]) -> list[Vector]:
-        """The loads of the shaft that mark places where they come close to zero."""
-        rubs = self.loops.marks_shaft and self.crankshaft.main_journal is not None
-        return list(reactions.values()) if rubs else []
+        """The load of the shaft, which marks places where it comes close to zero: that of all bearings.
+
+        Those of the bearings by themselves do so beside it, and would take the places of other joints.
+        """
+        if not self.loops.marks_shaft or self.crankshaft.main_journal is None:
+            return []
+        return [
+            Vector(*(sum(parts[1:], parts[0]) for parts in zip(*reactions.values(), strict=True)))
+        ]
 
     def _reactions(self, force: Vector) -> dict[str, Vector]:
         """Force of each main bearing on the shaft [N], by name."""
