@@ -227,7 +227,7 @@ BAD = {
     ),
     "out of bounds": (
         changed('"20 mm"', '"-20 mm"'),
-        'rotor.shafts.0.outer_diameter = "-20 mm": must be > 0 m',
+        'rotor.shafts.0.outer_diameter = "-20 mm": must be > 0 and <= 20',
     ),
     "one node": (changed('[1, 2, 3, "end"]', "[1]"), "rotor.shafts.0.nodes = [1]: must be at least"),
     "disk on no node": (

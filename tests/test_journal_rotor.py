@@ -65,7 +65,7 @@ def test_the_films_of_a_machine_are_linearised_either_way():
     assert loads(text).machine.parts["rotor"].links[1].law.name == "upper"
     # a bearing without a load of the crank
     text = text.replace('"upper-end", "upper", "lower"]', '"upper-end", "lower"]')
-    with pytest.raises(BadInput, match="none of `friction"):
+    with pytest.raises(BadInput, match="none of `crankshaft"):
         jax.eval_shape(lambda s: loaded_rotor(loads(text).assembly, s), jnp.array([314.0]))
 
 

@@ -18,7 +18,7 @@ from jaxcomp.plot import valve_motion
 
 def test_the_periodic_state_returns_in_scipy():
     """One revolution of the SciPy program from the state that the collocation says repeats."""
-    machine = light_rod(1e9)
+    machine = light_rod()
     cycle = solve_cycle(with_plenums(MUFFLER, BEHIND), machine, SPEED, COLLOCATION)
     state, scales = cycle.raw[1].left[0], chain_scales(cycle.case)
     start = [state[0] * cycle.case.mass_scale, state[1] * cycle.case.suction.T, *[0.0] * 6]

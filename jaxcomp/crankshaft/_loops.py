@@ -81,9 +81,11 @@ class MachineLoops(eqx.Module):
     def _near_zero(self, reactions: dict[str, Vector]) -> list[Vector]:
         """The load of the shaft, which marks places where it comes close to zero: that of all bearings.
 
-        Those of the bearings by themselves do so beside it, and would take the places of other joints.
+        Those of the bearings by themselves do so beside it, and that of several cylinders hardly does:
+        they would take the places of other joints.
         """
-        if not self.loops.marks_shaft or self.crankshaft.main_journal is None:
+        shaft = self.crankshaft
+        if not self.loops.marks_shaft or shaft.main_journal is None or shaft.count > 1:
             return []
         return [
             Vector(*(sum(parts[1:], parts[0]) for parts in zip(*reactions.values(), strict=True)))
