@@ -29,8 +29,8 @@ def turning(request):
     """A machine of either drive with its turn; the journals of the slider-link by closed formulas."""
     scene = loads(start(request.param, "m"))
     if isinstance(scene.compressor.mechanism, SliderLink):
-        names = ("crank_pin", "upper_bearing", "lower_bearing")
-        scene = with_values(scene, {f"friction.{name}.film": "fit" for name in names})
+        shaft = [f"crankshaft.main_journal.bearings.{place}" for place in (0, 1)]
+        scene = with_values(scene, {f"{one}.film": "fit" for one in ("friction.crank_pin", *shaft)})
     orbit = solve_orbit(scene.compressor, SOLVER)
     return scene.compressor, orbit, fine_turn(scene.compressor, orbit)
 
