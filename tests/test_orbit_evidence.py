@@ -41,11 +41,19 @@ def nearly_unloaded():
     design = load("mayekawa-wbhe").machine.compressor
     for name, value in NEARLY_UNLOADED.items():
         design = eqx.tree_at(
-            lambda c, name=name: getattr(c.mechanism, name), design, jnp.asarray(value)
+            lambda c, name=name: getattr(
+                c.crankshaft if name in ("inertia", "unbalance") else c.mechanism, name
+            ),
+            design,
+            jnp.asarray(value),
         )
     for name, value in COEFFICIENTS.items():
         design = eqx.tree_at(
-            lambda c, name=name: getattr(c.friction, name).coefficient, design, jnp.asarray(value)
+            lambda c, name=name: (
+                getattr(c.crankshaft if name == "main_journal" else c.friction, name).coefficient
+            ),
+            design,
+            jnp.asarray(value),
         )
     gas = (jnp.asarray(0.0022913), jnp.asarray(1.290517))
     return eqx.tree_at(lambda c: (c.gas.clearance_ratio, c.gas.exponent), design, gas)
