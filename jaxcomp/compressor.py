@@ -83,11 +83,6 @@ class Compressor(Part):
         """Whether no joint and no bearing of the shaft has a law."""
         return self.friction is None and self.crankshaft.main_journal is None
 
-    @property
-    def linkages(self) -> AbstractMechanism:
-        """The mechanism with lists over the cylinders as (k, 1), as instants (k, n) want them."""
-        return self.crankshaft.each(self.mechanism, jnp.zeros(1))
-
 
 # Sections in which a number may be a list over the cylinders.
 _LISTED = ("mechanism", "gas", "friction")

@@ -386,10 +386,9 @@ def variable_label(design: Machine, path: str) -> str:
     # the number is an entry of the last step with a name; what stands before is the part
     name = max((i for i, step in enumerate(steps) if not step.isdigit()), default=0)
     part = []
-    shaft = ["crankshaft", "main_journal"]  # whose joint says enough
-    steps = steps[1:] if steps[:2] == shaft else steps
-    name -= len(path.split(".")) - len(steps)
     for number, step in enumerate(steps[:name]):
+        if steps[: number + 2] == ["crankshaft", "main_journal"]:
+            continue  # the journal says enough
         if step.isdigit():
             part.append(_part(place(number + 1), step))
         elif step not in _LEFT_OUT or (number and steps[number - 1] in _SECTIONS):

@@ -155,10 +155,7 @@ def upgraded(text: str) -> str:
         place = rows[0] if rows else _after(sections, "crankshaft")
         sections.insert(place, support)
     for one in sections:
-        for old, new in MOVED.items():
-            if one.name == old or one.name.startswith(f"{old}."):
-                one.name = new + one.name[len(old) :]
-                break
+        one.name = upgraded_path(one.name)
     made = "".join(_joined(one) for one in sections)
     if old_paths(tomllib.loads(made)):
         raise ValueError(
