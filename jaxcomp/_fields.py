@@ -231,7 +231,8 @@ class Part(eqx.Module):
                 _check_shape(type(self).__name__, name, value, field.metadata["shape"])
             if not is_traced(value) and not (inside := bound.inside(np.asarray(value))).all():
                 place = int(np.argmin(inside)) if listed else 0
-                size = ", and at most 1e25 in size" if np.any(np.abs(value) > LARGEST) else ""
+                large = np.any(np.abs(value) > LARGEST) and bound.high > LARGEST
+                size = ", and at most 1e25 in size" if large else ""
                 size = size or _in_metres(np.asarray(value), declared["bound"], bound)
                 where = f"{bound}{size} in cylinder {place + 1}" if listed else f"{bound}{size}"
                 raise BadInput(name, value[place] if listed else value, where)
@@ -402,7 +403,7 @@ def rebuilt(part: _Tree, **changes) -> _Tree:
 
 def _in_metres(value: np.ndarray, wide: Bound, narrow: Bound) -> str:
     """What to write for a length that was given in millimetres."""
-    if wide.high <= narrow.high or not value.max() > narrow.high:
+    if wide.high <= narrow.high or not narrow.high < value.max() <= LARGEST:
         return ""
     largest = float(value.max())
     return f" m (lengths are in m; {largest:g} mm are {largest / 1e3:g})"

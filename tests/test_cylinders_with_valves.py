@@ -54,7 +54,7 @@ def test_cylinders_that_are_alike_have_one_cycle_with_a_speed_that_varies_as_wel
     work = cycle.each.indicated_work
     np.testing.assert_allclose(work[0], work[1], rtol=1e-9)
     # each feels it: the motion of a cylinder's cycle is the orbit's, to the harmonics left out
-    own = orbit.state.angle + twin.as_compressor().cylinders.phase[1]
+    own = orbit.state.angle + twin.as_compressor().crankshaft.phase[1]
     second = jax.tree.map(lambda leaf: leaf[1], cycle.each)
     speed = jax.vmap(second.case.speed_at)(own)
     np.testing.assert_allclose(speed, orbit.state.speed, rtol=3e-4)

@@ -162,13 +162,13 @@ def efficiency(design):
 def test_programs_are_small():
     """Lines of StableHLO of the default orbit: compiling takes about a second a thousand.
 
-    The bounds are a few per cent above what was counted: 3,999, 9,536 and 6,400. Until banks and throws
-    were turned for one cylinder as for sixteen they were 3,634 and 8,685.
+    The bounds are a few per cent above what was counted: 3,999, 9,536 and 6,987. Until banks and throws
+    were turned for one cylinder as for sixteen they were 3,634, 8,685 and 6,400.
     """
     design = load("mayekawa-wbhe").machine.compressor
     assert lines(efficiency, design) < 4_100
     assert lines(jax.value_and_grad(efficiency), design) < 9_800
-    assert lines(efficiency, with_films(design)) < 6_600
+    assert lines(efficiency, with_films(design)) < 7_200
 
 
 def test_cosine_and_sine_of_the_crank_are_not_computed_in_every_loop():

@@ -95,7 +95,7 @@ def test_the_elements_of_a_rotor_give_the_beam():
     np.testing.assert_allclose(found.line(), wanted.line(), atol=1e-7)
 
 
-TEXT = '[crankshaft.main_journal]\ntype = "main_bearings"\n'
+TEXT = '[crankshaft.main_journal]\nsource = "assumed"\ntype = "main_bearings"\n'
 
 
 def test_a_machine_with_a_rotor_bends_its_own_shaft():

@@ -15,6 +15,7 @@ import numpy as np
 
 from .._fields import BadInput, of_cylinder, replaced
 from ..compressor import Compressor
+from ..crankshaft import Crankshaft
 from ..cylinder import CycleOptions, Cylinder, solve_cycle
 from ..design import variable
 from ..design import variable_names as names_of
@@ -89,8 +90,12 @@ def one_cylinder(machine: Compressor | None) -> Any:
     gas = None if machine is None else machine.gas
     if machine is None or not isinstance(gas, Cylinder):
         raise BadInput("gas", type(gas).__name__, "a cylinder with valves, for this study")
-    return replaced(
-        machine, mechanism=of_cylinder(machine.mechanism), gas=of_cylinder(gas), cylinders=None
+    shaft = machine.crankshaft
+    return Compressor(
+        of_cylinder(machine.mechanism),
+        Crankshaft(shaft.inertia, shaft.mass),
+        machine.motor,
+        of_cylinder(gas),
     )
 
 
