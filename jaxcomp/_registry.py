@@ -98,7 +98,7 @@ def _has_journals(compressor: Any) -> bool:
     friction = getattr(compressor, "friction", None)
     laws = [] if friction is None else list(vars(friction).values())
     laws += [one for law in laws for one in getattr(law, "bearings", ())]
-    return any(getattr(law, "kind", "") in ("film", "orbit", "bearing") for law in laws)
+    return any(getattr(law, "kind", "") in ("film", "bearing") for law in laws)
 
 
 _CYCLE = ("orbit", "cycle")

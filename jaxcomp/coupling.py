@@ -28,7 +28,7 @@ from ._words import one_of
 from .compressor import Compressor, at_speed, first_top, instants
 from .crank import Collocation, Orbit, journal_films, solve_orbit
 from .crankshaft import shares
-from .film import DynamicCoefficients, NamedBearing
+from .film import DynamicCoefficients, NamedBearing, stiffness_damping
 from .machine import Assembly, Machine
 from .mechanism import SliderCrank, SliderLink, Vector, contact_arms, rod_motion
 from .motor import ConstantSpeed
@@ -41,7 +41,6 @@ from .rotor import (
     SpeedTable,
     Unbalances,
     main_films,
-    steady_coefficients,
 )
 
 if TYPE_CHECKING:
@@ -436,7 +435,7 @@ def _load_tables(compressor, rotor, pins, speeds, solver):
         steady = solve_orbit(steady, solver, throw=False)
         found, instead = (film_loads(rotor, compressor, pins, o) for o in (orbit, steady))
         along = film_coefficients(rotor, compressor, orbit)
-        held = {i: steady_coefficients(_film(rotor, i).bearing, instead[i], speed) for i in along}
+        held = {i: stiffness_damping(_film(rotor, i).bearing, instead[i], speed) for i in along}
         pair = (found | along, instead | held)
         return jax.tree.map(partial(jnp.where, orbit.converged), *pair)
 

@@ -214,8 +214,8 @@ def test_journals_move_in_their_clearances():
     """Dots lie within the circle, on the path, and the cursor is at the crank angle of the frame."""
     scene = with_value(
         load("mayekawa-wbhe"), "friction.crank_pin",
-        {"type": "orbit", "diameter": "90 mm", "length": "45 mm", "radial_clearance": "45 um",
-         "dynamic_viscosity": "10 mPa s"},
+        {"type": "film", "motion": "orbit", "diameter": "90 mm", "length": "45 mm",
+         "radial_clearance": "45 um", "dynamic_viscosity": "10 mPa s"},
     )  # fmt: skip
     orbit = solve_orbit(scene, Collocation(nodes=8, reversals=0, tolerance=1e-6))
     motion = journal_motion(scene.as_compressor(), orbit, frames=8)

@@ -378,6 +378,14 @@ def test_bearing_refuses_what_it_cannot_be():
     JournalBearing(**{**SIZES, "length": 50e-3}, film=Ocvirk)
     with pytest.raises(ValueError, match=r"0.4 to 2 for the film model ExplicitFit"):
         JournalBearing(**{**SIZES, "length": 5e-3}, film=ExplicitFit)
+    with pytest.raises(
+        ValueError, match=r'`film` must be one of reynolds, short beside motion = "orb'
+    ):
+        JournalBearing(**SIZES, film="guembel", motion="orbit")
+    with pytest.raises(ValueError, match=r"length/diameter 0.1 to 2 a land"):
+        JournalBearing(**SIZES | {"length": 3e-3}, lands=2, motion="orbit")
+    with pytest.raises(ValueError, match=r"`lands` must be 1 or 2, but is 3"):
+        JournalBearing(**SIZES, lands=3)
 
 
 @pytest.mark.parametrize("model", ALL)

@@ -19,8 +19,8 @@ from jaxcomp.work_precision._study import Question
 
 FAST = Collocation(nodes=8, reversals=0, tolerance=1e-9)
 SET = (
-    'friction.crank_pin={type="orbit", diameter="90 mm", length="45 mm", radial_clearance="45 um", '
-    'dynamic_viscosity="10 mPa s"}'
+    'friction.crank_pin={type="film", motion="orbit", diameter="90 mm", length="45 mm", '
+    'radial_clearance="45 um", dynamic_viscosity="10 mPa s"}'
 )
 
 

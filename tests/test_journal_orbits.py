@@ -24,13 +24,13 @@ from jaxcomp.crank import (
     moved_films,
 )
 from jaxcomp.design import available_quantities
-from jaxcomp.film import OrbitBearing, film_unit, squeeze_of, stiffness_damping
+from jaxcomp.film import JournalBearing, film_unit, squeeze_of, stiffness_damping
 from jaxcomp.mechanism import CrankState, rod_motion
 from jaxcomp.scene import with_value
 
 SPEED = 1000 * np.pi / 30
-PIN = {"type": "orbit", "diameter": "90 mm", "length": "45 mm", "radial_clearance": "45 um",
-       "dynamic_viscosity": "10 mPa s"}  # fmt: skip
+PIN = {"type": "film", "motion": "orbit", "diameter": "90 mm", "length": "45 mm",
+       "radial_clearance": "45 um", "dynamic_viscosity": "10 mPa s"}  # fmt: skip
 # The fitted constants that the golden orbit was computed with, before they were fitted anew.
 OLDER = {"mechanism.conrod_inertia": "0.005380 kg m^2", "crankshaft.inertia": "0.1566 kg m^2",
          "crankshaft.unbalance": "-0.336325 kg m", "gas.clearance_ratio": "0.76 %"}  # fmt: skip
@@ -71,7 +71,7 @@ def fine_edges(compressor, widest=0.15):
 
 def golden_orbit(compressor, film, **changes):
     force, bush = pin_load(compressor)
-    bearing = OrbitBearing(**{"diameter": 0.09, "length": 0.045, "radial_clearance": 45e-6,
+    bearing = JournalBearing(**{"diameter": 0.09, "length": 0.045, "radial_clearance": 45e-6,
                               "dynamic_viscosity": 0.01, "film": film} | changes)  # fmt: skip
     edges = fine_edges(compressor)
     return bearing, journal_orbit(bearing, force, SPEED, bush=bush, edges=edges, nodes=10)
@@ -134,7 +134,7 @@ def test_a_time_march_by_scipy_agrees_for_five_bearings(frictionless):
     largest = [float(one.film.largest_eccentricity) for one in ends]
     assert largest[0] < 0.11, largest
     assert largest[-1] > 0.97, largest
-    bearing = OrbitBearing(0.09, 0.045, 45e-6, 1.0, "short")
+    bearing = JournalBearing(0.09, 0.045, 45e-6, 1.0, "short")
     film, unit = squeeze_of(bearing), np.asarray(film_unit(bearing)) * viscosities
 
     @jax.jit
@@ -159,12 +159,12 @@ def rotating(size, share):
     return lambda a: size * jnp.stack([jnp.cos(share * a), jnp.sin(share * a)])
 
 
-BEARING = OrbitBearing(0.04, 0.02, 30e-6, 0.02)
+BEARING = JournalBearing(0.04, 0.02, 30e-6, 0.02)
 
 
 @pytest.mark.slow
 def test_a_constant_load_is_carried_where_a_steady_film_carries_it():
-    bearing = OrbitBearing(0.04, 0.02, 30e-6, 0.02, "short")
+    bearing = JournalBearing(0.04, 0.02, 30e-6, 0.02, "short")
     film = journal_orbit(bearing, lambda a: jnp.stack([0 * a + 2000.0, 0 * a]), 300.0).film
     np.testing.assert_allclose(np.ptp(np.asarray(film.position), axis=1), 0, atol=1e-10)
     assert float(film.minimum_film) == pytest.approx(float(film.steady_film), rel=1e-9)
@@ -193,9 +193,9 @@ def test_a_load_at_half_speed_collapses_the_film_by_name():
 
 @pytest.mark.slow
 def test_two_lands_carry_half_the_load_each():
-    one = journal_orbit(OrbitBearing(0.04, 0.01, 30e-6, 0.02), rotating(500.0, 0.0), 300.0).film
+    one = journal_orbit(JournalBearing(0.04, 0.01, 30e-6, 0.02), rotating(500.0, 0.0), 300.0).film
     two = journal_orbit(
-        OrbitBearing(0.04, 0.02, 30e-6, 0.02, lands=2), rotating(1000.0, 0.0), 300.0
+        JournalBearing(0.04, 0.02, 30e-6, 0.02, lands=2), rotating(1000.0, 0.0), 300.0
     ).film
     assert float(two.minimum_film) == pytest.approx(float(one.minimum_film), rel=1e-12)
     assert float(two.mean_shear_loss) == pytest.approx(2 * float(one.mean_shear_loss), rel=1e-12)
@@ -239,7 +239,7 @@ def test_mirror_scaling_and_the_power_of_the_moments():
         mirror.position, film.position * np.array([[1.0], [-1.0]]), atol=1e-10
     )
     # load, viscosity and speed enter as F psi^2/(eta w L D) only
-    scaled = OrbitBearing(0.08, 0.04, 30e-6, 0.01)
+    scaled = JournalBearing(0.08, 0.04, 30e-6, 0.01)
     alike = journal_orbit(scaled, lambda a: 16 * pulsing(a), 600.0 / 1.0, bush=0.3).film
     ratio = 16 * (0.5**2) / (0.5 * 2 * 4)
     other = journal_orbit(BEARING, lambda a: ratio * pulsing(a), 300.0, bush=0.3).film
@@ -269,7 +269,7 @@ def test_extreme_bearings_are_converged_or_flagged(case):
         "radial_clearance": 30e-6,
         "dynamic_viscosity": 0.02,
     }
-    bearing = OrbitBearing(**numbers | changes)
+    bearing = JournalBearing(**numbers | changes)
     size = {"no load": 0.0, "heavy": 1e5}.get(case, 1.0)
     rates = {"journal": 0.0, "bush": 0.0} if case == "standing" else {}
     # a constant load sinks a standing journal; a pulsing one may hold it in an orbit
@@ -283,7 +283,7 @@ def test_extreme_bearings_are_converged_or_flagged(case):
 
 def test_derivatives_of_the_orbit_are_those_of_differences():
     def read(numbers):
-        bearing = OrbitBearing(*numbers)
+        bearing = JournalBearing(*numbers)
         film = journal_orbit(bearing, pulsing, 300.0, bush=0.3).film
         return jnp.stack([film.minimum_film * 1e6, film.mean_shear_loss + film.mean_squeeze_loss,
                           film.largest_pressure / 1e6])  # fmt: skip
@@ -429,7 +429,8 @@ def test_the_three_journals_of_a_slider_link_machine_move():
     text = load("slider-link-8cc").text
     for name in ("crank-pin", "upper-bearing", "lower-bearing"):
         text = text.replace(
-            f'[bearings.{name}]\ntype = "film"', f'[bearings.{name}]\ntype = "orbit"'
+            f'[bearings.{name}]\ntype = "film"',
+            f'[bearings.{name}]\ntype = "film"\nmotion = "orbit"',
         )
     # what the films that carry a steady load say that they would do, and which is right to 4 digits
     still = load("slider-link-8cc")

@@ -14,7 +14,13 @@ from jaxcomp.cli import app
 from jaxcomp.compressor import at_speed
 from jaxcomp.coupling import loaded_rotor
 from jaxcomp.crank import Collocation, journal_films
-from jaxcomp.film import JournalBearing, NamedBearing, OrbitBearing, stiffness_damping
+from jaxcomp.film import (
+    JournalBearing,
+    NamedBearing,
+    friction_moment,
+    minimum_film,
+    stiffness_damping,
+)
 from jaxcomp.rotor import ConstantLaw, LoadedFilm, SpeedTable
 
 GROOVED = (
@@ -28,7 +34,8 @@ def moving_text():
     text = load("hermetic-68cc").text.replace(GROOVED, "")
     for name in ("upper-end", "upper", "lower"):
         text = text.replace(
-            f'[bearings.{name}]\ntype = "film"', f'[bearings.{name}]\ntype = "orbit"'
+            f'[bearings.{name}]\ntype = "film"',
+            f'[bearings.{name}]\ntype = "film"\nmotion = "orbit"',
         )
     return text
 
@@ -36,14 +43,20 @@ def moving_text():
 def test_a_journal_that_moves_is_a_steady_film_at_its_mean_load():
     load_, speed = jnp.array([300.0, -80.0]), jnp.asarray(314.0)
     plain = JournalBearing(0.026, 0.026, 13e-6, 6e-3)
-    one = LoadedFilm(OrbitBearing(0.026, 0.026, 13e-6, 6e-3), load_).coefficients(speed)
+    moving = JournalBearing(0.026, 0.026, 13e-6, 6e-3, motion="orbit")
+    one = LoadedFilm(moving, load_).coefficients(speed)
     for found, wanted in zip(one, stiffness_damping(plain, load_, speed), strict=True):
         np.testing.assert_array_equal(found, wanted)
     # two lands of half the length carry half the load each
     half = JournalBearing(0.026, 0.013, 13e-6, 6e-3)
-    two = LoadedFilm(OrbitBearing(0.026, 0.026, 13e-6, 6e-3, lands=2), load_).coefficients(speed)
+    both = JournalBearing(0.026, 0.026, 13e-6, 6e-3, lands=2)
+    two = LoadedFilm(both, load_).coefficients(speed)
     for found, land in zip(two, stiffness_damping(half, load_ / 2, speed), strict=True):
         np.testing.assert_allclose(found, 2 * land, rtol=1e-14)
+    moments = (f * friction_moment(b, 300.0 / f, speed) for f, b in ((1, both), (2, half)))
+    np.testing.assert_allclose(*moments, rtol=1e-14)
+    films = (minimum_film(b, 300.0 / f, speed) for f, b in ((1, both), (2, half)))
+    np.testing.assert_allclose(*films, rtol=1e-14)
 
 
 def test_what_cannot_be_linearised_along_an_orbit_is_named():

@@ -173,7 +173,7 @@ def test_what_follows_from_the_rotor_is_not_typed():
 @pytest.mark.slow  # the journal's orbit is compiled for half a minute
 def test_films_of_a_slider_link_along_the_orbits_of_their_journals(single):
     law = '[bearings.upper_bearing]\ntype = "film"'
-    orbit = law.replace('"film"', '"orbit"')
+    orbit = f'{law}\nmotion = "orbit"'
     scene = on_rotor(ONE, (law, orbit))
     scene = loads(
         scene.text.replace(

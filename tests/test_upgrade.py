@@ -150,3 +150,17 @@ def test_the_command_rewrites_a_file_and_keeps_the_old_one(tmp_path):
     refused = CliRunner().invoke(app, ["upgrade", str(inline)])
     assert refused.exit_code == 2
     assert "inline table" in refused.output
+
+
+def test_a_bearing_with_an_orbit_is_a_film_whose_journal_moves():
+    size = 'diameter = "90 mm"\nlength = "45 mm"\nradial_clearance = "45 um"\n'
+    old = f'\n[friction.crank_pin]  # measured\ntype = "orbit"  # of 1998\n{size}'
+    inline = 'bearings = { big-end = { type = "orbit", lands = 2 } }\n'
+    made = upgraded(inline + old)
+    assert made == (
+        'bearings = { big-end = { type = "film", motion = "orbit", lands = 2 } }\n'
+        '\n[friction.crank_pin]  # measured\ntype = "film"\nmotion = "orbit"  # of 1998\n' + size
+    )
+    assert upgraded(made) == made
+    with pytest.raises(SceneError, match=r'friction.crank_pin.type.*"film" with motion = "orbit"'):
+        loads(upgraded(ROD + COMMON) + old)

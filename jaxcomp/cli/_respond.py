@@ -173,13 +173,14 @@ def respond_result(
 
 def moving_films(scene: jc.scene.Scene) -> dict[int, str]:
     """Names of the rotor's bearings whose journals move in their films, by number of the link."""
-    from ..film import OrbitBearing
+    from ..film import JournalBearing
 
     found = {}
     for number in jc.coupling.open_films(scene.parts.get("rotor")):  # pyright: ignore
         law = scene.parts["rotor"].links[number].law  # pyright: ignore[reportAttributeAccessIssue]
         name = getattr(law.bearing, "name", "")
-        if isinstance(scene.machine.bearings.get(name), OrbitBearing):
+        bearing = scene.machine.bearings.get(name)
+        if isinstance(bearing, JournalBearing) and bearing.moves:
             found[number] = name
     return found
 

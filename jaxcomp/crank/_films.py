@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._each import mapped
-from .._fields import of_cylinder
+from .._fields import of_cylinder, rebuilt
 from .._implicit import AbstractFixedPoint, fixed_point, frozen, settle
 from .._polynomials import gauss
 from .._status import Status
@@ -24,7 +24,6 @@ from ..film import (
     AbstractCarryingFilm,
     AbstractSolvedFilm,
     JournalBearing,
-    OrbitBearing,
     film_unit,
     friction_moment,
     load_number,
@@ -157,7 +156,7 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
     for name, law in _journals(compressor, orbit):
         if name in moved:
             found[name] = law.radial_clearance * (1 - jnp.hypot(*moved[name]))
-        elif isinstance(law, JournalBearing) and issubclass(law.model, AbstractCarryingFilm):
+        elif issubclass(law.model, AbstractCarryingFilm):
             load = jnp.hypot(*orbit.loads.forces[name])
             found[name] = minimum_film(law, load, jnp.abs(rates[name]))
     return found
@@ -173,7 +172,7 @@ def _journals(compressor: Compressor, orbit: Orbit):
     for number in range(1, crankshaft.count + 1):
         for law_name, law in own.items():
             one = law.one(number) if isinstance(law, EachJournal) else law
-            if isinstance(one, JournalBearing | OrbitBearing):
+            if isinstance(one, JournalBearing):
                 yield crankshaft.joint(law_name, number), of_cylinder(one, number)
 
 
@@ -198,7 +197,7 @@ def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm
             orbit.largest,
         )
         for name, law in _journals(compressor, orbit)
-        if isinstance(law, OrbitBearing) or issubclass(law.model, AbstractSolvedFilm)
+        if issubclass(law.model, AbstractSolvedFilm)
     }
 
 
@@ -207,7 +206,7 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
     """What films that carry a steady load at every instant would be if their journals moved, by joint.
 
     The orbits of these journals under the loads that the crank has without them: what they would lose
-    less does not act back. Beside `journal_films` this is what `type = "orbit"` would change.
+    less does not act back. Beside `journal_films` this is what `motion = "orbit"` would change.
 
     Args:
         compressor: the machine.
@@ -219,10 +218,9 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
     edges = first + jnp.concatenate([jnp.zeros(1), jnp.cumsum(width)])
     names, rows = [], []
     for name, law in _journals(compressor, orbit):
-        if isinstance(law, JournalBearing) and issubclass(law.model, AbstractSolvedFilm):
+        if not law.moves and issubclass(law.model, AbstractSolvedFilm):
             film = "short" if law.film == "short" else "reynolds"
-            bearing = OrbitBearing(law.diameter, law.length, law.radial_clearance,
-                                   law.dynamic_viscosity, film, thin_film=_thin_film(law))  # fmt: skip
+            bearing = rebuilt(law, film=film, motion="orbit", thin_film=_thin_film(law))
             both = [s * orbit.state.speed + 0 * orbit.weight for s in shares.get(name, (1.0, 1.0))]
             names.append(name)
             rows.append((bearing, -orbit.loads.forces[name], jnp.stack(both)))
@@ -251,15 +249,13 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
     """
     (difference, total), gap, moves = rates, law.radial_clearance, position is not None
     size = jnp.hypot(*load)
-    steady = law.steady if isinstance(law, OrbitBearing) else law
-    lands = law.lands if isinstance(law, OrbitBearing) else 1
     film, unit = squeeze_of(law), film_unit(law)
-    resting = minimum_film(steady, size / lands, jnp.abs(difference))
-    moment = lands * friction_moment(steady, size / lands, difference)
+    resting = minimum_film(law, size, jnp.abs(difference))
+    moment = friction_moment(law, size, difference)
     if position is not None:
         velocity = film.mobility(position, load / unit)
     else:
-        state = running_state(steady, size, jnp.abs(difference))
+        state = running_state(law, size, jnp.abs(difference))
         turn = jnp.sign(difference) * state.attitude_angle
         along = load / jnp.where(size > 0, size, 1.0)
         side = quarter_turn(along)
@@ -323,7 +319,7 @@ def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
         gap, roughness = law.radial_clearance, ROUGHNESS if law.roughness is None else law.roughness
         if name in moved:
             thin |= jnp.any(gap * (1 - jnp.hypot(*moved[name])) < roughness)
-        elif isinstance(law, JournalBearing) and issubclass(law.model, AbstractCarryingFilm):
+        elif issubclass(law.model, AbstractCarryingFilm):
             bearing, rate = prepare(law), rates[name]
             film: Any = bearing.film
             ratio = jnp.maximum(gap / roughness - 1, 0.0)
@@ -376,7 +372,7 @@ class _Periodic(AbstractFixedPoint):
 
 
 def journal_orbit(
-    bearing: OrbitBearing,
+    bearing: JournalBearing,
     load: Callable[[Float[Array, " n"]], Float[Array, "2 n"]],
     speed: float | Float[Array, ""],
     *,
@@ -408,7 +404,9 @@ def journal_orbit(
 
 
 @eqx.filter_jit
-def _solved_journal(bearing: OrbitBearing, force, rates, speed, edges, nodes: int) -> JournalOrbit:
+def _solved_journal(
+    bearing: JournalBearing, force, rates, speed, edges, nodes: int
+) -> JournalOrbit:
     grid, film = panels(edges, nodes), squeeze_of(bearing)
 
     def of_panels(values):

@@ -22,7 +22,7 @@ from ..compressor import Compressor
 from ..crankshaft import moving_journals, placed
 from ..film import (
     AbstractSqueeze,
-    OrbitBearing,
+    JournalBearing,
     film_unit,
     quarter_turn,
     shear_drag,
@@ -48,7 +48,7 @@ class Moving(NamedTuple):
     law: str
     joint: str
     cylinder: int | None
-    bearing: OrbitBearing
+    bearing: JournalBearing
 
 
 def moving(compressor: Compressor) -> tuple[Moving, ...]:

@@ -180,7 +180,7 @@ def simulate(
     valves = isinstance(compressor.gas, Cylinder)
     if valves and moving(compressor):
         bound = "a film that carries a steady load, beside cylinders with valves, in time"
-        raise BadInput("type", "orbit", bound)
+        raise BadInput("motion", "orbit", bound)
     options = TimeIntegration() if options is None else options
     if isinstance(duration, (int, float)) and not duration > 0:
         raise BadInput("duration", duration, "> 0")

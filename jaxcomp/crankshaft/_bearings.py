@@ -29,7 +29,7 @@ from jaxtyping import Array, Float
 from .._each import mapped
 from .._fields import POSITIVE, BadInput, Part, quantity, replaced
 from .._polynomials import cubic_step
-from ..film import AbstractJournal, JournalBearing, NamedBearing, OrbitBearing, PlacedJournal
+from ..film import AbstractJournal, JournalBearing, NamedBearing, PlacedJournal
 from ..friction import STANDARD_GRAVITY, OilPump, ThrustBearing, shaft_loss
 from ..mechanism import Vector
 
@@ -253,7 +253,7 @@ def bearing_names(crankshaft: Any) -> tuple[str, ...]:
     return support.names or () if isinstance(support, MainBearings) else ("main_journal",)
 
 
-def film_journals(friction: Any, support: Any) -> dict[str, JournalBearing | OrbitBearing]:
+def film_journals(friction: Any, support: Any) -> dict[str, JournalBearing]:
     """The oil-lubricated journals of a machine by joint; those of the shaft by their own names.
 
     Args:
@@ -265,14 +265,13 @@ def film_journals(friction: Any, support: Any) -> dict[str, JournalBearing | Orb
         laws |= dict(zip(support.names or (), support.bearings, strict=True))
     else:
         laws["main_journal"] = support
-    kinds = (JournalBearing, OrbitBearing)
-    return {name: law for name, law in laws.items() if isinstance(law, kinds)}
+    return {name: law for name, law in laws.items() if isinstance(law, JournalBearing)}
 
 
-def moving_journals(friction: Any, support: Any) -> dict[str, OrbitBearing]:
+def moving_journals(friction: Any, support: Any) -> dict[str, JournalBearing]:
     """Those whose orbits are solved; see `film_journals`."""
     journals = film_journals(friction, support)
-    return {name: law for name, law in journals.items() if isinstance(law, OrbitBearing)}
+    return {name: law for name, law in journals.items() if law.moves}
 
 
 def placed(

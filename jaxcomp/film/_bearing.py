@@ -26,17 +26,31 @@ from ._film import (
     split,
 )
 from ._models import ExplicitFit, Guembel, LoadedPetroff, Ocvirk, Petroff
-from ._parts import AbstractRing, film_unit, within
+from ._parts import AbstractJournal, check_oil, within
 from ._reynolds import GroovedReynolds, Reynolds
+from ._squeeze import AbstractSqueeze, OcvirkSqueeze, ReynoldsSqueeze
 
-_MODELS: dict[str, type[AbstractFilm]] = {
-    "reynolds": Reynolds,
-    "grooved": GroovedReynolds,
-    "guembel": Guembel,
-    "short": Ocvirk,
-    "fit": ExplicitFit,
-    "petroff": Petroff,
-    "loaded_petroff": LoadedPetroff,
+
+class _Film(NamedTuple):
+    """A film by its name.
+
+    Attributes:
+        steady: of a journal that stays where a steady load would hold it.
+        moving: of one that moves; `None` for a film without squeeze.
+    """
+
+    steady: type[AbstractFilm]
+    moving: type[AbstractSqueeze] | None = None
+
+
+_FILMS = {
+    "reynolds": _Film(Reynolds, ReynoldsSqueeze),
+    "grooved": _Film(GroovedReynolds),
+    "guembel": _Film(Guembel),
+    "short": _Film(Ocvirk, OcvirkSqueeze),
+    "fit": _Film(ExplicitFit),
+    "petroff": _Film(Petroff),
+    "loaded_petroff": _Film(LoadedPetroff),
 }
 
 # [rad/s] Below this speed the load number is held, so that the moment passes through zero with a
@@ -45,41 +59,46 @@ REST_SPEED = 1e-3
 
 
 def _word(film: str | type[AbstractFilm]) -> str:
-    for word, model in _MODELS.items():
-        if film in (word, model):
+    for word, models in _FILMS.items():
+        if film in (word, models.steady):
             return word
-    raise BadInput("film", str(film), f"one of {', '.join(_MODELS)}")
+    raise BadInput("film", str(film), f"one of {', '.join(_FILMS)}")
 
 
 THIN = "films below count as thin in results; 5 um if absent"
 ROUGHNESS = "of both surfaces; a film below it carries nothing; 0.01 um if absent"
 
 
-class JournalBearing(AbstractRing):
+class JournalBearing(AbstractJournal):
     """Journal bearing with an oil film: friction, position, stiffness and damping of one part.
 
-    Full (360 degree) ring, aligned, isothermal, isoviscous, laminar, unfed; quasi-static (no squeeze)
-    where its load varies.
+    Full (360 degree) ring, aligned, isothermal, isoviscous, laminar, unfed. The journal stays where a
+    steady load of each instant would hold it (no squeeze), or moves in its film. Films that re-form
+    around a moving journal are full of oil at once, which makes them too thick and their loss too low
+    where the feed is starved.
 
     Args:
         diameter: [m] Journal diameter D.
-        length: [m] Bearing length L.
+        length: [m] L of all lands together, without the groove between them.
         radial_clearance: [m] c, bush radius minus journal radius.
         dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
         film: Film model by name: "reynolds" for the table of solutions of Reynolds' equation,
             "grooved" for the ring with two axial grooves, "guembel", "short" (Ocvirk); for friction
             and position only "fit" (closed formulas), for friction only "petroff" and "loaded_petroff".
             The attribute `limits` of `model` says where each stops being right. A class of
-            `jaxcomp.film` stands for its name.
+            `jaxcomp.film` stands for its name. Journals move in "reynolds" and "short" films.
         oil: Name of an oil of the machine, which gives the viscosity.
         thin_film: [m] Films below count as thin in results, such as some times the roughness; absent:
             5 µm.
         roughness: [m] of journal and bush together. A film that is thinner at any time is
             `Status.thin_film`; absent: 0.01 µm, smoother than any bearing.
+        lands: Two with a full circumferential groove between them, in parallel, else one.
+        motion: "steady", or "orbit" for a journal whose orbit is solved with the crank's motion.
 
     Raises:
-        BadInput: for a value that is not positive, L/D outside the range of the film model, another
-            film, or neither or both of `dynamic_viscosity` and `oil`.
+        BadInput: for a value that is not positive, L/D of a land outside the range of the film model,
+            another film, one without squeeze beside "orbit", no land, or neither or both of
+            `dynamic_viscosity` and `oil`.
 
     >>> bearing = JournalBearing(0.040, 0.020, 30e-6, 0.02)
     >>> print(f"{1e6 * minimum_film(bearing, 2000.0, 314.0):.2f} um")  # at 2 kN and 314 rad/s
@@ -90,6 +109,18 @@ class JournalBearing(AbstractRing):
 
     kind: ClassVar[str] = "film"
 
+    diameter: Scalar = quantity("m", POSITIVE, doc="of the journal", usual=(2e-3, 1.0))
+    length: Scalar = quantity("m", POSITIVE, doc="of all lands together", usual=(1e-3, 1.0))
+    radial_clearance: Scalar = quantity(
+        "m", POSITIVE, doc="bush radius minus journal radius", usual=(1e-6, 1e-3)
+    )
+    dynamic_viscosity: Scalar | None = quantity(
+        "Pa s",
+        POSITIVE,
+        default=None,
+        doc="of the oil in the film; absent where oil names it",
+        usual=(1e-4, 2.0),
+    )
     film: Literal["reynolds", "grooved", "guembel", "short", "fit", "petroff", "loaded_petroff"] = (
         eqx.field(static=True, default="reynolds", converter=_word)  # pyright: ignore
     )
@@ -98,26 +129,56 @@ class JournalBearing(AbstractRing):
     roughness: Scalar | None = quantity(
         "m", POSITIVE, default=None, doc=ROUGHNESS, usual=(1e-9, 1e-5)
     )
+    lands: int = eqx.field(static=True, default=1)
+    motion: Literal["steady", "orbit"] = eqx.field(static=True, default="steady")
+
+    def __check_init__(self):
+        check_oil(self)
+        if self.lands not in (1, 2):
+            raise BadInput("lands", self.lands, "1 or 2")
+        if self.motion not in ("steady", "orbit"):
+            raise BadInput("motion", str(self.motion), '"steady" or "orbit"')
+        if self.moves and _FILMS[self.film].moving is None:
+            able = ", ".join(word for word, models in _FILMS.items() if models.moving)
+            raise BadInput("film", self.film, f'one of {able} beside motion = "orbit"')
+
+    @property
+    def moves(self) -> bool:
+        """Whether the orbit of the journal is solved."""
+        return self.motion == "orbit"
 
     @property
     def model(self) -> type[AbstractFilm]:
-        """The class of the film model."""
-        return _MODELS[self.film]
+        """The class of the film model of a steady load."""
+        return _FILMS[self.film].steady
+
+    @property
+    def radius(self) -> Scalar:
+        """[m] R, of the journal."""
+        return self.diameter / 2
+
+    @property
+    def clearance_ratio(self) -> Scalar:
+        """[-] psi = c/R."""
+        return self.radial_clearance / self.radius
 
     @property
     def length_ratio(self) -> Scalar:
-        """[-] q = L/D."""
-        return self.length / self.diameter
+        """[-] q = L/D of a land."""
+        return self.length / (self.lands * self.diameter)
 
     def conditions(self):
-        low, high = self.model.length_ratio_range
+        moving = _FILMS[self.film].moving if self.moves else None
+        low, high = (moving or self.model).length_ratio_range
         if high == math.inf:
             return {}
-        rule = f"of length/diameter {low:g} to {high:g} for the film model {self.model.__name__}"
+        name = (moving or self.model).__name__
+        land = " a land" if self.lands > 1 else ""
+        rule = f"of length/diameter {low:g} to {high:g}{land} for the film model {name}"
         return {rule: within(self.length_ratio, low, high)}
 
     def moment(self, load, rate):
-        """[N m] Friction moment under a load [N] at a rate of rotation [rad/s]."""
+        """[N m] Friction moment in the place where a steady load [N] would hold the journal."""
         return friction_moment(self, load, rate)
 
 
@@ -134,6 +195,23 @@ class PreparedBearing(NamedTuple):
 
 
 Bearing = JournalBearing | PreparedBearing
+
+
+def squeeze_of(bearing: JournalBearing) -> AbstractSqueeze:
+    """The film of a moving journal in a bearing; one without squeeze gets that of the finite film."""
+    return (_FILMS[bearing.film].moving or ReynoldsSqueeze)(bearing.length_ratio)
+
+
+def film_unit(bearing: JournalBearing) -> Scalar:
+    """[N s] U = eta L D/psi^2, the unit of film force over speed.
+
+    Raises:
+        BadInput: an oil that is named and not filled in yet.
+    """
+    if bearing.dynamic_viscosity is None:
+        raise BadInput("oil", bearing.oil, "resolved by its machine, see `jaxcomp.Machine`")
+    area = bearing.length * bearing.diameter
+    return bearing.dynamic_viscosity * area / bearing.clearance_ratio**2
 
 
 def prepare(bearing: Bearing) -> PreparedBearing:

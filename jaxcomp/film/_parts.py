@@ -123,37 +123,6 @@ class NamedBearing(AbstractJournal):
         raise BadInput("bearing", self.name, "resolved by its machine, see `jaxcomp.Machine`")
 
 
-class AbstractRing(AbstractJournal):
-    """What journal bearings with a full ring have in common, whatever their film."""
-
-    oil: eqx.AbstractVar[str | None]
-    diameter: Scalar = quantity("m", POSITIVE, doc="of the journal", usual=(2e-3, 1.0))
-    length: Scalar = quantity("m", POSITIVE, doc="of the bearing", usual=(1e-3, 1.0))
-    radial_clearance: Scalar = quantity(
-        "m", POSITIVE, doc="bush radius minus journal radius", usual=(1e-6, 1e-3)
-    )
-    dynamic_viscosity: Scalar | None = quantity(
-        "Pa s",
-        POSITIVE,
-        default=None,
-        doc="of the oil in the film; absent where oil names it",
-        usual=(1e-4, 2.0),
-    )
-
-    def __check_init__(self):
-        check_oil(self)
-
-    @property
-    def radius(self) -> Scalar:
-        """[m] R, of the journal."""
-        return self.diameter / 2
-
-    @property
-    def clearance_ratio(self) -> Scalar:
-        """[-] psi = c/R."""
-        return self.radial_clearance / self.radius
-
-
 def check_oil(part) -> None:
     """Refuse a part with neither or both of a viscosity and the name of an oil.
 
@@ -169,15 +138,3 @@ def check_oil(part) -> None:
 def within(length_ratio: Scalar, low: float, high: float) -> Bool[Array, ""]:
     """Whether L/D lies in a range, with a hair of room for a ratio computed to be the bound."""
     return (length_ratio >= low * (1 - 1e-12)) & (length_ratio <= high * (1 + 1e-12))
-
-
-def film_unit(bearing: AbstractRing) -> Scalar:
-    """[N s] U = eta L D/psi^2, the unit of film force over speed.
-
-    Raises:
-        BadInput: an oil that is named and not filled in yet.
-    """
-    if bearing.dynamic_viscosity is None:
-        raise BadInput("oil", bearing.oil, "resolved by its machine, see `jaxcomp.Machine`")
-    area = bearing.length * bearing.diameter
-    return bearing.dynamic_viscosity * area / bearing.clearance_ratio**2

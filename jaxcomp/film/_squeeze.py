@@ -17,6 +17,7 @@ Mass is not conserved where a film forms again ($p \ge 0$ lets it re-form full o
 """
 
 import functools
+import math
 from abc import abstractmethod
 from typing import ClassVar
 
@@ -44,6 +45,7 @@ class AbstractSqueeze(eqx.Module):
 
     length_ratio: Scalar = eqx.field(converter=as_float)
     limits: ClassVar[str]
+    length_ratio_range: ClassVar[tuple[float, float]] = (0.0, math.inf)
 
     @abstractmethod
     def mobility(self, position: Pair, force: Pair) -> Pair:
@@ -179,6 +181,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
     """
 
     series: dict[str, Float[Array, "u v"]]
+    length_ratio_range: ClassVar[tuple[float, float]] = TABLE_RANGE
     limits: ClassVar[str] = (
         "Table for L/D 0.1 to 2 and eps to 0.996. Films re-form full of oil; aligned, isoviscous, "
         "laminar, no roughness."

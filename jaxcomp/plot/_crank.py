@@ -27,7 +27,7 @@ from ..crank import (
     train_over_speed,
 )
 from ..crankshaft import MainBearings
-from ..film import OrbitBearing
+from ..film import JournalBearing
 from ..friction import SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
 from ..shaking import Suspension, shaking_wrench
@@ -249,7 +249,7 @@ def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
     laws = {"piston_pin": friction.piston_pin, "crank_pin": friction.crank_pin}
     for name, law in (laws | {"main_journal": support}).items():
         rate = rates.get(name, speed)
-        if isinstance(law, OrbitBearing):
+        if isinstance(law, JournalBearing) and law.moves:
             # of a journal that moves that of its loss: not all of it is a moment on the bush
             moments[name] = turn.loads.loss_torque[name] * speed / rate
         elif law is not None and not isinstance(law, MainBearings):

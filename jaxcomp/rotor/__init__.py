@@ -32,7 +32,6 @@ from ._links import Pinned as Pinned
 from ._links import SpeedTable as SpeedTable
 from ._links import diagonal as diagonal
 from ._links import isotropic as isotropic
-from ._links import steady_coefficients as steady_coefficients
 from ._loads import CrankNodes as CrankNodes
 from ._loads import LoadCase as LoadCase
 from ._loads import PeriodicForce as PeriodicForce

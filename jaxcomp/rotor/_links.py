@@ -23,10 +23,8 @@ from jaxtyping import Array, Float
 from .._fields import POSITIVE, BadInput, Part, is_traced, quantity
 from ..film import (
     AbstractSolvedFilm,
-    DynamicCoefficients,
     JournalBearing,
     NamedBearing,
-    OrbitBearing,
     stiffness_damping,
 )
 from ._conventions import SPACE_AXES, check_axes
@@ -336,7 +334,7 @@ class LoadedFilm(Part):
     kind: ClassVar[str] = "film"
     size: ClassVar[int] = 2
 
-    bearing: JournalBearing | OrbitBearing | NamedBearing
+    bearing: JournalBearing | NamedBearing
     load: Array | None = quantity(
         "N",
         shape=(...,),
@@ -380,14 +378,4 @@ class LoadedFilm(Part):
         if self.speed is not None:
             at = jnp.abs(spin_speed)
             load = jax.vmap(lambda column: jnp.interp(at, self.speed, column), -1)(load)
-        return tuple(steady_coefficients(self.bearing, load, spin_speed))
-
-
-def steady_coefficients(
-    bearing: JournalBearing | OrbitBearing, load: Float[Array, "2"], speed: Float[Array, ""]
-) -> DynamicCoefficients:
-    """Stiffness [N/m] and damping [N s/m] of a bearing under a steady load [N] at a speed [rad/s]."""
-    if isinstance(bearing, JournalBearing):
-        return stiffness_damping(bearing, load, speed)
-    land = stiffness_damping(bearing.steady, load / bearing.lands, speed)
-    return DynamicCoefficients(*(bearing.lands * value for value in land))
+        return tuple(stiffness_damping(self.bearing, load, spin_speed))

@@ -1,12 +1,12 @@
 """Machine files of older spellings, rewritten with their comments, sources and order.
 
 Until version 0.2 the crankshaft had no section of its own: its numbers stood in [mechanism], [cylinders]
-and [friction].
+and [friction]. A bearing whose journal moves had a type of its own, "orbit".
 """
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -41,6 +41,7 @@ _MADE = {
     ),
     "friction": ("upper_bearing", "lower_bearing"),
 }
+_ORBIT = re.compile(r'(\btype\s*=\s*)"orbit"')
 _HEADER = re.compile(r"\s*(\[\[?)\s*([^\]#]+?)\s*\]\]?\s*(#.*)?$")
 _KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=")
 
@@ -80,7 +81,20 @@ def old_paths(document: Mapping[str, Any]) -> list[str]:
             node = node.get(key) if isinstance(node, Mapping) else None
         if node is not None:
             found.append(path)
-    return found
+    return found + list(_moving(document, ""))
+
+
+def _moving(node: Any, path: str) -> Iterator[str]:
+    """Paths of the types of bearings that are of the older spelling."""
+    if isinstance(node, list):
+        for entry in node:
+            yield from _moving(entry, path)
+    elif isinstance(node, Mapping):
+        for key, value in node.items():
+            here = f"{path}.{key}".lstrip(".")
+            if key == "type" and value == "orbit":
+                yield here
+            yield from _moving(value, here)
 
 
 def check_spelling(document: Mapping[str, Any], file: str) -> None:
@@ -92,6 +106,7 @@ def check_spelling(document: Mapping[str, Any], file: str) -> None:
     for path in old_paths(document):
         new = upgraded_path(path)
         today = f", today {new}" if new != path else ", today in [crankshaft]"
+        today = ', today "film" with motion = "orbit"' if path.endswith(".type") else today
         raise SceneError(
             path,
             f"is of an older spelling{today}; `jaxcomp upgrade {file or 'FILE'}` rewrites a file "
@@ -109,9 +124,11 @@ def upgraded(text: str) -> str:
         tomllib.TOMLDecodeError: a text that is no TOML.
         ValueError: an old entry in a place that cannot be rewritten, such as an inline table.
     """
-    document = tomllib.loads(text)
-    if not old_paths(document):
+    if not old_paths(tomllib.loads(text)):
         return text
+    text = re.sub(rf"(?m)^(\s*){_ORBIT.pattern}", r'\1\2"film"\n\1motion = "orbit"', text)
+    text = _ORBIT.sub(r'\1"film", motion = "orbit"', text)
+    document = tomllib.loads(text)
     sections = _split(text)
     by_name = {one.name: one for one in sections if not one.row}
     mechanism = by_name.get("mechanism", _Section())

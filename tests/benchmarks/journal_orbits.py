@@ -24,7 +24,7 @@ from test_journal_orbits import PIN, SPEED, fine_edges, pin_load
 
 from jaxcomp import Collocation, load, solve_orbit
 from jaxcomp.crank import journal_orbit
-from jaxcomp.film import OrbitBearing, film_unit, squeeze_of
+from jaxcomp.film import JournalBearing, film_unit, squeeze_of
 from jaxcomp.scene import with_value
 
 EXACT = Collocation(nodes=16, grading=4, tolerance=1e-13)
@@ -62,7 +62,7 @@ def first_call(function, *arguments):
 def scipy_march(compressor) -> None:
     """One orbit under given loads: the library's, and DOP853 over three revolutions."""
     force, bush = pin_load(compressor)
-    bearing = OrbitBearing(0.09, 0.045, 45e-6, 0.01, "short")
+    bearing = JournalBearing(0.09, 0.045, 45e-6, 0.01, "short")
     edges = fine_edges(compressor)
     solve = jax.jit(
         lambda b: journal_orbit(b, force, SPEED, bush=bush, edges=edges).film.minimum_film
