@@ -407,7 +407,7 @@ EXTREMES = {
     "racing": (20_000, {}, None),
     "light valves": (2950, {"suction_valve__mass": 1e-9, "discharge_valve__mass": 1e-9}, None),
     "heavy valves": (2950, {"suction_valve__mass": 10.0, "discharge_valve__mass": 10.0}, None),
-    "no pressure ratio": (2950, {"discharge__pressure": 1e5}, None),
+    "no pressure ratio": (2950, {"discharge__pressure": 1e5}, "bad_input"),
     "shut off": (2950, {"clearance_ratio": 0.8}, "no_delivery"),
     "hardly any clearance": (2950, {"clearance_ratio": 1e-4}, "converged"),
     "wide gap": (2950, {"leakage__gap": 1e-4}, None),
@@ -429,7 +429,7 @@ def test_extreme_machines_converge_or_say_why():
         return jax.lax.map(one, (batch, speeds))
 
     cycles = run(batch, speeds)
-    words = ("converged", "no_delivery", "not_converged", "too_many_events")
+    words = ("converged", "no_delivery", "not_converged", "too_many_events", "bad_input")
     for i, name in enumerate(names):
         cycle = jax.tree.map(operator.itemgetter(i), cycles)
         ended = [word for word in words if bool(cycle.status == getattr(Status, word))]

@@ -71,10 +71,14 @@ def test_extreme_designs_are_converged_or_flagged_in_one_batch(coupled):
         assert not np.any(np.isnan(leaf))
     converged = np.asarray(orbit.status == Status.converged)
     collapsed = np.asarray(orbit.status == Status.film_collapse)
-    assert np.all(converged | collapsed), cases
-    closing = dict(zip(cases, collapsed, strict=True))
-    wide = {"clearance 0.45 mm", "clearance 4.5 mm"}
-    assert {name for name, closed in closing.items() if closed} == {"no viscosity", *wide}
+    unresolved = np.asarray(orbit.status == Status.unresolved)
+    assert np.all(converged | collapsed | unresolved), cases
+    closing = {name for name, closed in zip(cases, collapsed, strict=True) if closed}
+    assert closing == {"no viscosity", "clearance 4.5 mm"}
+    # with edges at the load reversals, which `FAST` leaves out, a film of 1.53 µm
+    assert {name for name, one in zip(cases, unresolved, strict=True) if one} == {
+        "clearance 0.45 mm"
+    }
     # without a load the film's own drag on the rod, some tenths of a newton metre, is all that is left
     number = list(cases).index("no load")
     assert 0 < film.largest_eccentricity[number] < 0.01

@@ -44,10 +44,17 @@ def test_without_a_folder_the_word_says_how_to_keep_them():
 def test_studies_hand_out_what_they_have():
     scene, designs, machines = jc.load("mayekawa-wbhe"), [], []
     made = jc.problem(scene, {"bore": (0.12, 0.14)}, ["swept_volume"])
-    keep = lambda points, found: designs.append((points, found.values))  # noqa: E731
-    jc.optimise(made, maximise=True, samples=4, starts=1, max_steps=3, keep=keep)
-    assert sum(len(points) for points, _ in designs) >= 5
-    assert all(len(points) == len(values) for points, values in designs)
+
+    def keep(problem, points, found):
+        designs.append(dict.fromkeys(one.name for one in problem.columns(points, found.values)))
+        assert len(points) == len(found.values)
+
+    bounds = {"gas_power": (0.0, 1e6)}
+    options = {"samples": 4, "starts": 1, "max_steps": 3, "keep": keep}
+    jc.optimise(made, maximise=True, constraints=bounds, **options)
+    assert len(designs) >= 2
+    # a quantity that only a constraint asks for is a column like the others
+    assert all(list(one) == ["mechanism.bore", "swept_volume", *bounds] for one in designs)
     jc.tolerance(
         made, {"bore": within(1e-5)}, samples=32, progress=False,
         keep=lambda *rows: machines.append([len(one) for one in rows]),

@@ -139,13 +139,13 @@ def optimise(
         partial = Partial(out, "designs")
         solved: list[tuple[Any, Any, Any]] = []
 
-        def keep(designs, found) -> None:
+        def keep(problem, designs, found) -> None:
             import numpy as np
 
             solved.append((designs, found.values, found.ok))
             points, values, ok = map(np.concatenate, zip(*solved, strict=True))
             columns = {f"{data.name} [{data.unit}]" if data.unit else data.name: data.values
-                       for data in made.columns(points, values)}  # fmt: skip
+                       for data in problem.columns(points, values)}  # fmt: skip
             partial.keep(columns | {"solved": ok})
 
         options |= {"callback": callback, "keep": keep}

@@ -31,7 +31,7 @@ from ._iteration import (
     state_of,
     steepness,
 )
-from ._journals import CLOSED, moving, with_journals
+from ._journals import FEWEST_PANELS, journal_drive, moving, orbit_status, with_journals
 from ._motion import Instant, closure_of
 from ._orbit import Energy, Orbit
 from ._panels import Panels, highest, panels
@@ -69,7 +69,7 @@ class Collocation(eqx.Module):
             depend on their number. Of more kinks those closest behind another are no edges: of several
             cylinders many coincide, and the error of a kink within a panel goes with the square of its
             distance from the edge. Between fewer kinks the widest panels are halved. `None`: every
-            kink is an edge, and there are no others.
+            kink is an edge, and there are no others but where journals move, whose thin films need 24.
         estimate: whether everything is evaluated at twice the nodes as well, which tells `loss_error`;
             without, that is NaN, and an orbit of several cylinders takes half the time.
         cycle: how the cycle of a gas with valves is solved.
@@ -101,8 +101,11 @@ class Collocation(eqx.Module):
         """The orbit of an admissible compressor."""
         problem = self.problem(compressor)
         kinks = kink_angles(compressor)
-        if self.panel_count is not None:
-            kinks = _of_count(kinks, self.panel_count)
+        count = self.panel_count
+        if count is None and kinks.size < FEWEST_PANELS and moving(compressor):
+            count = FEWEST_PANELS
+        if count is not None:
+            kinks = _of_count(kinks, count)
         known = prepare(compressor, revolution_edges(kinks))
         if compressor.frictionless and not closure_of(compressor.motor).integrates:
             return _explicit_orbit(known, problem.resolution, self.name)
@@ -289,11 +292,12 @@ def orbit_of_motion(
         )
     positions = None
     if motion.journals is not None:
-        closed = jnp.max(jnp.hypot(*motion.journals)) > CLOSED
-        status = Status.where(closed, Status.film_collapse, status)
         flat = motion.journals.reshape(*motion.journals.shape[:2], -1)
         positions = {one.joint: flat[:, i] for i, one in enumerate(moving(known.compressor))}
     at, state, loads = jax.tree.map(nodes, (at, state, loads))
+    if motion.journals is not None:
+        drive = journal_drive(known.compressor, loads.forces, state)
+        status = orbit_status(grid.rule, drive, motion.journals, status)
     return orbit_on_panels(
         grid, at, state, motor, loads, account, error, status, report, solver, positions
     )

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._each import mapped
 from .._fields import of_cylinder, rebuilt
 from .._implicit import AbstractFixedPoint, fixed_point, frozen, settle
-from .._polynomials import gauss
+from .._polynomials import Rule, gauss
 from .._status import Status
 from ..compressor import Compressor
 from ..crankshaft import film_journals
@@ -35,9 +35,9 @@ from ..film import (
     squeeze_of,
 )
 from ..friction import EachJournal
-from ._journals import CLOSED, Drive, improved_positions, rate_shares
+from ._journals import Drive, improved_positions, orbit_status, position_error, rate_shares
 from ._orbit import Orbit
-from ._panels import Panels, highest, panels
+from ._panels import Panels, farthest, highest, panels
 
 # [J/(m^3 K)] Heat capacity of oil, 860 kg/m^3 times 2000 J/(kg K).
 OIL_HEAT_CAPACITY = 1.72e6
@@ -45,6 +45,7 @@ OIL_HEAT_CAPACITY = 1.72e6
 THIN_FILM = 5e-6
 # [m] of both surfaces together where a bearing names no other: less than that of any bearing.
 ROUGHNESS = 1e-8
+_PANELS = 48  # of the period of a journal under a given load
 
 
 class JournalFilm(eqx.Module):
@@ -60,7 +61,9 @@ class JournalFilm(eqx.Module):
             is squeeze here: all that the pressure dissipates.
         minimum_film: [m] over the revolution.
         largest_pressure: [Pa] over the revolution.
-        largest_eccentricity: [-]
+        largest_eccentricity: [-] at most 1, also where a coarse orbit leaves its bush.
+        film_error: [m] estimated error of the smallest film, by what the last terms of the polynomials
+            on the panels of the revolution have left.
         mean_flow: [m^3/s] in time, as all means.
         mean_shear_loss, mean_squeeze_loss: [W]
         temperature_rise: [K] of the oil that flows out, if it carries the whole loss away; infinite
@@ -83,6 +86,7 @@ class JournalFilm(eqx.Module):
     minimum_film: Float[Array, ""]
     largest_pressure: Float[Array, ""]
     largest_eccentricity: Float[Array, ""]
+    film_error: Float[Array, ""]
     mean_flow: Float[Array, ""]
     mean_shear_loss: Float[Array, ""]
     mean_squeeze_loss: Float[Array, ""]
@@ -194,7 +198,8 @@ def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm
             -orbit.loads.forces[name],
             tuple(share * orbit.state.speed for share in shares.get(name, (1.0, 1.0))),
             orbit.weight / orbit.state.speed,
-            orbit.largest,
+            gauss(orbit.panel_nodes),
+            orbit.panel_width,
         )
         for name, law in _journals(compressor, orbit)
         if issubclass(law.model, AbstractSolvedFilm)
@@ -213,7 +218,7 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
         orbit: its periodic state.
     """
     shares = rate_shares(compressor, orbit.state.angle)
-    width = jnp.sum(orbit.weight.reshape(-1, orbit.panel_nodes), axis=1)
+    width = orbit.panel_width
     first = orbit.state.angle[0] - width[0] * gauss(orbit.panel_nodes).nodes[0]
     edges = first + jnp.concatenate([jnp.zeros(1), jnp.cumsum(width)])
     names, rows = [], []
@@ -236,7 +241,7 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
     return {name: jax.tree.map(lambda leaf, i=i: leaf[i], films) for i, name in enumerate(names)}
 
 
-def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
+def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFilm:
     """What a journal's film does at given places (`None`: those of a steady film) and loads.
 
     Args:
@@ -245,8 +250,13 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
         load: [N] (2, n).
         rates: [rad/s] difference and sum of the rates of journal and bush, (n,).
         duration: [s] quadrature weights.
-        largest_of: largest value over the revolution from values at the nodes.
+        rule: of the panels that these are the nodes of.
+        width: [rad] of the panels, (p,).
     """
+
+    def largest_of(values):
+        return highest(rule, width, values.reshape(*width.shape, -1))
+
     (difference, total), gap, moves = rates, law.radial_clearance, position is not None
     size = jnp.hypot(*load)
     film, unit = squeeze_of(law), film_unit(law)
@@ -273,7 +283,9 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
     pressure = scale * film.peak_pressure(position, load / unit, velocity)
     flow = law.radius * law.length * gap * film.side_flow(position, load / unit, velocity)
     thickness = gap * (1 - jnp.hypot(*position)) if moves else resting
-    largest = largest_of(jnp.hypot(*position))
+    on_panels = position.reshape(2, -1, rule.nodes.size)
+    largest = jnp.minimum(farthest(rule, width, on_panels), 1.0)
+    error = gap * position_error(rule, on_panels)
     stiffness, damping = _coefficients(film, position, load / unit, 0.5 * total)
     loss, carried = mean(shear + squeeze), mean(flow)
     return JournalFilm(
@@ -287,6 +299,7 @@ def _read(law, position, load, rates, duration, largest_of) -> JournalFilm:
         minimum_film=gap * (1 - largest) if moves else _least(resting, largest_of),
         largest_pressure=largest_of(pressure),
         largest_eccentricity=largest,
+        film_error=error,
         mean_flow=carried,
         mean_shear_loss=mean(shear),
         mean_squeeze_loss=mean(squeeze),
@@ -390,10 +403,13 @@ def journal_orbit(
         load: [N] on the journal over the crank angle [rad], in axes that do not rotate.
         speed: [rad/s] of the crank, > 0.
         journal, bush: [-] rates of rotation over that speed, numbers or functions of the crank angle.
-        edges: [rad] where the load has kinks, with both ends of a period of 2 pi; by default 24 panels.
+        edges: [rad] within the period of 2 pi from the first one, where the load has kinks: they cut
+            the 48 even panels that there are anyway.
         nodes: on every panel.
     """
-    edges = jnp.linspace(0, 2 * jnp.pi, 25) if edges is None else jnp.asarray(edges)
+    edges = jnp.zeros(1) if edges is None else jnp.asarray(edges, float)
+    even = edges[0] + jnp.linspace(0, 2 * jnp.pi, _PANELS + 1)
+    edges = jnp.sort(jnp.concatenate([even, jnp.clip(edges[1:], even[0], even[-1])]))
     grid = panels(edges, nodes)
     angle, speed = grid.angle.ravel(), jnp.asarray(speed, float)
     turns, holds = (
@@ -420,11 +436,9 @@ def _solved_journal(
     position, (_, report) = fixed_point(_Periodic(grid), drive)
     position = position[:, 0].reshape(2, -1)
 
-    def largest(values):
-        return highest(grid.rule, grid.width, of_panels(values))
-
-    read = _read(bearing, position, force, rates, grid.weight.ravel() / speed, largest)
-    closed = read.largest_eccentricity > CLOSED
+    read = _read(
+        bearing, position, force, rates, grid.weight.ravel() / speed, grid.rule, grid.width
+    )
     status = Status.where(report.settled, Status.converged, Status.not_converged)
-    status = Status.where(closed, Status.film_collapse, status)
+    status = orbit_status(grid.rule, drive, of_panels(position)[:, None], status)
     return JournalOrbit(grid.angle.ravel(), read, status, report.change, report.steps)

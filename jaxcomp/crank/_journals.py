@@ -13,11 +13,14 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
 from .._each import mapped
 from .._fields import of_cylinder, rebuilt
+from .._polynomials import Rule
+from .._status import Status
 from ..compressor import Compressor
 from ..crankshaft import moving_journals, placed
 from ..film import (
@@ -38,6 +41,13 @@ _NEAR = 0.3
 
 # Eccentricity ratio beyond which a film counts as closed: no oil film of a machine is that thin.
 CLOSED = 0.9999
+
+# [-] Estimated error of the smallest room between journal and bush, over that room, beyond which an orbit
+# is not resolved.
+_COARSE = 0.3
+# Panels of the revolution below which thin films are not resolved: on the pin of a compressor, with 8
+# nodes, 18 leave 9 % of error in a film of 0.8 µm, 24 leave 1e-4 in one of 0.15 µm.
+FEWEST_PANELS = 24
 
 Positions = Float[Array, "2 k *n"]
 
@@ -91,6 +101,20 @@ def with_journals(
     return rebuilt(
         compressor, friction=friction, crankshaft=rebuilt(crankshaft, main_journal=support)
     )
+
+
+def position_error(rule: Rule, positions: Float[Array, "2 *k p s"]) -> Float[Array, "*k"]:
+    """[-] Estimated error of positions where the film is thinnest.
+
+    The last two Legendre terms on the panel of the largest eccentricity and on the one before it: thin
+    films forget within an angle that is shorter than a panel.
+    """
+    fixed = lax.stop_gradient(positions)
+    terms = jnp.hypot(*jnp.sum(jnp.abs(fixed @ rule.to_legendre[-2:].T), axis=-1))
+    between = fixed @ rule.through(np.linspace(0.0, 1.0, 2 * rule.nodes.size + 1)).T
+    thinnest = jnp.argmax(jnp.max(jnp.hypot(*between), axis=-1), axis=-1)[..., None]
+    both = jnp.maximum(terms, jnp.roll(terms, 1, axis=-1))
+    return jnp.take_along_axis(both, thinnest, axis=-1)[..., 0]
 
 
 def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, tuple[Any, Any]]:
@@ -151,6 +175,26 @@ class Drive(NamedTuple):
             jnp.stack([along_x[1] + turn, along_y[1]]),
         ])  # fmt: skip
         return own + turn * quarter_turn(position), own, slopes
+
+
+def orbit_status(
+    rule: Rule, drive: Drive, positions: Float[Array, "2 k p s"], status: Status
+) -> Status:
+    """A status with what is wrong with the orbits of journals: a film that closes, or coarse panels.
+
+    A film closes that is closed for half of the revolution, or where the load of some instant would halve
+    within a radian even the gap that is left at `CLOSED`. An orbit that comes closer without either has
+    too few panels.
+    """
+    size, over = jnp.hypot(*positions), (-2, -1)
+    line = drive.force / jnp.maximum(jnp.hypot(*drive.force), 1e-300)
+    sinking = jnp.sum(line * drive.rate(CLOSED * line), axis=0) > 0.5 * (1 - CLOSED)
+    closed = size > CLOSED
+    closes = (jnp.any(closed, over) & jnp.any(sinking, over)) | (jnp.mean(closed, over) > 0.5)
+    room = jnp.maximum(1 - jnp.max(size, over), 1 - CLOSED)
+    coarse = (position_error(rule, positions) > _COARSE * room) | jnp.any(closed, over)
+    status = Status.where(jnp.any(coarse), Status.unresolved, status)
+    return Status.where(jnp.any(closes), Status.film_collapse, status)
 
 
 def journal_drive(

@@ -206,7 +206,7 @@ class Orbit(Result, eqx.Module):
     def torque_fluctuation(self) -> Float[Array, ""]:
         """[-] Highest less lowest torque of gas, weights and friction over its mean, on the crank."""
         load = self.loads.total_loss_torque - self.gas_torque
-        width = jnp.sum(self.weight.reshape(-1, self.panel_nodes), axis=-1)
+        width = self.panel_width
         both = jnp.stack([load, -load]).reshape(2, *width.shape, self.panel_nodes)
         extremes = jax.vmap(partial(highest, gauss(self.panel_nodes), width))(both)
         return jnp.sum(extremes) * 2 * jnp.pi / jnp.sum(self.weight * load)
@@ -274,8 +274,12 @@ class Orbit(Result, eqx.Module):
             values: at the nodes, (n,), in any unit.
         """
         shape = (-1, self.panel_nodes)
-        width = jnp.sum(self.weight.reshape(shape), axis=1)
-        return highest(gauss(self.panel_nodes), width, values.reshape(shape))
+        return highest(gauss(self.panel_nodes), self.panel_width, values.reshape(shape))
+
+    @property
+    def panel_width(self) -> Float[Array, " p"]:
+        """[rad] of the panels, each with `panel_nodes` nodes."""
+        return jnp.sum(self.weight.reshape(-1, self.panel_nodes), axis=-1)
 
 
 @eqx.filter_jit

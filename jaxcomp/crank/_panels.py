@@ -103,3 +103,16 @@ def highest(rule: Rule, width: Float[Array, " p"], values: Float[Array, "p s"]) 
 
     place = lax.fori_loop(0, 4, newton, start)
     return rule.weights_at(jnp.clip(place, 0.0, 1.0)) @ values[panel]
+
+
+def farthest(
+    rule: Rule, width: Float[Array, " p"], vectors: Float[Array, "2 p s"]
+) -> Float[Array, ""]:
+    """Largest length of vectors whose components are panel polynomials, as `highest`.
+
+    The square of the length is a polynomial of twice the degree; the length itself is none, and turns
+    sharply where a vector passes near zero.
+    """
+    fine = gauss(2 * rule.nodes.size)
+    square = jnp.sum((vectors @ rule.through(fine.nodes).T) ** 2, axis=0)
+    return jnp.sqrt(highest(fine, width, square))

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 # Called with "sample" or "descent", the designs solved (from each start) and the largest number of them.
 Callback = Callable[[str, int, int], None]
-# Called with designs [SI] (n, variables) and what was solved of them.
-Keep = Callable[[np.ndarray, Solved], None]
+# Called with the problem, with those of the constraints, designs [SI] (n, variables) and what was solved.
+Keep = Callable[[Problem, np.ndarray, Solved], None]
 
 
 class Constrained(NamedTuple):
@@ -219,7 +219,8 @@ def optimise(
         batch: designs solved at once.
         callback: called as work goes on with "sample" or "descent", the designs solved (from each
             start) and the largest number of them; what it raises ends the search.
-        keep: called with designs [SI] (n, variables) and with what was solved of them, as work goes on.
+        keep: called as work goes on with the problem, whose quantities those of the constraints are as
+            well, designs [SI] (n, variables), and what was solved of them.
 
     Raises:
         BadInput: a variable without finite range, an unknown quantity, an impossible bound.
@@ -318,7 +319,7 @@ class Search:
         """Solve designs, and let them be kept."""
         found = solved(self.problem, points, self.batch)
         if self.keep is not None:
-            self.keep(points, found)
+            self.keep(self.problem, points, found)
         return found
 
     def sampled(self, goal: Goal) -> tuple[Goal, Sample]:

@@ -37,7 +37,7 @@ from ._study import Program, answer, median_time
 
 # The film journals that stand in for the scene's own where it has none: usual proportions.
 _LENGTH_RATIO, _CLEARANCE_RATIO, _VISCOSITY = 0.5, 1e-3, 5e-3  # [-], [-], [Pa s]
-_CRANK = "mean_force.main_journal"
+_CRANK = "mean_force.crank_pin"
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
 _MARCH = TimeIntegration(diffrax.Dopri8(), 1e-11, max_steps=8192, samples=2000)
 # [-] Speeds of the rotor that are searched for its largest response, over the highest of its planes.
