@@ -187,7 +187,7 @@ REFUSED = {
     ),
     "target and objective": (
         [*BORE, "--target", "motor_power=5kW", "--objective", "motor_power"],
-        "takes neither --objective",
+        "cannot be combined with --objective",
     ),
     "front and target": (
         [*BORE, "--target", "motor_power=5kW", "--pareto", "motor_power"],
