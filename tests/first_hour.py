@@ -10,6 +10,7 @@ traceback, in a few lines that name the entry, its value, and what it must be or
 import argparse
 import os
 import re
+import subprocess
 import sys
 import tempfile
 import time
@@ -388,7 +389,7 @@ TASKS: dict[str, tuple[str, ...]] = {
     "change a number": ("jaxcomp run my.toml --set motor.mean_speed=1000rpm",),
     "what matters": ("jaxcomp sensitivity my.toml --quantity mechanical_efficiency",),
     "sweep": (
-        "jaxcomp sweep my.toml --over bore=45mm:55mm:11 --over motor.mean_speed=1000rpm:1500rpm:6",
+        "jaxcomp sweep my.toml --over bore=45mm:55mm:11 --over motor.mean_speed=900rpm:1500rpm:7",
     ),
     "optimise": ("jaxcomp optimise my.toml --variable bore=40mm:60mm",),
     "tolerance": ("jaxcomp tolerance my.toml --vary mechanism.bore=+-0.1mm --samples 256",),
@@ -420,7 +421,6 @@ orbit.save("orbit.npz")
 assert float(jaxcomp.load_result("orbit.npz").mean_speed) == float(orbit.mean_speed)
 """,
     "law.py": """
-import jax.numpy as jnp
 import jaxcomp
 from jaxcomp.friction import AbstractSlide
 from jaxcomp.parts import POSITIVE, quantity
@@ -431,8 +431,8 @@ class Grease(AbstractSlide):
     kind = "grease"
     drag: float = quantity("N s/m", POSITIVE)
 
-    def force(self, velocity, side_force):
-        return -self.drag * velocity
+    def force(self, load, speed):
+        return self.drag * speed
 
 
 wall = {"type": "grease", "drag": "20 N s/m"}
@@ -440,6 +440,7 @@ print(jaxcomp.solve_orbit(with_values(jaxcomp.load("my.toml"), {"friction.wall":
 """,
     "desk.py": """
 import socket
+import time
 import urllib.request
 
 import jaxcomp
@@ -454,8 +455,6 @@ for wait in range(300):
         assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=60).status == 200
         break
     except ConnectionRefusedError:
-        import time
-
         time.sleep(0.1)
 server.stop()
 """,
