@@ -39,7 +39,7 @@ PAGES = (
 OWN = tuple(page for page in PAGES if page.startswith("notebooks/own"))
 RUN = tuple(page for page in PAGES if page not in OWN)
 # Commands that compile no solver.
-CHEAP = {"new", "check", "list", "bearing"}
+CHEAP = {"new", "check", "list", "bearing", "schema"}
 
 
 def text_of(page: str) -> str:

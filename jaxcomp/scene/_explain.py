@@ -50,6 +50,8 @@ _HOW = (
     'list of them, or a table with its source: { value = "50 mm", source = "drawing 17" }.',
     'Lists may come from a file beside this one, csv = "table.csv", with names and units in its header: '
     "angle [deg],cylinder_pressure [bar].",
+    "An editor completes and checks this file with `#:schema ./jaxcomp.schema.json` in its first line, "
+    "once `jaxcomp schema jaxcomp.schema.json` has written that file beside it.",
     "A key right behind # is optional and has this default; ... stands where there is none. What "
     "appears more than once is explained where it comes first.",
 )
@@ -176,18 +178,18 @@ def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[st
     for name, entry in known.items():
         if name in table:
             text = f"{key_text(name)} = {value_text(table[name])}"
-            lines += _beside(text, _meaning(entry, told[name])) if comments else [text]
+            lines += _beside(text, meaning(entry, told[name])) if comments else [text]
     for name, entry in entries(part).items():
         if isinstance(entry, Section) and name in table and not _tables(table, name):
             lines.append(f"{key_text(name)} = {value_text(table[name])}")
     for name, entry in known.items():
         if name not in table and comments and (isinstance(entry, Number) or not only_numbers):
             text = f"#{key_text(name)} = {_default_text(part, name, entry)}"
-            lines += _beside(text, _meaning(entry, told[name]))
+            lines += _beside(text, meaning(entry, told[name]))
     return lines
 
 
-def _meaning(entry: Entry, told: str) -> str:
+def meaning(entry: Entry, told: str) -> str:
     example = _nodes_example(entry.hint) if isinstance(entry, Option) else ""
     if example and told:
         return f"{example}: {told}"
