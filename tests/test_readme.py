@@ -32,6 +32,7 @@ broken = runpy.run_path(str(ROOT / "notebooks" / "check_links.py"))["broken"]
 PAGES = (
     "README.md",
     "CHANGELOG.md",
+    "CONTRIBUTING.md",
     "tests/benchmarks/README.md",
     *(f"notebooks/{path.name}" for path in sorted((ROOT / "notebooks").glob("*.md"))),
 )

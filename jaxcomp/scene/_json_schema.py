@@ -152,9 +152,8 @@ def _part(part: type[Part], kind: str, several: bool, parts: dict[str, Any]) -> 
         properties = {"type": {"const": kind}, "source": _TEXT, **_properties(part, parts)}
         own = entries(part)
         needed = [key for key, entry in own.items() if getattr(entry, "required", False)]
-        columns = [
-            key for key in needed if isinstance(own[key], Number) and own[key].shape[:1] == (None,)
-        ]
+        lists = {k for k, e in own.items() if isinstance(e, Number) and e.shape[:1] == (None,)}
+        columns = [key for key in needed if key in lists]
         kept = ["type"] * several + [key for key in needed if key not in columns]
         more: dict[str, Any] = {"required": kept, "description": summary(part)}
         if columns:  # which may come from a file
