@@ -321,8 +321,8 @@ def test_forces_of_the_frictionless_machine_of_the_balancing_paper():
         ({"offset": -0.25}, "crank_radius + |offset| < conrod_length"),
         ({"piston_mass": -1e-9}, "`piston_mass` must be >= 0"),
         ({"conrod_mass": -1.0}, "`conrod_mass` must be >= 0"),
-        ({"bore": np.nan}, "`bore` must be > 0, but is nan"),
-        ({"bore": np.inf}, "`bore` must be > 0, and at most 1e25 in size, but is inf"),
+        ({"bore": np.nan}, "`bore` must be > 0 and <= 10 m, but is nan"),
+        ({"bore": np.inf}, "`bore` must be > 0 and <= 10 m, and at most 1e25 in size, but is inf"),
         ({"conrod_length": -0.3}, "`conrod_length` must be > 0"),
     ],
 )

@@ -243,7 +243,7 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
 
 
 def _given_at(table: Any, path: str, value: Any) -> Any:
-    """An entry as the file gives it, with its unit; `value` where the file has none."""
+    """An entry as the file gives it, with its unit; `value` where it has none or holds it in a list."""
     for name in path.split("."):
         try:
             table = table[int(name) if isinstance(table, list) else name]
@@ -254,7 +254,8 @@ def _given_at(table: Any, path: str, value: Any) -> Any:
             ValueError,
         ):  # a default, or one value for all rows
             return value
-    return unwrapped(table, path)[0] if is_value(table) else value
+    given = unwrapped(table, path)[0] if is_value(table) else value
+    return value if isinstance(given, list) and not np.ndim(value) else given
 
 
 def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, given: Any) -> None:
