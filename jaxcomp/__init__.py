@@ -20,4 +20,13 @@ if _os.environ.get("JAXCOMP_X64", "1") != "0":
     else:  # without the second that importing JAX takes
         _os.environ["JAX_ENABLE_X64"] = "1"
 
-__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+_lazily, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str):
+    try:
+        return _lazily(name)
+    except AttributeError:
+        from ._words import hint
+
+        raise AttributeError(f"jaxcomp has no {name}{hint(name, __all__)}") from None

@@ -225,6 +225,9 @@ class Part(eqx.Module):
             value, declared = getattr(self, name), field.metadata
             if value is None:
                 continue
+            if isinstance(value, str):
+                bound = "a number in SI units; texts with units stand in machine files"
+                raise BadInput(name, f'"{value}"', bound)
             bound = plausible(declared["bound"], declared["unit"], declared["usual"])
             listed = is_listed(self, field, value)
             if not listed:
@@ -234,7 +237,8 @@ class Part(eqx.Module):
                 large = np.any(np.abs(value) > LARGEST) and bound.high > LARGEST
                 size = ", and at most 1e25 in size" if large else ""
                 size = size or _in_metres(np.asarray(value), declared["bound"], bound)
-                where = f"{bound}{size} in cylinder {place + 1}" if listed else f"{bound}{size}"
+                unit = "" if bound == ANY else f" {declared['unit']}".rstrip()
+                where = f"{bound}{unit}{size}{f' in cylinder {place + 1}' if listed else ''}"
                 raise BadInput(name, value[place] if listed else value, where)
         for rule, holds in known_values(self).conditions().items():
             if not is_traced(holds) and not np.all(holds):
@@ -406,15 +410,13 @@ def _in_metres(value: np.ndarray, wide: Bound, narrow: Bound) -> str:
     if wide.high <= narrow.high or not narrow.high < value.max() <= LARGEST:
         return ""
     largest = float(value.max())
-    return f" m (lengths are in m; {largest:g} mm are {largest / 1e3:g})"
+    return f" (lengths are in m; {largest:g} mm are {largest / 1e3:g})"
 
 
 def _as_float(value: Any) -> Any:
-    if value is None or type(value) is object:  # `object()` marks a leaf in JAX's own tree tools
+    # `object()` marks a leaf in JAX's own tree tools, and a text is named once its field is known
+    if value is None or type(value) is object or isinstance(value, str):
         return value
-    if isinstance(value, str):
-        bound = "a number in SI units; texts with units stand in machine files"
-        raise BadInput("value", f'"{value}"', bound)
     return jnp.asarray(value, dtype=jnp.result_type(float))
 
 

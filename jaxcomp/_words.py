@@ -12,6 +12,8 @@ _ALSO_SAID = {
     "dead_volume": ("clearance_ratio", "clearance volume over swept volume"),
 }
 
+_FEW = 8  # names that a message lists beside the one that is near
+
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The most similar of some words, `None` if none is similar."""
@@ -44,4 +46,7 @@ def hint(word: object, known: Iterable[object]) -> str:
 def one_of(word: object, known: Iterable[object]) -> str:
     """`one of ...` as the bound of a `BadInput`, with the nearest word where one is near."""
     known = [str(name) for name in known]
-    return f"one of {', '.join(known)}{hint(word, known)}"
+    near = hint(word, known)
+    few = known[:_FEW] if near else known  # the near one is what is wanted
+    more = f", and {len(known) - len(few)} more" if len(few) < len(known) else ""
+    return f"one of {', '.join(few)}{more}{near}"

@@ -183,11 +183,19 @@ class _Names(NamedTuple):
     oils: Mapping[str, AbstractOil]
 
 
+def _unnamed(path: str, name: str, what: str, known: Mapping[str, Any]) -> BadInput:
+    """The complaint about a name of a bearing or an oil that no section describes."""
+    given = (
+        f"{one_of(name, known)} of [{what}s]" if known else f"the name of a section [{what}s.NAME]"
+    )
+    return BadInput(path, name, f"{given}; [{what}s.{name}] would describe it")
+
+
 def _filled(node: Any, names: _Names, path: str = "") -> Any:
     """A part with the bearings and viscosities that it names; itself where it names none."""
     if isinstance(node, NamedBearing):
         if node.name not in names.bearings:
-            raise BadInput(path, node.name, one_of(node.name, names.bearings) + " of [bearings]")
+            raise _unnamed(path, node.name, "bearing", names.bearings)
         return names.bearings[node.name]
     changes = {}
     for name, child in _children(node):
@@ -197,7 +205,7 @@ def _filled(node: Any, names: _Names, path: str = "") -> Any:
     oil = getattr(node, "oil", None) if isinstance(node, Part) else None
     if oil is not None and getattr(node, "dynamic_viscosity", None) is None:
         if oil not in names.oils:
-            raise BadInput(f"{path}.oil", oil, one_of(oil, names.oils) + " of [oils]")
+            raise _unnamed(f"{path}.oil", oil, "oil", names.oils)
         changes["dynamic_viscosity"] = names.oils[oil].dynamic_viscosity
     if not changes:
         return node

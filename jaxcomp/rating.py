@@ -128,7 +128,8 @@ def at_rating(
     compressor = compressor_of(machine)
     gas = compressor.gas
     if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
-        raise BadInput("gas", type(gas).__name__, "a cylinder with a real gas, for rating points")
+        bound = 'of type "cylinder", with valves and a real gas, for rating points'
+        raise BadInput("gas", type(gas).__name__, bound)
     if isinstance(rating, str):
         if rating not in RATINGS:
             raise BadInput("rating", rating, one_of(rating, RATINGS))

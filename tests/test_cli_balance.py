@@ -210,7 +210,7 @@ REFUSED = {
         "--without: needs --excitation crank",
     ),
     "nothing": ([], "either a machine or --measured"),
-    "no rotor": (["mayekawa-wbhe"], "rotor: is missing"),
+    "no rotor": (["mayekawa-wbhe"], "has no [rotor], which `balance` needs"),
     "unknown plane": (["--measured", "FILE", "--planes", "top"], "plane-1"),
     "unknown target": (["--measured", "FILE", "--targets", "top"], "bearing-1"),
     "speeds of a file": (["--measured", "FILE", "--speeds", "3000rpm"], "--speeds: has no meaning"),

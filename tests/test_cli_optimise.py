@@ -162,7 +162,7 @@ REFUSED = {
     "no range": (["mayekawa-wbhe", "--variable", "bore=100mm"], "must have the form NAME=LOW:HIGH"),
     "no unit": (["mayekawa-wbhe", "--variable", "bore=100:160"], "lacks its unit"),
     "other unit": (["mayekawa-wbhe", "--variable", "bore=1kg:2kg"], "unit of another dimension"),
-    "empty range": (["mayekawa-wbhe", "--variable", "bore=160mm:100mm"], "range from low to high"),
+    "empty range": (["mayekawa-wbhe", "--variable", "bore=160mm:100mm"], "the lower end first"),
     "out of bounds": (["mayekawa-wbhe", "--variable", "bore=-1mm:100mm"], "`bore` must be > 0"),
     "one-sided": (["mayekawa-wbhe", "--variable", "bore=:100mm"], "lacks a value"),
     "unknown objective": ([*BORE, "--objective", "noise"], "one of mechanical_efficiency"),
@@ -187,7 +187,7 @@ REFUSED = {
     ),
     "target and objective": (
         [*BORE, "--target", "motor_power=5kW", "--objective", "motor_power"],
-        "takes neither --objective",
+        "cannot be combined with --objective",
     ),
     "front and target": (
         [*BORE, "--target", "motor_power=5kW", "--pareto", "motor_power"],

@@ -429,8 +429,8 @@ def test_all_critical_speeds_of_a_range_are_found():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["respond", "mayekawa-wbhe"], "rotor: is missing: this scene describes no rotor"),
-        (["modes", "mayekawa-wbhe"], "rotor: is missing: this scene describes no rotor"),
+        (["respond", "mayekawa-wbhe"], "has no [rotor], which `respond` needs"),
+        (["modes", "mayekawa-wbhe"], "has no [rotor], which `modes` needs"),
         (["respond", "FILE", "--speed", "3000"], '--speed 3000 = "3000": lacks its unit'),
         (["respond", "FILE", "--speed", "-1rpm"], "--speed -1rpm: must be >= 0 rad/s"),
         (["respond", "FILE", "--speeds", "1rpm:2rpm:3:4"], "must have the form a,b,c or from:to"),

@@ -371,7 +371,7 @@ def test_load_numbers_by_their_definitions():
 
 
 def test_bearing_refuses_what_it_cannot_be():
-    with pytest.raises(ValueError, match=r"`radial_clearance` must be > 0, but is 0"):
+    with pytest.raises(ValueError, match=r"`radial_clearance` must be > 0 m, but is 0"):
         JournalBearing(**{**SIZES, "radial_clearance": 0.0})
     with pytest.raises(ValueError, match=r"length/diameter 0.1 to 2 for the film model Reynolds"):
         JournalBearing(**{**SIZES, "length": 50e-3})

@@ -268,7 +268,7 @@ def test_callable_diagram_keeps_its_own_parameters():
         ({"suction_pressure": 0.0}, "`suction_pressure` must be > 0"),
         ({"exponent": 0.9}, "`exponent` must be >= 1 and <= 3, but is 0.9"),
         ({"clearance_ratio": -0.01}, "`clearance_ratio` must be >= 0"),
-        ({"back_pressure": np.nan}, "`back_pressure` must be >= 0, but is nan"),
+        ({"back_pressure": np.nan}, "`back_pressure` must be >= 0 Pa, but is nan"),
     ],
 )
 def test_bad_cycle_is_refused_by_name(changes, words):

@@ -144,7 +144,7 @@ def test_too_few_passes_are_reported():
     ("build", "words"),
     [
         (lambda: MeanSpeed(0.0), "`mean_speed` must be > 0"),
-        (lambda: MeanSpeed(np.nan), "`mean_speed` must be > 0, but is nan"),
+        (lambda: MeanSpeed(np.nan), "`mean_speed` must be > 0 rad/s, but is nan"),
         (lambda: Kloss(0.0, 0.1, 105.0), "`pull_out_torque` must be > 0"),
         (lambda: SlipLine(-1.0, 105.0), "`slope` must be > 0"),
         (lambda: ConstantTorque(np.inf), "`level` must be finite"),

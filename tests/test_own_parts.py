@@ -101,6 +101,11 @@ def test_every_own_page_has_a_module_of_the_package(package):
     assert set(project["entry-points"]["jaxcomp"].values()) == {f"mylaws.{m}" for m in modules}
 
 
+def test_the_test_of_the_example_repository_passes(package):
+    code = "import pytest; raise SystemExit(pytest.main(['-q', '-p', 'no:cacheprovider', 'tests']))"
+    assert "5 passed" in python(package, code)
+
+
 def sections_of_pages():
     """Excerpts of machine files on the pages, as changes of a bundled machine."""
     for page in OWN:
@@ -192,7 +197,7 @@ def broken(monkeypatch):
 def test_an_entry_point_that_cannot_be_imported_is_named():
     for _ in range(2):  # and again, not only the first time
         with pytest.raises(ExtensionError, match=r'laws = "no_such_module".*ModuleNotFoundError'):
-            loads("")
+            loads("[mechanism]")
     done = CliRunner().invoke(app, ["check", "mayekawa-wbhe"])
     assert done.exit_code == 2
     assert 'error: entry point laws = "no_such_module"' in done.output

@@ -54,7 +54,7 @@ def test_studies_hand_out_what_they_have():
     jc.optimise(made, maximise=True, constraints=bounds, **options)
     assert len(designs) >= 2
     # a quantity that only a constraint asks for is a column like the others
-    assert all(list(one) == ["mechanism.bore", "swept_volume", *bounds] for one in designs)
+    assert all(list(one) == ["bore", "swept_volume", *bounds] for one in designs)
     jc.tolerance(
         made, {"bore": within(1e-5)}, samples=32, progress=False,
         keep=lambda *rows: machines.append([len(one) for one in rows]),

@@ -32,6 +32,7 @@ broken = runpy.run_path(str(ROOT / "notebooks" / "check_links.py"))["broken"]
 PAGES = (
     "README.md",
     "CHANGELOG.md",
+    "CONTRIBUTING.md",
     "tests/benchmarks/README.md",
     *(f"notebooks/{path.name}" for path in sorted((ROOT / "notebooks").glob("*.md"))),
 )
@@ -39,7 +40,7 @@ PAGES = (
 OWN = tuple(page for page in PAGES if page.startswith("notebooks/own"))
 RUN = tuple(page for page in PAGES if page not in OWN)
 # Commands that compile no solver.
-CHEAP = {"new", "check", "list", "bearing"}
+CHEAP = {"new", "check", "list", "bearing", "schema"}
 
 
 def text_of(page: str) -> str:

@@ -192,7 +192,7 @@ BAD = {
     ),
     "overlong name": (replaced('name = "m"', f'name = "{"m" * 1001}"'), "name = "),
     "overlong file": ("#" * 4_000_001, "is larger than 4 MB"),
-    "nothing": ("", "mechanism: is missing; it must be a section of type slider_crank"),
+    "nothing": ("", "is empty; `jaxcomp new FILE` writes"),
     "rule in the code of a part": (
         GOOD
         + '[friction]\ntype = "slider_crank"\n'
@@ -236,7 +236,7 @@ def test_names_and_files_that_cannot_be_read(tmp_path):
         load("mayekawa")
     with pytest.raises(SceneError, match=r"none.toml: cannot be read: No such file"):
         load(tmp_path / "none.toml")
-    with pytest.raises(SceneError, match=r"cannot be read: "):
+    with pytest.raises(SceneError, match=r"is a folder; name a file"):
         load(tmp_path)
     (tmp_path / "bytes.toml").write_bytes(b"name = '\xff'")
     with pytest.raises(SceneError, match=r"bytes.toml: is no text in UTF-8"):

@@ -575,7 +575,7 @@ def test_a_bad_cylinder_is_named():
     rough = dataclasses.replace(made.friction, wall=CoulombSlide([0.083, 8.0]))
     with pytest.raises(SolveFailed, match=r"locks.*in cylinder 2"):
         solve_orbit(dataclasses.replace(made, friction=rough), COARSE)
-    with pytest.raises(BadInput, match=r"bore.*> 0 and <= 10 in cylinder 2, but is -0.1"):
+    with pytest.raises(BadInput, match=r"bore.*> 0 and <= 10 m in cylinder 2, but is -0.1"):
         dataclasses.replace(made.mechanism, bore=[0.1, -0.1])
     with pytest.raises(BadInput, match=r"conrod_length in cylinder 2"):
         dataclasses.replace(made.mechanism, conrod_length=[0.3, 0.03])

@@ -19,7 +19,7 @@ from ._balance import balance
 from ._bearing import bearing
 from ._check import check
 from ._compare import compare, sensitivity
-from ._files import cache, explain, list_machines, new, upgrade
+from ._files import cache, explain, list_machines, new, schema, upgrade
 from ._identify import identify
 from ._map import rating_map
 from ._modes import modes, update
@@ -91,6 +91,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "upgrade": upgrade,
         "list": list_machines,
         "explain": explain,
+        "schema": schema,
     },
     "This program": {"cache": cache},
     "Analyse one machine": {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -286,6 +287,27 @@ def explain(
     found = jc.scene.explained(part)
     lines = [] if as_json else [line for one in found for line in _explained_lines(one)]
     show_results({"word": part, "parts": plain(found)}, lines, as_json)
+
+
+@reports_errors
+def schema(
+    file: Annotated[Path | None, typer.Argument()] = None,
+) -> None:
+    """Print or write the JSON schema of machine files, with which editors complete and check them.
+
+    An editor that knows TOML, such as Visual Studio Code with "Even Better TOML", takes it where the
+    first line of a machine file is `#:schema ./jaxcomp.schema.json`. It has laws of other packages too.
+
+    Example: [bold]jaxcomp schema jaxcomp.schema.json[/bold]
+
+    Args:
+        file: File to write; printed if left out.
+    """
+    text = json.dumps(jc.scene.json_schema(), indent=1, ensure_ascii=False)
+    if file is None:
+        typer.echo(text)
+    else:
+        file.write_text(f"{text}\n", encoding="utf-8")
 
 
 def _parts() -> tuple[list[dict[str, Any]], Table]:

@@ -93,7 +93,7 @@ def optimise(
     """
     refuse(not variables, "--variable: is missing; e.g. --variable bore=100mm:160mm")
     two = targets and (objective or maximise is not None)
-    refuse(two, "--target: takes neither --objective nor --maximise beside it")
+    refuse(two, "--target: cannot be combined with --objective or --maximise")
     other = "--target" if targets else "--method"
     refuse(pareto and (targets or method), f"--pareto: takes no {other} beside it")
     refuse(scatter and targets, "--scatter: takes no --target beside it")
@@ -190,7 +190,8 @@ def _problem(asked: dict[str, Any], design: jc.machine.Machine) -> jc.design.Pro
     ).items():
         unit = jc.design.variable(design, name).unit
         low, colon, high = text.partition(":")
-        refuse(not colon, f"--variable {name}={text}: must have the form NAME=LOW:HIGH")
+        form = "must have the form NAME=LOW:HIGH, such as bore=100mm:160mm"
+        refuse(not colon, f"--variable {name}={text}: {form}")
         ends = (si(end, unit, f"--variable {name}") for end in with_one_unit((low, high)))
         ranges[name] = tuple(ends)
     if asked["objective"]:

@@ -10,7 +10,7 @@ import jaxcomp as jc
 
 from ._arguments import speed_of, speeds_of
 from ._options import Excitation
-from ._start import CommandError, refuse
+from ._start import CommandError, command_name, refuse
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,8 +52,8 @@ def rotor_of(scene: jc.scene.Scene, *speeds: np.ndarray | None) -> jc.rotor.Roto
     import numpy as np
 
     if "rotor" not in scene.parts:
-        missing = "is missing: this scene describes no rotor"
-        raise jc.scene.SceneError("rotor", missing, file=scene.file)
+        missing = f"the machine file has no [rotor], which `{command_name()}` needs"
+        raise jc.scene.SceneError("", missing, file=scene.file)
     wanted = np.concatenate([s for s in speeds if s is not None] or [[]])
     model = jc.rotor_at(scene, np.unique(wanted))
     assert not isinstance(model, jc.rotor.System)  # a scene holds no prepared one

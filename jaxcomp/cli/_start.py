@@ -39,6 +39,11 @@ def command_line() -> str:
     return shlex.join(["jaxcomp", *_words.get()])
 
 
+def command_name() -> str:
+    """The command that runs, such as `run`."""
+    return next(iter(_words.get()), "jaxcomp")
+
+
 class CommandError(ValueError):
     """An argument of the command line that makes no sense."""
 

@@ -20,6 +20,7 @@ from .._fields import (
     replaced,
 )
 from .._polynomials import gauss, legendre_columns
+from .._shown import ZERO_CELSIUS
 from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
@@ -227,8 +228,7 @@ class Cylinder(AbstractGas):
         known = known_values(self)
         for limit in (*_limits(known), *_dry_limits(known)):
             if not is_traced(holds := limit.holds()) and not np.all(holds):
-                bound = f"{limit.bound} {limit.unit}, {limit.why}"
-                raise BadInput(limit.field, limit.value, bound)
+                raise BadInput(limit.field, limit.value, f"{limit.range}, {limit.why}")
 
     def conditions(self):
         return {f"{limit.field}: {limit.why}": limit.holds() for limit in _limits(self)}
@@ -276,6 +276,15 @@ class _Limit(NamedTuple):
     bound: Bound
     unit: str
     why: str
+
+    @property
+    def range(self) -> str:
+        """The bound with its unit, of a temperature in degrees as well."""
+        text = f"{self.bound} {self.unit}"
+        if self.unit != "K" or self.field.endswith(("superheat", "subcooling")):
+            return text
+        low, high = self.bound.low - ZERO_CELSIUS, self.bound.high - ZERO_CELSIUS
+        return f"{text} ({self.bound._replace(low=low, high=high)} degC)"
 
     def holds(self):
         """Whether the number does."""

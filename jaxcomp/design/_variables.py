@@ -112,7 +112,7 @@ def variable(
     low = bound.low if low is None else float(low)
     high = bound.high if high is None else float(high)
     if not low <= high:
-        raise BadInput(name, low, f"a range from low to high, here up to {high:g}")
+        raise BadInput(name, f"({low:g}, {high:g})", "a range (low, high), the lower end first")
     return Variable(name, low, high, unit, limit)
 
 

@@ -23,6 +23,7 @@ from jaxtyping import Array, Float
 
 from .._fields import BadInput, Bound, is_traced
 from .._implicit import root
+from .._words import nearest
 from ._base import AbstractFluid, GasState, SmallSystem
 
 _NEAR = 0.5  # [K] by which gas may be colder than saturation, for pressures that are given in few digits
@@ -54,12 +55,20 @@ def fluid_data(name: str) -> dict:
     """The data file of a fluid; rows of numbers as arrays.
 
     Raises:
-        ValueError: an unknown name.
+        BadInput: an unknown name, with those that are known.
     """
     path = files(__package__).joinpath("data", f"{name}.json")
     if not path.is_file():
-        raise ValueError(f"Unknown fluid `{name}`; known are {', '.join(fluids())}.")
+        raise BadInput("name", f'"{name}"', _known(name))
     return _arrays(json.loads(path.read_text()))
+
+
+def _known(name: str) -> str:
+    """The fluids as the bound of a name, with the one that is near by its name or its chemical name."""
+    spelt = {fluid.lower(): fluid for fluid in fluids()}
+    spelt |= {fluid_data(fluid)["description"]: fluid for fluid in fluids()}
+    near = spelt.get(nearest(name.lower(), spelt) or "")
+    return f"one of {', '.join(fluids())}" + (f' (did you mean "{near}"?)' if near else "")
 
 
 def _arrays(tree: Any) -> Any:
@@ -75,7 +84,7 @@ class RealGas(AbstractFluid):
         name: one of `fluids()`, such as "R134a".
 
     Raises:
-        ValueError: an unknown name.
+        BadInput: an unknown name, with those that are known.
     """
 
     kind: ClassVar[str] = "real_gas"

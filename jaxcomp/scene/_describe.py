@@ -6,6 +6,7 @@ outside is worth a second look, no more: it may be the slip of a unit or of a de
 """
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -191,7 +192,7 @@ def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
         for path, part in subparts(tree):
             where = join(root, path).rstrip(".")
             found += _of_numbers(where, part, rows)
-            found += _of_part(where, part, from_crank)
+            found += _of_part(where, part, from_crank, rows)
     return tuple(found)
 
 
@@ -210,7 +211,9 @@ def _of_numbers(
             yield ImplausibleValue(path, what, f"{low} to {high}" if usual[0] else f"up to {high}")
 
 
-def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleValue]:
+def _of_part(
+    path: str, part: Part, from_crank: bool, rows: dict[str, DescribedValue]
+) -> Iterator[ImplausibleValue]:
     ratios: tuple[_Ratio, ...] = ()
     if isinstance(part, Compressor) and isinstance(part.mechanism, SliderCrank):
         ratios = _CRANKSHAFT
@@ -233,7 +236,11 @@ def _of_part(path: str, part: Part, from_crank: bool) -> Iterator[ImplausibleVal
         value = float(ratio(part if ratios is _CRANKSHAFT else of_cylinder(part)))
         if value != 0 and not low <= abs(value) <= high:
             where = "crankshaft" if ratios is _CRANKSHAFT else path
-            yield ImplausibleValue(where, f"{what} is {value:.3g}", f"{low:g} to {high:g}")
+            words = re.findall(r"\w+", what)
+            given = [f"{w} = {rows[join(path, w)].given}" for w in words if join(path, w) in rows]
+            shown_given = f" ({', '.join(given)})" if given else ""
+            what = f"{what} is {value:.3g}{shown_given}"
+            yield ImplausibleValue(where, what, f"{low:g} to {high:g}")
 
 
 # Joints that a machine may well be without, and sections of whole parts, in words.

@@ -23,13 +23,13 @@ from ..film import NamedBearing
 from ._read import chosen, is_value, unwrapped
 from ._scene import Scene
 from ._schema import (
-    NAMED,
     Entry,
     Number,
     Option,
     Section,
     choices,
     entries,
+    every_place,
     expected,
     given_sections,
     join,
@@ -50,6 +50,8 @@ _HOW = (
     'list of them, or a table with its source: { value = "50 mm", source = "drawing 17" }.',
     'Lists may come from a file beside this one, csv = "table.csv", with names and units in its header: '
     "angle [deg],cylinder_pressure [bar].",
+    "An editor completes and checks this file with `#:schema ./jaxcomp.schema.json` in its first line, "
+    "once `jaxcomp schema jaxcomp.schema.json` has written that file beside it.",
     "A key right behind # is optional and has this default; ... stands where there is none. What "
     "appears more than once is explained where it comes first.",
 )
@@ -176,18 +178,18 @@ def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[st
     for name, entry in known.items():
         if name in table:
             text = f"{key_text(name)} = {value_text(table[name])}"
-            lines += _beside(text, _meaning(entry, told[name])) if comments else [text]
+            lines += _beside(text, meaning(entry, told[name])) if comments else [text]
     for name, entry in entries(part).items():
         if isinstance(entry, Section) and name in table and not _tables(table, name):
             lines.append(f"{key_text(name)} = {value_text(table[name])}")
     for name, entry in known.items():
         if name not in table and comments and (isinstance(entry, Number) or not only_numbers):
             text = f"#{key_text(name)} = {_default_text(part, name, entry)}"
-            lines += _beside(text, _meaning(entry, told[name]))
+            lines += _beside(text, meaning(entry, told[name]))
     return lines
 
 
-def _meaning(entry: Entry, told: str) -> str:
+def meaning(entry: Entry, told: str) -> str:
     example = _nodes_example(entry.hint) if isinstance(entry, Option) else ""
     if example and told:
         return f"{example}: {told}"
@@ -336,7 +338,7 @@ class Places(NamedTuple):
 def part_places() -> Mapping[type[Part], Places]:
     """Every part that a machine file can describe, in the order of the file."""
     found: dict[type[Part], dict[str, str]] = {}
-    for title, kind, part in _every_place():
+    for title, kind, part in every_place():
         found.setdefault(part, {})[title] = kind
     places = {}
     for part, titles in found.items():
@@ -344,26 +346,6 @@ def part_places() -> Mapping[type[Part], Places]:
         words = frozenset(path.rpartition(".")[2] for path in paths)
         places[part] = Places(next(iter(titles.values())), tuple(titles), words)
     return places
-
-
-@cache
-def _every_place() -> tuple[tuple[str, str, type[Part]], ...]:
-    """Heading, kind and class of all that may stand anywhere in a file."""
-    named = {f"{name}.NAME": Section((part,), False) for name, part in NAMED.items()}
-    return tuple(_places_in(top_sections() | named, "", ()))
-
-
-def _places_in(known: Mapping[str, Entry], above: str, inside: tuple[type, ...]):
-    for name, entry in known.items():
-        if not isinstance(entry, Section):
-            continue
-        path = join(above, name)
-        for kind, part in choices(entry.classes).items():
-            if part is NamedBearing and path.endswith(".NAME"):
-                continue  # a description is no name
-            yield entry.title(path), kind, part
-            if part not in inside:
-                yield from _places_in(entries(part), path, (*inside, part))
 
 
 def _near(word: str) -> str:
@@ -379,7 +361,7 @@ def _near(word: str) -> str:
 
 def _explained(part: type[Part], where: Places) -> Explained:
     told = meanings(part)
-    several = len({kind for title, kind, _ in _every_place() if title == where.titles[0]}) > 1
+    several = len({kind for title, kind, _ in every_place() if title == where.titles[0]}) > 1
     table = _from_machines().get(part, {})
     given = {
         name: _example(entry, table.get(name), name)

@@ -16,6 +16,7 @@ from ._schema import (
     choices,
     entries,
     expected,
+    holders,
     join,
     kind_of,
     option_value,
@@ -51,6 +52,7 @@ _OLD_TYPES = {
 }
 # Problems up to which the nearest known key is looked up, which takes time.
 MOST_HINTS = 20
+_FEW = 3
 
 
 class Reader:
@@ -130,7 +132,7 @@ class Reader:
             if key not in known and key not in _META and key not in ignored:
                 few = len(self.problems) < MOST_HINTS
                 new = _OLD_KEYS.get((kind.__name__, key))
-                hint = did_you_mean(key, known) if few else ""
+                hint = _hint(key, known, path) if few else ""
                 hint = f"; it is now {new}" if new else hint
                 shown = value.get("value") if isinstance(value, Mapping) else value
                 self.problems.append(SceneError(join(path, key), f"is an unknown key{hint}", shown))
@@ -173,6 +175,14 @@ class Reader:
             except ValueError as error:
                 raise SceneError(path, str(error), value) from None
         raise SceneError(path, "cannot be given in a file", value)
+
+
+def _hint(key: str, known: Container[str], path: str) -> str:
+    """What to write instead of an unknown key: a similar one, or its own section where few have it."""
+    places = [] if nearest(key, known) else holders(key)  # pyright: ignore[reportArgumentType]
+    if 0 < len(places) <= _FEW:
+        return f"; it belongs in {' or '.join(places)}"
+    return did_you_mean(key, known)  # pyright: ignore[reportArgumentType]
 
 
 def chosen(table: Mapping, classes: tuple[type, ...], path: str) -> type[Part]:
@@ -219,18 +229,9 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
     except BadInput as error:
         if error.field in given:
             value = unwrapped(table[error.field], path)[0]
-            entry = entries(kind)[error.field]
-            numeric = isinstance(entry, Number) and error.bound == str(entry.bound)
-            unit = getattr(entry, "unit", "") if numeric else ""
-            problem = f"must be {error.bound} {unit}".rstrip()
-            raise SceneError(join(path, error.field), problem, value) from None
+            raise SceneError(join(path, error.field), f"must be {error.bound}", value) from None
         if error.field.split(".")[0] in given:  # a place within a table of parts
-            value: Any = error.value
-            if np.ndim(value):  # as the file gives it, with its units
-                value = table
-                for name in error.field.split("."):
-                    value = value[int(name) if isinstance(value, list) else name]
-                value = unwrapped(value, path)[0]
+            value = _given_at(table, error.field, error.value)
             raise SceneError(join(path, error.field), f"must be {error.bound}", value) from None
         # a rule across fields: show the values that it names
         words = [name for name in given if name in error.bound and name in table]
@@ -239,6 +240,22 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
         raise SceneError(path or kind_of(kind), f"must be {error.bound}{but}") from None
     except ValueError as error:
         raise SceneError(path or kind_of(kind), " ".join(str(error).split())) from None
+
+
+def _given_at(table: Any, path: str, value: Any) -> Any:
+    """An entry as the file gives it, with its unit; `value` where it has none or holds it in a list."""
+    for name in path.split("."):
+        try:
+            table = table[int(name) if isinstance(table, list) else name]
+        except (
+            KeyError,
+            IndexError,
+            TypeError,
+            ValueError,
+        ):  # a default, or one value for all rows
+            return value
+    given = unwrapped(table, path)[0] if is_value(table) else value
+    return value if isinstance(given, list) and not np.ndim(value) else given
 
 
 def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, given: Any) -> None:

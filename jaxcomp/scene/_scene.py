@@ -209,6 +209,8 @@ def scene_of(
     with reading(file):
         document = with_tables(document, Path(file).parent if beside else None)
         check_tables(document)
+        if not document:
+            raise SceneError("", "is empty; `jaxcomp new FILE` writes a machine to start from")
         check_spelling(document, file)
         machine, sources = _machine(document, Reader(stale), corrections or {})
         name = document.get("name", Path(file).stem or "machine")

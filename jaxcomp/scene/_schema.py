@@ -23,7 +23,7 @@ from .._each import AbstractEach
 from .._extensions import ExtensionError, import_extensions
 from .._fields import Bound, Part
 from ..compressor import Compressor
-from ..film import AbstractJournal, AbstractOil
+from ..film import AbstractJournal, AbstractOil, NamedBearing
 
 # Sections beside those of the compressor: name of the section, class of its part (which may be
 # abstract: then `type` selects one of its subclasses). A class in the form "package:name" is
@@ -111,6 +111,32 @@ def given_sections(document: Mapping[str, Any]) -> Iterator[tuple[str, Section, 
         for name, table in document.get(section, {}).items():
             if name != "source":
                 yield join(section, name), Section((part,), False), table
+
+
+@cache
+def every_place() -> tuple[tuple[str, str, type[Part]], ...]:
+    """Heading, kind and class of all that may stand anywhere in a file."""
+    named = {f"{name}.NAME": Section((part,), False) for name, part in NAMED.items()}
+    return tuple(_places_in(top_sections() | named, "", ()))
+
+
+def _places_in(known: Mapping[str, Entry], above: str, inside: tuple[type, ...]):
+    for name, entry in known.items():
+        if not isinstance(entry, Section):
+            continue
+        path = join(above, name)
+        for kind, part in choices(entry.classes).items():
+            if part is NamedBearing and path.endswith(".NAME"):
+                continue  # a description is no name
+            yield entry.title(path), kind, part
+            if part not in inside:
+                yield from _places_in(entries(part), path, (*inside, part))
+
+
+def holders(key: str) -> tuple[str, ...]:
+    """Headings of the sections that may have an entry, without those inside others of them."""
+    titles = (title for title, _, part in every_place() if key in entries(part))
+    return tuple(dict.fromkeys(titles))
 
 
 @cache

@@ -84,6 +84,8 @@ def reading(file: str) -> Iterator[None]:
         yield
     except SceneError as error:
         raise error.in_file(file) from None
+    except IsADirectoryError:
+        raise SceneError("", "is a folder; name a file in it", file=file) from None
     except OSError as error:
         raise SceneError("", f"cannot be read: {error.strerror}", file=file) from None
     except UnicodeDecodeError:
@@ -179,6 +181,9 @@ def _explained(text: str, error: tomllib.TOMLDecodeError) -> SceneError:
             return SceneError(given, f"has a decimal comma; write {last} = {point}", _Bare(value))
         if value and not set(value) & set("\"'[]{}=,") and not _NUMBER.fullmatch(value):
             return SceneError(given, f'lacks its quotes; write {last} = "{value}"', _Bare(value))
+        if value.count('"') % 2:
+            whole = value.strip('"')
+            return SceneError(given, f'lacks a quote; write {last} = "{whole}"', _Bare(value))
     return SceneError("", f"is not valid TOML: {error}")
 
 

@@ -93,11 +93,11 @@ def to_si(
         if len({part.shape for part in parts}) > 1:
             raise SceneError(key, "has rows of different length", given)
         return np.array(parts, dtype=float).reshape(len(parts), *(parts[0].shape if parts else ()))
-    level = not difference and _is_temperature(unit, key)
+    level = not difference and is_temperature(unit, key)
     return np.asarray(_single(given, unit, key, default_unit, level))
 
 
-def _is_temperature(unit: str, key: str) -> bool:
+def is_temperature(unit: str, key: str) -> bool:
     """Whether a number is a temperature, and no difference of temperatures."""
     name = key.partition("=")[0]  # of an option
     return unit == "K" and re.sub(r"(\.\d+)+$", "", name).endswith(_TEMPERATURES)
@@ -238,7 +238,7 @@ def in_celsius(given: Any, key: str) -> Any:
     if isinstance(given, list):
         return [in_celsius(one, f"{key}.{at}") for at, one in enumerate(given)]
     match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
-    if match is None or match[2] != "K" or not _is_temperature("K", key):
+    if match is None or match[2] != "K" or not is_temperature("K", key):
         return given
     return f"{float(match[1]) - ZERO_CELSIUS:.10g} degC"
 

@@ -1,0 +1,584 @@
+"""A newcomer's first hour: mistakes, each with what a good answer names, and twelve tasks.
+
+    python tests/first_hour.py             # every mistake, answered well or not
+    python tests/first_hour.py --tasks     # times of each task, at the first and at the second start
+
+An answer is good if the mistake is refused (or, where it may be meant, pointed at), without a
+traceback, in a few lines that name the entry, its value, and what it must be or what to write.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import chdir
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from typer.testing import CliRunner
+
+import jaxcomp as jc
+from jaxcomp.cli import app
+from jaxcomp.scene import SceneError, start
+
+EFFICIENCY = ["mechanical_efficiency"]
+CRANK = {"crank_radius": 0.05, "conrod_length": 0.29, "piston_mass": 2.6, "conrod_mass": 3.8}
+WAIT = 60  # [s] An answer that takes longer is none.
+MOST = 1500  # characters; the first of several errors counts
+
+
+class File(NamedTuple):
+    """A line of a machine file replaced by others, and what `check` must name; `kind` as in `new`."""
+
+    old: str
+    new: str
+    names: tuple[str, ...]
+    kind: str = "slider-crank"
+    refused: bool = True
+
+
+class Command(NamedTuple):
+    """Words of a command line, and what the answer must name."""
+
+    words: tuple[str, ...]
+    names: tuple[str, ...]
+
+
+class Call(NamedTuple):
+    """A call from Python with a scene, and what the exception must name."""
+
+    call: Callable[[Any], Any]
+    names: tuple[str, ...]
+
+
+def _file(old: str, new: str, *names: str, kind: str = "slider-crank", refused: bool = True):
+    return File(old, new, names, kind, refused)
+
+
+def _cli(line: str, *names: str) -> Command:
+    return Command(tuple(line.split()), names)
+
+
+def _py(call: Callable[[Any], Any], *names: str) -> Call:
+    return Call(call, names)
+
+
+BORE = 'bore = "50 mm"'
+FLUID = 'name = "R290"'
+R290 = "refrigeration"
+
+FILES = {
+    "unit of another dimension": _file(BORE, 'bore = "50 kg"', "mechanism.bore", "50 kg", "m"),
+    "misspelt unit": _file(BORE, 'bore = "50 milimeter"', "mechanism.bore", "milimeter", "130 mm"),
+    "length in mm without unit": _file(BORE, "bore = 50", "mechanism.bore", "50", "mm"),
+    "pressure in bar without unit": _file(
+        'discharge_pressure = "8.0 bar"', "discharge_pressure = 8.0", "discharge_pressure", "Pa"
+    ),
+    "speed in rpm without unit": _file(
+        'mean_speed = "1450 rpm"', "mean_speed = 1450", "mean_speed", "rpm", refused=False
+    ),
+    "speed in Hz": _file(
+        'mean_speed = "1450 rpm"', 'mean_speed = "24 Hz"', "mean_speed", "24 Hz", "rpm"
+    ),
+    "decimal comma": _file(BORE, "bore = 50,5", "mechanism.bore", "decimal comma", "50.5"),
+    "decimal comma in a text": _file(BORE, 'bore = "50,5 mm"', "mechanism.bore", "50.5"),
+    "no quotes": _file(BORE, "bore = 50 mm", "mechanism.bore", '"50 mm"'),
+    "text for a number": _file(BORE, 'bore = "fifty"', "mechanism.bore", "fifty", "number"),
+    "truth value for a number": _file(BORE, "bore = true", "mechanism.bore", "130 mm"),
+    "not a number": _file(BORE, "bore = nan", "mechanism.bore", "nan"),
+    "list for a number of a bearing": _file(
+        'diameter = "14 mm"', 'diameter = ["14 mm", "15 mm"]', "diameter", "single value"
+    ),
+    "list for the one cylinder": _file(
+        BORE, 'bore = ["50 mm", "60 mm"]', "mechanism.bore", "cylinder"
+    ),
+    "section for a number": _file(BORE, "bore = { mm = 50 }", "mechanism.bore", "value"),
+    "misspelt key of a value": _file(
+        BORE, 'bore = { vlaue = "50 mm" }', "mechanism.bore", '"value"'
+    ),
+    "number for a source": _file(
+        BORE, 'bore = { value = "50 mm", source = 17 }', "mechanism.bore.source", "17", "text"
+    ),
+    "negative length": _file(
+        BORE, 'bore = "-50 mm"', "mechanism.bore", "-50 mm", "> 0 and <= 10 m"
+    ),
+    "rod shorter than the crank": _file(
+        'conrod_length = "100 mm"',
+        'conrod_length = "15 mm"',
+        "conrod_length",
+        "15 mm",
+        "crank_radius",
+    ),
+    "clearance without its per cent": _file(
+        'clearance_ratio = "4 %"',
+        "clearance_ratio = 4",
+        "gas.clearance_ratio",
+        "0.1 % to 30 %",
+        refused=False,
+    ),
+    "pressures exchanged": _file(
+        'discharge_pressure = "8.0 bar"',
+        'discharge_pressure = "0.5 bar"',
+        "discharge_pressure",
+        "suction_pressure",
+    ),
+    "piston of 25 kg": _file(
+        'piston_mass = "0.25 kg"', 'piston_mass = "25 kg"', "piston_mass", "25 kg", refused=False
+    ),
+    "friction of 5": _file(
+        "coefficient = 0.05",
+        "coefficient = 5",
+        "friction.wall.coefficient: 5",
+        "usual is",
+        refused=False,
+    ),
+    "machine without a gas": _file(
+        'type = "polytropic"', 'type = "none"', "gas.type", "polytropic"
+    ),
+    "misspelt key": _file(BORE, 'bor = "50 mm"', "mechanism.bor", '"bore"'),
+    "word of another trade": _file(
+        'conrod_length = "100 mm"', 'rod_length = "100 mm"', "mechanism.rod_length", "conrod_length"
+    ),
+    "stroke instead of radius": _file(
+        'crank_radius = "20 mm"', 'stroke = "40 mm"', "mechanism.stroke", "crank_radius"
+    ),
+    "missing key": _file(BORE, "", "mechanism.bore", "missing", "m"),
+    "key in the wrong section": _file(
+        "[gas]\n", '[gas]\nbore = "50 mm"\n', "gas.bore", "[mechanism]"
+    ),
+    "key above all sections": _file(
+        "[mechanism]\n", 'bore = "50 mm"\n[mechanism]\n', "bore", "mechanism"
+    ),
+    "misspelt section": _file("[mechanism]", "[mechanics]", "mechanics", '"mechanism"'),
+    "misspelt type": _file(
+        '[mechanism]\ntype = "slider_crank"',
+        '[mechanism]\ntype = "slidercrank"',
+        "mechanism.type",
+        "slidercrank",
+        "slider_crank",
+    ),
+    "missing type": _file(
+        '[gas]\ntype = "polytropic"\n', "[gas]\n", "gas.type", "missing", "polytropic"
+    ),
+    "missing section": _file("[motor]\n", "[motr]\n", "motor", '"motor"'),
+    "key twice": _file(BORE, f"{BORE}\n{BORE}", "mechanism.bore", "twice"),
+    "section twice": _file("[gas]\n", "[mechanism]\n[gas]\n", "mechanism", "twice"),
+    "quote not closed": _file(
+        BORE, 'bore = "50 mm', "mechanism.bore", "lacks a quote", 'bore = "50 mm"'
+    ),
+    "unknown layout": _file(
+        "[crankshaft]\n", '[crankshaft]\nlayout = "line of 4"\n', "crankshaft.layout", "in-line-4"
+    ),
+    "missing table": _file(
+        'type = "polytropic"', 'type = "crank_angle_table"\ncsv = "indicator.csv"', "indicator.csv"
+    ),
+    "key of version 0.1": _file(
+        BORE, f'{BORE}\ncrank_inertia = "0.1 kg m^2"', "mechanism.crank_inertia", "crankshaft"
+    ),
+    "temperature without unit": _file(
+        'evaporating = "-23.3 degC"', "evaporating = -23.3", "evaporating", "degC", kind=R290
+    ),
+    "difference in degrees": _file(
+        'heating = "18 K"', 'heating = "18 degC"', "heating", "K", kind=R290
+    ),
+    "common name of a fluid": _file(FLUID, 'name = "propan"', "fluid.name", "R290", kind=R290),
+    "unknown fluid": _file(FLUID, 'name = "R1270x"', "fluid.name", "R1270x", "R290", kind=R290),
+    "condensing above the critical point": _file(
+        'condensing = "54.4 degC"',
+        'condensing = "130 degC"',
+        "condensing",
+        "130 degC",
+        "369.89 K",
+        kind=R290,
+    ),
+    "evaporating above condensing": _file(
+        'evaporating = "-23.3 degC"',
+        'evaporating = "60 degC"',
+        "54.4 degC",
+        "333.15",
+        "evaporating temperature",
+        kind=R290,
+    ),
+    "suction gas below its dew point": _file(
+        '\ntemperature = "32.2 degC"',
+        '\ntemperature = "-30 degC"',
+        "temperature",
+        "-30 degC",
+        "249.35 K",
+        kind=R290,
+    ),
+    "port wider than the bore": _file(
+        'port_diameter = "7 mm"', 'port_diameter = "70 mm"', "port_diameter", "bore", kind=R290
+    ),
+    "misspelt valve": _file(
+        '[gas.suction_valve]\ntype = "reed"',
+        '[gas.suction_valve]\ntype = "red"',
+        "gas.suction_valve.type",
+        "reed",
+        kind=R290,
+    ),
+}
+
+WBHE = "mayekawa-wbhe"
+COMMANDS = {
+    "misspelt command": _cli("chek my.toml", "chek", "check"),
+    "misspelt machine": _cli("check mayekawa-wbe", "mayekawa-wbe", WBHE),
+    "missing file": _cli("run machines/my.toml", "machines/my.toml"),
+    "folder for a file": _cli("check .", "folder"),
+    "picture for a file": _cli("check picture.png", "picture.png"),
+    "empty file": _cli("check empty.toml", "empty.toml", "jaxcomp new"),
+    "misspelt option": _cli(f"run {WBHE} --ouput result", "--ouput", "--out"),
+    "set without a value": _cli(f"run {WBHE} --set motor.mean_speed", "motor.mean_speed", "="),
+    "set of an unknown number": _cli(
+        f"run {WBHE} --set mechanism.bor=120mm", "mechanism.bor", '"bore"'
+    ),
+    "set of a bearing": _cli(
+        f"run {WBHE} --set friction.crank_pin=big-end",
+        "friction.crank_pin",
+        "big-end",
+        "[bearings.big-end]",
+    ),
+    "set of a number without its section": _cli(
+        f"run {WBHE} --set conrod_length=80mm", "mechanism.conrod_length"
+    ),
+    "set with a wrong unit": _cli(
+        f"run {WBHE} --set mechanism.bore=120kg", "mechanism.bore", "120kg", "m"
+    ),
+    "design rule in bare millimetres": _cli(f"run {WBHE} --design bore=120", "bore", "120", "m"),
+    "misspelt quantity": _cli(
+        f"sensitivity {WBHE} --quantity efficency", "efficency", "mechanical_efficiency"
+    ),
+    "quantity of another machine": _cli(f"sensitivity {WBHE} --quantity cop", "cop", "valves"),
+    "range upside down": _cli(
+        f"optimise {WBHE} --variable bore=160mm:100mm", "bore", "0.16", "0.1", "lower end first"
+    ),
+    "range with another sign": _cli(
+        f"optimise {WBHE} --variable bore=100mm..160mm", "bore", "100mm:160mm"
+    ),
+    "nothing to change": _cli(f"optimise {WBHE}", "--variable", "bore=100mm:160mm"),
+    "options that do not go together": _cli(
+        f"optimise {WBHE} --variable bore=100mm:160mm --objective friction_power "
+        "--target motor_power=20kW",
+        "--target",
+        "--objective",
+    ),
+    "constraint in an unknown unit": _cli(
+        f"optimise {WBHE} --variable bore=100mm:160mm --constraint peak_force.crank_pin<=8kp",
+        "peak_force.crank_pin",
+        "8kp",
+        "N",
+    ),
+    "grid without a count": _cli(
+        f"sweep {WBHE} --over bore=100mm:150mm", "bore", "100mm:150mm:", "count"
+    ),
+    "grid of nothing": _cli(f"sweep {WBHE}", "--over"),
+    "tolerance without its sign": _cli(
+        f"tolerance {WBHE} --vary mechanism.bore=0.1mm", "mechanism.bore", "+-"
+    ),
+    "no samples": _cli(
+        f"tolerance {WBHE} --vary mechanism.bore=+-0.1mm --samples -5", "--samples", "-5"
+    ),
+    "map of a machine without valves": _cli(f"map {WBHE}", "gas", "PolytropicCycle", "valves"),
+    "map without its range": _cli(
+        "map r290-6cc --evaporating -30:-10", "--evaporating", "-30:-10:"
+    ),
+    "map above condensing": _cli(
+        "map r290-6cc --evaporating 60 --condensing 40", "evaporating", "condensing"
+    ),
+    "map above the critical point": _cli(
+        "map r290-6cc --evaporating -10 --condensing 120", "condensing", "393.15", "369.89 K"
+    ),
+    "vibration without a rotor": _cli(f"respond {WBHE}", "[rotor]", "respond"),
+    "balance without a rotor": _cli(f"balance {WBHE}", "[rotor]", "balance"),
+    "measurements that are not there": _cli("balance --measured runs.csv", "runs.csv"),
+    "measurements without units": _cli("balance --measured bare.csv", "bare.csv", "speed [rpm]"),
+    "bearing without its load": _cli("bearing --length 20mm --diameter 40mm", "--"),
+    "bearing with a wrong unit": _cli(
+        "bearing --length 20mm --diameter 40mm --clearance 30um --viscosity 10mPa*s "
+        "--speed 3000rpm --load 2kg",
+        "--load",
+        "2kg",
+        "N",
+    ),
+    "results into a file": _cli(f"run {WBHE} --out empty.toml", "empty.toml", "folder"),
+    "new over a file": _cli("new empty.toml", "empty.toml", "--force"),
+    "new of an unknown kind": _cli("new one.toml --kind fridge", "fridge", "refrigeration"),
+    "new from an unknown machine": _cli("new one.toml --from r290", "r290", "r290-6cc"),
+    "explain a misspelt part": _cli("explain slider-cranck", "slider_crank"),
+    "list of a misspelt machine": _cli("list r290-6c", "r290-6cc"),
+    "duration without unit": _cli(f"simulate {WBHE} --duration 3", "--duration", "3", "s"),
+    "duration below zero": _cli(f"simulate {WBHE} --duration -3s", "duration", "-3"),
+    "comparison with nothing": _cli(f"compare {WBHE}", "--with"),
+    "desk of a misspelt machine": _cli("desk r290-6c", "r290-6cc"),
+    "unknown study": _cli(f"accuracy {WBHE} --study everything", "everything", "quantities"),
+}
+
+CALLS = {
+    "name of a file": _py(lambda s: jc.solve_orbit("my.toml"), '`jaxcomp.load("my.toml")`'),
+    "no machine": _py(lambda s: jc.solve_orbit(None), "`jaxcomp.load("),
+    "name for a study": _py(lambda s: jc.sensitivity("my.toml"), '`jaxcomp.load("my.toml")`'),
+    "text with a unit": _py(lambda s: jc.with_bore(s.machine, "50 mm"), "0.05 for 50 mm"),
+    "scene for its machine": _py(
+        lambda s: jc.with_bore(s, 0.12), '`jaxcomp.load("my.toml").machine`'
+    ),
+    "array": _py(lambda s: jc.with_bore(s.machine, np.array([0.12, 0.13])), "`jax.vmap`"),
+    "text in a part": _py(lambda s: mechanism("130 mm"), "bore", "a number in SI units"),
+    "bore in mm": _py(lambda s: mechanism(130.0), "130 mm are 0.13"),
+    "bore below zero": _py(lambda s: mechanism(-0.13), "bore", "> 0 and <= 10 m", "-0.13"),
+    "rule in mm": _py(lambda s: jc.with_bore(s.machine, 130.0), "<= 10 m"),
+    "range in mm": _py(lambda s: jc.problem(s, {"bore": (100, 150)}, EFFICIENCY), "<= 10 m"),
+    "sweep in mm": _py(lambda s: jc.sweep(s, {"mechanism.bore": [130.0]}), "<= 10 m"),
+    "range with units": _py(
+        lambda s: jc.problem(s, {"mechanism.bore": ("100 mm", "150 mm")}, EFFICIENCY),
+        "a range of numbers in m",
+    ),
+    "number for a range": _py(lambda s: jc.problem(s, {"bore": 0.2}, EFFICIENCY), "(low, high)"),
+    "notation of the command line": _py(
+        lambda s: jc.sweep(s, {"mechanism.bore": "0.1:0.2:3"}), "`sweeping.grid("
+    ),
+    "number for a tolerance": _py(lambda s: jc.tolerance(s, {"bore": 0.2}), "within(2e-5)"),
+    "text for a tolerance": _py(
+        lambda s: jc.tolerance(s, {"mechanism.bore": "+-0.2 mm"}), "within(2e-5)"
+    ),
+    "list of tolerances": _py(lambda s: jc.tolerance(s, ["mechanism.bore"]), "tolerances by name"),
+    "text for a list": _py(
+        lambda s: jc.sensitivity(s, "mechanical_efficiency"), 'a list, ["mechanical_efficiency"]'
+    ),
+    "text for variables": _py(lambda s: jc.problem(s, "bore", EFFICIENCY), 'a list, ["bore"]'),
+    "scene for a problem": _py(lambda s: jc.optimise(s, "motor_power"), "problem(scene, {"),
+    "something else for a file": _py(jc.load, "name of a bundled machine or of a file"),
+    "misspelt quantity in Python": _py(
+        lambda s: jc.sensitivity(s, ["efficency"]), "efficency", "mechanical_efficiency"
+    ),
+    "misspelt variable in Python": _py(
+        lambda s: jc.problem(s, {"mechanism.bor": (0.1, 0.2)}, EFFICIENCY),
+        "mechanism.bor",
+        "mechanism.bore",
+    ),
+    "misspelt name of the package": _py(
+        lambda s: jc.solve_orbits(s), "solve_orbits", '"solve_orbit"'
+    ),
+    "value in a wrong unit": _py(
+        lambda s: jc.scene.with_value(s, "mechanism.bore", "120 kg"), "mechanism.bore", "120 kg"
+    ),
+    "fluid by another name": _py(lambda s: jc.fluid.RealGas("propan"), "propan", "R290"),
+    "results that are not there": _py(lambda s: jc.load_result("none.zarr"), "none.zarr"),
+    "vibration without a rotor in Python": _py(lambda s: jc.respond(s, 100.0), "rotor"),
+    "map without valves in Python": _py(
+        lambda s: jc.rating.rating_map(s, [250.0], [320.0]), "valves"
+    ),
+}
+
+MISTAKES: dict[str, File | Command | Call] = {
+    **{f"file: {name}": one for name, one in FILES.items()},
+    **{f"command: {name}": one for name, one in COMMANDS.items()},
+    **{f"Python: {name}": one for name, one in CALLS.items()},
+}
+
+# What a first hour does; commands run one after the other in one folder.
+TASKS: dict[str, tuple[str, ...]] = {
+    "new machine": ("jaxcomp new my.toml --force", "jaxcomp check my.toml"),
+    "run it": ("jaxcomp run my.toml",),
+    "run with a report": ("jaxcomp run my.toml --out result",),
+    "change a number": ("jaxcomp run my.toml --set motor.mean_speed=1000rpm",),
+    "what matters": ("jaxcomp sensitivity my.toml --quantity mechanical_efficiency",),
+    "sweep": (
+        "jaxcomp sweep my.toml --over bore=45mm:55mm:11 --over motor.mean_speed=900rpm:1500rpm:7",
+    ),
+    "optimise": ("jaxcomp optimise my.toml --variable bore=40mm:60mm",),
+    "tolerance": ("jaxcomp tolerance my.toml --vary mechanism.bore=+-0.1mm --samples 256",),
+    "refrigeration map": (
+        "jaxcomp new fridge.toml --kind refrigeration --force",
+        "jaxcomp map fridge.toml --evaporating -30:-10:3 --condensing 40:50:2",
+    ),
+    "value and gradient": ("python value.py",),
+    "save and load": ("python keep.py",),
+    "law of one's own": ("python law.py",),
+    "desk": ("python desk.py",),
+}
+SCRIPTS = {
+    "value.py": """
+import jax
+import jaxcomp
+
+machine = jaxcomp.load("my.toml").compressor
+value = jax.value_and_grad(
+    lambda bore: jaxcomp.solve_orbit(jaxcomp.with_bore(machine, bore)).mechanical_efficiency
+)
+print(value(0.05))
+""",
+    "keep.py": """
+import jaxcomp
+
+orbit = jaxcomp.solve_orbit(jaxcomp.load("my.toml"))
+orbit.save("orbit.npz")
+assert float(jaxcomp.load_result("orbit.npz").mean_speed) == float(orbit.mean_speed)
+""",
+    "law.py": """
+import jaxcomp
+from jaxcomp.friction import AbstractSlide
+from jaxcomp.parts import POSITIVE, quantity
+from jaxcomp.scene import with_values
+
+
+class Grease(AbstractSlide):
+    kind = "grease"
+    drag: float = quantity("N s/m", POSITIVE)
+
+    def force(self, load, speed):
+        return self.drag * speed
+
+
+wall = {"type": "grease", "drag": "20 N s/m"}
+print(jaxcomp.solve_orbit(with_values(jaxcomp.load("my.toml"), {"friction.wall": wall})))
+""",
+    "desk.py": """
+import socket
+import time
+import urllib.request
+
+import jaxcomp
+from jaxcomp.desk import serve
+
+with socket.socket() as free:
+    free.bind(("127.0.0.1", 0))
+    port = free.getsockname()[1]
+server = serve(jaxcomp.load("my.toml"), port=port, show=False, threaded=True)
+for wait in range(300):
+    try:
+        assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=60).status == 200
+        break
+    except ConnectionRefusedError:
+        time.sleep(0.1)
+server.stop()
+""",
+}
+
+
+def mechanism(bore: Any) -> jc.SliderCrank:
+    """The mechanism of a bore, as one types it."""
+    return jc.SliderCrank(bore=bore, **CRANK)
+
+
+def prepare(folder: Path) -> None:
+    """The files beside which the commands run."""
+    (folder / "empty.toml").touch()
+    (folder / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)))
+    (folder / "bare.csv").write_text("run,target,speed,amplitude,phase\ninitial,A,1500,25.6,8.9\n")
+
+
+def answer(mistake: File | Command | Call) -> tuple[str, str]:
+    """What one sees, and what is wrong with it; run in a prepared folder."""
+    if isinstance(mistake, Call):
+        return _raised(mistake)
+    words, refused = getattr(mistake, "words", ()), True
+    if isinstance(mistake, File):
+        text = start(mistake.kind, "my-machine")
+        bare = re.sub(r"(?<=\S) +# .*", "", text)  # as without the remarks behind values
+        bare = re.sub(r"^#.*\n", "", bare, flags=re.M)
+        assert mistake.old in bare, f"no line {mistake.old!r}"
+        Path("my.toml").write_text(bare.replace(mistake.old, mistake.new, 1))
+        words, refused = ("check", "my.toml"), mistake.refused
+    done = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    seen = " ".join(done.output.split())
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        return f"{type(done.exception).__name__}: {done.exception}", "a traceback"
+    if refused and not done.exit_code:
+        return seen, "not noticed"
+    return seen, _lacking(seen, mistake.names)
+
+
+def _raised(mistake: Call) -> tuple[str, str]:
+    try:
+        mistake.call(jc.load(WBHE))
+    except (jc.BadInput, SceneError, AttributeError, jc.SolveFailed) as error:
+        return str(error), _lacking(str(error), mistake.names)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}", "no answer of this library"
+    return "", "not noticed"
+
+
+def _lacking(seen: str, names: tuple[str, ...]) -> str:
+    """What an answer does not say, or that it says too much."""
+    missing = [name for name in names if name.lower() not in seen.lower()]
+    if missing:
+        return f"does not name {', '.join(missing)}"
+    return f"{len(seen)} characters" if len(seen) > MOST else ""
+
+
+def answers(
+    mistakes: dict[str, File | Command | Call],
+) -> Iterator[tuple[str, str, str, float]]:
+    """Name, answer, what is wrong with it and seconds of each mistake, in a folder of its own."""
+    with tempfile.TemporaryDirectory() as folder, chdir(folder), warnings.catch_warnings():
+        prepare(Path(folder))
+        for name, mistake in mistakes.items():
+            begun = time.perf_counter()
+            seen, wrong = answer(mistake)
+            taken = time.perf_counter() - begun
+            yield name, seen, wrong or ("took too long" if taken > WAIT else ""), taken
+
+
+def times(tasks: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, float, float, str]]:
+    """Name, seconds at the first and at the second start, and what went wrong, of each task."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, script in SCRIPTS.items():
+            (Path(folder) / name).write_text(script)
+        environment = os.environ | {
+            "PYTHONPATH": str(Path(__file__).parents[1]),
+            "JAXCOMP_CACHE": f"{folder}/programs",
+        }
+        for name, lines in tasks.items():
+            taken, wrong = [], ""
+            for _ in range(2):
+                begun = time.perf_counter()
+                for line in lines:
+                    program, *words = line.split()
+                    start_of = {"jaxcomp": ["-m", "jaxcomp"], "python": []}[program]
+                    done = subprocess.run(
+                        [sys.executable, *start_of, *words],
+                        cwd=folder,
+                        env=environment,
+                        capture_output=True,
+                        text=True,
+                        check=False,
+                    )
+                    wrong = f"{wrong}{done.stderr[-2000:]}" if done.returncode else wrong
+                taken.append(time.perf_counter() - begun)
+            yield name, *taken, wrong
+
+
+def main() -> int:
+    """Print the answers, or the times of the tasks."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--tasks", action="store_true", help="the tasks with their times")
+    parser.add_argument("--show", metavar="WORD", help="mistakes with this word, with answers")
+    options = parser.parse_args()
+    if options.tasks:
+        failed = 0
+        print("first   second  task")
+        for name, first, second, wrong in times(TASKS):
+            failed += bool(wrong)
+            print(f"{first:5.1f} s {second:5.1f} s  {name} {wrong}", flush=True)
+        return bool(failed)
+    chosen = {n: m for n, m in MISTAKES.items() if (options.show or "") in n}
+    bad, begun = 0, time.perf_counter()
+    for name, seen, wrong, taken in answers(chosen):
+        bad += bool(wrong)
+        print(f"{'NOT ' if wrong else ''}well  {name} ({taken:.1f} s) {wrong}", flush=True)
+        if wrong or options.show is not None:
+            print(f"      {seen[:700]}")
+    print(
+        f"{len(chosen) - bad} of {len(chosen)} answered well, {time.perf_counter() - begun:.0f} s"
+    )
+    return bool(bad)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
