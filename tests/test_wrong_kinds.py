@@ -10,6 +10,7 @@ import jaxcomp as jc
 from jaxcomp import BadInput
 from jaxcomp.cli import app
 from jaxcomp.scene import SceneError
+from jaxcomp.tolerancing import within
 
 CRANK = {"crank_radius": 0.05, "conrod_length": 0.29, "piston_mass": 2.6, "conrod_mass": 3.8}
 EFFICIENCY = ["mechanical_efficiency"]
@@ -22,6 +23,10 @@ def scene():
 
 def mechanism(bore):
     return jc.SliderCrank(bore=bore, **CRANK)
+
+
+def ranged(scene):
+    return jc.problem(scene, {"mechanism.bore": (0.12, 0.14)}, EFFICIENCY)
 
 
 MISTAKES = {
@@ -56,6 +61,60 @@ MISTAKES = {
         'a list, ["mechanical_efficiency"]',
     ),
     "text for variables": (lambda s: jc.problem(s, "bore", EFFICIENCY), 'a list, ["bore"]'),
+    "problem of nothing": (lambda s: jc.problem(s), '{"bore": (0.12, 0.14)}'),
+    "problem without quantities": (
+        lambda s: jc.problem(s, ["bore"]),
+        'a list such as ["mechanical_efficiency"]',
+    ),
+    "number for quantities": (lambda s: jc.problem(s, ["bore"], 5), "a list of names"),
+    "range beside its name": (
+        lambda s: jc.problem(s, [("bore", 0.1, 0.2)], EFFICIENCY),
+        "{name: value}",
+    ),
+    "dictionary for options": (
+        lambda s: jc.problem(s, ["bore"], EFFICIENCY, {"orders": 2}),
+        "`AnalysisOptions(...)`",
+    ),
+    "options of sensitivity": (
+        lambda s: jc.sensitivity(s, EFFICIENCY, options="fine"),
+        "`AnalysisOptions(...)`",
+    ),
+    "front of nothing": (lambda s: jc.pareto(ranged(s)), "such as ("),
+    "front of one": (lambda s: jc.pareto(ranged(s), "motor_power"), "such as ("),
+    "one direction for two": (
+        lambda s: jc.pareto(ranged(s), (*EFFICIENCY, "motor_power"), maximise=True),
+        "(True, False)",
+    ),
+    "text for points": (
+        lambda s: jc.pareto(ranged(s), (*EFFICIENCY, "motor_power"), points="12"),
+        "a number >= 3",
+    ),
+    "optimum of nothing": (lambda s: jc.optimise(), "problem(scene, {"),
+    "list of objectives": (lambda s: jc.optimise(ranged(s), EFFICIENCY), "one quantity by name"),
+    "constraint as text": (
+        lambda s: jc.optimise(ranged(s), constraints={"motor_power": "<=5 kW"}),
+        "(low, high) in SI units",
+    ),
+    "constraint as a number": (
+        lambda s: jc.optimise(ranged(s), constraints={"motor_power": 5e3}),
+        "(low, high) in SI units",
+    ),
+    "list of constraints": (
+        lambda s: jc.optimise(ranged(s), constraints=["motor_power"]),
+        '{"motor_power": (None, 5000.0)}',
+    ),
+    "number for a method": (lambda s: jc.optimise(ranged(s), method=3), "slsqp"),
+    "tolerance of nothing": (lambda s: jc.tolerance(s), "within(2e-5)"),
+    "number for a limit": (
+        lambda s: jc.tolerance(s, {"bore": within(1e-5)}, limits={"motor_power": 0.9}),
+        "(low, high) in SI units",
+    ),
+    "sweep of nothing": (lambda s: jc.sweep(s), '{"mechanism.bore": [0.12, 0.13]}'),
+    "list for a sweep": (lambda s: jc.sweep(s, ["bore"]), '{"mechanism.bore": [0.12, 0.13]}'),
+    "sweep with units": (
+        lambda s: jc.sweep(s, {"mechanism.bore": ["120 mm", "130 mm"]}),
+        "numbers in SI units",
+    ),
     "scene for a problem": (lambda s: jc.optimise(s, "motor_power"), "problem(scene, {"),
 }
 
