@@ -162,7 +162,9 @@ def problem(
     listed_names("quantities", quantities)
     ranges = variables if isinstance(variables, dict) else dict.fromkeys(variables, (None, None))
     if not quantities:
-        raise BadInput("quantities", "none", 'at least one, in a list such as ["mechanical_efficiency"]')
+        raise BadInput(
+            "quantities", "none", 'at least one, in a list such as ["mechanical_efficiency"]'
+        )
     for name, ends in ranges.items():
         if isinstance(ends, str) or np.shape(ends) != (2,):
             raise BadInput(name, f"{ends}", "a pair of ends in SI units, (low, high)")
