@@ -178,7 +178,7 @@ def tolerance(
     """
     listed_names("quantities", quantities)
     asked, limits = quantities, bounds_by_names("limits", limits)
-    tolerances = tolerances or {}
+    tolerances = {} if tolerances is None else tolerances
     scatter_of(tolerances)  # refuses what is no tolerance, before its name is looked up
     if not isinstance(scene, Problem):
         tolerances = by_name(machine_of(scene), tolerances)
