@@ -91,7 +91,7 @@ def by_names(field: str, given: Any, example: str) -> Any:
     return given
 
 
-def bounds_by_names(field: str, given: Any) -> Any:
+def bounds_by_names(field: str, given: Any) -> Mapping[Any, Any]:
     """Lower and upper bounds by name, `None` for an open end.
 
     Raises:
