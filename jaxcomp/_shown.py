@@ -29,6 +29,23 @@ _UNITS = {
     "kg": ((0.1, 1.0, "kg"), (0.0, 1e3, "g")),
     "kg m": ((0.1, 1.0, "kg m"), (0.0, 1e6, "g mm")),
 }
+# The same in units of the United States.
+_CUSTOMARY = {
+    "m": ((0.0, 1 / 0.0254, "in"),),
+    "m^3": ((0.0, 0.0254**-3, "in³"),),
+    "Pa": ((0.0, 1 / 6894.757293168361, "psi"),),
+    "W": ((100.0, 1 / 745.6998715822702, "hp"), (0.0, 1.0, "W")),
+    "N": ((0.0, 1 / 4.4482216152605, "lbf"),),
+    "N m": ((0.0, 1 / 1.3558179483314004, "lbf ft"),),
+    "N/m": ((0.0, 0.0254 / 4.4482216152605, "lbf/in"),),
+    "kg": ((0.0, 1 / 0.45359237, "lb"),),
+    "kg m": ((0.0, 1 / (0.45359237 * 0.0254), "lb in"),),
+    "kg/s": ((0.0, 3600 / 0.45359237, "lb/h"),),
+}
+# Units to choose from: SI, the same with temperatures in degrees Celsius, and those of the United States.
+SYSTEMS = ("SI", "SI with °C", "US")
+# Endings of names of temperatures. Other kelvins are differences: 10 K of superheat are not 283 K.
+_TEMPERATURES = ("temperature", "evaporating", "condensing")
 # Units of small changes.
 _SMALL = ("mm", "g mm", "g", "°", "rpm")
 
@@ -40,11 +57,13 @@ class Shown(NamedTuple):
         words: its name.
         unit: in which it is shown, "" for a pure number.
         factor: [-] from SI to that unit.
+        zero: what the unit shows at zero in SI: of degrees, not of others.
     """
 
     words: str
     unit: str
     factor: float
+    zero: float = 0.0
 
     @property
     def label(self) -> str:
@@ -54,7 +73,7 @@ class Shown(NamedTuple):
     def text(self, value: float, digits: int = 5) -> str:
         """A value [SI] with its unit, to so many `digits`."""
         # a zero has no sign
-        return f"{value * self.factor + 0.0:.{digits}g} {self.unit}".strip()
+        return f"{value * self.factor + self.zero + 0.0:.{digits}g} {self.unit}".strip()
 
 
 def spelled(name: str) -> tuple[str, bool]:
@@ -66,23 +85,34 @@ def spelled(name: str) -> tuple[str, bool]:
     return words[:1].upper() + words[1:], percent
 
 
-def shown(name: str, unit: str, values) -> Shown:
+def is_temperature(name: str, unit: str) -> bool:
+    """Whether a number is a temperature, and no difference of temperatures."""
+    return unit == "K" and re.sub(r"(\.\d+)+$", "", name).endswith(_TEMPERATURES)
+
+
+def shown(name: str, unit: str, values, system: str = "SI") -> Shown:
     """The unit that suits the size of some values.
 
     Args:
         name: of the variable or quantity.
         unit: SI unit of the values.
         values: [SI], of any shape; those that are not finite do not count.
+        system: one of `SYSTEMS`.
     """
     words, percent = spelled(name)
     if not unit:
         return Shown(words, "%" if percent else "", 100.0 if percent else 1.0)
+    if unit == "K" and system != "SI":
+        scale, letter = (1.8, "F") if system == "US" else (1.0, "C")
+        if is_temperature(name, unit):
+            return Shown(words, f"°{letter}", scale, -ZERO_CELSIUS * scale + 32 * (letter == "F"))
+    units = _UNITS | _CUSTOMARY if system == "US" else _UNITS
     import numpy as np  # not before it is needed: help and completion start without it
 
     values = np.abs(np.asarray(values, dtype=float))
     values = values[np.isfinite(values)]
     size = values.max() if values.size else 0.0
-    for least, factor, name_of_unit in _UNITS.get(unit, ()):
+    for least, factor, name_of_unit in units.get(unit, ()):
         if size >= least and (size or unit.startswith("rad")):
             return Shown(words, name_of_unit, factor)
     return Shown(words, unit, 1.0)

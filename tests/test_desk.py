@@ -5,12 +5,14 @@ import html
 import re
 import shutil
 import socket
+import threading
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jaxcomp import load, solve_orbit
+from jaxcomp._shown import shown
 from jaxcomp.desk import Desk, serve
 from jaxcomp.desk._page import _Page
 from jaxcomp.scene import SceneError, loads
@@ -170,6 +172,51 @@ def test_a_slider_moves_pictures_and_table(page):
     assert {"Now", "Pinned", "Difference"} <= {*page.results.value}
     pinned = page.pictures.sources["Indicator diagram.gas.True"].data["x"]
     assert np.max(pinned) > np.max(curve.data["x"])
+
+
+def test_the_mechanism_moves_with_a_slider_and_with_the_angle_of_the_crank(scene):
+    page = _Page(scene)
+    pins, rod = page.pictures.outlines["pins"], page.pictures.outlines["rod"]
+    radius = page.desk.values["mechanism.crank_radius"]
+    page.pictures.turn(90.0)  # the crank points to the right
+    assert [pins.data[axis][1] for axis in "xy"] == pytest.approx([radius, 0.0], abs=1e-15)
+    before, stays = dict(page.pictures.outlines["piston"].data), rod.data
+    page.drag(BORE, 0.14)
+    wide = np.ptp(page.pictures.outlines["piston"].data["x"])
+    assert wide == pytest.approx(np.ptp(before["x"]) * 0.14 / 0.13, rel=1e-12)
+    assert rod.data is stays  # only what moved is sent
+
+
+def test_units_are_chosen_on_the_page(scene):
+    page = _Page(scene)
+    page.units.value = "US"
+    assert rows_of(page).loc[BORE, "Value"] == "5.11811 in"
+    assert page.sliders[BORE].slider.value == pytest.approx(130 / 25.4)
+    page.sliders[BORE].slider.value = 5.5
+    assert page.desk.values[BORE] == pytest.approx(5.5 * 0.0254, rel=1e-15)
+    titles = {one.title.text: one for one in page.pictures.figures}
+    assert titles["Indicator diagram"].yaxis[0].axis_label == "Pressure, psi"
+    row = list(page.table.value["name"]).index(BORE)
+    page._entered(SimpleNamespace(column="Value", row=row, value="5 in"))
+    assert page.desk.values[BORE] == pytest.approx(0.127, rel=1e-15)
+
+
+def test_temperatures_are_shown_in_degrees_and_differences_in_kelvins():
+    for system, text in (("SI", "249.85 K"), ("SI with °C", "-23.3 °C"), ("US", "-9.94 °F")):
+        assert shown("gas.evaporating", "K", 249.85, system).text(249.85) == text
+        assert shown("gas.superheat", "K", 10.0, system).text(10.0) == "10 K"
+
+
+def test_a_page_does_not_wait_for_gains_that_are_still_compiled(scene, monkeypatch):
+    real, go = Desk.gains, threading.Event()
+    monkeypatch.setattr(Desk, "gains", lambda desk: go.wait(30) and real(desk))
+    page = _Page(scene, 0.01)
+    assert "Computing the gains" in said(page)
+    assert set(page.table.value["gain"]) == {"..."}
+    row = list(page.table.value["name"]).index(BORE)
+    threading.Timer(0.05, go.set).start()
+    page._entered(SimpleNamespace(column="Value", row=row, value="125 mm"))
+    check_rows(page)
 
 
 def rows_of(page):

@@ -6,7 +6,7 @@ and a design costs the product of that with its own loads.
 """
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -80,6 +80,17 @@ class AnalysisOptions(eqx.Module):
             raise BadInput("excitation", str(self.excitation), "'crank' or 'file'")
         if not self.orders or min(self.orders) < 1:
             raise BadInput("orders", str(self.orders), "whole numbers from 1")
+
+
+def given_options(options: Any) -> AnalysisOptions:
+    """The options of an analysis, the usual ones if absent.
+
+    Raises:
+        BadInput: something else.
+    """
+    if isinstance(options, AnalysisOptions | None):
+        return options or AnalysisOptions()
+    raise BadInput("options", f"a {type(options).__name__}", "`AnalysisOptions(...)`")
 
 
 class Vibration(NamedTuple):

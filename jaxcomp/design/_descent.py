@@ -232,8 +232,8 @@ def method_of(method: "str | optax.GradientTransformation | None", goal: Goal) -
     named = method if isinstance(method, str) else "a transformation of optax"
     if named == "slsqp":
         return _slsqp
-    if isinstance(method, str) and method not in METHODS:
-        raise BadInput("method", named, f"one of {', '.join(METHODS)}, or of optax")
+    if method not in METHODS if isinstance(method, str) else not hasattr(method, "update"):
+        raise BadInput("method", str(method), f"one of {', '.join(METHODS)}, or of optax")
     if goal.limits:
         raise BadInput("method", named, "'slsqp' with constraints")
     if named == "least-squares":

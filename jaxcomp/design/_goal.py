@@ -21,7 +21,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._fields import BadInput
+from .._fields import BadInput, bounds_by_names
 from ._analysis import quantity_named
 from ._problem import Asked, Problem, name_of, prepared
 from ._variables import Variable
@@ -166,7 +166,7 @@ def goal_of(
     else:
         main, sign = place(objective), _sign(objective, maximise)
     limits = []
-    for asked, interval in (constraints or {}).items():
+    for asked, interval in bounds_by_names("constraints", constraints).items():
         limits += _sides(name_of(asked), place(asked), *interval)
     kept = tuple(v._replace(low=v.bound.low, high=v.bound.high) for v in problem.variables)
     # Without the ranges, which are the optimiser's business: another range compiles nothing anew.

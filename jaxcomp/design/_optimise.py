@@ -182,7 +182,7 @@ class Optimum(Result):
 
 
 def optimise(
-    problem: Problem,
+    problem: Problem | None = None,
     objective: Objective | None = None,
     *,
     maximise: bool | None = None,
@@ -232,7 +232,11 @@ def optimise(
     >>> print(f"{1e3 * best.values['bore']:.1f} mm, {100 * best.objective:.2f} %, {best.status}")
     130.9 mm, 91.17 %, converged
     """
-    goal = goal_of(given_problem(problem), objective, maximise, constraints)
+    if not isinstance(objective, str | Mapping | None) and not callable(objective):
+        bound = 'one quantity by name, such as "motor_power", a function, or values to meet by name'
+        raise BadInput("objective", str(objective), bound)
+    problem = given_problem(problem)
+    goal = goal_of(problem, objective, maximise, constraints)
     chosen = method_of(method, goal)
     given, count = _given_starts(starts, problem)
     points = space(problem, goal.ranges, max(counted("samples", samples, 0), count), seed, given)

@@ -73,7 +73,7 @@ class ParetoFront(Result):
 
 def pareto(
     problem: Problem,
-    objectives: tuple[Asked, Asked],
+    objectives: tuple[Asked, Asked] | None = None,
     *,
     maximise: tuple[bool | None, bool | None] = (None, None),
     constraints: Mapping[Asked, Interval] | None = None,
@@ -105,11 +105,13 @@ def pareto(
         SolveFailed: no design of the sample can be solved, or none keeps the constraints.
     """
     counted("points", points, 3, 10_000)
-    if starts < 1:
-        raise BadInput("starts", starts, ">= 1")
-    if len(objectives) != 2 or objectives[0] == objectives[1]:
-        raise BadInput("objectives", str(objectives), "two different quantities")
+    counted("starts", starts, high=10_000)
     problem = given_problem(problem)
+    if not isinstance(objectives, tuple | list) or len(set(objectives)) != 2:
+        bound = 'two different quantities, such as ("mechanical_efficiency", "motor_power")'
+        raise BadInput("objectives", str(objectives or "absent"), bound)
+    if not isinstance(maximise, tuple | list) or len(maximise) != 2:
+        raise BadInput("maximise", str(maximise), "one for each objective, such as (True, False)")
     quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
     # all quantities in one order, so that one program serves both ends and the front
     problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)

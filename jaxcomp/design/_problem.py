@@ -13,7 +13,14 @@ from .._fields import BadInput, MissingPart, listed_names
 from .._results import Data
 from ..cylinder import Cylinder
 from ..machine import Machine, assembled, machine_of
-from ._analysis import AnalysisOptions, DesignResult, by_crank, known_response, quantity_named
+from ._analysis import (
+    AnalysisOptions,
+    DesignResult,
+    by_crank,
+    given_options,
+    known_response,
+    quantity_named,
+)
 from ._variables import Variable, by_name, variable
 
 Asked = str | Callable[[DesignResult], Float[Array, ""]]
@@ -123,8 +130,8 @@ class Problem(eqx.Module):
 
 def problem(
     scene: Any,
-    variables: Sequence[str] | dict[str, tuple[float | None, float | None]],
-    quantities: Sequence[Asked],
+    variables: Sequence[str] | dict[str, tuple[float | None, float | None]] | None = None,
+    quantities: Sequence[Asked] | None = None,
     options: AnalysisOptions | None = None,
 ) -> Problem:
     """A problem on a scene.
@@ -148,16 +155,21 @@ def problem(
     0.02042
     """
     design = machine_of(scene)
+    if variables is None:
+        bound = 'names or ranges in SI units, such as {"bore": (0.12, 0.14)}'
+        raise BadInput("variables", "absent", bound)
     listed_names("variables", variables)
     listed_names("quantities", quantities)
     ranges = variables if isinstance(variables, dict) else dict.fromkeys(variables, (None, None))
     if not quantities:
-        raise BadInput("quantities", "none", "at least one")
+        raise BadInput(
+            "quantities", "none", 'at least one, in a list such as ["mechanical_efficiency"]'
+        )
     for name, ends in ranges.items():
         if isinstance(ends, str) or np.shape(ends) != (2,):
             raise BadInput(name, f"{ends}", "a pair of ends in SI units, (low, high)")
     chosen = tuple(variable(design, n, *ends) for n, ends in by_name(design, ranges).items())
-    made = Problem(design, chosen, tuple(quantities), options or AnalysisOptions())
+    made = Problem(design, chosen, tuple(quantities), given_options(options))
     # Refuses what the scene does not have before anything is compiled.
     eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(chosen),), float))
     return made

@@ -16,7 +16,7 @@ from .._shown import Shown, shown, small_unit
 from ..crank import Collocation
 from ..cylinder import Cylinder
 from ..machine import Machine, machine_of
-from ._analysis import AnalysisOptions, DesignResult
+from ._analysis import AnalysisOptions, DesignResult, given_options
 from ._problem import Asked, name_of, unit_of, value_of
 from ._variables import given_numbers, variable_label
 
@@ -191,7 +191,7 @@ def sensitivity(
     """
     listed_names("quantities", quantities)
     design, asked = machine_of(scene), tuple(quantities or ("mechanical_efficiency",))
-    options, compressor = options or AnalysisOptions(), design.compressor
+    options, compressor = given_options(options), design.compressor
     if (
         options.solver is None
         and compressor is not None

@@ -13,8 +13,9 @@ from bokeh.plotting import figure
 from panel.io import hold
 
 from .._fields import BadInput
-from .._shown import shown
+from .._shown import SYSTEMS
 from .._status import SolveFailed
+from ..plot._animate import line_look
 from ..plot._style import INK, colour, words
 from ..scene import Scene, SceneError, loads
 from ._state import HEADLINES, Desk, View
@@ -24,11 +25,30 @@ _SLIDERS = 6
 _STEPS = 200
 # How long what is compiled for the first time takes.
 _WHILE = "some ten seconds, of a machine with valves a minute or two"
+_WAITING = f"Computing the gains. The first time of a quantity takes {_WHILE}."
+# Tabs compile one after another, and so the same program once.
+_ONE_AT_A_TIME = threading.Lock()
 # Columns of the gain: as a number, and as its text, which is shown.
 _GAIN = ("Gain", "gain")
 # Punctuation; Markdown takes each as it is behind a backslash.
 _SIGN = re.compile(r"([!-/:-@\[-`{-~])")
 _PINNED = "#AAAAAA"
+# [s] What a tab waits for gains before it is shown without them.
+_PATIENCE = 3.0
+# [s] The same before the browser is opened.
+_AT_FIRST = 15.0
+# Units of the pictures, which stay while numbers are dragged.
+_AXES = {
+    "m^3": (1e6, "cm³"), "Pa": (1e-6, "MPa"), "lift": (1e3, "mm"), "N": (1.0, "N"),
+    "film": (1e6, "µm"), "W": (1.0, "W"),
+}  # fmt: skip
+_AXES_US = _AXES | {
+    "m^3": (0.0254**-3, "in³"), "Pa": (1 / 6894.757, "psi"), "lift": (1 / 0.0254, "in"),
+    "N": (1 / 4.448222, "lbf"), "film": (1e6 / 0.0254, "µin"),
+}  # fmt: skip
+# A dark page shows every colour, also of the pictures, with its lightness turned round.
+_LIGHT = {"background": "white", "box-shadow": "0 0 0 24px white", "min-height": "100vh"}
+_DARK = _LIGHT | {"filter": "invert(0.9) hue-rotate(180deg)"}
 _WIDE = {"sizing_mode": "stretch_width"}
 _TABLE = {"show_index": False} | _WIDE
 # Side by side where there is room; on a phone the first picture stands before the numbers.
@@ -58,7 +78,8 @@ def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = Fa
         threaded: return at once, with the server; otherwise when it is interrupted.
     """
     pn.extension("tabulator")
-    _Page(scene)  # compiles what all pages share, before the first of them is waited for
+    # compiles what all pages share; of large machines the gains follow later
+    _Page(scene, _AT_FIRST)
     return pn.serve(
         {"/": lambda: page(scene)},
         address="127.0.0.1",
@@ -81,19 +102,36 @@ def page(scene: Scene) -> Any:
 class _Page:
     """The widgets of one tab."""
 
-    def __init__(self, scene: Scene):
-        self.body = pn.Column(**_WIDE)
-        self.open(scene)
+    def __init__(self, scene: Scene, patience: float | None = None):
+        self.body = pn.Column(styles=_LIGHT, **_WIDE)
+        self.units = pn.widgets.Select(label="Units", options=list(SYSTEMS), width=130)
+        self.units.param.watch(self._other_units, "value")
+        self.dark = pn.widgets.Toggle(label="Dark page", width=100, margin=(24, 10, 5, 10))
+        self.dark.param.watch(
+            lambda event: self.body.param.update(styles=_DARK if event.new else _LIGHT), "value"
+        )
+        self._asked = 0
+        self.open(scene, patience)
 
-    def open(self, scene: Scene) -> None:
+    def open(self, scene: Scene, patience: float | None = None) -> None:
         """Put a machine on the desk, in the place of the one that is there."""
-        self.desk = desk = Desk(scene)
+        self.desk = Desk(scene)
+        self.desk.system = self.units.value
+        self._influences: dict[str, Any] = {}
+        self._ask_gains(patience)
+        self._lay_out(self._by_gain()[:_SLIDERS])
+        if not self._influences:
+            self._say(_WAITING)
+
+    def _lay_out(self, with_sliders: list[str]) -> None:
+        """Lay the page out anew around the machine as it stands."""
+        desk, scene = self.desk, self.desk.scene
         self.sliders: dict[str, _Slider] = {}
         self._wanted: tuple[str, float] | None = None
-        self.pictures = _Pictures(desk.view)
+        self.pictures = _Pictures(desk)
         self.message = pn.pane.Alert("", alert_type="warning", visible=False)
         self.state = pn.pane.Markdown("", **_WIDE)
-        names = {shown(name, one.unit, 1.0).words: name for name, one in desk.quantities.items()}
+        names = {desk.look(name, 1.0).words: name for name in desk.quantities}
         self.quantity = pn.widgets.Select(label="Quantity", options=names, value=desk.quantity)
         self.quantity.param.watch(self._other_quantity, "value")
         self.table = self._numbers_table()
@@ -124,13 +162,19 @@ class _Page:
 
         title = f"## {_as_it_is(scene.name)}\n{_as_it_is(scene.description)}"
         first, *rest = [pn.pane.Bokeh(one, **_WIDE) for one in self.pictures.figures]
+        drawing = []
+        if self.pictures.outlines:
+            angle = pn.widgets.IntSlider(label="Crank angle [°]", start=-180, end=180, value=60)
+            angle.param.watch(lambda event: self.pictures.turn(event.new), "value")
+            drawing = [pn.Column(rest.pop(), angle, **_WIDE)]
+        front = pn.Column(first, *drawing, stylesheets=[_GRID], **_WIDE)
         self.body[:] = [
             pn.Column(
                 area("head", pn.pane.Markdown(title, **_WIDE), self.state, self.message),
-                area("first", first),
+                area("first", front),
                 area(
                     "numbers",
-                    self.quantity,
+                    pn.FlexBox(self.quantity, self.units, self.dark),
                     pn.FlexBox(*self.buttons.values(), save, load),
                     self.warnings,
                     self.ranges,
@@ -141,7 +185,7 @@ class _Page:
                 **_WIDE,
             )
         ]
-        for name in self._by_gain()[:_SLIDERS]:
+        for name in with_sliders:
             self.add_slider(name)
         self._show()
         self._show_warnings()
@@ -192,21 +236,50 @@ class _Page:
 
     def _other_quantity(self, event) -> None:
         self.desk.quantity = event.new
-        self._say(f"Computing the gains; the first time of a quantity takes {_WHILE}.")
-        self._later(self._gains_of_other)
-
-    def _gains_of_other(self) -> None:
+        self._influences = {}
         self._show_gains()
-        self._say("")
         self._show()
+        if not self._influences:
+            self._say(_WAITING)
 
-    def _later(self, call) -> None:
-        """Call when the browser has what was said before; at once where there is none."""
-        document = pn.state.curdoc
-        if document is None:
-            call()
-        else:
-            document.add_next_tick_callback(call)
+    def _other_units(self, event) -> None:
+        self.desk.system = event.new
+        self._lay_out(list(self.sliders))
+
+    def _ask_gains(self, patience: float | None = None) -> None:
+        """Compute the gains aside and wait so long [s] for them; those that come later are shown then."""
+        self._asked += 1
+        number, document, desk = self._asked, pn.state.curdoc, self.desk
+        if patience is None and document is not None:
+            patience = _PATIENCE
+        found = []
+
+        def work():
+            with _ONE_AT_A_TIME:
+                if number == self._asked:
+                    found.append(desk.gains().ranking(desk.quantity))
+            if document is not None:
+                _in_time(document, late)
+
+        def late():
+            if not take():
+                return
+            self._fill_gains()
+            for name in () if self.sliders else self._by_gain()[:_SLIDERS]:
+                self.add_slider(name)
+            if self.message.object == _as_it_is(_WAITING):
+                self._say("")
+
+        def take():
+            ours = number == self._asked and bool(found)
+            if ours:
+                self._influences = {one.number: one for one in found.pop()}
+            return ours
+
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        thread.join(patience)
+        take()
 
     def _undo(self, _) -> None:
         self._drag()
@@ -242,10 +315,7 @@ class _Page:
             later(lambda: setattr(button, "label", f"Improve: {stage}, {done} of {most}"))
 
         def later(call):
-            if document is None:
-                call()
-            elif document.session_context is not None and not document.session_context.destroyed:
-                document.add_next_tick_callback(call)
+            call() if document is None else _in_time(document, call)
 
         def done(words):
             button.loading, button.label = False, "Improve"
@@ -311,12 +381,12 @@ class _Page:
         desk, view, named = self.desk, self.desk.view, ""
         value = view.quantities.get(desk.quantity)
         if value is not None:
-            look = shown(desk.quantity, desk.quantities[desk.quantity].unit, value)
+            look = desk.look(desk.quantity, value)
             named = f"**{_as_it_is(look.words)}: {look.text(float(value))}**"
         for name in HEADLINES:
             if name in view.quantities and name != desk.quantity:
                 size = view.quantities[name]
-                look = shown(name, desk.quantities[name].unit, size)
+                look = desk.look(name, size)
                 named += f" · {_as_it_is(look.words)}: {look.text(float(size))}"
         with hold():
             self.pictures.show(view, desk.pinned)
@@ -326,6 +396,10 @@ class _Page:
             self.state.object = f"{named} {view.status and f'⚠ {_as_it_is(view.status)}'}"
 
     def _show_gains(self) -> None:
+        self._ask_gains()
+        self._fill_gains()
+
+    def _fill_gains(self) -> None:
         gains = self._gains()
         columns = zip(*(gains[name] for name in self.table.value["name"]), strict=True)
         self.table.patch(
@@ -334,13 +408,15 @@ class _Page:
 
     def _gains(self) -> dict[str, tuple[float, str]]:
         """Gain of every number as a number, which sorts, and in words."""
-        ranked = self.desk.gains().ranking(self.desk.quantity)
-        self._order = {one.number: place for place, one in enumerate(ranked)}
-        gains = {one.number: (one.rise, one.change) for one in ranked}
-        return {name: gains.get(name, (0.0, "none")) for name in self.desk.numbers}
+        none = 0.0, "none" if self._influences else "..."
+        gains = {name: (one.rise, one.change) for name, one in self._influences.items()}
+        return {name: gains.get(name, none) for name in self.desk.numbers}
 
     def _by_gain(self) -> list[str]:
-        return sorted(self.desk.numbers, key=lambda name: self._order.get(name, len(self._order)))
+        """The numbers, that with the largest gain first; empty while gains are computed."""
+        return (
+            list(dict.fromkeys([*self._influences, *self.desk.numbers])) if self._influences else []
+        )
 
     def _numbers_table(self) -> Any:
         desk, gains = self.desk, self._gains()
@@ -371,12 +447,12 @@ class _Page:
         first = [name for name in HEADLINES if name in desk.view.quantities]
         for name in dict.fromkeys([*first, *desk.view.quantities]):
             value = desk.view.quantities[name]
-            look = shown(name, desk.quantities[name].unit, value)
+            look = desk.look(name, value)
             row = {"Result": look.words, "Now": look.text(float(value))}
             if pinned is not None:
                 before = float(pinned.quantities[name])
                 row["Pinned"] = look.text(before)
-                row["Difference"] = look.text(float(value) - before, 3)
+                row["Difference"] = look._replace(zero=0.0).text(float(value) - before, 3)
             rows.append(row)
         return pd.DataFrame(rows)
 
@@ -393,11 +469,10 @@ class _Slider:
     def __init__(self, page: _Page, name: str):
         self.page, self.name, desk = page, name, page.desk
         low, high = desk.range_of(name)
-        look = shown(name, desk.numbers[name].unit, [low, high])
-        self.factor = look.factor
+        self.look = look = desk.look(name, [low, high])
         self.ends = [
             pn.widgets.FloatInput(
-                label=word, value=_short(end * look.factor), width=82, margin=(5, 4)
+                label=word, value=_short(self._shown(end)), width=82, margin=(5, 4)
             )
             for word, end in (("from", low), ("to", high))
         ]
@@ -421,23 +496,29 @@ class _Slider:
     @property
     def range(self) -> tuple[float, float]:
         """[SI] The ends."""
-        return self.slider.start / self.factor, self.slider.end / self.factor
+        return self._si(self.slider.start), self._si(self.slider.end)
+
+    def _shown(self, value: float) -> float:
+        return value * self.look.factor + self.look.zero
+
+    def _si(self, value: float) -> float:
+        return (value - self.look.zero) / self.look.factor
 
     def follow(self) -> None:
         """Stand where the number stands, between ends that hold it."""
         value, low, high = self._value, self.slider.start, self.slider.end
         if not low <= value <= high:
-            wide = [end * self.factor for end in self.page.desk.range_of(self.name)]
+            wide = [self._shown(end) for end in self.page.desk.range_of(self.name)]
             low, high = min(low, _short(wide[0]), value), max(high, _short(wide[1]), value)
         self._set(low, high)
 
     @property
     def _value(self) -> float:
-        return self.page.desk.values[self.name] * self.factor
+        return self._shown(self.page.desk.values[self.name])
 
     def _moved(self, event) -> None:
         if not self._following:
-            self.page.drag(self.name, event.new / self.factor)
+            self.page.drag(self.name, self._si(event.new))
 
     def _let_go(self, _) -> None:
         if not self._following:
@@ -450,7 +531,7 @@ class _Slider:
         bound = self.page.desk.numbers[self.name].bound
         numbers = None not in (low, high)
         if not numbers or not (
-            low < high and all(bound.holds(end / self.factor) for end in (low, high))
+            low < high and all(bound.holds(self._si(end)) for end in (low, high))
         ):
             self.page._say(f"{self.name}: the ends of the range must rise and be {bound}")
         elif not low <= self._value <= high:
@@ -476,10 +557,11 @@ class _Slider:
 class _Pictures:
     """Pictures whose curves and bars follow, each with the pinned state in grey behind it."""
 
-    def __init__(self, view: View):
+    def __init__(self, desk: Desk):
+        self.desk, view = desk, desk.view
         self.sources: dict[str, ColumnDataSource] = {}
         self.figures = []
-        for title, (x, y, parts) in _drawn(view).items():
+        for title, (x, y, parts) in _drawn(view, desk.system).items():
             bars = parts.get("")
             rows = {} if bars is None else {"y_range": FactorRange(*reversed(bars["y"]))}
             plot: Any = figure(
@@ -512,30 +594,73 @@ class _Pictures:
                 legend.update(click_policy="hide", border_line_color=None, padding=0)
                 plot.add_layout(legend, "above")
             self.figures.append(plot)
+        self.angle, self.outlines = np.deg2rad(60.0), {}
+        for name in desk.front_view(self.angle):
+            self.outlines[name] = ColumnDataSource({"x": [], "y": []})
+        if self.outlines:
+            self.figures.append(self._mechanism())
+
+    def _mechanism(self) -> Any:
+        plot: Any = figure(
+            title=Title(text="Mechanism", text_color=INK), height=260, match_aspect=True, tools="",
+            toolbar_location=None, **_WIDE,
+        )  # fmt: skip
+        plot.axis.visible = plot.grid.visible = False
+        for name, source in self.outlines.items():
+            look = line_look(name)
+            if look["linestyle"]:
+                dash = "dotted" if look["linestyle"] == ":" else "solid"
+                plot.line("x", "y", source=source, color=look["color"], line_dash=dash,
+                          line_width=look["linewidth"], line_cap="round")  # fmt: skip
+            else:
+                plot.scatter("x", "y", source=source, color=look["color"], size=look["markersize"])
+        return plot
+
+    def turn(self, degrees: float) -> None:
+        """Draw the mechanism at another angle of the crank."""
+        self.angle = np.deg2rad(degrees)
+        self._outline()
+
+    def _outline(self) -> None:
+        for name, line in self.desk.front_view(self.angle).items():
+            data = self.outlines[name].data
+            if not np.array_equal([data["x"], data["y"]], line, equal_nan=True):
+                self.outlines[name].data = {"x": line[0], "y": line[1]}
 
     def show(self, view: View, pinned: View | None) -> None:
         """Draw a state, and the pinned one behind it."""
+        self._outline()
         for behind, one in ((True, pinned), (False, view)):
-            for title, (_, _, parts) in ({} if one is None else _drawn(one)).items():
+            drawn = {} if one is None else _drawn(one, self.desk.system)
+            for title, (_, _, parts) in drawn.items():
                 for name, columns in parts.items():
                     self.sources[f"{title}.{name}.{behind}"].data = columns
 
 
-def _drawn(view: View) -> dict[str, tuple[str, str, dict[str, dict[str, Any]]]]:
+def _in_time(document: Any, call) -> None:
+    """Call when the page of a document has time, if it is still open."""
+    if document.session_context is not None and not document.session_context.destroyed:
+        document.add_next_tick_callback(call)
+
+
+def _drawn(view: View, system: str) -> dict[str, tuple[str, str, dict[str, dict[str, Any]]]]:
     """Labels of both axes, and columns of data by curve, of every picture that this machine has.
 
     Bars are the columns of the name "".
     """
-    out = {}
+    out, axes = {}, _AXES_US if system == "US" else _AXES
     if view.pressure is not None:
-        x, y = (np.append(curve, curve[0]) for curve in (view.volume * 1e6, view.pressure / 1e6))
+        (by_x, x_unit), (by_y, y_unit) = axes["m^3"], axes["Pa"]
+        x, y = (np.append(curve, curve[0]) for curve in (view.volume * by_x, view.pressure * by_y))
         curves = {"gas": {"x": x, "y": y}}
-        out["Indicator diagram"] = "Displaced volume, cm³", "Pressure, MPa", curves
-    for title, label, angle, values, factor in (
-        ("Valve lift", "mm", view.lift_angle, view.lifts, 1e3),
-        ("Joint forces", "Magnitude, N", view.angle, view.forces, 1.0),
-        ("Smallest film thickness", "µm", view.film_angle, view.films, 1e6),
+        out["Indicator diagram"] = f"Displaced volume, {x_unit}", f"Pressure, {y_unit}", curves
+    for title, what, angle, values, kind in (
+        ("Valve lift", "", view.lift_angle, view.lifts, "lift"),
+        ("Joint forces", "Magnitude, ", view.angle, view.forces, "N"),
+        ("Smallest film thickness", "", view.film_angle, view.films, "film"),
     ):
+        factor, unit = axes[kind]
+        label = f"{what}{unit}"
         if values:
             degrees = np.rad2deg((angle + np.pi) % (2 * np.pi) - np.pi)
             order = np.argsort(degrees)
@@ -548,14 +673,15 @@ def _drawn(view: View) -> dict[str, tuple[str, str, dict[str, dict[str, Any]]]]:
     uses = {words(name): one for name, one in view.power_use.items()}
     vibration = {}
     for name, (now, after) in view.vibration.items():
-        vibration |= {name: now * 1e6, f"{name}, balanced": after * 1e6}
-    for title, unit, sizes in (
+        vibration |= {name: now, f"{name}, balanced": after}
+    for title, kind, sizes in (
         ("Power use", "W", uses),
         ("Friction losses", "W", losses),
-        ("Vibration of the targets", "µm", vibration),
+        ("Vibration of the targets", "film", vibration),
     ):
         if sizes:
-            bars = {"y": list(sizes), "right": list(map(float, sizes.values()))}
+            factor, unit = axes[kind]
+            bars = {"y": list(sizes), "right": [factor * float(size) for size in sizes.values()]}
             out[title] = unit, "", {"": bars}
     return out
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from .._fields import BadInput
 from .._registry import Quantity
-from .._shown import shown
+from .._shown import Shown, shown
 from .._status import Status
 from ..balancing import least_squares
 from ..crank import film_thickness
@@ -28,6 +28,7 @@ from ..design import (
 )
 from ..design._variables import GivenNumber, given_numbers, variable_label
 from ..machine import Machine
+from ..plot._animate import front_view
 from ..plot._fine import fine_turn, first_diagram
 from ..scene import Scene, SceneError, dump, implausible_values, to_si, with_machine
 
@@ -90,7 +91,10 @@ class Desk:
         values: [SI] of every number, as it stands.
         quantities: that gains can be asked for, by name.
         quantity: the one whose gains are shown; may be set.
+        system: of the units that texts have, one of `SYSTEMS`; may be set.
     """
+
+    system = "SI"
 
     def __init__(
         self, scene: Scene, options: AnalysisOptions | None = None, quantity: str | None = None
@@ -121,7 +125,19 @@ class Desk:
     def text(self, name: str) -> str:
         """A number with the unit that suits it."""
         value = self.values[name]
-        return shown(name, self.numbers[name].unit, value).text(value, 6)
+        return self.look(name, value).text(value, 6)
+
+    def look(self, name: str, values) -> Shown:
+        """How a number or quantity with some values [SI] is shown."""
+        one = self.numbers.get(name) or self.quantities[name]
+        return shown(name, one.unit, values, self.system)
+
+    def front_view(self, angle: float) -> dict[str, Float[np.ndarray, "2 n"]]:
+        """The mechanisms as they stand, [m] lines by part; empty if nobody has drawn them."""
+        try:
+            return front_view(self.machine.compressor, angle) if self.machine.compressor else {}
+        except TypeError:
+            return {}
 
     def range_of(self, name: str) -> tuple[float, float]:
         """[SI] Where the slider of a number begins and ends: a fifth to either side, inside its bound."""
@@ -141,7 +157,7 @@ class Desk:
             SceneError: the value lies outside its bound.
         """
         one = self.numbers[name]
-        self._check(one, value, shown(name, one.unit, value).text(value))
+        self._check(one, value, self.look(name, value).text(value))
         if not (dragging and self._dragged == name):
             self._keep()
         self._dragged = name if dragging else ""
@@ -250,7 +266,7 @@ class Desk:
         self.values |= {name: float(value) * scale[name] for name, value in best.values.items()}
         self.view = self._solved()
         value = best.objective
-        return f"{shown(self.quantity, one.unit, value).text(value)} ({best.status})"
+        return f"{self.look(self.quantity, value).text(value)} ({best.status})"
 
     def _check(self, one: GivenNumber, value: float, given: str) -> None:
         if not (np.isfinite(value) and bool(one.bound.holds(value))):

@@ -120,7 +120,9 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     above, below = axes[:, 0]
     above.set_aspect("equal")
     above.set_axis_off()
-    drawn = {name: above.plot(*line, **_look(name))[0] for name, line in sketches[0].lines.items()}
+    drawn = {
+        name: above.plot(*line, **line_look(name))[0] for name, line in sketches[0].lines.items()
+    }
     tips = {
         name: _arrow(above, _GAS_TINT if name == "gas" else style.colour(name, place), 2.2)
         for place, name in enumerate(sketches[0].arrows)
@@ -166,16 +168,42 @@ def sketch(compressor: Compressor, turn: FineTurn, angle: float) -> Sketch:
         name: np.array([np.interp(angle, turn.state.angle, component) for component in force])
         for name, force in _forces(compressor, turn).items()
     }
-    mechanism = compressor.mechanism
-    if isinstance(mechanism, SliderCrank):
-        lines, feet = _slider_crank(mechanism, angle)
-    elif isinstance(mechanism, SliderLink):
-        lines, feet = _slider_link(mechanism, angle)
-    else:
-        name = type(mechanism).__name__
-        raise TypeError(f"There is no drawing of a mechanism of type {name}.")
+    lines, feet = _drawing(compressor.mechanism, angle)
     feet |= dict.fromkeys(bearing_names(compressor.crankshaft), np.zeros(2))
     return Sketch(lines, {name: Arrow(place, forces[name]) for name, place in feet.items()})
+
+
+def _drawing(mechanism: Any, angle: float):
+    """Lines of a mechanism, and where the forces on its parts act, [m]."""
+    if isinstance(mechanism, SliderCrank):
+        return _slider_crank(mechanism, angle)
+    if isinstance(mechanism, SliderLink):
+        return _slider_link(mechanism, angle)
+    raise TypeError(f"There is no drawing of a mechanism of type {type(mechanism).__name__}.")
+
+
+def front_view(compressor: Compressor, angle: float) -> dict[str, np.ndarray]:
+    """The mechanisms of all cylinders as they are seen along the shaft.
+
+    Args:
+        compressor: with mechanisms that are drawn.
+        angle: [rad] of the crank from the top dead centre of the first cylinder.
+
+    Returns:
+        Lines [m] (2, n) by part: y to the right and x upwards, NaN between two cylinders.
+
+    Raises:
+        TypeError: a mechanism that nobody has drawn yet.
+    """
+    parts: dict[str, list[np.ndarray]] = {}
+    shaft = compressor.crankshaft
+    banks, phases = np.asarray(shaft.bank_angle), np.asarray(shaft.phase)
+    for number, (bank, phase) in enumerate(zip(banks, phases, strict=True), 1):
+        lines, _ = _drawing(of_cylinder(compressor.mechanism, number), angle + phase)
+        turn = np.array([[np.sin(bank), np.cos(bank)], [np.cos(bank), -np.sin(bank)]])
+        for name, line in lines.items():
+            parts.setdefault(name, []).extend([turn @ line, np.full((2, 1), np.nan)])
+    return {name: np.concatenate(pieces[:-1], axis=1) for name, pieces in parts.items()}
 
 
 def _forces(compressor: Compressor, turn: FineTurn) -> dict[str, np.ndarray]:
@@ -249,7 +277,8 @@ def _limits(ax: Axes, sketches: list[Sketch], reach: float) -> None:
     ax.set_ylim(min(low[1], -0.6 * reach) - 0.1 * reach, max(high[1], 0.6 * reach) + 0.25 * reach)
 
 
-def _look(name: str) -> dict[str, Any]:
+def line_look(name: str) -> dict[str, Any]:
+    """How a part of a mechanism is drawn, as options of a line of matplotlib."""
     if name == "pins":
         return {"marker": "o", "linestyle": "", "color": style.INK, "markersize": 6, "zorder": 5}
     paint, thick = {

@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 
 from .._fields import Part
+from .._shown import is_temperature
 from ..compressor import Compressor
 from ..film import NamedBearing
 from ._explain import meaning, summary
@@ -27,7 +28,6 @@ from ._schema import (
     top_sections,
 )
 from ._text import KEY, NUMBER
-from ._units import is_temperature
 
 _TEXT = {"type": "string"}
 _PERCENT = rf"^\s*{NUMBER}\s*%?\s*$"
@@ -97,7 +97,7 @@ def _any(alternatives: list[Any]) -> dict[str, Any]:
 def _number(entry: Number, name: str, unit_given: bool) -> list[Any]:
     """A single number: bare where it needs no unit, or its table has one, and as a text."""
     low, high, low_open, high_open = entry.bound
-    level = is_temperature(entry.unit, name)
+    level = is_temperature(name, entry.unit)
     sign = NUMBER.removeprefix("[+-]?") if low >= 0 and not level else NUMBER
     text = rf"^\s*\+?{sign}\s*[^\d\s,].*$" + (_GRADE if entry.unit == "Pa s" else "")
     if not entry.unit:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._fields import BadInput
-from .._shown import ZERO_CELSIUS
+from .._shown import ZERO_CELSIUS, is_temperature
 from ._text import NUMBER, SceneError
 
 if TYPE_CHECKING:
@@ -43,8 +43,6 @@ ZEROS = {
 _LEVELS = {name.lower(): one for name, one in ZEROS.items() if one[1]}
 _LEVELS |= {"celsius": ZEROS["C"], "fahrenheit": ZEROS["F"]}
 _DEGREES = (*ZEROS, *_LEVELS, "kelvin")
-# Keys of temperatures end so. Every other number in K is a difference: 10 K of superheat are not 283 K.
-_TEMPERATURES = ("temperature", "evaporating", "condensing")
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE)
 _EXAMPLES = {
     "m": "130 mm",
@@ -93,14 +91,8 @@ def to_si(
         if len({part.shape for part in parts}) > 1:
             raise SceneError(key, "has rows of different length", given)
         return np.array(parts, dtype=float).reshape(len(parts), *(parts[0].shape if parts else ()))
-    level = not difference and is_temperature(unit, key)
+    level = not difference and is_temperature(key.partition("=")[0], unit)  # of an option
     return np.asarray(_single(given, unit, key, default_unit, level))
-
-
-def is_temperature(unit: str, key: str) -> bool:
-    """Whether a number is a temperature, and no difference of temperatures."""
-    name = key.partition("=")[0]  # of an option
-    return unit == "K" and re.sub(r"(\.\d+)+$", "", name).endswith(_TEMPERATURES)
 
 
 def _single(given: Any, unit: str, key: str, default_unit: str | None, level: bool) -> float:
@@ -238,7 +230,7 @@ def in_celsius(given: Any, key: str) -> Any:
     if isinstance(given, list):
         return [in_celsius(one, f"{key}.{at}") for at, one in enumerate(given)]
     match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
-    if match is None or match[2] != "K" or not is_temperature("K", key):
+    if match is None or match[2] != "K" or not is_temperature(key, "K"):
         return given
     return f"{float(match[1]) - ZERO_CELSIUS:.10g} degC"
 

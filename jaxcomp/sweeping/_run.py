@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from .._fields import BadInput
+from .._fields import BadInput, by_names
 from .._waits import progress_of
 from ..design import AnalysisOptions, Problem, by_name, prepared, quantity_named, variable
 from ..design._problem import Asked, problem_of
@@ -34,7 +34,7 @@ Over: TypeAlias = Mapping[str, Distribution | Sequence[float] | Float[np.ndarray
 
 def sweep(
     scene: Any,
-    over: Over,
+    over: Over | None = None,
     quantities: Sequence[Asked] | None = None,
     *,
     samples: int | None = None,
@@ -101,6 +101,7 @@ def sweep(
     [[92.5 91.3 89.7]
      [92.4 91.4 90.2]]
     """
+    by_names("over", over, '{"mechanism.bore": [0.12, 0.13]}')
     if over and not isinstance(scene, Problem):
         over = by_name(machine_of(scene), over)
     points = _points(over, samples, sampling, seed)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._fields import BadInput, counted, listed_names
+from .._fields import BadInput, bounds_by_names, counted, listed_names
 from .._results import Data, Result
 from .._shown import shown
 from ..design import AnalysisOptions, Problem, by_name, prepared
@@ -135,7 +135,7 @@ class Tolerances(Result):
 
 def tolerance(
     scene: Any,
-    tolerances: Mapping[str, Within],
+    tolerances: Mapping[str, Within] | None = None,
     quantities: Sequence[Asked] | None = None,
     *,
     correlations: Correlations | None = None,
@@ -177,7 +177,8 @@ def tolerance(
             bounds, correlations that cannot be, or an option that makes no sense.
     """
     listed_names("quantities", quantities)
-    asked, limits = quantities, limits or {}
+    asked, limits = quantities, bounds_by_names("limits", limits)
+    tolerances = {} if tolerances is None else tolerances
     scatter_of(tolerances)  # refuses what is no tolerance, before its name is looked up
     if not isinstance(scene, Problem):
         tolerances = by_name(machine_of(scene), tolerances)
