@@ -195,7 +195,7 @@ REFUSED = {
     ),
     "front with itself": ([*BORE, "--pareto", "mechanical_efficiency"], "two different quantities"),
     "least squares of one": ([*BORE, "--method", "least-squares"], "without targets"),
-    "no start": (["mayekawa-wbhe", *BORE[1:3], "--starts", "0"], "`starts` must be >= 1"),
+    "no start": (["mayekawa-wbhe", *BORE[1:3], "--starts", "0"], "`starts` must be a number >= 1"),
     "unknown machine": (["mayekawa", *BORE[1:]], "did you mean"),
 }
 

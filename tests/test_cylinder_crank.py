@@ -188,7 +188,7 @@ def test_a_rating_point_has_the_lines_of_its_standard(rating):
     np.testing.assert_allclose(valve.T - comes.T, 22.8, rtol=1e-12)
     with pytest.raises(BadInput, match="rating"):
         at_rating(load("r134a-7cc"), 250.0, 320.0, "ashray")
-    with pytest.raises(BadInput, match="cylinder with a real gas"):
+    with pytest.raises(BadInput, match="with valves and a real gas, for rating points"):
         at_rating(load("mayekawa-wbhe"), 250.0, 320.0)
 
 

@@ -94,7 +94,7 @@ def test_a_rule_moves_the_whole_machine(mayekawa):
         ({"mechanism.bore.0": (None, None)}, ["motor_power"], "dotted path"),
         ({"mechanism": (None, None)}, ["motor_power"], "dotted path"),
         ({"bore": (-0.1, 0.2)}, ["motor_power"], "bore.*> 0.*-0.1"),
-        ({"bore": (0.2, 0.1)}, ["motor_power"], "bore.*low to high"),
+        ({"bore": (0.2, 0.1)}, ["motor_power"], r"bore.*a range \(low, high\)"),
         ({"bore": (0.1, 0.2)}, ["power"], "quantity.*one of.*motor_power"),
         ({"bore": (0.1, 0.2)}, ["loss_power.knee"], "loss_power.*crank_pin.*knee"),
         ({"bore": (0.1, 0.2)}, ["vibration"], "'vibration' needs a rotor; this scene has none"),

@@ -455,7 +455,7 @@ def test_refusals_name_field_value_and_bound(scene):
     assert "`total` must be given finite bounds" in refused(
         scene, constraints={total: (None, np.nan)}
     )
-    assert "`starts` must be >= 1 and <= 10000, but is 0" in refused(scene, starts=0)
+    assert "`starts` must be a number >= 1 and <= 10000, but is 0" in refused(scene, starts=0)
     assert f"`starts.{X}` must be >= 0 and <= 3, but is 4" in refused(scene, starts=[[4.0]])
     assert "of shape (starts, 1)" in refused(scene, starts=[[1.0, 2.0]])
     assert "`tolerance` must be > 0 and < 1" in refused(scene, tolerance=0.0)

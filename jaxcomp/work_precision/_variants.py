@@ -25,7 +25,7 @@ from .._status import SolveFailed, Status
 from ..compressor import Compressor
 from ..coupling import loaded_rotor, without
 from ..crank import Collocation, TimeIntegration, solve_orbit
-from ..crankshaft import film_journals
+from ..crankshaft import bearing_names, film_journals
 from ..design import AnalysisOptions
 from ..film import JournalBearing
 from ..friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
@@ -37,7 +37,6 @@ from ._study import Program, answer, median_time
 
 # The film journals that stand in for the scene's own where it has none: usual proportions.
 _LENGTH_RATIO, _CLEARANCE_RATIO, _VISCOSITY = 0.5, 1e-3, 5e-3  # [-], [-], [Pa s]
-_CRANK = "mean_force.crank_pin"
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
 _MARCH = TimeIntegration(diffrax.Dopri8(), 1e-11, max_steps=8192, samples=2000)
 # [-] Speeds of the rotor that are searched for its largest response, over the highest of its planes.
@@ -152,7 +151,8 @@ def _crank_scenes(design: Machine) -> Iterator[LeanScene]:
     if isinstance(machine.friction, SliderCrankFriction):
         ladder["fluctuating speed, film journals"] = _filmed_machine(machine)
     for name, made in ladder.items():
-        yield LeanScene(f"crank: {name}", Machine(made), AnalysisOptions(), _CRANK)
+        asked = f"mean_force.{bearing_names(made.crankshaft)[0]}"  # of the shaft on its bearing
+        yield LeanScene(f"crank: {name}", Machine(made), AnalysisOptions(), asked)
 
 
 def _rotor_scenes(design: Machine) -> Iterator[LeanScene]:
