@@ -464,7 +464,7 @@ def test_refusals_name_field_value_and_bound(scene):
     assert "crank_pin" in refused(scene, constraints={"peak_force.crank_pn": (None, 1.0)})
     with pytest.raises(BadInput, match="two different quantities"):
         pareto(asked(scene, bowl), (bowl, bowl))
-    with pytest.raises(BadInput, match="`points` must be >= 3"):
+    with pytest.raises(BadInput, match="`points` must be a number >= 3"):
         pareto(asked(scene, bowl), (bowl, total), points=2)
 
 
