@@ -35,8 +35,8 @@ from ._panels import panels
 # err by about as much: the one step across the change takes its sides at random.
 _BESIDE = 2e-7
 # Nodes of the solution that gives the places. With 8, and of a machine with six near-zero loads with 16,
-# they err by more than that on machines with offset and weights: a long step then began on the wrong side,
-# and derivatives were 7e-4 and 2e-3 off.
+# they err by more than that on machines with offset and weights: a long step then began on the wrong
+# side, and derivatives were 7e-4 and 2e-3 off.
 _PLACING = 32
 # Stops on either side of a load minimum, at 0.1 rad and closing in by 0.15 each: the last at 8e-6 rad. On
 # the machine of Tsuji et al. the load of the piston pin turns round within 6e-5 rad.
