@@ -183,7 +183,7 @@ def test_coefficients_that_are_written_are_read_back(tmp_path, count, speeds):
     np.testing.assert_allclose(found.values["mass_flow"][there], expected[there], rtol=close)
     few = {one: maps[one] for one in speeds[:1]}
     if count > 10:
-        with pytest.raises(BadInput, match="three speeds"):
+        with pytest.raises(BadInput, match="four speeds for 20 and three for 30"):
             polynomial_text(few, count, told)
 
 

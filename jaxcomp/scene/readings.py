@@ -303,7 +303,7 @@ def polynomial_text(
     size = np.linalg.norm(terms, axis=0)
     told = np.linalg.matrix_rank(terms / np.where(size > 0, size, 1.0), tol=1e-11)
     if told < count:
-        bound = f"enough for {count} coefficients, at least three speeds for 20 and 30"
+        bound = f"enough for {count} coefficients, at least four speeds for 20 and three for 30"
         raise BadInput("points of the map", f"{S.size}, which tell {told}", bound)
     span = [f"{x.min() - ZERO:.6g} to {x.max() - ZERO:.6g} degC" for x in (S, D)]
     lines = [f"# {key} = {value}" for key, value in metadata.items()]
