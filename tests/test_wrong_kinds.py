@@ -4,11 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import jaxcomp as jc
 from jaxcomp import BadInput
-from jaxcomp.cli import app
 from jaxcomp.scene import SceneError
 from jaxcomp.tolerancing import within
 
@@ -128,13 +126,3 @@ def test_the_answer_says_what_to_write(scene, mistake, advice):
 def test_something_else_is_no_file(scene):
     with pytest.raises(SceneError, match="name of a bundled machine or of a file"):
         jc.load(scene)
-
-
-def test_out_at_a_file_is_refused_before_anything_is_solved(tmp_path, monkeypatch):
-    file = tmp_path / "results"
-    file.write_text("mine")
-    monkeypatch.setattr("jaxcomp.crank.solve_orbit", None)
-    found = CliRunner().invoke(app, ["run", "mayekawa-wbhe", "--out", str(file)])
-    assert found.exit_code == 2
-    assert "is a file; name a folder" in " ".join(found.stderr.split())
-    assert file.read_text() == "mine"

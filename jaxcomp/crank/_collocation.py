@@ -290,12 +290,11 @@ def orbit_of_motion(
                 _quadrature_error(grid, fine, lax.stop_gradient(nodes(loss)), finer(loss)) + moved
             )
         )
+    at, state, loads = jax.tree.map(nodes, (at, state, loads))
     positions = None
     if motion.journals is not None:
         flat = motion.journals.reshape(*motion.journals.shape[:2], -1)
         positions = {one.joint: flat[:, i] for i, one in enumerate(moving(known.compressor))}
-    at, state, loads = jax.tree.map(nodes, (at, state, loads))
-    if motion.journals is not None:
         drive = journal_drive(known.compressor, loads.forces, state)
         status = orbit_status(grid.rule, drive, motion.journals, status)
     return orbit_on_panels(
