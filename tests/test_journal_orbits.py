@@ -171,7 +171,7 @@ def test_a_constant_load_is_carried_where_a_steady_film_carries_it():
     loss = film.mean_shear_loss + film.mean_squeeze_loss
     assert float(loss) == pytest.approx(float(film.steady_loss), rel=1e-9)
     # stiffness and damping are those of the steady film (Ocvirk's, of another program)
-    steady = stiffness_damping(bearing.steady, jnp.array([2000.0, 0.0]), 300.0, rest_speed=0.0)
+    steady = stiffness_damping(bearing, jnp.array([2000.0, 0.0]), 300.0, rest_speed=0.0)
     np.testing.assert_allclose(film.stiffness, steady.stiffness, rtol=1e-8)
     np.testing.assert_allclose(film.damping, steady.damping, rtol=1e-8)
 
