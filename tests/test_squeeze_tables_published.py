@@ -1,6 +1,6 @@
-"""Films of moving journals against published load numbers and a finite-volume solution of this file's own.
+"""Films of moving journals against published load numbers and finite volumes of this file's own.
 
-Published: H. J. Butenschoen, thesis, Karlsruhe 1976, load number of squeeze So_V = F psi^2/(eta B D deps/dt)
+Published: H. J. Butenschoen, thesis, Karlsruhe 1976, squeeze So_V = F psi^2/(eta B D deps/dt)
 of the full ring with p >= 0 over eccentricity ratio and B/D, as the tables of VDI 2204 have it.
 """
 
@@ -33,7 +33,7 @@ def forces(q, eps, velocity):
 def test_squeeze_meets_butenschoens_table(q):
     found = forces(q, ECCENTRICITIES, [1 + 0 * ECCENTRICITIES, 0 * ECCENTRICITIES])[0]
     error = np.abs(found / SQUEEZE[q] - 1)
-    # his grid of 1976: it differs from the solution below by 0.03 % at the centre, 0.3 % at 0.95 and 0.7 %
+    # his grid of 1976: it differs from the solution below by 0.03 % at the centre, 0.3 % at 0.95, 0.7 %
     # at 0.99, by as much as our table does, which is within 1e-4 of that solution
     assert np.all(error[:-1] < 4e-3)
     assert error[-1] < 8e-3
