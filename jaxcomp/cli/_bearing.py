@@ -55,8 +55,8 @@ def bearing(
 ) -> None:
     """Run a journal bearing under a steady load, or under loads from a table over the crank angle.
 
-    A steady load: position, friction, stiffness and damping. A table: the periodic orbit of the journal in
-    its film, with smallest film, largest pressure, loss and side flow.
+    A steady load: position, friction, stiffness and damping. A table: the periodic orbit of the journal
+    in its film, with smallest film, largest pressure, loss and side flow.
 
     Example: [bold]jaxcomp bearing --length 20mm --diameter 40mm --clearance 30um --viscosity "VG 46
     at 60 degC" --speed 3000rpm --load 2kN[/bold]
@@ -68,9 +68,9 @@ def bearing(
         viscosity: Dynamic viscosity such as '5 mPa*s', or a grade as 'VG 46 at 60 degC'.
         speed: Speed of the journal, such as 3000rpm; with --loads, of the crank.
         load: Steady load on the journal, such as '2 kN'.
-        loads (FILE.csv): Loads on the journal instead of --load: columns angle [deg], W_x [N] and W_y [N],
-            one period. Further columns journal_speed [rpm] and bush_speed [rpm] for a rod or a pin
-            that swings.
+        loads (FILE.csv): Loads on the journal instead of --load: columns angle [deg], W_x [N] and
+            W_y [N] over one period. Further columns journal_speed [rpm] and bush_speed [rpm] for a rod
+            or a pin that swings.
         model: Film model; the output states its limits. Journals move in reynolds and ocvirk.
         lands: Two with a full groove between them; the length is that of both together.
         journal_speed: With --loads, if not that of the crank, such as 0rpm for a pin at rest.

@@ -1,8 +1,8 @@
 r"""A journal under loads from a table over the crank angle: the table as a function, and the orbit.
 
 Between its points a table is the periodic cubic spline through them, or straight lines. Its axes stand
-still, or turn with the journal or the bush: $F = R(\beta) W$ with $\beta = \int_0^\theta \omega_i/\omega\,
-d\theta$, so that they are the fixed ones at the crank angle zero.
+still, or turn with the journal or the bush: $F = R(\beta) W$ with
+$\beta = \int_0^\theta \omega_i/\omega\,d\theta$, so that they are the fixed ones at the crank angle zero.
 """
 
 import dataclasses as dc
@@ -122,8 +122,11 @@ class LoadTable(eqx.Module):
             speed: [rad/s] of the crank.
             journal, bush: [-] of those that the table does not have.
         """
-        both = ((self.journal_speed, journal), (self.bush_speed, bush))
-        return tuple(0 * self.angle + s if own is None else own / speed for own, s in both)
+
+        def share(own, given):
+            return 0 * self.angle + given if own is None else own / speed
+
+        return share(self.journal_speed, journal), share(self.bush_speed, bush)
 
     def turned(
         self, vectors: Float[Array, "2 m"], angle: Float[Array, " m"], shares, back: bool = False
@@ -308,8 +311,8 @@ def loaded_journal(
         throw: raise if the orbit does not converge, instead of returning its status.
 
     Raises:
-        BadInput: a film without squeeze, L/D outside of its range, a speed that is not positive, or axes of
-            the table that do not turn by whole revolutions in its period.
+        BadInput: a film without squeeze, L/D outside of its range, a speed that is not positive, or axes
+            of the table that do not turn by whole revolutions in its period.
         SolveFailed: no convergence, a film that closes, or one thinner than the roughness.
     """
     bearing, speed = dc.replace(bearing, motion="orbit"), single_number("speed", speed)

@@ -5,8 +5,8 @@
     10,-1190.2,130.4
 
 The load is that on the journal. The file has one period; its last line may be the first one a period
-later. `journal_speed [rpm]` and `bush_speed [rpm]` are columns for rates of rotation that are not constant,
-such as that of a connecting rod.
+later. `journal_speed [rpm]` and `bush_speed [rpm]` are columns for rates of rotation that are not
+constant, such as that of a connecting rod.
 """
 
 import os
