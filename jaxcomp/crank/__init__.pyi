@@ -10,6 +10,9 @@ from ._films import journal_rates as journal_rates
 from ._films import moved_films as moved_films
 from ._journals import moving as moving
 from ._journals import with_journals as with_journals
+from ._load_table import LoadedJournal as LoadedJournal
+from ._load_table import LoadTable as LoadTable
+from ._load_table import loaded_journal as loaded_journal
 from ._motion import acceleration as acceleration
 from ._orbit import POWER as POWER
 from ._orbit import Energy as Energy

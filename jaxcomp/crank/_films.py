@@ -5,6 +5,7 @@ load of that instant would hold it for ever: squeeze, which keeps a film thicker
 quickly, is left out.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -45,7 +46,7 @@ OIL_HEAT_CAPACITY = 1.72e6
 THIN_FILM = 5e-6
 # [m] of both surfaces together where a bearing names no other: less than that of any bearing.
 ROUGHNESS = 1e-8
-_PANELS = 48  # of the period of a journal under a given load
+_PANELS = 48  # of a revolution of a journal under a given load
 
 
 class JournalFilm(eqx.Module):
@@ -393,6 +394,7 @@ def journal_orbit(
     bush: float | Callable = 0.0,
     edges: Float[Array, " e"] | None = None,
     nodes: int = 8,
+    period: float = 2 * math.pi,
 ) -> JournalOrbit:
     """The periodic orbit of one journal under a given load history at constant speed.
 
@@ -403,12 +405,14 @@ def journal_orbit(
         load: [N] on the journal over the crank angle [rad], in axes that do not rotate.
         speed: [rad/s] of the crank, > 0.
         journal, bush: [-] rates of rotation over that speed, numbers or functions of the crank angle.
-        edges: [rad] within the period of 2 pi from the first one, where the load has kinks: they cut
-            the 48 even panels that there are anyway.
+        edges: [rad] within the period from the first one, where the load has kinks: they cut the even
+            panels that there are anyway, 48 of a revolution.
         nodes: on every panel.
+        period: [rad] after which load and rates come again.
     """
     edges = jnp.zeros(1) if edges is None else jnp.asarray(edges, float)
-    even = edges[0] + jnp.linspace(0, 2 * jnp.pi, _PANELS + 1)
+    count = math.ceil(_PANELS * max(period / (2 * math.pi), 1.0) - 1e-9)
+    even = edges[0] + jnp.linspace(0, period, count + 1)
     edges = jnp.sort(jnp.concatenate([even, jnp.clip(edges[1:], even[0], even[-1])]))
     grid = panels(edges, nodes)
     angle, speed = grid.angle.ravel(), jnp.asarray(speed, float)

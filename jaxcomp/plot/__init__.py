@@ -24,6 +24,9 @@ from ._bearings import film_figures as film_figures
 from ._bearings import film_pressure as film_pressure
 from ._bearings import journal_films_over_turn as journal_films_over_turn
 from ._bearings import journal_paths as journal_paths
+from ._bearings import loaded_film as loaded_film
+from ._bearings import loaded_journal_figures as loaded_journal_figures
+from ._bearings import loaded_path as loaded_path
 from ._crank import by_number_of_cylinders as by_number_of_cylinders
 from ._crank import crank_torques as crank_torques
 from ._crank import joint_forces as joint_forces

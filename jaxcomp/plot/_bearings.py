@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .._shown import shown
 from ..compressor import Compressor
-from ..crank import Orbit, journal_films
+from ..crank import LoadedJournal, Orbit, journal_films
 from ..crank._films import JournalFilm
 from ..crankshaft import bearing_names
 from ..film import (
@@ -134,6 +134,81 @@ def journal_films_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     style.turn_curves(below, angle, pressure, "Largest pressure, MPa", zero=False)
     above.set_ylim(0, None)
     style.legend_above(above)
+    return figure
+
+
+# ---------------------------------------------------------------- one bearing under a table of loads
+
+
+def loaded_journal_figures(journal: LoadedJournal) -> dict[str, Figure]:
+    """Path of a journal in its clearance, and its film with the diagram of its loads, by name.
+
+    Args:
+        journal: under the loads of a table.
+    """
+    return {"path": loaded_path(journal), "film": loaded_film(journal)}
+
+
+def loaded_path(journal: LoadedJournal) -> Figure:
+    """Path of a journal in its clearance circle, in the axes of its load table, with its load as arrows.
+
+    Args:
+        journal: under the loads of a table.
+    """
+    figure, ax = style.single((4.6, 4.9), "Journal in its clearance")
+    film = eqx.tree_at(
+        lambda f: (f.position, f.load), journal.film, (journal.position, journal.load)
+    )
+    path, load = in_clearance(ax, film, color=style.tint(0), linewidth=1.6)
+    period, first, numbered = journal.table.period, float(journal.angle[0]), []
+    for mark in np.arange(0, period - 1e-9, np.pi / 4):
+        at = int(
+            np.argmin(np.abs(np.asarray(journal.angle) - first - np.mod(mark - first, period)))
+        )
+        ax.plot(*path[:, at], "o", color=style.tint(0), markersize=3.2)
+        ax.annotate("", path[:, at] + load[:, at], path[:, at],
+                    arrowprops={"arrowstyle": "->", "color": "#888888"})  # fmt: skip
+        if all(np.hypot(*(path[:, at] - path[:, other])) > 0.2 for other in numbered):
+            numbered.append(at)
+            ax.annotate(f"{np.rad2deg(mark):.0f}°", path[:, at], xytext=(3, 3), color=style.INK,
+                        textcoords="offset points", fontsize=7.5)  # fmt: skip
+    style.note(figure, "Axes of the load table. Dots: every 45° of crank angle. Arrows: load.")
+    return figure
+
+
+def loaded_film(journal: LoadedJournal) -> Figure:
+    """Load diagram with the points of the table, smallest film and largest pressure over the period.
+
+    Args:
+        journal: under the loads of a table.
+    """
+    figure, axes = style.stacked(3, (7.2, 7.4), "Film under the loads of the table")
+    film, degrees = journal.film, np.rad2deg(np.asarray(journal.angle))
+    look = shown("load", "N", np.hypot(*journal.load))
+    marks = np.rad2deg(np.asarray(journal.table.angle))
+    for n, name in enumerate(("W_x", "W_y")):
+        axes[0].plot(degrees, look.factor * journal.load[n], color=style.tint(n), label=name)
+        dots = look.factor * journal.table.load[n]
+        axes[0].plot(marks, dots, "o", color=style.tint(n), markersize=2.4)
+    size = look.factor * np.hypot(*journal.load)
+    axes[0].plot(degrees, size, "--", color=style.INK, linewidth=1.0, label="size")
+    axes[1].plot(degrees, 1e6 * film.thickness, color=style.tint(0))
+    least = np.rad2deg(journal.minimum_film_angle), 1e6 * film.minimum_film
+    axes[1].plot(*least, "o", color=style.tint(1), markersize=4)
+    late = least[0] > degrees.mean()
+    axes[1].annotate(f"{least[1]:.3g} µm at {least[0]:.1f}°", least, xytext=(0, 6), fontsize=8,
+                     textcoords="offset points", ha="right" if late else "left")  # fmt: skip
+    axes[2].plot(degrees, film.pressure / 1e6, color=style.tint(0))
+    labels = (f"Load, {look.unit}", "Smallest film, µm", "Largest pressure, MPa")
+    for ax, label in zip(axes, labels, strict=True):
+        ax.set_ylabel(label)
+    style.zero_line(axes[0])
+    style.legend_above(axes[0])
+    axes[1].set_ylim(0, None)
+    axes[2].set_ylim(0, None)
+    axes[2].set_xlabel("Crank angle, degrees")
+    axes[2].set_xlim(degrees[0], degrees[-1])
+    style.note(figure, "Dots: points of the table.")
     return figure
 
 

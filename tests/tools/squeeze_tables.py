@@ -25,9 +25,11 @@ from jaxcomp.film._squeeze import TABLE, TABLE_RANGE, film_corner, peak_unit, re
 
 GRIDS = ((120, 8), (240, 16), (480, 32))  # cells round the ring, cells over half the length
 LENGTH_RATIOS = 12  # Chebyshev points in ln q
-PLACES = (18, 22, 13)  # eccentricities, directions of load, directions of velocity
-LAST = 0.996  # eccentricity ratio
-TERMS = {"mobility": (11, 10, 9), "peak": (9, 9, 7), "flow": (7, 7, 6)}  # in u, v and ln q
+PLACES = (22, 24, 13)  # eccentricities, directions of load, directions of velocity
+LAST = 0.9995  # eccentricity ratio
+TERMS = {"mobility": (11, 12, 9), "peak": (10, 11, 7), "flow": (8, 8, 6)}  # in u, v and ln q
+# Decimals of the logarithms: a hundredth of what the series leave open.
+DECIMALS = {"mobility": 7, "peak": 5, "flow": 5}
 
 
 class Film(NamedTuple):
@@ -235,7 +237,7 @@ def written(table: dict) -> str:
     """The text of the data file: a row for each place of the first axis."""
     parts = [f'"ln_q_range": {json.dumps(table["ln_q_range"])}']
     for name in TERMS:
-        rows = (json.dumps(np.round(row, 8).tolist()) for row in table[name])
+        rows = (json.dumps(np.round(row, DECIMALS[name]).tolist()) for row in table[name])
         parts.append(f'"{name}": [\n' + ",\n".join(rows) + "\n]")
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
