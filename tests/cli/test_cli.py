@@ -46,6 +46,17 @@ def test_list_shows_the_machines():
     assert all(m["description"] for m in known)
 
 
+def test_lines_in_a_pipe_are_as_long_as_they_need(monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    described = {m["description"] for m in read_json(invoke("list", "--json").stdout)["machines"]}
+    lines = invoke("list").stdout.splitlines()
+    assert max(map(len, described)) > 80
+    assert all(any(line.rstrip().endswith(one) for line in lines) for one in described)
+    # titles as well, which are wider than their tables
+    title = "mayekawa-8wbhe: 8 cylinders of mayekawa-wbhe in VV45 on two throws; layout and shaft assumed"
+    assert title in invoke("check", "mayekawa-8wbhe").stdout.splitlines()
+
+
 def test_list_shows_the_fluids():
     assert "Tillner-Roth, Baehr (1994)" in invoke("list", "fluids").stdout
     known = read_json(invoke("list", "fluids", "--json").stdout)["fluids"]

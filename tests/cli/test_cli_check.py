@@ -314,8 +314,18 @@ def test_an_unbalance_of_another_machine_is_unusual(tmp_path):
     assert any("unbalance of a throw" in row["what"] for row in unusual)
 
 
+def test_check_tries_another_value():
+    heavy = "check", "mayekawa-wbhe", "--set", "mechanism.piston_mass=2500kg"
+    assert "mechanism.piston_mass: 2500kg, usual is" in invoke(*heavy).stdout
+    answer = invoke(*heavy[:3], "mechanism.piston_mass=-1kg", "--json")
+    assert answer.exit_code == 2
+    [error] = read_json(answer.stdout)["errors"]
+    assert error["key"] == "mechanism.piston_mass"
+    assert error["problem"].startswith("must be > 0")
+
+
 def test_check_says_how_several_cylinders_fire():
-    result = CliRunner().invoke(app, ["check", "mayekawa-6wbhe"], env={"COLUMNS": "100"})
+    result = CliRunner().invoke(app, ["check", "mayekawa-6wbhe"], env={"COLUMNS": "200"})
     assert result.exit_code == 0, result.output
     rows = {
         name: line.split(name, 1)[1].split()
@@ -326,4 +336,5 @@ def test_check_says_how_several_cylinders_fire():
     assert rows["Cylinders "] == ["6"]
     assert rows["Between top dead centres"] == ["60", "deg", "even"]
     assert rows["Rods outside the main bearings"] == ["0"]
+    assert "stand at -60°, 0°, 60° from x, counted with rotation" in result.output
     assert "animate" in result.output

@@ -127,6 +127,7 @@ def test_locus_of_the_shaking_force(machine, orbit):
     # the largest node misses the largest of the curve by less than the curve bends in between
     np.testing.assert_allclose(np.abs(locus).max(axis=1), np.abs(force[:2]).max(axis=1), rtol=2e-3)
     assert len(figure.axes[1].lines) == 3  # about z alone, and the two zero lines
+    assert figure.get_supxlabel().endswith("x: along the cylinder towards the head; y: across.")
 
 
 def test_friction_torques_are_those_of_coulomb(machine, orbit):

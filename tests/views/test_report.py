@@ -64,6 +64,8 @@ def table():
     one.add_column("Joint")
     one.add_column("Loss, W", justify="right")
     one.add_row("Wall & pin", "[bold red]3.14[/bold red]")
+    one.add_row("Share", "[bold]62 %[/bold]")
+    one.caption = "of [bold]one[/bold] turn"
     return one
 
 
@@ -84,12 +86,22 @@ def test_page_is_well_formed_and_loads_nothing(scene):
     assert places == re.findall(r"<h2 id=\"([^\"]*)\"", page)
     assert page.count('<div class="wide"><table') == page.count("<table")
     assert "url(" not in page
+    # no line ends between a number and its unit
+    assert '<span class="strong">62&nbsp;%</span>' in page
     assert "@import" not in page
 
 
 def test_page_says_what_was_asked_found_and_of_what(scene):
     found = Reader(report(GOOD, [table()], {"losses": figure()}, scene, MADE))
-    for text in ("pump", scene.description, MADE.command, "jaxcomp 1, jax 2", "Wall & pin", "3.14"):
+    for text in (
+        "pump",
+        scene.description,
+        MADE.command,
+        "jaxcomp 1, jax 2",
+        "Wall & pin",
+        "3.14",
+        "of one turn",
+    ):
         assert text in found.text, text
     assert found.images[0]["alt"] == "A < B"
     for row in describe(scene):  # the break marks inside long paths leave their letters alone
