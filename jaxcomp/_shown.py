@@ -131,6 +131,17 @@ def small_unit(unit: str) -> tuple[str, float]:
     return next(others, (unit, 1.0))
 
 
+def axes_words(banks: Sequence[float]) -> str:
+    """What the axes x and y of a machine are, by the directions of its cylinders [rad]."""
+    degrees = sorted({round(math.degrees(bank), 6) for bank in banks})
+    if not any(degrees):
+        return "x: along the cylinder towards the head; y: across."
+    listed = ", ".join(f"{degree:.4g}°" for degree in degrees)
+    return (
+        f"x, y: axes of the machine; its cylinders stand at {listed} from x, counted with rotation."
+    )
+
+
 def rounded(value: float, digits: int) -> str:
     """A number to so many digits, and to whole ones where it has more of them before the point."""
     return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"

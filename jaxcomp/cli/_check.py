@@ -11,8 +11,9 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._shown import RPM
-from ._options import AsJson, Machine
+from .._shown import RPM, axes_words
+from ._arguments import changed_scene
+from ._options import AsJson, Machine, Sets
 from ._output import print_json, show_results
 from ._start import reports_errors, show_error, start_jax
 from ._tables import row_table
@@ -21,17 +22,18 @@ from ._tables import row_table
 @reports_errors
 def check(
     machine: Machine,
+    sets: Sets = None,
     as_json: AsJson = False,
 ) -> None:
     """Read a scene file: show its parts and what follows from them, or all its errors.
 
     Exit code 2 if anything is wrong. Unusual values are pointed at, but are no errors.
 
-    Example: [bold]jaxcomp check my-machine.toml[/bold]
+    Example: [bold]jaxcomp check my-machine.toml --set mechanism.bore=52mm[/bold]
     """
     start_jax()
     try:
-        scene = jc.scene.load(machine)
+        scene = changed_scene(machine, sets)
     except jc.scene.SceneError as error:
         found = [error, *error.others]
         if as_json:
@@ -136,6 +138,7 @@ def _of_cylinders(compressor: jc.Compressor):
     ]
     differing = ", ".join([*listed((compressor.mechanism, compressor.gas)), *kinds])
     yield "Cylinders", crankshaft.count, f"different in {differing}" if differing else ""
+    yield "Axes", axes_words(crankshaft.bank_angle), ""
     gas = getattr(compressor.gas, "head_end", compressor.gas)
     suction = np.unique(np.atleast_1d(getattr(gas, "suction_pressure", 0.0)))
     if suction.size > 1:

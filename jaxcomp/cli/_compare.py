@@ -187,5 +187,4 @@ def sensitivity_tables(found: jc.design.Sensitivity, rows: int) -> Iterator[Any]
         if idle:
             what = "number of the machine has" if idle == 1 else "numbers of the machine have"
             table.caption = f"{idle} other {what} no influence."
-            table.caption_justify = "left"
         yield table

@@ -6,6 +6,7 @@ Every number in JSON has its SI unit in its key, as `mean_speed [rad/s]`.
 import io
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 # [s] Between two writings of what there is so far.
 _EVERY = 1.0
+# Characters in a line of a file or a pipe, which no screen cuts.
+_ENDLESS = 100_000
 _WRITTEN = "Report, pictures, curves, result and scene"
 
 
@@ -171,10 +174,20 @@ def show_results(
     from ._tables import fitted
 
     console = Console()
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = _ENDLESS
     for table in tables:
         typed = isinstance(table, Text) and bool(table.no_wrap)  # to be copied into a file
-        shown = fitted(table, console.width) if isinstance(table, Table) else table
-        console.print(shown, soft_wrap=typed)
+        if not isinstance(table, Table):
+            console.print(table, soft_wrap=typed)
+            continue
+        # beside the table: within it they would wrap at its width
+        title, caption, table.title, table.caption = table.title, table.caption, None, None
+        if title:
+            console.print(f"[bold]{title}[/bold]", highlight=False)
+        console.print(fitted(table, console.width))
+        if caption:
+            console.print(f"[dim]{caption}[/dim]", highlight=False)
     if out is not None:
         console.print(f"{written} are in {out}", soft_wrap=True, markup=False)
 

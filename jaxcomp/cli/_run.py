@@ -12,7 +12,7 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._registry import Quantity, registered
-from .._shown import RPM, shown
+from .._shown import RPM, axes_words, shown
 from ._arguments import assignments, changed_scene
 from ._options import AsJson, Designs, Machine, Out, Sets
 from ._output import hand_out, plain
@@ -279,7 +279,8 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
     if "verification" in result:
         yield _verified(result, result["verification"])
     if "vibration" in result:
-        yield _vibration(result["vibration"])
+        banks = scene.as_compressor().crankshaft.bank_angle
+        yield _vibration(result["vibration"], axes_words(banks))
     if "torsion" in result:
         yield _torsion(result["torsion"])
 
@@ -511,7 +512,7 @@ def _vibrations(compressor, orbit: jc.Orbit, suspension, points) -> dict[str, An
     }
 
 
-def _vibration(vibration: dict[str, Any]):
+def _vibration(vibration: dict[str, Any], axes: str):
     """Amplitudes of the points, the free-body approximation and its error."""
     hertz = ", ".join(f"{w / (2 * math.pi):.3g}" for w in vibration["natural_frequencies"])
     rows = []
@@ -521,7 +522,7 @@ def _vibration(vibration: dict[str, Any]):
         rows.append((words(name), *(1e6 * value for value in metres), error))
     title = f"First harmonic on springs of {hertz} Hz, and as a free body"
     numbers = ((head, ".3g") for head in ("x", "y", "z", "Peak", "Free x", "y", "z"))
-    return row_table(title, ("µm", *numbers, "Error"), rows, whole=(0,))
+    return row_table(title, ("µm", *numbers, "Error"), rows, whole=(0,), caption=axes)
 
 
 def torsion_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:

@@ -50,8 +50,6 @@ def row_table(
         title=title and escape(title),
         caption=caption,
         box=box.SIMPLE_HEAD,
-        title_style="bold",
-        title_justify="left",
     )
     pairs = [(head, "") if isinstance(head, str) else head for head in heads]
     for place, (head, _) in enumerate(pairs):
@@ -179,8 +177,7 @@ def _pointed(column: Column) -> list[str]:
 
 
 def _stacked(table: Table, headers: list[str]) -> str:
-    lines = [f"[bold]{table.title}[/bold]"] if table.title else []
-    short = len(headers[0]) <= _SHORT
+    lines, short = [], len(headers[0]) <= _SHORT
     if not short:
         lines.append(f"[bold]{escape(headers[0])}[/bold]")
     above = ""
@@ -196,4 +193,4 @@ def _stacked(table: Table, headers: list[str]) -> str:
                 for header, cell in zip(headers[1:], others, strict=True)
                 if cell
             ]
-    return "\n".join([*lines, *([str(table.caption)] if table.caption else []), ""])
+    return "\n".join([*lines, ""])

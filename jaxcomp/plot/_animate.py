@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 from .._fields import of_cylinder
-from .._shown import RPM, shown
+from .._shown import RPM, axes_words, shown
 from ..compressor import Compressor
 from ..crank import Orbit, journal_films
 from ..crankshaft import Crankshaft, MainBearings, bearing_names
@@ -341,6 +341,7 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
         ]
         for k in range(cylinders.count)
     ]
+    style.note(figure, axes_words(cylinders.bank_angle))
     across = -1.05 * reach, 1.05 * reach
     front.set(xlim=across, ylim=across, aspect="equal", xlabel="y, m", ylabel="x, m")
     ends = np.concatenate([np.asarray(cylinders.position), places])

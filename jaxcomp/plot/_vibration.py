@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from .._shown import RPM, shown, small_unit
+from .._shown import RPM, axes_words, shown, small_unit
 from ..balancing import Balance
 from ..compressor import Compressor
 from ..crank import Orbit
@@ -45,9 +45,10 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     style.zero_line(left)
     left.axvline(0, color=style.GREY, linewidth=0.8)
     left.set_aspect("equal", adjustable="datalim")
-    left.set_xlabel(f"Force along the cylinder, {look.unit} ")
-    left.set_ylabel(f"Force across, {look.unit}")
-    style.note(figure, "Dots: every 45° of crank angle from top dead centre.")
+    left.set_xlabel(f"Force along x, {look.unit} ")
+    left.set_ylabel(f"Force along y, {look.unit}")
+    axes = axes_words(compressor.crankshaft.bank_angle)
+    style.note(figure, f"Dots: every 45° of crank angle from top dead centre. {axes}")
     about = {name: row for name, row in zip("xyz", moment, strict=True) if np.any(row)}
     looks = {name: {"label": f"about {name}"} for name in about}
     style.turn_curves(right, turn.state.angle, about, "Moment, N m", looks=looks)
@@ -74,7 +75,8 @@ def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspensio
         ax.set_aspect("equal", adjustable="datalim")
         ax.tick_params(labelbottom=True)
         ax.set(xlabel=f"{'xyz'[a]}, µm", ylabel=f"{'xyz'[b]}, µm")
-    style.note(figure, "Dots: time zero of the orbit.")
+    words = axes_words(compressor.crankshaft.bank_angle)
+    style.note(figure, f"Dots: time zero of the orbit. {words}")
     style.legend_outside(axes[0], "upper right", 7)
     return figure
 

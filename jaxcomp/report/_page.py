@@ -167,11 +167,13 @@ def _table(table: Table) -> str:
             f"<td{side}>{rich_html(cells[number])}{(end[number] if end else 0) * _DIGIT}</td>"
             for side, cells, end in zip(aligned, columns, ends, strict=True)
         )
+        cells = re.sub(r"(?<=\d) (?=[^\d\s<]\S{0,5}<)", "&nbsp;", cells)  # a number and its unit
         last = ' class="last"' if row.end_section else ""
         body.append(f"<tr{last}>{cells}</tr>")
     named = any(column.header for column in table.columns)
     head = f"<thead><tr>{''.join(heads)}</tr></thead>" if named else ""
-    return f"{title}<table>{head}<tbody>{''.join(body)}</tbody></table>"
+    caption = f'<p class="faint">{rich_html(table.caption)}</p>' if table.caption else ""
+    return f"{title}<table>{head}<tbody>{''.join(body)}</tbody></table>{caption}"
 
 
 def _flat(result: Mapping[str, Any], above: str = ""):

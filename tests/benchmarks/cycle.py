@@ -1,7 +1,7 @@
 """Cost of the cycle of a cylinder with valves: `python tests/benchmarks/cycle.py`.
 
-The golden machines of `tests/test_cylinder.py`: a single operating point with its gradient, scattered
-designs in one program, a capacity map. Times are processor times, the least of several calls.
+The golden machines of `tests/cylinder/test_cylinder.py`: a single operating point with its gradient,
+scattered designs in one program, a capacity map. Times are processor times, the least of several calls.
 """
 
 import argparse
@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from test_cylinder import SCATTERED, SPEED, golden, mechanism
+from cylinder.test_cylinder import SCATTERED, SPEED, golden, mechanism
 
 import jaxcomp
 from jaxcomp._status import Status

@@ -1,8 +1,8 @@
 """Cost of several cylinders: `python tests/benchmarks/cylinders.py`.
 
-The golden machine of `tests/test_several_cylinders.py` with 1, 2, 4 and 8 cylinders: error against run
-time of single orbits, first call, gradient over value, and designs in step. Times are processor times,
-the least of several calls; read them as ratios.
+The golden machine of `tests/crank/test_several_cylinders.py` with 1, 2, 4 and 8 cylinders: error against
+run time of single orbits, first call, gradient over value, and designs in step. Times are processor
+times, the least of several calls; read them as ratios.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from test_several_cylinders import GOLDEN, LAYOUTS, several
+from crank.test_several_cylinders import GOLDEN, LAYOUTS, several
 
 from jaxcomp import Collocation, solve_orbit
 from jaxcomp.crank import default_collocation

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from crank.test_journal_orbits import PIN, SPEED, fine_edges, pin_load
 from cylinders import least
-from test_journal_orbits import PIN, SPEED, fine_edges, pin_load
 
 from jaxcomp import Collocation, load, solve_orbit
 from jaxcomp.crank import journal_orbit

@@ -1,0 +1,214 @@
+"""Pressure and speed of a compressor with a cylinder of its own, solved together."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from cylinder.test_cylinder import golden
+from typer.testing import CliRunner
+
+from jaxcomp import BadInput, load, problem, solve_orbit
+from jaxcomp.cli import app
+from jaxcomp.compressor import cylinder_pressure
+from jaxcomp.crank import Collocation, performance
+from jaxcomp.cylinder import CycleOptions, solve_cycle
+from jaxcomp.design import available_quantities
+from jaxcomp.motor import MotorEfficiency
+from jaxcomp.rating import QUANTITIES, RatingMap, at_rating, polynomial_terms, rating_map
+from jaxcomp.scene import with_value
+
+
+def test_the_bundled_machine_is_the_golden_one():
+    gas = load("r134a-7cc").machine.as_compressor().gas
+    np.testing.assert_allclose(gas.behind_piston, 114.8e3, rtol=1e-12)
+    np.testing.assert_allclose(gas.discharge_valve.oscillator.preload, 1e-4, rtol=1e-12)
+    assert gas.inert
+
+
+def test_an_unsolved_cylinder_has_no_pressure():
+    machine = load("r134a-7cc").machine.as_compressor()
+    with pytest.raises(TypeError, match="depends on the whole revolution"):
+        cylinder_pressure(machine, jnp.zeros(3))
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_pressure_and_speed_agree_with_each_other():
+    machine = load("r134a-7cc").machine.as_compressor()
+
+    orbit = solve_orbit(machine, throw=False)
+    cycle = orbit.cycle
+    assert bool(orbit.converged)
+    assert abs(orbit.energy.residual) < 1e-12
+    # the work of the crank and of the cycle come from different quadratures of the same polynomials,
+    # whose panels end where the crank's do
+    np.testing.assert_allclose(orbit.energy.gas_work, cycle.indicated_work, rtol=1e-12)
+    np.testing.assert_allclose(cycle.case.speed, orbit.mean_speed, rtol=1e-12)
+    # the cycle's motion is the orbit's but for the bends of the speed where a load reverses: these are
+    # edges of the crank's panels alone (1.2e-7 there)
+    speed = jax.vmap(cycle.case.speed_at)(orbit.state.angle)
+    np.testing.assert_allclose(speed, orbit.state.speed, rtol=3e-7)
+    # and it is felt: at constant speed eta_v is 1.2e-4 less
+    assert 1e-4 < cycle.volumetric_efficiency / 0.7104359269 - 1 < 3e-4
+    # where power and swept volume go adds up, and efficiencies are what they say
+    made = performance(machine, orbit)
+    np.testing.assert_allclose(sum(made.power.values()), made.electric_power, rtol=1e-12)
+    np.testing.assert_allclose(made.electric_power * 0.8222, orbit.motor_power, rtol=1e-3)
+    np.testing.assert_allclose(sum(cycle.volume_losses.values()), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(made.cop, cycle.capacity / made.electric_power, rtol=1e-12)
+    # enthalpies at ASHRAE's 32.2 C of gas and liquid by CoolProp 8.0.0
+    rise = cycle.capacity / cycle.mass_flow
+    np.testing.assert_allclose(rise, 185548.2396, rtol=1e-9)
+    assert not any(map(bool, cycle.grazes.values()))
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_the_default_is_as_exact_as_twice_the_panels():
+    """Relative, measured: power 2e-9, flow 4e-11, peak pressure 1.3e-8; harmonics lost 2e-6 to 3e-5."""
+    machine = load("r134a-7cc").machine.as_compressor()
+    fine = Collocation(reversals=machine.load_reversals, cycle=CycleOptions(panels=80, nodes=8))
+    coarse, fine = (solve_orbit(machine, solver) for solver in (None, fine))
+    np.testing.assert_allclose(coarse.motor_power, fine.motor_power, rtol=1e-8)
+    np.testing.assert_allclose(coarse.cycle.mass_flow, fine.cycle.mass_flow, rtol=1e-9)
+    np.testing.assert_allclose(coarse.cycle.peak_pressure, fine.cycle.peak_pressure, rtol=3e-8)
+
+
+@pytest.mark.slow  # half a minute of compilation
+def test_run_writes_the_pictures_of_a_cycle(tmp_path):
+    result = CliRunner().invoke(app, ["run", "r134a-7cc", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.stderr
+    names = {"pv_diagram", "valve_losses", "valve_motion", "log_p_h", "power_use"}
+    assert names <= {file.stem for file in tmp_path.glob("*.png")}
+
+
+def test_a_map_writes_its_points_and_pictures(tmp_path, monkeypatch):
+    """Of numbers that no compressor has: what is tested is what becomes of them."""
+
+    def made_up(scene, evaporating, condensing, standard):
+        S, D = np.meshgrid(evaporating, condensing, indexing="ij")
+        values = {name: S + number * D for number, (name, _, _) in enumerate(QUANTITIES)}
+        values["cop"][0, 0] = np.nan
+        ok = np.isfinite(values["cop"])
+        return RatingMap(evaporating, condensing, values, ok, {}, {}, standard)
+
+    monkeypatch.setattr("jaxcomp.rating.rating_map", made_up)
+    given = ["--evaporating=-30:-10:3", "--condensing=40:50:2", "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, ["map", "r134a-7cc", *given])
+    assert result.exit_code == 0, result.stderr
+    assert "1 of 6 points failed" in result.stdout
+    pictures = {file.stem for file in tmp_path.glob("*.png")}
+    assert pictures == {"capacity", "power", "cop", "overall_efficiency"}
+    rows = (tmp_path / "map.csv").read_text().splitlines()
+    assert len(rows) == 1 + 6
+
+
+@pytest.mark.slow  # two minutes of compilation
+def test_derivatives_of_cycle_and_crank_agree_with_differences():
+    names = ("gas.suction_valve.stiffness", "gas.discharge_valve.stop", "mechanism.bore")
+    made = problem(load("r134a-7cc"), names, ["cop", "isentropic_efficiency", "mass_flow"])
+    here = made.current
+
+    @jax.jit
+    def logarithms(factors):
+        return jnp.log(made(factors * here).values)
+
+    forward = jax.jit(jax.jacfwd(logarithms))(jnp.ones(3))
+    reverse = jax.jit(jax.grad(lambda factors: logarithms(factors)[0]))(jnp.ones(3))
+    np.testing.assert_allclose(reverse, forward[0], rtol=1e-10)
+    step = 1e-4
+    for column, way in enumerate(jnp.eye(3)):
+        ends = [logarithms(1 + sign * step * way) for sign in (1, -1)]
+        difference = (ends[0] - ends[1]) / (2 * step)
+        # third derivatives of the mass flow, 50, at this step, and values to 1e-11
+        np.testing.assert_allclose(forward[:, column], difference, atol=2e-6)
+
+
+def test_a_change_of_the_crank_reaches_the_cycle_through_the_motion_alone():
+    """Nothing in the cylinder knows the inertia of the crank: its derivative is that of the coupling."""
+    plain = eqx.tree_at(
+        lambda gas: (gas.heat, gas.leakage), golden("D"), (None, None), is_leaf=lambda x: x is None
+    )
+    machine = load("r134a-7cc").machine.as_compressor()
+    machine = eqx.tree_at(
+        lambda c: (c.gas, c.friction, c.crankshaft.main_journal), machine, (plain, None, None)
+    )
+    solver = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=30, nodes=6))
+
+    def solved(log):
+        # light enough for the speed to vary by 9 %
+        light = eqx.tree_at(lambda c: c.crankshaft.inertia, machine, 1e-4 * jnp.exp(log))
+        orbit = solve_orbit(light, solver, throw=False)
+        cycle = orbit.cycle
+        values = [cycle.mass_flow, cycle.indicated_work, orbit.speed_fluctuation]
+        return jnp.log(jnp.stack(values)), orbit.converged
+
+    @jax.jit
+    def with_slope(log):
+        return jax.jvp(solved, (log,), (jnp.ones(()),))
+
+    step = 1e-2
+    (_, converged), (slope, _) = with_slope(jnp.zeros(()))
+    assert bool(converged)
+    ends = [with_slope(jnp.zeros(()) + way)[0][0] for way in (step, -step)]
+    difference = (ends[0] - ends[1]) / (2 * step)
+    # 1.6e-3 is what 30 panels leave; without the motion, the slopes of flow and work are zero
+    np.testing.assert_allclose(slope, difference, rtol=3e-3)
+
+
+def test_quantities_of_the_gas_are_those_of_machines_with_valves():
+    valves, plain = (load(name).machine for name in ("r134a-7cc", "mayekawa-wbhe"))
+    known = available_quantities(valves)
+    assert {"cop", "capacity", "mass_flow", "impact_speed.<contact>", "power_use.<cause>"} <= {
+        *known
+    }
+    assert not {"cop", "mass_flow", "electric_power"} & {*available_quantities(plain)}
+    assert "valves" in known["cop"].missing(plain)
+    bare = with_value(load("r134a-7cc"), "motor.losses", None).machine
+    assert "losses" in known["electric_power"].missing(bare)
+    assert not known["cop"].missing(bare)
+
+
+def test_motor_efficiency_over_torque():
+    losses = MotorEfficiency([0.7, 0.8, 0.82], [0.1, 0.2, 0.4])
+    np.testing.assert_allclose([losses.at(t) for t in (0.0, 0.15, 0.9)], [0.7, 0.75, 0.82])
+    np.testing.assert_allclose(MotorEfficiency([0.85]).at(3.0), 0.85)
+    with pytest.raises(ValueError, match="same number"):
+        MotorEfficiency([0.7, 0.8])
+
+
+@pytest.mark.parametrize("rating", ["ashrae", "en12900-superheat"])
+def test_a_rating_point_has_the_lines_of_its_standard(rating):
+    compressor = at_rating(load("r134a-7cc"), 249.85, 327.55, rating)
+    gas = compressor.gas
+    valve, comes = gas.suction.states(gas.fluid)
+    # saturated R134a at -23.3 and 54.4 degrees Celsius, as the properties' golden values
+    np.testing.assert_allclose(comes.p, 114842.64, rtol=1e-7)
+    np.testing.assert_allclose(gas.discharge.states(gas.fluid, valve)[0].p, 1469822.3, rtol=1e-7)
+    np.testing.assert_allclose(comes.T, 305.35 if rating == "ashrae" else 259.85, rtol=1e-12)
+    np.testing.assert_allclose(valve.T - comes.T, 22.8, rtol=1e-12)
+    with pytest.raises(BadInput, match="rating"):
+        at_rating(load("r134a-7cc"), 250.0, 320.0, "ashray")
+    with pytest.raises(BadInput, match="with valves and a real gas, for rating points"):
+        at_rating(load("mayekawa-wbhe"), 250.0, 320.0)
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_a_map_is_its_points_and_its_polynomial():
+    machine = load("r134a-7cc")
+    evaporating, condensing = (
+        273.15 + np.array([-30, -25, -20, -15]),
+        273.15 + np.array([40, 50, 55]),
+    )
+    found = rating_map(machine, evaporating, condensing, "ashrae")
+    assert found.ok.all()
+    for place in ((0, 2), (1, 0), (3, 1)):
+        here = at_rating(machine, evaporating[place[0]], condensing[place[1]], "ashrae")
+        speed = here.motor.speed_guess
+        cycle = solve_cycle(here.gas, here.mechanism, speed)
+        # nodes and panels of a map are fewer: six digits
+        np.testing.assert_allclose(found.values["capacity"][place], cycle.capacity, rtol=3e-5)
+    terms = polynomial_terms(evaporating[:, None], condensing)
+    fitted = terms @ found.coefficients["capacity"]
+    error = np.abs(fitted - found.values["capacity"]).max() / found.values["capacity"].max()
+    np.testing.assert_allclose(error, found.fit_error["capacity"], rtol=1e-6)
+    assert error < 5e-3

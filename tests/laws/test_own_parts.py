@@ -1,0 +1,244 @@
+"""Parts and quantities of another package: that of the pages "write your own", and what goes wrong.
+
+The pages are taken at their word: their files are written to a folder, their entry points installed
+beside them as pip would, and their commands run in a fresh process.
+"""
+
+import importlib
+import inspect
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import EntryPoint
+
+import pytest
+from package.test_readme import (
+    OWN,
+    ROOT,
+    blocks,
+    commands,
+    promised,
+    public_names,
+    titled,
+    write_files,
+)
+from typer.testing import CliRunner
+
+from jaxcomp import _extensions, load, loads
+from jaxcomp.cli import app
+from jaxcomp.cli._options import complete_quantity
+from jaxcomp.parts import ExtensionError
+
+CHEAP = {"explain", "check", "list"}
+
+# Runs lines of arguments in one process, whose classes no other test sees.
+DRIVER = """
+import json, sys
+from typer.testing import CliRunner
+from jaxcomp.cli import app
+
+done = []
+for line in json.loads(sys.stdin.read()):
+    found = CliRunner().invoke(app, line)
+    done.append([found.exit_code, found.output + (repr(found.exception) if found.exception else "")])
+print("DONE" + json.dumps(done))
+"""
+
+# A class with a kind that is taken, in a process of its own for the same reason.
+THIEF = """
+from jaxcomp.friction import AbstractSlide
+from jaxcomp import load
+
+class Coulomb(AbstractSlide):
+    kind = "coulomb"
+
+    def force(self, load, speed):
+        return 0 * load
+
+try:
+    load("mayekawa-wbhe")
+except ImportError as error:
+    print(error)
+"""
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """The folder with the files of all pages, installed as pip would."""
+    folder = tmp_path_factory.mktemp("own")
+    for page in OWN:
+        write_files(page, folder)
+    (folder / "mylaws" / "__init__.py").touch()
+    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    installed = folder / f"{project['name']}-{project['version']}.dist-info"
+    installed.mkdir()
+    head = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (installed / "METADATA").write_text(head)
+    points = project["entry-points"]["jaxcomp"].items()
+    lines = ["[jaxcomp]", *(f"{name} = {module}" for name, module in points)]
+    (installed / "entry_points.txt").write_text("\n".join(lines))
+    return folder
+
+
+def python(folder, code, given=""):
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        input=given,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}", "COLUMNS": "200"},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def run_lines(folder, lines, before=""):
+    out = python(folder, before + DRIVER, json.dumps(lines)).rpartition("DONE")[2]
+    answers = json.loads(out)
+    for line, (code, text) in zip(lines, answers, strict=True):
+        assert code == 0, f"{line}\n{text}"
+    return [text for _, text in answers]
+
+
+def test_every_own_page_has_a_module_of_the_package(package):
+    project = tomllib.loads((package / "pyproject.toml").read_text())["project"]
+    modules = {path.stem for path in (package / "mylaws").glob("[a-z]*.py")}
+    assert set(project["entry-points"]["jaxcomp"].values()) == {f"mylaws.{m}" for m in modules}
+
+
+def test_the_test_of_the_example_repository_passes(package):
+    code = "import pytest; raise SystemExit(pytest.main(['-q', '-p', 'no:cacheprovider', 'tests']))"
+    assert "5 passed" in python(package, code)
+
+
+def sections_of_pages():
+    """Excerpts of machine files on the pages, as changes of a bundled machine."""
+    for page in OWN:
+        for code in blocks(page, "toml"):
+            for section, table in tomllib.loads(code).items():
+                if section in ("motor", "gas") and page[len("notebooks/own-") :].startswith(
+                    (section, "valve")
+                ):
+                    yield page, section, table
+
+
+def test_commands_know_the_package(package):
+    """Explanation, check and listing, and that sections of the pages can be read."""
+    lines = [line for page in OWN for line in commands(page) if line[0] in CHEAP]
+    assert len(lines) >= 7
+    texts = dict(zip(map(tuple, lines), run_lines(package, lines), strict=True))
+    assert "[friction.wall]" in texts[("explain", "stribeck")]
+    assert "m/s" in texts[("explain", "stribeck")]
+    assert "[gas.suction_valve]" in texts[("explain", "ring")]
+    assert "share_of_loss.<joint>" in texts[("list", "--quantities")]
+    assert "stribeck" in texts[("check", "stribeck.toml")]
+
+
+def test_excerpts_can_be_read(package):
+    bundled = {"valve": "r134a-7cc"}
+    code = "import json, sys\nfrom jaxcomp import load\nfrom jaxcomp.scene import with_value\n"
+    found = list(sections_of_pages())
+    assert {section for _, section, _ in found} == {"motor", "gas"}
+    for page, section, table in found:
+        machine = bundled.get(page[len("notebooks/own-") : -len(".md")], "mayekawa-wbhe")
+        for name, part in table.items() if section == "gas" and "type" not in table else ():
+            code += f"with_value(load({machine!r}), 'gas.{name}', {part!r})\n"
+        if "type" in table:
+            code += f"with_value(load({machine!r}), {section!r}, {table!r})\n"
+    python(package, code + "print(1)")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in OWN if commands(page)])
+def test_all_commands_of_own_pages_run(package, page):
+    run_lines(package, [line for line in commands(page) if line[0] not in CHEAP])
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be held here")
+def test_a_machine_on_a_torque_curve_runs_on_one_processor(package):
+    """Where jaxlib leaves calls of LAPACK in this program that it cannot compile."""
+    one = min(os.sched_getaffinity(0))
+    run_lines(package, [["run", "yoke.toml"]], f"import os\nos.sched_setaffinity(0, [{one}])\n")
+
+
+EXAMPLES = [
+    (page, i)
+    for page in OWN
+    for i, code in enumerate(blocks(page, "python"))
+    if code not in titled(page).values()  # these are the modules of the package
+]
+
+
+@pytest.mark.parametrize(
+    ("page", "number"),
+    [
+        # the others solve a machine
+        pytest.param(*one, marks=() if "valve" in one[0] else pytest.mark.slow)
+        for one in EXAMPLES
+    ],
+)
+def test_examples_of_own_pages_run(package, page, number):
+    code = blocks(page, "python")[number]
+    shown = python(package, code)
+    assert shown
+    for line in promised(code):
+        assert line in shown
+
+
+def test_a_kind_of_the_library_cannot_be_taken(tmp_path):
+    said = python(tmp_path, THIEF)
+    assert 'Coulomb has the kind "coulomb" of jaxcomp.friction._laws.CoulombSlide' in said
+
+
+@pytest.fixture
+def broken(monkeypatch):
+    """An entry point whose module is not there."""
+    point = EntryPoint("laws", "no_such_module", "jaxcomp")
+    monkeypatch.setattr(_extensions, "entry_points", lambda group: [point])
+    monkeypatch.setitem(_extensions._state, "imported", False)
+
+
+@pytest.mark.usefixtures("broken")
+def test_an_entry_point_that_cannot_be_imported_is_named():
+    for _ in range(2):  # and again, not only the first time
+        with pytest.raises(ExtensionError, match=r'laws = "no_such_module".*ModuleNotFoundError'):
+            loads("[mechanism]")
+    done = CliRunner().invoke(app, ["check", "mayekawa-wbhe"])
+    assert done.exit_code == 2
+    assert 'error: entry point laws = "no_such_module"' in done.output
+    assert complete_quantity("mech") == []  # a key press in the shell prints no traceback
+
+
+def test_modules_are_imported_once(monkeypatch):
+    seen = []
+
+    class Point:
+        def load(self):
+            seen.append(1)
+            load("mayekawa-wbhe")  # read while it is imported
+
+    monkeypatch.setattr(_extensions, "entry_points", lambda group: [Point()])
+    monkeypatch.setitem(_extensions._state, "imported", False)
+    for _ in range(2):
+        _extensions.import_extensions()
+    assert seen == [1]
+
+
+def test_the_reference_has_every_public_name():
+    """What the site lists, read from the sources, is what can be imported."""
+    for module, names in public_names().items():
+        there = importlib.import_module(module)
+        assert set(names) <= set(dir(there)), module
+        if hasattr(there, "__path__") and module != "jaxcomp":
+            seen = {name for name in dir(there) if not name.startswith("_")}
+            modules = {n for n in seen if inspect.ismodule(getattr(there, n))}
+            assert seen - modules == set(names), module
+    everything = set(importlib.import_module("jaxcomp").__all__)
+    listed = public_names()
+    modules = {name.partition(".")[2] for name in listed}
+    assert everything == set(listed["jaxcomp"]) | (everything & modules)
+    assert len(listed["jaxcomp"]) > 50

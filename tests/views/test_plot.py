@@ -1,0 +1,168 @@
+"""Pictures: what they show, and that they leave matplotlib's state alone."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from jaxcomp import Collocation, plot, solve_orbit
+from jaxcomp.plot._fine import fine_turn
+from jaxcomp.plot._style import over_turn
+from jaxcomp.scene import load, with_values
+from jaxcomp.shaking import shaking_wrench
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load("mayekawa-wbhe").compressor
+
+
+@pytest.fixture(scope="module")
+def orbit(machine):
+    return solve_orbit(machine, Collocation())
+
+
+def curve(figure, axis=0, line=0):
+    return figure.axes[axis].lines[line].get_xydata().T
+
+
+def test_all_pictures_are_labelled_and_can_be_saved(machine, orbit, tmp_path):
+    figures = plot.orbit_figures(machine, orbit)
+    assert list(figures) == [
+        "pv_diagram",
+        "speed",
+        "torques",
+        "joint_forces",
+        "bearing_loads",
+        "joint_friction",
+        "losses",
+        "shaking_force",
+    ]
+    for name, figure in figures.items():
+        for ax in figure.axes:
+            polar = name == "bearing_loads"
+            assert ax.get_title(loc="left") if polar else ax.get_ylabel() or name == "losses", name
+        assert polar or any(ax.get_xlabel() for ax in figure.axes), name
+        figure.savefig(tmp_path / f"{name}.png", dpi=60)
+        assert (tmp_path / f"{name}.png").stat().st_size > 4000
+
+
+def test_area_of_the_indicator_diagram_is_the_gas_work(machine, orbit):
+    volume, pressure = curve(plot.pv_diagram(machine, orbit))
+    assert volume.min() == pytest.approx(0, abs=1e-3)
+    assert volume.max() == pytest.approx(1327, rel=1e-5)
+    area = abs(np.trapezoid(pressure * 1e6, volume * 1e-6))
+    assert area == pytest.approx(float(orbit.energy.gas_work), rel=1e-3)
+
+
+def test_fine_turn_agrees_with_the_nodes(machine, orbit):
+    turn = fine_turn(machine, orbit)
+    angle = np.asarray(turn.state.angle)
+    assert angle.size > 700
+    for fine, coarse, size in [
+        (turn.state.speed, orbit.state.speed, 1e-4),
+        (turn.state.acceleration, orbit.state.acceleration, 2.0),
+        (turn.loads.forces["crank_pin"][1], orbit.loads.forces["crank_pin"][1], 10.0),
+        (turn.loads.loss_torque["crank_pin"], orbit.loads.loss_torque["crank_pin"], 0.02),
+    ]:
+        assert fine.shape == angle.shape
+        inner = (orbit.state.angle > angle[0]) & (orbit.state.angle < angle[-1])
+        at_nodes = np.interp(orbit.state.angle, angle, fine)
+        # straight lines between half a degree of angle, and jumps at the kinks, are the difference
+        error = np.abs(at_nodes - coarse)[inner]
+        assert np.median(error) < size
+
+
+def test_speed_stays_within_its_extremes(machine, orbit):
+    _, speed = curve(plot.speed_over_turn(machine, orbit))
+    assert speed.max() == pytest.approx(float(orbit.highest_speed) * 30 / np.pi, rel=1e-5)
+    assert speed.min() == pytest.approx(float(orbit.lowest_speed) * 30 / np.pi, rel=1e-5)
+
+
+def test_torques_add_up_to_the_inertia_of_the_crankshaft(machine, orbit):
+    figure = plot.crank_torques(machine, orbit)
+    curves = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines[:5]}
+    assert set(curves) == {
+        "Motor",
+        "Gas",
+        "Friction",
+        "Inertia of the piston",
+        "Inertia of the rod",
+    }
+    state = fine_turn(machine, orbit).state
+    _, rise = over_turn(state.angle, state.acceleration)
+    expected = float(machine.crankshaft.inertia) * rise
+    np.testing.assert_allclose(sum(curves.values()), expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_joint_forces_peak_where_the_paper_has_its_peak(machine, orbit):
+    """Tsuji et al. (2012), Section 3.2: sharp peak at -35 degrees."""
+    figure = plot.joint_forces(machine, orbit)
+    names = [line.get_label() for line in figure.axes[0].lines]
+    degrees, force = curve(figure, 0, names.index("Piston pin"))
+    assert degrees[np.argmax(force)] == pytest.approx(-35, abs=1.0)
+    degrees, side = curve(figure, 1)
+    assert degrees[np.argmax(np.abs(side))] == pytest.approx(-35, abs=1.0)
+
+
+def test_polar_loads_are_those_of_the_bearings(machine, orbit):
+    figure = plot.bearing_loads(machine, orbit)
+    crank_pin, main = (ax.lines[0].get_xydata().T for ax in figure.axes)
+    forces = fine_turn(machine, orbit).loads.forces
+    for (direction, size), force in (
+        (crank_pin, forces["crank_pin"]),
+        (main, -forces["main_journal"]),  # the joint reports the force on the shaft
+    ):
+        drawn = 1e3 * size * np.stack([np.cos(direction), np.sin(direction)])
+        np.testing.assert_allclose(drawn, force, atol=1e-6)  # rounding of 50 kN
+    # the gas presses the shaft away from the head, so the bearing is loaded on that side
+    assert np.cos(main[0][np.argmax(main[1])]) < -0.9
+
+
+def test_locus_of_the_shaking_force(machine, orbit):
+    figure = plot.shaking_force(machine, orbit)
+    locus = figure.axes[0].lines[0].get_xydata().T * 1e3
+    force = shaking_wrench(machine, orbit.state).force
+    # the largest node misses the largest of the curve by less than the curve bends in between
+    np.testing.assert_allclose(np.abs(locus).max(axis=1), np.abs(force[:2]).max(axis=1), rtol=2e-3)
+    assert len(figure.axes[1].lines) == 3  # about z alone, and the two zero lines
+    assert figure.get_supxlabel().endswith("x: along the cylinder towards the head; y: across.")
+
+
+def test_friction_torques_are_those_of_coulomb(machine, orbit):
+    figure = plot.joint_friction(machine, orbit)
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    assert titles == ["Piston pin", "Crank pin", "Main journal", "Wall"]
+    force = np.hypot(*fine_turn(machine, orbit).loads.forces["main_journal"]).max()
+    assert curve(figure, 2)[1].max() == pytest.approx(0.013 * 0.046 * force, rel=1e-9)
+
+
+def test_loss_bars_are_the_losses(machine, orbit):
+    bars = plot.loss_shares(orbit).axes[0].patches
+    widths = sorted(bar.get_width() for bar in bars)
+    assert widths == pytest.approx(sorted(float(x) for x in orbit.energy.losses.values()))
+
+
+NOTHING = {"friction": None, "crankshaft.main_journal": None, "gas": None}
+
+
+def test_absent_parts_have_no_picture():
+    bare = with_values(load("mayekawa-wbhe"), NOTHING).compressor
+    orbit = solve_orbit(bare, Collocation())
+    names = ["speed", "torques", "joint_forces", "bearing_loads", "shaking_force"]
+    assert list(plot.orbit_figures(bare, orbit)) == names
+    with pytest.raises(ValueError, match="needs a compressor with gas"):
+        plot.pv_diagram(bare, orbit)
+
+
+def test_curves_close_at_both_ends():
+    angle = np.linspace(0, 2 * np.pi, 8, endpoint=False) + 0.1
+    degrees, sine = over_turn(angle, np.sin(angle))
+    assert degrees[0] < -180 < degrees[1] < degrees[-2] < 180 < degrees[-1]
+    np.testing.assert_allclose(sine, np.sin(np.deg2rad(degrees)), atol=1e-12)
+
+
+def test_pictures_need_no_pyplot():
+    code = "import sys, jaxcomp.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
