@@ -39,7 +39,7 @@ class JointLoads(eqx.Module):
     forces: dict[str, Float[Array, "2 *n"]]
     loss_torque: dict[str, Float[Array, "*n"]]
     residual: Float[Array, "*n"] | None
-    margin: Float[Array, "*n"] | None
+    margin: Float[Array, "*each"] | None
     kinks: Float[Array, "k *n"]
     minima: Float[Array, "m *n"]
 

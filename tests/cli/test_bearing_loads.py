@@ -25,7 +25,7 @@ from jaxcomp.parts import BadInput
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.load_tables import read_loads
 
-PAGE = Path(__file__).parents[1] / "notebooks" / "journal-loads.md"
+PAGE = Path(__file__).parents[2] / "notebooks" / "journal-loads.md"
 PIN = re.search(r'title="pin.csv"\n(.*?)```', PAGE.read_text("utf-8"), re.S)[1]
 SPEED = 1000 * np.pi / 30
 BEARING = JournalBearing(0.09, 0.045, 45e-6, 0.01, "short")

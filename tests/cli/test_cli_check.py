@@ -321,7 +321,7 @@ def test_check_tries_another_value():
     assert answer.exit_code == 2
     [error] = read_json(answer.stdout)["errors"]
     assert error["key"] == "mechanism.piston_mass"
-    assert error["problem"].startswith("must be > 0")
+    assert error["problem"].startswith("must be >= 0")
 
 
 def test_check_says_how_several_cylinders_fire():

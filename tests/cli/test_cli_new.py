@@ -186,8 +186,8 @@ def test_a_fresh_file_runs(command, tmp_path):
     found = read_json(result.stdout)
     if verb == "run":
         assert found["converged"]
-        # small machines lose 5 to 32 % (the household one has 8 W of films and pump); beyond is a slip
-        assert 0.6 < found["mechanical_efficiency"] < 0.97
+        # small machines lose 3 to 32 % (the household one has 8 W of films and pump); beyond is a slip
+        assert 0.6 < found["mechanical_efficiency"] < 0.98
     elif verb == "respond":
         amplitudes = [n["amplitude"]["ux"][0][0] for n in found["nodes"].values()]
         # a g mm of the same order as the file's over the mass of housing and rotor: micrometres

@@ -152,7 +152,7 @@ def test_every_command_has_an_example():
 
 def write_tables(folder: Path) -> None:
     """The tables of measurements that the page shows, by the names its commands use."""
-    names = {"run,target": "runs.csv", "mode,frequency": "modes.csv"}
+    names = {"run,target": "runs.csv", "mode,frequency": "modes.csv", "# fluid": "map.csv"}
     for begin, name in names.items():
         (table,) = [b for b in blocks("notebooks/examples.md", "") if b.startswith(begin)]
         (folder / name).write_text(table)
