@@ -91,7 +91,7 @@ class Motion(eqx.Module):
     first_energy: Float[Array, ""]  # [-] kinetic energy at the first edge
     # [-] unknowns of the joint loops at all nodes and then at the places, from their start, over the
     # scale of forces; of no entries without friction
-    joints: Float[Array, "k m"]
+    joints: Float[Array, "cylinders m"]
     places: Float[Array, " k"]  # [rad] load reversals
     # [-] positions of the journals that move, over their clearances; `None` without any
     journals: Float[Array, "2 j p s"] | None = None
@@ -145,7 +145,7 @@ def state_of(at: Instants, scales: Scales, energy, acceleration) -> CrankState:
     return CrankState(at.angle, jnp.sqrt(2 * floored / at.inertia), acceleration * scales.speed**2)
 
 
-def joints_of(loop: MachineLoops, scales: Scales, unknown) -> Float[Array, " m"]:
+def joints_of(loop: MachineLoops, scales: Scales, unknown) -> Float[Array, "cylinders m"]:
     """[N] The unknown of the joint loops, from its value in units of the solver."""
     return lax.stop_gradient(loop.loops.start()) + scales.force * unknown
 

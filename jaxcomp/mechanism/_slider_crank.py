@@ -227,7 +227,7 @@ class RodBalance(eqx.Module):
     rod: RodMotion
     arm: Float[Array, "*n"]
     pin_x: Float[Array, "*n"]
-    piston_weight: Float[Array, ""]
+    piston_weight: Float[Array, "*each"]
     rod_inertia: Vector
     moment: Float[Array, "*n"]
 
@@ -237,7 +237,7 @@ def rod_balance(
     rod: RodMotion,
     state: CrankState,
     gas_force: Float[Array, "*n"],
-    gravity: Float[Array, "2"] | None = None,
+    gravity: Float[Array, "2 *each"] | None = None,
 ) -> RodBalance:
     """Collect inertia, weight and gas forces.
 

@@ -320,9 +320,12 @@ def test_films_are_studied_at_every_bearing_of_the_machine():
     scene = load("slider-link-8cc")
     places = film_places(machine_of(scene))
     orbit = solve_orbit(scene.compressor)
-    assert {place.label for place in places} == {"crank_pin", "upper_bearing", "lower_bearing"}
+    journals = scene.compressor.crankshaft.main_journal
+    bearings = dict(zip(journals.names, journals.bearings, strict=True))
+    bearings["crank_pin"] = scene.compressor.friction.crank_pin
+    assert {place.label for place in places} == set(bearings) and len(places) == 3
     for place in places:
-        bearing = getattr(scene.compressor.friction, place.label)
+        bearing = bearings[place.label]
         own = eccentricity_ratio(bearing, orbit.mean_forces[place.label], orbit.mean_speed)
         # the quick orbit of the study has no edges at the load reversals: 1.1e-3 seen
         assert place.eccentricity == pytest.approx(float(own), rel=5e-3)
@@ -531,8 +534,11 @@ def test_both_modes_give_the_derivative_and_differences_lose_half_the_digits():
     # collocation of eight nodes: its values err by 5e-9
     assert all(found.claimed(row) < 1e-5 for row in modes)
     assert max(row.error for row in differences) > 1e-4
-    # the best of all steps is no closer to the truth than the derivative of the same solution
-    assert min(row.error for row in differences) > 0.2 * max(row.error for row in modes)
+    # steps in the middle find what the derivative of the same solution is worth (measured 4.8e-9 to
+    # 1.02e-8 for 1.01e-8), and the smallest loses digits again to the rounding of the values (8.5e-8)
+    derivative = max(row.error for row in modes)
+    *_, middle, fine, finest = differences
+    assert max(middle.error, fine.error) < 2 * derivative < finest.error
 
 
 @pytest.mark.slow
