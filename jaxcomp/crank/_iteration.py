@@ -42,6 +42,10 @@ ENERGY_FLOOR = 1e-6
 # [-] What rounding leaves of the kinetic energy over its mean, with room: a slope of 13,000 over it left
 # changes of 2e-8 in the acceleration, one of 130,000 of 3e-7.
 _ENERGY_NOISE = 4e-12
+# [rad] Of the places of load reversals in the unknowns. What a place is off by counts squared in the
+# losses and their derivatives, since they are continuous there: it need not be known as closely as the
+# motion.
+PLACE_UNIT = 1e4
 
 
 class Resolution(eqx.Module):
@@ -92,9 +96,14 @@ class Motion(eqx.Module):
     # [-] unknowns of the joint loops at all nodes and then at the places, from their start, over the
     # scale of forces; of no entries without friction
     joints: Float[Array, "cylinders m"]
-    places: Float[Array, " k"]  # [rad] load reversals
+    reversals: Float[Array, " k"]  # their places over `PLACE_UNIT`
     # [-] positions of the journals that move, over their clearances; `None` without any
     journals: Float[Array, "2 j p s"] | None = None
+
+    @property
+    def places(self) -> Float[Array, " k"]:
+        """[rad] Load reversals."""
+        return PLACE_UNIT * self.reversals
 
 
 class Reversals(eqx.Module):
@@ -135,7 +144,8 @@ def initial_motion(known: Known, resolution: Resolution) -> Motion:
     joints = jnp.zeros((count, energy.size + places.size if friction else 0))
     journals = len(moving(known.compressor))
     centred = jnp.zeros((2, journals, *energy.shape)) if journals else None
-    return Motion(energy, jnp.zeros_like(energy), jnp.ones(()), joints, places, centred)
+    none = jnp.zeros_like(energy)
+    return Motion(energy, none, jnp.ones(()), joints, places / PLACE_UNIT, centred)
 
 
 def state_of(at: Instants, scales: Scales, energy, acceleration) -> CrankState:
@@ -228,8 +238,8 @@ def improve(
     reversals: Reversals,
     motion: Motion,
     cut: tuple[Panels, Instants] | None = None,
-) -> tuple[Motion, Float[Array, "q p s"]]:
-    """One iteration: better unknowns, with the quantities that mark reversals at the nodes.
+) -> tuple[Motion, Float[Array, "q p s"], Float[Array, " k"]]:
+    """One iteration: better unknowns, with the quantities that mark reversals at nodes and places.
 
     `cut` is the `revolution` at the places of the motion, where the caller has it already.
     """
@@ -285,6 +295,7 @@ def improve(
     floored = jnp.maximum(energy, ENERGY_FLOOR) * scales.energy
     acceleration = (slope - now.inertia_1 * floored / now.inertia) / now.inertia
     marks = [nodes(mark) for mark in rows]
+    value = jnp.zeros_like(places)
     if places.size:
         at_places = jnp.stack([mark[count:] for mark in rows])
         value = jnp.take_along_axis(at_places, jnp.maximum(reversals.row, 0)[None], axis=0)[0]
@@ -298,8 +309,9 @@ def improve(
         if journals is not None:
             journals = jnp.stack(rest).reshape(journals.shape)
         places = moved
-    better = Motion(energy, acceleration / scales.speed**2, first, joints, places, journals)
-    return better, jnp.stack(marks) if marks else jnp.zeros((0, *shape))
+    acceleration, places = acceleration / scales.speed**2, places / PLACE_UNIT
+    better = Motion(energy, acceleration, first, joints, places, journals)
+    return better, jnp.stack(marks) if marks else jnp.zeros((0, *shape)), value
 
 
 def _carried(known: Known, resolution: Resolution, grid: Panels, places, values):

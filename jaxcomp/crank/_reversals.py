@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from .._implicit import AbstractFixedPoint, FixedPointReport, frozen, settle
 from ._iteration import (
+    PLACE_UNIT,
     Known,
     Motion,
     Resolution,
@@ -31,6 +32,8 @@ from ._panels import NO_WIDTH, Panels
 _PLACING = 1e-5
 # Halvings of a bracket: of 0.1 rad they leave 1e-6 rad, which the iterations polish with the slope.
 _HALVINGS = 16
+# [rad] Shift of a place from which two iterations tell the slope there.
+_FAR = 1e-11
 
 
 class _Brackets(NamedTuple):
@@ -82,18 +85,25 @@ class OrbitProblem(AbstractFixedPoint):
             )
             return motion, (reversals, report)
 
-        marks = eqx.filter_eval_shape(improve, known, resolution, reversals, motion)[1]
-        nothing = jnp.zeros(marks.shape, marks.dtype)
+        _, marks, _ = eqx.filter_eval_shape(improve, known, resolution, reversals, motion)
+        nothing, unknown = jnp.zeros(marks.shape, marks.dtype), jnp.full_like(places, jnp.nan)
 
         def round_(index, carry):
             motion, reversals, brackets, _ = carry
             last = index == 2
             reversals = eqx.tree_at(lambda r: r.moving, reversals, last)
             tolerance = jnp.where(last, self.tolerance, _PLACING)
-            motion, marks, report = settle(
-                lambda m, _: improve(known, resolution, reversals, m),
+
+            def step(motion, beside):
+                _, reversals, before = beside
+                better, marks, value = improve(known, resolution, reversals, motion)
+                now = motion.places, value
+                return better, (marks, _by_secant(reversals, before, now), now)
+
+            motion, (marks, reversals, _), report = settle(
+                step,
                 motion,
-                nothing,
+                (nothing, reversals, (unknown, unknown)),
                 tolerance,
                 self.max_iterations,
                 rounding_of(known),
@@ -133,7 +143,7 @@ class OrbitProblem(AbstractFixedPoint):
             acceleration[:count].reshape(new.angle.shape),
             motion.first_energy,
             jnp.stack(joints),
-            places,
+            places / PLACE_UNIT,
             journals,
         )
         return moved, Reversals(row, slope, jnp.asarray(False)), brackets
@@ -172,6 +182,21 @@ class OrbitProblem(AbstractFixedPoint):
             row = jnp.where(used, row + begin, -1).astype(int)
             found.append(_Brackets(low, high, lowest, highest, row))
         return jax.tree.map(lambda *parts: jnp.concatenate(parts), *found)
+
+
+def _by_secant(reversals: Reversals, before, now) -> Reversals:
+    """Reversals with the slopes that two iterations, (places, values) each, tell of.
+
+    Those of `_bisect` belong to polynomials across a kink or beside it: a place followed by them comes
+    closer by 0.1 to 0.25 only in an iteration.
+    """
+    moved, change = (new - old for new, old in zip(now, before, strict=True))
+    far = jnp.abs(moved) > _FAR
+    share = change / jnp.where(far, moved, 1.0) / reversals.slope
+    # the motion, too, moves the value: a slope of another size is its doing
+    told = far & (share > 0.5) & (share < 2.0)
+    slope = jnp.where(told, share, 1.0) * reversals.slope
+    return eqx.tree_at(lambda r: r.slope, reversals, slope)
 
 
 def _bisect(grid: Panels, marks: Float[Array, "q p s"], brackets: _Brackets):
