@@ -39,9 +39,8 @@ PICTURES = (".pictures/mechanism.gif", ".pictures/balance.gif")
 
 # ------------------------------------------------------------------------------ what mkdocs calls
 def on_config(config):
-    """The notebooks and the pages of the reference stand at the ends of their sections."""
+    """The pages of the reference stand at the end of their section."""
     sections = {name: pages for entry in config.nav for name, pages in entry.items()}
-    sections["Studies"] += [f"{path.stem}.md" for path in _notebooks()]
     sections["Reference"] += [{name: _page_of(name)} for name in public_names()]
 
 
