@@ -323,7 +323,8 @@ def test_films_are_studied_at_every_bearing_of_the_machine():
     journals = scene.compressor.crankshaft.main_journal
     bearings = dict(zip(journals.names, journals.bearings, strict=True))
     bearings["crank_pin"] = scene.compressor.friction.crank_pin
-    assert {place.label for place in places} == set(bearings) and len(places) == 3
+    assert {place.label for place in places} == set(bearings)
+    assert len(places) == 3
     for place in places:
         bearing = bearings[place.label]
         own = eccentricity_ratio(bearing, orbit.mean_forces[place.label], orbit.mean_speed)
