@@ -69,6 +69,15 @@ def cubic_step(t, width, ends, slopes):
     )
 
 
+def quintic_step(t, width, ends, slopes, bends):
+    """The same of the quintic with these values, slopes and second derivatives at its ends."""
+    s = 1 - t
+    (begin, end), (first, last), (bend, bent) = ends, slopes, bends
+    near = begin * (1 + 3 * t + 6 * t**2) + width * t * (first * (1 + 3 * t) + width * t * bend / 2)
+    far = end * (1 + 3 * s + 6 * s**2) - width * s * (last * (1 + 3 * s) - width * s * bent / 2)
+    return s**3 * near + t**3 * far
+
+
 def cubics(
     x: Float[Array, "*m"],
     knots: Float[Array, " n"],

@@ -20,6 +20,8 @@ class Reference:
         inertia: [kg m^2] of the crank.
         motor: torque [N m] over speed [rad/s].
         changes: of the numbers below.
+
+    Lifts are followed to where they turn, so that no touch of seat or stop is passed over.
     """
 
     def __init__(self, suction_chain=(), discharge_chain=(), inertia=8e-4, motor=None, **changes):
@@ -34,6 +36,7 @@ class Reference:
             (1.2e-4, 0.03, 700.0, 1e-4, 9e-4, 5e-3, 0.65, 1.1, 5e-3),
         )
         self.stiction = (0.0, 1.0), (0.0, 1.0)  # coefficient of v/(x + x_oil)^3 and x_oil
+        self.restitution, self.rest_speed = 0.0, 1e-4  # of both valves; [m/s] rebound that rests
         self.chains = suction_chain, discharge_chain
         self.inertia, self.motor = inertia, motor
         vars(self).update(changes)
@@ -197,33 +200,49 @@ class Reference:
             stop = self.valves[i][4]
 
             def event(t, y):
+                if kind == "turn":
+                    return y[5 + 3 * i]
                 force = self.push(i, stop * (modes[i] == 2), *self.forces(y)[i])
                 if kind == "force":
                     return -force if modes[i] == 0 else force
                 return y[4 + 3 * i] if kind == "seat" else stop - y[4 + 3 * i]
 
-            event.terminal, event.direction = True, -1
+            event.terminal, event.direction = kind != "turn", 0 if kind == "turn" else -1
             return event
 
+        self.touches = [[0, 0], [0, 0]]  # of every valve, on its seat and on its stop
+        last = duration  # where the next march ends; before a turn beyond the stop, that turn
         while t < duration - 1e-13:
             events = []
             for i in (0, 1):
-                kinds = ("seat", "stop") if modes[i] == 1 else ("force",)
+                kinds = ("seat", "stop", "turn") if modes[i] == 1 else ("force",)
                 events += [(i, kind) for kind in kinds]
             longest = 2e-4
             found = solve_ivp(
-                lambda t, y: self.rhs(t, y, modes), (t, duration), y, "DOP853", rtol=rtol,
+                lambda t, y: self.rhs(t, y, modes), (t, last), y, "DOP853", rtol=rtol,
                 atol=rtol * np.maximum(np.abs(y), [1, 1, 1e-6, 100, *[1e-4, 1, 10] * 2,
                                                    *[1e-4, 1e-6, 100] * sum(map(len, self.chains)),
                                                    1e-6, 1.0]),
                 events=[contact(*one) for one in events], max_step=longest,
             )  # fmt: skip
-            t, y = found.t[-1], found.y[:, -1].copy()
             assert found.status >= 0, found.message
+            # a lift that turns beyond the stop or the seat was there and back within one step
+            beyond = [
+                time
+                for (i, kind), *turns in zip(events, found.t_events, found.y_events, strict=True)
+                for time, state in zip(*turns, strict=True)
+                if kind == "turn" and abs(state[4 + 3 * i] / self.valves[i][4] - 0.5) > 0.5 + 1e-13
+            ]
+            if beyond:
+                last = min(beyond)
+                continue
+            t, y, last = found.t[-1], found.y[:, -1].copy(), duration
             if found.status == 0:
-                break
-            which = next(k for k, times in enumerate(found.t_events) if times.size)
-            i, kind = events[which]
+                continue
+            i, kind = next(
+                one for one, times in zip(events, found.t_events, strict=True)
+                if times.size and one[1] != "turn"
+            )  # fmt: skip
             place = 4 + 3 * i
             force = self.push(i, self.valves[i][4] * (kind == "stop"), *self.forces(y)[i])
             if kind == "force":
@@ -234,7 +253,13 @@ class Reference:
                 modes[i] = 1
                 y[place] += 1e-15 if y[place] == 0 else 0.0
             else:
-                y[place], y[place + 1] = (0.0 if kind == "seat" else self.valves[i][4]), 0.0
+                rebound = -self.restitution * y[place + 1]
+                y[place] = 0.0 if kind == "seat" else self.valves[i][4]
+                self.touches[i][kind == "stop"] += 1
+                if abs(rebound) >= self.rest_speed:
+                    y[place + 1] = rebound
+                    continue
+                y[place + 1] = 0.0
                 rests = force <= 0 if kind == "seat" else force > 0
                 modes[i] = (0 if kind == "seat" else 2) if rests else 1
         return y

@@ -119,7 +119,7 @@ def run_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     known = _of_the_crank(scene.machine)
     found = eqx.filter_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
     values, numbers = jax.tree.map(float, jax.device_get(found))
-    grazes = numbers.pop("grazes")
+    margins = numbers.pop("turning_margins")
     compressor = scene.as_compressor()
     # where no film has a thickness there is no least one
     known = tuple(one for one in known if values[one.name] != math.inf)
@@ -145,7 +145,7 @@ def run_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
         "status": Status[orbit.status],
         "solver": orbit.solver,
         **({} if orbit.verification is None else {"verification": _verification(orbit)}),
-        "remarks": list(_remarks(compressor, grazes, rods)),
+        "remarks": list(_remarks(compressor, margins, rods)),
     }
 
 
@@ -208,7 +208,7 @@ def orbit_curves(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
 
 
 def _remarks(
-    machine: jc.Compressor, grazes: dict[str, float], rods: dict[str, dict[str, float]]
+    machine: jc.Compressor, margins: dict[str, float], rods: dict[str, dict[str, float]]
 ) -> Iterator[str]:
     """Reasons why numbers of a result do not mean what their names say."""
     for name, rod in rods.items():
@@ -220,11 +220,15 @@ def _remarks(
             )
     if machine.frictionless:
         yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
-    for valve in (valve for valve, near in grazes.items() if near):
-        yield (
-            f"The {valve} valve grazes its stop: derivatives are infinite on one side of this design. "
-            "Move the stop, or let an optimiser search by values."
-        )
+    for name, margin in margins.items():
+        if abs(margin) < jc.cylinder.GRAZING:
+            valve, place = name.split("_")
+            yield (
+                f"The {valve} valve {'just touches' if margin > 0 else 'just misses'} its {place} "
+                f"({100 * abs(margin):.2g} % of its stop): derivatives hold only for designs in which it "
+                f"{'still touches, and are steep there' if margin > 0 else 'still misses'}. "
+                "Move the stop, or let an optimiser search by values."
+            )
     if machine.gas is None:
         yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."
     elif isinstance(machine.gas, jc.gas.PolytropicCycle) and not machine.gas.delivers.any():
@@ -257,7 +261,7 @@ def _numbers(machine, assembly, orbit: jc.Orbit, known) -> tuple[dict[str, Any],
         "energy_residual": energy.residual,
         "residual": orbit.residual,
         "resolution": orbit.resolution,
-        "grazes": {} if orbit.cycle is None else orbit.cycle.grazes,
+        "turning_margins": {} if orbit.cycle is None else orbit.cycle.turning_margins,
     }
 
 

@@ -39,6 +39,7 @@ from ..cylinder._march import (
     Record,
     Stretch,
     longest_step,
+    passed,
     stretch,
     towards,
     within_steps,
@@ -190,6 +191,15 @@ class CrankAndGas(AbstractLaw):
         others = jnp.stack([motor_on, event == EVENTS * count]).astype(int)
         flags = jnp.concatenate([new.ravel(), others])
         return jnp.max(code), state.at[: self.kept].set(jumped), flags
+
+    def passed(self, ends, slopes, width, flags, least):
+        def gases(vectors):
+            return jnp.stack([self.unravel(one[: self.kept])["gas"] for one in vectors], axis=1)
+
+        def one(ends, slopes, flags):
+            return passed(ends, slopes, width, flags, least)
+
+        return jnp.min(jax.vmap(one)(gases(ends), gases(slopes), _of_cylinders(flags)))
 
     def longest(self, flags):
         return jnp.min(jax.vmap(longest_step)(self.cases, _of_cylinders(flags)))

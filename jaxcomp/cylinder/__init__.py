@@ -2,6 +2,7 @@
 
 from ._balance import Accounts as Accounts
 from ._collocation import SolvedPressure as SolvedPressure
+from ._cycle import GRAZING as GRAZING
 from ._cycle import Cycle as Cycle
 from ._cycle import SeveralCycles as SeveralCycles
 from ._cylinder import Cylinder as Cylinder

@@ -20,15 +20,18 @@ from numpy.polynomial import legendre
 
 from .._fields import ANY, NONNEGATIVE, quantity
 from .._implicit import AbstractRoot
-from .._polynomials import gauss, legendre_columns
+from .._polynomials import cubic_step, gauss, legendre_columns
 from ..gas import AbstractGas
-from ._balance import jacobian, jump, rates
+from ._balance import FREE, jacobian, jump, rates
 from ._cylinder import Case
 from ._heat import next_revolution
 from ._march import START, TURN, Record, within_steps
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
 _LEFT = 1e-6
+# [-] The same of the largest lift beyond seat or stop. What a touch costs goes with the root of how far the
+# valve would pass: 4e-7 of the flow here.
+_PASSED = 1e-9
 # [-] A step of Newton's method beyond this has lost the solution.
 _LOST = 10.0
 # [-] A step below this part of the one before is taken with the same Jacobian, so many at most.
@@ -350,13 +353,61 @@ def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
     none = jnp.zeros((), int)
     begin = (start, jnp.asarray(1.0), jnp.asarray(_LOST), none, none, jnp.asarray(False))
     z, size, _, steps, more, good = lax.while_loop(going_on, advance, begin)
-    return z, NewtonReport(size, steps, more, good)
+    return z, NewtonReport(size, steps, more, good & _within(mesh, z))
 
 
 def _holds(z: Unknowns, events) -> Bool[Array, ""]:
     """Whether every branch holds at every node of a panel with some width."""
     wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
     return jnp.all((events[:, :-1] > -_LEFT) | ~wide) & jnp.all(jnp.diff(z.edges) > -1e-7)
+
+
+def _within(mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
+    """Whether free valves keep between seat and stop between the nodes as well."""
+    good = jnp.asarray(True)
+    for which in range(2):
+        free = (mesh.flags[:, 3 * which] == FREE) & (jnp.diff(z.edges) > 1e-7)
+        lift = jnp.where(free[:, None], z.points[..., 2 + 3 * which], 0.5)
+        good &= (highest(lift) < 1 + _PASSED) & (highest(-lift) < _PASSED)
+    return good
+
+
+def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
+    """How far free valves turn, or would turn, beyond seat and stop where that is nearest to nothing.
+
+    Returns:
+        [-] of the stop, suction and discharge valve by seat and stop: positive where the valve touches and
+        its own motion would have turned it so far beyond; negative where it turns so far before. Infinite
+        where nothing turns there, or the force presses on.
+    """
+    angle, width = point_angles(z.edges, z.points.shape[1] - 1)
+    angle = jnp.concatenate([z.edges[:-1, None], angle], axis=1)
+    states = jnp.concatenate([z.left[:, None], z.points], axis=1)
+    pace = case.speed / jax.vmap(jax.vmap(case.speed_at))(angle)
+    gap, wide = jnp.diff(angle, axis=1), jnp.maximum(width, 1e-7)
+    # slope at the end of a panel, from the values at its points
+    count = z.points.shape[1]
+    slope = legendre.legvander([1.0], count - 1)
+    slope = np.array([k * (k + 1) for k in range(count)]) * slope[0] @ _to_series(count)
+    found = []
+    for which in range(2):
+        free = (mesh.flags[:, 3 * which] == FREE) & (width > 1e-7)
+        for place in range(2):
+            # towards the stop, or towards the seat
+            beyond = states[..., 2 + 3 * which] - 1 if place else -states[..., 2 + 3 * which]
+            rate = states[..., 3 + 3 * which] * pace * (1 if place else -1)
+            bend = rate[:, 1:] @ slope / wide
+            touches = free & (mesh.event == 4 * which + place) & (bend < 0)
+            would = rate[:, -1] ** 2 / (2 * jnp.where(touches, -bend, 1.0))
+            turns = free[:, None] & (rate[:, :-1] > 0) & (rate[:, 1:] <= 0)
+            share = rate[:, :-1] / jnp.where(turns, rate[:, :-1] - rate[:, 1:], 1.0)
+            ends = (beyond[:, :-1], beyond[:, 1:]), (rate[:, :-1], rate[:, 1:])
+            does = jnp.minimum(cubic_step(share, gap, *ends), 0.0)
+            both = jnp.concatenate(
+                [jnp.where(touches, would, jnp.inf), jnp.where(turns, does, -jnp.inf).ravel()]
+            )
+            found.append(both[jnp.argmin(jnp.abs(both))])
+    return jnp.stack(found).reshape(2, 2)
 
 
 class Attached(AbstractRoot):

@@ -11,10 +11,12 @@ from jaxtyping import Array, Bool, Float, Int
 from .._results import Data, Result
 from .._status import Status
 from ._balance import Accounts
-from ._collocation import SolvedPressure
+from ._collocation import SolvedPressure, turning_margins
 from ._cylinder import Case
 
 VALVES = ("suction", "discharge")
+# [-] of the stop: a turn as near to it as tolerances of production
+GRAZING = 0.01
 
 
 class Events(eqx.Module):
@@ -284,24 +286,28 @@ class Cycle(Result, eqx.Module):
         }
 
     @property
-    def grazes(self) -> dict[str, Bool[Array, ""]]:
-        """Whether a valve just reaches its stop or just does not.
+    def turning_margins(self) -> dict[str, Float[Array, ""]]:
+        """[-] How far each valve turns beyond its seat and its stop, in parts of the stop.
 
-        The slope of every output is infinite on one side of the design where the two meet: within
-        3 % of the stop without touching it, or a touch at less than 5 % of the highest impact speed.
+        Positive: it touches, and would have turned so far beyond. Negative: it turns so far before.
+        Of all touches and turns the one nearest to nothing; infinite where there is none.
         """
-        found = {}
-        for number, valve in enumerate(VALVES):
-            moving = self.case.cylinder.valves[number].oscillator
-            stop = jnp.inf if moving is None else moving.stop
-            events = self.events
-            touches = events.meets & (events.which == 4 * number + 1)
-            speed = jnp.abs(events.speed)
-            least = jnp.min(jnp.where(touches, speed, jnp.inf))
-            most = jnp.maximum(*(events.impact_speed(number, place) for place in (False, True)))
-            near = jnp.max(self.lift[number]) > 0.97 * stop
-            found[valve] = jnp.where(jnp.any(touches), least < 0.05 * most, near)
-        return found
+        mesh, z, _ = self.raw
+        margins = turning_margins(self.case, mesh, z)
+        return {
+            f"{valve}_{place}": margins[number, side]
+            for number, valve in enumerate(VALVES)
+            for side, place in enumerate(("seat", "stop"))
+        }
+
+    @property
+    def grazes(self) -> dict[str, Bool[Array, ""]]:
+        """Whether a change of a valve's motion by 1 % of its stop adds a touch of seat or stop, or ends one.
+
+        Derivatives hold on this side of that only (see `turning_margins`), and grow with one over the
+        root of the margin on the side where it touches.
+        """
+        return {name: jnp.abs(one) < GRAZING for name, one in self.turning_margins.items()}
 
     @property
     def closing_angles(self) -> dict[str, Float[Array, ""]]:
@@ -333,6 +339,11 @@ def _largest(values, swept):
 def _furthest(values, swept):
     del swept
     return jnp.max(jnp.abs(values))
+
+
+def _nearest(values, swept):
+    del swept
+    return values[jnp.argmin(jnp.abs(values))]
 
 
 def _mean(values, swept):
@@ -376,11 +387,12 @@ class SeveralCycles(Result, eqx.Module):
         "impact_speeds",
         "[m/s] Highest speed at which a valve of any cylinder meets its seat and its stop.",
     )
-    grazes = _combined(
-        _largest,
-        "grazes",
-        "Whether a valve of any cylinder just reaches its stop or just does not.",
+    turning_margins = _combined(
+        _nearest,
+        "turning_margins",
+        "[-] How far a valve of any cylinder turns beyond its seat and its stop, where it grazes most.",
     )
+    grazes = Cycle.grazes
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
