@@ -14,7 +14,7 @@ from jaxcomp.cylinder import GRAZING, CycleOptions, solve_cycle
 from cylinder.test_cylinder import SPEED, golden, mechanism, with_values
 from reference_valves import Reference
 
-OPTIONS = CycleOptions(nodes=8, panels=64)
+OPTIONS = CycleOptions(nodes=8, panels=96)
 # [m] to which the suction valve of the air machine lifts without a stop: the reference's own
 FREE_LIFT = 0.0032359564048
 
