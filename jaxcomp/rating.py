@@ -21,8 +21,8 @@ from ._results import Data, Result
 from ._shown import ZERO_CELSIUS
 from ._words import one_of
 from .compressor import Compressor, compressor_of
-from .crank import Collocation, performance, solve_orbit
-from .cylinder import Cylinder, solve_cycle
+from .crank import Collocation, default_collocation, performance, solve_orbit
+from .cylinder import CycleOptions, Cylinder, solve_cycle
 from .fluid import RealGas
 from .motor import ConstantSpeed
 
@@ -150,6 +150,7 @@ def rating_map(
     evaporating: Sequence[float] | Float[Array, " n"],
     condensing: Sequence[float] | Float[Array, " m"],
     rating: str = "file",
+    options: CycleOptions | None = None,
 ) -> RatingMap:
     """Capacity, power, flow and efficiencies over evaporating and condensing temperature.
 
@@ -161,16 +162,18 @@ def rating_map(
         machine: a compressor, a machine or a scene.
         evaporating, condensing: [K] dew temperatures.
         rating: of `RATINGS`.
+        options: how the cycles are solved.
 
     Raises:
         BadInput: as `at_rating`, of any point.
     """
+    options = options or CycleOptions()
     S, D = jnp.asarray(evaporating, float), jnp.asarray(condensing, float)
     compressor = at_rating(machine, S[0], D[0], rating)
     for ends in ((jnp.max(S), jnp.min(D)), (jnp.min(S), jnp.max(D))):
         at_rating(compressor, *ends, rating)
     shape = S.size, D.size
-    found, ok = _along(compressor, rating, jnp.repeat(S, D.size), jnp.tile(D, S.size))
+    found, ok = _along(compressor, rating, options, jnp.repeat(S, D.size), jnp.tile(D, S.size))
     ok = np.asarray(ok).reshape(shape)
     values = {
         name: np.where(ok, np.asarray(found[name]).reshape(shape), np.nan)
@@ -246,6 +249,8 @@ def rated(
         `QUANTITIES` in their order, their derivatives, and whether the point can be relied on.
     """
 
+    solver = Collocation(reversals=0, estimate=False, cycle=CycleOptions())
+
     def point(point: RatingPoints):
         def law(parameters, rise):
             one = build(parameters)
@@ -254,7 +259,7 @@ def rated(
             here = at_rating(
                 replaced(one, motor=motor), point.evaporating, point.condensing, rating
             )
-            values, new, ok = _at_point(here, Collocation(reversals=0, estimate=False), rise)
+            values, new, ok = _at_point(here, solver, rise)
             gas = here.gas
             assert isinstance(gas, Cylinder)
             assert isinstance(gas.fluid, RealGas)
@@ -271,9 +276,9 @@ def rated(
 
 
 @eqx.filter_jit
-def _along(compressor: Compressor, rating: str, evaporating, condensing):
+def _along(compressor: Compressor, rating: str, options, evaporating, condensing):
     """All points, one after the other: each takes as many steps as it needs."""
-    solver, gas = Collocation(reversals=compressor.load_reversals), compressor.gas
+    solver, gas = Collocation(reversals=compressor.load_reversals, cycle=options), compressor.gas
     assert isinstance(gas, Cylinder)
 
     def point(temperatures):
@@ -306,10 +311,12 @@ def _at_point(here: Compressor, solver: Collocation, rise):
         suction = replaced(here.gas.suction, warming=None, heating=rise)
         here = replaced(here, gas=replaced(here.gas, suction=suction))
     if together:
-        orbit = solve_orbit(here, throw=False)
+        orbit = solve_orbit(
+            here, replaced(default_collocation(here), cycle=solver.cycle), throw=False
+        )
     else:
         speed = here.motor.speed_guess
-        cycle = solve_cycle(here.gas, of_cylinder(here.mechanism), speed, throw=False)
+        cycle = solve_cycle(here.gas, of_cylinder(here.mechanism), speed, solver.cycle, throw=False)
         orbit = solver.solve(replaced(here, gas=cycle.gas()))
         orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
     cycle, result = orbit.cycle, performance(here, orbit)

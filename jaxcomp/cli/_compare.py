@@ -14,6 +14,7 @@ from ._arguments import assignments, changed_scene
 from ._options import (
     AccuracyOption,
     AsJson,
+    CycleOption,
     Designs,
     ExcitationOption,
     Machine,
@@ -21,6 +22,7 @@ from ._options import (
     OutWithoutScene,
     Quantities,
     Sets,
+    Solver,
     analysis_options,
     complete_machine,
     complete_variable,
@@ -108,6 +110,8 @@ def sensitivity(
     designs: Designs = None,
     excitation: ExcitationOption = None,
     accuracy: AccuracyOption = "fast",
+    solver: Solver = "collocation",
+    cycle: CycleOption = None,
     rows: Annotated[int, typer.Option(min=1)] = 20,
     as_json: AsJson = False,
     out: Out = None,
@@ -128,7 +132,8 @@ def sensitivity(
     scene = changed_scene(machine, sets, designs)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():
-        found = jc.design.sensitivity(scene, names, options=analysis_options(accuracy, excitation))
+        options = analysis_options(scene, accuracy, solver, cycle, excitation)
+        found = jc.design.sensitivity(scene, names, options=options)
     if not found.ok:
         raise CommandError(
             f"{machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from .._shown import shown
 from ._arguments import assignments, changed_scene, with_one_unit
-from ._options import AsJson, Machine, Out, Sets
+from ._options import AsJson, CycleOption, Machine, Out, Sets, cycle_of
 from ._output import hand_out, plain
 from ._start import CommandError, reports_errors, start_jax, waiting
 from ._tables import row_table
@@ -26,6 +26,7 @@ def rating_map(
     rating: Standard = "file",
     coefficients: Literal["10", "20", "30"] = "10",
     speeds: str | None = None,
+    cycle: CycleOption = None,
     sets: Sets = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -60,8 +61,14 @@ def rating_map(
         scene = given[0]
     elif coefficients != "10":
         raise CommandError(f"--coefficients {coefficients}: needs --speeds, at least three")
+    from ..cylinder import CycleOptions
+
+    options = CycleOptions() if cycle is None else cycle_of(CycleOptions(), cycle)
     with waiting("Solving the points (the first time they are compiled as well) ..."):
-        maps = {n / (2 * pi): ratings.rating_map(one, *over, rating) for n, one in scenes.items()}
+        maps = {
+            n / (2 * pi): ratings.rating_map(one, *over, rating, options)
+            for n, one in scenes.items()
+        }
     found = next(iter(maps.values()))
     text = None
     if out is not None and found.coefficients:

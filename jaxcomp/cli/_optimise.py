@@ -16,10 +16,12 @@ from ._arguments import assignments, bounds_of, changed_scene, si, value_of, wit
 from ._options import (
     AccuracyOption,
     AsJson,
+    CycleOption,
     Machine,
     Out,
     Quantity,
     Sets,
+    Solver,
     analysis_options,
     complete_variable,
 )
@@ -53,6 +55,8 @@ def optimise(
     samples: int = 256,
     seed: int = 0,
     accuracy: AccuracyOption = "fine",
+    solver: Solver = "collocation",
+    cycle: CycleOption = None,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -124,10 +128,13 @@ def optimise(
         "samples": samples,
         "seed": seed,
         "accuracy": accuracy,
+        "solver": solver,
+        "cycle": cycle,
     }
     begun = time.perf_counter()
     scene = changed_scene(machine, sets, (), [*asked["variables"], *asked["scatter"]])
-    made = _problem(asked, jc.machine.machine_of(scene))
+    options = analysis_options(scene, accuracy, solver, cycle)
+    made = _problem(asked, jc.machine.machine_of(scene), options)
     options = {key: asked[key] for key in ("starts", "max_steps", "tolerance", "samples", "seed")}
     options["constraints"] = bounds_of(constraints, "--constraint")
     with progress_of("Compiling and sampling") as progress:
@@ -183,7 +190,9 @@ def optimise(
 
 
 # ------------------------------------------------------------------- the problem
-def _problem(asked: dict[str, Any], design: jc.machine.Machine) -> jc.design.Problem:
+def _problem(
+    asked: dict[str, Any], design: jc.machine.Machine, options: jc.AnalysisOptions
+) -> jc.design.Problem:
     ranges = {}
     for name, text in jc.design.by_name(
         design, assignments(asked["variables"], "--variable")
@@ -199,7 +208,7 @@ def _problem(asked: dict[str, Any], design: jc.machine.Machine) -> jc.design.Pro
     else:
         quantities = list(assignments(asked["targets"], "--target"))
     quantities += [asked["pareto"]] if asked["pareto"] else []
-    return jc.design.problem(design, ranges, quantities, analysis_options(asked["accuracy"]))
+    return jc.design.problem(design, ranges, quantities, options)
 
 
 def _maximise(asked: dict[str, Any]) -> bool | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -95,17 +96,88 @@ def _paths(table: Mapping[str, Any], above: str = "") -> Iterator[str]:
 Accuracy = Literal["fine", "fast", "coarse"]
 # Forces on the rotor.
 Excitation = Literal["file", "crank"]
+# Numbers of the cycle's options, at most: more only take memory.
+_MOST_OF_CYCLE = {"nodes": 24, "panels": 1000}
 # How samples are drawn.
 Sampling = Literal["sobol", "latin-hypercube", "random"]
 
 
 def analysis_options(
-    accuracy: Accuracy, excitation: Excitation | None = None
+    scene: jc.scene.Scene,
+    accuracy: Accuracy,
+    solver: str = "collocation",
+    cycle: str | None = None,
+    excitation: Excitation | None = None,
 ) -> jc.AnalysisOptions:
     """How the designs of a study are solved; of the finest accuracy each design chooses its solver."""
+    plain = solver == "collocation"
+    if plain and accuracy == "fine" and cycle is None:
+        return jc.AnalysisOptions(None, excitation)
     nodes, tolerance = (12, 1e-10) if accuracy == "fast" else (8, 1e-5)
-    solver = jc.Collocation(nodes, reversals=0, tolerance=tolerance)
-    return jc.AnalysisOptions(None if accuracy == "fine" else solver, excitation)
+    method = jc.Collocation(nodes, reversals=0, tolerance=tolerance)
+    if not plain or accuracy == "fine":
+        if scene.machine.compressor is None:
+            return jc.AnalysisOptions(None, excitation)
+        method = solver_of(solver, scene.as_compressor())
+    return jc.AnalysisOptions(with_cycle(method, cycle), excitation)
+
+
+def solver_of(text: str, compressor: jc.Compressor) -> Any:
+    """The solver of the periodic state that `--solver` names."""
+    if text == "collocation":
+        return jc.crank.default_collocation(compressor)
+    import diffrax
+
+    name, _, tolerance = text.partition(":")
+    made = getattr(diffrax, "Tsit5" if name == "shooting" else name, None)
+    known = isinstance(made, type) and issubclass(made, diffrax.AbstractAdaptiveSolver)
+    try:
+        wanted = {"tolerance": float(tolerance)} if tolerance else {}
+        if not (known and all(0 < one < 1 for one in wanted.values())):
+            raise ValueError
+        return jc.crank.Shooting(made(), reversals=compressor.load_reversals, **wanted)
+    except (TypeError, ValueError):  # some have arguments of their own
+        raise CommandError(
+            f"--solver {text}: must be collocation, shooting or an adaptive solver of diffrax (Tsit5, "
+            "Dopri5, Dopri8, Kvaerno3, Kvaerno5), with a tolerance after a colon if wanted: Dopri8:1e-9"
+        ) from None
+
+
+def with_cycle(method: Any, text: str | None) -> Any:
+    """A solver of the crank with the options of the cycle that `--cycle` gives."""
+    return method if text is None else replace(method, cycle=cycle_of(method.cycle, text))
+
+
+def cycle_of(cycle: jc.cylinder.CycleOptions, text: str) -> jc.cylinder.CycleOptions:
+    """Options of the cycle, changed by `NAME=VALUE,NAME=VALUE`."""
+    own = {one.name: getattr(cycle, one.name) for one in fields(cycle)}
+    given = {}
+    for pair in text.split(","):
+        name, _, value = (part.strip() for part in pair.partition("="))
+        bound = f"must be NAME=VALUE with one of {', '.join(own)}"
+        if name not in own:
+            raise CommandError(f"--cycle {pair}: {bound}")
+        most = _MOST_OF_CYCLE.get(name, 10**5)
+        try:
+            if name == "method":
+                if value not in ("collocation", "march"):
+                    raise ValueError
+                given[name] = value
+            elif isinstance(own[name], int):
+                given[name] = int(value)
+                bound = f"must be a whole number from 2 to {most}"
+                if not 2 <= given[name] <= most:
+                    raise ValueError
+            else:
+                given[name] = float(value)
+                bound = "must be > 0 and < 1"
+                if not 0 < given[name] < 1:
+                    raise ValueError
+        except ValueError:
+            if name == "method":
+                bound = "must be collocation or march"
+            raise CommandError(f"--cycle {pair}: {bound}") from None
+    return replace(cycle, **given)
 
 
 Machine = Annotated[
@@ -120,6 +192,25 @@ AccuracyOption = Annotated[
         "--accuracy",
         help="Of the periodic state. fine: to 1e-9 of the work; fast: to 1e-5, compiles three times as "
         "fast; coarse: to 3e-5, for the most designs a second.",
+    ),
+]
+Solver = Annotated[
+    str,
+    typer.Option(
+        "--solver",
+        metavar="SOLVER",
+        help="Of the periodic state: collocation; shooting, which integrates the crank with Tsit5 of "
+        "diffrax; or any adaptive solver of diffrax, with its tolerance if wanted (Dopri8, "
+        "Kvaerno5:1e-8).",
+    ),
+]
+CycleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--cycle",
+        metavar="NAME=VALUE,...",
+        help="How the cycle of a machine with valves is solved: panels, nodes, tolerance, method "
+        "(collocation or march) and the other entries of jaxcomp.cylinder.CycleOptions.",
     ),
 ]
 Sets = Annotated[

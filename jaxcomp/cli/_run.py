@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any
 
 from rich.markup import escape
 
@@ -14,7 +14,17 @@ import jaxcomp as jc
 from .._registry import Quantity, registered
 from .._shown import RPM, axes_words, shown
 from ._arguments import assignments, changed_scene
-from ._options import AsJson, Designs, Machine, Out, Sets
+from ._options import (
+    AsJson,
+    CycleOption,
+    Designs,
+    Machine,
+    Out,
+    Sets,
+    Solver,
+    solver_of,
+    with_cycle,
+)
 from ._output import hand_out, plain
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import Markup, row_table, words
@@ -30,9 +40,6 @@ _HARMONICS, _INSTANTS = 12, 360
 _REVERSAL, _REVERSED = math.radians(15), 0.03
 
 
-Solver = Literal["collocation", "shooting"]
-
-
 @reports_errors
 def run(
     machine: Machine,
@@ -40,6 +47,7 @@ def run(
     designs: Designs = None,
     solver: Solver = "collocation",
     tolerance: float | None = None,
+    cycle: CycleOption = None,
     verify: bool = False,
     moving_films: bool = False,
     as_json: AsJson = False,
@@ -51,8 +59,6 @@ def run(
     result[/bold]
 
     Args:
-        solver: Collocation of the whole revolution, or shooting with diffrax: an independent check that
-            compiles longer.
         tolerance: Tolerance of the solver; its own default if absent.
         verify: March one revolution from the result with diffrax, independently, and print the errors
             that it finds; always done with --out.
@@ -63,9 +69,7 @@ def run(
     start_jax(once=True)
     scene = changed_scene(machine, sets, designs)
     compressor = scene.as_compressor()
-    method = jc.crank.default_collocation(compressor)
-    if solver == "shooting":
-        method = jc.crank.Shooting(reversals=compressor.load_reversals)
+    method = with_cycle(solver_of(solver, compressor), cycle)
     if tolerance is not None:
         method = dataclasses.replace(method, tolerance=tolerance)
     with waiting("Solving the periodic state (the first time it is compiled as well) ..."):

@@ -16,6 +16,7 @@ from ._arguments import assignments, changed_scene, with_one_unit
 from ._options import (
     AccuracyOption,
     AsJson,
+    CycleOption,
     Dask,
     Designs,
     Machine,
@@ -23,6 +24,7 @@ from ._options import (
     Quantities,
     Sampling,
     Sets,
+    Solver,
     analysis_options,
     complete_variable,
 )
@@ -49,6 +51,8 @@ def sweep(
     sampling: Sampling = "sobol",
     seed: int = 0,
     accuracy: AccuracyOption = "fine",
+    solver: Solver = "collocation",
+    cycle: CycleOption = None,
     batch: int | None = None,
     devices: int | None = None,
     dask: Dask = None,
@@ -97,7 +101,7 @@ def sweep(
             "samples": samples if axes else None,
             "sampling": sampling.replace("-", "_"),
             "seed": seed,
-            "options": analysis_options(accuracy),
+            "options": analysis_options(scene, accuracy, solver, cycle),
             "out": store,
             "batch": batch,
             "devices": devices,

@@ -17,6 +17,7 @@ from ._arguments import assignments, bounds_of, changed_scene, si
 from ._options import (
     AccuracyOption,
     AsJson,
+    CycleOption,
     Dask,
     Designs,
     ExcitationOption,
@@ -25,6 +26,7 @@ from ._options import (
     Quantities,
     Sampling,
     Sets,
+    Solver,
     analysis_options,
     complete_variable,
 )
@@ -61,6 +63,8 @@ def tolerance(
     seed: int = 0,
     curvature: Curvature = "differences",
     accuracy: AccuracyOption = "fast",
+    solver: Solver = "collocation",
+    cycle: CycleOption = None,
     dask: Dask = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -104,7 +108,7 @@ def tolerance(
     start_devices(None)
     start_jax()
     scene = changed_scene(machine, sets, designs, vary)
-    options = analysis_options(accuracy, excitation)
+    options = analysis_options(scene, accuracy, solver, cycle, excitation)
     design = jc.machine.machine_of(scene)
     if balanced:
         refuse(not design.corrections, "--balanced: needs a scene with balancing planes")

@@ -1,8 +1,9 @@
 r"""Periodic orbit by shooting with diffrax over crank angle.
 
-The state is speed, time and the energy accounts; $d\omega/d\theta = \alpha/\omega$. Newton's method
-finds the speed at the top dead centre (and the level of the motor torque, if the mean speed is given)
-for which a revolution ends as it began. Steps end at the kinks that are known beforehand.
+The state is speed, time and the energy accounts, and the positions of journals that move;
+$d\omega/d\theta = \alpha/\omega$. Newton's method finds the speed and the positions at the top dead
+centre (and the level of the motor torque, if the mean speed is given) for which a revolution ends as it
+began. At a given speed the motor gives what keeps it. Steps end at the kinks that are known beforehand.
 
 Derivatives follow from the implicit function theorem: one more integration, differentiable, gives the
 parameter dependence of the periodicity condition, and its known Jacobian gives that of the unknowns.
@@ -18,16 +19,16 @@ import optimistix
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
 from .._implicit import AbstractRoot, FixedPointReport, frozen, root, zeros_of
 from .._status import Status
-from ..compressor import Compressor, instants, kink_angles, loads_at
+from ..compressor import Compressor, instants, kink_angles, loads_at, loop_of
 from ..cylinder import CycleOptions
+from ..friction import closed
 from ..mechanism import CrankState
 from ._collocation import Collocation, default_cycle, orbit_on_panels
 from ._iteration import Known, prepare, revolution_edges
-from ._journals import moving
-from ._motion import closure_of, solve_motion
+from ._journals import journal_drive, moving, orbit_status, with_journals
+from ._motion import Instantaneous, closure_of, solve_motion
 from ._orbit import Energy, Orbit
 from ._panels import panels
 
@@ -85,28 +86,27 @@ class Shooting(eqx.Module):
 
     def solve(self, compressor: Compressor) -> Orbit:
         """The orbit of an admissible compressor."""
-        if moving(compressor):
-            raise BadInput(
-                "solver", self.name, "Collocation(), for journals that move in their films"
-            )
         closure = closure_of(compressor.motor)
-        if not closure.integrates:
-            return Collocation(self.output_nodes, self.reversals).solve(compressor)
         still = frozen(compressor)
         fixed = self._prepared(still)
-        shot, steps = self._newton(still, fixed, jnp.ones(2 if closure.level_is_unknown else 1))
+        first = jnp.ones(2 if closure.level_is_unknown else 1)
+        if not closure.integrates:
+            first *= still.motor.speed_guess / fixed.speed
+        # journals begin in the middle of their films
+        first = jnp.concatenate([first, jnp.zeros(2 * len(moving(still)))])
+        shot, steps = self._newton(still, fixed, first)
         result = root(_Following(compressor, shot, fixed, self))
         unknowns, end, _ = result
         gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, fixed))))
         gap_size = jnp.where(jnp.isfinite(gap_size), gap_size, _LOST)
-        _, end, speed = jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 1.0), result)
+        _, end, course = jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 1.0), result)
         settled = gap_size <= 3 * self.tolerance
         report = FixedPointReport(steps, gap_size, settled)
         status = Status.where(settled, Status.converged, Status.not_converged)
-        if not closure.level_is_unknown:
+        if closure.integrates and not closure.level_is_unknown:
             unstable = shot.jacobian[0, 0] >= 0
             status = Status.where(settled & unstable, Status.no_periodic_state, status)
-        return self._orbit(compressor, unknowns, fixed, end, speed, status, report)
+        return self._orbit(compressor, unknowns, fixed, end, course, status, report)
 
     def _prepared(self, machine: Compressor) -> "_Fixed":
         """Scales, stops and panels of a machine without derivatives."""
@@ -117,9 +117,12 @@ class Shooting(eqx.Module):
         at = instants(machine, grid.angle)
         speed = jnp.full_like(at.angle, known.scales.speed)
         state = CrankState(at.angle, speed, jnp.zeros_like(speed))
-        loads = loads_at(machine, state, at.gas_force, False)
+        centred = jnp.zeros((2, len(moving(machine)), *speed.shape)) if moving(machine) else None
+        loads = loads_at(with_journals(machine, centred), state, at.gas_force, False)
         net = grid.total(loads.total_loss_torque - at.conservative)
-        level = net / grid.total(machine.motor.torque(speed))
+        level = jnp.ones(())
+        if closure_of(machine.motor).level_is_unknown:
+            level = net / grid.total(machine.motor.torque(speed))
         return _Fixed(
             known.scales.speed, known.scales.energy, level, edges, *self._stops(machine, known)
         )
@@ -168,10 +171,10 @@ class Shooting(eqx.Module):
 
         def advance(carry):
             unknowns, _, _, steps = carry
-            (end, speed), (end_slope, speed_slope) = self._march(
+            (end, course), (end_slope, course_slope) = self._march(
                 machine, unknowns, fixed, diffrax.ForwardMode(), slopes=True
             )
-            result, by_unknowns = (unknowns, end, speed), (eye, end_slope, speed_slope)
+            result, by_unknowns = (unknowns, end, course), (eye, end_slope, course_slope)
             gap, jacobian = _along(
                 lambda end, unknowns: _gap_at(end, unknowns, machine, fixed),
                 (end, unknowns),
@@ -188,7 +191,9 @@ class Shooting(eqx.Module):
             shot = _Shot(result, by_unknowns, jacobian)
             return unknowns - step, shot, jnp.max(jnp.abs(step)), steps + 1
 
-        nothing = start, _at_rest(machine, start, fixed), jnp.zeros(self._nodes(fixed).size)
+        begin, count = _at_rest(machine, start, fixed), self._nodes(fixed).size
+        course = jax.tree.map(lambda x: jnp.zeros((count, *x.shape)), _reported(begin))
+        nothing = start, begin, course
         slopes = jax.tree.map(lambda x: jnp.zeros((*x.shape, start.size)), nothing)
         carry = (start, _Shot(nothing, slopes, eye), jnp.asarray(jnp.inf), jnp.asarray(0))
         _, shot, _, steps = lax.while_loop(going_on, advance, carry)
@@ -199,19 +204,17 @@ class Shooting(eqx.Module):
         return panels(fixed.places, self.output_nodes).angle.ravel()
 
     def _march(self, machine: Compressor, unknowns, fixed: "_Fixed", adjoint, slopes=False):
-        """Integrate one revolution: speed, time and accounts at its end, speed at the panels' nodes.
+        """Integrate one revolution: the state at its end, speed and positions at the panels' nodes.
 
         With `slopes` these and how they change with the unknowns, (..., u), which the same steps
         integrate beside them.
         """
         y0 = _at_rest(machine, unknowns, fixed)
         if slopes:
-            none = jax.tree.map(lambda x: jnp.zeros((*x.shape, unknowns.size)), y0)
-            first = jnp.zeros(unknowns.size).at[0].set(1.0)
-            y0 = y0, none | {"speed": first}
+            y0 = y0, jax.jacfwd(lambda unknowns: _at_rest(machine, unknowns, fixed))(unknowns)
 
-        def speed(t, y, args):
-            return tuple(x["speed"] for x in y) if slopes else y["speed"]
+        def reported(t, y, args):
+            return tuple(map(_reported, y)) if slopes else _reported(y)
 
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(_rate_and_slopes if slopes else _rate),
@@ -224,7 +227,7 @@ class Shooting(eqx.Module):
             saveat=diffrax.SaveAt(
                 subs=[
                     diffrax.SubSaveAt(t1=True),
-                    diffrax.SubSaveAt(ts=self._nodes(fixed), fn=speed),
+                    diffrax.SubSaveAt(ts=self._nodes(fixed), fn=reported),
                 ]
             ),
             stepsize_controller=diffrax.ClipStepSizeController(
@@ -244,14 +247,17 @@ class Shooting(eqx.Module):
         end = jax.tree.map(lambda x: x[-1], end)
         return tuple(zip(end, at_nodes, strict=True)) if slopes else (end, at_nodes)
 
-    def _orbit(self, compressor, unknowns, fixed: "_Fixed", end, speed, status, report) -> Orbit:
+    def _orbit(self, compressor, unknowns, fixed: "_Fixed", end, course, status, report) -> Orbit:
         edges = revolution_edges(kink_angles(compressor))
         grid = panels(jnp.interp(fixed.places, fixed.edges, edges), self.output_nodes)
-        speed = jnp.maximum(speed.reshape(grid.angle.shape), 1e-3) * fixed.speed
-        motor = compressor.motor.torque(speed)
-        if closure_of(compressor.motor).level_is_unknown:
-            motor = motor * unknowns[1] * fixed.level
-        now = solve_motion(compressor, grid.angle, speed, motor, evidence=True)
+        speed = jnp.maximum(course["speed"].reshape(grid.angle.shape), 1e-3) * fixed.speed
+        places, positions = None, None
+        if "journals" in course:
+            flat = jnp.moveaxis(course["journals"], 0, -1)
+            places = flat.reshape(*flat.shape[:2], *grid.angle.shape)
+            positions = {one.joint: flat[:, i] for i, one in enumerate(moving(compressor))}
+        machine = with_journals(compressor, places)
+        now, motor = _motion(machine, grid.angle, speed, unknowns, fixed, evidence=True)
         state = CrankState(grid.angle, speed, now.acceleration)
         work = jax.tree.map(lambda w: w * fixed.energy, end["work"])
         energy = Energy(work["motor"], work["gas"], work["losses"])
@@ -260,10 +266,23 @@ class Shooting(eqx.Module):
         status = Status.where(lost & (status == Status.converged), Status.not_converged, status)
         stalled = jnp.min(speed) <= 2e-3 * fixed.speed
         status = Status.where(stalled, Status.stalled, status)
+        if places is not None:
+            drive = journal_drive(compressor, now.loads.forces, state)
+            status = orbit_status(grid.rule, drive, places, status)
         open_ = jnp.abs(energy.motor_work - energy.gas_work - energy.total_loss)
         error = {name: lax.stop_gradient(open_) for name in energy.losses}
         orbit = orbit_on_panels(
-            grid, now.at, state, motor, now.loads, energy, error, status, report, self.name
+            grid,
+            now.at,
+            state,
+            motor,
+            now.loads,
+            energy,
+            error,
+            status,
+            report,
+            self.name,
+            positions,
         )
         return eqx.tree_at(lambda o: o.mean_speed, orbit, fixed.speed / end["time"])
 
@@ -282,14 +301,16 @@ class _Fixed(NamedTuple):
 class _Shot(NamedTuple):
     """A revolution that ends as it began."""
 
-    result: Any  # unknowns, values at the end, speed at the nodes
+    result: Any  # unknowns, state at the end, speed and positions at the nodes
     by_unknowns: Any  # derivatives of the result over the unknowns
     jacobian: Float[Array, "u u"]  # of the periodicity condition over the unknowns
 
 
 def _at_rest(machine, unknowns, fixed) -> dict[str, Any]:
-    """Speed, time and accounts at the beginning of a revolution."""
+    """Speed, positions, time and accounts at the beginning of a revolution."""
     y: dict[str, Any] = {"speed": unknowns[0], "time": jnp.zeros(())}
+    if count := len(moving(machine)):
+        y["journals"] = unknowns[-2 * count :].reshape(2, count)
     args = machine, unknowns, fixed, jnp.zeros_like(fixed.edges)
     return y | {"work": zeros_of(_rate, fixed.edges[0], y, args)["work"]}
 
@@ -302,42 +323,69 @@ def _along(function, values, slopes):
 
 @eqx.filter_jit
 def _rate_and_slopes(place, y, args):
-    machine, unknowns, fixed, moving = args
+    machine, unknowns, fixed, edges = args
     values, slopes = y
 
     def rate(values, unknowns):
-        return _rate(place, values, (machine, unknowns, fixed, moving))
+        return _rate(place, values, (machine, unknowns, fixed, edges))
 
     return _along(rate, (values, unknowns), (slopes, jnp.eye(unknowns.size)))
 
 
 @eqx.filter_jit  # of one program, so that its stages, derivatives and batches trace it once
 def _rate(place, y, args):
-    """Change of speed, time and accounts with the place in the fixed turn."""
-    machine, unknowns, fixed, moving = args
-    closure = closure_of(machine.motor)
-    branch, stretch = _follow(fixed.edges, moving, place)
+    """Change of the state with the place in the fixed turn."""
+    machine, unknowns, fixed, edges = args
+    branch, stretch = _follow(fixed.edges, edges, place)
     # A halt is reported by the end values; the floor keeps them finite.
     speed = jnp.maximum(y["speed"], 1e-3) * fixed.speed
-    motor = machine.motor.torque(speed)
-    if closure.level_is_unknown:
-        motor = motor * unknowns[1] * fixed.level
-    now = solve_motion(machine, branch, speed, motor)
+    places = y.get("journals")
+    now, motor = _motion(with_journals(machine, places), branch, speed, unknowns, fixed)
     torques = {"motor": motor, "gas": -now.at.conservative, "losses": now.loads.loss_torque}
     out = {
         "speed": now.acceleration / speed / fixed.speed,
         "time": fixed.speed / speed / (2 * jnp.pi),
         "work": jax.tree.map(lambda torque: torque / fixed.energy, torques),
     }
+    if places is not None:
+        state = CrankState(branch, speed, now.acceleration)
+        out["journals"] = journal_drive(machine, now.loads.forces, state).rate(places)
     return jax.tree.map(lambda x: x * stretch, out)
+
+
+def _reported(y):
+    """What is wanted at the nodes."""
+    return {name: y[name] for name in ("speed", "journals") if name in y}
+
+
+def _motion(machine, angle, speed, unknowns, fixed: "_Fixed", evidence=False):
+    """The motion at instants, and the torque [N m] of the motor."""
+    closure = closure_of(machine.motor)
+    if not closure.integrates:
+        at, still = instants(machine, angle), jnp.zeros_like(speed)
+        loop = loop_of(machine, CrankState(angle, speed, still), at.gas_force, at.kinematics)
+        loads = loop.loads(closed(loop.loops), evidence)
+        motor = 0.5 * at.inertia_1 * speed**2 - at.conservative + loads.total_loss_torque
+        return Instantaneous(still, at, loads), motor
+    motor = machine.motor.torque(speed)
+    if closure.level_is_unknown:
+        motor = motor * unknowns[1] * fixed.level
+    return solve_motion(machine, angle, speed, motor, evidence), motor
 
 
 def _gap_at(end, unknowns, machine, fixed: _Fixed):
     """By how much a revolution misses its own beginning, and the mean speed if that is given."""
-    gaps = [end["speed"] - unknowns[0]]
-    if closure_of(machine.motor).level_is_unknown:
+    closure = closure_of(machine.motor)
+    if closure.integrates:
+        gaps = [end["speed"] - unknowns[0]]
+    else:
+        gaps = [unknowns[0] - machine.motor.mean_speed / fixed.speed]
+    if closure.level_is_unknown:
         gaps.append(end["time"] * machine.motor.mean_speed / fixed.speed - 1)
-    return jnp.stack(gaps)
+    gaps = jnp.stack(gaps)
+    if "journals" in end:
+        gaps = jnp.concatenate([gaps, end["journals"].ravel() - unknowns[gaps.size :]])
+    return gaps
 
 
 class _Following(AbstractRoot):
@@ -352,10 +400,10 @@ class _Following(AbstractRoot):
         return self.shot.result
 
     def rest(self, unknowns):
-        start, end, speed = unknowns
+        start, end, course = unknowns
         marched = self.options._march(self.machine, start, self.fixed, self.options.adjoint)
         gap = _gap_at(marched[0], start, self.machine, self.fixed)
-        return gap, *jax.tree.map(jnp.subtract, marched, (end, speed))
+        return gap, *jax.tree.map(jnp.subtract, marched, (end, course))
 
     def removed(self, unknowns, rest):
         gap, *moved = rest

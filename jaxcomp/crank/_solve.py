@@ -16,6 +16,7 @@ crank's polynomials have at the nodes there. All corners that the valves make ar
 the transfer is as exact as the two solutions.
 """
 
+import dataclasses
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
@@ -101,6 +102,9 @@ def solve_orbit(
     # within a program that is traced anyway, a program of its own would be traced twice for derivatives
     traced = any(is_traced(leaf) for leaf in jax.tree.leaves(compressor))
     orbit = (_solved if traced else _solve)(compressor, solver)
+    while not traced and (finer := with_more_panels(solver, orbit)):
+        solver = finer
+        orbit = _solve(compressor, solver)
     if throw and not is_traced(orbit.status._value):
         failed = orbit.status != Status.converged
         if bool(jnp.any(failed)):
@@ -132,6 +136,15 @@ def solve_orbit(
             "verify=TimeIntegration(diffrax.Kvaerno5(), tolerance=1e-8)",
         )
     return orbit
+
+
+def with_more_panels(solver: Any, orbit: Orbit) -> Any:
+    """The solver with twice the panels of the cycle, if those of an orbit may be too few; else `None`."""
+    cycle = orbit.cycle
+    if cycle is None or not cycle.case.cylinder.inert:
+        return None
+    more = solver.cycle.refined(cycle.status)
+    return None if more is None else dataclasses.replace(solver, cycle=more)
 
 
 def _solved(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:

@@ -29,8 +29,8 @@ from ._march import START, TURN, Record, within_steps
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
 _LEFT = 1e-6
-# [-] The same of the largest lift beyond seat or stop. What a touch costs goes with the root of how far the
-# valve would pass: 4e-7 of the flow here.
+# [-] The same of the largest lift beyond seat or stop. What a touch costs goes with the root of how far
+# the valve would pass: 4e-7 of the flow here.
 _PASSED = 1e-9
 # [-] A step of Newton's method beyond this has lost the solution.
 _LOST = 10.0
@@ -376,9 +376,9 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
     """How far free valves turn, or would turn, beyond seat and stop where that is nearest to nothing.
 
     Returns:
-        [-] of the stop, suction and discharge valve by seat and stop: positive where the valve touches and
-        its own motion would have turned it so far beyond; negative where it turns so far before. Infinite
-        where nothing turns there, or the force presses on.
+        [-] of the stop, suction and discharge valve by seat and stop: positive where the valve touches
+        and its own motion would have turned it so far beyond; negative where it turns so far before.
+        Infinite where nothing turns there, or the force presses on.
     """
     angle, width = point_angles(z.edges, z.points.shape[1] - 1)
     angle = jnp.concatenate([z.edges[:-1, None], angle], axis=1)

@@ -302,7 +302,7 @@ class Cycle(Result, eqx.Module):
 
     @property
     def grazes(self) -> dict[str, Bool[Array, ""]]:
-        """Whether a change of a valve's motion by 1 % of its stop adds a touch of seat or stop, or ends one.
+        """Whether 1 % of its stop in a valve's motion adds a touch of seat or stop, or ends one.
 
         Derivatives hold on this side of that only (see `turning_margins`), and grow with one over the
         root of the margin on the side where it touches.

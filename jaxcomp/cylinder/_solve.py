@@ -1,5 +1,6 @@
 """`solve_cycle`: the periodic cycle at a given motion of the crank."""
 
+import dataclasses
 from functools import partial
 from typing import Literal, NamedTuple
 
@@ -50,7 +51,8 @@ class CycleOptions(eqx.Module):
         nodes: Gauss nodes on every panel.
         panels: into which the revolution is cut; one more than events are needed at least. Of 1,000
             scattered designs of one machine 966 converge with 48 panels; of the others 12 have
-            more events and 22 too few panels between them. All 34 converge with 96.
+            more events and 22 too few panels between them. All 34 converge with 96, which are taken
+            where these fail, except within a program that is traced.
         tolerance: [-] last step of Newton's method.
         march_tolerance: [-] error of a step of the march before the collocation; a tenth of it in every
             further round.
@@ -73,6 +75,22 @@ class CycleOptions(eqx.Module):
     max_rounds: int = eqx.field(static=True, default=4)
     max_passes: int = eqx.field(static=True, default=4000)
     capacity: int = eqx.field(static=True, default=768)
+
+    def refined(self, status: Status) -> "CycleOptions | None":
+        """The options with twice the panels, if a status (of any of a batch) may ask for them."""
+        full = self.method == "march" or 2 * self.panels > _MOST_PANELS
+        if full or not bool(jnp.any(may_lack_panels(status))):
+            return None
+        return dataclasses.replace(self, panels=2 * self.panels)
+
+
+def may_lack_panels(status: Status) -> Bool[Array, ""]:
+    """Whether a cycle that ended so may be found on more panels."""
+    return (status == Status.too_many_events) | (status == Status.not_converged)
+
+
+# Panels up to which those that are too few are doubled.
+_MOST_PANELS = 192
 
 
 class CycleSolution(NamedTuple):
@@ -119,9 +137,13 @@ def solve_cycle(
     Raises:
         SolveFailed: if `throw` and the status is not `Status.converged`.
     """
-    cycle = _solved(cylinder, mechanism, speed, options or CycleOptions(), pace, start)
-    shown = throw and not is_traced(cycle.status._value)
-    if shown and bool(jnp.any(cycle.status != Status.converged)):
+    options = options or CycleOptions()
+    cycle = _solved(cylinder, mechanism, speed, options, pace, start)
+    shown = not is_traced(cycle.status._value)
+    while shown and pace is None and cylinder.inert and (more := options.refined(cycle.status)):
+        options = more
+        cycle = _solved(cylinder, mechanism, speed, options, None, None)
+    if shown and throw and bool(jnp.any(cycle.status != Status.converged)):
         raise SolveFailed(cycle.status, f"residual {float(jnp.max(cycle.residual)):.2g}")
     return cycle
 

@@ -30,6 +30,7 @@ from ..crank import (
     solve_orbit,
     time_harmonics,
 )
+from ..cylinder import may_lack_panels
 from ..friction import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..rotor import (
@@ -340,6 +341,13 @@ class DesignResult:
         if "influence" in self.__dict__:
             good &= jnp.all(jnp.isfinite(self.influence.initial))
         return good
+
+    @property
+    def short(self) -> Bool[Array, ""]:
+        """Whether the cycle may have too few panels for what its valves do."""
+        if "orbit" not in self.__dict__ or self.orbit.cycle is None:
+            return jnp.asarray(False)
+        return may_lack_panels(self.orbit.cycle.status)
 
     @cached_property
     def journals(self) -> dict[str, JournalFilm]:

@@ -1,5 +1,6 @@
 r"""A design problem: which numbers change, and what is asked of the result."""
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -11,6 +12,8 @@ from jaxtyping import Array, Bool, Float
 
 from .._fields import BadInput, MissingPart, listed_names
 from .._results import Data
+from .._status import Status
+from ..crank import default_collocation
 from ..cylinder import Cylinder
 from ..machine import Machine, assembled, machine_of
 from ._analysis import (
@@ -57,10 +60,12 @@ class Answer(NamedTuple):
         values: [SI] (quantities,) in the order of the problem.
         ok: whether they can be relied on; if not they are finite where the solvers are, and mean
             nothing.
+        short: whether twice the panels of the cycle may help, see `with_more_panels`.
     """
 
     values: Float[Array, " quantities"]
     ok: Bool[Array, ""]
+    short: Bool[Array, ""]
 
 
 class Problem(eqx.Module):
@@ -125,7 +130,8 @@ class Problem(eqx.Module):
         for number, one in enumerate(self.variables):
             inside &= one.bound.holds(values[number])
         values = jnp.stack([jnp.asarray(value, float) for value in out])
-        return Answer(values, found.ok & inside & jnp.all(jnp.isfinite(values)))
+        ok = found.ok & inside & jnp.all(jnp.isfinite(values))
+        return Answer(values, ok, found.short & inside)
 
 
 def problem(
@@ -238,9 +244,28 @@ class Solved(NamedTuple):
     slope: Float[Array, "n quantities variables"]
 
 
+def with_more_panels(problem: Problem) -> Problem | None:
+    """The problem with twice the panels of the cycle; `None` without valves, or where it has many.
+
+    What a design of a study lacks that ended for want of panels.
+    """
+    if not solves_gas(problem):
+        return None
+    compressor = assembled(problem.design).compressor
+    assert compressor is not None
+    solver = problem.options.solver or default_collocation(compressor)
+    more = solver.cycle.refined(Status.too_many_events)
+    if more is None or not compressor.gas.inert:
+        return None
+    finer = dataclasses.replace(solver, cycle=more)
+    return eqx.tree_at(lambda p: p.options.solver, problem, finer, is_leaf=lambda x: x is None)
+
+
 def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8) -> Solved:
     """Solve designs with their derivatives, in batches of one size and so by one program."""
     rows, parts = np.asarray(points), []
+    # what `of_each` takes in turns is not filled up
+    batch = 1 if solves_gas(problem) else batch
     for first in range(0, len(rows), batch):
         some = rows[first : first + batch]
         filled = np.concatenate([some, np.repeat(some[-1:], batch - len(some), 0)])

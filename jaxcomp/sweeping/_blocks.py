@@ -28,7 +28,7 @@ from jaxtyping import Bool, Float
 
 from .._fields import BadInput
 from ..design import Answer, Problem
-from ..design._problem import of_each
+from ..design._problem import of_each, solves_gas, with_more_panels
 from ._points import Rows, neighbours_together
 
 if TYPE_CHECKING:  # Dask is an optional extra
@@ -46,8 +46,10 @@ Values: TypeAlias = Float[np.ndarray, "designs quantities"]
 Ok: TypeAlias = Bool[np.ndarray, " designs"]
 
 
-def default_width(devices: Sequence[Device]) -> int:
-    """Designs that are computed in step on one device."""
+def default_width(problem: Problem, devices: Sequence[Device]) -> int:
+    """Designs that are computed in step on one device; one where they are solved in turns anyway."""
+    if solves_gas(problem):
+        return 1
     return _WIDTH if devices[0].platform == "cpu" else _WIDTH_ELSEWHERE
 
 
@@ -77,6 +79,25 @@ def block_program(
     It goes from designs [SI] to a call for their quantities [SI] and whether these can be relied on; NaN
     where not. The devices share groups of so many designs.
     """
+    once, finer = _once(problem, width, devices), with_more_panels(problem)
+
+    def start(rows):
+        running = once(rows)
+
+        def wait():
+            values, ok, short = running()
+            if finer is not None and short.any():
+                # its program is made where it is needed
+                values[short], ok[short], _ = _once(finer, width, devices)(rows[short])()
+            return np.where(ok[:, None], values, np.nan), ok
+
+        return wait
+
+    return start
+
+
+def _once(problem: Problem, width: int, devices: Sequence[Device]):
+    """The same, without more panels where these are too few."""
     numbers, rest = eqx.partition(problem, eqx.is_array)
     # A program on a CPU may hold the thread that started it until it ends.
     pool = ThreadPoolExecutor(len(devices), "sweep")
@@ -108,9 +129,8 @@ def block_program(
 
         def wait():
             done = [piece.result() for piece in running]
-            values, ok = (np.concatenate(parts) for parts in zip(*done, strict=True))
-            values, ok = values.reshape(-1, values.shape[-1])[back], ok.ravel()[back]
-            return np.where(ok[:, None], values, np.nan), ok
+            values, *words = (np.concatenate(parts) for parts in zip(*done, strict=True))
+            return values.reshape(-1, values.shape[-1])[back], *(one.ravel()[back] for one in words)
 
         return wait
 
@@ -124,7 +144,8 @@ def _work(problem: Problem, groups, count) -> Answer:
         return jax.tree.map(lambda whole, new: whole.at[lane].set(new), done, answer)
 
     shape = groups.shape[:-1]
-    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), jnp.zeros(shape, bool))
+    no = jnp.zeros(shape, bool)
+    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), no, no)
     return jax.lax.fori_loop(0, count, step, empty)
 
 

@@ -109,7 +109,7 @@ def sweep(
     _check(asked, points)
     there = None if out is None else stored_header(Path(out))
     local = chosen_devices(devices)
-    layout, width = _layout(points, batch, width, local, there)
+    layout, width = _layout(asked, points, batch, width, local, there)
     about = {
         "made_with": f"jaxcomp {version('jaxcomp')}, jax {jax.__version__}",
         "made_on": f"{local[0].device_kind}, {platform.machine()}",
@@ -204,13 +204,13 @@ def _headings(asked: Problem) -> tuple[Headings, Headings]:
     )  # fmt: skip
 
 
-def _layout(points, batch, width, devices, there) -> tuple[Blocks, int]:
+def _layout(asked, points, batch, width, devices, there) -> tuple[Blocks, int]:
     """Blocks, and designs that a device computes in step: those of a store, if there is one."""
     for name, given in {"batch": batch, "width": width}.items():
         if given is not None and given < 1:
             raise BadInput(name, given, ">= 1")
     if there is None:
-        return Blocks.of(points.shape, batch or BATCH), width or default_width(devices)
+        return Blocks.of(points.shape, batch or BATCH), width or default_width(asked, devices)
     layout, stored = Blocks(points.shape, tuple(there["block"])), there["width"]
     if batch is not None and Blocks.of(points.shape, batch) != layout:
         bound = f"as in the store, whose blocks have shape {layout.block}"

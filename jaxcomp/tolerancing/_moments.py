@@ -198,7 +198,8 @@ def sampled(
         drawn_normals(names, len(one), sampling, seed * SETS + number)
         for number, one in enumerate(np.array_split(np.arange(samples), SETS))
     ])  # fmt: skip
-    values, ok = solved_rows(problem, scatter.at(nominal, normals), progress, client, keep)
+    title = "Drawing machines" if progress else None
+    values, ok = solved_rows(problem, scatter.at(nominal, normals), title, client, keep)
     good = values[ok]
     if len(good) < 2:
         return Sampled(normals, values, ok, *np.full((5, values.shape[1]), np.nan))
@@ -213,14 +214,21 @@ def sampled(
     return Sampled(normals, values, ok, mean, deviation, skewness, *errors)
 
 
-def solved_rows(problem: Problem, rows, progress=False, client=None, keep: Keep | None = None):
+def solved_rows(
+    problem: Problem,
+    rows,
+    progress: str | None = None,
+    client: "Client | None" = None,
+    keep: Keep | None = None,
+):
     """[SI] (rows, quantities) and whether they could be solved, in blocks as a sweep solves them."""
     rows, devices = np.asarray(rows), jax.local_devices()
-    width = default_width(devices) if problem.options.known is None else _WIDE
+    width = default_width(problem, devices) if problem.options.known is None else _WIDE
     size = _SLOW_BLOCK if solves_gas(problem) else _BLOCK
     blocks = ((first, rows[first : first + size]) for first in range(0, len(rows), size))
     values, ok, done = np.empty((len(rows), len(problem.quantities))), np.empty(len(rows), bool), 0
-    with progress_of("Drawing machines", len(rows), unit="machines", show=progress) as shown:
+    title, show = progress or "", progress is not None
+    with progress_of(title, len(rows), unit="machines", show=show) as shown:
         for first, some, *found in solved_blocks(problem, width, devices, client, blocks):
             values[first : first + len(some)], ok[first : first + len(some)] = found
             done += len(some)

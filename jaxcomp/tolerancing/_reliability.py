@@ -101,8 +101,9 @@ class Reliability(NamedTuple):
 class _LimitState:
     """How far beyond a limit a machine lies in the space of u, with its slope; each solved once."""
 
-    def __init__(self, problem: Problem, scatter: Scatter, nominal, limit: Limit):
+    def __init__(self, problem: Problem, scatter: Scatter, nominal, limit: Limit, progress: bool):
         self.problem, self.limit, self.size = problem, limit, len(nominal)
+        self.progress = progress
         self.place = problem.names.index(limit.quantity)
         self.machines = lambda u: scatter.at(nominal, u)
         self.slope_of_machines = jax.vmap(jax.jacfwd(self.machines))
@@ -192,7 +193,8 @@ class _LimitState:
         rng = np.random.default_rng(seed)
         which = rng.integers(len(points), size=count)
         u = points[which] + rng.standard_normal((count, self.size))
-        values, ok = solved_rows(self.problem, self.machines(u))
+        title = f"Machines near the limit of {self.limit.quantity}" if self.progress else None
+        values, ok = solved_rows(self.problem, self.machines(u), title)
         # phi(u) over the mixture of bells about the points
         away = [-0.5 * np.sum((u - p) ** 2, 1) for p in points]
         weight = np.exp(-0.5 * np.sum(u**2, 1) - np.logaddexp.reduce(away, axis=0)) * len(points)
@@ -206,15 +208,17 @@ def reliability(
     nominal,
     limit: Limit,
     samples: Sampled,
-    around: int = 4096,
+    around: int | None = None,
     seed: int = 0,
+    progress: bool = False,
 ) -> Reliability:
     """The probability that a limit is broken, in several ways.
 
     Beside plain samples, which are solved already, so many machines around the nearest points are drawn
-    and solved; none for 0.
+    and solved; none for 0. If that is left open, as many as plain samples and 4096 at most.
     """
-    state = _LimitState(problem, scatter, nominal, limit)
+    state = _LimitState(problem, scatter, nominal, limit, progress)
+    around = min(len(samples.ok), 4096) if around is None else around
     counted = _counted(limit, samples.values[samples.ok, state.place])
     points, nothing = state.nearest_points(), np.full(len(nominal), np.nan)
     if not len(points):

@@ -210,7 +210,10 @@ def tolerance(
         shares(near, covariance, excess),
         swings,
         many,
-        tuple(reliability(made, scatter, nominal, end, many, seed=seed) for end in ends),
+        tuple(
+            reliability(made, scatter, nominal, end, many, seed=seed, progress=progress)
+            for end in ends
+        ),
     )
 
 

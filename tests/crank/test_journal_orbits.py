@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from tools import squeeze_tables
 
-from jaxcomp import SolveFailed, Status, load, loads, simulate, solve_orbit
+from jaxcomp import ConstantSpeed, SolveFailed, Status, load, loads, simulate, solve_orbit
 from jaxcomp._polynomials import gauss
 from jaxcomp.compressor import instants, kink_angles, loop_of
 from jaxcomp.crank import (
@@ -325,9 +325,27 @@ def test_a_march_of_the_crank_with_its_journal_agrees(coupled):
     assert abs(seen.loss_error["crank_pin"]) < 1e-6 * orbit.energy.losses["crank_pin"]
 
 
-def test_other_solvers_take_the_orbit_or_say_no(coupled):
-    with pytest.raises(ValueError, match="Collocation"):
-        solve_orbit(coupled, Shooting())
+@pytest.mark.slow  # half a minute of compilation each
+@pytest.mark.parametrize("held", [False, True])
+def test_shooting_finds_the_orbit_of_a_journal(held):
+    """Crank and journal integrated from angle to angle; at a given speed as well as with a motor."""
+    scene = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN | {"film": "short"})
+    crank = scene.as_compressor()
+    if held:
+        speed = crank.motor.speed_guess
+        crank = eqx.tree_at(lambda c: c.motor, crank, ConstantSpeed(speed))
+    found, shot = (
+        solve_orbit(crank, solver(reversals=crank.load_reversals))
+        for solver in (Collocation, Shooting)
+    )
+    assert shot.solver == "shooting"
+    # seen: 3e-10 of the work; 2e-10 of the journal's loss
+    np.testing.assert_allclose(shot.mechanical_efficiency, found.mechanical_efficiency, atol=3e-9)
+    losses = (one.energy.losses["crank_pin"] for one in (shot, found))
+    np.testing.assert_allclose(*losses, rtol=1e-8)
+    # at their nodes, which are not the same
+    sizes = [float(jnp.max(jnp.hypot(*one.positions["crank_pin"]))) for one in (shot, found)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-3)
 
 
 def test_a_film_that_closes_is_a_named_failure(coupled):

@@ -9,10 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
-from jaxcomp.cylinder import GRAZING, CycleOptions, solve_cycle
 from cylinder.test_cylinder import SPEED, golden, mechanism, with_values
 from reference_valves import Reference
+
+from jaxcomp.cylinder import GRAZING, CycleOptions, solve_cycle
 
 OPTIONS = CycleOptions(nodes=8, panels=96)
 # [m] to which the suction valve of the air machine lifts without a stop: the reference's own
