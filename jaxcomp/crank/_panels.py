@@ -91,18 +91,24 @@ def highest(rule: Rule, width: Float[Array, " p"], values: Float[Array, "p s"]) 
     x = np.linspace(0.0, 1.0, 2 * rule.nodes.size + 1)
     samples = fixed @ rule.through(x).T
     samples = jnp.where(lax.stop_gradient(width)[:, None] > NO_WIDTH, samples, -jnp.inf)
-    panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
-    start = jnp.asarray(x)[column]
     derivative = rule.derivative
-    slope = derivative @ fixed[panel]
-    slope_and_bend = jnp.stack([slope, derivative @ slope])
 
-    def newton(_, place):
-        slope, bend = slope_and_bend @ rule.weights_at(place)
-        return jnp.clip(place - slope / jnp.minimum(bend, -1e-300), start - x[1], start + x[1])
+    def refined(panel):
+        start = jnp.asarray(x)[jnp.argmax(samples[panel])]
+        slope = derivative @ fixed[panel]
+        slope_and_bend = jnp.stack([slope, derivative @ slope])
 
-    place = lax.fori_loop(0, 4, newton, start)
-    return rule.weights_at(jnp.clip(place, 0.0, 1.0)) @ values[panel]
+        def newton(_, place):
+            slope, bend = slope_and_bend @ rule.weights_at(place)
+            return jnp.clip(place - slope / jnp.minimum(bend, -1e-300), start - x[1], start + x[1])
+
+        place = jnp.clip(lax.fori_loop(0, 4, newton, start), 0.0, 1.0)
+        # where the polynomial bends upwards Newton's method leaves the maximum
+        return jnp.max(rule.weights_at(jnp.stack([place, start])) @ values[panel])
+
+    # of an edge that two panels share either may have the largest value close to it
+    _, best = lax.top_k(jnp.max(samples, axis=1), min(2, samples.shape[0]))
+    return jnp.max(jax.vmap(refined)(best))
 
 
 def farthest(
