@@ -9,7 +9,8 @@ class Status(eqx.Enumeration):
 
     converged = "converged"
     not_converged = (
-        "the iteration did not reach its tolerance; allow more iterations or a looser tolerance"
+        "the iteration did not reach its tolerance; allow more iterations or a looser tolerance (of "
+        "`run`: --tolerance; of a cycle with valves: --cycle panels=96)"
     )
     bad_input = "a value lies outside its bound or a rule between values is broken"
     self_locking = (
@@ -27,11 +28,12 @@ class Status(eqx.Enumeration):
     unresolved = (
         "the nodes do not resolve the revolution: its duration or its losses are not known to 0.1 % "
         "(of the work), its energy does not close to 1e-5, or its fluctuation of speed is not known to "
-        "2 %; take more nodes, or more inertia or speed where the crank all but halts"
+        "2 %; take more nodes (--solver collocation:16), or more inertia or speed where the crank all "
+        "but halts"
     )
     too_many_events = (
-        "the valves make more events in a revolution than there are panels; take more panels, or a "
-        "restitution of zero"
+        "the valves make more events in a revolution than there are panels; take more panels (--cycle "
+        "panels=192), or a restitution of zero"
     )
     no_delivery = (
         "the pressure in the cylinder does not open the discharge valve: nothing is delivered"

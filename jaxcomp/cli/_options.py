@@ -124,11 +124,16 @@ def analysis_options(
 
 def solver_of(text: str, compressor: jc.Compressor) -> Any:
     """The solver of the periodic state that `--solver` names."""
-    if text == "collocation":
-        return jc.crank.default_collocation(compressor)
     import diffrax
 
     name, _, tolerance = text.partition(":")
+    if name == "collocation":
+        plain = jc.crank.default_collocation(compressor)
+        if not tolerance:
+            return plain
+        if tolerance.isdigit() and 3 <= int(tolerance) <= 64:
+            return replace(plain, nodes=int(tolerance))
+        raise CommandError(f"--solver {text}: must have 3 to 64 nodes on a panel after the colon")
     made = getattr(diffrax, "Tsit5" if name == "shooting" else name, None)
     known = isinstance(made, type) and issubclass(made, diffrax.AbstractAdaptiveSolver)
     try:
@@ -138,8 +143,8 @@ def solver_of(text: str, compressor: jc.Compressor) -> Any:
         return jc.crank.Shooting(made(), reversals=compressor.load_reversals, **wanted)
     except (TypeError, ValueError):  # some have arguments of their own
         raise CommandError(
-            f"--solver {text}: must be collocation, shooting or an adaptive solver of diffrax (Tsit5, "
-            "Dopri5, Dopri8, Kvaerno3, Kvaerno5), with a tolerance after a colon if wanted: Dopri8:1e-9"
+            f"--solver {text}: must be collocation, collocation:16, shooting or an adaptive solver of "
+            "diffrax (Tsit5, Dopri5, Dopri8, Kvaerno3, Kvaerno5), with a tolerance after a colon if wanted: Dopri8:1e-9"
         ) from None
 
 
@@ -199,9 +204,9 @@ Solver = Annotated[
     typer.Option(
         "--solver",
         metavar="SOLVER",
-        help="Of the periodic state: collocation; shooting, which integrates the crank with Tsit5 of "
-        "diffrax; or any adaptive solver of diffrax, with its tolerance if wanted (Dopri8, "
-        "Kvaerno5:1e-8).",
+        help="Of the periodic state: collocation, with nodes on a panel if wanted (collocation:16); "
+        "shooting, which integrates the crank with Tsit5 of diffrax; or any adaptive solver of diffrax, "
+        "with its tolerance if wanted (Dopri8, Kvaerno5:1e-8).",
     ),
 ]
 CycleOption = Annotated[

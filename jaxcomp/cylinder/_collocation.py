@@ -372,6 +372,14 @@ def _within(mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
     return good
 
 
+def resolution(z: Unknowns) -> Float[Array, ""]:
+    """[-] Highest two terms of the polynomials of mass, temperature and lifts, over their scales."""
+    states = z.points[..., jnp.asarray([0, 1, 2, 5])]
+    wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
+    terms = jnp.abs(jnp.einsum("kj,pjn->pkn", _to_series(states.shape[1])[-2:], states))
+    return jnp.max(jnp.sum(jnp.where(wide, terms, 0.0), axis=1))
+
+
 def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
     """How far free valves turn, or would turn, beyond seat and stop where that is nearest to nothing.
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._results import Data, Result
 from .._status import Status
 from ._balance import Accounts
-from ._collocation import SolvedPressure, turning_margins
+from ._collocation import SolvedPressure, resolution, turning_margins
 from ._cylinder import Case
 
 VALVES = ("suction", "discharge")
@@ -286,6 +286,14 @@ class Cycle(Result, eqx.Module):
         }
 
     @property
+    def resolution(self) -> Float[Array, ""]:
+        """[-] Size of the highest two terms of the polynomials, above the relative error of the flow.
+
+        Over the scales of mass, temperature and lift; of a march that of the panels laid after it.
+        """
+        return resolution(self.raw[1])
+
+    @property
     def turning_margins(self) -> dict[str, Float[Array, ""]]:
         """[-] How far each valve turns beyond its seat and its stop, in parts of the stop.
 
@@ -380,6 +388,7 @@ class SeveralCycles(Result, eqx.Module):
     )
     peak_pressure = _combined(_largest, "peak_pressure", "[Pa]")
     residual = _combined(_largest, "residual", "[-] The largest.")
+    resolution = _combined(_largest, "resolution", "[-] The largest; see `Cycle.resolution`.")
     mass_closure = _combined(_furthest, "mass_closure", "[-] The largest.")
     energy_closure = _combined(_furthest, "energy_closure", "[-] The largest.")
     impact_speeds = _combined(

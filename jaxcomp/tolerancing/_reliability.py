@@ -215,10 +215,10 @@ def reliability(
     """The probability that a limit is broken, in several ways.
 
     Beside plain samples, which are solved already, so many machines around the nearest points are drawn
-    and solved; none for 0. If that is left open, as many as plain samples and 4096 at most.
+    and solved; none for 0. If that is left open, half as many as plain samples and 4096 at most.
     """
     state = _LimitState(problem, scatter, nominal, limit, progress)
-    around = min(len(samples.ok), 4096) if around is None else around
+    around = min(len(samples.ok) // 2, 4096) if around is None else around
     counted = _counted(limit, samples.values[samples.ok, state.place])
     points, nothing = state.nearest_points(), np.full(len(nominal), np.nan)
     if not len(points):

@@ -177,6 +177,8 @@ def tolerance(
             bounds, correlations that cannot be, or an option that makes no sense.
     """
     listed_names("quantities", quantities)
+    if samples is not None:
+        counted("samples", samples, high=2**24)
     asked, limits = quantities, bounds_by_names("limits", limits)
     tolerances = {} if tolerances is None else tolerances
     scatter_of(tolerances)  # refuses what is no tolerance, before its name is looked up
@@ -195,7 +197,6 @@ def tolerance(
     near = local(made, scatter.mean(nominal), deviation, curvature)
     if samples is None:
         samples = _FEW if solves_gas(made) else _MANY
-    counted("samples", samples, high=2**24)
     many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client, keep)
     value, swings = _one_at_a_time(made, scatter, nominal)
     return Tolerances(
