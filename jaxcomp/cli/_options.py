@@ -144,7 +144,7 @@ def solver_of(text: str, compressor: jc.Compressor) -> Any:
     except (TypeError, ValueError):  # some have arguments of their own
         raise CommandError(
             f"--solver {text}: must be collocation, collocation:16, shooting or an adaptive solver of "
-            "diffrax (Tsit5, Dopri5, Dopri8, Kvaerno3, Kvaerno5), with a tolerance after a colon if wanted: Dopri8:1e-9"
+            "diffrax (Tsit5, Dopri8, Kvaerno5), with a tolerance after a colon if wanted: Dopri8:1e-9"
         ) from None
 
 

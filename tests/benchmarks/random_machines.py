@@ -20,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from crank.test_journal_orbits import PIN
-from cylinder.test_cylinder import SCATTERED, SPEED, golden, mechanism, restitutions
+from cylinder.test_cylinder import SCATTERED, SPEED, inertial, mechanism, restitutions
 
 from jaxcomp import Collocation, Shooting, load, solve_orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
@@ -39,7 +39,7 @@ def mapped(function, rows):
 
 def valves(count: int, seed: int):
     """Stated and true errors of machines with valves, and which have both."""
-    base = golden("D")
+    base = inertial()
     rng = np.random.default_rng(seed)
     numbers = jnp.asarray(2.0 ** rng.uniform(-1, 1, (count, len(SCATTERED) + 1)))
     bounce = jnp.asarray(rng.choice([0.0, 1.0], (count, 1)) * rng.uniform(0, 0.5, (count, 2)))
