@@ -19,8 +19,8 @@ import optimistix
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._implicit import AbstractRoot, FixedPointReport, frozen, root, zeros_of
-from .._status import Status
+from .._core.roots import AbstractRoot, FixedPointReport, frozen, root, zeros_of
+from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at, loop_of
 from ..cylinder import CycleOptions
 from ..friction import closed

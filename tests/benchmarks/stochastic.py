@@ -17,8 +17,8 @@ import optax
 from scipy.optimize import minimize
 
 from jaxcomp import AnalysisOptions, Collocation, load, problem
-from jaxcomp.tolerancing import within
-from jaxcomp.tolerancing._scatter import drawn_normals, scatter_of
+from jaxcomp.study.tolerance import within
+from jaxcomp.study.tolerance._scatter import drawn_normals, scatter_of
 
 # [-] of the value as it stands, to both sides
 DESIGN = dict.fromkeys(
