@@ -12,6 +12,7 @@ import pytest
 from cylinder.test_cylinder import SPEED, golden, mechanism, with_values
 from reference_valves import Reference
 
+from jaxcomp import Status
 from jaxcomp.cylinder import GRAZING, CycleOptions, solve_cycle
 
 OPTIONS = CycleOptions(nodes=8, panels=96)
@@ -70,3 +71,16 @@ def test_a_valve_that_bounces(restitution):
     assert back < 1e-6
     # most bounces are pressed on: no change of the design takes them away
     assert not all(bool(one) for one in jax.tree.leaves(cycle.grazes))
+
+
+@pytest.mark.slow  # two programs
+def test_panels_grow_where_events_need_it():
+    """Twelve events have no room on twelve panels; within a program that is a status."""
+    few = CycleOptions(nodes=8, panels=12)
+    found = solve_cycle(golden("D"), mechanism(), SPEED, few)
+    assert found.raw[0].event.size == 48
+    wanted = solve_cycle(golden("D"), mechanism(), SPEED, OPTIONS).volumetric_efficiency
+    # 8 nodes on the few panels between twelve events
+    np.testing.assert_allclose(found.volumetric_efficiency, wanted, rtol=1e-6)
+    traced = jax.jit(lambda speed: solve_cycle(golden("D"), mechanism(), speed, few, throw=False))
+    assert bool(traced(SPEED).status == Status.too_many_events)
