@@ -11,7 +11,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._core.display import RPM, axes_words, shown
+from .._core.display import RPM, SYSTEMS, axes_words, is_temperature, shown
 from .._core.registry import Quantity, registered
 from ._arguments import assignments, changed_scene
 from ._options import (
@@ -321,6 +321,8 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
         name, text = look.words, f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
         if one.unit == "W" and one.name != "capacity":
             text, note = look.text(value, 4), f"{value * result['period']:.5g} J per revolution"
+        if is_temperature(one.name, one.unit):
+            note = f"{shown(one.name, one.unit, value, SYSTEMS[1]).text(value)}; {note}"
         if one.name == "mechanical_efficiency":
             text = Markup("[bold]none" if meaningless else f"[bold]{text}")
             name = Markup(f"[bold]{name}")
