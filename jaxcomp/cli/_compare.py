@@ -118,8 +118,8 @@ def sensitivity(
 ) -> None:
     """Show by how many per cent quantities change when each number of the machine rises by 1 %.
 
-    Numbers that are zero, and angles, are changed by one unit instead. All derivatives come from one
-    reverse pass.
+    Numbers that are zero, angles and temperatures are changed by one unit instead. All derivatives come
+    from one reverse pass.
 
     Example: [bold]jaxcomp sensitivity mayekawa-wbhe --quantity mechanical_efficiency --out result[/bold]
 

@@ -135,10 +135,11 @@ def solver_of(text: str, compressor: jc.Compressor) -> Any:
             return replace(plain, nodes=int(tolerance))
         raise CommandError(f"--solver {text}: must have 3 to 64 nodes on a panel after the colon")
     made = getattr(diffrax, "Tsit5" if name == "shooting" else name, None)
-    known = isinstance(made, type) and issubclass(made, diffrax.AbstractAdaptiveSolver)
     try:
         wanted = {"tolerance": float(tolerance)} if tolerance else {}
-        if not (known and all(0 < one < 1 for one in wanted.values())):
+        if not isinstance(made, type) or not issubclass(made, diffrax.AbstractAdaptiveSolver):
+            raise TypeError
+        if not all(0 < one < 1 for one in wanted.values()):
             raise ValueError
         return jc.crank.Shooting(made(), reversals=compressor.load_reversals, **wanted)
     except (TypeError, ValueError):  # some have arguments of their own

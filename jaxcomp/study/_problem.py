@@ -254,6 +254,7 @@ def with_more_panels(problem: Problem) -> Problem | None:
         return None
     compressor = assembled(problem.design).compressor
     assert compressor is not None
+    assert isinstance(compressor.gas, Cylinder)
     solver = problem.options.solver or default_collocation(compressor)
     more = solver.cycle.refined(Status.too_many_events)
     if more is None or not compressor.gas.inert:

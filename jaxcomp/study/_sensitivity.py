@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._core.display import Shown, shown, small_unit
+from .._core.display import Shown, is_temperature, shown, small_unit
 from .._core.errors import BadInput
 from .._core.fields import listed_names
 from .._core.results import Data, Result
@@ -57,9 +57,12 @@ class Sensitivity(Result):
     def elasticity(self) -> Float[np.ndarray, "quantities numbers"]:
         """[-] Relative change of a quantity over that of a number.
 
-        NaN where there is none: the number or the quantity is zero, or the number is an angle.
+        NaN where there is none: the number or the quantity is zero, or the number is an angle or a
+        temperature, whose zero means nothing.
         """
-        none = (self.present == 0) | (np.array(self.units) == "rad") | (self.value == 0)[:, None]
+        pairs = zip(self.numbers, self.units, strict=True)
+        levels = np.array([unit == "rad" or is_temperature(name, unit) for name, unit in pairs])
+        none = (self.present == 0) | levels | (self.value == 0)[:, None]
         value = np.where(none, np.nan, self.value[:, None])
         return self.derivative * self.present / value
 

@@ -67,6 +67,19 @@ def test_a_number_that_is_zero_is_changed_by_one_unit(swept):
     assert (one.value, one.change) == ("0 mm", "+0.003 per mm")
 
 
+def test_a_temperature_is_changed_by_a_kelvin():
+    """One per cent of 305 K means nothing; of a difference of 23 K it does."""
+
+    def warm(found):
+        line = found.design.compressor.gas.suction
+        return line.temperature + 2 * line.heating
+
+    level, rise = sensitivity(load("r134a-7cc"), [warm]).ranking("warm")[::-1]
+    assert (level.number, level.change) == ("gas.suction.temperature", "+1 per K")
+    assert rise.number == "gas.suction.heating"
+    assert rise.relative
+
+
 def test_the_table_has_every_number_with_its_unit(swept):
     table = swept.to_pandas().set_index("number")
     assert table.loc["mechanism.bore", "unit"] == "m"
