@@ -16,7 +16,15 @@ import jaxcomp as jc
 
 from .._core.display import RPM, rounded, small_unit
 from ._arguments import assignments, changed_scene, names_of, si, speeds_of
-from ._options import AsJson, ExcitationOption, Out, Sets, complete_machine
+from ._options import (
+    AsJson,
+    ExcitationOption,
+    Out,
+    Sets,
+    Solver,
+    complete_machine,
+    solver_of,
+)
 from ._output import hand_out, plain
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
 from ._start import CommandError, refuse, refuse_unknown, reports_errors, start_jax, waiting
@@ -44,6 +52,7 @@ def balance(
     limit: str | None = None,
     weights: Annotated[list[str] | None, typer.Option("--weight")] = None,
     excitation: ExcitationOption = None,
+    solver: Solver = "collocation",
     without: str | None = None,
     measured: Path | None = None,
     as_json: AsJson = False,
@@ -118,8 +127,11 @@ def balance(
             left_out = tuple(names_of(without) or ())
             at, places, case = _speeds_planes_loads(scene, speeds)
             radius = {p.name: float(p.radius) for p in places.planes if p.radius is not None}
+            method_of_crank = None
+            if solver != "collocation":
+                method_of_crank = solver_of(solver, scene.as_compressor())
             influence = jc.balancing.machine_influence(
-                scene, at, crank=shaken_by == "crank", left_out=left_out
+                scene, at, method_of_crank, crank=shaken_by == "crank", left_out=left_out
             )
         chosen = {"planes": names_of(planes), "targets": names_of(targets)}
         part = _weighted(jc.balancing.select(influence, **chosen), weights)

@@ -200,7 +200,7 @@ def test_frictionless_joints_lose_nothing():
             ],
             "the friction locks the joints",
         ),
-        (["run", "mayekawa-wbhe", "--solver", "magic"], "Invalid value for '--solver'"),
+        (["run", "mayekawa-wbhe", "--solver", "magic"], "--solver magic: must be collocation"),
         (["run"], "Missing argument"),
     ],
 )
