@@ -90,7 +90,7 @@ def may_lack_panels(status: Status) -> Bool[Array, ""]:
 
 
 # Panels up to which those that are too few are doubled.
-_MOST_PANELS = 192
+_MOST_PANELS = 128
 
 
 class CycleSolution(NamedTuple):
