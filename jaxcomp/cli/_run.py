@@ -265,6 +265,7 @@ def _numbers(machine, assembly, orbit: jc.Orbit, known) -> tuple[dict[str, Any],
         "energy_residual": energy.residual,
         "residual": orbit.residual,
         "resolution": orbit.resolution,
+        **({} if orbit.cycle is None else {"cycle_resolution": orbit.cycle.resolution}),
         "turning_margins": {} if orbit.cycle is None else orbit.cycle.turning_margins,
     }
 
@@ -436,11 +437,16 @@ def _journal_films(result: dict[str, Any]):
 def _convergence(result: dict[str, Any]):
     resolution = "of the speed; the error of the fluctuation is smaller"
     closure = "motor work that is neither gas work nor loss"
+    cycle = []
+    if "cycle_resolution" in result:
+        of_cycle = "of the gas; the relative error of the flow is smaller"
+        cycle = [("Cycle's resolution", f"{result['cycle_resolution']:.1e}", of_cycle)]
     rows = (
         ("Solver", result["solver"], f"tolerance {result['tolerance']:.2g}"),
         ("Iterations", result["iterations"], result["status"]),
         ("Residual", f"{result['residual']:.1e}", "periodicity or collocation equations"),
         ("Resolution", f"{result['resolution']:.1e}", resolution),
+        *cycle,
         ("Energy closure", f"{result['energy_residual']:.1e}", closure),
         ("Joint margin", f"{result['joint_margin']:.4f}", "1 without friction, locks at 0"),
     )
