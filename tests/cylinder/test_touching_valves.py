@@ -78,7 +78,7 @@ def test_panels_grow_where_events_need_it():
     """Twelve events have no room on twelve panels; within a program that is a status."""
     few = CycleOptions(nodes=8, panels=12)
     found = solve_cycle(golden("D"), mechanism(), SPEED, few)
-    assert found.raw[0].event.size == 48
+    assert found.raw[0].event.size == 24
     wanted = solve_cycle(golden("D"), mechanism(), SPEED, OPTIONS).volumetric_efficiency
     # 8 nodes on the few panels between twelve events
     np.testing.assert_allclose(found.volumetric_efficiency, wanted, rtol=1e-6)
