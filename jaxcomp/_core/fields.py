@@ -99,7 +99,9 @@ class Bound(NamedTuple):
     @property
     def _ends(self) -> tuple[Any, Any]:
         ends = (self.low, self.high)  # traced where they depend on other numbers of a machine
-        return tuple(end if isinstance(end, Array) else np.clip(end, -LARGEST, LARGEST) for end in ends)
+        return tuple(
+            end if isinstance(end, Array) else np.clip(end, -LARGEST, LARGEST) for end in ends
+        )
 
     def inside(self, x):
         """Whether each entry of `x` lies inside; false for NaN and for sizes beyond `LARGEST`.

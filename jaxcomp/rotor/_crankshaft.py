@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import is_traced, rebuilt, replaced
 from .._core.words import one_of
 from ..crankshaft import OF_ROTOR, Crankshaft, MainBearings, ShaftBearings
@@ -100,7 +101,7 @@ def _given(value) -> bool:
     return not is_traced(value) and bool(np.any(np.asarray(value) != 0))
 
 
-@eqx.filter_jit  # one program where a machine is put together, instead of one for each product
+@kept_jit  # one program where a machine is put together, instead of one for each product
 def _of_shaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node):
     """Inertia [kg m^2], mass [kg], unbalance [kg m] (2,) and couple [kg m^2] (2,) of a shaft."""
     place = axial_positions(rotor, pin)
@@ -171,7 +172,7 @@ def bearing_positions(rotor: RotorModel, pin: Node) -> dict[str, Float[Array, ""
     return found
 
 
-@eqx.filter_jit
+@kept_jit
 def shaft_bearings(rotor: RotorModel, support: MainBearings, pin: Node) -> ShaftBearings:
     """Main bearings that share forces as the shaft of a rotor on their films does, quasi-static.
 
