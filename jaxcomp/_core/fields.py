@@ -332,7 +332,8 @@ def spread_columns(part: Part, rows: int, what: str) -> None:
             continue
         value = _as_float(value)
         if value.ndim == 0:
-            value = jnp.full(rows, value)
+            # by NumPy no program is compiled
+            value = _as_float((jnp if is_traced(value) else np).full(rows, value))
         if value.shape != (rows,):
             raise BadInput(name, value, f"one value, or one for each of {rows} {what}")
         setattr(part, name, value)

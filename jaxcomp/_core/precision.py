@@ -11,12 +11,12 @@ import jax
 from jaxlib.version import __version_info__
 
 _ONE_KERNEL = "xla_cpu_small_while_loop_byte_threshold=1000000"
-# Flags of XLA with the versions of jaxlib, from and below, that take them: XLA ends a process that names a
-# flag it does not know. Measured on the orbit of Tsuji et al., in seconds of the processor; programs run as
-# fast with them, single and in batches.
-# jaxlib 0.9.2: 10.1 to compile without any, 6.6 without XLA's newer emitters of fused code, 5.9 (and a third
-# less by the clock) without expensive passes, a fifth less again at the first level of optimisation.
-# jaxlib 0.12.0: 8.5 with tracing without any, 8.3 and 7.8 with these two; of `r600a-8cc` 35.8 and 33.9.
+# Flags of XLA with the versions of jaxlib, from and below, that take them: XLA ends a process that names
+# a flag it does not know. Measured on the orbit of Tsuji et al., in seconds of the processor; programs
+# run as fast with them, single and in batches.
+# jaxlib 0.9.2: 10.1 to compile without any, 6.6 without XLA's newer emitters of fused code, 5.9 (and a
+# third less by the clock) without expensive passes, a fifth less at the first level of optimisation.
+# jaxlib 0.12.0: 8.5 to trace and compile without any, 8.3 and 7.8 with these two; `r600a-8cc` 35.8, 33.9.
 # The last makes one kernel of every loop that touches less memory than it says: on 0.9 the march of a
 # cylinder's cycle runs seven times as fast.
 _FLAGS = [

@@ -225,11 +225,9 @@ def select(
                 raise BadInput(field, name, one_of(name, sorted(known)))
     columns = [i for i, name in enumerate(influence.planes) if planes is None or name in planes]
     kept = [i for i, row in enumerate(influence.rows) if targets is None or row.target in targets]
-    at = np.array(kept, int)
+    numbers = (influence.matrix, influence.initial, influence.weight)
     return Influence(
-        influence.matrix[np.ix_(at, np.array(columns, int))],
-        influence.initial[at],
-        influence.weight[at],
+        *_taken(*numbers, np.array(kept, int), np.array(columns, int)),
         tuple(influence.rows[i] for i in kept),
         tuple(influence.planes[i] for i in columns),
         influence.unit,
@@ -276,6 +274,11 @@ def machine_influence(
 def _answers(made, places, speeds, solver, crank, left_out):
     at = lambda w: crank_loads(made, w, (1,), solver, crank=crank, left_out=left_out)  # noqa: E731
     return flexibilities(made, jax.vmap(at)(speeds), places, speeds)
+
+
+@eqx.filter_jit
+def _taken(matrix, initial, weight, rows, columns):
+    return matrix[rows][:, columns], initial[rows], weight[rows]
 
 
 def flexibilities(

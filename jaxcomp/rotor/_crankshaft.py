@@ -132,13 +132,14 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
     members = next((group for group in subsets(rotor) if origin in group), ())
     steps: dict[Node, list] = {node: [] for node in members}
     for shaft in rotor.shafts:
+        length = shaft.length if is_traced(shaft.length) else np.asarray(shaft.length)
         for number, (a, b) in enumerate(shaft.pairs):
             if a in steps:
-                steps[a].append((b, shaft.length[number]))
-                steps[b].append((a, -shaft.length[number]))
+                steps[a].append((b, length[number]))
+                steps[b].append((a, -length[number]))
     if not any(steps.values()):
         raise BadInput("pin", origin, "a node of the shaft")
-    found, waiting = {origin: jnp.zeros(())}, [origin]
+    found, waiting = {origin: np.zeros(())}, [origin]
     while waiting:
         here = waiting.pop(0)
         for there, step in steps[here]:

@@ -352,6 +352,7 @@ class WhirlOrbit(NamedTuple):
     backward: Array
 
 
+@eqx.filter_jit  # one program instead of fifteen
 def orbit(x: Complex[Array, "*batch"], y: Complex[Array, "*batch"]) -> WhirlOrbit:
     """The orbit of a node.
 
