@@ -25,7 +25,7 @@ from ._core.fields import (
 )
 from .crankshaft import Crankshaft, MachineLoops, machine_loops
 from .cylinder import Cylinder
-from .cylinder._cylinder import ports_fit
+from .cylinder.interface import ports_fit
 from .friction import AbstractFriction, JointLoads, closed
 from .gas import AbstractGas, DoubleActing, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState

@@ -312,7 +312,7 @@ def schema(
 
 def _parts() -> tuple[list[dict[str, Any]], Table]:
     """Every kind of part."""
-    from ..scene._explain import summary
+    from ..scene import summary
 
     found = [
         {"kind": where.kind, "places": where.titles, "summary": summary(part)}

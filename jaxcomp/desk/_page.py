@@ -15,8 +15,7 @@ from panel.io import hold
 from .._core.display import SYSTEMS
 from .._core.errors import BadInput
 from .._core.status import SolveFailed
-from ..plot._animate import line_look
-from ..plot._style import INK, colour, words
+from ..plot.interface import INK, colour, line_look, words
 from ..scene import Scene, SceneError, loads
 from ._state import HEADLINES, Desk, View
 

@@ -34,6 +34,7 @@ from ._links import diagonal as diagonal
 from ._links import isotropic as isotropic
 from ._loads import CrankNodes as CrankNodes
 from ._loads import LoadCase as LoadCase
+from ._loads import Loads as Loads
 from ._loads import PeriodicForce as PeriodicForce
 from ._loads import Unbalances as Unbalances
 from ._loads import load_vector as load_vector
@@ -43,8 +44,6 @@ from ._model import BalancingPlanes as BalancingPlanes
 from ._model import CorrectionPlane as CorrectionPlane
 from ._model import RotorModel as RotorModel
 from ._model import TargetPlane as TargetPlane
-from ._model import node_index as node_index
-from ._model import node_names as node_names
 from ._model import node_positions as node_positions
 from ._model import subset_names as subset_names
 from ._model import subsets as subsets
@@ -55,6 +54,9 @@ from ._modes import magnetic_pull_limit as magnetic_pull_limit
 from ._modes import matrices as matrices
 from ._modes import mode_derivatives as mode_derivatives
 from ._modes import undamped_modes as undamped_modes
+from ._nodes import node_index as node_index
+from ._nodes import node_names as node_names
+from ._prepare import prepare as prepare
 from ._response import Response as Response
 from ._response import SingularResponse as SingularResponse
 from ._response import WhirlOrbit as WhirlOrbit
@@ -64,12 +66,13 @@ from ._response import receptance as receptance
 from ._response import relative_displacement as relative_displacement
 from ._response import respond as respond
 from ._response import transmitted_forces as transmitted_forces
+from ._shaft import Node as Node
 from ._shaft import ShaftElements as ShaftElements
 from ._shaft import shaft_line as shaft_line
 from ._shaft import shaft_mass as shaft_mass
 from ._shaft import shaft_polar_inertia as shaft_polar_inertia
 from ._shaft import stepped_shaft as stepped_shaft
+from ._solve import NO_CRANK as NO_CRANK
 from ._system import System as System
-from ._system import prepare as prepare
 from ._updating import Update as Update
 from ._updating import fit_frequencies as fit_frequencies

@@ -11,7 +11,8 @@ from .._core.errors import BadInput
 from .._core.fields import NONNEGATIVE, Part, quantity, spread_columns
 from ._conventions import AXES, SPACE_AXES, from_planes, to_planes
 from ._layout import layout_of
-from ._model import RotorModel, check_nodes, node_index, rotor_among
+from ._model import RotorModel, rotor_among
+from ._nodes import check_nodes, node_index
 from ._shaft import Node
 from ._system import System, bare, collect
 
