@@ -39,7 +39,6 @@ from ._loads import PeriodicForce as PeriodicForce
 from ._loads import Unbalances as Unbalances
 from ._loads import load_vector as load_vector
 from ._loads import nodal_load as nodal_load
-from ._loads import total_load as total_load
 from ._model import BalancingPlanes as BalancingPlanes
 from ._model import CorrectionPlane as CorrectionPlane
 from ._model import RotorModel as RotorModel

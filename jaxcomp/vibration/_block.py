@@ -8,11 +8,7 @@ Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathem
 Eqs. (42), (43).
 """
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
@@ -20,9 +16,6 @@ from ..compressor import Compressor
 from ..crank import Orbit, time_harmonics
 from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
 from ._wrench import Wrench, shaking_wrench, wrench_about
-
-if TYPE_CHECKING:
-    import diffrax
 
 
 class Harmonics(eqx.Module):
@@ -177,54 +170,3 @@ def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
     """
     rate = Harmonics(1j * response.frequency * response.amplitude, response.speed)
     return BlockMotion(response.at(time).T, rate.at(time).T)
-
-
-def simulate_block(
-    suspension: Suspension,
-    force: Callable[[Float[Array, ""]], Float[Array, "6"]],
-    time: Float[Array, " t"],
-    start: BlockMotion | None = None,
-    *,
-    tolerance: float = 1e-8,
-    max_steps: int = 100_000,
-    adjoint: "diffrax.AbstractAdjoint | None" = None,
-) -> BlockMotion:
-    r"""Motion of the block in time, $M\ddot X = F(t) - C\dot X - SX$.
-
-    Args:
-        suspension: the block and its springs.
-        force: [N, N m] about the mass centre at an instant [s], shape (6,).
-        time: [s] rising instants at which to report; the first is the start.
-        start: motion at the first instant; at rest if absent.
-        tolerance: [-] of a step, relative; a thousandth of it, in SI units, counts as absolute.
-        max_steps: steps after which diffrax gives up with an error.
-        adjoint: how diffrax differentiates; its default serves reverse mode.
-
-    Returns:
-        The motion at the instants, shape (t, 6).
-    """
-    import diffrax
-
-    inverse = 1 / jnp.diag(mass_matrix(suspension))
-    stiffness, damping = stiffness_matrix(suspension), damping_matrix(suspension)
-    if start is None:
-        start = BlockMotion(jnp.zeros(6), jnp.zeros(6))
-
-    def rate(t, motion, args):
-        del args
-        inner = stiffness @ motion.displacement + damping @ motion.velocity
-        return BlockMotion(motion.velocity, inverse * (force(t) - inner))
-
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate),
-        diffrax.Dopri8(),
-        time[0],
-        time[-1],
-        None,
-        start,
-        saveat=diffrax.SaveAt(ts=time),
-        stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=1e-3 * tolerance),
-        max_steps=max_steps,
-        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
-    )
-    return jax.tree.map(jnp.asarray, solution.ys)
