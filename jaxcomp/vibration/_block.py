@@ -8,17 +8,21 @@ Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathem
 Eqs. (42), (43).
 """
 
+from collections.abc import Iterator
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from .._core.results import Data, Result
 from ..compressor import Compressor
 from ..crank import Orbit, time_harmonics
 from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
 from ._wrench import Wrench, shaking_wrench, wrench_about
 
 
-class Harmonics(eqx.Module):
+class Harmonics(Result, eqx.Module):
     """Complex amplitudes of m quantities in the harmonics 1 to n of a rotation.
 
     Attributes:
@@ -28,6 +32,16 @@ class Harmonics(eqx.Module):
 
     amplitude: Complex[Array, "m n"]
     speed: Float[Array, ""]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("quantity", "order")
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result; amplitudes in the units of what they are amplitudes of."""
+        yield Data("speed", "rad/s", self.speed)
+        yield Data("order", "", jnp.arange(1, self.amplitude.shape[-1] + 1), ("order",))
+        yield Data(
+            "harmonic", "", self.amplitude, ("quantity", "order"), "in the quantity's SI unit"
+        )
 
     @property
     def frequency(self) -> Float[Array, " n"]:
