@@ -15,8 +15,7 @@ from panel.io import hold
 from .._core.display import SYSTEMS
 from .._core.errors import BadInput
 from .._core.status import SolveFailed
-from ..plot._animate import line_look
-from ..plot._style import INK, colour, words
+from ..plot.interface import INK, colour, line_look, words
 from ..scene import Scene, SceneError, loads
 from ._state import HEADLINES, Desk, View
 
@@ -121,7 +120,7 @@ class _Page:
         self._ask_gains(patience)
         self._lay_out(self._by_gain()[:_SLIDERS])
         if not self._influences:
-            self._say(_WAITING)
+            self.say(_WAITING)
 
     def _lay_out(self, with_sliders: list[str]) -> None:
         """Lay the page out anew around the machine as it stands."""
@@ -240,7 +239,7 @@ class _Page:
         self._show_gains()
         self._show()
         if not self._influences:
-            self._say(_WAITING)
+            self.say(_WAITING)
 
     def _other_units(self, event) -> None:
         self.desk.system = event.new
@@ -268,7 +267,7 @@ class _Page:
             for name in () if self.sliders else self._by_gain()[:_SLIDERS]:
                 self.add_slider(name)
             if self.message.object == _as_it_is(_WAITING):
-                self._say("")
+                self.say("")
 
         def take():
             ours = number == self._asked and bool(found)
@@ -283,12 +282,12 @@ class _Page:
 
     def _undo(self, _) -> None:
         self._drag()
-        self._say("" if self.desk.undo() else "There is nothing to undo.")
+        self.say("" if self.desk.undo() else "There is nothing to undo.")
         self._show_all()
 
     def _redo(self, _) -> None:
         self._drag()
-        self._say("" if self.desk.redo() else "There is nothing to do again.")
+        self.say("" if self.desk.redo() else "There is nothing to do again.")
         self._show_all()
 
     def _pin(self, _) -> None:
@@ -309,7 +308,7 @@ class _Page:
         ranges = {name: one.range for name, one in self.sliders.items()}
         button, document = self.buttons["Improve"], pn.state.curdoc
         button.loading = True
-        self._say(f"Searching between the ends of the sliders; the first search takes {_WHILE}.")
+        self.say(f"Searching between the ends of the sliders; the first search takes {_WHILE}.")
 
         def told(stage, done, most):
             later(lambda: setattr(button, "label", f"Improve: {stage}, {done} of {most}"))
@@ -319,7 +318,7 @@ class _Page:
 
         def done(words):
             button.loading, button.label = False, "Improve"
-            self._say(words)
+            self.say(words)
             self._show_all()
 
         def work():
@@ -340,7 +339,7 @@ class _Page:
         try:
             scene = loads(event.new, event.obj.filename or "", beside=False)
         except SceneError as error:
-            self._say("\n\n".join(map(str, (error, *error.others))))
+            self.say("\n\n".join(map(str, (error, *error.others))))
             return
         self.open(scene)
 
@@ -348,7 +347,7 @@ class _Page:
         try:
             return io.BytesIO(self.desk.toml().encode())
         except SceneError as error:
-            self._say(str(error))
+            self.say(str(error))
 
     # ------------------------------------------------------------ what the user sees
 
@@ -356,11 +355,11 @@ class _Page:
         try:
             change()
         except SceneError as error:
-            self._say(str(error))
+            self.say(str(error))
         else:
-            self._say("")
+            self.say("")
 
-    def _say(self, text: str) -> None:
+    def say(self, text: str) -> None:
         self.message.object, self.message.visible = _as_it_is(text), bool(text)
 
     def _show_all(self) -> None:
@@ -533,10 +532,10 @@ class _Slider:
         if not numbers or not (
             low < high and all(bound.holds(self._si(end)) for end in (low, high))
         ):
-            self.page._say(f"{self.name}: the ends of the range must rise and be {bound}")
+            self.page.say(f"{self.name}: the ends of the range must rise and be {bound}")
         elif not low <= self._value <= high:
             text = self.page.desk.text(self.name)
-            self.page._say(f"{self.name}: the range must hold the present value, {text}")
+            self.page.say(f"{self.name}: the range must hold the present value, {text}")
         else:
             self._set(low, high)
             return

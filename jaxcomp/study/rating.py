@@ -332,7 +332,9 @@ def _at_point(here: Compressor, solver: Collocation, rise):
     return values, new, cycle.converged & orbit.converged & known
 
 
-def with_slopes(law, parameters: Float[Array, " p"], warmed: bool):
+def with_slopes(
+    law, parameters: Float[Array, " p"], warmed: bool
+) -> tuple[Float[Array, " n"], Float[Array, "n p"], Bool[Array, ""]]:
     """Values, slopes and status of a law, at the rise of the suction gas that it gives back itself.
 
     Args:

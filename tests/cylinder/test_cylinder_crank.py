@@ -53,6 +53,8 @@ def test_pressure_and_speed_agree_with_each_other():
     # where power and swept volume go adds up, and efficiencies are what they say
     made = performance(machine, orbit)
     np.testing.assert_allclose(sum(made.power.values()), made.electric_power, rtol=1e-12)
+    assert made.to_dict()["cop"] == float(made.cop)
+    assert "Power use friction" in repr(made)
     np.testing.assert_allclose(made.electric_power * 0.8222, orbit.motor_power, rtol=1e-3)
     np.testing.assert_allclose(sum(cycle.volume_losses.values()), 1.0, rtol=1e-12)
     np.testing.assert_allclose(made.cop, cycle.capacity / made.electric_power, rtol=1e-12)

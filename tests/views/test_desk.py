@@ -350,7 +350,7 @@ def test_texts_of_a_machine_are_neither_html_nor_markdown(scene):
     text = '<img src=x onerror="alert(1)"> ![a](http://example.org/a.png) *b* `c` 50 %'
     named = dataclasses.replace(scene, name=text, description=text)
     shown = _Page(named)
-    shown._say(text)
+    shown.say(text)
     render = MarkdownIt("gfm-like").render
     assert "<img" in render(text)
     panes = [one.object for one in shown.body.select(pn.pane.Markdown) if "example" in one.object]
