@@ -135,7 +135,7 @@ class _Page:
         self.quantity = pn.widgets.Select(label="Quantity", options=names, value=desk.quantity)
         self.quantity.param.watch(self._other_quantity, "value")
         self.table = self._numbers_table()
-        self.ranges = pn.Column(**_WIDE)
+        self.ranges = pn.Column(css_classes=["ranges"], **_WIDE)
         self.results = pn.widgets.Tabulator(
             self._result_rows(), disabled=True, layout="fit_columns", **_TABLE
         )

@@ -45,7 +45,7 @@ def main():
         page.goto(f"http://127.0.0.1:{PORT}/")
         page.wait_for_selector(".tabulator-row", timeout=120_000)
         page.wait_for_timeout(3000)
-        handle = page.locator(".noUi-handle").first.bounding_box()
+        handle = page.locator(".ranges .noUi-handle").first.bounding_box()
         page.evaluate(WATCH)
         page.mouse.move(handle["x"] + 5, handle["y"] + 5)
         page.mouse.down()
