@@ -6,9 +6,9 @@
 Between the two a builder that reads MkDocs' configuration makes the site: MkDocs, ProperDocs, Zensical.
 
 Pages made here: README, changelog, benchmarks, citation and licence from their own files; the notebooks
-as they were run; the bundled machines; every entry of a machine file; and the reference of every public
-name, read from the sources without importing them. Links between files of the repository become links
-of the site. Formulas become MathML, which browsers show without a script.
+as they were run; the bundled machines; every quantity and every entry of a machine file; and the
+reference of every public name, read from the sources without importing them. Links between files of the
+repository become links of the site. Formulas become MathML, which browsers show without a script.
 """
 
 import base64
@@ -25,6 +25,7 @@ from check_links import broken
 from public_names import first_sentence, public_names
 
 from jaxcomp import scene
+from jaxcomp._registry import registered
 
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "out"
@@ -41,9 +42,11 @@ MOVED = {
 PICTURES = (".pictures/mechanism.gif", ".pictures/balance.gif")
 # What search shows first and last.
 BOOSTS = {
-    "reference/machines.md": 4,
-    "reference/entries.md": 4,
+    "reference/machines.md": 10,
+    "reference/entries.md": 10,
+    "reference/quantities.md": 10,
     "changelog.md": 0.2,
+    "licence.md": 0.1,
     "reference/index.md": 0.2,
 }
 
@@ -70,6 +73,7 @@ def write_pages(out: Path = OUT) -> list[str]:
     pages |= _reference()
     pages["reference/machines.md"] = _machines()
     pages["reference/entries.md"] = _entries()
+    pages["reference/quantities.md"] = _quantities()
     for page in pages:
         boost = BOOSTS.get(page, 0.4 if page.startswith("reference/") else None)
         if boost:
@@ -213,6 +217,21 @@ def _entries() -> str:
             lines += [f"| {' | '.join([cells[0], *map(_cell, cells[1:])])} |"]
         lines += [f"\n```toml\n{part.example}\n```\n"]
     return "\n".join(lines)
+
+
+def _quantities() -> str:
+    """Every quantity of a machine by the name that commands take."""
+    lines = [
+        "# Quantities\n",
+        "What `--quantity`, `--objective` and `--constraint` take, and the columns of sweeps; "
+        "`jaxcomp list MACHINE --quantities` shows those of a machine.\n",
+        "| name | unit | better | meaning |",
+        "|---|---|---|---|",
+    ]
+    for one in registered():
+        unit = "%" if one.percent else one.unit
+        lines += [f"| `{one.name}` | {unit} | {one.better} | {_cell(one.doc)} |"]
+    return "\n".join(lines) + "\n"
 
 
 def _cell(text: str) -> str:

@@ -206,7 +206,7 @@ _BY_UNIT = {
         "film_error", "table_error", "steady_film",
     ),
     "m^3/s": ("side_flow", "mean_side_flow"),
-    "W": ("mean_loss", "mean_shear_loss", "mean_squeeze_loss"),
+    "W": ("mean_loss", "mean_shear_loss", "mean_squeeze_loss", "power"),
     "K": ("temperature_rise_of_oil",),
     "rad": ("phase", "before_phase", "after_phase", "inclination", "attitude_angle", "angle",
         "end_angle", "minimum_film_angle", "table_period"),
@@ -222,6 +222,8 @@ _BY_UNIT = {
     "kg m": ("unbalance", "corrections"),
 }  # fmt: skip
 _UNITS = {key: unit for unit, keys in _BY_UNIT.items() for key in keys}
+# Shares of what is named inside.
+_SHARES = ("fit_error",)
 # Directions, whose unit follows from what they are a direction of: of ux, uy, uz, and of rotations.
 _DIRECTIONS = {"amplitude": ("m", "rad"), "phase": ("rad", "rad"), "links": ("N", "N m")}
 
@@ -275,9 +277,10 @@ def _keyed(result: Any, of: str = "", units: dict[str, str] | None = None) -> An
         if isinstance(value, bool | str) or (by_name and (key in _DIRECTIONS or "unit" in value)):
             unit = ""
         inside = key if key in _DIRECTIONS else of
+        named = dict.fromkeys(value, "") if key in _SHARES else units
         # what is listed by name beneath a unit has that unit
         out[f"{key} [{unit}]" if unit else key] = (
-            value if by_name and unit else _keyed(value, inside, units)
+            value if by_name and unit else _keyed(value, inside, named)
         )
     return out
 

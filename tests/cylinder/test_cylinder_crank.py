@@ -1,5 +1,8 @@
 """Pressure and speed of a compressor with a cylinder of its own, solved together."""
 
+import json
+import re
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -197,7 +200,7 @@ def test_a_map_is_its_points_and_its_polynomial():
     machine = load("r134a-7cc")
     evaporating, condensing = (
         273.15 + np.array([-30, -25, -20, -15]),
-        273.15 + np.array([40, 50, 55]),
+        273.15 + np.array([40, 45, 50, 55]),
     )
     found = rating_map(machine, evaporating, condensing, "ashrae")
     assert found.ok.all()
@@ -212,3 +215,52 @@ def test_a_map_is_its_points_and_its_polynomial():
     error = np.abs(fitted - found.values["capacity"]).max() / found.values["capacity"].max()
     np.testing.assert_allclose(error, found.fit_error["capacity"], rtol=1e-6)
     assert error < 5e-3
+
+
+def test_a_map_tells_the_error_of_its_polynomial_at_every_point(tmp_path, monkeypatch):
+    """A polynomial that is 3 W too high at one point of sixteen."""
+
+    def made_up(scene, evaporating, condensing, standard):
+        shape = len(evaporating), len(condensing)
+        row = np.zeros(10)
+        row[0] = 900.0
+        values = {name: np.full(shape, 900.0) for name, *_ in QUANTITIES}
+        values["power"][2, 1] -= 3.0
+        terms = {name: row for name in ("capacity", "power", "mass_flow")}
+        error = {"capacity": 0.0, "power": 3 / 900, "mass_flow": 0.0}
+        ok = np.ones(shape, bool)
+        return RatingMap(evaporating, condensing, values, ok, terms, error, standard)
+
+    monkeypatch.setattr("jaxcomp.rating.rating_map", made_up)
+    given = ["map", "r134a-7cc", "--evaporating=-30:-10:4", "--condensing=40:55:4"]
+    result = CliRunner().invoke(app, [*given, "--json"])
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)
+    assert {"power [W]", "capacity [W]", "mass_flow [kg/s]"} <= set(told["values"])
+    assert told["fit_error"]["power"] == 3 / 900
+    errors = np.array(told["polynomial_error"]["power [W]"])
+    assert errors[2, 1] == 3.0
+    assert np.count_nonzero(errors) == 1
+    shown = CliRunner().invoke(app, [*given, "--out", str(tmp_path)])
+    assert "-16.67, 45" in shown.stdout, shown.stderr
+    assert "polynomial_error.power [W]" in (tmp_path / "map.csv").read_text().splitlines()[0]
+
+
+@pytest.mark.slow  # half a minute of compilation
+def test_a_machine_that_delivers_nothing_says_what_it_lacks():
+    words = ["run", "r290-6cc", "--set", "gas.leakage.gap=60 um"]
+    result = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert "nothing is delivered" in result.stderr
+    shown = " ".join(result.stdout.split())
+    assert "Pressure, bar" in shown
+    peak, behind, lack = map(
+        float,
+        re.search(
+            r"reaches (\S+) bar; behind .* are (\S+) bar: (\S+) bar are lacking", shown
+        ).groups(),
+    )
+    # propane at 54.4 degrees; four digits are printed
+    assert behind == pytest.approx(18.83, abs=0.02)
+    assert lack == pytest.approx(behind - peak, abs=0.01)
+    assert 0 < peak < behind

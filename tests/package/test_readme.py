@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 public_names = runpy.run_path(str(ROOT / "notebooks" / "public_names.py"))["public_names"]
 broken = runpy.run_path(str(ROOT / "notebooks" / "check_links.py"))["broken"]
 # Pages of the site that are made when it is built.
-MADE = {"index", "entries", "machines"}
+MADE = {"index", "entries", "machines", "quantities"}
 PAGES = (
     "README.md",
     "CHANGELOG.md",
@@ -307,6 +307,8 @@ def test_pages_of_the_site_are_markdown_before_it_is_built(tmp_path, monkeypatch
     kinds = {place.kind for place in part_places().values()}
     assert set(re.findall(r"^## (\w+) in", parts, re.M)) == kinds
     assert "| `clearance_ratio` |" in parts
+    quantities = (pages / "reference" / "quantities.md").read_text("utf-8")
+    assert "| `cop` |  | more | Capacity over electric power;" in quantities
     assert "\n## r290-6cc\n" in (pages / "reference" / "machines.md").read_text("utf-8")
     problems = []
     build["_with_site_links"]("start.md", "[a](gone.md), [b](../setup.cfg)", problems)
