@@ -25,7 +25,7 @@ from check_links import broken
 from public_names import first_sentence, public_names
 
 from jaxcomp import scene
-from jaxcomp._registry import registered
+from jaxcomp._core.registry import registered
 
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "out"

@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import Collocation, load, solve_orbit, with_bore
 from jaxcomp.cli import app
-from jaxcomp.design import RodDrive, compare_drives
+from jaxcomp.study import RodDrive, compare_drives
 
 ROOT = Path(__file__).parents[1]
 RPM = 2 * np.pi / 60

@@ -28,7 +28,7 @@ from typer.testing import CliRunner
 import jaxcomp as jc
 from jaxcomp.cli import app
 from jaxcomp.scene import SceneError, start
-from jaxcomp.tolerancing import within
+from jaxcomp.study.tolerance import within
 
 EFFICIENCY = ["mechanical_efficiency"]
 CRANK = {"crank_radius": 0.05, "conrod_length": 0.29, "piston_mass": 2.6, "conrod_mass": 3.8}
@@ -343,7 +343,7 @@ CALLS = {
     ),
     "number for a range": _py(lambda s: jc.problem(s, {"bore": 0.2}, EFFICIENCY), "(low, high)"),
     "notation of the command line": _py(
-        lambda s: jc.sweep(s, {"mechanism.bore": "0.1:0.2:3"}), "`sweeping.grid("
+        lambda s: jc.sweep(s, {"mechanism.bore": "0.1:0.2:3"}), "`sweep.grid("
     ),
     "number for a tolerance": _py(lambda s: jc.tolerance(s, {"bore": 0.2}), "within(2e-5)"),
     "text for a tolerance": _py(
@@ -424,7 +424,7 @@ CALLS = {
     "results that are not there": _py(lambda s: jc.load_result("none.zarr"), "none.zarr"),
     "vibration without a rotor in Python": _py(lambda s: jc.respond(s, 100.0), "rotor"),
     "map without valves in Python": _py(
-        lambda s: jc.rating.rating_map(s, [250.0], [320.0]), "valves"
+        lambda s: jc.study.rating.rating_map(s, [250.0], [320.0]), "valves"
     ),
 }
 

@@ -11,7 +11,9 @@ from jax.flatten_util import ravel_pytree
 from jaxcomp import BadInput, Status, solve_orbit
 from jaxcomp.crank import Collocation
 from jaxcomp.crankshaft import counterweights
-from jaxcomp.design import (
+from jaxcomp.mechanism import CrankState
+from jaxcomp.scene import load, with_values
+from jaxcomp.study import (
     compare_drives,
     design_rules,
     design_study,
@@ -20,9 +22,7 @@ from jaxcomp.design import (
     with_bore,
     with_stroke_bore_ratio,
 )
-from jaxcomp.mechanism import CrankState
-from jaxcomp.scene import load, with_values
-from jaxcomp.shaking import shaking_wrench
+from jaxcomp.vibration import shaking_wrench
 
 # Places where a load changes its side in mid-stroke stay unresolved, which changes the efficiency by
 # 5e-5, and so does the film by closed formulas; both halve the time to compile.
