@@ -77,7 +77,10 @@ def write_pages(out: Path = OUT) -> list[str]:
     for page in pages:
         boost = BOOSTS.get(page, 0.4 if page.startswith("reference/") else None)
         if boost:
-            pages[page] = f"---\nsearch:\n  boost: {boost}\n---\n\n{pages[page]}"
+            # a row is found by its name as a title is
+            names = re.findall(r"^\| `(\w+)", pages[page], re.M) if boost > 1 else []
+            head = {"search": {"boost": boost}, "tags": sorted(set(names))}
+            pages[page] = f"---\n{yaml.safe_dump(head)}---\n\n{pages[page]}"
     shutil.rmtree(out / "pages", ignore_errors=True)
     for name, content in (files | {page: text.encode() for page, text in pages.items()}).items():
         path = out / "pages" / name
