@@ -118,15 +118,14 @@ def _undelivered(orbit: jc.Orbit) -> Iterator[Any]:
 
     from .._core.status import Status
 
-    cycles = [orbit.cycle]
-    several = isinstance(orbit.cycle, jc.cylinder.SeveralCycles)
-    if several:
-        each = orbit.cycle.each
+    cycles: list[Any] = [orbit.cycle]
+    each = getattr(orbit.cycle, "each", None)  # of several cylinders
+    if each is not None:
         cycles = [jax.tree.map(lambda x, n=n: x[n], each) for n in range(len(each.angle))]
     for number, cycle in enumerate(cycles, 1):
         if cycle.status != Status.no_delivery:
             continue
-        where = f"Cylinder {number}" if several else "Cylinder"
+        where = "Cylinder" if each is None else f"Cylinder {number}"
         angle = (np.rad2deg(np.asarray(cycle.angle)) + 180) % 360 - 180
         every = [int(np.argmin(np.abs(angle - at))) for at in range(-180, 180, 20)]
         rows = (

@@ -113,7 +113,10 @@ class RatingMap(Result, eqx.Module):
     def polynomial_error(self) -> dict[str, Float[Array, "n m"]]:
         """Polynomial less value at every point, by name in SI units."""
         terms = polynomial_terms(self.evaporating[:, None], self.condensing[None, :])
-        return {name: terms @ row - self.values[name] for name, row in self.coefficients.items()}
+        return {
+            name: jnp.asarray(terms @ row) - self.values[name]
+            for name, row in self.coefficients.items()
+        }
 
 
 def at_rating(
