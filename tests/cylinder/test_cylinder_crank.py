@@ -2,6 +2,7 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -11,11 +12,12 @@ import pytest
 from cylinder.test_cylinder import golden
 from typer.testing import CliRunner
 
-from jaxcomp import BadInput, load, problem, solve_orbit
+from jaxcomp import BadInput, SolveFailed, Status, load, problem, solve_orbit
 from jaxcomp.cli import app
+from jaxcomp.cli._run import _undelivered
 from jaxcomp.compressor import cylinder_pressure
 from jaxcomp.crank import Collocation, performance
-from jaxcomp.cylinder import CycleOptions, solve_cycle
+from jaxcomp.cylinder import CycleOptions, SeveralCycles, solve_cycle
 from jaxcomp.motor import MotorEfficiency
 from jaxcomp.scene import with_value
 from jaxcomp.study import available_quantities
@@ -246,21 +248,28 @@ def test_a_map_tells_the_error_of_its_polynomial_at_every_point(tmp_path, monkey
     assert "polynomial_error.power [W]" in (tmp_path / "map.csv").read_text().splitlines()[0]
 
 
-@pytest.mark.slow  # half a minute of compilation
-def test_a_machine_that_delivers_nothing_says_what_it_lacks():
-    words = ["run", "r290-6cc", "--set", "gas.leakage.gap=60 um"]
-    result = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+@pytest.mark.slow  # a quarter of a minute of compilation
+def test_a_machine_that_delivers_nothing_says_what_it_lacks(monkeypatch):
+    """One cylinder through the command, then two of which one delivers."""
+    shut = with_value(load("r290-6cc"), "gas.leakage.gap", "60 um").machine.as_compressor()
+    results = [
+        solve_cycle(one.gas, one.mechanism, one.motor.speed_guess, throw=False)
+        for one in (shut, load("r290-6cc").machine.as_compressor())
+    ]
+
+    def fails(*_, **__):
+        raise SolveFailed(Status.no_delivery, result=SimpleNamespace(cycle=results[0]))
+
+    monkeypatch.setattr("jaxcomp.crank.solve_orbit", fails)
+    result = CliRunner().invoke(app, ["run", "r290-6cc"], env={"COLUMNS": "200"})
     assert result.exit_code == 2
     assert "nothing is delivered" in result.stderr
     shown = " ".join(result.stdout.split())
-    assert "Pressure, bar" in shown
-    peak, behind, lack = map(
-        float,
-        re.search(
-            r"reaches (\S+) bar; behind .* are (\S+) bar: (\S+) bar are lacking", shown
-        ).groups(),
-    )
-    # propane at 54.4 degrees; four digits are printed
-    assert behind == pytest.approx(18.83, abs=0.02)
-    assert lack == pytest.approx(behind - peak, abs=0.01)
-    assert 0 < peak < behind
+    assert "Cylinder: no gas is delivered" in shown
+    found = re.search(r"reaches (\S+) bar; .* valve are (\S+) bar: (\S+) bar are lacking", shown)
+    peak, behind, lack = map(float, found.groups())
+    assert behind == pytest.approx(18.83, abs=0.02)  # propane at 54.4 degrees
+    assert lack == pytest.approx(behind - peak, abs=0.01)  # of printed digits
+    both = SeveralCycles(jax.tree.map(lambda *x: jnp.stack(x), results[1], results[0]))
+    table, *_ = _undelivered(SimpleNamespace(cycle=both))
+    assert table.title == "Cylinder 2: no gas is delivered"
