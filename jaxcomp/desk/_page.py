@@ -1,6 +1,7 @@
 r"""The page in the browser: sliders, fields and pictures around one `Desk`."""
 
 import io
+import logging
 import re
 import threading
 from typing import Any
@@ -11,6 +12,7 @@ import panel as pn
 from bokeh.models import ColumnDataSource, FactorRange, HTMLTemplateFormatter, Title
 from bokeh.plotting import figure
 from panel.io import hold
+from tornado.websocket import WebSocketClosedError
 
 from .._core.display import SYSTEMS
 from .._core.errors import BadInput
@@ -78,6 +80,7 @@ def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = Fa
         threaded: return at once, with the server; otherwise when it is interrupted.
     """
     pn.extension("tabulator")
+    logging.getLogger("asyncio").addFilter(_is_fault)
     # compiles what all pages share; of large machines the gains follow later
     _Page(scene, _AT_FIRST)
     return pn.serve(
@@ -88,6 +91,11 @@ def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = Fa
         threaded=threaded,
         title=f"jaxcomp desk: {scene.name}",
     )
+
+
+def _is_fault(record: logging.LogRecord) -> bool:
+    """Whether a log record is more than a message that a closed tab no longer took."""
+    return not isinstance((record.exc_info or (None, None))[1], WebSocketClosedError)
 
 
 def page(scene: Scene) -> Any:

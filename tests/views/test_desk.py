@@ -2,6 +2,7 @@
 
 import dataclasses
 import html
+import logging
 import re
 import shutil
 import socket
@@ -14,7 +15,7 @@ import pytest
 from jaxcomp import load, solve_orbit
 from jaxcomp._core.display import shown
 from jaxcomp.desk import Desk, serve
-from jaxcomp.desk._page import _Page
+from jaxcomp.desk._page import _is_fault, _Page
 from jaxcomp.scene import SceneError, loads
 
 BORE, PIN = "mechanism.bore", "friction.crank_pin.coefficient"
@@ -378,6 +379,18 @@ def test_pages_do_not_disturb_each_other(scene, page):
     value = page.desk.values[BORE]
     other.sliders[BORE].slider.value = 120.0
     assert page.desk.values[BORE] == value
+
+
+def test_a_message_that_a_closed_tab_no_longer_takes_is_no_fault(caplog):
+    """The server's own log of it has a traceback."""
+    from tornado.websocket import WebSocketClosedError
+
+    log = logging.getLogger("asyncio")
+    log.addFilter(_is_fault)
+    for error in (WebSocketClosedError(), ValueError("another")):
+        log.error("Task exception was never retrieved", exc_info=error)
+    log.removeFilter(_is_fault)
+    assert [type(one.exc_info[1]) for one in caplog.records] == [ValueError]
 
 
 @pytest.fixture(scope="module")
