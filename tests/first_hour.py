@@ -503,13 +503,17 @@ with socket.socket() as free:
     free.bind(("127.0.0.1", 0))
     port = free.getsockname()[1]
 server = serve(jaxcomp.load("my.toml"), port=port, show=False, threaded=True)
-for wait in range(300):
-    try:
-        assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=60).status == 200
-        break
-    except ConnectionRefusedError:
-        time.sleep(0.1)
-server.stop()
+try:
+    for wait in range(300):
+        try:
+            assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=60).status == 200
+            break
+        except OSError:  # nobody listens yet
+            time.sleep(0.1)
+    else:
+        raise SystemExit("nobody answers")
+finally:
+    server.stop()
 """,
 }
 
