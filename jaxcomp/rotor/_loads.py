@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import NONNEGATIVE, Part, quantity, spread_columns
 from ._conventions import AXES, SPACE_AXES, from_planes, to_planes
 from ._layout import layout_of
@@ -230,7 +231,7 @@ def total_load(
     return _total(model, force)
 
 
-@eqx.filter_jit
+@kept_jit
 def _total(model, force):
     system = bare(model)
     moved = collect(system, to_planes(force, system.dof))
