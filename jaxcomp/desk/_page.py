@@ -373,8 +373,7 @@ class _Page:
             self.say("")
 
     def say(self, text: str, kind: str = "warning") -> None:
-        self.message.alert_type = kind
-        self.message.object, self.message.visible = _as_it_is(text), bool(text)
+        self.message.param.update(object=_as_it_is(text), visible=bool(text), alert_type=kind)
 
     def _show_all(self) -> None:
         for slider in self.sliders.values():
