@@ -21,5 +21,4 @@ from ._heat import WallNetwork as WallNetwork
 from ._heat import Woschni as Woschni
 from ._plenum import Plenum as Plenum
 from ._solve import CycleOptions as CycleOptions
-from ._solve import may_lack_panels as may_lack_panels
 from ._solve import solve_cycle as solve_cycle

@@ -30,7 +30,7 @@ from ..crank import (
     solve_orbit,
     time_harmonics,
 )
-from ..cylinder import may_lack_panels
+from ..cylinder.interface import may_lack_panels
 from ..friction import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..rotor import (
