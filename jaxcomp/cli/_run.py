@@ -111,13 +111,13 @@ def run_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     """The orbit in numbers. The keys are stable; new ones may join them."""
     from importlib.metadata import version
 
-    import equinox as eqx
     import jax
 
+    from .._core.exported import kept_jit
     from .._core.status import Status
 
     known = _of_the_crank(scene.machine)
-    found = eqx.filter_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
+    found = kept_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
     values, numbers = jax.tree.map(float, jax.device_get(found))
     grazes = numbers.pop("grazes")
     compressor = scene.as_compressor()
@@ -465,15 +465,16 @@ def vibration_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     Amplitudes are those of the first harmonic. `free_body` is the approximation without springs and
     `free_body_error` its error over the amplitude.
     """
-    import equinox as eqx
     import jax
     import jax.numpy as jnp
+
+    from .._core.exported import kept_jit
 
     suspension = scene.parts["suspension"]
     assert isinstance(suspension, jc.vibration.Suspension)
     places = jc.vibration.block_points(suspension)
     points = jnp.stack(list(places.values()))
-    found = eqx.filter_jit(_vibrations)(scene.as_compressor(), orbit, suspension, points)
+    found = kept_jit(_vibrations)(scene.as_compressor(), orbit, suspension, points)
     found = plain(jax.device_get(found))
     keys = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
     of_block = ("natural_frequencies", "block_amplitude", "block_rms")

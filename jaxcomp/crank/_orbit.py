@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from .._core.exported import kept_jit
 from .._core.fields import replaced
 from .._core.polynomials import gauss
 from .._core.registry import Quantity, registered
@@ -282,7 +283,7 @@ class Orbit(Result, eqx.Module):
         return jnp.sum(self.weight.reshape(-1, self.panel_nodes), axis=-1)
 
 
-@eqx.filter_jit
+@kept_jit
 def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> list[Any]:
     """The quantities of an orbit, or of a batch of them."""
 

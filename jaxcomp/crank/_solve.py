@@ -26,6 +26,7 @@ from jaxtyping import Array, Float
 
 from .._core.each import stacked
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, is_traced, listed, of_cylinder, replaced
 from .._core.polynomials import gauss
 from .._core.roots import frozen, settle, zeros_of
@@ -142,10 +143,10 @@ def _solved(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     return eqx.tree_at(lambda o: o.status, orbit, status)
 
 
-_solve = eqx.filter_jit(_solved)
+_solve = kept_jit(_solved)
 
 
-@eqx.filter_jit
+@kept_jit
 def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegration") -> Verification:
     from ._verify import verification
 

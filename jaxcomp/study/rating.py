@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import of_cylinder, replaced
 from .._core.results import Data, Result
 from .._core.words import one_of
@@ -271,7 +272,7 @@ def rated(
     return lax.map(point, points)
 
 
-@eqx.filter_jit
+@kept_jit
 def _along(compressor: Compressor, rating: str, evaporating, condensing):
     """All points, one after the other: each takes as many steps as it needs."""
     solver, gas = Collocation(reversals=compressor.load_reversals), compressor.gas
