@@ -205,7 +205,7 @@ TABLES: dict[str, Table] = {
         **_of("K", "evaporating", "condensing"),
         "values": {"power": "W", "*": _NAMED},
         "coefficients": {"*": Said("in SI units, temperatures in degrees Celsius")},
-        "fit_error": "",
+        **_pure("fit_error", "polynomial_error"),
     },
     "identify": {
         "parameters": {

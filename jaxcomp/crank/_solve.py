@@ -113,6 +113,7 @@ def solve_orbit(
                 f"joint margin {float(orbit.margin):.3g}{where}, energy open by "
                 f"{float(orbit.energy.residual):.2g}, losses known to "
                 f"{float(orbit.efficiency_error):.2g} of the work",
+                orbit,
             )
     if verify is False:
         return orbit
