@@ -203,9 +203,9 @@ TABLES: dict[str, Table] = {
     },
     "map": {
         **_of("K", "evaporating", "condensing"),
-        "values": {"power": "W", "*": _NAMED},
+        **{key: {"power": "W", "*": _NAMED} for key in ("values", "polynomial_error")},
         "coefficients": {"*": Said("in SI units, temperatures in degrees Celsius")},
-        **_pure("fit_error", "polynomial_error"),
+        "fit_error": "",
     },
     "identify": {
         "parameters": {
