@@ -67,3 +67,5 @@ from ._squeeze import OcvirkSqueeze as OcvirkSqueeze
 from ._squeeze import ReynoldsSqueeze as ReynoldsSqueeze
 from ._squeeze import quarter_turn as quarter_turn
 from ._squeeze import slopes_along as slopes_along
+from ._stribeck import StribeckCurve as StribeckCurve
+from ._stribeck import stribeck_curve as stribeck_curve
