@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from .._shown import RPM, shown
 from ..compressor import Compressor
@@ -243,7 +243,11 @@ def stribeck(curve: StribeckCurve) -> Figure:
     below.plot(rpm, 1e6 * curve.minimum_film, color=style.tint(0), label="film")
     above.set(yscale="log", ylabel="Friction torque, N m")
     below.set(xscale="log", yscale="log", ylabel="Smallest film, µm", xlabel="Speed, rpm")
-    style.legend_above(above)
+    for ax in (above, below):
+        style.legend_above(ax)
+    for axis in (above.yaxis, below.yaxis, below.xaxis):
+        axis.set_major_formatter("{x:g}")
+    below.yaxis.set_minor_formatter(NullFormatter())
     return figure
 
 
