@@ -123,7 +123,7 @@ class RingContact(eqx.Module):
         gap = self.ratio * (1 - eps)
         touches = gap < APART
         third, fourth = mean_excess(jnp.where(touches, gap, APART))
-        bend = self.ratio * jnp.maximum(eps, _LEAST_ECCENTRICITY)
+        bend = self.ratio * jnp.where(eps > _LEAST_ECCENTRICITY, eps, _LEAST_ECCENTRICITY)
         size = self.unit * jnp.sqrt(2 / bend)
         line, further = 5 * np.pi / 16 * third, 5 * np.pi / 128 * fourth / bend
         along, normal = size * (line - 0.75 * further), size * (line + 0.25 * further)
@@ -173,7 +173,10 @@ class MixedFilm(AbstractSolvedFilm):
         return gain * jnp.cos(phi) + along, gain * jnp.sin(phi)
 
     def load_gain(self, film_ratio):
-        return jnp.hypot(*self._chords(film_ratio))
+        along, across = self._chords(film_ratio)
+        # not `jnp.hypot`, whose derivative asks which of the two equals the larger one: where it is
+        # computed again with other rounding, neither does
+        return jnp.sqrt(along * along + across * across)
 
     def attitude_angle(self, film_ratio):
         along, across = self._chords(film_ratio)
@@ -189,12 +192,14 @@ class MixedFilm(AbstractSolvedFilm):
         _, normal = self.contact.forces(film_ratio / (1 + film_ratio))
         return self.contact.coefficient * normal / (self.sliding * self.clearance_ratio)
 
+    def own_number(self, film_ratio, load_number):
+        """[-] What the film carries of a load number: all of it to the last bit where nothing touches."""
+        touches = self.contact_number(film_ratio) > 0
+        return jnp.where(touches, film_ratio * self.film.load_gain(film_ratio), load_number)
+
     def friction_number(self, load_number):
         x = film_ratio(self, load_number)
-        along = self.contact_number(x)
-        # the film by its own load, as without a contact
-        own = jnp.where(along > 0, x * self.film.load_gain(x), load_number)
-        return self.film.friction_number(own) + self.rubbing(x)
+        return self.film.friction_number(self.own_number(x, load_number)) + self.rubbing(x)
 
     def log_compliance(self, load_number):
         return root(_MixedCompliance(self, load_number))
@@ -206,6 +211,7 @@ class _MixedCompliance(AbstractRoot):
     film: MixedFilm
     load_number: Scalar
 
+    @eqx.filter_jit
     def solve(self):
         mixed, number = self.film, self.load_number
         alone = mixed.film.log_compliance(number)

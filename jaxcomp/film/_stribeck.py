@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 
 from .._fields import BadInput, single_number
 from .._results import Data, Result
-from ._bearing import JournalBearing
-from ._operating import OperatingPoint, operating_point
+from ._bearing import JournalBearing, film_at, film_unit, load_number, prepare
+from ._contact import MixedFilm
+from ._film import AbstractCarryingFilm, film_ratio
 
 
 class StribeckCurve(Result, eqx.Module):
@@ -72,8 +73,18 @@ class StribeckCurve(Result, eqx.Module):
 
 
 @eqx.filter_jit
-def _points(bearing, load, speed) -> OperatingPoint:
-    return jax.vmap(lambda one: operating_point(bearing, load, one))(speed)
+def _points(bearing, load, speed):
+    """Whole friction, that of the contact [N m], thickness [m] and load of the contact [N]."""
+    film, number = film_at(bearing, speed), load_number(bearing, load, speed)
+    part = prepare(bearing).bearing
+    unit = film_unit(part) * speed * part.radius * part.clearance_ratio
+    x, none = film_ratio(film, number), 0 * speed
+    rubs, push = none, none
+    if isinstance(film, MixedFilm):
+        rubs, push = unit * film.rubbing(x), film.contact.forces(x / (1 + x))[0]
+        film, number = film.film, film.own_number(x, number)
+    smooth = unit * film.friction_number(number)
+    return smooth + rubs, rubs, part.radial_clearance / (1 + x), push
 
 
 def stribeck_curve(
@@ -96,11 +107,7 @@ def stribeck_curve(
         raise BadInput("load", float(load), "> 0 N")
     if speed.ndim != 1 or not speed.size or not speed[0] > 0 or not jnp.all(jnp.diff(speed) > 0):
         raise BadInput("speed", speed, "a list of speeds > 0 rad/s that rise")
-    point = _points(bearing, load, speed)
-    if point.minimum_film is None:
+    if not issubclass(bearing.model, AbstractCarryingFilm):
         raise BadInput("film", bearing.film, "one that gives the position of the journal")
-    none = jnp.zeros_like(speed)
-    torque, push = (none if one is None else one for one in (point.contact_torque, point.contact_load))
-    return StribeckCurve(
-        bearing, load, speed, point.friction_torque, torque, point.minimum_film, push
-    )
+    torque, rubs, thickness, push = jax.vmap(_points, (None, None, 0))(bearing, load, speed)
+    return StribeckCurve(bearing, load, speed, torque, rubs, thickness, push)
