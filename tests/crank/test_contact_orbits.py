@@ -15,8 +15,8 @@ from jaxcomp.scene import with_value
 
 SPEED = 300.0
 SHARES = 1.0, 0.3  # rates of journal and bush over the speed
-ROUGH = AsperityContact(0.25e-6, 0.08, 60e9)
-BEARING = JournalBearing(0.04, 0.02, 30e-6, 1.5e-4, "short", contact=ROUGH)
+ROUGH = AsperityContact(0.5e-6, 0.08, 60e9)
+BEARING = JournalBearing(0.04, 0.02, 30e-6, 1e-4, "short", contact=ROUGH)
 
 
 def pulsing(angle):
@@ -25,8 +25,13 @@ def pulsing(angle):
     return jnp.stack([600 * jnp.cos(angle) + pulse, 300 + 400 * jnp.sin(angle) - 0.5 * pulse])
 
 
+# Panels of half the usual width: the journal crosses its clearance within a few degrees.
+HALVES = np.append(0.0, 2 * np.pi * (np.arange(48) + 0.5) / 48)
+
+
 def orbit_of(bearing):
-    return journal_orbit(bearing, pulsing, SPEED, journal=SHARES[0], bush=SHARES[1])
+    rates = {"journal": SHARES[0], "bush": SHARES[1]}
+    return journal_orbit(bearing, pulsing, SPEED, edges=jnp.asarray(HALVES), **rates)
 
 
 @pytest.fixture(scope="module")
@@ -61,10 +66,10 @@ def test_an_orbit_in_contact_is_that_of_a_march_by_scipy(orbit):
         jac=lambda t, e: np.asarray(slopes(t, e)), t_eval=[*nodes, first + 2 * np.pi],
         rtol=1e-8, atol=1e-10,
     )  # fmt: skip
-    # the mesh of 48 panels leaves 2.4e-5 of the clearance, where the journal crosses it fastest
+    # 1e-4 where the journal crosses the clearance, on 48 panels; the series of the ring leaves 1e-6
     np.testing.assert_allclose(found.y[:, -1], found.y[:, 0], atol=1e-5)
     there = np.asarray(orbit.film.position)[:, :: orbit.angle.size // 24]
-    np.testing.assert_allclose(found.y[:, :-1], there, atol=5e-5)
+    np.testing.assert_allclose(found.y[:, :-1], there, atol=1e-5)
     share = orbit.film.contact_load / np.hypot(*orbit.film.load)
     assert 0.2 < share.max() < 0.9
     assert share.min() == 0
@@ -91,6 +96,7 @@ def test_the_losses_are_the_work_of_moments_and_load(orbit):
     assert np.min(film.contact_loss) >= 0
 
 
+@pytest.mark.slow  # a minute of compilation
 def test_derivatives_of_an_orbit_through_touching():
     """Of least film and losses over roughness, boundary coefficient and viscosity, in both modes."""
 
@@ -99,7 +105,7 @@ def test_derivatives_of_an_orbit_through_touching():
         film = orbit_of(dc.replace(BEARING, contact=rough, dynamic_viscosity=p[2])).film
         return 1e6 * film.minimum_film + film.mean_contact_loss + film.mean_squeeze_loss
 
-    at = jnp.array([0.25e-6, 0.08, 1.5e-4])
+    at = jnp.array([0.5e-6, 0.08, 1e-4])
     _, slopes = jax.jit(jax.value_and_grad(value))(at)
     along = jax.jit(lambda way: jax.jvp(value, (at,), (way,)))
     for column, size in enumerate(np.asarray(at)):
@@ -117,7 +123,7 @@ def test_derivatives_of_an_orbit_through_touching():
 def test_out_of_touch_the_orbit_is_that_of_smooth_surfaces():
     oil = dc.replace(BEARING, dynamic_viscosity=jnp.asarray(2e-2))
     smooth, rough = (orbit_of(one) for one in (dc.replace(oil, contact=None), oil))
-    assert float(smooth.film.minimum_film) > 8 * 0.25e-6
+    assert float(smooth.film.minimum_film) > 8 * 0.5e-6
     # two programs of the same numbers: their rounding differs
     np.testing.assert_allclose(rough.film.position, smooth.film.position, atol=1e-12)
     assert float(rough.film.mean_contact_loss) == 0
@@ -125,17 +131,16 @@ def test_out_of_touch_the_orbit_is_that_of_smooth_surfaces():
 
 
 PIN = {"type": "film", "film": "short", "diameter": "90 mm", "length": "45 mm",
-       "radial_clearance": "45 um", "dynamic_viscosity": "0.05 mPa s",
-       "contact": {"roughness": "0.3 um", "coefficient": 0.08}}  # fmt: skip
+       "radial_clearance": "45 um", "dynamic_viscosity": "0.2 mPa s",
+       "contact": {"roughness": "0.6 um", "coefficient": 0.08}}  # fmt: skip
 
 
-@pytest.mark.parametrize("motion", ["steady", "orbit"])
+@pytest.mark.parametrize("motion", [pytest.param("steady", marks=pytest.mark.slow), "orbit"])
 def test_the_crank_pays_for_film_and_contact(motion):
     """Its energy closes, and the loss of the pin is that of film and contact together."""
     scene = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN | {"motion": motion})
     machine = scene.as_compressor()
     orbit = solve_orbit(machine, Collocation(8, reversals=0, tolerance=1e-9), throw=False)
-    # thinner than any roughness that carries nothing, and no failure: the surfaces carry
     assert orbit.status == Status.converged
     film = journal_films(machine, orbit)["crank_pin"]
     parts = film.mean_shear_loss, film.mean_squeeze_loss, film.mean_contact_loss
