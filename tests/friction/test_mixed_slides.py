@@ -20,12 +20,25 @@ SLIDE = MixedSlide(0.04, 0.05, 5e-6, 30e-6, ROUGH, 5e-3)
 RING = MixedThrust(0.011, 0.008, 3e-6, 50e-6, ROUGH, 4e-3)
 
 
+@jax.jit
+def _parts(load_, speed):
+    return SLIDE.parts(load_, speed)
+
+
+@jax.jit
+def _force(load_, speed):
+    return SLIDE.force(load_, speed)
+
+
 def pad(least, speed):
     """Load [N] of film and contact and their drags, by quadrature of Reynolds' equation along the pad.
 
     The flow to the sides by the share of the module, which is no solution of ours to be checked against.
     """
-    gap = lambda x: least + 5e-6 * x / 0.04  # noqa: E731
+
+    def gap(x):
+        return least + 5e-6 * x / 0.04
+
     across = np.pi * 0.05 / (2 * 0.04)
     sides = 1 - np.tanh(across) / across
     whole = [quad(lambda x, n=n: gap(x) ** -n, 0, 0.04, epsrel=1e-12)[0] for n in (2, 3)]
@@ -42,7 +55,7 @@ def pad(least, speed):
 
 @pytest.mark.parametrize(("load_", "speed"), [(100.0, 1.0), (3000.0, 0.1), (3000.0, 1e-2)])
 def test_a_pad_carries_by_film_and_contact(load_, speed):
-    found = jax.tree.map(float, jax.jit(SLIDE.parts)(load_, speed))
+    found = jax.tree.map(float, _parts(load_, speed))
     film, touch, drag = pad(found.thickness, speed)
     # what holds it at its clearance without a load, 1e-4 of 100 N at 1 m/s
     assert film + touch == pytest.approx(load_, rel=2e-2 if load_ < 1e3 else 1e-6)
@@ -67,18 +80,18 @@ def test_the_pressure_of_the_wide_pad_is_highest_at_the_known_taper():
 
 
 def test_limits_of_a_slide():
-    force = jax.jit(SLIDE.force)
+    force = _force
     # no load: the drag of the film at the clearance, with a finite slope over the load
     drag = 5e-3 * 1.0 * 0.05 * 0.04 / 5e-6 * np.log1p(5 / 30)
     assert float(force(0.0, 1.0)) == pytest.approx(drag, rel=0.02)
-    assert abs(float(jax.grad(SLIDE.force)(0.0, 1.0))) < 1e-9
+    assert abs(float(jax.grad(_force)(0.0, 1.0))) < 1e-9
     # slow: Coulomb's law with the boundary coefficient; odd in the speed
     assert float(force(3000.0, 1e-5)) == pytest.approx(300.0, rel=0.01)
     assert float(force(3000.0, -1e-5)) == -float(force(3000.0, 1e-5))
     assert float(force(3000.0, 0.0)) == 0.0
     # Stribeck: least between
     speeds = np.geomspace(1e-3, 10, 200)
-    curve = np.asarray(jax.jit(jax.vmap(SLIDE.force, (None, 0)))(1000.0, speeds))
+    curve = np.asarray(jax.vmap(_force, (None, 0))(1000.0, speeds))
     least = np.argmin(curve)
     assert np.all(np.diff(curve[: least + 1]) < 0)
     assert np.all(np.diff(curve[least:]) > 0)
