@@ -61,8 +61,8 @@ def bearing(
     """Run a journal bearing under a steady load, or under loads from a table over the crank angle.
 
     A steady load: position, friction, stiffness and damping; with --over speed=FROM:TO:COUNT the
-    friction over the speed (Stribeck's curve), to which rough surfaces in contact belong. A table: the periodic orbit of the journal
-    in its film, with smallest film, largest pressure, loss and side flow.
+    friction over the speed (Stribeck's curve), to which rough surfaces in contact belong. A table: the
+    periodic orbit of the journal in its film, with smallest film, largest pressure, loss and side flow.
 
     Example: [bold]jaxcomp bearing --length 20mm --diameter 40mm --clearance 30um --viscosity "VG 46
     at 60 degC" --speed 3000rpm --load 2kN[/bold]
@@ -152,7 +152,9 @@ def _contact(given: dict[str, float]) -> dict[str, float]:
     contact = {name: given.pop(name) for name in names if name in given}
     for name, value in contact.items():
         friction = name == "boundary-friction"
-        refuse(value < 0 or (value == 0 and not friction), f"--{name} {value:.6g}: must be positive")
+        refuse(
+            value < 0 or (value == 0 and not friction), f"--{name} {value:.6g}: must be positive"
+        )
     for name in names[:2] if contact else ():
         refuse(name not in contact, f"Missing option '--{name}': a contact needs it")
     return contact
@@ -212,16 +214,20 @@ def stribeck_tables(found, result: dict[str, Any]):
                                               "friction_coefficient", "minimum_film", "contact_load")
         ), strict=True)
     )  # fmt: skip
-    yield row_table(f"Friction over speed at {result['load']:.4g} N, {result['model']}", heads, cells)
+    yield row_table(
+        f"Friction over speed at {result['load']:.4g} N, {result['model']}", heads, cells
+    )
     least, ends = result["least_friction_speed"], (result["speed"][0], result["speed"][-1])
     at_end = "" if ends[0] < least < ends[1] else ", an end of the range"
     yield f"Least friction at {least * RPM:.4g} rpm{at_end}."
     if found.bearing.contact is None:
-        yield "Smooth surfaces: with --roughness and --boundary-friction they touch where the film is thin."
+        yield "Smooth surfaces; rough ones, by --roughness and --boundary-friction, touch in thin films."
     yield escape(f"{result['model']}: {result['limits']}")
 
 
-def _loaded(given, contact, turns, loads: Path, model: str, lands: int, how, as_json: bool, out) -> None:
+def _loaded(
+    given, contact, turns, loads: Path, model: str, lands: int, how, as_json: bool, out
+) -> None:
     """The orbit of a journal under the loads of a table."""
     from ..crank import loaded_journal
     from ..scene.load_tables import read_loads

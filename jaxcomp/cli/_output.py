@@ -212,7 +212,8 @@ _BY_UNIT = {
         "end_angle", "minimum_film_angle", "table_period"),
     "rad/s": (
         "lowest_speed", "highest_speed", "speed", "speeds", "frequency", "growth",
-        "natural_frequencies", "measured", "end_speed", "journal_speed", "bush_speed", "least_friction_speed",
+        "natural_frequencies", "measured", "end_speed", "journal_speed", "bush_speed",
+        "least_friction_speed",
     ),
     "Pa": ("peak_pressure", "contact_modulus"),
     "Pa s": ("viscosity",),

@@ -77,8 +77,8 @@ class JournalFilm(eqx.Module):
         damping: [N s/m] (2, 2) likewise, dF/d(c de/dt).
         thin_share: [-] of the time, in which the film is below `thin_film` of its bearing, or 5 µm.
         steady_film, steady_loss: [m], [W] smallest film and mean loss of the same loads carried steadily.
-        contact_load: [N] (n,) of the contact of rough surfaces, along the line of centres; the film has the
-            rest. Zero without a contact, as the next ones.
+        contact_load: [N] (n,) of the contact of rough surfaces, along the line of centres; the film has
+            the rest. Zero without a contact, as the next ones.
         contact_loss: [W] (n,) by their rubbing, beside the losses of the film.
         mean_contact_loss: [W]
         moving: whether the orbit was solved.
@@ -353,8 +353,8 @@ def roughness_of(law: JournalBearing) -> float | Float[Array, ""] | None:
 def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
     """Whether the film of a journal is thinner than its roughness at a node of the orbit.
 
-    Surfaces with a contact carry then. A steady film is asked only where its journal does not come to rest: there squeeze holds it up, of
-    which the film knows nothing.
+    Surfaces with a contact carry then. A steady film is asked only where its journal does not come to
+    rest: there squeeze holds it up, of which the film knows nothing.
     """
     moved, rates, thin = orbit.positions or {}, journal_rates(compressor, orbit), jnp.asarray(False)
     for name, law in _journals(compressor, orbit):

@@ -195,7 +195,9 @@ class Drive(NamedTuple):
 
         def film(film, e, f, over):
             mixed = isinstance(film, MixedSqueeze)
-            value, slopes = film.velocity_slopes(e, f, over) if mixed else film.mobility_slopes(e, f)
+            value, slopes = (
+                film.velocity_slopes(e, f, over) if mixed else film.mobility_slopes(e, f)
+            )
             return jnp.stack([value, *slopes])
 
         # journals stand on the axis before the last ones, here behind the three and the components

@@ -56,6 +56,7 @@ _FILMS = {
     "loaded_petroff": _Film(LoadedPetroff),
 }
 
+
 def _word(film: str | type[AbstractFilm]) -> str:
     for word, models in _FILMS.items():
         if film in (word, models.steady):

@@ -7,8 +7,8 @@ $$p_c = K E^* F_{5/2}(h/\sigma), \quad F_n(u) = \frac{1}{\sqrt{2\pi}} \int_u^\in
   \quad K = \frac{16\sqrt2\,\pi}{15} (\eta_s\beta\sigma)^2 \sqrt{\sigma/\beta} ,$$
 
 and rub with the shear $\mu_b p_c$. Round a ring $h = c(1 - \epsilon\cos\theta)$; with
-$s^2 = a(1 - \cos\theta)$, $a = \epsilon c/\sigma$ and $g = (1 - \epsilon) c/\sigma$ the integrals over the
-angle become those of $F_{5/2}(g + s^2)$, which are $F_3$ and $F_4$ (our derivation): closed forms.
+$s^2 = a(1 - \cos\theta)$, $a = \epsilon c/\sigma$ and $g = (1 - \epsilon) c/\sigma$ the integrals over
+the angle become those of $F_{5/2}(g + s^2)$, which are $F_3$ and $F_4$ (our derivation): closed forms.
 
 The contact pushes along the line of centres, so that it has a potential: over a period it takes no work
 but by rubbing. Its friction, which would turn the force by $\arctan\mu_b$, is left out of the balance of
@@ -65,7 +65,8 @@ class AsperityContact(Part):
     r"""Contact of two rough surfaces by Greenwood and Tripp, with dry or boundary friction.
 
     Args:
-        roughness: [m] sigma, of both surfaces together: the root of the sum of their squared r.m.s. heights.
+        roughness: [m] sigma, of both surfaces together: the root of the sum of the squares of their r.m.s.
+            heights.
         coefficient: [-] mu_b, of boundary friction: shear over the pressure of the contact.
         modulus: [Pa] E*, 1/E* the sum of (1 - nu^2)/E of both surfaces; absent: steel on steel.
         elastic_factor: [-] K of the head of the module; absent: 0.003, of asperities whose density times
@@ -285,5 +286,3 @@ def elastic_factor(density: float, radius: float, roughness: float) -> float:
     """
     size = density * radius * roughness
     return 16 * math.sqrt(2) * math.pi / 15 * size**2 * math.sqrt(roughness / radius)
-
-

@@ -46,7 +46,7 @@ class StribeckCurve(Result, eqx.Module):
 
     @property
     def least_friction_speed(self) -> Float[Array, ""]:
-        """[rad/s] Where the torque is least: of the parabola through the three lowest points in ln speed."""
+        """[rad/s] Where the torque is least: of the parabola through the lowest points in ln speed."""
         x, torque = np.log(np.asarray(self.speed)), np.asarray(self.friction_torque)
         if x.size < 3:
             return self.speed[np.argmin(torque)]

@@ -9,8 +9,8 @@ $$W_f = \frac{6\eta v L B^2}{\delta^2}\Big(\ln(1+k) - \frac{2k}{2+k}\Big)\,s , \
 (Reynolds 1886 for the infinitely wide pad). The flow to the sides takes the share
 $s = 1 - \frac{2B}{\pi L}\tanh\frac{\pi L}{2B}$ of that, the first harmonic along the pad (our derivation;
 0.42 and 0.68 at L = B and 2 B, of which solutions in books have 0.44 and 0.69). The contact adds
-$W_c = L B K E^* \frac{2\sigma}{7\delta}(F_{7/2}(h_0/\sigma) - F_{7/2}((h_0+\delta)/\sigma))$ of Greenwood and
-Tripp, and rubs with $\mu_b W_c$. The thickness $h_0$ is that at which both carry the load.
+$W_c = L B K E^* \frac{2\sigma}{7\delta}(F_{7/2}(h_0/\sigma) - F_{7/2}((h_0+\delta)/\sigma))$ of
+Greenwood and Tripp, and rubs with $\mu_b W_c$. The thickness $h_0$ is that at which both carry the load.
 """
 
 import functools
@@ -93,7 +93,9 @@ class _Pads(eqx.Module):
         series = k**3 / 12 * (1 - 1.5 * k + 1.8375 * k**2)
         safe = jnp.where(few, 1.0, k)
         film = jnp.where(few, series, jnp.log1p(safe) - 2 * safe / (2 + safe))
-        stiffness = self.contact.elastic_factor * self.contact.modulus * 2 * sigma / (7 * self.taper)
+        stiffness = (
+            self.contact.elastic_factor * self.contact.modulus * 2 * sigma / (7 * self.taper)
+        )
         touch = _excess(thickness / sigma) - _excess((thickness + self.taper) / sigma)
         return unit * sides * film, area * stiffness * touch
 
@@ -175,7 +177,11 @@ class MixedSlide(AbstractSlide):
     )
     contact: AsperityContact
     dynamic_viscosity: Float[Array, ""] | None = quantity(
-        "Pa s", POSITIVE, default=None, doc="of the oil; absent where oil names it", usual=(1e-4, 2.0)
+        "Pa s",
+        POSITIVE,
+        default=None,
+        doc="of the oil; absent where oil names it",
+        usual=(1e-4, 2.0),
     )
     oil: str | None = eqx.field(static=True, default=None)
 
@@ -221,7 +227,11 @@ class MixedThrust(AbstractDrag):
     )
     contact: AsperityContact
     dynamic_viscosity: Float[Array, ""] | None = quantity(
-        "Pa s", POSITIVE, default=None, doc="of the oil; absent where oil names it", usual=(1e-4, 2.0)
+        "Pa s",
+        POSITIVE,
+        default=None,
+        doc="of the oil; absent where oil names it",
+        usual=(1e-4, 2.0),
     )
     oil: str | None = eqx.field(static=True, default=None)
     pads: int = eqx.field(static=True, default=6)
@@ -250,5 +260,3 @@ class MixedThrust(AbstractDrag):
     def moment(self, rate, weight):
         parts, speed = self.parts(weight, rate), rate * self.mean_radius
         return self.mean_radius * (parts.film + parts.contact) * speed / _slow(speed)
-
-

@@ -1,4 +1,4 @@
-"""Journals that touch their bushes along their orbits: a march by SciPy, energy, derivatives, the crank."""
+"""Journals that touch their bushes along their orbits: a march by SciPy, energy, slopes, the crank."""
 
 import dataclasses as dc
 
@@ -117,7 +117,9 @@ def test_derivatives_of_an_orbit_through_touching():
         step[column] = 1e-4 * size
         fall, rise = (float(jax.jit(value)(at + s)) for s in (-step, step))
         # the square of a step of 1e-4, and 1e-10 of the value over it
-        assert float(forward) == pytest.approx((rise - fall) / 2e-4, rel=1e-4, abs=1e-5 * float(base))
+        assert float(forward) == pytest.approx(
+            (rise - fall) / 2e-4, rel=1e-4, abs=1e-5 * float(base)
+        )
 
 
 def test_out_of_touch_the_orbit_is_that_of_smooth_surfaces():

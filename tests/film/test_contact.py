@@ -36,8 +36,10 @@ LOAD = 8222.0
 
 def excess(n, u):
     """The integral of Greenwood and Tripp by SciPy's quadrature."""
+
     def law(s):
         return (s - u) ** n * np.exp(-s * s / 2) / np.sqrt(2 * np.pi)
+
     return quad(law, u, u + 12, epsabs=0, epsrel=1e-11, limit=200)[0]
 
 
@@ -58,13 +60,14 @@ def test_the_elastic_factor_is_that_of_its_formula():
 
 @pytest.mark.parametrize("thickness", [0.0, 0.3e-6, 0.9e-6])
 def test_the_force_of_a_ring_is_the_integral_of_the_pressure(thickness):
-    """Cut after two terms of roughness over clearance: 4e-6 at the clearance of 80 times the roughness."""
+    """Cut after two terms of roughness over clearance: 4e-6 at a clearance of 80 times the roughness."""
     gap, eps = 23.9e-6, 1 - thickness / 23.9e-6
     size = 0.0239 * 0.0172 * 3e-3 * 60e9
 
     def round_the_ring(weight):
         def law(theta):
             return excess(2.5, gap * (1 - eps * np.cos(theta)) / 0.3e-6) * weight(theta)
+
         return 2 * size * quad(law, 0, 0.8, epsrel=1e-8, limit=100)[0]
 
     along, normal = ring_contact(MIXED).forces(jnp.asarray(eps))
@@ -115,11 +118,13 @@ def test_film_and_contact_carry_the_load_and_share_the_friction(points):
         couette = jnp.pi / jnp.sqrt(1 - eps**2) + 0.5 * eps * size / unit * jnp.sin(phi)
         return jnp.hypot(size * jnp.cos(phi) + push, size * jnp.sin(phi)), couette, normal
 
-    for place, (load_, rpm) in enumerate(TOUCHING, len(APART)):
+    for place, (_, rpm) in enumerate(TOUCHING, len(APART)):
         unit = 6.8e-3 * rpm * RPM * 0.0172 * 0.0478 / 1e-3**2
         log = brentq(lambda z, u=unit: float(parts(np.exp(z), u)[0]) / LOAD - 1, -3, 12, xtol=1e-13)
         _, couette, normal = parts(np.exp(log), unit)
-        found = jax.tree.map(lambda leaf, i=place: float(leaf[i]) if leaf.ndim == 1 else 0, points[1])
+        found = jax.tree.map(
+            lambda leaf, i=place: float(leaf[i]) if leaf.ndim == 1 else 0, points[1]
+        )
         assert found.minimum_film == pytest.approx(23.9e-6 / (1 + np.exp(log)), rel=1e-10)
         rubbing = 0.1 * 0.0239 * float(normal)
         assert found.contact_torque == pytest.approx(rubbing, rel=1e-8, abs=1e-20)

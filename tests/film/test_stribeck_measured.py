@@ -1,15 +1,14 @@
 """Measured friction torques of three bearings over speed: predicted, and with a fitted contact.
 
-Source: D. E. Sander, H. Allmaier, H. H. Priebsch, Friction and wear in automotive journal bearings operating
-in today's severe conditions, Advances in Tribology, IntechOpen 2016: a test rig with a loaded bearing of 47.8 x
-17.2 mm and a support of 54 x 25 mm on either side of it; torques read off as listed below. Assumed here, as
-they are not known to us: a clearance ratio of 1e-3 of all three, one viscosity of 6.8 mPa s at all speeds and
-loads, half of the load on each support, one roughness of all, and the stiffness of the asperities, 0.003
-times 60 GPa. The bearings are rigid.
+Source: D. E. Sander, H. Allmaier, H. H. Priebsch, Friction and wear in automotive journal bearings
+operating in today's severe conditions, Advances in Tribology, IntechOpen 2016: a test rig with a loaded
+bearing of 47.8 x 17.2 mm and a support of 54 x 25 mm on either side of it; torques as listed below, at
+second hand. Assumed here, as they are not known to us: a clearance ratio of 1e-3 of all three, one viscosity
+of 6.8 mPa s at all speeds and loads, half of the load on each support, one roughness of all, and the
+stiffness of the asperities, 0.003 times 60 GPa. The bearings are rigid.
 """
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -35,7 +34,11 @@ def torques(roughness, coefficient, pressure, rates):
         gap = CLEARANCE_RATIO * diameter / 2
         return JournalBearing(diameter, length, gap, VISCOSITY, contact=rough)
 
-    tested, support, load = bearing(0.0478, 0.0172), bearing(0.054, 0.025), 0.0478 * 0.0172 * pressure
+    tested, support, load = (
+        bearing(0.0478, 0.0172),
+        bearing(0.054, 0.025),
+        0.0478 * 0.0172 * pressure,
+    )
     return friction_moment(tested, load, rates) + 2 * friction_moment(support, load / 2, rates)
 
 

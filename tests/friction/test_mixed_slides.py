@@ -45,7 +45,9 @@ def pad(least, speed):
     at = whole[0] / whole[1]  # the thickness where the pressure is highest
 
     def pressure(x):
-        return 6 * 5e-3 * speed * quad(lambda s: (gap(s) - at) / gap(s) ** 3, x, 0.04, epsrel=1e-10)[0]
+        return (
+            6 * 5e-3 * speed * quad(lambda s: (gap(s) - at) / gap(s) ** 3, x, 0.04, epsrel=1e-10)[0]
+        )
 
     film = 0.05 * quad(pressure, 0, 0.04, epsrel=1e-8)[0] * sides
     shear = 5e-3 * speed * 0.05 * quad(lambda x: 1 / gap(x), 0, 0.04, epsrel=1e-12)[0]
@@ -64,7 +66,7 @@ def test_a_pad_carries_by_film_and_contact(load_, speed):
 
 
 def test_the_pressure_of_the_wide_pad_is_highest_at_the_known_taper():
-    """Rayleigh: of all tapers k = 1.189 carries most, 0.1602 eta v L B^2/h_0^2 (times the sides' share)."""
+    """Rayleigh: k = 1.189 carries most, 0.1602 eta v L B^2/h_0^2 (times the sides' share)."""
     across = np.pi * 0.05 / (2 * 0.04)
     unit = 5e-3 * 0.05 * 0.04**2 * (1 - np.tanh(across) / across)
 
