@@ -65,8 +65,8 @@ class AsperityContact(Part):
     r"""Contact of two rough surfaces by Greenwood and Tripp, with dry or boundary friction.
 
     Args:
-        roughness: [m] sigma, of both surfaces together: the root of the sum of the squares of their r.m.s.
-            heights.
+        roughness: [m] sigma, of both surfaces together: the root of the sum of the squares of their
+            r.m.s. heights.
         coefficient: [-] mu_b, of boundary friction: shear over the pressure of the contact.
         modulus: [Pa] E*, 1/E* the sum of (1 - nu^2)/E of both surfaces; absent: steel on steel.
         elastic_factor: [-] K of the head of the module; absent: 0.003, of asperities whose density times
