@@ -25,8 +25,8 @@ import numpy as np
 from jax.scipy.special import erfc
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
-from .._implicit import AbstractRoot, root
+from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
+from .._core.roots import AbstractRoot, root
 from ._film import AbstractSolvedFilm, Pair, Scalar, film_ratio, sense
 from ._squeeze import AbstractSqueeze, slopes_along
 

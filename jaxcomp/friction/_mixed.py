@@ -23,8 +23,9 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, BadInput, quantity
-from .._implicit import AbstractRoot, root
+from .._core.errors import BadInput
+from .._core.fields import NONNEGATIVE, POSITIVE, quantity
+from .._core.roots import AbstractRoot, root
 from ..film import AsperityContact, check_oil
 from ._laws import AbstractDrag, AbstractSlide
 

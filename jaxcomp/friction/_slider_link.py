@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ..film import PlacedJournal
 from ..mechanism import (
     Contact,
