@@ -174,12 +174,12 @@ def _part(given, film, lands: int, contact: dict[str, float]):
 
 def _speeds(text: str) -> list[float]:
     """[rad/s] The speeds of --over, which rise."""
-    from ._sweep import _axis
+    from ._sweep import axis_values
 
     name, equals, rest = (part.strip() for part in text.partition("="))
     what = "must have the form speed=FROM:TO:COUNT"
     refuse(name != "speed" or not equals, f"--over {text}: {what}")
-    speeds = sorted(_axis(rest, "rad/s", f"--over {text}", False))
+    speeds = sorted(axis_values(rest, "rad/s", f"--over {text}", False))
     refuse(speeds[0] <= 0, f"--over {text}: speeds must be > 0 rad/s")
     return speeds
 
