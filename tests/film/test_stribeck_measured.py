@@ -4,8 +4,8 @@ Source: D. E. Sander, H. Allmaier, H. H. Priebsch, Friction and wear in automoti
 operating in today's severe conditions, Advances in Tribology, IntechOpen 2016: a test rig with a loaded
 bearing of 47.8 x 17.2 mm and a support of 54 x 25 mm on either side of it; torques as listed below, at
 second hand. Assumed here, as they are not known to us: a clearance ratio of 1e-3 of all three, one
-of 6.8 mPa s at all speeds and loads, half of the load on each support, one roughness of all, and
-the stiffness of the asperities, 0.003 times 60 GPa. The bearings are rigid.
+viscosity of 6.8 mPa s at all speeds and loads, half of the load on each support, one roughness of all,
+and the stiffness of the asperities, 0.003 times 60 GPa. The bearings are rigid.
 """
 
 import jax
