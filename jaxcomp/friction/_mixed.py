@@ -152,12 +152,12 @@ class MixedSlide(AbstractSlide):
     that the film is that of a steady load at every instant; oil is everywhere.
 
     Args:
+        contact: of the rough surfaces.
         length: [m] B along the motion.
         width: [m] L across it.
         taper: [m] delta, by which the leading edge stands off further than the trailing one: the
             crowning of a skirt, in both directions of motion.
         radial_clearance: [m] the most that the slide floats off.
-        contact: of the rough surfaces.
         dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
         oil: name of an oil of the machine, which gives the viscosity.
 
@@ -168,6 +168,7 @@ class MixedSlide(AbstractSlide):
     kind: ClassVar[str] = "mixed"
     proportional: ClassVar[bool] = False
 
+    contact: AsperityContact
     length: Float[Array, ""] = quantity("m", POSITIVE, doc="along the motion", usual=(1e-3, 0.5))
     width: Float[Array, ""] = quantity("m", POSITIVE, doc="across the motion", usual=(1e-3, 0.5))
     taper: Float[Array, ""] = quantity(
@@ -176,7 +177,6 @@ class MixedSlide(AbstractSlide):
     radial_clearance: Float[Array, ""] = quantity(
         "m", POSITIVE, doc="the most that the slide floats off", usual=(1e-6, 1e-3)
     )
-    contact: AsperityContact
     dynamic_viscosity: Float[Array, ""] | None = quantity(
         "Pa s",
         POSITIVE,
@@ -205,11 +205,11 @@ class MixedThrust(AbstractDrag):
     """A flat ring of tapered pads under the weight of the shaft, on its film and its asperities.
 
     Args:
+        contact: of the rough surfaces.
         outer_radius: [m] of the ring.
         inner_radius: [m] of the ring.
         taper: [m] delta, of every pad.
         axial_clearance: [m] the most that the shaft floats off.
-        contact: of the rough surfaces.
         dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
         oil: name of an oil of the machine, which gives the viscosity.
         pads: number of pads round the ring.
@@ -220,13 +220,13 @@ class MixedThrust(AbstractDrag):
 
     kind: ClassVar[str] = "mixed_thrust"
 
+    contact: AsperityContact
     outer_radius: Float[Array, ""] = quantity("m", POSITIVE, usual=(2e-3, 0.5))
     inner_radius: Float[Array, ""] = quantity("m", NONNEGATIVE)
     taper: Float[Array, ""] = quantity("m", POSITIVE, doc="of every pad", usual=(1e-7, 1e-4))
     axial_clearance: Float[Array, ""] = quantity(
         "m", POSITIVE, doc="the most that the shaft floats off", usual=(1e-6, 2e-3)
     )
-    contact: AsperityContact
     dynamic_viscosity: Float[Array, ""] | None = quantity(
         "Pa s",
         POSITIVE,

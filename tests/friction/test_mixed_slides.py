@@ -16,8 +16,8 @@ from jaxcomp.friction import MixedSlide, MixedThrust
 from jaxcomp.scene import with_value
 
 ROUGH = AsperityContact(0.3e-6, 0.1, 100e9)
-SLIDE = MixedSlide(0.04, 0.05, 5e-6, 30e-6, ROUGH, 5e-3)
-RING = MixedThrust(0.011, 0.008, 3e-6, 50e-6, ROUGH, 4e-3)
+SLIDE = MixedSlide(ROUGH, 0.04, 0.05, 5e-6, 30e-6, 5e-3)
+RING = MixedThrust(ROUGH, 0.011, 0.008, 3e-6, 50e-6, 4e-3)
 
 
 @jax.jit
@@ -102,7 +102,7 @@ def test_limits_of_a_slide():
 
 def test_a_thrust_ring_is_six_pads_at_its_mean_radius():
     rate, weight = jnp.asarray(30.0), jnp.asarray(40.0)
-    one = MixedSlide(2 * np.pi * 0.0095 / 6, 0.003, 3e-6, 50e-6, ROUGH, 4e-3)
+    one = MixedSlide(ROUGH, 2 * np.pi * 0.0095 / 6, 0.003, 3e-6, 50e-6, 4e-3)
     wanted = 6 * 0.0095 * float(one.force(weight / 6, rate * 0.0095))
     assert float(RING.moment(rate, weight)) == pytest.approx(wanted, rel=1e-9)
     slow = float(RING.moment(jnp.asarray(1e-2), weight))
