@@ -186,6 +186,19 @@ class Orbit(Result, eqx.Module):
             return compressor
         return replaced(compressor, gas=self.cycle.gas())
 
+    def speed_at(self, angle: Float[Array, " q"]) -> Float[Array, " q"]:
+        """[rad/s] of the crank at angles [rad], by the polynomial of the panel that they are on."""
+        x = self.state.angle.reshape(-1, self.panel_nodes)
+        y = self.state.speed.reshape(x.shape)
+        start = (x[-1, -1] - 2 * jnp.pi + x[0, 0]) / 2
+        at = start + jnp.mod(angle - start, 2 * jnp.pi)
+        panel = jnp.searchsorted((x[:-1, -1] + x[1:, 0]) / 2, at, side="right")
+        own = jnp.eye(self.panel_nodes, dtype=bool)
+        # Lagrange's form: factors over all nodes but the one that a value belongs to
+        over = jnp.where(own, 1.0, (at[:, None] - x[panel])[:, None, :])
+        apart = jnp.where(own, 1.0, x[panel][:, :, None] - x[panel][:, None, :])
+        return jnp.sum(y[panel] * jnp.prod(over / apart, axis=-1), axis=-1)
+
     @property
     def converged(self) -> Bool[Array, ""]:
         """Whether the solution can be relied on."""

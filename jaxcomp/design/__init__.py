@@ -26,12 +26,14 @@ from ._problem import Answer as Answer
 from ._problem import Problem as Problem
 from ._problem import prepared as prepared
 from ._problem import problem as problem
+from ._problem import value_of as value_of
 from ._rules import DesignRule as DesignRule
 from ._rules import design_rules as design_rules
 from ._rules import with_bore as with_bore
 from ._rules import with_offset as with_offset
 from ._rules import with_piston_clearance as with_piston_clearance
 from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
+from ._rules import with_swept_volume as with_swept_volume
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
 from ._variables import CORRECTIONS as CORRECTIONS

@@ -146,6 +146,7 @@ class Fit:
         steps: evaluations of the model by the best start.
         converged: whether the solver met its tolerance.
         failed_starts: starts at which the model has no value.
+        interrupted: whether an interrupt ended it, with the best values so far.
     """
 
     parameters: tuple[Parameter, ...]
@@ -167,6 +168,7 @@ class Fit:
     failed_starts: int
     loss: str = "linear"
     model: Model | None = dataclasses.field(default=None, repr=False, compare=False)
+    interrupted: bool = False
 
     @property
     def standard_error(self) -> NDArray:
@@ -295,6 +297,8 @@ class _Problem:
         self.high = np.array([one.scaled(one.high) for one in parameters])
         self.reach = np.array([one.reach for one in parameters])
         self._last: tuple[bytes, tuple[NDArray, NDArray]] | None = None
+        self.best, self.interrupted = (np.inf, np.zeros(0)), False
+        self.told: Callable[[], object] = lambda: None
 
     def scaled(self, values: ArrayLike) -> NDArray:
         pairs = zip(self.parameters, np.asarray(values, float), strict=True)
@@ -366,7 +370,25 @@ class _Problem:
             t[free] = x
             return t
 
-        if not np.all(np.isfinite(self.at(start)[0])):
+        try:
+            return self._solve(start, loss, free, whole)
+        except KeyboardInterrupt:
+            if not self.best[1].size:
+                raise
+            self.interrupted = True
+            return optimize.OptimizeResult(x=self.best[1], cost=self.best[0], nfev=0, success=False)
+
+    def _solve(self, start: NDArray, loss: str, free: NDArray, whole):
+        def residual(x):
+            t = whole(x)
+            found = self.at(t)[0]
+            cost = self.cost(found, loss)
+            if cost < self.best[0]:
+                self.best = cost, t
+                self.told()
+            return found
+
+        if not np.all(np.isfinite(residual(start[free]))):
             return None
         if not free.any():
             cost = self.cost(self.at(start)[0], loss)
@@ -375,7 +397,7 @@ class _Problem:
         span = self.high - self.low
         begin = np.clip(start, self.low + 1e-9 * span, self.high - 1e-9 * span)
         found = optimize.least_squares(
-            lambda x: self.at(whole(x))[0],
+            residual,
             begin[free],
             lambda x: self.at(whole(x))[1][:, free],
             bounds=(self.low[free], self.high[free]),
@@ -401,6 +423,7 @@ def fit(
     starts: int = 5,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
+    keep: Callable[[NDArray, float], None] | None = None,
 ) -> Fit:
     """Fit parameters to readings.
 
@@ -415,7 +438,10 @@ def fit(
         starts: how many; the first is that of the parameters, the others a Latin hypercube in the
             bounds.
         seed: of the hypercube.
-        progress: told after every start.
+        progress: told before every start.
+        keep: given the best values and their chi-square whenever there are better ones.
+
+    An interrupt ends the fit with the best values so far, where there are any.
 
     Raises:
         BadInput: an unknown loss, bounds that hold no start, a deviation that is not positive, lists of
@@ -427,6 +453,7 @@ def fit(
     sd, weight = (np.broadcast_to(np.asarray(a, float), measured.shape) for a in (sd, weight))
     _check(parameters, measured, sd, weight, loss)
     problem = _Problem(model, parameters, measured, sd, weight)
+    problem.told = lambda: keep and keep(problem.values(problem.best[1]), 2 * problem.best[0])
     first = problem.scaled([one.start for one in parameters])
     points = [first]
     if starts > 1:
@@ -434,12 +461,14 @@ def fit(
         points += list(problem.low + cube * (problem.high - problem.low))
     answers = []
     for number, point in enumerate(points, 1):
+        if progress is not None:
+            best = f"chi-square {2 * problem.best[0]:.4g} so far" if answers else "the first"
+            progress(f"start {number} of {len(points)}, {best}")
         found = problem.solve(point, loss)
         if found is not None:
             answers.append(found)
-        if progress is not None:
-            told = "no value here" if found is None else f"chi-square {2 * found.cost:.6g}"
-            progress(f"start {number} of {len(points)}: {told}")
+        if problem.interrupted:
+            break
     if not answers:
         value, _ = problem.of_model(first)
         bad = np.flatnonzero(~np.isfinite(value) & (weight > 0))
@@ -513,6 +542,7 @@ def _fit(problem: _Problem, best, answers, loss: str, failed: int) -> Fit:
         failed,
         loss,
         problem.model,
+        problem.interrupted,
     )
 
 
@@ -522,19 +552,24 @@ def _directions(problem: _Problem, t: NDArray, slope: NDArray):
     unit = np.array([1.0 if one.log else one.reach for one in problem.parameters])
     _, singular, rows = np.linalg.svd(slope * unit, full_matrices=True)
     singular = np.concatenate([singular, np.zeros(t.size - singular.size)])
-    for value, entries in zip(singular, rows, strict=True):
+    for number, (value, entries) in enumerate(zip(singular, rows, strict=True), 1):
         # how far the combination goes until the first parameter leaves its reach
         far = np.min(problem.reach / unit / np.maximum(np.abs(entries), 1e-12))
         entries = entries * np.sign(entries[np.argmax(np.abs(entries))])
         move = 0.1 / np.abs(entries).max() * entries
-        moved, _ = problem.at(t + move * unit)
-        here, _ = problem.at(t)
-        effect = float(np.linalg.norm((moved - here)[: slope.shape[0]]))
+        weak = bool(value * far < _WEAK)
+        unidentifiable = bool(value <= _UNIDENTIFIABLE * max(singular[0], 1e-300))
+        effect = float(value * np.linalg.norm(move))
+        last = number == t.size
+        if (weak or unidentifiable or last) and not problem.interrupted:
+            # of the finite move where it is told
+            moved, here = (problem.at(at)[0][: slope.shape[0]] for at in (t + move * unit, t))
+            effect = float(np.linalg.norm(moved - here))
         yield Direction(
             float(value),
             entries,
-            bool(value * far < _WEAK),
-            bool(value <= _UNIDENTIFIABLE * max(singular[0], 1e-300)),
+            weak,
+            unidentifiable,
             _words(problem.parameters, move * unit),
             effect,
         )

@@ -12,7 +12,7 @@ from jaxcomp.fluid import RealGas
 from jaxcomp.rating import QUANTITIES, RatingMap
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.readings import polynomial_text, read_readings
-from jaxcomp.study import joined, terms_of
+from jaxcomp.study import terms_of
 
 ZERO = 273.15
 # Carlyle 06DM313, R22, by EnergyPlus, datasets/RefrigerationCompressorCurves.idf
@@ -43,15 +43,15 @@ def test_a_polynomial_at_the_points_of_its_maker(tmp_path):
     first, last = at["-15/40 C"], at["4/45 C"]
     # to the six digits printed
     np.testing.assert_allclose(
-        found.values["capacity"][[first, last]], [7384.09, 16945.0], rtol=3e-6
+        found.measured["capacity"][[first, last]], [7384.09, 16945.0], rtol=3e-6
     )
-    np.testing.assert_allclose(found.values["power"][[first, last]], [3336.41, 4500.15], rtol=3e-6)
+    np.testing.assert_allclose(found.measured["power"][[first, last]], [3336.41, 4500.15], rtol=3e-6)
     assert found.polynomial
     assert found.fluid == "R22"
     np.testing.assert_allclose(found.gas, ZERO + 18.3)
     np.testing.assert_allclose(found.liquid, found.condensing)
-    np.testing.assert_allclose(found.deviation("power", {}), 0.02 * found.values["power"])
-    found.check(RealGas("R22"))
+    np.testing.assert_allclose(found.deviation("power", {}), 0.02 * found.measured["power"])
+    found.check_points(RealGas("R22"))
 
 
 def test_the_grid_of_a_polynomial_keeps_off_its_corner(tmp_path):
@@ -92,13 +92,14 @@ def test_readings_with_units_and_gaps(tmp_path):
     np.testing.assert_allclose(found.gas, [273.15, 263.15])
     np.testing.assert_allclose(found.liquid, 298.15)
     np.testing.assert_allclose(found.speed, 2 * np.pi * np.array([50, 30]))
-    np.testing.assert_allclose(found.values["mass_flow"], [60 / 3600, np.nan])
-    np.testing.assert_allclose(found.values["discharge_temperature"], [353.15, np.nan])
+    np.testing.assert_allclose(found.measured["mass_flow"], [60 / 3600, np.nan])
+    np.testing.assert_allclose(found.measured["discharge_temperature"], [353.15, np.nan])
     np.testing.assert_allclose(found.deviation("power", {}), [24, 24])
     assert found.deviation("discharge_temperature", {})[0] == 2.0
-    both = joined([found, found])
-    assert both.evaporating.size == 4
-    np.testing.assert_allclose(both.deviation("power", {}), 24)
+    entries = found.entries({"mass_flow": 0.02})
+    assert entries.quantity == ("power", "power", "mass_flow", "discharge_temperature")
+    np.testing.assert_allclose(entries.sd, [24, 24, 0.02 * 60 / 3600, 2])
+    np.testing.assert_array_equal(entries.point, [0, 1, 0, 0])
 
 
 @pytest.mark.parametrize(
@@ -138,19 +139,23 @@ def test_points_that_cannot_be(tmp_path):
         ({"liquid": good.condensing + 1}, "at most condensing"),
     ]:
         with pytest.raises(BadInput, match=message):
-            dataclasses.replace(good, **change).check(RealGas("R22"))
-    twice = joined([good, good])
+            dataclasses.replace(good, **change).check_points(RealGas("R22"))
+    doubled = {
+        name: np.tile(getattr(good, name), 2)
+        for name in ("evaporating", "condensing", "gas", "liquid", "useful", "speed")
+    }
+    twice = dataclasses.replace(good, **doubled)
     with pytest.raises(BadInput, match="there twice"):
-        twice.check(RealGas("R22"))
+        twice.check_points(RealGas("R22"))
 
 
 def test_a_capacity_that_contradicts_the_flow(tmp_path):
     # 06DM313 at -5/30: 282.47 kg/h where the whole superheat counts (Helmholtz energy of R22)
     head = f"{HEAD},capacity [W],mass_flow [kg/h]"
-    read(tmp_path, f"{head}\n-5,30,18.3,0,14367.3,282.47").check(RealGas("R22"))
+    read(tmp_path, f"{head}\n-5,30,18.3,0,14367.3,282.47").check_points(RealGas("R22"))
     wrong = read(tmp_path, f"{head}\n-5,30,5,0,14367.3,282.47")
     with pytest.raises(BadInput, match=r"at most 3%.*subcooling .* leave 0\."):
-        wrong.check(RealGas("R22"))
+        wrong.check_points(RealGas("R22"))
 
 
 def made_map(speed):
@@ -180,7 +185,7 @@ def test_coefficients_that_are_written_are_read_back(tmp_path, count, speeds):
     close = 1e-9 if count != 20 else 0.03
     expected = made_map(speeds[0]).values["mass_flow"].ravel()
     there = np.isfinite(expected)
-    np.testing.assert_allclose(found.values["mass_flow"][there], expected[there], rtol=close)
+    np.testing.assert_allclose(found.measured["mass_flow"][there], expected[there], rtol=close)
     few = {one: maps[one] for one in speeds[:1]}
     if count > 10:
         with pytest.raises(BadInput, match="four speeds for 20 and three for 30"):
@@ -211,7 +216,7 @@ def test_the_command_map_writes_coefficients(tmp_path, monkeypatch):
     assert result.exit_code == 0, result.output
     at = ([ZERO - 25], [ZERO + 40], 2 * np.pi * 45)
     found = read_readings(tmp_path / "coefficients.csv", *at)
-    np.testing.assert_allclose(found.values["power"], 45 * 75, rtol=1e-9)  # rounding of the fit
+    np.testing.assert_allclose(found.measured["power"], 45 * 75, rtol=1e-9)  # rounding of the fit
     np.testing.assert_allclose([found.gas, found.liquid], ZERO + 32.2)
     assert found.fluid == "R134a"
     refused = CliRunner().invoke(app, [*given, "--coefficients", "30"])
