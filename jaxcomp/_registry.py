@@ -225,7 +225,7 @@ DESIGN_RULES = {
     "stroke_bore_ratio": "Twice the crank radius over the bore, at fixed displacement.",
     "offset": "Cylinder axis at y = offset from the crank axis.",
     "piston_clearance": "Radial clearance of the piston's oil film (no leakage).",
-    "swept_volume": "Of a similar machine: its lengths, areas and masses follow the volume.",
+    "similar_swept_volume": "Swept volume of a similar machine: lengths, areas, masses follow.",
 }
 
 

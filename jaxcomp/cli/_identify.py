@@ -49,7 +49,8 @@ def identify(
     Measurements are points of a map, readings over the crank angle, tables of any quantities, modal tests
     and vibration, of one kind or several. Prints the constants with their standard errors, what cannot
     be told apart, measured against computed, and what is not to be trusted. --out also takes the
-    identified machine, as scene.toml, and identified.json with its covariance.
+    identified machine, as scene.toml, its covariance in identified.json, and tolerances.toml, with which
+    `tolerance` draws such machines.
 
     Example: [bold]jaxcomp identify semi-hermetic-200cc map.csv --vary mechanism.bore --vary
     gas.clearance_ratio=1%:10% --prior gas.clearance_ratio=4%+-1% --hold-out 4 --out found[/bold]
@@ -81,6 +82,7 @@ def identify(
 
     from ..scene.measured import read_measurement
     from ..scene.readings import identified_scene
+    from ..scene.tolerances import identified_tolerances
     from ..study import identify
 
     scene = changed_scene(machine, sets, varied=vary)
@@ -146,6 +148,7 @@ def identify(
     hand_out(result, tables, as_json, out, figures, identified_scene(scene, found), curves)
     if out is not None:
         (out / "identified.json").write_text(json.dumps(as_dict(found), indent=1), encoding="utf-8")
+        (out / "tolerances.toml").write_text(identified_tolerances(found), encoding="utf-8")
 
 
 def as_dict(found) -> dict[str, Any]:

@@ -421,8 +421,10 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
         before, isentropic = isentropic, cycle.mass_flow * rise
         before -= isentropic
     shaft = orbit.motor_power
-    efficiency = jnp.ones(()) if losses is None else losses.at(shaft / orbit.mean_speed)
-    electric = shaft / efficiency
+    electric = shaft
+    if losses is not None:
+        electric = shaft / losses.at(shaft / orbit.mean_speed) + losses.fixed_power
+    efficiency = shaft / (electric + (electric == 0))
     valves = [work[f"{valve} valve"] * cycle.frequency for valve in ("suction", "discharge")]
     known = [isentropic, before, *valves, work["leakage"] * cycle.frequency]
     # the orbit's quadrature of the gas work, so that the sum is exact

@@ -200,9 +200,10 @@ def with_swept_volume(machine: _Machine, volume: Float[Array, ""]) -> _Machine:
     Raises:
         BadInput: a machine with a rotor, which does not follow.
     """
-    volume = _checked("swept_volume", volume, POSITIVE)
+    volume = _checked("similar_swept_volume", volume, POSITIVE)
     if isinstance(machine, Machine) and "rotor" in machine.parts:
-        raise BadInput("swept_volume", "given", "left alone with a rotor, which would not follow")
+        bound = "left alone with a rotor, which would not follow"
+        raise BadInput("similar_swept_volume", "given", bound)
     scale = jnp.cbrt(volume / _compressor(machine).mechanism.swept_volume)
 
     def similar(part, path=""):
@@ -243,7 +244,7 @@ design_rules: dict[str, DesignRule] = {
         "piston_clearance": (
             with_piston_clearance, lambda machine: _film(machine).radial_clearance, "m", POSITIVE,
         ),
-        "swept_volume": (
+        "similar_swept_volume": (
             with_swept_volume, lambda machine: _compressor(machine).mechanism.swept_volume, "m^3",
             POSITIVE,
         ),

@@ -33,6 +33,8 @@ _UNIDENTIFIABLE = 1e-8
 _NAMED = 0.05
 # Distance from a bound, over the range, at which a parameter counts as held by it.
 _AT_BOUND = 1e-3
+# Evaluations of a start.
+_MOST = 60
 # Change of chi-square below which two minima are both told, and distance in standard errors above which
 # they are two.
 _NEAR, _APART = 4.0, 0.1
@@ -403,10 +405,11 @@ class _Problem:
             bounds=(self.low[free], self.high[free]),
             x_scale=self.reach[free],
             loss=self.loss(loss),  # pyright: ignore[reportArgumentType]
-            ftol=1e-10,
-            xtol=1e-10,
-            gtol=1e-10,
-            max_nfev=100,
+            # the cost still falls by less than 1e-9, or the step by 1e-7: far below a standard error
+            ftol=1e-9,
+            xtol=1e-7,
+            gtol=1e-9,
+            max_nfev=_MOST,
         )
         found.x = whole(found.x)
         return found

@@ -10,7 +10,7 @@ from jax import lax
 from numpy.typing import NDArray
 
 from .._fields import BadInput, replaced
-from ..crank import Collocation
+from ..crank import Collocation, solve_orbit
 from ..cylinder import Cylinder
 from ..design import AnalysisOptions, DesignResult, quantity_named, value_of, variable
 from ..machine import Machine, assembled
@@ -69,13 +69,18 @@ class Trace(AbstractMeasurement):
     def check(self, machine):
         """Refuse a machine without these quantities, and settings that are none of its numbers."""
         compressor = assembled(machine).compressor
-        gas = None if compressor is None else compressor.gas
-        if not isinstance(gas, Cylinder) or not gas.inert:
-            bound = "a cylinder with valves that have a `port_length`, for readings over the angle"
+        if compressor is None:
+            raise BadInput(
+                f"{self.source}: compressor", "absent", "given, for readings over the angle"
+            )
+        gas = compressor.gas
+        valves = isinstance(gas, Cylinder)
+        if (not valves and self.quantities != ("speed",)) or (valves and not gas.inert):
+            bound = "a cylinder with valves that have a `port_length`; without, speed alone"
             raise BadInput(f"{self.source}: gas", type(gas).__name__, bound)
         for path, value in zip(self.paths, self.settings, strict=True):
             variable(machine, path, value, value)
-        if compressor is not None and compressor.crankshaft.count > 1:
+        if compressor.crankshaft.count > 1:
             raise BadInput(
                 f"{self.source}: cylinders", compressor.crankshaft.count, "1 for a trace"
             )
@@ -131,11 +136,15 @@ class Trace(AbstractMeasurement):
 
         def law(both, rise):
             own = dict(zip(names, both[count:], strict=True))
-            found = solve_rated(
-                compressor(both[:count]), Collocation(reversals=0, estimate=False), rise
-            )
-            at = angles - own["top_dead_centre"]
-            cycle, orbit = found.orbit.cycle, found.orbit
+            here = compressor(both[:count])
+            if isinstance(here.gas, Cylinder):
+                orbit, _, rise, ok = solve_rated(
+                    here, Collocation(reversals=0, estimate=False), rise
+                )
+            else:
+                orbit = solve_orbit(here, throw=False)
+                ok = orbit.converged
+            at, cycle = angles - own["top_dead_centre"], orbit.cycle
             out = []
             for name in self.quantities:
                 if name == "speed":
@@ -145,7 +154,7 @@ class Trace(AbstractMeasurement):
                     out.append(offset + gain * cycle.pressure_at(at))
                 else:
                     out.append(own["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
-            return jnp.concatenate(out), found.rise, found.ok
+            return jnp.concatenate(out), rise, ok
 
         both = jnp.concatenate([parameters, nuisances])
         return with_slopes(law, both, is_warmed(compressor(parameters)))
@@ -229,8 +238,8 @@ class Table(AbstractMeasurement):
 class ModalTest(AbstractMeasurement):
     """Natural frequencies, and shapes, of a rotor that hangs free or lies in its bearings.
 
-    A mode with a shape is that of the model with the largest MAC, another one goes by its number. The
-    shapes of a pair of equal frequencies are any of a plane and cannot be compared.
+    A mode with a shape is that of the model with the largest MAC, another one goes by its number. Of a
+    pair of equal frequencies both shapes count together.
 
     Attributes:
         frequency: [rad/s] (k,)
@@ -241,6 +250,7 @@ class ModalTest(AbstractMeasurement):
         sd: [rad/s] (k,) standard deviations of the frequencies; 0.5 % if absent.
     """
 
+    USUAL: ClassVar[float] = 0.005
     names_of_sd: ClassVar[tuple[str, ...]] = ("frequency", "mode_shape")
 
     source: str = field(compare=False)
@@ -284,7 +294,7 @@ class ModalTest(AbstractMeasurement):
 
     def entries(self, sd):
         count = self.frequency.size
-        deviation = usual("frequency", sd, 0.005) * self.frequency
+        deviation = usual("frequency", sd, self.USUAL) * self.frequency
         if self.sd is not None:
             deviation = np.where(np.isfinite(self.sd), self.sd, deviation)
         shape = np.zeros((count, 0)) if self.shape is None else self._normed()
@@ -330,11 +340,10 @@ class ModalTest(AbstractMeasurement):
             elastic = found.frequency > 1e-3 * found.frequency[-1]
             best = jnp.argmax(jnp.where(elastic, fixed, -1.0), axis=1)
             numbers = jnp.where(jnp.any(known, axis=1), best, numbers)
-        rows = jnp.arange(len(self.modes))
-        scale = product[rows, numbers] / jnp.where(square > 0, square, 1.0)[rows, numbers]
-        values = jnp.concatenate(
-            [found.frequency[numbers], (scale[:, None] * shapes[numbers]).ravel()]
-        )
+        # a pair of equal frequencies has any shape of its plane: the part of the reading that lies in it
+        near = jnp.abs(found.frequency / found.frequency[numbers][:, None] - 1) < _PAIR
+        share = jnp.where(near, product / jnp.where(square > 0, square, 1.0), 0.0)
+        values = jnp.concatenate([found.frequency[numbers], (share @ shapes).ravel()])
         return values, jnp.all(jnp.isfinite(values))
 
 

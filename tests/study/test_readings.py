@@ -45,7 +45,9 @@ def test_a_polynomial_at_the_points_of_its_maker(tmp_path):
     np.testing.assert_allclose(
         found.measured["capacity"][[first, last]], [7384.09, 16945.0], rtol=3e-6
     )
-    np.testing.assert_allclose(found.measured["power"][[first, last]], [3336.41, 4500.15], rtol=3e-6)
+    np.testing.assert_allclose(
+        found.measured["power"][[first, last]], [3336.41, 4500.15], rtol=3e-6
+    )
     assert found.polynomial
     assert found.fluid == "R22"
     np.testing.assert_allclose(found.gas, ZERO + 18.3)
