@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._fields import BadInput, is_traced
-from .._words import one_of
-from ..coupling import CrankLoads, crank_loads, running_rotor
+from .._core.errors import BadInput
+from .._core.fields import is_traced
+from .._core.words import one_of
 from ..crank import Collocation
 from ..machine import Assembly, assembled, machine_of
 from ..rotor import (
@@ -30,6 +30,7 @@ from ..rotor import (
     nodal_load,
     receptance,
 )
+from ..vibration import CrankLoads, crank_loads, running_rotor
 
 
 class InfluenceRow(NamedTuple):
@@ -256,7 +257,7 @@ def machine_influence(
         speeds: [rad/s] those of the balancing planes if absent.
         solver: of the periodic state.
         crank: take the forces of the crank in the place of those that the scene gives.
-        left_out: what the crank's forces do without, see `jaxcomp.coupling.without`.
+        left_out: what the crank's forces do without, see `jaxcomp.vibration.without`.
 
     Raises:
         BadInput: a part that is missing.

@@ -15,9 +15,10 @@ from jax import lax
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Complex, Float
 
-from .._fields import BadInput, is_traced
-from .._results import Data, Result
-from .._status import Status
+from .._core.errors import BadInput
+from .._core.fields import is_traced
+from .._core.results import Data, Result
+from .._core.status import Status
 from ._influence import Influence
 
 

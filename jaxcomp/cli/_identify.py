@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from .._shown import shown
+from .._core.display import shown
 from ._arguments import assignments, changed_scene, si, speed_of
 from ._map import axis
 from ._options import AsJson, Machine, Out, Sets
@@ -290,7 +290,7 @@ def _priors(scene, texts) -> dict[str, tuple[float, float]]:
 
 
 def _deviations(data_sets, texts) -> dict[str, float]:
-    from .._words import one_of
+    from .._core.words import one_of
 
     known = list(dict.fromkeys(name for one in data_sets for name in one.names_of_sd))
     relative = {
@@ -313,8 +313,8 @@ def _held_out(data_sets: Sequence[Any], fit_at: str | None) -> list[int]:
     """Points of maps that are not in the list of points to fit; the other kinds are all fitted."""
     import numpy as np
 
-    from ..rating import ZERO
     from ..study import Readings
+    from ..study.rating import ZERO
 
     if fit_at is None:
         return []

@@ -13,7 +13,7 @@ import typer
 
 import jaxcomp as jc
 
-from .._shown import RPM, rounded
+from .._core.display import RPM, rounded
 from ._arguments import assignments, changed_scene
 from ._options import AsJson, Machine, Out, Sets, Speed, Speeds
 from ._output import hand_out, plain

@@ -14,11 +14,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._each import mapped
-from .._fields import of_cylinder, rebuilt
-from .._implicit import AbstractFixedPoint, fixed_point, frozen, settle
-from .._polynomials import Rule, gauss
-from .._status import Status
+from .._core.each import mapped
+from .._core.fields import of_cylinder, rebuilt
+from .._core.polynomials import Rule, gauss
+from .._core.roots import AbstractFixedPoint, fixed_point, frozen, settle
+from .._core.status import Status
 from ..compressor import Compressor
 from ..crankshaft import film_journals
 from ..film import (

@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
-from .._fields import replaced
-from .._polynomials import gauss
-from .._registry import Quantity, registered
-from .._results import Data, Result
-from .._status import Status
+from .._core.fields import replaced
+from .._core.polynomials import gauss
+from .._core.registry import Quantity, registered
+from .._core.results import Data, Result
+from .._core.status import Status
 from ..compressor import Compressor
 from ..cylinder import Cycle, SeveralCycles
 from ..friction import JointLoads

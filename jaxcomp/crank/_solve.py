@@ -24,11 +24,12 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._each import stacked
-from .._fields import BadInput, admissible, clipped, is_traced, listed, of_cylinder, replaced
-from .._implicit import frozen, settle, zeros_of
-from .._polynomials import gauss
-from .._status import SolveFailed, Status
+from .._core.each import stacked
+from .._core.errors import BadInput
+from .._core.fields import admissible, clipped, is_traced, listed, of_cylinder, replaced
+from .._core.polynomials import gauss
+from .._core.roots import frozen, settle, zeros_of
+from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
 from ..cylinder import Cycle, CycleOptions, Cylinder, Pace, SeveralCycles, solve_cycle
 from ..cylinder._march import START

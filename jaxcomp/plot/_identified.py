@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._shown import shown
-from ..rating import ZERO
+from .._core.display import shown
 from ..study import Identification
+from ..study.rating import ZERO
 from . import _style as style
 
 _FITTED, _PREDICTED = style.tint(0), style.tint(1)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ._conventions import add, from_planes, take, to_planes
 from ._damped import (
     DampedModes,

@@ -17,8 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput, is_traced, rebuilt, replaced
-from .._words import one_of
+from .._core.errors import BadInput
+from .._core.fields import is_traced, rebuilt, replaced
+from .._core.words import one_of
 from ..crankshaft import OF_ROTOR, Crankshaft, MainBearings, ShaftBearings
 from ..film import NamedBearing
 from ._links import Link, LoadedFilm, Mount

@@ -20,8 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._fields import BadInput, is_traced
-from .._results import Data, Result
+from .._core.errors import BadInput
+from .._core.fields import is_traced
+from .._core.results import Data, Result
 from ._conventions import from_planes
 from ._layout import layout_of
 from ._model import RotorModel

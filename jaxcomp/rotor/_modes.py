@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput, admissible
-from .._results import Data, Result
+from .._core.errors import BadInput
+from .._core.fields import admissible
+from .._core.results import Data, Result
 from ._conventions import AXES, add, from_planes, to_planes
 from ._layout import layout_of
 from ._model import RotorModel

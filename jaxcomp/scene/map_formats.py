@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..fluid import RealGas
-from ..rating import ZERO, RatingMap, capacity_rise, polynomial_terms
+from ..study.rating import ZERO, RatingMap, capacity_rise, polynomial_terms
 from ._text import SceneError, reading
 
 # Places of EnergyPlus' terms in the order of AHRI 540.

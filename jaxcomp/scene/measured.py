@@ -19,11 +19,18 @@ from typing import Any
 
 import numpy as np
 
-from .._fields import BadInput
-from .._words import did_you_mean
-from ..design import quantity_named, variable
+from .._core.errors import BadInput
+from .._core.words import did_you_mean
 from ..machine import Machine
-from ..study import AbstractMeasurement, ModalTest, Table, Trace, VibrationTest
+from ..study import (
+    AbstractMeasurement,
+    ModalTest,
+    Table,
+    Trace,
+    VibrationTest,
+    quantity_named,
+    variable,
+)
 from ._text import SceneError, read_cells, reading
 from ._units import ZEROS, factor, to_si
 from .readings import cell_number, read_readings, split_metadata

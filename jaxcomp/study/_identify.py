@@ -12,13 +12,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
 
-from .._fields import BadInput
-from .._results import Data, Result
-from .._words import one_of
-from ..design import Variable, matching, variable
+from .._core.errors import BadInput
+from .._core.results import Data, Result
+from .._core.words import one_of
 from ..machine import Machine, machine_of
 from ._fit import Fit, Parameter, Prediction, fit
 from ._measurement import AbstractMeasurement, Entries, Kind
+from ._variables import Variable, matching, variable
 
 # Share of the prior's deviation that is left, above which the readings say nothing of a parameter.
 _SAY_NOTHING = 0.9
@@ -78,7 +78,7 @@ def varied(
 
     Args:
         design: the machine.
-        name: as `jaxcomp.design.variable` and `matching` take it.
+        name: as `jaxcomp.study.variable` and `matching` take it.
         low, high: [SI] the range, of the factor for a pattern.
 
     Raises:
@@ -260,7 +260,7 @@ def identify(
     Args:
         machine: a machine or a scene; its speed counts for points without one.
         measurements: of one kind or several; the points of all are counted one after the other.
-        vary: [SI] (low, high) by path of the constant, as `jaxcomp.design.variable` takes it, or of the
+        vary: [SI] (low, high) by path of the constant, as `jaxcomp.study.variable` takes it, or of the
             common factor by pattern; half to twice the machine's value for `None`.
         prior: [SI] (mean, standard deviation) by path, of those that are varied.
         sd: standard deviations by quantity instead of the usual ones, relative but for temperatures.

@@ -9,15 +9,18 @@ import numpy as np
 from jax import lax
 from numpy.typing import NDArray
 
-from .._fields import BadInput, replaced
+from .._core.errors import BadInput
+from .._core.fields import replaced
 from ..crank import Collocation, solve_orbit
 from ..cylinder import Cylinder
-from ..design import AnalysisOptions, DesignResult, quantity_named, value_of, variable
 from ..machine import Machine, assembled
-from ..rating import is_warmed, solve_rated, with_slopes
 from ..rotor import AXES, node_index, prepare, undamped_modes
+from ._analysis import AnalysisOptions, DesignResult, quantity_named
 from ._fit import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, usual
+from ._problem import value_of
+from ._variables import variable
+from .rating import is_warmed, solve_rated, with_slopes
 
 _DEGREE = np.pi / 180
 # Samples over a revolution that count as independent: every five degrees.

@@ -5,12 +5,19 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, load, solve_orbit
-from jaxcomp.design import AnalysisOptions, DesignResult, variable
 from jaxcomp.machine import machine_of
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.measured import read_measurement
 from jaxcomp.scene.tolerances import identified_tolerances, read_tolerance_file
-from jaxcomp.study import Table, Trace, VibrationTest, identify
+from jaxcomp.study import (
+    AnalysisOptions,
+    DesignResult,
+    Table,
+    Trace,
+    VibrationTest,
+    identify,
+    variable,
+)
 
 WALL, PIN, INERTIA = (
     "friction.wall.coefficient",
