@@ -28,7 +28,7 @@ _SAME = 0.05
 def identify(
     machine: Machine,
     data: Annotated[list[Path], typer.Option()],
-    vary: Annotated[list[str], typer.Option()],
+    vary: list[str] | None = None,
     prior: list[str] | None = None,
     sd: list[str] | None = None,
     fit_at: str | None = None,
@@ -52,11 +52,19 @@ def identify(
     identified machine, as scene.toml, its covariance in identified.json, and tolerances.toml, with which
     `tolerance` draws such machines.
 
-    Example: [bold]jaxcomp identify semi-hermetic-200cc map.csv --vary mechanism.bore --vary
-    gas.clearance_ratio=1%:10% --prior gas.clearance_ratio=4%+-1% --hold-out 4 --out found[/bold]
+    Without --vary the machine is taken for one of the same kind that is known by its map alone: a similar
+    one of the size that the flow wants, of which size, clearance, flow areas, leakage, heating and losses
+    are fitted with wide priors.
+
+    Example: [bold]jaxcomp identify semi-hermetic-200cc --data map.csv --hold-out 4 --out found[/bold]
+
+    Of chosen constants: [bold]jaxcomp identify r600a-8cc --data map.csv --data diagram.csv --vary
+    gas.clearance_ratio=1%:10% --prior gas.clearance_ratio=2%+-0.5% --vary
+    gas.*_valve.flow_coefficient=0.5:1.5[/bold]
 
     Args:
-        data (FILE): CSV of readings, or of a maker's polynomials; UFF of a modal test. Repeatable.
+        data (FILE): CSV of readings, or of a maker's polynomials; UFF of a modal test; or the name of a
+            bundled map, such as 06dm313_r22. Repeatable.
         vary (PATH=LO:HI): Constant and its bounds, half to twice its value if left out; a pattern such as
             gas.*_valve.port_diameter=0.7:1.5 varies a common factor. Repeatable.
         prior (PATH=VALUE+-SD): What is known of a constant beforehand. Repeatable.
@@ -85,12 +93,15 @@ def identify(
     from ..scene.tolerances import identified_tolerances
     from ..study import identify
 
-    scene = changed_scene(machine, sets, varied=vary)
+    scene = changed_scene(machine, sets, varied=vary or ())
     speeds = [None] if speed is None else [speed_of(one, "--speed") for one in speed.split(",")]
     data_sets = [
         read_measurement(one, scene.machine, *over, turning) for one in data for turning in speeds
     ]
-    bounds, known = _bounds(scene, vary), _priors(scene, prior)
+    bounds, known = _bounds(scene, vary or ()), {}
+    if not vary:
+        scene, bounds, known = _by_recipe(scene, data_sets)
+    known |= _priors(scene, prior)
     held = _held_out(data_sets, fit_at)
     if hold_out:
         if held:
@@ -107,7 +118,7 @@ def identify(
 
     def keep(estimate, chi_square):
         seen["evaluations"] += 1
-        names = [f"{path}" for path in vary]
+        names = list(bounds)
         columns = {"constant": names, "value, SI": estimate[: len(names)].tolist()}
         partial.keep(columns, f"chi-square {chi_square:.4g}")
 
@@ -257,6 +268,19 @@ def prediction_tables(entries, said) -> Iterator[Any]:
         cells = (f"{x * look.factor:.5g}" for x in (said.value[n], said.inflated[n]))
         rows.append((entries.names[n], look.label, *cells))
     yield row_table("Predicted", ("Point", "Quantity", "Value", "95 %, +-"), rows, texts=2)
+
+
+def _by_recipe(scene, data_sets):
+    """The scene of a similar machine of the right size, what is varied of it, and priors."""
+    from ..scene import with_machine
+    from ..study import Readings, map_recipe
+
+    maps = [one for one in data_sets if isinstance(one, Readings)]
+    if not maps:
+        raise CommandError("--vary: is missing; only a map can do without")
+    made = map_recipe(scene, maps)
+    source = f"similar to {scene.name}, of the size that the flow wants"
+    return with_machine(scene, made.machine, source), made.vary, made.prior
 
 
 def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:

@@ -59,7 +59,7 @@ def read_measurement(
     """A file of measurements of any kind.
 
     Args:
-        path: of the file.
+        path: of the file, or the name of a map of the package, such as "06dm313_r22".
         machine: whose numbers and quantities the heads may name.
         evaporating, condensing, speed: of points of a polynomial, see `read_readings`.
 
@@ -67,6 +67,8 @@ def read_measurement(
         SceneError: a file that cannot be read, an unknown head, a missing unit or one of another
             dimension, or a cell that is no number.
     """
+    if not os.path.exists(path) and os.fspath(path) in bundled_maps():
+        path = bundled_maps()[os.fspath(path)]
     name = os.path.basename(os.fspath(path))
     if Path(path).suffix.lower() in _UFF:
         with reading(os.fspath(path)):
@@ -95,6 +97,12 @@ def read_measurement(
                 return _vibration(name, metadata, heads, lines[1:])
             return _table(name, metadata, heads, lines[1:], machine)
     return read_readings(path, evaporating, condensing, speed)
+
+
+def bundled_maps() -> dict[str, Path]:
+    """Files of the maps of measured machines that the package has, by name."""
+    folder = Path(__file__).parents[1] / "machines" / "maps"
+    return {file.stem: file for file in sorted(folder.glob("*.csv"))}
 
 
 def _head(cell: str) -> tuple[str, str]:

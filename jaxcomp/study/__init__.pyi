@@ -46,6 +46,9 @@ from ._problem import value_of as value_of
 from ._readings import MEASURED as MEASURED
 from ._readings import Readings as Readings
 from ._readings import terms_of as terms_of
+from ._recipe import RECIPE as RECIPE
+from ._recipe import Recipe as Recipe
+from ._recipe import map_recipe as map_recipe
 from ._rules import DesignRule as DesignRule
 from ._rules import design_rules as design_rules
 from ._rules import with_bore as with_bore
