@@ -16,7 +16,7 @@ from .._core.errors import BadInput
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..machine import Machine, machine_of
-from ._fit import Fit, Parameter, Prediction, fit
+from ._fit import Fit, Parameter, Prediction, check_problem, fit
 from ._measurement import AbstractMeasurement, Entries, Kind
 from ._variables import Variable, matching, variable
 
@@ -58,6 +58,11 @@ class CommonFactor(NamedTuple):
     high: float
     unit: str = ""
 
+    @property
+    def bare(self) -> "CommonFactor":
+        """Without its range."""
+        return self._replace(each=tuple(one.bare for one in self.each), low=0.0, high=0.0)
+
     def current(self, design: Machine) -> float:
         """1, as the machine stands."""
         del design
@@ -94,7 +99,8 @@ def varied(
             if size is not None and not bool(one.bound.holds(size)):
                 raise BadInput(f"{name}: {one.name}", size, str(one.bound))
     if high is None:  # as far as all of them may go
-        high = min(2.0, *(one.bound.high / float(one.current(design)) for one in each))
+        now = ((one.bound.high, float(one.current(design))) for one in each)
+        high = min(2.0, *(most / value for most, value in now if value > 0))
     low = 0.5 if low is None else low
     return CommonFactor(name, each, low, high)
 
@@ -293,6 +299,8 @@ def identify(
     seen = ~np.isin(entries.point, np.asarray(hold_out, int))
     wanted = sorted(set(entries.point[seen].tolist()))
 
+    check_problem(parameters, entries.measured, entries.sd, seen, loss)
+
     def readings(p):
         return blocks(p, wanted)
 
@@ -390,7 +398,9 @@ class _Blocks:
     """All readings of several measurements as one model of the constants."""
 
     def __init__(self, design, variables, measurements, sd: Mapping[str, float]):
-        self.design, self.variables, self.measurements = design, variables, measurements
+        # without their ranges, which are no part of the program
+        self.variables = tuple(one.bare for one in variables)
+        self.design, self.measurements = design, measurements
         parts = [one.entries(sd) for one in measurements]
         self.points = [one.points(design) for one in measurements]
         sizes = [len(jax.tree.leaves(one)[0]) for one in self.points]

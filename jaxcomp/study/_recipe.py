@@ -21,12 +21,12 @@ from .rating import capacity_rise
 RECIPE: dict[str, tuple[float, float, float | None]] = {
     "similar_swept_volume": (0.4, 2.5, None),
     "gas.clearance_ratio": (0.2, 4.0, 0.5),
-    "motor.losses.efficiency": (0.7, 1.13, 0.06),
-    "motor.losses.fixed_power": (0.05, 20.0, 1.0),
+    "motor.losses.efficiency": (0.7, 1.08, 0.05),
+    "motor.losses.fixed_power": (0.05, 20.0, 0.7),
     "friction.*.coefficient": (0.05, 20.0, 1.0),
     "gas.suction.warming.loss_share": (0.1, 1.6, 0.4),
     "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.0),
-    "gas.leakage.gap": (0.1, 6.0, 0.6),
+    "gas.leakage.gap": (0.1, 4.0, 0.5),
     "gas.suction_valve.flow_coefficient": (0.35, 1.8, 0.35),
     "gas.discharge_valve.flow_coefficient": (0.35, 1.8, 0.35),
 }
