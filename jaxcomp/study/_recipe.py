@@ -14,6 +14,7 @@ from ..machine import Machine, machine_of
 from ._identify import varied
 from ._readings import Readings
 from ._rules import with_swept_volume
+from ._variables import variable
 from .rating import capacity_rise
 
 # By path: lowest and highest value over that of the machine, and standard deviation of what is known
@@ -22,7 +23,7 @@ RECIPE: dict[str, tuple[float, float, float | None]] = {
     "similar_swept_volume": (0.4, 2.5, None),
     "gas.clearance_ratio": (0.2, 4.0, 0.5),
     "motor.losses.efficiency": (0.7, 1.08, 0.05),
-    "motor.losses.fixed_power": (0.05, 20.0, 0.7),
+    "motor.losses.fixed_power": (0.05, 20.0, 1.0),
     "friction.*.coefficient": (0.05, 20.0, 1.0),
     "gas.suction.warming.loss_share": (0.1, 1.6, 0.4),
     "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.0),
@@ -75,7 +76,7 @@ def map_recipe(machine: Any, readings: Readings | Sequence[Readings]) -> Recipe:
         density = fluid.density(gas, fluid.saturation(T=s).p)
         return density, capacity_rise(fluid, s, useful, liquid)
 
-    volumes = []
+    volumes, speeds = [], []
     for one in given:
         at = (one.evaporating, one.gas, one.useful, one.liquid)
         density, rise = (np.asarray(x) for x in known(*(jnp.asarray(x) for x in at)))
@@ -85,11 +86,16 @@ def map_recipe(machine: Any, readings: Readings | Sequence[Readings]) -> Recipe:
         if flow is not None:
             turns = np.where(np.isfinite(one.speed), one.speed, nominal) / (2 * np.pi)
             volumes.append(flow / (density * turns * _FILLING))
+            speeds.append(turns)
     if not volumes or not np.isfinite(np.concatenate(volumes)).any():
         raise BadInput("readings", "no capacity", "a capacity or mass flow, which tells the size")
     count = compressor.crankshaft.count
     size = float(np.nanmedian(np.concatenate(volumes))) / count
     design = with_swept_volume(design, jnp.asarray(size))
+    if compressor.motor.losses is not None:  # goes with the volume that is swept in a second
+        faster = float(np.median(np.concatenate(speeds))) * 2 * np.pi / nominal
+        fixed = variable(design, "motor.losses.fixed_power")
+        design = fixed.apply(design, fixed.current(design) * faster)
     vary, prior = {}, {}
     for name, (low, high, width) in RECIPE.items():
         try:
