@@ -2,9 +2,9 @@
 
     python tests/benchmarks/identify.py [REPETITIONS]
 
-Four rating points with mass flow, power and discharge temperature, and an indicator diagram of 72 samples,
-with noise of 1 %, 1 %, 2 K and 1 % of the range. Printed are the time of the first fit with compiling, that of
-a further one, and the share of repetitions whose 95 % interval holds the true constant.
+Four rating points with mass flow, power and discharge temperature, and an indicator diagram of 72
+samples, with noise of 1 %, 1 %, 2 K and 1 % of the range. Printed are the time of the first fit with
+compiling, that of a further one, and the share of repetitions whose 95 % interval holds the truth.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Real machines that four points of their maps identified, at all points: the figures of identify.md.
 
-The constants stand in the bundled machine files; `jaxcomp identify`, with the commands of that page, finds
-them. Here they are only evaluated, at the points that the fit did not see.
+The constants stand in the bundled machine files; `jaxcomp identify`, with the commands of that page,
+finds them. Here they are only evaluated, at the points that the fit did not see.
 """
 
 import re
