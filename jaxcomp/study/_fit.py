@@ -33,8 +33,9 @@ _UNIDENTIFIABLE = 1e-8
 _NAMED = 0.05
 # Distance from a bound, over the range, at which a parameter counts as held by it.
 _AT_BOUND = 1e-3
-# Evaluations of a start.
-_MOST = 60
+# Evaluations of a start, and how many of them may lower chi-square by less than `_LITTLE` in all: where
+# valves have kinks, steps shrink and shrink without a minimum nearby that they would meet.
+_MOST, _PATIENCE, _LITTLE = 60, 6, 1e-3
 # Change of chi-square below which two minima are both told, and distance in standard errors above which
 # they are two.
 _NEAR, _APART = 4.0, 0.1
@@ -288,6 +289,10 @@ class Fit:
         return float(stats.t.ppf(tail, self.freedom)) * max(1.0, self.scatter)
 
 
+class _Settled(Exception):
+    """Further evaluations gain nothing."""
+
+
 class _Problem:
     """Residuals and slopes over t, with the priors as the last rows."""
 
@@ -374,6 +379,9 @@ class _Problem:
 
         try:
             return self._solve(start, loss, free, whole)
+        except _Settled as settled:
+            cost, t, count = settled.args
+            return optimize.OptimizeResult(x=t, cost=cost, nfev=count, success=True)
         except KeyboardInterrupt:
             if not self.best[1].size:
                 raise
@@ -381,13 +389,22 @@ class _Problem:
             return optimize.OptimizeResult(x=self.best[1], cost=self.best[0], nfev=0, success=False)
 
     def _solve(self, start: NDArray, loss: str, free: NDArray, whole):
+        lowest, place, idle, count = np.inf, start, 0, 0
+
         def residual(x):
+            nonlocal lowest, place, idle, count
             t = whole(x)
             found = self.at(t)[0]
             cost = self.cost(found, loss)
+            idle = 0 if cost < lowest - _LITTLE / 2 else idle + 1
+            count += 1
+            if cost < lowest:
+                lowest, place = cost, t
             if cost < self.best[0]:
                 self.best = cost, t
                 self.told()
+            if idle > _PATIENCE:
+                raise _Settled(lowest, place, count)
             return found
 
         if not np.all(np.isfinite(residual(start[free]))):

@@ -23,7 +23,7 @@ RECIPE: dict[str, tuple[float, float, float | None]] = {
     "similar_swept_volume": (0.4, 2.5, None),
     "gas.clearance_ratio": (0.2, 4.0, 0.5),
     "motor.losses.efficiency": (0.7, 1.08, 0.05),
-    "motor.losses.fixed_power": (0.05, 20.0, 1.0),
+    "motor.losses.fixed_power": (0.05, 20.0, 0.5),
     "friction.*.coefficient": (0.05, 20.0, 1.0),
     "gas.suction.warming.loss_share": (0.1, 1.6, 0.4),
     "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.0),

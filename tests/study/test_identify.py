@@ -122,9 +122,9 @@ def test_a_template_gets_the_size_that_the_flow_wants():
     assert float(made.machine.compressor.mechanism.swept_volume) == pytest.approx(60e-6)
     assert list(made.vary) == list(RECIPE)
     assert set(made.prior) == set(RECIPE) - {"similar_swept_volume"}
-    # 450 W of 200 cm3 are 136 W of 60 cm3, and no efficiency exceeds 1
+    # 500 W of 200 cm3 are 151 W of 60 cm3, and no efficiency exceeds 1
     share = 60e-6 / float(template.as_compressor().mechanism.swept_volume)
-    assert made.prior["motor.losses.fixed_power"][0] == pytest.approx(450 * share)
+    assert made.prior["motor.losses.fixed_power"][0] == pytest.approx(500 * share)
     low, high = made.vary["motor.losses.efficiency"]
     assert (low, high * 0.92 <= 1) == (0.7, True)
     # a machine without the law of warming has one constant of it less
