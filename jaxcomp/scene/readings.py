@@ -26,7 +26,16 @@ from .._core.errors import BadInput
 from .._core.words import did_you_mean
 from ..cylinder import Cylinder
 from ..fluid import RealGas
-from ..study import MEASURED, Identification, Readings, terms_of, varied
+from ..study import (
+    MEASURED,
+    CommonFactor,
+    Identification,
+    Readings,
+    design_rules,
+    list_length,
+    terms_of,
+    varied,
+)
 from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap
 from ._change import with_machine
 from ._scene import Scene
@@ -435,10 +444,17 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
     """
     for n, name in enumerate(found.parameters[: found.constants]):
         value, error = float(found.estimate[n]), float(found.standard_error[n])
-        source = f"identified from {found.source}, {value:.5g} +- {error:.2g} {found.units[n]}"
-        source = f"{source.strip()} (standard error)"
-        at_prior = float(found.prior_share[n]) > 0.9
-        source = "prior, of which the readings say nothing" if at_prior else source
-        changed = varied(scene.machine, name).apply(scene.machine, found.estimate[n])
-        scene = with_machine(scene, changed, source)
+        one = varied(scene.machine, name)
+        # a rule or a common factor stands behind several numbers, which say so
+        several = isinstance(one, CommonFactor) or name in design_rules or _is_list(scene, name)
+        label = f"{name} " if several else ""
+        source = f"identified from {found.source}, {label}{value:.5g} +- {error:.2g}"
+        source = f"{source} {found.units[n]}".strip() + " (standard error)"
+        if float(found.prior_share[n]) > 0.9:
+            source = f"prior, of which {found.source} says nothing"
+        scene = with_machine(scene, one.apply(scene.machine, found.estimate[n]), source)
     return scene
+
+
+def _is_list(scene: Scene, name: str) -> bool:
+    return list_length(scene.machine, name) > 0
