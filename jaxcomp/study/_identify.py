@@ -443,11 +443,15 @@ class _Blocks:
 
     def warnings(self, used: Sequence[int]) -> list[str]:
         """What is not to be trusted of points held out."""
-        out = []
+        seen = []
         for n, one in enumerate(self.measurements):
             begin, end = self.first[n : n + 2]
-            out += one.warnings([p - begin for p in used if begin <= p < end])
-        return out
+            seen.append((one, [int(p - begin) for p in used if begin <= p < end]))
+        out = []
+        for n, (one, own) in enumerate(seen):
+            beside = [pair for k, pair in enumerate(seen) if k != n and type(pair[0]) is type(one)]
+            out += one.warnings(own, beside)
+        return list(dict.fromkeys(out))
 
     def __call__(self, p: NDArray, wanted: Sequence[int]) -> tuple[NDArray, NDArray]:
         """(m,) and (m, p); not a number at points that fail or are not wanted."""

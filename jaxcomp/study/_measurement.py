@@ -90,9 +90,16 @@ class AbstractMeasurement(abc.ABC):
     def points(self, machine: Machine) -> Any:
         """Numbers of the points, as arrays with a leading axis; they are handed to `values`."""
 
-    def warnings(self, used: Sequence[int]) -> list[str]:
-        """What is not to be trusted of points that the fit did not see, in words."""
-        del used
+    def warnings(
+        self, used: Sequence[int], beside: Sequence[tuple[Any, Sequence[int]]]
+    ) -> list[str]:
+        """What is not to be trusted of points that the fit did not see, in words.
+
+        Args:
+            used: points that the fit saw.
+            beside: other measurements of the same kind, with the points that it saw of them.
+        """
+        del used, beside
         return []
 
     def at(

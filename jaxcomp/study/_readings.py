@@ -164,23 +164,27 @@ class Readings(AbstractMeasurement):
         del nuisances
         return rated(lambda p: build(p).as_compressor(), parameters, point)
 
-    def warnings(self, used):
-        """Points held out that lie outside the hull of those used."""
+    def warnings(self, used, beside):
+        """Points held out that lie outside the hull of those used, and speeds that were not used."""
         left = sorted(set(range(self.evaporating.size)) - set(used))
-        out, used = [*self.bends], list(used)
+        out = [*self.bends]
         if not left:
             return out
+        seen = [(self, list(used)), *((one, list(own)) for one, own in beside)]
         at = np.stack([self.evaporating, self.condensing], axis=-1)
+        known = np.concatenate([
+            np.stack([one.evaporating[own], one.condensing[own]], axis=-1) for one, own in seen
+        ])  # fmt: skip
         try:
-            sides = ConvexHull(at[used]).equations
+            sides = ConvexHull(np.unique(known, axis=0)).equations
             far = [row for row in left if (sides[:, :2] @ at[row] + sides[:, 2] > 0.5).any()]
         except (QhullError, ValueError):
             far = left
         if far:
             names = ", ".join(self.names[row] for row in far)
             out.append(f"predicted outside of the points used: {names}")
-        speeds = set(np.nan_to_num(self.speed[used]).round(3).tolist())
-        if set(np.nan_to_num(self.speed[left]).round(3).tolist()) - speeds:
+        speeds = np.concatenate([np.nan_to_num(one.speed[own]).round(3) for one, own in seen])
+        if set(np.nan_to_num(self.speed[left]).round(3).tolist()) - set(speeds.tolist()):
             text = "predicted at speeds that were not used: "
             out.append(text + "one speed cannot tell the law of speed")
         return out

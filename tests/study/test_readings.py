@@ -277,7 +277,22 @@ def test_curves_that_bend_the_wrong_way_are_told(tmp_path):
     assert read(tmp_path, MAP).bends == ()
     found = read(tmp_path, MAP.replace("-228.5", "228.5"))
     assert any("capacity rises with the condensing temperature at" in text for text in found.bends)
-    assert found.warnings([0])[0] == found.bends[0]
+    assert found.warnings([0], [])[0] == found.bends[0]
+
+
+def test_points_and_speeds_outside_of_those_used_are_told(tmp_path):
+    cold, warm = (
+        read(tmp_path, MAP, evaporating=[t], condensing=[303.0, 313.0]) for t in (258.0, 268.0)
+    )
+    fast = dataclasses.replace(warm, speed=np.full(2, 300.0))
+    # both at 268 K lie in the hull of three used points, but not at another speed
+    assert warm.warnings([0], [(cold, [0, 1])]) == [
+        "predicted outside of the points used: -5.15/39.85 C"
+    ]
+    assert warm.warnings([], [(warm, [0, 1]), (cold, [0, 1])]) == []
+    assert fast.warnings([], [(warm, [0, 1]), (cold, [0, 1])]) == [
+        "predicted at speeds that were not used: one speed cannot tell the law of speed"
+    ]
 
 
 @pytest.mark.parametrize(
