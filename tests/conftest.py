@@ -1,5 +1,6 @@
 """64-bit mode, programs compiled quickly, and none kept that memory has no room for."""
 
+import json
 import os
 import time
 from pathlib import Path
@@ -15,6 +16,7 @@ import jax
 import pytest
 
 import jaxcomp  # noqa: F401  (turns on 64-bit mode)
+from jaxcomp._core import exported
 from jaxcomp.cli._start import quick_compiles, unoptimised_compiles
 
 # Most programs of the tests run once: XLA need not optimise them. Programs that the tests start inherit
@@ -28,6 +30,8 @@ _worker = os.environ.get("PYTEST_XDIST_WORKER", "")
 if _worker and hasattr(os, "sched_setaffinity"):
     _processors = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {_processors[int(_worker.removeprefix("gw")) % len(_processors)]})
+# Tests replace functions that a program which was traced before would still have.
+exported.enabled = False
 jax.devices()  # commands find JAX running, and leave the other tests their devices
 
 # Linux allows a process 65,530 memory maps, and every compiled program takes some.
@@ -51,3 +55,23 @@ def _forget_programs():
         if _MAPS.read_bytes().count(b"\n") > _MANY_MAPS:
             jax.clear_caches()
         _counted = time.monotonic()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _results_fit_their_schema():
+    """Whatever a command under test gives as JSON fits the schema of its results."""
+    from helpers import results_validator
+
+    from jaxcomp.cli import _output, _units
+    from jaxcomp.cli._start import command_name
+
+    def checked(result, **options):
+        text = made(result, **options)
+        if command_name() in _units.TABLES:
+            results_validator(command_name()).validate(json.loads(text))
+        return text
+
+    made = _output.json_text
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_output, "json_text", checked)
+        yield

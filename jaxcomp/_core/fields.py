@@ -96,14 +96,22 @@ class Bound(NamedTuple):
     low_open: bool = False
     high_open: bool = False
 
+    @property
+    def _ends(self) -> tuple[Any, Any]:
+        ends = (self.low, self.high)  # traced where they depend on other numbers of a machine
+        return tuple(
+            end if isinstance(end, Array) else np.clip(end, -LARGEST, LARGEST) for end in ends
+        )
+
     def inside(self, x):
         """Whether each entry of `x` lies inside; false for NaN and for sizes beyond `LARGEST`.
 
         An array of NumPy gives one of NumPy.
         """
-        above = x > self.low if self.low_open else x >= self.low
-        below = x < self.high if self.high_open else x <= self.high
-        return above & below & (abs(x) <= LARGEST)
+        low, high = self._ends
+        above = x > low if self.low_open else x >= low
+        below = x < high if self.high_open else x <= high
+        return above & below
 
     def holds(self, x):
         """Whether every entry of `x` lies inside. Works on traced values."""
@@ -113,12 +121,16 @@ class Bound(NamedTuple):
         """`x` moved to a nearby admissible value, so that a solver can go on with it.
 
         An admissible `x` passes untouched, however small, with a derivative of one on the bound as
-        well.
+        well. NaN goes to the upper bound, and whatever has no bound on its side to 1 or close to it.
         """
-        low = self.low + (1e-6 * max(1.0, abs(self.low)) if self.low_open else 0.0)
-        high = self.high - (1e-6 * max(1.0, abs(self.high)) if self.high_open else 0.0)
-        moved = jnp.clip(jnp.where(abs(x) <= LARGEST, x, 1.0), low, high)
-        return jnp.where(self.inside(x), x, jax.lax.stop_gradient(moved))
+        # constants throughout: a program has this for each of the hundred numbers of a machine
+        low, high = self._ends
+        at_low = low + 1e-6 * max(1.0, abs(low)) if self.low_open else low
+        at_high = high - 1e-6 * max(1.0, abs(high)) if self.high_open else high
+        usual = min(max(1.0, at_low), at_high)
+        at_low = at_low if low == self.low else usual
+        at_high = at_high if high == self.high else usual
+        return jnp.where(self.inside(x), x, jnp.where(x <= low, at_low, at_high))
 
     def __str__(self) -> str:
         parts = []
@@ -320,7 +332,8 @@ def spread_columns(part: Part, rows: int, what: str) -> None:
             continue
         value = _as_float(value)
         if value.ndim == 0:
-            value = jnp.full(rows, value)
+            # by NumPy no program is compiled
+            value = _as_float((jnp if is_traced(value) else np).full(rows, value))
         if value.shape != (rows,):
             raise BadInput(name, value, f"one value, or one for each of {rows} {what}")
         setattr(part, name, value)

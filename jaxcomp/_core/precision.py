@@ -10,23 +10,21 @@ import os
 import jax
 from jaxlib.version import __version_info__
 
-# Measured with jaxlib 0.9.2 on the orbit of Tsuji et al., in seconds of the processor: 10.1 to compile
-# without them, 6.6 without XLA's newer emitters of fused code, 5.9 (and a third less by the clock) with
-# the second flag, a fifth less again (value and gradient alike) with the third, in programs that run
-# as fast, single and in batches. Later versions know no such choice, and XLA ends a process that names a
-# flag it does not know.
-_QUICK = {
-    "--xla_cpu_use_fusion_emitters": "false",
-    "--xla_llvm_disable_expensive_passes": "true",
-    "--xla_backend_optimization_level": "1",
-}
-# One kernel of every loop that touches less memory than this: the march of a cylinder's cycle runs seven
-# times as fast, what else was measured as fast as before. Known to 0.9; a process that names an option
-# which its XLA does not know ends.
-_ONE_KERNEL = {
-    "--xla_backend_extra_options": "xla_cpu_small_while_loop_byte_threshold=1000000",
-}
-
+_ONE_KERNEL = "xla_cpu_small_while_loop_byte_threshold=1000000"
+# Flags of XLA with the versions of jaxlib, from and below, that take them: XLA ends a process that names
+# a flag it does not know. Measured on the orbit of Tsuji et al., in seconds of the processor; programs
+# run as fast with them, single and in batches.
+# jaxlib 0.9.2: 10.1 to compile without any, 6.6 without XLA's newer emitters of fused code, 5.9 (and a
+# third less by the clock) without expensive passes, a fifth less at the first level of optimisation.
+# jaxlib 0.12.0: 8.5 to trace and compile without any, 8.3 and 7.8 with these two; `r600a-8cc` 35.8, 33.9.
+# The last makes one kernel of every loop that touches less memory than it says: on 0.9 the march of a
+# cylinder's cycle runs seven times as fast.
+_FLAGS = [
+    ((0, 0), (0, 10), "--xla_cpu_use_fusion_emitters", "false"),
+    ((0, 0), (0, 13), "--xla_llvm_disable_expensive_passes", "true"),
+    ((0, 0), (0, 13), "--xla_backend_optimization_level", "1"),
+    ((0, 9), (0, 10), "--xla_backend_extra_options", _ONE_KERNEL),
+]
 
 _told: dict[str, str] = {}
 
@@ -43,7 +41,7 @@ def tell_xla(flag: str, value: str) -> None:
 
 if os.environ.get("JAXCOMP_X64", "1") != "0":
     jax.config.update("jax_enable_x64", True)
-if os.environ.get("JAXCOMP_XLA_FLAGS", "1") != "0" and __version_info__ < (0, 10):
-    _flags = _QUICK | (_ONE_KERNEL if __version_info__ >= (0, 9) else {})
-    for _flag, _value in _flags.items():
-        tell_xla(_flag, _value)
+if os.environ.get("JAXCOMP_XLA_FLAGS", "1") != "0":
+    for _since, _below, _flag, _value in _FLAGS:
+        if _since <= __version_info__ < _below:
+            tell_xla(_flag, _value)

@@ -115,9 +115,9 @@ def _compiled(
     code = text.getvalue()
     ours = _is_ours(code)
     path = None
-    if ours and not callbacks and not _anew.get():
+    if ours and not callbacks:
         path = _path(computation, devices, options, backend)
-    if path is not None and (found := _read(path)):
+    if path is not None and (found := read(path)):
         try:
             with _quiet(), _marked(path):
                 program = backend.deserialize_executable(
@@ -135,7 +135,7 @@ def _compiled(
         with contextlib.suppress(Exception):  # a program that XLA cannot write down
             made = program.serialize()
             if made.count(b"_kernel") <= _MOST_KERNELS:
-                _write(path, made)
+                write(path, made)
     return program
 
 
@@ -194,17 +194,27 @@ def _is_ours(code: bytes) -> bool:
 
 
 def _path(computation, devices, options, backend) -> Path | None:
-    """Where a program is kept, if it can be."""
+    """Where a compiled program is kept, if it can be."""
     from jax._src import compilation_cache
 
-    if _setting("compilation_cache_dir") or not _setting("enable_compilation_cache"):
-        return None
-    root = _root()
-    if root is None or _refused(root):
+    if not keeps():
         return None
     try:
-        key = compilation_cache.get_cache_key(computation, devices, options, backend)
+        return place(compilation_cache.get_cache_key(computation, devices, options, backend))
     except Exception:  # private to JAX, which may want something else one day
+        return None
+
+
+def keeps() -> bool:
+    """Whether programs are kept in a folder of this package."""
+    of_jax = _setting("compilation_cache_dir") or not _setting("enable_compilation_cache")
+    return not (_anew.get() or of_jax or _root() is None)
+
+
+def place(key: str) -> Path | None:
+    """Where what has a key is kept for the sources and libraries of this process, if it can be."""
+    root = _root()
+    if root is None or _refused(root):
         return None
     return root / _build() / f"{hashlib.sha256(key.encode()).hexdigest()}{_ENTRY}"
 
@@ -268,8 +278,8 @@ def _processor() -> str:
     return "\n".join(line for line in lines if line.startswith(names))
 
 
-def _read(path: Path) -> bytes | None:
-    """An entry whose checksum is right; one where it is wrong is removed."""
+def read(path: Path) -> bytes | None:
+    """An entry whose checksum is right, if there is one; one where it is wrong is removed."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
     if _has_ended_a_process(path):
         _remove(path.with_suffix(_LOADING))
@@ -290,7 +300,7 @@ def _read(path: Path) -> bytes | None:
     return None
 
 
-def _write(path: Path, program: bytes) -> None:
+def write(path: Path, program: bytes) -> None:
     """Keep a program: written aside and renamed, so that nobody reads half of it."""
     data, aside = zlib.compress(program, 1), None
     try:

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import is_traced
 from .._core.words import one_of
 from ..crank import Collocation
@@ -127,7 +128,7 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
     )
 
 
-@eqx.filter_jit
+@kept_jit
 def _flexibility(model, loads, places, speeds):
     """(rows, 1 + planes) responses to the loads and to a unit of unbalance in each plane."""
     at_speed = lambda speed: flexibility(model, loads, places, speed)  # noqa: E731
@@ -224,11 +225,9 @@ def select(
                 raise BadInput(field, name, one_of(name, sorted(known)))
     columns = [i for i, name in enumerate(influence.planes) if planes is None or name in planes]
     kept = [i for i, row in enumerate(influence.rows) if targets is None or row.target in targets]
-    at = np.array(kept, int)
+    numbers = (influence.matrix, influence.initial, influence.weight)
     return Influence(
-        influence.matrix[np.ix_(at, np.array(columns, int))],
-        influence.initial[at],
-        influence.weight[at],
+        *_taken(*numbers, np.array(kept, int), np.array(columns, int)),
         tuple(influence.rows[i] for i in kept),
         tuple(influence.planes[i] for i in columns),
         influence.unit,
@@ -271,10 +270,15 @@ def machine_influence(
     return influence_of(answer, places, speeds)
 
 
-@eqx.filter_jit
+@kept_jit
 def _answers(made, places, speeds, solver, crank, left_out):
     at = lambda w: crank_loads(made, w, (1,), solver, crank=crank, left_out=left_out)  # noqa: E731
     return flexibilities(made, jax.vmap(at)(speeds), places, speeds)
+
+
+@eqx.filter_jit
+def _taken(matrix, initial, weight, rows, columns):
+    return matrix[rows][:, columns], initial[rows], weight[rows]
 
 
 def flexibilities(

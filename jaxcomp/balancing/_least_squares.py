@@ -120,6 +120,7 @@ class Balance(Result, eqx.Module):
         """[-] Ratio of the largest to the smallest singular value of the weighted system."""
         return condition(self.influence.weighted[0])
 
+    @eqx.filter_jit
     def sensitivity(
         self, mass_error: float = 0.01, angle_error: float = np.pi / 180
     ) -> Float[Array, "rows planes"]:
@@ -134,24 +135,6 @@ class Balance(Result, eqx.Module):
         """
         size = jnp.abs(self.correction) * jnp.hypot(mass_error, angle_error)
         return jnp.abs(self.influence.matrix) * size
-
-
-def invert(influence: Influence) -> Balance:
-    """As many planes as rows: the vibration vanishes, Eq. (12).
-
-    The status is `singular` where the condition of the system is above 1e12.
-
-    Raises:
-        BadInput: another number of rows than of planes.
-    """
-    rows, planes = influence.matrix.shape
-    if rows != planes:
-        raise BadInput("influence", f"{rows} rows, {planes} planes", "square")
-    correction = -jnp.linalg.solve(influence.matrix, influence.initial)
-    regular = condition(influence.matrix) < 1e12
-    correction = jnp.where(jnp.isfinite(correction) | regular, correction, 0.0)
-    failure = Status.where(regular, Status.converged, Status.singular)
-    return _exact(influence, correction, "inversion", failure)
 
 
 def least_squares(
@@ -172,6 +155,11 @@ def least_squares(
         raise BadInput("cut", cut, ">= 0 and < 1")
     if not is_traced(tikhonov) and tikhonov < 0:
         raise BadInput("tikhonov", tikhonov, ">= 0")
+    return _least_squares(influence, cut, tikhonov)
+
+
+@eqx.filter_jit  # one program instead of thirty
+def _least_squares(influence: Influence, cut: float, tikhonov) -> Balance:
     matrix, initial = influence.weighted
     left, values, right = jnp.linalg.svd(matrix, full_matrices=False)
     kept = values > cut * values[0]

@@ -343,11 +343,11 @@ def _peaks(result):
 
 def _relative(response: jc.rotor.Response, watched: Watched):
     """(orders, speeds, watched, dof) motion relative to the bases."""
-    import jax.numpy as jnp
+    import numpy as np
 
-    x = response.displacement
-    ground = jnp.concatenate([x, jnp.zeros_like(x[..., :1, :])], -2)
-    nodes, bases = (jnp.array(places) for places in zip(*watched.values(), strict=True))
+    x = np.asarray(response.displacement)
+    ground = np.concatenate([x, np.zeros_like(x[..., :1, :])], -2)
+    nodes, bases = (np.array(places) for places in zip(*watched.values(), strict=True))
     return ground[..., nodes, :] - ground[..., bases, :]
 
 

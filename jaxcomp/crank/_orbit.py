@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 from functools import partial
 from types import SimpleNamespace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from .._core.exported import kept_jit
 from .._core.fields import replaced
 from .._core.polynomials import gauss
 from .._core.registry import Quantity, registered
@@ -295,7 +296,7 @@ class Orbit(Result, eqx.Module):
         return jnp.sum(self.weight.reshape(-1, self.panel_nodes), axis=-1)
 
 
-@eqx.filter_jit
+@kept_jit
 def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> list[Any]:
     """The quantities of an orbit, or of a batch of them."""
 
@@ -365,7 +366,7 @@ def time_harmonics(
     return 2 / period * (values * duration) @ turning, frequency
 
 
-class Performance(NamedTuple):
+class Performance(Result, eqx.Module):
     """What a compressor with valves does for its power.
 
     Attributes:
@@ -382,6 +383,16 @@ class Performance(NamedTuple):
     overall_efficiency: Float[Array, ""]
     power: dict[str, Float[Array, ""]]
     orbit: Orbit
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        yield Data("electric_power", "W", self.electric_power)
+        for name in ("motor_efficiency", "overall_efficiency"):
+            yield Data(name, "", getattr(self, name))
+        if self.orbit.cycle and hasattr(self.orbit.cycle.case.cylinder.fluid, "saturation"):
+            yield Data("cop", "", self.cop)
+        for cause, value in self.power.items():
+            yield Data(f"power_use.{cause}", "W", value)
 
     @property
     def cop(self) -> Float[Array, ""]:

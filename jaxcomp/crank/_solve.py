@@ -26,14 +26,14 @@ from jaxtyping import Array, Float
 
 from .._core.each import stacked
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, is_traced, listed, of_cylinder, replaced
 from .._core.polynomials import gauss
 from .._core.roots import frozen, settle, zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
 from ..cylinder import Cycle, CycleOptions, Cylinder, Pace, SeveralCycles, solve_cycle
-from ..cylinder._march import START
-from ..cylinder._solve import CycleSolution, follow_cycle, no_solution, solution_of
+from ..cylinder.interface import START, CycleSolution, follow_cycle, no_solution, solution_of
 from ..motor import ConstantSpeed
 from ._collocation import Collocation, default_collocation
 from ._films import has_thin_film
@@ -113,6 +113,7 @@ def solve_orbit(
                 f"joint margin {float(orbit.margin):.3g}{where}, energy open by "
                 f"{float(orbit.energy.residual):.2g}, losses known to "
                 f"{float(orbit.efficiency_error):.2g} of the work",
+                orbit,
             )
     if verify is False:
         return orbit
@@ -143,10 +144,10 @@ def _solved(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     return eqx.tree_at(lambda o: o.status, orbit, status)
 
 
-_solve = eqx.filter_jit(_solved)
+_solve = kept_jit(_solved)
 
 
-@eqx.filter_jit
+@kept_jit
 def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegration") -> Verification:
     from ._verify import verification
 

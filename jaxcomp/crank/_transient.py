@@ -11,13 +11,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, counted, is_traced, replaced
 from .._core.results import Data, Result
 from .._core.roots import zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of, instants
 from ..cylinder import Cylinder
-from ..cylinder._cycle import values_only
+from ..cylinder.interface import values_only
 from ..mechanism import CrankState
 from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration
@@ -200,7 +201,7 @@ def simulate(
     return result
 
 
-@eqx.filter_jit
+@kept_jit
 def _simulate(
     machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off
 ):
@@ -273,7 +274,7 @@ def _simulate(
     )
 
 
-@eqx.filter_jit
+@kept_jit
 def _simulate_gas(
     machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off
 ):

@@ -24,6 +24,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import of_cylinder, rebuilt, replaced
 from .._core.words import one_of
 from ..compressor import Compressor, at_speed, first_top, instants
@@ -423,7 +424,7 @@ def loaded_rotor(
     return _loaded(rotor, {number: tables[number] for number in opened}, speeds)
 
 
-@eqx.filter_jit
+@kept_jit
 def _load_tables(compressor, rotor, pins, speeds, solver):
     solver = _OF_FORCES if solver is None else solver
 
