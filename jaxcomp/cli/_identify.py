@@ -86,7 +86,6 @@ def identify(
         for text, name in ((evaporating, "evaporating"), (condensing, "condensing"))
     ]
     start_jax()
-    import numpy as np
 
     from ..scene.measured import read_measurement
     from ..scene.readings import identified_scene
@@ -102,22 +101,11 @@ def identify(
     if not vary:
         scene, bounds, known = _by_recipe(scene, data_sets)
     known |= _priors(scene, prior)
-    held = _held_out(data_sets, fit_at)
-    if hold_out:
-        if held:
-            raise CommandError("--hold-out and --fit-at: give one of the two")
-        count = sum(_count(one, scene.machine) for one in data_sets)
-        if not 0 < hold_out < count:
-            raise CommandError(
-                f"--hold-out {hold_out}: must be from 1 to {count - 1} of the points"
-            )
-        held = np.random.default_rng(seed).choice(count, hold_out, replace=False).tolist()
+    held = _held_out(data_sets, fit_at, hold_out, seed)
     ahead = None if predict is None else read_measurement(predict, scene.machine, *over, speeds[0])
     partial = Partial(out, "evaluations")
-    seen = {"evaluations": 0}
 
     def keep(estimate, chi_square):
-        seen["evaluations"] += 1
         names = list(bounds)
         columns = {"constant": names, "value, SI": estimate[: len(names)].tolist()}
         partial.keep(columns, f"chi-square {chi_square:.4g}")
@@ -329,19 +317,30 @@ def _deviations(data_sets, texts) -> dict[str, float]:
     return out
 
 
-def _count(one, machine) -> int:
-    return len(set(one.entries({}).point.tolist()))
+def _held_out(data_sets: Sequence[Any], fit_at: str | None, hold_out: int, seed: int) -> list[int]:
+    """Points that are not fitted, counted over all files."""
+    import numpy as np
+
+    counts = [len(set(one.entries({}).point.tolist())) for one in data_sets]
+    if fit_at is not None:
+        if hold_out:
+            raise CommandError("--hold-out and --fit-at: give one of the two")
+        return _not_named(data_sets, counts, _named(data_sets, fit_at))
+    if not hold_out:
+        return []
+    if not 0 < hold_out < sum(counts):
+        last = sum(counts) - 1
+        raise CommandError(f"--hold-out {hold_out}: must be from 1 to {last} of the points")
+    return np.random.default_rng(seed).choice(sum(counts), hold_out, replace=False).tolist()
 
 
-def _held_out(data_sets: Sequence[Any], fit_at: str | None) -> list[int]:
-    """Points of maps that are not in the list of points to fit; the other kinds are all fitted."""
+def _named(data_sets: Sequence[Any], fit_at: str) -> Any:
+    """[K] (n, 2) evaporating and condensing temperatures of `--fit-at`."""
     import numpy as np
 
     from ..study import Readings
     from ..study.rating import ZERO
 
-    if fit_at is None:
-        return []
     maps = [one for one in data_sets if isinstance(one, Readings)]
     if not maps:
         raise CommandError("--fit-at: needs points of a map in --data")
@@ -361,13 +360,20 @@ def _held_out(data_sets: Sequence[Any], fit_at: str | None) -> list[int]:
                 f"--fit-at {text}: is no point of the data; the closest is {closest}"
             )
         used.append((s, d))
+    return np.array(used)
+
+
+def _not_named(data_sets: Sequence[Any], counts: Sequence[int], used: Any) -> list[int]:
+    """Points of maps that are not among those used; the other kinds are all fitted."""
+    import numpy as np
+
+    from ..study import Readings
+
     held, first = [], 0
-    for one in data_sets:
+    for one, count in zip(data_sets, counts, strict=True):
         if isinstance(one, Readings):
-            for row in range(one.evaporating.size):
-                at = np.hypot(*(np.array(used).T - [[one.evaporating[row]], [one.condensing[row]]]))
-                held += [first + row] if at.min() > _SAME else []
-            first += one.evaporating.size
-        else:
-            first += int(one.entries({}).point.max()) + 1
+            at = np.stack([one.evaporating, one.condensing], axis=-1)
+            far = np.linalg.norm(at[:, None] - used, axis=-1).min(axis=1) > _SAME
+            held += (first + np.flatnonzero(far)).tolist()
+        first += count
     return held

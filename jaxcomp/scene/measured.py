@@ -76,27 +76,32 @@ def read_measurement(
     if Path(path).suffix.lower() in (".idf", ".json"):
         return read_readings(path, evaporating, condensing, speed)
     with reading(os.fspath(path)):
-        metadata, lines = split_metadata(read_cells(path))
-        if not lines:
-            raise SceneError("", "has no line of heads")
-        heads = [_head(cell) for cell in lines[0]]
-        names = [head[0] for head in heads]
-        if "evaporating" not in names and names[0] != "quantity":
-            for number, line in enumerate(lines[1:], 2):
-                if len(line) != len(heads):
-                    raise SceneError(f"line {number}", f"must have {len(heads)} cells", len(line))
-            if twice := {one for one in names if names.count(one) > 1}:
-                raise SceneError(min(twice), "is there twice")
-            if len(lines) < 2:
-                raise SceneError("", "has no readings")
-            if "crank_angle" in names:
-                return _trace(name, metadata, heads, lines[1:], machine)
-            if "frequency" in names:
-                return _modal(name, metadata, heads, lines[1:])
-            if "target" in names or "amplitude" in names:
-                return _vibration(name, metadata, heads, lines[1:])
-            return _table(name, metadata, heads, lines[1:], machine)
-    return read_readings(path, evaporating, condensing, speed)
+        found = _by_heads(name, *split_metadata(read_cells(path)), machine)
+    return read_readings(path, evaporating, condensing, speed) if found is None else found
+
+
+def _by_heads(name: str, metadata, lines, machine: Machine) -> AbstractMeasurement | None:
+    """The measurement of a CSV file; `None` for points of a map."""
+    if not lines:
+        raise SceneError("", "has no line of heads")
+    heads, rows = [_head(cell) for cell in lines[0]], lines[1:]
+    names = [head[0] for head in heads]
+    if "evaporating" in names or names[0] == "quantity":
+        return None
+    for number, line in enumerate(rows, 2):
+        if len(line) != len(heads):
+            raise SceneError(f"line {number}", f"must have {len(heads)} cells", len(line))
+    if twice := {one for one in names if names.count(one) > 1}:
+        raise SceneError(min(twice), "is there twice")
+    if not rows:
+        raise SceneError("", "has no readings")
+    if "crank_angle" in names:
+        return _trace(name, metadata, heads, rows, machine)
+    if "frequency" in names:
+        return _modal(name, metadata, heads, rows)
+    if "target" in names or "amplitude" in names:
+        return _vibration(name, metadata, heads, rows)
+    return _table(name, metadata, heads, rows, machine)
 
 
 def bundled_maps() -> dict[str, Path]:

@@ -11,7 +11,7 @@ from .._core.errors import BadInput
 from ..cylinder import Cylinder
 from ..fluid import RealGas
 from ..machine import Machine, machine_of
-from ._identify import varied
+from ._identify import CommonFactor, varied
 from ._readings import Readings
 from ._rules import with_swept_volume
 from ._variables import variable
@@ -63,7 +63,30 @@ def map_recipe(machine: Any, readings: Readings | Sequence[Readings]) -> Recipe:
         BadInput: readings without either, or a machine without a real gas.
     """
     design = machine_of(machine)
-    given = [readings] if isinstance(readings, Readings) else list(readings)
+    compressor = design.as_compressor()
+    size, turns = _size(design, [readings] if isinstance(readings, Readings) else list(readings))
+    design = with_swept_volume(design, jnp.asarray(size / compressor.crankshaft.count))
+    if compressor.motor.losses is not None:  # goes with the volume that is swept in a second
+        faster = turns * 2 * np.pi / float(compressor.motor.speed_guess)
+        fixed = variable(design, "motor.losses.fixed_power")
+        design = fixed.apply(design, fixed.current(design) * faster)
+    vary, prior = {}, {}
+    for name, (low, high, width) in RECIPE.items():
+        try:
+            one = varied(design, name)
+        except BadInput:
+            continue
+        now = float(one.current(design))
+        if now > 0:
+            most = min(high * now, one.high if isinstance(one, CommonFactor) else one.bound.high)
+            vary[name] = (low * now, float(most))
+            if width is not None:
+                prior[name] = (now, width * now)
+    return Recipe(design, vary, prior)
+
+
+def _size(design: Machine, readings: Sequence[Readings]) -> tuple[float, float]:
+    """[m^3] Swept volume that the flow wants, and [1/s] the speed, as medians over all points."""
     compressor = design.as_compressor()
     gas, nominal = compressor.gas, float(compressor.motor.speed_guess)
     if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
@@ -76,8 +99,8 @@ def map_recipe(machine: Any, readings: Readings | Sequence[Readings]) -> Recipe:
         density = fluid.density(gas, fluid.saturation(T=s).p)
         return density, capacity_rise(fluid, s, useful, liquid)
 
-    volumes, speeds = [], []
-    for one in given:
+    volumes, speeds = [np.zeros(0)], [np.zeros(0)]
+    for one in readings:
         at = (one.evaporating, one.gas, one.useful, one.liquid)
         density, rise = (np.asarray(x) for x in known(*(jnp.asarray(x) for x in at)))
         flow = one.measured.get("mass_flow")
@@ -87,25 +110,6 @@ def map_recipe(machine: Any, readings: Readings | Sequence[Readings]) -> Recipe:
             turns = np.where(np.isfinite(one.speed), one.speed, nominal) / (2 * np.pi)
             volumes.append(flow / (density * turns * _FILLING))
             speeds.append(turns)
-    if not volumes or not np.isfinite(np.concatenate(volumes)).any():
+    if not np.isfinite(np.concatenate(volumes)).any():
         raise BadInput("readings", "no capacity", "a capacity or mass flow, which tells the size")
-    count = compressor.crankshaft.count
-    size = float(np.nanmedian(np.concatenate(volumes))) / count
-    design = with_swept_volume(design, jnp.asarray(size))
-    if compressor.motor.losses is not None:  # goes with the volume that is swept in a second
-        faster = float(np.median(np.concatenate(speeds))) * 2 * np.pi / nominal
-        fixed = variable(design, "motor.losses.fixed_power")
-        design = fixed.apply(design, fixed.current(design) * faster)
-    vary, prior = {}, {}
-    for name, (low, high, width) in RECIPE.items():
-        try:
-            one = varied(design, name)
-        except BadInput:
-            continue
-        now = float(one.current(design))
-        if now > 0:
-            most = min(high * now, one.high if "*" in name else float(one.bound.high))
-            vary[name] = (low * now, most)
-            if width is not None:
-                prior[name] = (now, width * now)
-    return Recipe(design, vary, prior)
+    return float(np.nanmedian(np.concatenate(volumes))), float(np.median(np.concatenate(speeds)))
