@@ -235,6 +235,7 @@ def _table(name, metadata, heads, lines, machine) -> Table:
         name, tuple(quantities), measured, (*paths, *given),
         np.stack(settings, axis=-1) if settings else np.zeros((len(lines), 0)),
         np.stack([np.full(len(lines), np.nan) if one is None else one for one in sd], axis=-1),
+        (*paths.values(), *(variable(machine, key).unit for key in given)),
     )  # fmt: skip
 
 

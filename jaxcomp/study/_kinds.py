@@ -9,6 +9,7 @@ import numpy as np
 from jax import lax
 from numpy.typing import NDArray
 
+from .._core.display import shown
 from .._core.errors import BadInput
 from .._core.fields import replaced
 from ..crank import Collocation, solve_orbit
@@ -175,6 +176,7 @@ class Table(AbstractMeasurement):
         settings: [SI] (n, paths) their values.
         measured: [SI] (n, quantities); not a number where nothing was measured.
         sd: [SI] (n, quantities) standard deviations; 1 % where absent, 2 K, 1 degree.
+        units: SI units of the paths, for names of the points.
     """
 
     source: str = field(compare=False)
@@ -183,6 +185,7 @@ class Table(AbstractMeasurement):
     paths: tuple[str, ...] = ()
     settings: NDArray = field(compare=False, default_factory=lambda: np.zeros((1, 0)))
     sd: NDArray | None = field(compare=False, default=None)
+    units: tuple[str, ...] = field(compare=False, default=())
     polynomial: ClassVar[bool] = False
 
     @property
@@ -210,10 +213,17 @@ class Table(AbstractMeasurement):
             deviation[:, n] = share if size is None else size
         deviation = np.where(np.isfinite(own), own, deviation)
         rows, columns = np.nonzero(np.isfinite(self.measured))
-        labels = [
-            ", ".join(f"{p} {v:.5g}" for p, v in zip(self.paths, row, strict=True)) or "the machine"
-            for row in self.settings
+        units = self.units or ("",) * len(self.paths)
+        looks = [
+            shown(path, unit, values)
+            for path, unit, values in zip(self.paths, units, self.settings.T, strict=True)
         ]
+
+        def label(row):
+            pairs = zip(row, looks, strict=True)
+            return ", ".join(f"{x * one.factor:.5g} {one.unit}".strip() for x, one in pairs)
+
+        labels = [label(row) or "the machine" for row in self.settings]
         return Entries(
             tuple(self.quantities[n] for n in columns),
             kinds,
@@ -223,7 +233,7 @@ class Table(AbstractMeasurement):
             deviation[rows, columns],
             tuple(labels[n] for n in rows),
             {path: self.settings[rows, n] for n, path in enumerate(self.paths)},
-            dict.fromkeys(self.paths, ""),
+            dict(zip(self.paths, units, strict=True)),
         )
 
     def points(self, machine):

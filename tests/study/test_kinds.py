@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, load, solve_orbit
+from jaxcomp.cylinder import solve_cycle
 from jaxcomp.machine import machine_of
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.measured import read_measurement
@@ -173,6 +174,7 @@ def test_files_of_readings_over_the_angle_and_of_tables(machine, tmp_path):
     np.testing.assert_allclose(table.settings, [[30 * np.pi, 0.13], [100 * np.pi / 3, 0.13]])
     entries = table.entries({"motor_power": 0.02})
     assert entries.quantity == ("loss_power.wall", "motor_power", "motor_power")
+    assert entries.names[2] == "1000 rpm, 130 mm"
     np.testing.assert_allclose(entries.sd, [1, 40, 44])
 
 
@@ -220,6 +222,36 @@ def test_sensors_have_constants_of_their_own():
     one = Trace("d", ("pressure",), np.arange(144.0), ramp[None]).entries({})
     # 1 % of the range, and 144 samples count as 72
     np.testing.assert_allclose(one.sd, 2e3 * 2**0.5)
+
+
+@pytest.mark.slow
+def test_an_indicator_diagram_tells_clearance_and_ports():
+    """Pressure and lift of the suction valve, by sensors with an offset, a gain and a late dead centre."""
+    machine = machine_of(load("r600a-8cc"))
+    names = ("gas.clearance_ratio", "gas.suction_valve.flow_coefficient")
+    now = [float(variable(machine, name).current(machine)) for name in names]
+    truth = [1.2 * now[0], 0.9 * now[1]]
+    real = changed(machine, dict(zip(names, truth, strict=True))).as_compressor()
+    speed = float(real.motor.speed_guess)
+    cycle = solve_cycle(real.gas, real.mechanism, speed)
+    angle = np.radians(np.arange(0, 360, 5.0))
+    late = jnp.asarray(angle - np.radians(0.2))
+    # the polynomials of the panels go through their nodes
+    np.testing.assert_allclose(cycle.pressure_at(cycle.angle), cycle.pressure, rtol=1e-9)
+    np.testing.assert_allclose(cycle.lift_at(cycle.angle, True), cycle.lift[1], atol=1e-12)
+    pressure = 600.0 + 1.005 * np.asarray(cycle.pressure_at(late))
+    lift = 0.99 * np.asarray(cycle.lift_at(late, False))
+    trace = Trace("diagram", ("pressure", "suction_lift"), angle, np.stack([pressure, lift]))
+    found = identify(machine, trace, dict.fromkeys(names), starts=1)
+    # exact readings: within what the priors of the sensors take
+    error = np.abs(np.asarray(found.estimate[:2]) - truth)
+    np.testing.assert_array_less(error, 0.5 * np.asarray(found.standard_error[:2]))
+    np.testing.assert_array_less(error, 0.01 * np.array(truth))
+    assert float(found.chi_square) < 2
+    assert found.parameters[2:] == (
+        "diagram: top_dead_centre", "diagram: pressure_offset", "diagram: pressure_gain",
+        "diagram: lift_gain",
+    )  # fmt: skip
 
 
 @pytest.mark.slow
