@@ -12,7 +12,6 @@ from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
@@ -137,8 +136,3 @@ class AbstractMeasurement(abc.ABC):
 def usual(name: str, given: Mapping[str, float], default: float) -> float:
     """The standard deviation of a quantity."""
     return float(given.get(name, default))
-
-
-def nothing(count: int) -> NDArray:
-    """(count,) values that were not measured."""
-    return np.full(count, np.nan)

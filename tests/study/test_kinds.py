@@ -226,7 +226,7 @@ def test_sensors_have_constants_of_their_own():
 
 @pytest.mark.slow
 def test_an_indicator_diagram_tells_clearance_and_ports():
-    """Pressure and lift of the suction valve, by sensors with an offset, a gain and a late dead centre."""
+    """Pressure and a lift by sensors with an offset, a gain and a late dead centre."""
     machine = machine_of(load("r600a-8cc"))
     names = ("gas.clearance_ratio", "gas.suction_valve.flow_coefficient")
     now = [float(variable(machine, name).current(machine)) for name in names]
