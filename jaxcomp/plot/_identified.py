@@ -125,7 +125,7 @@ def _map(found: Identification, name: str, quantity: str) -> Figure:
     ]).round(2)  # fmt: skip
     figure, ax = style.single((7.2, 4.8), f"{name}: {look.label}, with 95 % intervals")
     for place, (at, speed) in enumerate(sorted(set(map(tuple, lines.T.tolist())))):
-        mine = ((at, speed) == lines.T).all(axis=1)
+        mine = np.all(np.array([at, speed]) == lines.T, axis=1)
         order = np.flatnonzero(mine)[np.argsort(x[mine])]
         tint = style.tint(place)
         label = f"{at:.4g} \N{DEGREE SIGN}C" if place < _FEW else None

@@ -324,11 +324,13 @@ def sampled(
                 (fall > 1e-4 * values[what], "rises with the condensing temperature"),
             ):
                 if wrong.any():
-                    at = ", ".join(
+                    places = ", ".join(
                         f"{s - ZERO:.4g}/{d - ZERO:.4g} C"
                         for s, d in zip(S[wrong], D[wrong], strict=True)
                     )
-                    bends.append(f"the polynomial of {what} {text} at {at}: it bends the wrong way")
+                    bends.append(
+                        f"the polynomial of {what} {text} at {places}: it bends the wrong way"
+                    )
     conditions = {"evaporating": S, "condensing": D}
     if speed is not None:
         conditions["speed"] = np.full(S.size, speed)

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 from .._core.files import regular
 from ..machine import Machine
-from ..study import Identification
+from ..study import Identification, by_name, variable
 from ..study.tolerance import Within, within
 from ._text import SceneError, reading, toml_tables
 from ._units import to_si

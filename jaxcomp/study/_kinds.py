@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -148,7 +148,7 @@ class Trace(AbstractMeasurement):
             else:
                 orbit = solve_orbit(here, throw=False)
                 ok = orbit.converged
-            at, cycle = angles - own["top_dead_centre"], orbit.cycle
+            at, cycle = angles - own["top_dead_centre"], cast(Any, orbit.cycle)
             out = []
             for name in self.quantities:
                 if name == "speed":
@@ -432,7 +432,7 @@ class VibrationTest(AbstractMeasurement):
         ):
             at = np.flatnonzero(chosen)
             kinds |= {name: Kind("m", name == "vibration")} if at.size else {}
-            measured = (value.real, value.imag, self.amplitude)[n][at]
+            measured = (np.real(value), np.imag(value), self.amplitude)[n][at]
             parts.append((
                 [name] * at.size, point[at], n * len(pairs) + row[at], measured,
                 (own if n == 2 else whole)[at],
