@@ -3,13 +3,16 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import read_json
+from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, solve_orbit
+from jaxcomp.cli import app
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.machine import machine_of
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.measured import read_measurement
-from jaxcomp.scene.tolerances import identified_tolerances, read_tolerance_file
+from jaxcomp.scene.tolerances import identified_tolerances, read_tolerance_file, tolerances_of
 from jaxcomp.study import (
     AnalysisOptions,
     DesignResult,
@@ -128,6 +131,34 @@ def test_points_that_were_not_measured(machine, table):
     assert said.value[0] == pytest.approx(float(real.orbit.motor_power), rel=1e-9)
     assert said.model_sd[0] > 0
     assert said.half_width[0] > 1.9 * said.model_sd[0]
+
+
+def test_the_command_identifies_and_predicts(machine, truth, table, tmp_path):
+    file, ahead, out = (tmp_path / name for name in ("losses.csv", "ahead.csv", "found"))
+    heads = ["motor.mean_speed [rad/s]", "loss_power.wall [W]", "motor_power [W]"]
+    rows = [(s, row[0], row[2]) for (s,), row in zip(table.settings, table.measured, strict=True)]
+    file.write_text(
+        "\n".join([",".join(heads), *(",".join(map(repr, map(float, r))) for r in rows)])
+    )
+    ahead.write_text("motor.mean_speed [rpm],motor_power [kW]\n1000,1\n")
+    given = ["identify", "mayekawa-wbhe", "--data", str(file), "--vary", WALL, "--vary", PIN]
+    more = ["--predict", str(ahead), "--sd", "motor_power=0.5%", "--json", "--out", str(out)]
+    done = CliRunner().invoke(app, [*given, *more, "--starts", "1"])
+    assert done.exit_code == 0, done.output
+    result = read_json(done.stdout)
+    values = {one["name"]: one["estimate"] for one in result["parameters"]}
+    # the readings are exact and the fit stops at 1e-6 of chi-square
+    assert values[WALL] == pytest.approx(truth[WALL], rel=1e-3)
+    assert values[PIN] == pytest.approx(truth[PIN], rel=1e-2)
+    assert result["predicted"]["quantity"] == ["motor_power"]
+    assert 0 < result["predicted"]["model_sd"][0] < 0.02 * result["predicted"]["value"][0]
+    again = load(out / "scene.toml")
+    assert again.sources[WALL].startswith("identified from losses.csv, ")
+    texts, _ = read_tolerance_file(out / "tolerances.toml")
+    assert set(tolerances_of(again.machine, texts)) == {WALL, PIN}
+    for name in ("identified.json", "readings.csv", "predicted.csv", "identified_motor_power.png",
+                 "identified_pairs.png"):  # fmt: skip
+        assert (out / name).exists(), name
 
 
 def test_an_interrupt_leaves_the_best_so_far(machine, table):
