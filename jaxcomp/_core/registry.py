@@ -228,6 +228,7 @@ DESIGN_RULES = {
     "stroke_bore_ratio": "Twice the crank radius over the bore, at fixed displacement.",
     "offset": "Cylinder axis at y = offset from the crank axis.",
     "piston_clearance": "Radial clearance of the piston's oil film (no leakage).",
+    "similar_swept_volume": "Swept volume of a similar machine: lengths, areas, masses follow.",
 }
 
 

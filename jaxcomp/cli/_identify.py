@@ -1,22 +1,25 @@
-"""`jaxcomp identify`: constants of a machine from its rated points, and the points not measured."""
+"""`jaxcomp identify`: constants of a machine from its measurements, and the points not measured."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from .._core.display import shown
-from ._arguments import assignments, changed_scene, si
+from ._arguments import assignments, changed_scene, si, speed_of
 from ._map import axis
 from ._options import AsJson, Machine, Out, Sets
-from ._output import hand_out, plain
+from ._output import Partial, hand_out, plain
 from ._start import CommandError, reports_errors, start_jax, waiting
 from ._tables import row_table
 
 Loss = Literal["linear", "soft_l1", "huber"]
+# Readings of a quantity that are printed one by one.
+_MOST = 60
 # How far a point of --fit-at may lie from one of the data [K].
 _SAME = 0.05
 
@@ -25,7 +28,7 @@ _SAME = 0.05
 def identify(
     machine: Machine,
     data: Annotated[list[Path], typer.Option()],
-    vary: Annotated[list[str], typer.Option()],
+    vary: list[str] | None = None,
     prior: list[str] | None = None,
     sd: list[str] | None = None,
     fit_at: str | None = None,
@@ -33,6 +36,7 @@ def identify(
     evaporating: str | None = None,
     condensing: str | None = None,
     speed: str | None = None,
+    predict: Path | None = None,
     loss: Loss = "linear",
     starts: int = 3,
     seed: int = 0,
@@ -40,16 +44,27 @@ def identify(
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
-    """Identify constants of a compressor with valves from its map, and predict the points held out.
+    """Identify constants of a machine from measurements, and predict the points held out.
 
-    Prints the constants with their standard errors, what cannot be told apart, measured against
-    computed, and what is not to be trusted. --out also takes the identified machine, as scene.toml.
+    Measurements are points of a map, readings over the crank angle, tables of any quantities, modal tests
+    and vibration, of one kind or several. Prints the constants with their standard errors, what cannot
+    be told apart, measured against computed, and what is not to be trusted. --out also takes the
+    identified machine, as scene.toml, its covariance in identified.json, and tolerances.toml, with which
+    `tolerance` draws such machines.
 
-    Example: [bold]jaxcomp identify semi-hermetic-200cc map.csv --vary mechanism.bore --vary
-    gas.clearance_ratio=1%:10% --prior gas.clearance_ratio=4%+-1% --hold-out 4 --out found[/bold]
+    Without --vary the machine is taken for one of the same kind that is known by its map alone: a similar
+    one of the size that the flow wants, of which size, clearance, flow areas, leakage, heating and losses
+    are fitted with wide priors.
+
+    Example: [bold]jaxcomp identify semi-hermetic-200cc --data map.csv --hold-out 4 --out found[/bold]
+
+    Of chosen constants: [bold]jaxcomp identify r600a-8cc --data map.csv --data diagram.csv --vary
+    gas.clearance_ratio=1%:10% --prior gas.clearance_ratio=2%+-0.5% --vary
+    gas.*_valve.flow_coefficient=0.5:1.5[/bold]
 
     Args:
-        data (FILE): CSV of readings, or of a maker's polynomials.
+        data (FILE): CSV of readings, or of a maker's polynomials; UFF of a modal test; or the name of a
+            bundled map, such as 06dm313_r22. Repeatable.
         vary (PATH=LO:HI): Constant and its bounds, half to twice its value if left out; a pattern such as
             gas.*_valve.port_diameter=0.7:1.5 varies a common factor. Repeatable.
         prior (PATH=VALUE+-SD): What is known of a constant beforehand. Repeatable.
@@ -59,7 +74,9 @@ def identify(
         hold_out (N): So many points, drawn at random, are held out.
         evaporating (FROM:TO:COUNT): Where to take polynomials, degrees Celsius, or a list.
         condensing (FROM:TO:COUNT): The same.
-        speed (SPEED): At which to take polynomials with speed, such as 50 Hz.
+        speed (SPEED,SPEED): At which to take polynomials with speed, such as 50 Hz; for others the speed
+            of the machine.
+        predict (FILE): Points to predict with intervals, in a file as those of the data.
         loss: Of the readings; soft_l1 and huber give little to outliers.
         starts (N): Beginnings of the fit; the first is the machine as it is.
         seed (N): Of what is drawn.
@@ -69,38 +86,51 @@ def identify(
         for text, name in ((evaporating, "evaporating"), (condensing, "condensing"))
     ]
     start_jax()
-    import numpy as np
 
-    from ..scene.readings import identified_scene, read_readings
-    from ..study import identify, joined
+    from ..scene.measured import read_measurement
+    from ..scene.readings import identified_scene
+    from ..scene.tolerances import identified_tolerances
+    from ..study import identify
 
-    turning = None if speed is None else si(speed.replace("Hz", "turn/s"), "rad/s", "--speed")
-    scene = changed_scene(machine, sets, varied=vary)
-    readings = [read_readings(one, *over, turning) for one in data]
-    bounds, known = _bounds(scene, vary), _priors(scene, prior)
-    points = joined(readings)
-    held = _held_out(points, fit_at)
-    if hold_out:
-        if held:
-            raise CommandError("--hold-out and --fit-at: give one of the two")
-        count = points.evaporating.size
-        if not 0 < hold_out < count:
-            raise CommandError(
-                f"--hold-out {hold_out}: must be from 1 to {count - 1} of the points"
-            )
-        held = np.random.default_rng(seed).choice(count, hold_out, replace=False).tolist()
-    with waiting("Solving the points (the first time they are compiled as well) ..."):
+    scene = changed_scene(machine, sets, varied=vary or ())
+    speeds = [None] if speed is None else [speed_of(one, "--speed") for one in speed.split(",")]
+    data_sets = [
+        read_measurement(one, scene.machine, *over, turning) for one in data for turning in speeds
+    ]
+    bounds, known = _bounds(scene, vary or ()), {}
+    if not vary:
+        scene, bounds, known = _by_recipe(scene, data_sets)
+    known |= _priors(scene, prior)
+    held = _held_out(data_sets, fit_at, hold_out, seed)
+    ahead = None if predict is None else read_measurement(predict, scene.machine, *over, speeds[0])
+    partial = Partial(out, "evaluations")
+
+    def keep(estimate, chi_square):
+        names = list(bounds)
+        columns = {"constant": names, "value, SI": estimate[: len(names)].tolist()}
+        partial.keep(columns, f"chi-square {chi_square:.4g}")
+
+    with waiting("Solving the points (the first time they are compiled as well) ...") as status:
+
+        def progress(text: str) -> None:
+            if status is not None:
+                status.update(f"{text} ...")
+
         found = identify(
             scene,
-            readings,
+            data_sets,
             bounds,
             known,
-            sd=_deviations(sd),
+            sd=_deviations(data_sets, sd),
             hold_out=held,
             loss=loss,
             starts=starts,
             seed=seed,
+            progress=progress,
+            keep=keep,
         )
+        said = None if ahead is None else found.predict(ahead)
+    partial.done()
     result = {"machine": scene.name, "file": scene.file, "source": found.source, **as_dict(found)}
 
     def figures():
@@ -108,9 +138,16 @@ def identify(
 
         return identification_figures(found, scene.name)
 
-    curves = {"readings": found.columns}
+    curves: dict[str, Any] = {"readings": found.columns}
     tables = list(identification_tables(found, scene.name))
+    if said is not None:
+        tables += prediction_tables(*said)
+        curves["predicted"] = prediction_columns(*said)
+        result["predicted"] = plain(curves["predicted"])
     hand_out(result, tables, as_json, out, figures, identified_scene(scene, found), curves)
+    if out is not None:
+        (out / "identified.json").write_text(json.dumps(as_dict(found), indent=1), encoding="utf-8")
+        (out / "tolerances.toml").write_text(identified_tolerances(found), encoding="utf-8")
 
 
 def as_dict(found) -> dict[str, Any]:
@@ -141,8 +178,6 @@ def as_dict(found) -> dict[str, Any]:
 
 def identification_tables(found, name: str) -> Iterator[Any]:
     """Constants, readings, points held out, and what is not to be trusted."""
-    from ..study import MEASURED
-
     shares = ("" if x != x else f"{x:.0%}" for x in found.prior_share.tolist())
     columns = (found.start, found.estimate, found.standard_error)
     rows = [
@@ -157,36 +192,83 @@ def identification_tables(found, name: str) -> Iterator[Any]:
     yield f"{chi}, p = {float(found.p_value):.2g}."
     for quantity in found.quantities:
         mine, error = found.of(quantity), found.error(quantity)
-        unit, relative, *_ = MEASURED[quantity]
-        look = shown(quantity, unit, found.measured)
+        if mine.sum() > _MOST:
+            continue
+        unit, relative = found.kinds[quantity]
+        look = shown(quantity, unit, found.measured[mine])
         lines = zip(
-            found.evaporating[mine].tolist(),
-            found.condensing[mine].tolist(),
-            found.measured[mine].tolist(),
-            found.computed[mine].tolist(),
+            [name for name, one in zip(found.names, mine, strict=True) if one],
+            *(getattr(found, key)[mine].tolist() for key in ("measured", "computed")),
             error.tolist(),
             found.half_width[mine].tolist(),
             found.used[mine].tolist(),
             strict=True,
         )
-        off = (lambda x: f"{100 * x:+.2f} %") if relative else (lambda x: f"{x:+.2f} K")
         cells = [
-            (f"{s - 273.15:.4g}", f"{d - 273.15:.4g}", *(f"{x * look.factor:.5g}" for x in (m, c)),
-             off(e), f"{h * look.factor:.2g}", "fitted" if used else "predicted")
-            for s, d, m, c, e, h, used in lines
+            (at, *(f"{x * look.factor:.5g}" for x in (m, c)),
+             _error(e, unit, relative, look), f"{h * look.factor:.2g}", "fitted" if used else "predicted")
+            for at, m, c, e, h, used in lines
         ]  # fmt: skip
-        heads = ("Evap., °C", "Cond., °C", "Measured", "Computed", "Error", "95 %, +-", "")
+        heads = ("Point", "Measured", "Computed", "Error", "95 %, +-", "")
         yield row_table(look.label, heads, cells)
+    for quantity in found.quantities:
+        error, unit = found.error(quantity)[found.used[found.of(quantity)]], found.kinds[quantity]
+        if error.size > _MOST:
+            look = shown(quantity, unit.unit, found.measured[found.of(quantity)])
+            size = _error(float((error**2).mean() ** 0.5), *unit, look)
+            yield f"{look.label}: {error.size} readings, RMS error {size.lstrip('+')}."
     rows = []
     for quantity, held in found.held_out.items():
-        relative = MEASURED[quantity][1]
-        size = [f"{100 * x:.2f} %" if relative else f"{x:.2f} K" for x in (held.rms, held.largest)]
+        look = shown(quantity, found.kinds[quantity].unit, found.measured[found.of(quantity)])
+        both = (held.rms, held.largest)
+        size = [_error(x, *found.kinds[quantity], look).lstrip("+") for x in both]
         rows.append((quantity, str(held.count), *size, f"{held.inside:.0%}"))
     if rows:
         heads = ("Points not fitted", "Count", "RMS", "Largest", "Inside 95 %")
         yield row_table("Predicted", heads, rows)
     for note in found.notes:
         yield f"[yellow]Note:[/yellow] {note}."
+
+
+def _error(value: float, unit: str, relative: bool, look) -> str:
+    if relative:
+        return f"{100 * value:+.2f} %"
+    return f"{value:+.2f} K" if unit == "K" else f"{value * look.factor:+.3g}"
+
+
+def prediction_columns(entries, said) -> dict[str, Any]:
+    """Predictions, a row each; numbers in the SI units of their quantities."""
+    return {
+        "quantity": list(entries.quantity),
+        "point": list(entries.names),
+        "unit": [entries.kinds[name].unit for name in entries.quantity],
+        "value": said.value,
+        "model_sd": said.model_sd,
+        "half_width": said.inflated,
+    }
+
+
+def prediction_tables(entries, said) -> Iterator[Any]:
+    """Predictions with their intervals."""
+    rows = []
+    for n, name in enumerate(entries.quantity):
+        look = shown(name, entries.kinds[name].unit, said.value[n : n + 1])
+        cells = (f"{x * look.factor:.5g}" for x in (said.value[n], said.inflated[n]))
+        rows.append((entries.names[n], look.label, *cells))
+    yield row_table("Predicted", ("Point", "Quantity", "Value", "95 %, +-"), rows, texts=2)
+
+
+def _by_recipe(scene, data_sets):
+    """The scene of a similar machine of the right size, what is varied of it, and priors."""
+    from ..scene import with_machine
+    from ..study import Readings, map_recipe
+
+    maps = [one for one in data_sets if isinstance(one, Readings)]
+    if not maps:
+        raise CommandError("--vary: is missing; only a map can do without")
+    made = map_recipe(scene, maps)
+    source = f"similar to {scene.name}, of the size that the flow wants"
+    return with_machine(scene, made.machine, source), made.vary, made.prior
 
 
 def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
@@ -219,27 +301,50 @@ def _priors(scene, texts) -> dict[str, tuple[float, float]]:
     return out
 
 
-def _deviations(texts) -> dict[str, float]:
+def _deviations(data_sets, texts) -> dict[str, float]:
     from .._core.words import one_of
-    from ..study import MEASURED
 
+    known = list(dict.fromkeys(name for one in data_sets for name in one.names_of_sd))
+    relative = {
+        name: kind.relative for one in data_sets for name, kind in one.entries({}).kinds.items()
+    }
     out = {}
     for name, given in assignments(texts, "--sd").items():
-        if name not in MEASURED:
-            raise CommandError(f"--sd {name}: must be {one_of(name, MEASURED)}")
-        out[name] = si(given, "" if MEASURED[name][1] else "K", f"--sd {name}", difference=True)
+        if name not in known:
+            raise CommandError(f"--sd {name}: must be {one_of(name, known)}")
+        unit = "K" if name.endswith("temperature") and not relative.get(name, True) else ""
+        out[name] = si(given, unit, f"--sd {name}", difference=True)
     return out
 
 
-def _held_out(points, fit_at: str | None) -> list[int]:
-    """Rows that are not in the list of points to fit."""
+def _held_out(data_sets: Sequence[Any], fit_at: str | None, hold_out: int, seed: int) -> list[int]:
+    """Points that are not fitted, counted over all files."""
     import numpy as np
 
+    counts = [len(set(one.entries({}).point.tolist())) for one in data_sets]
+    if fit_at is not None:
+        if hold_out:
+            raise CommandError("--hold-out and --fit-at: give one of the two")
+        return _not_named(data_sets, counts, _named(data_sets, fit_at))
+    if not hold_out:
+        return []
+    if not 0 < hold_out < sum(counts):
+        last = sum(counts) - 1
+        raise CommandError(f"--hold-out {hold_out}: must be from 1 to {last} of the points")
+    return np.random.default_rng(seed).choice(sum(counts), hold_out, replace=False).tolist()
+
+
+def _named(data_sets: Sequence[Any], fit_at: str) -> Any:
+    """[K] (n, 2) evaporating and condensing temperatures of `--fit-at`."""
+    import numpy as np
+
+    from ..study import Readings
     from ..study.rating import ZERO
 
-    if fit_at is None:
-        return []
-    used = set()
+    maps = [one for one in data_sets if isinstance(one, Readings)]
+    if not maps:
+        raise CommandError("--fit-at: needs points of a map in --data")
+    used = []
     for text in fit_at.split(","):
         try:
             s, d = (float(one) + ZERO for one in text.split("/"))
@@ -247,11 +352,28 @@ def _held_out(points, fit_at: str | None) -> list[int]:
             raise CommandError(
                 f"--fit-at {text}: must be EVAPORATING/CONDENSING, as -5/30"
             ) from None
-        near = np.hypot(points.evaporating - s, points.condensing - d)
-        if near.min() > _SAME:
-            closest = points.names[int(near.argmin())]
+        near = [np.hypot(one.evaporating - s, one.condensing - d) for one in maps]
+        best = min(range(len(maps)), key=lambda n: near[n].min())
+        if near[best].min() > _SAME:
+            closest = maps[best].names[int(near[best].argmin())]
             raise CommandError(
                 f"--fit-at {text}: is no point of the data; the closest is {closest}"
             )
-        used |= set(np.flatnonzero(near <= _SAME).tolist())
-    return [row for row in range(points.evaporating.size) if row not in used]
+        used.append((s, d))
+    return np.array(used)
+
+
+def _not_named(data_sets: Sequence[Any], counts: Sequence[int], used: Any) -> list[int]:
+    """Points of maps that are not among those used; the other kinds are all fitted."""
+    import numpy as np
+
+    from ..study import Readings
+
+    held, first = [], 0
+    for one, count in zip(data_sets, counts, strict=True):
+        if isinstance(one, Readings):
+            at = np.stack([one.evaporating, one.condensing], axis=-1)
+            far = np.linalg.norm(at[:, None] - used, axis=-1).min(axis=1) > _SAME
+            held += (first + np.flatnonzero(far)).tolist()
+        first += count
+    return held

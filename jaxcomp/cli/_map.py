@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import typer
 
 from .._core.display import shown
 from ._arguments import assignments, changed_scene, with_one_unit
@@ -15,7 +17,8 @@ from ._tables import row_table
 # Temperatures of a map on each side.
 _MOST = 100
 # What the gas that comes and the liquid before the expansion are; see `jaxcomp.study.rating.RATINGS`.
-Standard = Literal["file", "ashrae", "en12900", "en12900-superheat", "ahri540"]
+Standard = Literal["file", "ashrae", "en12900", "en12900-superheat", "ahri540", "cecomaf"]
+Form = Literal["csv", "energyplus", "tespy"]
 
 
 @reports_errors
@@ -27,6 +30,7 @@ def rating_map(
     coefficients: Literal["10", "20", "30"] = "10",
     speeds: str | None = None,
     cycle: CycleOption = None,
+    form: Annotated[Form, typer.Option("--format")] = "csv",
     sets: Sets = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -41,10 +45,12 @@ def rating_map(
         evaporating (FROM:TO:COUNT): Evaporating dew temperatures, degrees Celsius.
         condensing (FROM:TO:COUNT): Condensing dew temperatures, degrees Celsius.
         rating: Return gas and liquid: those of the file, ASHRAE (both 32.2 C), EN 12900 (return gas 20
-            C or superheat 10 K) or AHRI 540 (18.3 C).
+            C or superheat 10 K), AHRI 540 (18.3 C) or CECOMAF (32 C).
         coefficients: Of the polynomial in coefficients.csv of --out; 20 and 30 are over --speeds as well.
         speeds (SPEED,SPEED): Mean speeds for 20 and 30 coefficients, at least three; tables and
             pictures are those of the first.
+        form: Of the file of coefficients: CSV as in AHRI 540 and EN 12900, objects of EnergyPlus,
+            or the polynomials of TESPy's PolynomialCompressor; `identify` reads all of them.
     """
     over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
     start_jax()
@@ -74,7 +80,8 @@ def rating_map(
     if out is not None and found.coefficients:
         from ..scene.readings import polynomial_text, rating_metadata
 
-        text = polynomial_text(maps, int(coefficients), rating_metadata(scene, rating))
+        told = rating_metadata(scene, rating)
+        text = polynomial_text(maps, int(coefficients), told, form, scene.as_compressor())
     keys = (
         "evaporating", "condensing", "ok", "values", "coefficients", "fit_error", "polynomial_error",
     )  # fmt: skip
@@ -94,7 +101,9 @@ def rating_map(
     curves = {"map": found.columns}
     hand_out(result, map_tables(found, scene.name), as_json, out, figures, scene, curves)
     if out is not None and text is not None:
-        (out / "coefficients.csv").write_text(text, encoding="utf-8")
+        from ..scene.readings import FORMATS
+
+        (out / FORMATS[form]).write_text(text, encoding="utf-8")
 
 
 def map_tables(found, name: str):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
@@ -17,7 +18,7 @@ from ._arguments import assignments, changed_scene
 from ._options import AsJson, Machine, Out, Sets, Speed, Speeds
 from ._output import hand_out, plain
 from ._rotor import header, points_and_range, pull_row, rotor_of, whirl
-from ._start import CommandError, refuse, reports_errors, start_jax, waiting
+from ._start import CommandError, reports_errors, start_jax, waiting
 from ._tables import Markup, row_table
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 _HERTZ = 1 / (2 * math.pi)
 # Damping above which no response has a peak.
 _NO_PEAK = math.sqrt(0.5)
-# Frequencies closer than this, relative, are one pair of an axisymmetric rotor.
-_PAIR = 1e-3
 
 
 @reports_errors
@@ -235,14 +234,14 @@ def update(
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
-    """Fit numbers of a rotor, such as elastic moduli or springs, to a modal test.
+    """Fit numbers of a rotor to a modal test; `identify` does it with any other measurements as well.
 
     Example: [bold]jaxcomp update hermetic-68cc modes.csv --variable rotor.shafts.5.outer_diameter
     [/bold]
 
     Args:
         measured: CSV with a column "frequency [Hz]" and, where not the lowest ones were measured,
-            "mode", counted from 1 with every pair of equal frequencies as one.
+            "mode", counted from 1 with every pair of equal frequencies as one; or UFF with data set 55.
         variable (PATH): Numbers that get one common factor, e.g. rotor.shafts.5.young_modulus, or one
             of a list, e.g. rotor.shafts.5.outer_diameter.0. Repeatable.
         within (LOW:HIGH): Bounds of every factor.
@@ -255,107 +254,79 @@ def update(
         raise CommandError(f"--range {within}: must have the form low:high") from None
     if not 0 < low < 1 < high < float("inf"):
         raise CommandError(f"--range {within}: must be positive and hold the factor 1")
-    frequencies, numbers = read_frequencies(measured)
     start_jax(once=True)
+    from ..scene.measured import read_measurement
+    from ..scene.readings import identified_scene
+    from ..study import ModalTest
+
     scene = changed_scene(machine, sets)
-    model = rotor_of(scene)
+    rotor_of(scene)
+    test = read_measurement(measured, scene.machine)
+    if not isinstance(test, ModalTest):
+        raise CommandError(f'{measured}: must have a column "frequency [Hz]" and a line below it')
+    test = dataclasses.replace(test, free=test.free and not held)
     with waiting("Fitting (the first time it is compiled as well) ..."):
-        result, scene = update_result(
-            scene, model, variable, frequencies, numbers, (low, high), not held, regularisation
-        )
+        result, found = update_result(scene, test, variable, (low, high), regularisation)
     result["set"] = assignments(sets, "--set")
 
     def figures():
         return {"rotor": jc.plot.rotor_drawing(rotor_of(scene))}
 
+    scene = identified_scene(scene, found)
     hand_out(result, update_tables(result), as_json, out, figures, scene)
-
-
-def read_frequencies(file: Path) -> tuple[list[float], list[int]]:
-    """[rad/s] Measured frequencies, rising, and which of the distinct ones they are, from 1."""
-    rows = jc.scene.read_cells(file)
-    names = [cell.strip() for cell in rows[0]] if rows else []
-    if "frequency [Hz]" not in names or len(rows) < 2:
-        raise CommandError(f'{file}: must have a column "frequency [Hz]" and a line below it')
-    found = []
-    for number, row in enumerate(rows[1:], 1):
-        cells = dict(zip(names, row, strict=False))
-        try:
-            value = float(cells["frequency [Hz]"])
-            mode = int(cells["mode"]) if "mode" in names else number
-        except (KeyError, ValueError):
-            raise CommandError(f"{file}: line {number + 1}: must hold numbers") from None
-        if not (0 < value < 1e12 and mode > 0):
-            raise CommandError(f"{file}: line {number + 1}: must be above zero")
-        found.append((mode, 2 * math.pi * value))
-    refuse(len({mode for mode, _ in found}) < len(found), f"{file}: mode: is named twice")
-    found.sort()
-    return [value for _, value in found], [mode for mode, _ in found]
 
 
 def update_result(
     scene: jc.scene.Scene,
-    model: jc.rotor.RotorModel,
+    test: Any,
     paths: Sequence[str],
-    measured: Sequence[float],
-    modes: Sequence[int],
     bounds: tuple[float, float],
-    free: bool,
     regularisation: float,
-) -> tuple[dict[str, Any], jc.scene.Scene]:
-    """The fit, and the scene with the fitted numbers."""
-    import equinox as eqx
-    import jax.numpy as jnp
+) -> tuple[dict[str, Any], Any]:
+    """The fit, and the identification that it is."""
     import numpy as np
 
-    places = [_place(model, path) for path in paths]
-    many = min(2 * max(modes) + 12, jc.rotor.prepare(model).layout.size)
-    first = np.asarray(jc.rotor.undamped_modes(model, many, free=free).frequency)
-    elastic = np.flatnonzero(first > 1e-3 * first.max())
-    apart = np.append(True, np.diff(first[elastic]) > _PAIR * first[elastic][1:])
-    distinct = elastic[apart]
-    if max(modes) > len(distinct):
-        raise CommandError(f"mode {max(modes)}: the rotor has {len(distinct)} distinct frequencies")
-    numbers = tuple(int(distinct[mode - 1]) for mode in modes)
+    from ..study import identify, varied
 
-    def insert(model, factors):
-        for (get, index), factor in zip(places, factors, strict=True):
-            value = get(model)
-            value = value * factor if index is None else value.at[index].multiply(factor)
-            model = eqx.tree_at(get, model, value)
-        return model
-
-    one = jnp.ones(len(places))
-    fit = jc.rotor.fit_frequencies(
-        model, insert, one, bounds[0] * one, bounds[1] * one, measured, numbers,
-        free=free, regularisation=regularisation,
+    vary, prior = {}, {}
+    for path in paths:
+        if not path.startswith("rotor."):
+            raise CommandError(
+                f"--variable {path}: must begin with rotor, such as rotor.shafts.0.length"
+            )
+        now = float(varied(scene.machine, path).current(scene.machine))
+        vary[path] = (bounds[0] * now, bounds[1] * now)
+        if regularisation:
+            # a relative error of the frequencies weighs as much as a range of the factor over it
+            prior[path] = (now, test.USUAL * (vary[path][1] - vary[path][0]) / regularisation)
+    found = identify(scene, test, vary, prior, starts=1)
+    start, estimate = np.asarray(found.start), np.asarray(found.estimate)
+    before, _ = found.study(start, [0])
+    mine = found.of("frequency")
+    columns = (
+        test.modes, found.measured[mine], before[mine], found.computed[mine],
+        found.error("frequency"),
     )  # fmt: skip
-    variables, changes = [], {}
-    for path, (get, index), factor, bound in zip(
-        paths, places, fit.parameters, fit.at_bound, strict=True
-    ):
-        before, after = (np.asarray(get(m)) for m in (model, fit.model))
-        if index is not None:
-            before, after = before[index], after[index]
-        field = path if index is None else path.rpartition(".")[0]
-        changes[field] = _entry(fit.model, field)
-        variables.append(
-            {"path": path, "factor": factor, "before": before, "after": after, "at_bound": bound}
-        )
-    columns = (modes, measured, first[list(numbers)], fit.frequency, fit.error)
     keys = ("mode", "measured", "before", "after", "error")
     result = {
         "machine": scene.name,
         "file": scene.file,
         "version": version("jaxcomp"),
-        "free": free,
-        "variables": variables,
+        "free": test.free,
+        "variables": [
+            {"path": path, "factor": after / first, "before": first, "after": after,
+             "standard_error": error, "at_bound": held}
+            for path, first, after, error, held in zip(
+                found.parameters, start.tolist(), estimate.tolist(),
+                found.standard_error.tolist(), found.fit.at_bound.tolist(), strict=True,
+            )
+        ],
         "modes": [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)],
-        "converged": fit.converged,
-        "steps": fit.steps,
-    }
-    source = "fitted to measured natural frequencies"
-    return plain(result), jc.scene.with_values(scene, changes, source)
+        "converged": found.fit.converged,
+        "steps": found.fit.steps,
+        "notes": list(found.notes),
+    }  # fmt: skip
+    return plain(result), found
 
 
 def update_tables(result: dict[str, Any]) -> Iterator[Any]:
@@ -374,51 +345,3 @@ def update_tables(result: dict[str, Any]) -> Iterator[Any]:
     status = "converged" if result["converged"] else Markup("[bold red]not converged")
     solver = ("Solver", status, f"{result['steps']} steps")
     yield row_table(None, ("Fitted", "Factor", ""), [*fitted, solver], texts=3)
-
-
-def _entry(model: jc.rotor.RotorModel, path: str):
-    """Numbers of the rotor as an entry of a scene file, with their unit."""
-    from .._core.fields import quantities
-
-    part: Any = model
-    name = path.rpartition(".")[2]
-    for step in path.split(".")[1:-1]:
-        part = part[int(step)] if isinstance(part, tuple) else getattr(part, step)
-    unit = dict(quantities(part))[name].metadata["unit"]
-    values = getattr(part, name).tolist()
-    return {"value": values, "unit": unit} if unit else values
-
-
-def _place(model: jc.rotor.RotorModel, path: str):
-    """Function that picks the numbers of a path out of the rotor, and the index of one of them."""
-    import equinox as eqx
-
-    steps = path.split(".")
-    if steps[0] != "rotor" or len(steps) < 2:
-        raise CommandError(
-            f"--variable {path}: must begin with rotor, such as rotor.shafts.0.length"
-        )
-    here: Any = model
-    index, walked = None, []
-    for step in steps[1:]:
-        try:
-            if eqx.is_array(here):
-                if index is not None:
-                    raise IndexError
-                index = int(step)
-                here[index]
-                if not 0 <= index < len(here):
-                    raise IndexError
-                continue
-            walked.append(int(step) if isinstance(here, tuple) else step)
-            here = here[walked[-1]] if isinstance(here, tuple) else getattr(here, step)
-        except (AttributeError, IndexError, ValueError, TypeError):
-            raise CommandError(f"--variable {path}: {step} leads to nothing") from None
-    refuse(not eqx.is_inexact_array(here), f"--variable {path}: leads to no numbers")
-
-    def get(model):
-        for step in walked:
-            model = model[step] if isinstance(step, int) else getattr(model, step)
-        return model
-
-    return get, index

@@ -215,6 +215,7 @@ TABLES: dict[str, Table] = {
         "covariance": Said("in the units of the parameters"),
         **_pure("chi_square", "freedom", "p_value"),
         "held_out": _pure("points", "error_rms", "largest_error", "share_inside"),
+        "predicted": _of(_BESIDE, "value", "model_sd", "half_width"),
     },
     "modes": {
         **_ROTOR,
@@ -223,7 +224,7 @@ TABLES: dict[str, Table] = {
         "campbell": {"speeds": "rad/s", **_MODES, "critical_speeds": {"speed": "rad/s", **_MODES}},
     },
     "update": {
-        "variables": {"factor": "", **_of(_OF_NUMBER, "before", "after")},
+        "variables": {"factor": "", **_of(_OF_NUMBER, "before", "after", "standard_error")},
         "modes": _of("rad/s", "measured", "before", "after") | _pure("mode", "error"),
         "steps": "",
     },

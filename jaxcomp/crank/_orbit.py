@@ -187,6 +187,19 @@ class Orbit(Result, eqx.Module):
             return compressor
         return replaced(compressor, gas=self.cycle.gas())
 
+    def speed_at(self, angle: Float[Array, " q"]) -> Float[Array, " q"]:
+        """[rad/s] of the crank at angles [rad], by the polynomial of the panel that they are on."""
+        x = self.state.angle.reshape(-1, self.panel_nodes)
+        y = self.state.speed.reshape(x.shape)
+        start = (x[-1, -1] - 2 * jnp.pi + x[0, 0]) / 2
+        at = start + jnp.mod(angle - start, 2 * jnp.pi)
+        panel = jnp.searchsorted((x[:-1, -1] + x[1:, 0]) / 2, at, side="right")
+        own = jnp.eye(self.panel_nodes, dtype=bool)
+        # Lagrange's form: factors over all nodes but the one that a value belongs to
+        over = jnp.where(own, 1.0, (at[:, None] - x[panel])[:, None, :])
+        apart = jnp.where(own, 1.0, x[panel][:, :, None] - x[panel][:, None, :])
+        return jnp.sum(y[panel] * jnp.prod(over / apart, axis=-1), axis=-1)
+
     @property
     def converged(self) -> Bool[Array, ""]:
         """Whether the solution can be relied on."""
@@ -419,8 +432,10 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
         before, isentropic = isentropic, cycle.mass_flow * rise
         before -= isentropic
     shaft = orbit.motor_power
-    efficiency = jnp.ones(()) if losses is None else losses.at(shaft / orbit.mean_speed)
-    electric = shaft / efficiency
+    electric = shaft
+    if losses is not None:
+        electric = shaft / losses.at(shaft / orbit.mean_speed) + losses.fixed_power
+    efficiency = shaft / (electric + (electric == 0))
     valves = [work[f"{valve} valve"] * cycle.frequency for valve in ("suction", "discharge")]
     known = [isentropic, before, *valves, work["leakage"] * cycle.frequency]
     # the orbit's quadrature of the gas work, so that the sum is exact

@@ -463,18 +463,28 @@ class SolvedPressure(AbstractGas):
 
     def pressure(self, stroke):
         if self.edges.ndim == 1:
-            return self.pressure_of(stroke)
+            return over_panels(self.edges, self.values, stroke.angle)
         own = jnp.broadcast_to(stroke.angle, (self.edges.shape[0], *stroke.angle.shape[1:]))
-        return jax.vmap(lambda one, angle: one.pressure_of(stroke._replace(angle=angle)))(self, own)
+        return jax.vmap(lambda one, angle: over_panels(one.edges, one.values, angle))(self, own)
 
-    def pressure_of(self, stroke):
-        start, count = self.edges[0], self.values.shape[1]
-        angle = start + jnp.mod(stroke.angle - start, 2 * jnp.pi)
-        panel = jnp.searchsorted(self.edges[1:-1], angle, side="right")
-        width = jnp.diff(self.edges)[panel]
-        x = (angle - self.edges[panel]) / jnp.where(width > 0, width, 1.0)
-        weights = jnp.moveaxis(legendre_columns(2 * x - 1, count), 0, -1) @ _to_series(count)
-        return jnp.sum(weights * self.values[panel], axis=-1)
+
+def over_panels(
+    edges: Float[Array, " p"], values: Float[Array, "p m"], angle: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """The polynomials of panels at crank angles of any revolution.
+
+    Args:
+        edges: [rad] (p + 1,) of one revolution.
+        values: (p, m) at the Gauss nodes and at the end of every panel.
+        angle: [rad]
+    """
+    start, count = edges[0], values.shape[1]
+    angle = start + jnp.mod(angle - start, 2 * jnp.pi)
+    panel = jnp.searchsorted(edges[1:-1], angle, side="right")
+    width = jnp.diff(edges)[panel]
+    x = (angle - edges[panel]) / jnp.where(width > 0, width, 1.0)
+    weights = jnp.moveaxis(legendre_columns(2 * x - 1, count), 0, -1) @ _to_series(count)
+    return jnp.sum(weights * values[panel], axis=-1)
 
 
 def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:

@@ -10,8 +10,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.results import Data, Result
 from .._core.status import Status
-from ._balance import Accounts
-from ._collocation import SolvedPressure, resolution, turning_margins
+from ._balance import Accounts, valve_scales
+from ._collocation import SolvedPressure, over_panels, resolution, turning_margins
 from ._cylinder import Case
 
 VALVES = ("suction", "discharge")
@@ -264,6 +264,18 @@ class Cycle(Result, eqx.Module):
         _, z, pressure = self.raw
         # all edges, since the valves' events are among them and the pressure swings between
         return SolvedPressure(z.edges, pressure, z.edges[1:-1], self.case.suction.p)
+
+    def pressure_at(self, angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """[Pa] at crank angles [rad]."""
+        _, z, pressure = self.raw
+        return over_panels(z.edges, pressure, angle)
+
+    def lift_at(self, angle: Float[Array, "*n"], discharge: bool) -> Float[Array, "*n"]:
+        """[m] of the suction valve, or of the discharge valve, at crank angles [rad]."""
+        _, z, _ = self.raw
+        which = int(discharge)
+        length, *_ = valve_scales(self.case, which)
+        return over_panels(z.edges, z.points[..., 2 + 3 * which], angle) * length
 
     @property
     def capacity(self) -> Float[Array, ""]:

@@ -23,6 +23,8 @@ class MotorEfficiency(Part):
     Args:
         efficiency: [-] (n,) at these torques; a single one holds at every torque.
         torque: [N m] (n,) rising; may be left out for a single efficiency.
+        fixed_power: [W] electric power that does not follow the load: of a converter, controls, a fan,
+            or iron losses, beside what the efficiency says.
 
     Raises:
         ValueError: lists of different lengths.
@@ -35,6 +37,9 @@ class MotorEfficiency(Part):
     )
     torque: Float[Array, " n"] | None = quantity(
         "N m", NONNEGATIVE, shape=(None,), default=None, doc="mean torque at which it holds, rising"
+    )
+    fixed_power: Float[Array, ""] = quantity(
+        "W", NONNEGATIVE, default=0.0, doc="electric power that does not follow the load"
     )
 
     def conditions(self):

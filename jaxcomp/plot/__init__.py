@@ -41,7 +41,6 @@ from ._crank import torsion_over_speed as torsion_over_speed
 from ._crank import transient_figure as transient_figure
 from ._crank import transient_gas_figure as transient_gas_figure
 from ._cylinder import cylinder_figures as cylinder_figures
-from ._cylinder import identification_figures as identification_figures
 from ._cylinder import log_p_h as log_p_h
 from ._cylinder import power_use as power_use
 from ._cylinder import rating_figures as rating_figures
@@ -53,6 +52,7 @@ from ._designs import sensitivity_figures as sensitivity_figures
 from ._designs import tolerance_figures as tolerance_figures
 from ._designs import tolerance_histogram as tolerance_histogram
 from ._designs import tornado as tornado
+from ._identified import identification_figures as identification_figures
 from ._interactive import interactive as interactive
 from ._interactive import interactive_page as interactive_page
 from ._interactive import offering_interactive as _offering_interactive

@@ -9,7 +9,6 @@ from .._core.display import shown
 from ..crank import POWER, Performance
 from ..cylinder import Cycle, SeveralCycles
 from ..fluid import RealGas
-from ..study import MEASURED, Identification
 from ..study.rating import QUANTITIES, ZERO, RatingMap
 from . import _style as style
 
@@ -135,43 +134,6 @@ def power_use(performance: Performance) -> Figure:
     style.named_rows(ax, list(map(style.words, names)))
     ax.set(xlim=(0, 1.22 * whole), xlabel="Power, W")
     return figure
-
-
-def identification_figures(found: Identification, name: str) -> dict[str, Figure]:
-    """Of every quantity what was computed over what was measured, and its error over the conditions."""
-    figures = {}
-    for one in found.quantities:
-        mine, used = found.of(one), np.asarray(found.used)[found.of(one)]
-        unit, relative, *_ = MEASURED[one]
-        measured, computed = (np.asarray(x)[mine] for x in (found.measured, found.computed))
-        look = shown(one, unit, measured)
-        half = np.asarray(found.half_width)[mine] * look.factor
-        figure, (ax, off) = style.beside(2, (9.6, 4.2), f"{name}: {look.label}")
-        ends = [measured.min() * look.factor, measured.max() * look.factor]
-        ax.plot(ends, ends, color=_GAS, linewidth=0.8)
-        error = found.error(one) * (100 if relative else 1)
-        for which, tint, label in ((used, _SUCTION, "fitted"), (~used, _DISCHARGE, "predicted")):
-            if not which.any():
-                continue
-            x, y = measured[which] * look.factor, computed[which] * look.factor
-            ax.errorbar(x, y, half[which], fmt="o", color=tint, markersize=4, label=label)
-            condensing = np.asarray(found.condensing)[mine][which] - ZERO
-            off.plot(condensing, error[which], "o", color=tint, markersize=4)
-            for at, up, s in zip(
-                condensing, error[which], np.asarray(found.evaporating)[mine][which], strict=True
-            ):
-                off.annotate(
-                    f"{s - ZERO:.3g}", (at, up), (3, 3), textcoords="offset points", size=7
-                )
-        style.zero_line(off)
-        ax.set(xlabel=f"Measured {look.label}", ylabel="Computed")
-        off.set(
-            xlabel="Condensing temperature, °C; beside the point the evaporating temperature",
-            ylabel=f"Computed less measured, {'%' if relative else 'K'}",
-        )
-        style.legend(ax)
-        figures[f"identified_{one}"] = figure
-    return figures
 
 
 def rating_figures(found: RatingMap, name: str) -> dict[str, Figure]:

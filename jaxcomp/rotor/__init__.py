@@ -73,5 +73,3 @@ from ._shaft import shaft_polar_inertia as shaft_polar_inertia
 from ._shaft import stepped_shaft as stepped_shaft
 from ._solve import NO_CRANK as NO_CRANK
 from ._system import System as System
-from ._updating import Update as Update
-from ._updating import fit_frequencies as fit_frequencies

@@ -229,6 +229,8 @@ def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str)
         if after is None:
             out.pop(name, None)
         elif isinstance(entry, Section) and entry.rows:
+            if not after and name not in out:
+                continue
             rows = out.get(name, []) if before and len(before) == len(after) else []
             olds = before if rows else [None] * len(after)
             rows = rows or [{}] * len(after)

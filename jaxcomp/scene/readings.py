@@ -17,7 +17,7 @@ with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,12 +26,22 @@ from .._core.errors import BadInput
 from .._core.words import did_you_mean
 from ..cylinder import Cylinder
 from ..fluid import RealGas
-from ..study import MEASURED, Identification, Readings, terms_of, varied
-from ..study.rating import QUANTITIES, RATINGS, ZERO, RatingMap
+from ..study import (
+    MEASURED,
+    CommonFactor,
+    Identification,
+    Readings,
+    design_rules,
+    list_length,
+    terms_of,
+    varied,
+)
+from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap
 from ._change import with_machine
 from ._scene import Scene
 from ._text import SceneError, header_cell, read_cells, reading
 from ._units import ZEROS, factor
+from .map_formats import energyplus_text, read_energyplus, read_tespy, tespy_text
 
 # Temperatures, and differences of temperatures, which no zero point shifts.
 _LEVELS = ("evaporating", "condensing", "return_gas", "liquid")
@@ -41,6 +51,7 @@ _STEPS = {"K": 1.0, "degF": 5 / 9, "delta_degC": 1.0, "delta_degF": 5 / 9}
 _VALUE = re.compile(r"\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([^\s;,(]*)")
 _RANGE = re.compile(r"\s*([-+]?[\d.]+)\s*to\s*([-+]?[\d.]+)\s*([^\s;,(]*)")
 _SD = re.compile(r"\s*sd\((\w+)\)\s*\[(.*)\]\s*")
+_ALIASES = {"ari": "ahri540", "ahri": "ahri540", "ari540": "ahri540", "en": "en12900"}
 # Points of a polynomial by default, and how close condensing may come to evaporating [K].
 _GRID, _CLOSEST = (5, 4), 15.0
 
@@ -63,8 +74,17 @@ def read_readings(
             dimension, a condition that is missing or given twice, or a cell that is no number.
     """
     name = os.path.basename(os.fspath(path))
+    path, _, machine = os.fspath(path).partition("#")
+    over = (evaporating, condensing, speed)
+    if path.lower().endswith(".idf"):
+        with reading(path):
+            return sampled(name, *read_energyplus(path, machine or None), *over)
+    if path.lower().endswith(".json"):
+        metadata, at = read_tespy(path)
+        with reading(path):
+            return sampled(name, metadata, at, *over)
     with reading(os.fspath(path)):
-        metadata, lines = _split(read_cells(path))
+        metadata, lines = split_metadata(read_cells(path))
         if not lines:
             raise SceneError("", "has no line of heads")
         if lines[0][0].strip() == "quantity":
@@ -72,7 +92,8 @@ def read_readings(
         return _table(name, metadata, lines)
 
 
-def _split(lines) -> tuple[dict[str, str], list[list[str]]]:
+def split_metadata(lines) -> tuple[dict[str, str], list[list[str]]]:
+    """Metadata of the lines with `#`, and the other lines."""
     metadata, rest = {}, []
     for line in lines:
         if line[0].lstrip().startswith("#"):
@@ -96,7 +117,7 @@ def _table(name: str, metadata: Mapping[str, str], lines) -> Readings:
         if len(line) != len(scales):
             raise SceneError(f"line {number}", f"must have {len(scales)} cells", len(line))
         for (what, (size, zero, _)), text in zip(scales, line, strict=True):
-            table[what].append(_number(text, f"line {number}.{what}") * size + zero)
+            table[what].append(cell_number(text, f"line {number}.{what}") * size + zero)
     columns = {what: np.array(values) for what, values in table.items()}
     count = len(lines) - 1
     if not count:
@@ -162,9 +183,10 @@ def _scale(what: str, unit: str) -> tuple[float, float]:
 
 
 def _readings(
-    name, metadata, conditions: dict[str, Any], count: int, values, deviations, polynomial=False
+    name, metadata, conditions: dict[str, Any], count: int, values, deviations, bends=None
 ) -> Readings:
     """Readings, with the conditions that the metadata has for all."""
+    metadata = {**_rated(metadata), **metadata}
     for key in (*_CONDITIONS,):
         match = _VALUE.match(metadata.get(key, ""))
         if match and not _RANGE.match(metadata[key]):
@@ -192,11 +214,78 @@ def _readings(
     speed = conditions.get("speed", np.full(count, np.nan))
     fluid = metadata.get("fluid", "")
     given = (S, D, gas, liquid, useful, speed, values, deviations)
-    return Readings(name, *given, polynomial=polynomial, fluid=fluid)
+    made = bends is not None
+    return Readings(name, *given, polynomial=made, fluid=fluid, bends=bends or ())
+
+
+def _rated(metadata: Mapping[str, str]) -> dict[str, str]:
+    """Return gas and liquid of a rating that the metadata names."""
+    if "rating" not in metadata:
+        return {}
+    name = metadata["rating"].strip().lower()
+    name = _ALIASES.get(name, name)
+    known = [one for one in RATINGS if one != "file"]
+    if name not in known:
+        near = did_you_mean(name, known)
+        raise SceneError("rating", f"is unknown{near}; known are {', '.join(known)}", name)
+    for key in ("return_gas", "superheat", "liquid", "subcooling"):
+        if key in metadata:
+            raise SceneError(key, f"is given beside rating = {name}, which has it; one must go")
+    return _metadata_of(RATINGS[name])
+
+
+def _metadata_of(rating: Rating) -> dict[str, str]:
+    """Return gas and liquid as metadata."""
+    out = {}
+    for key, value in rating._asdict().items():
+        if key in _CONDITIONS:
+            level = key in _LEVELS
+            if value is not None:
+                shown = float(value) - ZERO * level
+                out[key] = f"{shown:.10g} {'degC' if level else 'K'}"
+    return out
 
 
 def _polynomial(name, metadata, lines, evaporating, condensing, speed) -> Readings:
     count = len(lines[0]) - 2
+    rows = {}
+    for number, line in enumerate(lines[1:], 2):
+        if len(line) != count + 2:
+            raise SceneError(f"line {number}", f"must have {count + 2} cells", len(line))
+        what, unit = line[0].strip(), line[1].strip()
+        if what not in MEASURED:
+            near = did_you_mean(what, MEASURED)
+            raise SceneError(f"line {number}.quantity", f'"{what}" is unknown{near}')
+        row = [cell_number(text, f"line {number}.{what}") for text in line[2:]]
+        if count not in (10, 20, 30) or np.isnan(row).any():
+            raise SceneError(f"line {number}", "must have 10, 20 or 30 coefficients", count)
+        size, zero = _scale(what, unit)
+        rows[what] = np.array(row) * size
+        rows[what][0] += zero  # the constant comes first in all forms
+    return sampled(name, metadata, rows, evaporating, condensing, speed)
+
+
+def sampled(
+    name: str,
+    metadata: Mapping[str, str],
+    rows: Mapping[str, Any] | Callable[..., Mapping[str, Any]],
+    evaporating: Sequence[float] | None = None,
+    condensing: Sequence[float] | None = None,
+    speed: float | None = None,
+) -> Readings:
+    """Points of polynomials.
+
+    Args:
+        name: of the source.
+        metadata: of the file: fluid, rating, ranges.
+        rows: [SI] coefficients by quantity, 10, 20 or 30 as `jaxcomp.study.terms_of` orders them; or what
+            gives the quantities of points [K].
+        evaporating, condensing, speed: as in `read_readings`.
+
+    Raises:
+        SceneError: as `read_readings`.
+    """
+    count = 10 if callable(rows) else len(next(iter(rows.values())))
     axes = []
     sides = (("evaporating", evaporating, _GRID[0]), ("condensing", condensing, _GRID[1]))
     for key, given, points in sides:
@@ -214,30 +303,42 @@ def _polynomial(name, metadata, lines, evaporating, condensing, speed) -> Readin
     if count > 10 and speed is None:
         raise SceneError("speed", f"must be given for a polynomial of {count} coefficients")
     turns = 0.0 if speed is None else speed / (2 * np.pi)
-    values = {}
-    for number, line in enumerate(lines[1:], 2):
-        if len(line) != count + 2:
-            raise SceneError(f"line {number}", f"must have {count + 2} cells", len(line))
-        what, unit = line[0].strip(), line[1].strip()
-        if what not in MEASURED:
-            near = did_you_mean(what, MEASURED)
-            raise SceneError(f"line {number}.quantity", f'"{what}" is unknown{near}')
-        row = [_number(text, f"line {number}.{what}") for text in line[2:]]
-        if count not in (10, 20, 30) or np.isnan(row).any():
-            raise SceneError(f"line {number}", "must have 10, 20 or 30 coefficients", count)
-        size, zero = _scale(what, unit)
-        values[what] = terms_of(count, S, D, turns) @ row * size + zero
+
+    def at(S, D) -> Mapping[str, Any]:
+        if callable(rows):
+            return rows(S, D)
+        return {what: terms_of(count, S, D, turns) @ row for what, row in rows.items()}
+
+    step = 0.1  # K
+    values, warmer, hotter = dict(at(S, D)), at(S + step, D), at(S, D + step)
+    bends = []
+    for what in values:
         if not (values[what] > 0).all():
             raise SceneError(
                 what, "is not positive over the points; take fewer", values[what].min()
             )
+        if what in ("capacity", "mass_flow"):
+            rise, fall = warmer[what] - values[what], hotter[what] - values[what]
+            for wrong, text in (
+                (rise <= 0, "falls with the evaporating temperature"),
+                (fall > 1e-4 * values[what], "rises with the condensing temperature"),
+            ):
+                if wrong.any():
+                    places = ", ".join(
+                        f"{s - ZERO:.4g}/{d - ZERO:.4g} C"
+                        for s, d in zip(S[wrong], D[wrong], strict=True)
+                    )
+                    bends.append(
+                        f"the polynomial of {what} {text} at {places}: it bends the wrong way"
+                    )
     conditions = {"evaporating": S, "condensing": D}
     if speed is not None:
         conditions["speed"] = np.full(S.size, speed)
-    return _readings(name, metadata, conditions, S.size, values, {}, True)
+    return _readings(name, metadata, conditions, S.size, values, {}, tuple(bends))
 
 
-def _number(text: str, key: str) -> float:
+def cell_number(text: str, key: str) -> float:
+    """The number in a cell; not a number where it is empty."""
     if not text.strip():
         return np.nan
     try:
@@ -259,27 +360,28 @@ def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
     gas = scene.as_compressor().gas
     assert isinstance(gas, Cylinder)
     assert isinstance(gas.fluid, RealGas)
-    told = RATINGS[rating]
-    given = {"return_gas": told.return_gas, "superheat": told.superheat}
+    told, line = RATINGS[rating], gas.discharge
     if rating == "file":
-        given = {"return_gas": gas.suction.temperature, "superheat": gas.suction.superheat}
-    liquid = {"liquid": told.liquid, "subcooling": told.subcooling}
-    if rating == "file":
-        line = gas.discharge
-        liquid = {"liquid": line.liquid_temperature, "subcooling": line.subcooling}
-    if all(value is None for value in liquid.values()):
-        liquid = {"subcooling": 0.0}
-    out = {"machine": scene.name, "fluid": gas.fluid.name}
-    for key, value in (given | liquid).items():
-        if value is not None:
-            level = key in _LEVELS
-            shown = float(value) - ZERO * level
-            out[key] = f"{shown:.10g} {'degC' if level else 'K'}"
-    return out
+        heads = gas.suction.temperature, gas.suction.superheat
+        told = Rating(*heads, line.liquid_temperature, line.subcooling)
+    if told.liquid is None and told.subcooling is None:
+        told = told._replace(subcooling=0.0)
+    return {"machine": scene.name, "fluid": gas.fluid.name, **_metadata_of(told)}
+
+
+FORMATS = {
+    "csv": "coefficients.csv",
+    "energyplus": "coefficients.idf",
+    "tespy": "coefficients.json",
+}
 
 
 def polynomial_text(
-    maps: Mapping[float, RatingMap], count: int, metadata: Mapping[str, str]
+    maps: Mapping[float, RatingMap],
+    count: int,
+    metadata: Mapping[str, str],
+    form: str = "csv",
+    machine: Any = None,
 ) -> str:
     """A file of polynomials of the points of maps, which `read_readings` reads.
 
@@ -287,39 +389,52 @@ def polynomial_text(
         maps: by speed [1/s]; a single one for ten coefficients.
         count: 10, 20 or 30.
         metadata: of the lines with `#`: fluid, return gas, liquid.
+        form: of `FORMATS`.
+        machine: a compressor, whose swept volume TESPy needs.
 
     Raises:
-        BadInput: fewer points than coefficients, or speeds that do not tell the terms of the speed.
+        BadInput: fewer points than coefficients, speeds that do not tell the terms of the speed, or 20
+            and 30 coefficients in another form than CSV.
     """
-    rows, given = [], {name: [] for name, _, fitted in QUANTITIES if fitted}
+    if count > 10 and form != "csv":
+        raise BadInput("form", form, "csv for 20 and 30 coefficients")
+    points, given = [], {name: [] for name, _, fitted in QUANTITIES if fitted}
     for speed, one in maps.items():
         ok = np.asarray(one.ok)
         S, D = np.meshgrid(np.asarray(one.evaporating), np.asarray(one.condensing), indexing="ij")
-        rows.append(np.stack([S[ok], D[ok], np.full(ok.sum(), speed)]))
+        points.append(np.stack([S[ok], D[ok], np.full(ok.sum(), speed)]))
         for name, values in given.items():
             values.append(np.asarray(one.values[name])[ok])
-    S, D, n = np.concatenate(rows, axis=1)
+    S, D, n = np.concatenate(points, axis=1)
     terms = terms_of(count, S, D, n)
     size = np.linalg.norm(terms, axis=0)
     told = np.linalg.matrix_rank(terms / np.where(size > 0, size, 1.0), tol=1e-11)
     if told < count:
         bound = f"enough for {count} coefficients, at least four speeds for 20 and three for 30"
         raise BadInput("points of the map", f"{S.size}, which tell {told}", bound)
-    span = [f"{x.min() - ZERO:.6g} to {x.max() - ZERO:.6g} degC" for x in (S, D)]
-    lines = [f"# {key} = {value}" for key, value in metadata.items()]
-    lines += [f"# evaporating = {span[0]}", f"# condensing = {span[1]}"]
-    table = []
+    rows, told = {}, dict(metadata)
+    for key, x in (("evaporating", S), ("condensing", D)):
+        told[key] = f"{x.min() - ZERO:.6g} to {x.max() - ZERO:.6g} degC"
     for name, values in given.items():
         value = np.concatenate(values)
-        row = np.linalg.lstsq(terms / size, value, rcond=None)[0] / size
-        error = np.abs(terms @ row / value - 1)
+        rows[name] = np.linalg.lstsq(terms / size, value, rcond=None)[0] / size
+        error = np.abs(terms @ rows[name] / value - 1)
         worst = int(error.argmax())
         at = f"{S[worst] - ZERO:.4g}/{D[worst] - ZERO:.4g} C"
-        lines.append(f"# largest error of {name} = {error[worst]:.2%} at {at}")
-        table.append(",".join([name, MEASURED[name][0], *map(repr, row.tolist())]))
+        told[f"largest error of {name}"] = f"{error[worst]:.2%} at {at}"
+    if form == "energyplus":
+        return energyplus_text(told, rows)
+    if form == "tespy":
+        (speed, found), gas = next(iter(maps.items())), machine.gas
+        swept = float(machine.swept_volume) * machine.crankshaft.count
+        kept = {key: value for key, value in told.items() if "error" not in key}
+        return tespy_text(kept, found, gas.fluid, swept, speed)
+    table = [
+        ",".join([name, MEASURED[name][0], *map(repr, row.tolist())]) for name, row in rows.items()
+    ]
     first = 1 if count == 10 else 0
     head = ",".join(["quantity", "unit", *(f"C{k}" for k in range(first, count + first))])
-    return "\n".join([*lines, head, *table, ""])
+    return "\n".join([*(f"# {key} = {value}" for key, value in told.items()), head, *table, ""])
 
 
 def identified_scene(scene: Scene, found: Identification) -> Scene:
@@ -329,9 +444,19 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
         scene: that was identified.
         found: the result.
     """
-    for n, name in enumerate(found.parameters):
+    for n, name in enumerate(found.parameters[: found.constants]):
         value, error = float(found.estimate[n]), float(found.standard_error[n])
-        source = f"identified from {found.source}, {value:.5g} +- {error:.2g} {found.units[n]}"
-        changed = varied(scene.machine, name).apply(scene.machine, found.estimate[n])
-        scene = with_machine(scene, changed, f"{source.strip()} (standard error)")
+        one = varied(scene.machine, name)
+        # a rule or a common factor stands behind several numbers, which say so
+        several = isinstance(one, CommonFactor) or name in design_rules or _is_list(scene, name)
+        label = f"{name} " if several else ""
+        source = f"identified from {found.source}, {label}{value:.5g} +- {error:.2g}"
+        source = f"{source} {found.units[n]}".strip() + " (standard error)"
+        if float(found.prior_share[n]) > 0.9:
+            source = f"prior, of which {found.source} says nothing"
+        scene = with_machine(scene, one.apply(scene.machine, found.estimate[n]), source)
     return scene
+
+
+def _is_list(scene: Scene, name: str) -> bool:
+    return list_length(scene.machine, name) > 0

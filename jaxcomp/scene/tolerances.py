@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 from .._core.files import regular
 from ..machine import Machine
-from ..study import by_name, variable
+from ..study import Identification, by_name, variable
 from ..study.tolerance import Within, within
 from ._text import SceneError, reading, toml_tables
 from ._units import to_si
@@ -139,3 +139,28 @@ def _file(tables: Mapping[str, Any]) -> ToleranceFile:
             raise SceneError(f"{key}.between", "must be two names", between)
         pairs[(str(between[0]), str(between[1]))] = float(to_si(value, "", f"{key}.value"))
     return ToleranceFile(dict(given), pairs)
+
+
+def identified_tolerances(found: Identification) -> str:
+    """The uncertainty of identified constants as such a file, for `tolerance`.
+
+    Where the model is rejected, deviations grow with the scatter of the fit. A common factor by pattern
+    is no single number and is left out.
+
+    Args:
+        found: the result.
+    """
+    grown = max(1.0, found.fit.scatter) if found.fit is not None else 1.0
+    kept = [n for n in range(found.constants) if "*" not in found.parameters[n]]
+    error = [float(e) * grown for e in found.standard_error.tolist()]
+    lines = [f"# identified from {found.source}", "[tolerances]"]
+    for n in kept:
+        unit = found.units[n]
+        lines.append(f'"{found.parameters[n]}" = "sigma {error[n]:.6g}{unit and f" {unit}"}"')
+    for place, n in enumerate(kept):
+        for m in kept[:place]:
+            covariance = float(found.covariance[n, m])
+            value = covariance * grown**2 / (error[n] * error[m])
+            pair = f'between = ["{found.parameters[m]}", "{found.parameters[n]}"]'
+            lines += ["", "[[correlations]]", pair, f"value = {value:.6f}"]
+    return "\n".join([*lines, ""])

@@ -33,6 +33,9 @@ _UNIDENTIFIABLE = 1e-8
 _NAMED = 0.05
 # Distance from a bound, over the range, at which a parameter counts as held by it.
 _AT_BOUND = 1e-3
+# Evaluations of a start, and how many of them may lower chi-square by less than `_LITTLE` in all: where
+# valves have kinks, steps shrink and shrink without a minimum nearby that they would meet.
+_MOST, _PATIENCE, _LITTLE = 60, 6, 1e-3
 # Change of chi-square below which two minima are both told, and distance in standard errors above which
 # they are two.
 _NEAR, _APART = 4.0, 0.1
@@ -146,6 +149,7 @@ class Fit:
         steps: evaluations of the model by the best start.
         converged: whether the solver met its tolerance.
         failed_starts: starts at which the model has no value.
+        interrupted: whether an interrupt ended it, with the best values so far.
     """
 
     parameters: tuple[Parameter, ...]
@@ -167,6 +171,7 @@ class Fit:
     failed_starts: int
     loss: str = "linear"
     model: Model | None = dataclasses.field(default=None, repr=False, compare=False)
+    interrupted: bool = False
 
     @property
     def standard_error(self) -> NDArray:
@@ -284,6 +289,10 @@ class Fit:
         return float(stats.t.ppf(tail, self.freedom)) * max(1.0, self.scatter)
 
 
+class _Settled(Exception):
+    """Further evaluations gain nothing."""
+
+
 class _Problem:
     """Residuals and slopes over t, with the priors as the last rows."""
 
@@ -295,6 +304,8 @@ class _Problem:
         self.high = np.array([one.scaled(one.high) for one in parameters])
         self.reach = np.array([one.reach for one in parameters])
         self._last: tuple[bytes, tuple[NDArray, NDArray]] | None = None
+        self.best, self.interrupted = (np.inf, np.zeros(0)), False
+        self.told: Callable[[], object] = lambda: None
 
     def scaled(self, values: ArrayLike) -> NDArray:
         pairs = zip(self.parameters, np.asarray(values, float), strict=True)
@@ -366,7 +377,37 @@ class _Problem:
             t[free] = x
             return t
 
-        if not np.all(np.isfinite(self.at(start)[0])):
+        try:
+            return self._solve(start, loss, free, whole)
+        except _Settled as settled:
+            cost, t, count = settled.args
+            return optimize.OptimizeResult(x=t, cost=cost, nfev=count, success=True)
+        except KeyboardInterrupt:
+            if not self.best[1].size:
+                raise
+            self.interrupted = True
+            return optimize.OptimizeResult(x=self.best[1], cost=self.best[0], nfev=0, success=False)
+
+    def _solve(self, start: NDArray, loss: str, free: NDArray, whole):
+        lowest, place, idle, count = np.inf, start, 0, 0
+
+        def residual(x):
+            nonlocal lowest, place, idle, count
+            t = whole(x)
+            found = self.at(t)[0]
+            cost = self.cost(found, loss)
+            idle = 0 if cost < lowest - _LITTLE / 2 else idle + 1
+            count += 1
+            if cost < lowest:
+                lowest, place = cost, t
+            if cost < self.best[0]:
+                self.best = cost, t
+                self.told()
+            if idle > _PATIENCE:
+                raise _Settled(lowest, place, count)
+            return found
+
+        if not np.all(np.isfinite(residual(start[free]))):
             return None
         if not free.any():
             cost = self.cost(self.at(start)[0], loss)
@@ -375,16 +416,18 @@ class _Problem:
         span = self.high - self.low
         begin = np.clip(start, self.low + 1e-9 * span, self.high - 1e-9 * span)
         found = optimize.least_squares(
-            lambda x: self.at(whole(x))[0],
+            residual,
             begin[free],
             lambda x: self.at(whole(x))[1][:, free],
             bounds=(self.low[free], self.high[free]),
             x_scale=self.reach[free],
             loss=self.loss(loss),  # pyright: ignore[reportArgumentType]
-            ftol=1e-10,
-            xtol=1e-10,
-            gtol=1e-10,
-            max_nfev=100,
+            # a step of 1e-3 standard errors moves chi-square by 1e-6; with kinks of valves in the model
+            # more would creep
+            ftol=1e-6,
+            xtol=1e-6,
+            gtol=1e-9,
+            max_nfev=_MOST,
         )
         found.x = whole(found.x)
         return found
@@ -401,6 +444,7 @@ def fit(
     starts: int = 5,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
+    keep: Callable[[NDArray, float], None] | None = None,
 ) -> Fit:
     """Fit parameters to readings.
 
@@ -415,7 +459,10 @@ def fit(
         starts: how many; the first is that of the parameters, the others a Latin hypercube in the
             bounds.
         seed: of the hypercube.
-        progress: told after every start.
+        progress: told before every start.
+        keep: given the best values and their chi-square whenever there are better ones.
+
+    An interrupt ends the fit with the best values so far, where there are any.
 
     Raises:
         BadInput: an unknown loss, bounds that hold no start, a deviation that is not positive, lists of
@@ -425,8 +472,9 @@ def fit(
     parameters = tuple(parameters)
     measured = np.asarray(measured, float)
     sd, weight = (np.broadcast_to(np.asarray(a, float), measured.shape) for a in (sd, weight))
-    _check(parameters, measured, sd, weight, loss)
+    check_problem(parameters, measured, sd, weight, loss)
     problem = _Problem(model, parameters, measured, sd, weight)
+    problem.told = lambda: keep and keep(problem.values(problem.best[1]), 2 * problem.best[0])
     first = problem.scaled([one.start for one in parameters])
     points = [first]
     if starts > 1:
@@ -434,12 +482,14 @@ def fit(
         points += list(problem.low + cube * (problem.high - problem.low))
     answers = []
     for number, point in enumerate(points, 1):
+        if progress is not None:
+            best = f"chi-square {2 * problem.best[0]:.4g} so far" if answers else "the first"
+            progress(f"start {number} of {len(points)}, {best}")
         found = problem.solve(point, loss)
         if found is not None:
             answers.append(found)
-        if progress is not None:
-            told = "no value here" if found is None else f"chi-square {2 * found.cost:.6g}"
-            progress(f"start {number} of {len(points)}: {told}")
+        if problem.interrupted:
+            break
     if not answers:
         value, _ = problem.of_model(first)
         bad = np.flatnonzero(~np.isfinite(value) & (weight > 0))
@@ -448,7 +498,8 @@ def fit(
     return _fit(problem, best, answers, loss, len(points) - len(answers))
 
 
-def _check(parameters, measured, sd, weight, loss) -> None:
+def check_problem(parameters, measured, sd, weight, loss) -> None:
+    """Raise what `fit` raises of its arguments, before the model is asked for anything."""
     if loss not in LOSSES:
         raise BadInput("loss", loss, one_of(loss, LOSSES))
     for one in parameters:
@@ -513,6 +564,7 @@ def _fit(problem: _Problem, best, answers, loss: str, failed: int) -> Fit:
         failed,
         loss,
         problem.model,
+        problem.interrupted,
     )
 
 
@@ -522,19 +574,24 @@ def _directions(problem: _Problem, t: NDArray, slope: NDArray):
     unit = np.array([1.0 if one.log else one.reach for one in problem.parameters])
     _, singular, rows = np.linalg.svd(slope * unit, full_matrices=True)
     singular = np.concatenate([singular, np.zeros(t.size - singular.size)])
-    for value, entries in zip(singular, rows, strict=True):
+    for number, (value, entries) in enumerate(zip(singular, rows, strict=True), 1):
         # how far the combination goes until the first parameter leaves its reach
         far = np.min(problem.reach / unit / np.maximum(np.abs(entries), 1e-12))
         entries = entries * np.sign(entries[np.argmax(np.abs(entries))])
         move = 0.1 / np.abs(entries).max() * entries
-        moved, _ = problem.at(t + move * unit)
-        here, _ = problem.at(t)
-        effect = float(np.linalg.norm((moved - here)[: slope.shape[0]]))
+        weak = bool(value * far < _WEAK)
+        unidentifiable = bool(value <= _UNIDENTIFIABLE * max(singular[0], 1e-300))
+        effect = float(value * np.linalg.norm(move))
+        last = number == t.size
+        if (weak or unidentifiable or last) and not problem.interrupted:
+            # of the finite move where it is told
+            moved, here = (problem.at(at)[0][: slope.shape[0]] for at in (t + move * unit, t))
+            effect = float(np.linalg.norm(moved - here))
         yield Direction(
             float(value),
             entries,
-            bool(value * far < _WEAK),
-            bool(value <= _UNIDENTIFIABLE * max(singular[0], 1e-300)),
+            weak,
+            unidentifiable,
             _words(problem.parameters, move * unit),
             effect,
         )

@@ -1,4 +1,4 @@
-"""Constants of a compressor from its rated points, and the points that were not measured."""
+"""Constants of a machine from its measurements, and the points that were not measured."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,20 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from .._core.errors import BadInput
 from .._core.results import Data, Result
 from .._core.words import one_of
-from ..cylinder import Cylinder
-from ..fluid import RealGas
-from ..machine import Machine, assembled, machine_of
-from . import Variable, matching, variable
-from ._fit import Fit, Parameter, fit
-from ._readings import MEASURED, Readings, joined
-from .rating import QUANTITIES, RatingPoints, rated
+from ..machine import Machine, machine_of
+from ._fit import Fit, Parameter, Prediction, check_problem, fit
+from ._measurement import AbstractMeasurement, Entries, Kind
+from ._variables import Variable, matching, variable
 
-_COLUMN = {name: n for n, (name, *_) in enumerate(QUANTITIES)}
 # Share of the prior's deviation that is left, above which the readings say nothing of a parameter.
 _SAY_NOTHING = 0.9
 # p-values below which a model is rejected, and above which the deviations were too large.
@@ -63,6 +58,11 @@ class CommonFactor(NamedTuple):
     high: float
     unit: str = ""
 
+    @property
+    def bare(self) -> "CommonFactor":
+        """Without its range."""
+        return self._replace(each=tuple(one.bare for one in self.each), low=0.0, high=0.0)
+
     def current(self, design: Machine) -> float:
         """1, as the machine stands."""
         del design
@@ -99,26 +99,30 @@ def varied(
             if size is not None and not bool(one.bound.holds(size)):
                 raise BadInput(f"{name}: {one.name}", size, str(one.bound))
     if high is None:  # as far as all of them may go
-        high = min(2.0, *(one.bound.high / float(one.current(design)) for one in each))
+        now = ((one.bound.high, float(one.current(design))) for one in each)
+        high = min(2.0, *(most / value for most, value in now if value > 0))
     low = 0.5 if low is None else low
     return CommonFactor(name, each, low, high)
 
 
 class Identification(Result, eqx.Module):
-    """What rated points tell of a machine.
+    """What measurements tell of a machine.
 
     Attributes:
-        parameters: (p,) paths of the constants.
+        parameters: (p,) paths of the constants, then the constants of the measurements themselves.
         units: (p,) SI units.
         estimate: (p,) their values.
         standard_error: (p,)
         covariance: (p, p)
         start: (p,) values of the machine file.
         prior_share: (p,) standard error over that of the prior; not a number without one.
+        constants: how many of them are numbers of the machine.
         quantity: (m,) name of every reading.
-        row: (m,) its point.
-        evaporating, condensing: [K] (m,) of the point.
-        speed: [rad/s] (m,)
+        kinds: unit of every quantity, and whether its error is relative.
+        point: (m,) number of its point, counted over all measurements.
+        names: (m,) of its conditions.
+        conditions: [SI] (m,) numbers by name; not a number where a reading has none of this name.
+        condition_units: their SI units.
         measured, computed: [SI] (m,)
         sd: [SI] (m,) of the readings.
         half_width: [SI] (m,) of the 95 % interval of the prediction, inflated by the fit's scatter.
@@ -130,6 +134,7 @@ class Identification(Result, eqx.Module):
         source: of the readings.
         fit: with slopes and profiles.
         machine: with the estimates.
+        study: predicts other points.
     """
 
     parameters: tuple[str, ...] = eqx.field(static=True)
@@ -139,11 +144,13 @@ class Identification(Result, eqx.Module):
     covariance: Float[Array, "p p"]
     start: Float[Array, " p"]
     prior_share: Float[Array, " p"]
+    constants: int = eqx.field(static=True)
     quantity: tuple[str, ...] = eqx.field(static=True)
-    row: Int[Array, " m"]
-    evaporating: Float[Array, " m"]
-    condensing: Float[Array, " m"]
-    speed: Float[Array, " m"]
+    kinds: dict[str, Kind] = eqx.field(static=True)
+    point: Int[Array, " m"]
+    names: tuple[str, ...] = eqx.field(static=True)
+    conditions: dict[str, Float[Array, " m"]]
+    condition_units: dict[str, str] = eqx.field(static=True)
     measured: Float[Array, " m"]
     computed: Float[Array, " m"]
     sd: Float[Array, " m"]
@@ -157,9 +164,10 @@ class Identification(Result, eqx.Module):
     source: str = eqx.field(static=True)
     fit: Any = eqx.field(static=True, default=None)
     machine: Machine | None = None
+    study: Any = eqx.field(static=True, default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("reading",)
-    not_saved: ClassVar[tuple[str, ...]] = ("fit", "machine")
+    not_saved: ClassVar[tuple[str, ...]] = ("fit", "machine", "study", "kinds", "condition_units")
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result; readings in the units of their quantities."""
@@ -169,20 +177,22 @@ class Identification(Result, eqx.Module):
         yield Data("chi_square", "", self.chi_square)
         yield Data("p_value", "", self.p_value)
         yield Data("freedom", "", self.freedom)
-        at = self.table_dims
-        yield Data("row", "", self.row, at)
-        yield Data("quantity", "", np.array([_NUMBER[q] for q in self.quantity]), at, _NUMBERS)
-        yield Data("evaporating", "K", self.evaporating, at)
-        yield Data("condensing", "K", self.condensing, at)
-        yield Data("speed", "rad/s", self.speed, at)
+        at, quantities = self.table_dims, self.quantities
+        yield Data("point", "", self.point, at)
+        numbers = ", ".join(f"{n}: {name}" for n, name in enumerate(quantities))
+        yield Data(
+            "quantity", "", np.array([quantities.index(q) for q in self.quantity]), at, numbers
+        )
+        for name, values in self.conditions.items():
+            yield Data(f"at.{name}", self.condition_units[name], values, at)
         for name in ("measured", "computed", "sd", "half_width", "used"):
             yield Data(name, "", getattr(self, name), at, "in the SI unit of its quantity")
 
     def error(self, name: str) -> NDArray:
-        """(m of this quantity,) computed less measured: relative, or [K] for temperatures."""
+        """(m of this quantity,) computed less measured: relative, or in the SI unit."""
         mine = self.of(name)
         off = np.asarray(self.computed - self.measured)[mine]
-        return off / np.asarray(self.measured)[mine] if MEASURED[name][1] else off
+        return off / np.asarray(self.measured)[mine] if self.kinds[name].relative else off
 
     def of(self, name: str) -> NDArray:
         """(m,) whether a reading is of this quantity."""
@@ -211,14 +221,31 @@ class Identification(Result, eqx.Module):
             )
         return out
 
+    def predict(self, measurement: AbstractMeasurement) -> tuple[Entries, Prediction]:
+        """What the identified machine says of other readings, with intervals.
 
-_NUMBER = {name: n for n, name in enumerate(MEASURED)}
-_NUMBERS = ", ".join(f"{n}: {name}" for name, n in _NUMBER.items())
+        Args:
+            measurement: of which the conditions count, and the standard deviations for the intervals of
+                readings; the measured values may be anything.
+
+        Raises:
+            BadInput: a result that was loaded.
+        """
+        if self.study is None:
+            raise BadInput("study", "absent", "that of the identification, for predictions")
+        blocks = _Blocks(self.study.design, self.study.variables, [measurement], {})
+        count = len(self.study.variables)
+        at = np.asarray(self.estimate)[:count]
+        own = [one.start for one in measurement.nuisances]
+        value, slope = blocks(np.concatenate([at, own]), range(blocks.count))
+        whole = np.zeros((value.size, len(self.parameters)))
+        whole[:, :count] = slope[:, :count]
+        return blocks.entries, self.fit.predict(value, whole, blocks.entries.sd)
 
 
 def identify(
     machine: Any,
-    readings: Readings | Sequence[Readings],
+    measurements: AbstractMeasurement | Sequence[AbstractMeasurement],
     vary: Mapping[str, tuple[float, float] | None],
     prior: Mapping[str, tuple[float, float]] | None = None,
     *,
@@ -228,112 +255,94 @@ def identify(
     starts: int = 3,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
+    keep: Callable[[NDArray, float], None] | None = None,
 ) -> Identification:
-    """Find constants of a compressor with valves from its rated points, and predict those held out.
+    """Find constants of a machine from its measurements, and predict the points held out.
 
-    Speeds are taken as constant over the revolution. Every point is one call of one compiled program,
-    which hands back the exact slopes over all constants as well, so that further points, starts and
-    hold-outs compile nothing.
+    Every point is one call of a compiled program, which hands back the exact slopes over all constants
+    as well, so that further points, starts, hold-outs and repetitions compile nothing. An interrupt
+    (Ctrl-C) ends the fit with the best constants so far.
 
     Args:
         machine: a machine or a scene; its speed counts for points without one.
-        readings: the points, of one source or several.
+        measurements: of one kind or several; the points of all are counted one after the other.
         vary: [SI] (low, high) by path of the constant, as `jaxcomp.study.variable` takes it, or of the
             common factor by pattern; half to twice the machine's value for `None`.
         prior: [SI] (mean, standard deviation) by path, of those that are varied.
         sd: standard deviations by quantity instead of the usual ones, relative but for temperatures.
-        hold_out: rows that the fit does not see.
+        hold_out: points that the fit does not see.
         loss: as in `fit`.
         starts: as in `fit`.
         seed: as in `fit`.
         progress: is told what is found on the way.
+        keep: is given the best values and their chi-square whenever there are better ones.
 
     Raises:
-        BadInput: points that cannot be, a machine without valves or a real gas, a constant that does
-            not vary alone, fewer readings than constants, or points that have no solution at the start.
+        BadInput: points that cannot be, a machine that does not suit the measurements, a constant that
+            does not vary alone, fewer readings than constants, or points that have no solution at the
+            start.
     """
-    sources = [readings] if isinstance(readings, Readings) else list(readings)
+    given = measurements if isinstance(measurements, Sequence) else [measurements]
     design, prior = machine_of(machine), dict(prior or {})
-    compressor = assembled(design).compressor
-    gas = None if compressor is None else compressor.gas
-    if compressor is None or not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
-        raise BadInput("gas", type(gas).__name__, "a cylinder with valves and a real gas")
-    if not gas.inert:
-        bound = "given on both valves: without, a cycle has no exact slopes"
-        raise BadInput("port_length", "absent", bound)
-    for one in sources:
-        one.check(gas.fluid)
-    for name in (sd or {}).keys() - MEASURED.keys():
-        raise BadInput("sd", name, one_of(name, MEASURED))
-    points = joined(sources)
-    count = points.evaporating.size
-    for number in hold_out:
-        if not 0 <= number < count:
-            raise BadInput("hold_out", number, f"a row from 0 to {count - 1}")
+    for one in given:
+        one.check(design)
+    known = list(dict.fromkeys(name for one in given for name in one.names_of_sd))
+    for name in (sd or {}).keys() - set(known):
+        raise BadInput("sd", name, one_of(name, known))
     variables, parameters = _parameters(design, vary, prior)
-    model = _Model(design, compressor, variables, points)
-    kinds = [name for name in MEASURED if name in points.values]
-    entries = [
-        (row, name)
-        for name in kinds
-        for row in range(count)
-        if np.isfinite(points.values[name][row])
-    ]
-    if not entries:
-        raise BadInput(points.source, "nothing measured", f"one of {', '.join(MEASURED)} at least")
-    rows = np.array([row for row, _ in entries])
-    columns = np.array([_COLUMN[name] for _, name in entries])
-    measured = np.array([points.values[name][row] for row, name in entries])
-    deviation = np.array([points.deviation(name, sd or {})[row] for row, name in entries])
-    seen = ~np.isin(rows, np.asarray(hold_out, int))
-    wanted = sorted(set(rows[seen].tolist()))
+    blocks = _Blocks(design, tuple(variables), given, sd or {})
+    parameters += blocks.nuisances
+    for number in hold_out:
+        if not 0 <= number < blocks.count:
+            raise BadInput("hold_out", number, f"a point from 0 to {blocks.count - 1}")
+    entries = blocks.entries
+    seen = ~np.isin(entries.point, np.asarray(hold_out, int))
+    wanted = sorted(set(entries.point[seen].tolist()))
 
-    def readings_of(p):
-        value, slope = model(p, wanted)
-        return value[rows, columns], slope[rows, columns]
+    check_problem(parameters, entries.measured, entries.sd, seen, loss)
 
-    first, _ = readings_of(np.array([one.start for one in parameters]))
-    failed = sorted({points.names[row] for row in rows[seen & ~np.isfinite(first)]})
-    if failed:
+    def readings(p):
+        return blocks(p, wanted)
+
+    first, _ = readings(np.array([one.start for one in parameters]))
+    bad = np.flatnonzero(seen & ~np.isfinite(first))
+    if bad.size:
+        failed = sorted({entries.names[row] for row in bad})
         bound = "one with a solution with the machine's values; leave it out or begin elsewhere"
-        raise BadInput(f"{points.source}: points", ", ".join(failed), bound)
+        raise BadInput(f"{blocks.source}: points", ", ".join(failed), bound)
     found = fit(
-        readings_of,
-        parameters,
-        measured,
-        deviation,
-        weight=seen,
-        loss=loss,
-        starts=starts,
-        seed=seed,
-        progress=progress,
-    )
-    value, slope = model(found.estimate, range(count))
-    said = found.predict(value[rows, columns], slope[rows, columns], deviation)
-    for one, number in zip(variables, found.estimate, strict=True):
+        readings, parameters, entries.measured, entries.sd,
+        weight=seen, loss=loss, starts=starts, seed=seed, progress=progress, keep=keep,
+    )  # fmt: skip
+    value, slope = blocks(found.estimate, wanted if found.interrupted else range(blocks.count))
+    said = found.predict(value, slope, entries.sd)
+    for one, number in zip(variables, found.estimate, strict=False):
         design = one.apply(design, jnp.asarray(number))
-    notes = [*_notes(found, points, entries, value, columns), *_outside(points, wanted)]
+    notes = [*_notes(found, blocks, value), *blocks.warnings(wanted)]
     arrays = (found.estimate, found.standard_error, found.covariance)
     return Identification(
-        tuple(one.name for one in variables),
-        tuple(one.unit for one in variables),
+        tuple(one.name for one in parameters),
+        tuple(one.unit for one in parameters),
         *map(jnp.asarray, arrays),
         jnp.asarray([one.start for one in parameters]),
         jnp.asarray(found.prior_share),
-        tuple(name for _, name in entries),
-        jnp.asarray(rows),
-        jnp.asarray(points.evaporating[rows]),
-        jnp.asarray(points.condensing[rows]),
-        jnp.asarray(model.speed[rows]),
-        *map(jnp.asarray, (measured, said.value, deviation, said.inflated, seen)),
+        len(variables),
+        entries.quantity,
+        dict(entries.kinds),
+        jnp.asarray(entries.point),
+        entries.names,
+        {k: jnp.asarray(v) for k, v in entries.conditions.items()},
+        dict(entries.units),
+        *map(jnp.asarray, (entries.measured, said.value, entries.sd, said.inflated, seen)),
         jnp.asarray(found.chi_square),
         jnp.asarray(found.p_value),
         jnp.asarray(found.freedom),
         tuple(one.words for one in found.directions if one.weak or one.unidentifiable),
         tuple(notes),
-        points.source,
+        blocks.source,
         found,
         design,
+        blocks,
     )
 
 
@@ -372,54 +381,118 @@ def _parameters(
     return variables, parameters
 
 
-class _Model:
-    """Quantities and slopes at points, each solved where it is wanted and kept for the same constants."""
+@eqx.filter_jit
+def _solve(measurement, design, variables, parameters, nuisances, point):
+    """Values, slopes and status at one point; `measurement` and `variables` are static."""
 
-    def __init__(
-        self,
-        design: Machine,
-        compressor,
-        variables: list[Variable | CommonFactor],
-        points: Readings,
-    ):
-        nominal = float(compressor.motor.speed_guess)
-        self.speed = np.where(np.isfinite(points.speed), points.speed, nominal)
-        names = ("evaporating", "condensing", "gas", "liquid", "useful")
-        self.points = np.stack([*(getattr(points, name) for name in names), self.speed])
-        self.size = len(variables)
+    def build(p):
+        changed = design
+        for number, one in enumerate(variables):
+            changed = one.apply(changed, p[number])
+        return changed
 
-        def build(p):
-            changed = design
-            for one, value in zip(variables, p, strict=True):
-                changed = one.apply(changed, value)
-            made = assembled(changed).compressor
-            assert made is not None
-            return made
+    return measurement.values(build, parameters, nuisances, point)
 
-        self.solve = jax.jit(lambda p, at: rated(build, p, RatingPoints(*at)))
 
-    def __call__(self, p: NDArray, wanted) -> tuple[NDArray, NDArray]:
-        """(n, quantities) and (n, quantities, p); not a number at points that fail or are not wanted."""
-        count = self.points.shape[1]
-        value = np.full((count, len(QUANTITIES)), np.nan)
-        slope = np.full((count, len(QUANTITIES), self.size), np.nan)
+class _Blocks:
+    """All readings of several measurements as one model of the constants."""
 
-        def at(row):
-            found = self.solve(jnp.asarray(p), jnp.asarray(self.points[:, row : row + 1]))
-            return [np.asarray(one)[0] for one in found]
+    def __init__(self, design, variables, measurements, sd: Mapping[str, float]):
+        # without their ranges, which are no part of the program
+        self.variables = tuple(one.bare for one in variables)
+        self.design, self.measurements = design, measurements
+        parts = [one.entries(sd) for one in measurements]
+        self.points = [one.points(design) for one in measurements]
+        sizes = [len(jax.tree.leaves(one)[0]) for one in self.points]
+        self.first = np.concatenate([[0], np.cumsum(sizes)])
+        self.nuisances, self.own = [], []
+        for one in measurements:
+            begin = len(variables) + len(self.nuisances)
+            self.nuisances += [
+                each._replace(name=f"{one.source}: {each.name}") for each in one.nuisances
+            ]
+            self.own.append(slice(begin, begin + len(one.nuisances)))
+        self.block = np.repeat(np.arange(len(parts)), [part.measured.size for part in parts])
+        names = list(dict.fromkeys(name for part in parts for name in part.conditions))
 
+        def condition(part: Entries, name: str):
+            return part.conditions.get(name, np.full(part.measured.size, np.nan))
+
+        def whole(field: str):
+            return np.concatenate([getattr(part, field) for part in parts])
+
+        self.entries = Entries(
+            tuple(name for part in parts for name in part.quantity),
+            {k: v for part in parts for k, v in part.kinds.items()},
+            np.concatenate([p.point + n for p, n in zip(parts, self.first[:-1], strict=True)]),
+            *map(whole, ("column", "measured", "sd")),
+            tuple(name for part in parts for name in part.names),
+            {name: np.concatenate([condition(part, name) for part in parts]) for name in names},
+            {k: v for part in parts for k, v in part.units.items()},
+        )
+
+    @property
+    def source(self) -> str:
+        """Names of all files."""
+        return ", ".join(dict.fromkeys(one.source for one in self.measurements))
+
+    @property
+    def count(self) -> int:
+        """Of points."""
+        return int(self.first[-1])
+
+    def warnings(self, used: Sequence[int]) -> list[str]:
+        """What is not to be trusted of points held out."""
+        seen = []
+        for n, one in enumerate(self.measurements):
+            begin, end = self.first[n : n + 2]
+            seen.append((one, [int(p - begin) for p in used if begin <= p < end]))
+        out = []
+        for n, (one, own) in enumerate(seen):
+            beside = [pair for k, pair in enumerate(seen) if k != n and type(pair[0]) is type(one)]
+            out += one.warnings(own, beside)
+        return list(dict.fromkeys(out))
+
+    def __call__(self, p: NDArray, wanted: Sequence[int]) -> tuple[NDArray, NDArray]:
+        """(m,) and (m, p); not a number at points that fail or are not wanted."""
+        entries = self.entries
+        value = np.full(entries.measured.size, np.nan)
+        slope = np.full((value.size, len(self.variables) + len(self.nuisances)), np.nan)
+        shared = jnp.asarray(p[: len(self.variables)])
+
+        def at(number: int):
+            n = int(np.searchsorted(self.first, number, side="right")) - 1
+            point = jax.tree.map(lambda a: jnp.asarray(a[number - self.first[n]]), self.points[n])
+            own = jnp.asarray(p[self.own[n]])
+            one = self.measurements[n]
+            found = _solve(one, self.design, self.variables, shared, own, point)
+            return n, *map(np.asarray, found)
+
+        def put(number: int, n: int, values, slopes, ok):
+            mine = (entries.point == number) & (self.block == n)
+            if not ok:
+                return
+            columns = entries.column[mine]
+            value[mine] = values[columns]
+            slope[mine] = 0.0
+            slope[mine, : len(self.variables)] = slopes[columns, : len(self.variables)]
+            slope[mine, self.own[n]] = slopes[columns, len(self.variables) :]
+
+        fresh, later, seen = [], [], set()
+        for number in wanted:  # the first of each measurement compiles it, not every thread
+            n = int(np.searchsorted(self.first, number, side="right"))
+            (later if n in seen else fresh).append(number)
+            seen.add(n)
+        for number in fresh:
+            put(number, *at(number))
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            wanted = list(wanted)
-            first = [at(row) for row in wanted[:1]]  # compiled once, not by every thread
-            for row, (here, along, ok) in zip(
-                wanted, [*first, *pool.map(at, wanted[1:])], strict=True
-            ):
-                if ok:
-                    value[row], slope[row] = here, along
+            for number, found in zip(later, pool.map(at, later), strict=True):
+                put(number, *found)
         return value, slope
 
 
-def _notes(found: Fit, points: Readings, entries, value, columns) -> Iterator[str]:
+def _notes(found: Fit, blocks: _Blocks, value: NDArray) -> Iterator[str]:
+    entries = blocks.entries
     used = found.weight > 0
     for one, held in zip(found.parameters, found.at_bound, strict=True):
         if held:
@@ -451,31 +524,15 @@ def _notes(found: Fit, points: Readings, entries, value, columns) -> Iterator[st
         pairs = zip(found.parameters, other.estimate, strict=True)
         where = ", ".join(f"{one.name} {at:.4g}" for one, at in pairs)
         yield f"a second minimum, chi-square {other.chi_square:.4g}: {where}"
-    if points.polynomial:
+    if any(one.polynomial for one in blocks.measurements):
         yield "the points are made from a polynomial and are no readings: chi-square is a hint alone"
-    if not found.converged:
+    if found.interrupted:
+        yield "stopped on the way: these are the best constants so far, and no minimum"
+    elif not found.converged:
         yield "the solver did not converge"
-    for weight, (row, name) in zip(found.robust, entries, strict=True):
+    for weight, name, at in zip(found.robust, entries.quantity, entries.names, strict=True):
         if weight < _LITTLE:
-            yield f"{name} at {points.names[row]} counts {weight:.0%}"
-    for row in sorted({row for row, _ in entries}):
-        if not np.isfinite(value[row]).all():
-            yield f"point {points.names[row]} has no solution with the estimates"
-    del columns
-
-
-def _outside(points: Readings, wanted: list[int]) -> Iterator[str]:
-    """Names of points held out that lie outside the hull of those used."""
-    rest = sorted(set(range(points.evaporating.size)) - set(wanted))
-    at = np.stack([points.evaporating, points.condensing], axis=-1)
-    try:
-        sides = ConvexHull(at[wanted]).equations
-        far = [row for row in rest if (sides[:, :2] @ at[row] + sides[:, 2] > 0.5).any()]
-    except (QhullError, ValueError):
-        far = rest
-    if far:
-        names = ", ".join(points.names[row] for row in far)
-        yield f"predicted outside of the points used: {names}"
-    speeds = set(np.nan_to_num(points.speed[wanted]).round(3).tolist())
-    if set(np.nan_to_num(points.speed[rest]).round(3).tolist()) - speeds:
-        yield "predicted at speeds that were not used: one speed cannot tell the law of speed"
+            yield f"{name} at {at} counts {weight:.0%}"
+    lost = ~np.isfinite(value) & ~(found.interrupted & (found.weight == 0))
+    for at in dict.fromkeys(np.array(entries.names)[lost].tolist()):
+        yield f"point {at} has no solution with the estimates"

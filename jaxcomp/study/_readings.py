@@ -1,16 +1,21 @@
 """Rated points of a compressor as they were measured, or as the polynomials of a maker give them."""
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from .._core.errors import BadInput
+from ..cylinder import Cylinder
 from ..fluid import RealGas
-from .rating import ZERO, capacity_rise
+from ..machine import Machine, assembled
+from ._measurement import AbstractMeasurement, Entries, Kind
+from .rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
 
 # What a map measures: unit, whether the deviation is relative, and deviation by default, of readings and
 # of points that a polynomial gives.
@@ -25,9 +30,14 @@ MEASURED = {
 _CONTRADICTION = 0.03
 
 
-@dataclasses.dataclass(frozen=True)
-class Readings:
+_OUT = {name: n for n, (name, *_) in enumerate(QUANTITIES)}
+
+
+@dataclass(frozen=True)
+class Readings(AbstractMeasurement):
     """n rated points.
+
+    Speeds are taken as constant over the revolution.
 
     Attributes:
         source: name of the file, for messages and for the sources of the machine's values.
@@ -36,23 +46,27 @@ class Readings:
         liquid: [K] (n,) before the expansion.
         useful: [K] (n,) of the gas up to which capacity counts.
         speed: [rad/s] (n,); not a number for that of the machine.
-        values: [SI] (n,) by names of `MEASURED`; not a number where nothing was measured.
+        measured: [SI] (n,) by names of `MEASURED`; not a number where nothing was measured.
         sd: [SI] (n,) standard deviations, by name; those by default where absent.
         polynomial: whether the points are those of a polynomial, and no readings.
         fluid: as the source names it; "" where it does not.
+        bends: where a polynomial bends as no compressor does, in words.
     """
 
-    source: str
-    evaporating: NDArray
-    condensing: NDArray
-    gas: NDArray
-    liquid: NDArray
-    useful: NDArray
-    speed: NDArray
-    values: Mapping[str, NDArray]
-    sd: Mapping[str, NDArray] = dataclasses.field(default_factory=dict)
-    polynomial: bool = False
-    fluid: str = ""
+    source: str = field(compare=False)
+    evaporating: NDArray = field(compare=False)
+    condensing: NDArray = field(compare=False)
+    gas: NDArray = field(compare=False)
+    liquid: NDArray = field(compare=False)
+    useful: NDArray = field(compare=False)
+    speed: NDArray = field(compare=False)
+    measured: Mapping[str, NDArray] = field(compare=False)
+    sd: Mapping[str, NDArray] = field(compare=False, default_factory=dict)
+    polynomial: bool = field(compare=False, default=False)
+    fluid: str = field(compare=False, default="")
+    bends: tuple[str, ...] = field(compare=False, default=())
+
+    names_of_sd: ClassVar[tuple[str, ...]] = tuple(MEASURED)
 
     @property
     def names(self) -> list[str]:
@@ -69,17 +83,33 @@ class Readings:
         """
         _, relative, plain, fitted = MEASURED[name]
         usual = given.get(name, fitted if self.polynomial else plain)
-        usual = usual * np.abs(self.values[name]) if relative else usual + 0 * self.values[name]
+        usual = usual * np.abs(self.measured[name]) if relative else usual + 0 * self.measured[name]
         own = self.sd.get(name)
         return usual if own is None else np.where(np.isfinite(own), own, usual)
 
-    def check(self, fluid: RealGas) -> None:
+    def check(self, machine: Machine) -> None:
         """Refuse points that cannot be.
 
         Raises:
-            BadInput: another fluid, temperatures outside its range or in the wrong order, a point that
-                is there twice, or a capacity that contradicts the mass flow.
+            BadInput: a machine without valves or a real gas, another fluid, temperatures outside its
+                range or in the wrong order, a point that is there twice, nothing that was measured, or
+                a capacity that contradicts the mass flow.
         """
+        compressor = assembled(machine).compressor
+        gas = None if compressor is None else compressor.gas
+        if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
+            raise BadInput("gas", type(gas).__name__, "a cylinder with valves and a real gas")
+        if not gas.inert:
+            bound = "given on both valves: without, a cycle has no exact slopes"
+            raise BadInput("port_length", "absent", bound)
+        if not self.measured:
+            raise BadInput(
+                self.source, "nothing measured", f"one of {', '.join(MEASURED)} at least"
+            )
+        self.check_points(gas.fluid)
+
+    def check_points(self, fluid: RealGas) -> None:
+        """Refuse points that cannot be with a fluid, see `check`."""
         if self.fluid and self.fluid.lower() != fluid.name.lower():
             bound = f"{fluid.name} as the machine; set gas.fluid.name to identify with another"
             raise BadInput(f"{self.source}: fluid", self.fluid, bound)
@@ -99,11 +129,68 @@ class Readings:
         if (count > 1).any():
             twice = len(self.names) - len(count)
             raise BadInput(f"{self.source}: points", twice, "0 that are there twice; give means")
-        if {"capacity", "mass_flow"} <= set(self.values):
+        if {"capacity", "mass_flow"} <= set(self.measured):
             self._check_capacity(fluid)
 
+    def entries(self, sd):
+        rows = [
+            (name, row)
+            for name, values in self.measured.items()
+            for row in np.flatnonzero(np.isfinite(values)).tolist()
+        ]
+        at = np.array([row for _, row in rows], int)
+        names, deviations = self.names, {k: self.deviation(k, sd) for k in self.measured}
+        conditions = {k: getattr(self, k)[at] for k in ("evaporating", "condensing", "speed")}
+        return Entries(
+            tuple(name for name, _ in rows),
+            {name: Kind(*MEASURED[name][:2]) for name in self.measured},
+            at,
+            np.array([_OUT[name] for name, _ in rows], int),
+            np.array([self.measured[name][row] for name, row in rows]),
+            np.array([deviations[name][row] for name, row in rows]),
+            tuple(names[row] for _, row in rows),
+            conditions,
+            {"evaporating": "K", "condensing": "K", "speed": "rad/s"},
+        )
+
+    def points(self, machine):
+        nominal = float(machine.as_compressor().motor.speed_guess)
+        speed = np.where(np.isfinite(self.speed), self.speed, nominal)
+        return RatingPoint(
+            self.evaporating, self.condensing, self.gas, self.liquid, self.useful, speed
+        )
+
+    def values(self, build, parameters, nuisances, point):
+        del nuisances
+        return rated(lambda p: build(p).as_compressor(), parameters, point)
+
+    def warnings(self, used, beside):
+        """Points held out that lie outside the hull of those used, and speeds that were not used."""
+        left = sorted(set(range(self.evaporating.size)) - set(used))
+        out = [*self.bends]
+        if not left:
+            return out
+        seen = [(self, list(used)), *((one, list(own)) for one, own in beside)]
+        at = np.stack([self.evaporating, self.condensing], axis=-1)
+        known = np.concatenate([
+            np.stack([one.evaporating[own], one.condensing[own]], axis=-1) for one, own in seen
+        ])  # fmt: skip
+        try:
+            sides = ConvexHull(np.unique(known, axis=0)).equations
+            far = [row for row in left if (sides[:, :2] @ at[row] + sides[:, 2] > 0.5).any()]
+        except (QhullError, ValueError):
+            far = left
+        if far:
+            names = ", ".join(self.names[row] for row in far)
+            out.append(f"predicted outside of the points used: {names}")
+        speeds = np.concatenate([np.nan_to_num(one.speed[own]).round(3) for one, own in seen])
+        if set(np.nan_to_num(self.speed[left]).round(3).tolist()) - set(speeds.tolist()):
+            text = "predicted at speeds that were not used: "
+            out.append(text + "one speed cannot tell the law of speed")
+        return out
+
     def _check_capacity(self, fluid: RealGas) -> None:
-        ratio = self.values["capacity"] / self.values["mass_flow"]
+        ratio = self.measured["capacity"] / self.measured["mass_flow"]
         there = np.isfinite(ratio)
         rise = jax.jit(jax.vmap(lambda s, u, liquid: capacity_rise(fluid, s, u, liquid)))
 
@@ -160,33 +247,3 @@ def terms_of(count: int, evaporating, condensing, speed=0.0) -> NDArray:
     else:
         raise BadInput("coefficients", count, "10, 20 or 30")
     return np.stack(rows, axis=-1)
-
-
-def joined(readings: Sequence[Readings]) -> Readings:
-    """The points of several sources as one, with nothing measured where a source has no value."""
-    first, *rest = readings
-    if not rest:
-        return first
-    names = list(dict.fromkeys(name for one in readings for name in one.values))
-
-    def column(one: Readings, of: Mapping[str, NDArray], name: str):
-        return of.get(name, np.full(one.evaporating.size, np.nan))
-
-    def together(field: str):
-        return np.concatenate([getattr(one, field) for one in readings])
-
-    plain = {k: together(k) for k in Readings.__dataclass_fields__ if k in _COLUMNS}
-    values = {k: np.concatenate([column(one, one.values, k) for one in readings]) for k in names}
-    # so that the defaults of each source stay its own
-    sd = {
-        k: np.concatenate([
-            one.deviation(k, {}) if k in one.values else column(one, {}, k) for one in readings
-        ])
-        for k in names
-    }  # fmt: skip
-    source = ", ".join(one.source for one in readings)
-    made = any(one.polynomial for one in readings)
-    return Readings(source, **plain, values=values, sd=sd, polynomial=made, fluid=first.fluid)
-
-
-_COLUMNS = ("evaporating", "condensing", "gas", "liquid", "useful", "speed")

@@ -18,6 +18,7 @@ from .._core.fields import (
     ANY,
     POSITIVE,
     Bound,
+    Part,
     is_traced,
     listed,
     plausible,
@@ -175,6 +176,62 @@ def with_piston_clearance(machine: _Machine, clearance: Float[Array, ""]) -> _Ma
     return _with_compressor(machine, friction=friction)
 
 
+# Power of the length with which a number of a similar machine grows, by its unit: of the same materials,
+# pressures, temperatures and speed. Springs keep their stresses.
+_LENGTHS = {
+    "m": 1, "m^2": 2, "m^3": 3, "kg": 3, "kg m": 4, "kg m^2": 5, "N": 2, "N m": 3, "N/m": 1,
+    "N s/m": 2, "N m s": 3, "W": 3, "W/K": 2,
+}  # fmt: skip
+
+
+def with_swept_volume(machine: _Machine, volume: Float[Array, ""]) -> _Machine:
+    r"""A similar machine with another swept volume, at the same speed and between the same lines.
+
+    With $\sigma = (V/V_0)^{1/3}$ lengths grow with $\sigma$, areas and conductances with $\sigma^2$,
+    masses with $\sigma^3$ and so on; materials, pressures, temperatures, speeds and pure numbers stay.
+    So valves keep their share of the piston area. The gap of the leakage is a matter of manufacture
+    and stays.
+
+    Args:
+        machine: the machine to start from, or its compressor alone.
+        volume: [m^3] that the piston of one cylinder displaces.
+
+    Raises:
+        BadInput: a machine with a rotor, which does not follow.
+    """
+    volume = _checked("similar_swept_volume", volume, POSITIVE)
+    if isinstance(machine, Machine) and "rotor" in machine.parts:
+        bound = "left alone with a rotor, which would not follow"
+        raise BadInput("similar_swept_volume", "given", bound)
+    scale = jnp.cbrt(volume / _compressor(machine).mechanism.swept_volume)
+
+    def similar(part, path=""):
+        changes: dict[str, Any] = {
+            name: getattr(part, name) * scale ** _LENGTHS.get(field.metadata["unit"], 0)
+            for name, field in quantities(part)
+            if getattr(part, name) is not None and f"{path}{name}" != "gas.leakage.gap"
+        }
+        for field in dataclasses.fields(part):
+            child = getattr(part, field.name)
+            if isinstance(child, Part):
+                changes[field.name] = similar(child, f"{path}{field.name}.")
+            elif isinstance(child, tuple) and child and all(isinstance(c, Part) for c in child):
+                changes[field.name] = tuple(similar(c) for c in child)
+        return rebuilt(part, **changes)
+
+    made = _compressor(machine)
+    parts = {
+        field.name: similar(getattr(made, field.name), f"{field.name}.")
+        for field in dataclasses.fields(made)
+        if isinstance(getattr(made, field.name), Part)
+    }
+    machine = _with_compressor(machine, **parts)
+    if isinstance(machine, Machine) and machine.bearings:
+        bearings = {name: similar(one) for name, one in machine.bearings.items()}
+        machine = eqx.tree_at(lambda m: m.bearings, machine, bearings)
+    return machine
+
+
 design_rules: dict[str, DesignRule] = {
     name: DesignRule(*rule, DESIGN_RULES[name])
     for name, rule in {
@@ -185,6 +242,10 @@ design_rules: dict[str, DesignRule] = {
         "offset": (with_offset, lambda machine: _ruled(machine).offset, "m", ANY),
         "piston_clearance": (
             with_piston_clearance, lambda machine: _film(machine).radial_clearance, "m", POSITIVE,
+        ),
+        "similar_swept_volume": (
+            with_swept_volume, lambda machine: _compressor(machine).mechanism.swept_volume, "m^3",
+            POSITIVE,
         ),
     }.items()
 }  # fmt: skip

@@ -48,6 +48,11 @@ class Variable(NamedTuple):
     unit: str
     bound: Bound
 
+    @property
+    def bare(self) -> "Variable":
+        """Without its range, as programs of any range share it."""
+        return self._replace(low=0.0, high=0.0, bound=ANY)
+
     def current(self, design: Machine) -> Float[Array, ""]:
         """[SI] The value in a design."""
         if self.name in design_rules:

@@ -23,7 +23,7 @@ from .._core.fields import of_cylinder, replaced
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..compressor import Compressor, compressor_of
-from ..crank import Collocation, default_collocation, performance, solve_orbit
+from ..crank import Collocation, Orbit, Performance, default_collocation, performance, solve_orbit
 from ..cylinder import CycleOptions, Cylinder, solve_cycle
 from ..fluid import RealGas
 from ..motor import ConstantSpeed
@@ -57,6 +57,7 @@ RATINGS = {
     "ahri540": Rating(
         ZERO + 18.3, None, None, 0.0, "AHRI 540, refrigeration: return gas 18.3 C, no subcooling."
     ),
+    "cecomaf": Rating(ZERO + 32, None, None, 0.0, "CECOMAF: return gas 32 C, no subcooling."),
 }
 
 # Name, SI unit, and whether it is fitted.
@@ -214,23 +215,23 @@ def polynomial_terms(evaporating, condensing) -> np.ndarray:
     return np.stack(terms, axis=-1)
 
 
-class RatingPoints(NamedTuple):
-    """Conditions of n points, as numbers.
+class RatingPoint(NamedTuple):
+    """Conditions of a point, as numbers.
 
     Attributes:
-        evaporating, condensing: [K] (n,) dew temperatures.
-        gas: [K] (n,) of the gas that comes to the compressor.
-        liquid: [K] (n,) of the liquid before the expansion.
-        useful: [K] (n,) of the gas up to which its enthalpy counts as capacity.
-        speed: [rad/s] (n,)
+        evaporating, condensing: [K] dew temperatures.
+        gas: [K] of the gas that comes to the compressor.
+        liquid: [K] of the liquid before the expansion.
+        useful: [K] of the gas up to which its enthalpy counts as capacity.
+        speed: [rad/s]
     """
 
-    evaporating: Float[Array, " n"]
-    condensing: Float[Array, " n"]
-    gas: Float[Array, " n"]
-    liquid: Float[Array, " n"]
-    useful: Float[Array, " n"]
-    speed: Float[Array, " n"]
+    evaporating: Float[Array, ""]
+    condensing: Float[Array, ""]
+    gas: Float[Array, ""]
+    liquid: Float[Array, ""]
+    useful: Float[Array, ""]
+    speed: Float[Array, ""]
 
 
 def capacity_rise(fluid: RealGas, evaporating, useful, liquid) -> Float[Array, ""]:
@@ -250,16 +251,16 @@ def capacity_rise(fluid: RealGas, evaporating, useful, liquid) -> Float[Array, "
 def rated(
     build: Callable[[Float[Array, " p"]], Compressor],
     parameters: Float[Array, " p"],
-    points: RatingPoints,
-) -> tuple[Float[Array, "n 8"], Float[Array, "n 8 p"], Bool[Array, " n"]]:
-    """Quantities of a compressor with valves at rating points, and their slopes over parameters.
+    point: RatingPoint,
+) -> tuple[Float[Array, " 8"], Float[Array, "8 p"], Bool[Array, ""]]:
+    """Quantities of a compressor with valves at a rating point, and their slopes over parameters.
 
-    Each point is solved at its speed, which is taken as constant over the revolution.
+    The point is solved at its speed, which is taken as constant over the revolution.
 
     Args:
         build: the compressor of some parameters.
         parameters: (p,) where to evaluate.
-        points: the conditions.
+        point: the conditions.
 
     Returns:
         `QUANTITIES` in their order, their derivatives, and whether the point can be relied on.
@@ -267,28 +268,27 @@ def rated(
 
     solver = Collocation(reversals=0, estimate=False, cycle=CycleOptions())
 
-    def point(point: RatingPoints):
-        def law(parameters, rise):
-            one = build(parameters)
-            motor = replaced(ConstantSpeed(1.0, losses=one.motor.losses), mean_speed=point.speed)
-            rating = Rating(point.gas, None, point.liquid, None)
-            here = at_rating(
-                replaced(one, motor=motor), point.evaporating, point.condensing, rating
-            )
-            values, new, ok = _at_point(here, solver, rise)
-            gas = here.gas
-            assert isinstance(gas, Cylinder)
-            assert isinstance(gas.fluid, RealGas)
-            worth = capacity_rise(gas.fluid, point.evaporating, point.useful, point.liquid)
-            capacity = values["mass_flow"] * worth
-            values |= {"capacity": capacity, "cop": capacity / values["power"]}
-            return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
+    def law(parameters, rise):
+        one = build(parameters)
+        motor = replaced(ConstantSpeed(1.0, losses=one.motor.losses), mean_speed=point.speed)
+        rating = Rating(point.gas, None, point.liquid, None)
+        here = at_rating(replaced(one, motor=motor), point.evaporating, point.condensing, rating)
+        values, new, ok = _at_point(here, solver, rise)
+        gas = here.gas
+        assert isinstance(gas, Cylinder)
+        assert isinstance(gas.fluid, RealGas)
+        worth = capacity_rise(gas.fluid, point.evaporating, point.useful, point.liquid)
+        capacity = values["mass_flow"] * worth
+        values |= {"capacity": capacity, "cop": capacity / values["power"]}
+        return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
 
-        return with_slopes(law, parameters, warmed)
+    return with_slopes(law, parameters, is_warmed(build(parameters)))
 
-    gas = build(parameters).gas
-    warmed = isinstance(gas, Cylinder) and gas.suction.warming is not None
-    return lax.map(point, points)
+
+def is_warmed(compressor: Compressor) -> bool:
+    """Whether a law gives the rise of the suction gas."""
+    gas = compressor.gas
+    return isinstance(gas, Cylinder) and gas.suction.warming is not None
 
 
 @kept_jit
@@ -312,11 +312,27 @@ def _along(compressor: Compressor, rating: str, options, evaporating, condensing
     return lax.map(point, (evaporating, condensing))
 
 
-def _at_point(here: Compressor, solver: Collocation, rise):
-    """Quantities at a point, the rise of the suction gas by its law, and whether both hold.
+class RatedState(NamedTuple):
+    """A compressor with valves that was solved at given conditions.
+
+    Attributes:
+        orbit: motion of the crank and cycle of the gas.
+        performance: its powers and efficiencies.
+        rise: [K] of the suction gas by its law; the given one where it has none.
+        ok: whether all of it can be relied on.
+    """
+
+    orbit: Orbit
+    performance: Performance
+    rise: Any
+    ok: Bool[Array, ""]
+
+
+def solve_rated(here: Compressor, solver: Collocation, rise) -> RatedState:
+    """Solve a compressor with valves as `rating_map` does.
 
     Args:
-        here: the compressor at its rating point.
+        here: the compressor at its conditions.
         solver: of the crank's motion under the pressure that was found.
         rise: [K] of the suction gas where a law gives it.
     """
@@ -337,20 +353,24 @@ def _at_point(here: Compressor, solver: Collocation, rise):
         orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
     cycle, result = orbit.cycle, performance(here, orbit)
     assert cycle is not None
+    if warming is not None:
+        loss = result.electric_power - orbit.gas_power
+        flow, hot = cycle.mass_flow, cycle.discharge_temperature
+        rise = warming.rise(cycle.case.comes, hot, flow, loss)
+    return RatedState(orbit, result, rise, cycle.converged & orbit.converged)
+
+
+def _at_point(here: Compressor, solver: Collocation, rise):
+    """Quantities at a point, the rise of the suction gas by its law, and whether both hold."""
+    orbit, result, new, ok = solve_rated(here, solver, rise)
     values = {
         "power": result.electric_power,
         "cop": result.cop,
         "overall_efficiency": result.overall_efficiency,
     }
     own = (name for name, *_ in QUANTITIES if name not in values)
-    values |= {name: getattr(cycle, name) for name in own}
-    new = rise
-    if warming is not None:
-        loss = result.electric_power - orbit.gas_power
-        flow, hot = cycle.mass_flow, cycle.discharge_temperature
-        new = warming.rise(cycle.case.comes, hot, flow, loss)
-    known = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
-    return values, new, cycle.converged & orbit.converged & known
+    values |= {name: getattr(orbit.cycle, name) for name in own}
+    return values, new, ok & jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
 
 
 def with_slopes(

@@ -58,7 +58,7 @@ def test_every_value_of_a_bundled_machine_has_its_source(machine):
     scene = load(machine.name)
     assert scene.name == machine.name
     assert scene.description == machine.description != ""
-    words = ("printed", "derived", "fitted", "assumed")
+    words = ("printed", "derived", "fitted", "assumed", "identified", "prior", "similar")
     for path, source in scene.sources.items():
         assert source.startswith(words), path
 

@@ -1,5 +1,7 @@
 """Design rules of the slider-link, studies over a range, slider-link against connecting rod."""
 
+from functools import reduce
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,6 +23,7 @@ from jaxcomp.study import (
     rod_driven,
     with_bore,
     with_stroke_bore_ratio,
+    with_swept_volume,
 )
 from jaxcomp.vibration import shaking_wrench
 
@@ -78,7 +81,7 @@ def test_bore_rule_of_the_slider_link(machine):
 def test_rules_return_what_they_were_given(machine):
     crank = load("mayekawa-wbhe").compressor
     for name, value in (("stroke_bore_ratio", 0.7), ("offset", 2e-3),
-                        ("piston_clearance", 8e-6)):  # fmt: skip
+                        ("piston_clearance", 8e-6), ("similar_swept_volume", 1e-5)):  # fmt: skip
         rule = design_rules[name]
         np.testing.assert_allclose(rule.current(rule.apply(machine, value)), value, rtol=1e-14)
     new = with_stroke_bore_ratio(crank, 0.7).mechanism
@@ -186,8 +189,25 @@ def test_half_the_friction_at_the_wall_would_meet_the_measured_saving(machine):
     assert found.saving["wall"] == pytest.approx(1.73, abs=0.02)
 
 
+def test_a_similar_machine_follows_its_swept_volume():
+    design = load("semi-hermetic-200cc").machine
+    whole = design.compressor
+    twice = with_swept_volume(design, 8 * whole.mechanism.swept_volume).compressor
+    for path, power in {
+        "mechanism.bore": 1, "mechanism.conrod_mass": 3, "crankshaft.inertia": 5,
+        "gas.suction_valve.mass": 3, "gas.suction_valve.stiffness": 1, "gas.discharge_valve.damping": 2,
+        "gas.suction.warming.discharge_conductance": 2, "motor.losses.fixed_power": 3,
+        "gas.clearance_ratio": 0, "motor.mean_speed": 0, "gas.leakage.gap": 0, "gas.leakage.length": 1,
+        "crankshaft.main_journal.radial_clearance": 1, "gas.suction.temperature": 0,
+    }.items():  # fmt: skip
+        before, after = (reduce(getattr, path.split("."), one) for one in (whole, twice))
+        np.testing.assert_allclose(after, 2.0**power * before, rtol=1e-14, err_msg=path)
+    with pytest.raises(BadInput, match="with a rotor"):
+        with_swept_volume(load("hermetic-68cc").machine, 1e-5)
+
+
 def test_derivatives_of_the_rules_equal_differences(machine):
-    names = ("bore", "stroke_bore_ratio", "offset", "piston_clearance")
+    names = ("bore", "stroke_bore_ratio", "offset", "piston_clearance", "similar_swept_volume")
     for name in names:
         rule = design_rules[name]
 

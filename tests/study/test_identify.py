@@ -14,7 +14,7 @@ from jaxcomp.cylinder import SuctionWarming
 from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
 from jaxcomp.scene.readings import identified_scene
-from jaxcomp.study import Readings, identify, varied
+from jaxcomp.study import RECIPE, Readings, identify, map_recipe, varied
 from jaxcomp.study.rating import rating_map
 
 ZERO = 273.15
@@ -43,10 +43,15 @@ def machine():
         ({"gas.clearence_ratio": None}, {}, "gas.clearance_ratio"),
         ({CLEARANCE: (0.01, 0.04)}, {"prior": {HEATING: (10.0, 3.0)}}, "which are varied"),
         ({CLEARANCE: None}, {"prior": {CLEARANCE: (0.02, 0.0)}}, "positive standard deviation"),
-        ({CLEARANCE: None}, {"hold_out": [4]}, "a row from 0 to 3"),
+        ({CLEARANCE: None}, {"hold_out": [4]}, "a point from 0 to 3"),
         ({CLEARANCE: None}, {"sd": {"powr": 0.01}}, "power"),
         ({CLEARANCE: None, "gas.clearance*": None}, {}, "varied once"),
         ({"motor.losses.efficiency.*": (0.5, 2.0)}, {}, "efficiency.0. must be > 0 and <= 1"),
+        (
+            {CLEARANCE: None, HEATING: None},
+            {"hold_out": [0, 1, 2]},
+            "at least 2, one for each parameter",
+        ),
         ({"gas.*_valve.nothing": None}, {}, "a pattern that fits a number"),
     ],
 )
@@ -95,6 +100,47 @@ def test_the_law_of_warming_is_refused_where_nothing_closes_it():
     compressor = compressor_of(load("semi-hermetic-200cc"))
     with pytest.raises(BadInput, match="absent outside of rating points"):
         compressor.gas.suction.states(compressor.gas.fluid)
+
+
+def test_a_template_gets_the_size_that_the_flow_wants():
+    template = load("semi-hermetic-200cc")
+    fluid, speed = RealGas("R22"), float(template.as_compressor().motor.speed_guess)
+    s, gas = np.array([258.0, 268.0]), np.array([291.45, 291.45])
+    density = [
+        float(fluid.density(t, fluid.saturation(T=e).p)) for t, e in zip(gas, s, strict=True)
+    ]
+    flow = np.array(density) * 0.8 * 60e-6 * speed / (2 * np.pi)
+    conditions = (
+        s,
+        np.array([313.0, 313.0]),
+        gas,
+        np.array([313.0, 313.0]),
+        gas,
+        np.full(2, np.nan),
+    )
+    made = map_recipe(template, Readings("map", *conditions, {"mass_flow": flow}))
+    assert float(made.machine.compressor.mechanism.swept_volume) == pytest.approx(60e-6)
+    assert list(made.vary) == list(RECIPE)
+    assert set(made.prior) == set(RECIPE) - {"similar_swept_volume"}
+    # 500 W of 200 cm3 are 151 W of 60 cm3, and no efficiency exceeds 1
+    share = 60e-6 / float(template.as_compressor().mechanism.swept_volume)
+    assert made.prior["motor.losses.fixed_power"][0] == pytest.approx(500 * share)
+    low, high = made.vary["motor.losses.efficiency"]
+    assert (low, high * 0.92 <= 1) == (0.7, True)
+    # a machine without the law of warming has one constant of it less
+    plain = map_recipe(load("r600a-8cc"), Readings("map", *conditions, {"mass_flow": flow}))
+    assert "gas.suction.warming.loss_share" not in plain.vary
+    with pytest.raises(BadInput, match="which tells the size"):
+        map_recipe(template, Readings("map", *conditions, {"power": flow}))
+
+
+def test_one_program_serves_all_ranges():
+    design = machine_of(load("r600a-8cc"))
+    names = (CLEARANCE, "gas.*_valve.stiffness")
+    first, second = (tuple(varied(design, name, *ends).bare for name in names)
+                     for ends in ((0.05, 0.06), (0.07, 0.09)))  # fmt: skip
+    assert first == second
+    assert hash(first) == hash(second)
 
 
 @pytest.mark.parametrize(

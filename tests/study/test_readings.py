@@ -1,6 +1,8 @@
 """Files of rated points: readings, and the polynomials of makers."""
 
 import dataclasses
+import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +12,9 @@ from jaxcomp import BadInput
 from jaxcomp.cli._app import app
 from jaxcomp.fluid import RealGas
 from jaxcomp.scene import SceneError
+from jaxcomp.scene.measured import bundled_maps
 from jaxcomp.scene.readings import polynomial_text, read_readings
-from jaxcomp.study import joined, terms_of
+from jaxcomp.study import terms_of
 from jaxcomp.study.rating import QUANTITIES, RatingMap
 
 ZERO = 273.15
@@ -43,15 +46,17 @@ def test_a_polynomial_at_the_points_of_its_maker(tmp_path):
     first, last = at["-15/40 C"], at["4/45 C"]
     # to the six digits printed
     np.testing.assert_allclose(
-        found.values["capacity"][[first, last]], [7384.09, 16945.0], rtol=3e-6
+        found.measured["capacity"][[first, last]], [7384.09, 16945.0], rtol=3e-6
     )
-    np.testing.assert_allclose(found.values["power"][[first, last]], [3336.41, 4500.15], rtol=3e-6)
+    np.testing.assert_allclose(
+        found.measured["power"][[first, last]], [3336.41, 4500.15], rtol=3e-6
+    )
     assert found.polynomial
     assert found.fluid == "R22"
     np.testing.assert_allclose(found.gas, ZERO + 18.3)
     np.testing.assert_allclose(found.liquid, found.condensing)
-    np.testing.assert_allclose(found.deviation("power", {}), 0.02 * found.values["power"])
-    found.check(RealGas("R22"))
+    np.testing.assert_allclose(found.deviation("power", {}), 0.02 * found.measured["power"])
+    found.check_points(RealGas("R22"))
 
 
 def test_the_grid_of_a_polynomial_keeps_off_its_corner(tmp_path):
@@ -92,13 +97,14 @@ def test_readings_with_units_and_gaps(tmp_path):
     np.testing.assert_allclose(found.gas, [273.15, 263.15])
     np.testing.assert_allclose(found.liquid, 298.15)
     np.testing.assert_allclose(found.speed, 2 * np.pi * np.array([50, 30]))
-    np.testing.assert_allclose(found.values["mass_flow"], [60 / 3600, np.nan])
-    np.testing.assert_allclose(found.values["discharge_temperature"], [353.15, np.nan])
+    np.testing.assert_allclose(found.measured["mass_flow"], [60 / 3600, np.nan])
+    np.testing.assert_allclose(found.measured["discharge_temperature"], [353.15, np.nan])
     np.testing.assert_allclose(found.deviation("power", {}), [24, 24])
     assert found.deviation("discharge_temperature", {})[0] == 2.0
-    both = joined([found, found])
-    assert both.evaporating.size == 4
-    np.testing.assert_allclose(both.deviation("power", {}), 24)
+    entries = found.entries({"mass_flow": 0.02})
+    assert entries.quantity == ("power", "power", "mass_flow", "discharge_temperature")
+    np.testing.assert_allclose(entries.sd, [24, 24, 0.02 * 60 / 3600, 2])
+    np.testing.assert_array_equal(entries.point, [0, 1, 0, 0])
 
 
 @pytest.mark.parametrize(
@@ -138,19 +144,23 @@ def test_points_that_cannot_be(tmp_path):
         ({"liquid": good.condensing + 1}, "at most condensing"),
     ]:
         with pytest.raises(BadInput, match=message):
-            dataclasses.replace(good, **change).check(RealGas("R22"))
-    twice = joined([good, good])
+            dataclasses.replace(good, **change).check_points(RealGas("R22"))
+    doubled = {
+        name: np.tile(getattr(good, name), 2)
+        for name in ("evaporating", "condensing", "gas", "liquid", "useful", "speed")
+    }
+    twice = dataclasses.replace(good, **doubled)
     with pytest.raises(BadInput, match="there twice"):
-        twice.check(RealGas("R22"))
+        twice.check_points(RealGas("R22"))
 
 
 def test_a_capacity_that_contradicts_the_flow(tmp_path):
     # 06DM313 at -5/30: 282.47 kg/h where the whole superheat counts (Helmholtz energy of R22)
     head = f"{HEAD},capacity [W],mass_flow [kg/h]"
-    read(tmp_path, f"{head}\n-5,30,18.3,0,14367.3,282.47").check(RealGas("R22"))
+    read(tmp_path, f"{head}\n-5,30,18.3,0,14367.3,282.47").check_points(RealGas("R22"))
     wrong = read(tmp_path, f"{head}\n-5,30,5,0,14367.3,282.47")
     with pytest.raises(BadInput, match=r"at most 3%.*subcooling .* leave 0\."):
-        wrong.check(RealGas("R22"))
+        wrong.check_points(RealGas("R22"))
 
 
 def made_map(speed):
@@ -180,11 +190,132 @@ def test_coefficients_that_are_written_are_read_back(tmp_path, count, speeds):
     close = 1e-9 if count != 20 else 0.03
     expected = made_map(speeds[0]).values["mass_flow"].ravel()
     there = np.isfinite(expected)
-    np.testing.assert_allclose(found.values["mass_flow"][there], expected[there], rtol=close)
+    np.testing.assert_allclose(found.measured["mass_flow"][there], expected[there], rtol=close)
     few = {one: maps[one] for one in speeds[:1]}
     if count > 10:
         with pytest.raises(BadInput, match="four speeds for 20 and three for 30"):
             polynomial_text(few, count, told)
+
+
+TOLD = {"machine": "X", "fluid": "R22", "return_gas": "18.3 degC", "subcooling": "0 K"}
+COMPRESSOR = SimpleNamespace(
+    gas=SimpleNamespace(fluid=RealGas("R22")),
+    swept_volume=2e-4,
+    crankshaft=SimpleNamespace(count=2),
+)
+
+
+def test_a_map_for_energyplus_is_read_back(tmp_path):
+    file, one = tmp_path / "map.idf", made_map(50.0)
+    text = polynomial_text({50.0: one}, 10, TOLD, "energyplus")
+    file.write_text(text)
+    s, d = one.evaporating, one.condensing
+    found = read_readings(file, s, d)
+    for name in ("capacity", "power"):
+        expected = one.values[name].ravel()
+        there = np.isfinite(expected)
+        np.testing.assert_allclose(found.measured[name][there], expected[there], rtol=1e-9)
+    np.testing.assert_allclose(found.gas, ZERO + 18.3)
+    np.testing.assert_allclose(found.liquid, found.condensing)
+    assert found.fluid == "R22"
+    # EnergyPlus evaluates the curve with its own order of terms
+    lines = text.split("X capacity, !- Name")[1].splitlines()[1:11]
+    c = [float(line.split(",")[0]) for line in lines]
+    x, y = -20.0, 30.0
+    bicubic = np.array([1, x, x**2, y, y**2, x * y, x**3, y**3, x**2 * y, x * y**2]) @ c
+    assert bicubic == pytest.approx(one.values["capacity"][0, 0], rel=1e-9)
+    # a curve that stands twice: the last before the compressor counts; and two compressors need a name
+    twice = text.replace("X capacity, !- Name\n  ", "X capacity, !- Name\n  1", 1) + text
+    file.write_text(twice)
+    with pytest.raises(SceneError, match="2 compressors; name one"):
+        read_readings(file)
+    with pytest.raises(SceneError, match="is no compressor of the file, but X"):
+        read_readings(f"{file}#Y")
+    file.write_text(text.replace("X power, !- Name", "Y power, !- Name"))
+    with pytest.raises(SceneError, match="X power: is a Curve:Bicubic that is missing"):
+        read_readings(file)
+
+
+def test_a_map_for_tespy_is_read_back(tmp_path):
+    file, one = tmp_path / "map.json", made_map(50.0)
+    file.write_text(polynomial_text({50.0: one}, 10, TOLD, "tespy", COMPRESSOR))
+    given = json.loads(file.read_text())
+    assert given["reference_state"] == {
+        "swept_volume": 4e-4, "frequency_poly": 50.0, "T_sc": 0.0
+    }  # fmt: skip
+    found = read_readings(file, one.evaporating, one.condensing)
+    error = max(given[f"largest error of {key}"] for key in ("eta_s_poly", "eta_vol_poly"))
+    for name in ("mass_flow", "power"):
+        expected = one.values[name].ravel()
+        there = np.isfinite(expected)
+        # to what cubics of the efficiencies leave, which the file tells; twice, as power has both
+        assert 0 < error < 0.03
+        np.testing.assert_allclose(found.measured[name][there], expected[there], rtol=2 * error)
+    with pytest.raises(BadInput, match="csv for 20 and 30"):
+        polynomial_text({30.0: one, 50.0: one}, 20, TOLD, "tespy", COMPRESSOR)
+    file.write_text("{}")
+    with pytest.raises(SceneError, match=r"fluid.*is missing"):
+        read_readings(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "gas", "cold"),
+    [("ASHRAE", 32.2, None), ("ARI", 18.3, 0.0), ("cecomaf", 32.0, 0.0), ("en12900", 20.0, 0.0)],
+)
+def test_a_rating_by_its_name(tmp_path, name, gas, cold):
+    head = "evaporating [degC],condensing [degC],power [W]\n-5,40,3000"
+    found = read(tmp_path, f"# rating = {name}\n{head}")
+    np.testing.assert_allclose(found.gas, ZERO + gas)
+    np.testing.assert_allclose(found.liquid, ZERO + (32.2 if cold is None else 40 - cold))
+    with pytest.raises(SceneError, match=r"return_gas: is given beside rating"):
+        read(tmp_path, f"# rating = {name}\n# return_gas = 20 degC\n{head}")
+    with pytest.raises(SceneError, match=r"rating.*did you mean.*ashrae"):
+        read(tmp_path, f"# rating = ashrea\n{head}")
+
+
+def test_curves_that_bend_the_wrong_way_are_told(tmp_path):
+    assert read(tmp_path, MAP).bends == ()
+    found = read(tmp_path, MAP.replace("-228.5", "228.5"))
+    assert any("capacity rises with the condensing temperature at" in text for text in found.bends)
+    assert found.warnings([0], [])[0] == found.bends[0]
+
+
+def test_points_and_speeds_outside_of_those_used_are_told(tmp_path):
+    cold, warm = (
+        read(tmp_path, MAP, evaporating=[t], condensing=[303.0, 313.0]) for t in (258.0, 268.0)
+    )
+    fast = dataclasses.replace(warm, speed=np.full(2, 300.0))
+    # both at 268 K lie in the hull of three used points, but not at another speed
+    assert warm.warnings([0], [(cold, [0, 1])]) == [
+        "predicted outside of the points used: -5.15/39.85 C"
+    ]
+    assert warm.warnings([], [(warm, [0, 1]), (cold, [0, 1])]) == []
+    assert fast.warnings([], [(warm, [0, 1]), (cold, [0, 1])]) == [
+        "predicted at speeds that were not used: one speed cannot tell the law of speed"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "values"),
+    [
+        ("06dm313_r22", (-15, 40), {"capacity": 7384.09, "power": 3336.41}),
+        ("06dr316_r22", (-35, 30), {"capacity": 4276.92, "power": 2590.21}),
+        ("06dr316_r134a", (4, 45), {"capacity": 14371.6, "power": 4028.46}),
+        ("3db3-1000_r22_60hz", (-5, 30), {"capacity": 33808.0, "power": 7653.15}),
+        ("crk3-0325_r22", (4, 45), {"capacity": 11681.3, "power": 3554.82}),
+        ("vtz038-g_r134a", (0, 45), {"capacity": 2581.83, "power": 1121.19, "mass_flow": 61.7949 / 3600}),
+    ],
+)  # fmt: skip
+def test_bundled_maps(name, at, values):
+    speed = 2 * np.pi * 50 if name.startswith("vtz") else None
+    s, d = (np.array([ZERO + x]) for x in at)
+    found = read_readings(bundled_maps()[name], s, d, speed)
+    for quantity, value in values.items():
+        assert found.measured[quantity][0] == pytest.approx(value, rel=1e-5)  # six digits printed
+    found.check_points(RealGas(found.fluid))
+    text = bundled_maps()[name].read_text()
+    assert "# source = public repository" in text
+    assert "# licence = see LICENCES.md" in text
 
 
 def test_the_command_map_writes_coefficients(tmp_path, monkeypatch):
@@ -211,7 +342,7 @@ def test_the_command_map_writes_coefficients(tmp_path, monkeypatch):
     assert result.exit_code == 0, result.output
     at = ([ZERO - 25], [ZERO + 40], 2 * np.pi * 45)
     found = read_readings(tmp_path / "coefficients.csv", *at)
-    np.testing.assert_allclose(found.values["power"], 45 * 75, rtol=1e-9)  # rounding of the fit
+    np.testing.assert_allclose(found.measured["power"], 45 * 75, rtol=1e-9)  # rounding of the fit
     np.testing.assert_allclose([found.gas, found.liquid], ZERO + 32.2)
     assert found.fluid == "R134a"
     refused = CliRunner().invoke(app, [*given, "--coefficients", "30"])

@@ -1,0 +1,469 @@
+"""Kinds of measurement beside rated points: over the angle, tables of quantities, modes, vibration."""
+
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from typing import Any, ClassVar, cast
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from numpy.typing import NDArray
+
+from .._core.display import shown
+from .._core.errors import BadInput
+from .._core.fields import replaced
+from ..crank import Collocation, solve_orbit
+from ..cylinder import Cylinder
+from ..machine import Machine, assembled
+from ..rotor import AXES, node_index, prepare, undamped_modes
+from ._analysis import AnalysisOptions, DesignResult, quantity_named
+from ._fit import Parameter
+from ._measurement import AbstractMeasurement, Entries, Kind, usual
+from ._problem import value_of
+from ._variables import variable
+from .rating import is_warmed, solve_rated, with_slopes
+
+_DEGREE = np.pi / 180
+# Samples over a revolution that count as independent: every five degrees.
+_INDEPENDENT = 72
+# Distinct frequencies are further apart than this, relative; closer ones are a pair.
+_PAIR = 1e-3
+
+
+def _conditioned(machine: Machine, paths: tuple[str, ...], values) -> Machine:
+    """The machine at the conditions of a point, unchecked."""
+    for path, value in zip(paths, values, strict=True):
+        machine = variable(machine, path).apply(machine, value)
+    return machine
+
+
+@dataclass(frozen=True)
+class Trace(AbstractMeasurement):
+    """Readings over the crank angle of a revolution: of pressure, valve lifts or the crank's speed.
+
+    Samples are not independent: their standard deviations grow so that they count as `independent` ones.
+    Sensors have an offset, a gain and an angle of their own, which are fitted with priors.
+
+    Attributes:
+        quantities: of `Trace.MEASURED`, in the order of `measured`.
+        paths: of the numbers of the machine that the test bed set.
+        settings: [SI] their values.
+        angle: [rad] (n,) of the crank from the top dead centre, positive with the rotation.
+        measured: [SI] (quantities, n)
+        sd: [SI] (quantities, n) standard deviations of a sample; the usual ones if absent.
+        independent: samples that count as independent.
+    """
+
+    MEASURED: ClassVar[dict[str, str]] = {
+        "pressure": "Pa", "suction_lift": "m", "discharge_lift": "m", "speed": "rad/s",
+    }  # fmt: skip
+    INDEPENDENT: ClassVar[int] = _INDEPENDENT
+    names_of_sd: ClassVar[tuple[str, ...]] = tuple(MEASURED)
+
+    source: str = field(compare=False)
+    quantities: tuple[str, ...]
+    angle: NDArray = field(compare=False)
+    measured: NDArray = field(compare=False)
+    paths: tuple[str, ...] = ()
+    settings: tuple[float, ...] = field(compare=False, default=())
+    sd: NDArray | None = field(compare=False, default=None)
+    independent: int = field(compare=False, default=_INDEPENDENT)
+    polynomial: ClassVar[bool] = False
+
+    def check(self, machine):
+        """Refuse a machine without these quantities, and settings that are none of its numbers."""
+        compressor = assembled(machine).compressor
+        if compressor is None:
+            raise BadInput(
+                f"{self.source}: compressor", "absent", "given, for readings over the angle"
+            )
+        gas = compressor.gas
+        valves = isinstance(gas, Cylinder)
+        if (not valves and self.quantities != ("speed",)) or (valves and not gas.inert):
+            bound = "a cylinder with valves that have a `port_length`; without, speed alone"
+            raise BadInput(f"{self.source}: gas", type(gas).__name__, bound)
+        for path, value in zip(self.paths, self.settings, strict=True):
+            variable(machine, path, value, value)
+        if compressor.crankshaft.count > 1:
+            raise BadInput(
+                f"{self.source}: cylinders", compressor.crankshaft.count, "1 for a trace"
+            )
+
+    @property
+    def nuisances(self):
+        """Angle of the top dead centre; offset and gain of the pressure; gain of the lifts."""
+        out = [
+            Parameter("top_dead_centre", -0.1, 0.1, 0.0, 0.0, 0.3 * _DEGREE, False, "rad"),
+        ]
+        if "pressure" in self.quantities:
+            out.append(Parameter("pressure_offset", -1e5, 1e5, 0.0, 0.0, 1e3, False, "Pa"))
+            out.append(Parameter("pressure_gain", 0.8, 1.25, 1.0, 1.0, 0.01))
+        if any("lift" in name for name in self.quantities):
+            out.append(Parameter("lift_gain", 0.5, 2.0, 1.0, 1.0, 0.02))
+        return tuple(out)
+
+    def entries(self, sd):
+        shape = self.measured.shape
+        own = np.full(shape, np.nan) if self.sd is None else self.sd
+        size = np.ptp(self.measured, axis=1)
+        for row, name in enumerate(self.quantities):
+            size[row] = (
+                usual(name, sd, 0.001) * np.mean(self.measured[row])
+                if name == "speed"
+                else usual(name, sd, 0.01) * size[row]
+            )
+        many = np.sqrt(np.maximum(1.0, shape[1] / self.independent))
+        deviation = np.where(np.isfinite(own), own, size[:, None]) * many
+        rows, columns = np.nonzero(np.isfinite(self.measured))
+        return Entries(
+            tuple(self.quantities[row] for row in rows),
+            {name: Kind(self.MEASURED[name], name == "speed") for name in self.quantities},
+            np.zeros(rows.size, int),
+            rows * shape[1] + columns,
+            self.measured[rows, columns],
+            deviation[rows, columns],
+            tuple(f"{self.angle[n] / _DEGREE:.4g} deg" for n in columns),
+            {"crank_angle": self.angle[columns]},
+            {"crank_angle": "rad"},
+        )
+
+    def points(self, machine):
+        del machine
+        return self.angle[None], tuple(np.array([value]) for value in self.settings)
+
+    def values(self, build, parameters, nuisances, point):
+        count, names = parameters.size, [one.name for one in self.nuisances]
+        angles, settings = point
+
+        def compressor(p):
+            return _conditioned(build(p), self.paths, settings).as_compressor()
+
+        def law(both, rise):
+            own = dict(zip(names, both[count:], strict=True))
+            here = compressor(both[:count])
+            if isinstance(here.gas, Cylinder):
+                orbit, _, rise, ok = solve_rated(
+                    here, Collocation(reversals=0, estimate=False), rise
+                )
+            else:
+                orbit = solve_orbit(here, throw=False)
+                ok = orbit.converged
+            at, cycle = angles - own["top_dead_centre"], cast(Any, orbit.cycle)
+            out = []
+            for name in self.quantities:
+                if name == "speed":
+                    out.append(orbit.speed_at(at))
+                elif name == "pressure":
+                    gain, offset = own["pressure_gain"], own["pressure_offset"]
+                    out.append(offset + gain * cycle.pressure_at(at))
+                else:
+                    out.append(own["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
+            return jnp.concatenate(out), rise, ok
+
+        both = jnp.concatenate([parameters, nuisances])
+        return with_slopes(law, both, is_warmed(compressor(parameters)))
+
+
+@dataclass(frozen=True)
+class Table(AbstractMeasurement):
+    """Readings of any quantities of `jaxcomp quantities` at several conditions.
+
+    Such as losses by joint, shaft power, vibration or efficiencies, over speed or pressures.
+
+    Attributes:
+        quantities: names, as `jaxcomp.quantity_named` takes them.
+        paths: of the numbers of the machine that are different from point to point.
+        settings: [SI] (n, paths) their values.
+        measured: [SI] (n, quantities); not a number where nothing was measured.
+        sd: [SI] (n, quantities) standard deviations; 1 % where absent, 2 K, 1 degree.
+        units: SI units of the paths, for names of the points.
+    """
+
+    source: str = field(compare=False)
+    quantities: tuple[str, ...]
+    measured: NDArray = field(compare=False)
+    paths: tuple[str, ...] = ()
+    settings: NDArray = field(compare=False, default_factory=lambda: np.zeros((1, 0)))
+    sd: NDArray | None = field(compare=False, default=None)
+    units: tuple[str, ...] = field(compare=False, default=())
+    polynomial: ClassVar[bool] = False
+
+    @property
+    def names_of_sd(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+        """All quantities of the table."""
+        return self.quantities
+
+    def check(self, machine):
+        """Refuse quantities that the machine has not, and settings that are none of its numbers."""
+        for name in self.quantities:
+            if missing := quantity_named(name).missing(machine):
+                raise BadInput(f"{self.source}: {name}", "measured", f"of a machine with {missing}")
+        for path, values in zip(self.paths, self.settings.T, strict=True):
+            for value in values:
+                variable(machine, path, value, value)
+
+    def entries(self, sd):
+        own = np.full(self.measured.shape, np.nan) if self.sd is None else self.sd
+        kinds, deviation = {}, np.empty(self.measured.shape)
+        for n, name in enumerate(self.quantities):
+            unit = quantity_named(name).unit
+            kinds[name] = Kind(unit, unit not in ("K", "rad"))
+            size = {"K": usual(name, sd, 2.0), "rad": usual(name, sd, _DEGREE)}.get(unit)
+            share = usual(name, sd, 0.01) * np.abs(self.measured[:, n])
+            deviation[:, n] = share if size is None else size
+        deviation = np.where(np.isfinite(own), own, deviation)
+        rows, columns = np.nonzero(np.isfinite(self.measured))
+        units = self.units or ("",) * len(self.paths)
+        looks = [
+            shown(path, unit, values)
+            for path, unit, values in zip(self.paths, units, self.settings.T, strict=True)
+        ]
+
+        def label(row):
+            pairs = zip(row, looks, strict=True)
+            return ", ".join(f"{x * one.factor:.5g} {one.unit}".strip() for x, one in pairs)
+
+        labels = [label(row) or "the machine" for row in self.settings]
+        return Entries(
+            tuple(self.quantities[n] for n in columns),
+            kinds,
+            rows,
+            columns,
+            self.measured[rows, columns],
+            deviation[rows, columns],
+            tuple(labels[n] for n in rows),
+            {path: self.settings[rows, n] for n, path in enumerate(self.paths)},
+            dict(zip(self.paths, units, strict=True)),
+        )
+
+    def points(self, machine):
+        del machine
+        return self.settings
+
+    def at(self, machine, nuisances, point):
+        del nuisances
+        found = DesignResult(_conditioned(machine, self.paths, point), AnalysisOptions())
+        values = jnp.stack([jnp.asarray(value_of(name, found), float) for name in self.quantities])
+        return values, found.ok & jnp.all(jnp.isfinite(values))
+
+
+@dataclass(frozen=True)
+class ModalTest(AbstractMeasurement):
+    """Natural frequencies, and shapes, of a rotor that hangs free or lies in its bearings.
+
+    A mode with a shape is that of the model with the largest MAC, another one goes by its number. Of a
+    pair of equal frequencies both shapes count together.
+
+    Attributes:
+        frequency: [rad/s] (k,)
+        modes: (k,) numbers from 1, every pair of equal frequencies and no rigid motion counted.
+        free: hanging, without bearings.
+        nodes, axes: (d,) where and along which axis ("ux") the shapes were measured.
+        shape: (k, d) in any unit; not a number for a mode without.
+        sd: [rad/s] (k,) standard deviations of the frequencies; 0.5 % if absent.
+    """
+
+    USUAL: ClassVar[float] = 0.005
+    names_of_sd: ClassVar[tuple[str, ...]] = ("frequency", "mode_shape")
+
+    source: str = field(compare=False)
+    frequency: NDArray = field(compare=False)
+    modes: tuple[int, ...]
+    free: bool = True
+    nodes: tuple[str, ...] = ()
+    axes: tuple[str, ...] = ()
+    shape: NDArray | None = field(compare=False, default=None)
+    sd: NDArray | None = field(compare=False, default=None)
+    polynomial: ClassVar[bool] = False
+
+    def _rotor(self, machine: Machine):
+        rotor = assembled(machine).rotor
+        if rotor is None:
+            raise BadInput(f"{self.source}: rotor", "absent", "given, for a modal test")
+        return rotor
+
+    def check(self, machine):
+        """Refuse a machine without a rotor, too high modes and nodes that it has not."""
+        model = self._rotor(machine)
+        distinct = self._distinct(machine)
+        if max(self.modes) > len(distinct):
+            bound = f"at most {len(distinct)}, the distinct frequencies of the rotor"
+            raise BadInput(f"{self.source}: mode", max(self.modes), bound)
+        for node, axis in zip(self.nodes, self.axes, strict=True):
+            node_index(model, node)
+            if axis not in AXES[model.dof]:
+                raise BadInput(f"{self.source}: axis", axis, f"one of {', '.join(AXES[model.dof])}")
+
+    def _count(self, model) -> int:
+        return min(2 * max(self.modes) + 12, prepare(model).layout.size)
+
+    def _distinct(self, machine) -> NDArray:
+        """Numbers of the elastic modes, one of each pair."""
+        model = self._rotor(machine)
+        found = np.asarray(undamped_modes(model, self._count(model), free=self.free).frequency)
+        elastic = np.flatnonzero(found > 1e-3 * found.max())
+        apart = np.diff(found[elastic]) > _PAIR * found[elastic][1:]
+        return elastic[np.append(True, apart)]
+
+    def entries(self, sd):
+        count = self.frequency.size
+        deviation = usual("frequency", sd, self.USUAL) * self.frequency
+        if self.sd is not None:
+            deviation = np.where(np.isfinite(self.sd), self.sd, deviation)
+        shape = np.zeros((count, 0)) if self.shape is None else self._normed()
+        rows, columns = np.nonzero(np.isfinite(shape))
+        modes = np.array(self.modes)
+        names = [f"mode {mode}" for mode in self.modes]
+        place = [f"{node} {axis}" for node, axis in zip(self.nodes, self.axes, strict=True)]
+        return Entries(
+            ("frequency",) * count + ("mode_shape",) * rows.size,
+            {"frequency": Kind("rad/s", True), "mode_shape": Kind("", False)},
+            np.zeros(count + rows.size, int),
+            np.concatenate([np.arange(count), count + rows * shape.shape[1] + columns]),
+            np.concatenate([self.frequency, shape[rows, columns]]),
+            np.concatenate([deviation, np.full(rows.size, usual("mode_shape", sd, 0.05))]),
+            (*names, *(f"{names[r]} at {place[c]}" for r, c in zip(rows, columns, strict=True))),
+            {"mode": np.concatenate([modes, modes[rows]]).astype(float)},
+            {"mode": ""},
+        )
+
+    def _normed(self) -> NDArray:
+        """The measured shapes over their largest component."""
+        assert self.shape is not None
+        return self.shape / np.nanmax(np.abs(self.shape), axis=1, keepdims=True)
+
+    def points(self, machine):
+        numbers = self._distinct(machine)[np.array(self.modes) - 1]
+        shape = np.zeros((len(self.modes), 0)) if self.shape is None else self._normed()
+        return numbers[None], shape[None]
+
+    def at(self, machine, nuisances, point):
+        del nuisances
+        model, (numbers, measured) = self._rotor(machine), point
+        found = undamped_modes(model, self._count(model), free=self.free)
+        at = np.array([node_index(model, node) for node in self.nodes], int)
+        axis = np.array([AXES[model.dof].index(name) for name in self.axes], int)
+        shapes = found.shape[:, at, axis]
+        known = jnp.isfinite(measured)
+        given = jnp.where(known, measured, 0.0)
+        product = given @ shapes.T  # (k, modes)
+        square = known.astype(float) @ (shapes.T**2)
+        if self.nodes:
+            fixed = lax.stop_gradient(product**2 / jnp.where(square > 0, square, 1.0))
+            elastic = found.frequency > 1e-3 * found.frequency[-1]
+            best = jnp.argmax(jnp.where(elastic, fixed, -1.0), axis=1)
+            numbers = jnp.where(jnp.any(known, axis=1), best, numbers)
+        # a pair of equal frequencies has any shape of its plane: the part of the reading that lies in it
+        near = jnp.abs(found.frequency / found.frequency[numbers][:, None] - 1) < _PAIR
+        share = jnp.where(near, product / jnp.where(square > 0, square, 1.0), 0.0)
+        values = jnp.concatenate([found.frequency[numbers], (share @ shapes).ravel()])
+        return values, jnp.all(jnp.isfinite(values))
+
+
+@dataclass(frozen=True)
+class VibrationTest(AbstractMeasurement):
+    """Amplitudes, with phases where given, of the targets of a machine at several speeds.
+
+    A reading with a phase counts as a complex number. The chain of measurement has a gain and a
+    reference angle, which are fitted with priors.
+
+    Attributes:
+        targets: (n,) names of targets of the machine's `balancing`.
+        axes: (n,) "ux" or "uy".
+        order: of the revolution.
+        speed: [rad/s] (n,)
+        amplitude: [m] (n,)
+        phase: [rad] (n,) as `respond` counts it; not a number where it was not measured.
+        sd: [m] (n,) standard deviations of the amplitudes; 5 % if absent.
+    """
+
+    names_of_sd: ClassVar[tuple[str, ...]] = ("vibration",)
+
+    source: str = field(compare=False)
+    targets: tuple[str, ...] = field(compare=False)
+    axes: tuple[str, ...] = field(compare=False)
+    speed: NDArray = field(compare=False)
+    amplitude: NDArray = field(compare=False)
+    phase: NDArray = field(compare=False)
+    order: int = 1
+    sd: NDArray | None = field(compare=False, default=None)
+    polynomial: ClassVar[bool] = False
+
+    def check(self, machine):
+        """Refuse a machine without these targets."""
+        rows = self._rows(machine)
+        for pair in zip(self.targets, self.axes, strict=True):
+            if pair not in rows:
+                known = ", ".join(f"{name} {axis}" for name, axis in rows)
+                raise BadInput(f"{self.source}: target", " ".join(pair), f"one of {known}")
+
+    def _rows(self, machine: Machine) -> list[tuple[str, str]]:
+        places: Any = machine.parts.get("balancing")
+        if places is None:
+            raise BadInput(f"{self.source}: balancing", "absent", "given with its targets")
+        return [(one.name, axis) for one in places.targets for axis in one.axes]
+
+    @property
+    def nuisances(self):
+        """Gain, and with phases the reference angle."""
+        out = [Parameter("gain", 0.5, 2.0, 1.0, 1.0, 0.02)]
+        if np.isfinite(self.phase).any():
+            out.append(Parameter("reference_angle", -0.5, 0.5, 0.0, 0.0, 2 * _DEGREE, False, "rad"))
+        return tuple(out)
+
+    def _speeds(self) -> NDArray:
+        return np.unique(self.speed.round(9))
+
+    def entries(self, sd):
+        # columns of a point: real parts, imaginary parts and sizes of all rows of the machine
+        phased = np.isfinite(self.phase)
+        own = usual("vibration", sd, 0.05) * self.amplitude
+        if self.sd is not None:
+            own = np.where(np.isfinite(self.sd), self.sd, own)
+        # across the direction of the reading it errs by 5 degrees
+        whole = np.sqrt((own**2 + (5 * _DEGREE * self.amplitude) ** 2) / 2)
+        value = self.amplitude * np.exp(1j * np.where(phased, self.phase, 0.0))
+        point = np.searchsorted(self._speeds(), self.speed.round(9))
+        pairs = list(dict.fromkeys(zip(self.targets, self.axes, strict=True)))
+        row = np.array([pairs.index(p) for p in zip(self.targets, self.axes, strict=True)])
+        kinds, parts = {}, []
+        for n, (name, chosen) in enumerate(
+            (("vibration.real", phased), ("vibration.imaginary", phased), ("vibration", ~phased))
+        ):
+            at = np.flatnonzero(chosen)
+            kinds |= {name: Kind("m", name == "vibration")} if at.size else {}
+            measured = (np.real(value), np.imag(value), self.amplitude)[n][at]
+            parts.append((
+                [name] * at.size, point[at], n * len(pairs) + row[at], measured,
+                (own if n == 2 else whole)[at],
+                [f"{self.targets[k]} {self.axes[k]} at {self.speed[k]:.5g} rad/s" for k in at],
+                self.speed[at],
+            ))  # fmt: skip
+        quantity, point, column, measured, deviation, names, speed = zip(*parts, strict=True)
+        return Entries(
+            tuple(chain.from_iterable(quantity)),
+            kinds,
+            *map(np.concatenate, (point, column, measured, deviation)),
+            tuple(chain.from_iterable(names)),
+            {"speed": np.concatenate(speed)},
+            {"speed": "rad/s"},
+        )
+
+    def points(self, machine):
+        rows = self._rows(machine)
+        pairs = list(dict.fromkeys(zip(self.targets, self.axes, strict=True)))
+        of = np.array([rows.index(pair) for pair in pairs])
+        speeds = self._speeds()
+        return speeds, np.tile(of, (speeds.size, 1))
+
+    def at(self, machine, nuisances, point):
+        speed, rows = point
+        places: Any = replaced(machine.parts["balancing"], speeds=speed[None])
+        machine = replace(machine, parts={**machine.parts, "balancing": places})
+        found = DesignResult(machine, AnalysisOptions(orders=(self.order,)))
+        own = [*nuisances, 0.0][:2]
+        gain = own[0] * jnp.exp(1j * own[1])
+        value = gain * found.vibration.targets[0, 0][rows]
+        size = jnp.sqrt(value.real**2 + value.imag**2 + 1e-30)  # no kink at zero
+        values = jnp.concatenate([value.real, value.imag, size])
+        return values, found.ok & jnp.all(jnp.isfinite(values))

@@ -1,0 +1,138 @@
+"""What every kind of measurement has: readings of points, and what a machine says of a point.
+
+A kind is a class of its own: `Readings` of rated points, `Trace` over the crank angle, `Table` of any
+quantities, `ModalTest`, `VibrationTest`. Readings of the same point are solved together. A class has
+data, which do not count in comparisons, and numbers that shape its program, which do: measurements
+that are equal in these share one compiled program.
+"""
+
+import abc
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+from numpy.typing import NDArray
+
+from ..machine import Machine
+from ._fit import Parameter
+
+Build = Callable[[Float[Array, " p"]], Machine]
+
+
+class Kind(NamedTuple):
+    """What a measured quantity is.
+
+    Attributes:
+        unit: SI unit.
+        relative: whether its standard deviation and its error count relative to the reading.
+    """
+
+    unit: str
+    relative: bool
+
+
+class Entries(NamedTuple):
+    """The m readings of a measurement.
+
+    Attributes:
+        quantity: (m,) names.
+        kinds: what they are, by name.
+        point: (m,) number of the point.
+        column: (m,) which of the values of the point.
+        measured: [SI] (m,)
+        sd: [SI] (m,) standard deviations.
+        names: (m,) of the conditions, as "-5/30 C".
+        conditions: [SI] (m,) numbers by name, such as the evaporating temperature, for pictures.
+        units: SI units of the conditions.
+    """
+
+    quantity: tuple[str, ...]
+    kinds: Mapping[str, Kind]
+    point: NDArray
+    column: NDArray
+    measured: NDArray
+    sd: NDArray
+    names: tuple[str, ...]
+    conditions: Mapping[str, NDArray]
+    units: Mapping[str, str]
+
+
+class AbstractMeasurement(abc.ABC):
+    """Readings of one kind, of one source.
+
+    Attributes:
+        source: name of the file, for messages and for the sources of the machine's values.
+        polynomial: whether the values are those of a polynomial, and no readings.
+        names_of_sd: quantities whose usual standard deviation may be replaced.
+    """
+
+    source: str
+    polynomial: bool = False
+    names_of_sd: ClassVar[tuple[str, ...]] = ()
+
+    @abc.abstractmethod
+    def check(self, machine: Machine) -> None:
+        """Raise `BadInput` for readings that cannot be, or a machine that does not suit them."""
+
+    @property
+    def nuisances(self) -> tuple[Parameter, ...]:
+        """Constants of the measurement itself, such as the offset of a sensor, with their priors."""
+        return ()
+
+    @abc.abstractmethod
+    def entries(self, sd: Mapping[str, float]) -> Entries:
+        """All readings, with standard deviations instead of the usual ones by quantity."""
+
+    @abc.abstractmethod
+    def points(self, machine: Machine) -> Any:
+        """Numbers of the points, as arrays with a leading axis; they are handed to `values`."""
+
+    def warnings(
+        self, used: Sequence[int], beside: Sequence[tuple[Any, Sequence[int]]]
+    ) -> list[str]:
+        """What is not to be trusted of points that the fit did not see, in words.
+
+        Args:
+            used: points that the fit saw.
+            beside: other measurements of the same kind, with the points that it saw of them.
+        """
+        del used, beside
+        return []
+
+    def at(
+        self, machine: Machine, nuisances: Float[Array, " q"], point: Any
+    ) -> tuple[Float[Array, " k"], Bool[Array, ""]]:
+        """What a machine says of a point, and whether that can be relied on."""
+        raise NotImplementedError
+
+    def values(
+        self,
+        build: Build,
+        parameters: Float[Array, " p"],
+        nuisances: Float[Array, " q"],
+        point: Any,
+    ) -> tuple[Float[Array, " k"], Float[Array, "k r"], Bool[Array, ""]]:
+        """Values at a point, their slopes over parameters and nuisances, and whether they hold.
+
+        Args:
+            build: the machine of some parameters.
+            parameters: (p,)
+            nuisances: (q,) in the order of `nuisances`.
+            point: one of `points`.
+        """
+        count = parameters.size
+
+        def whole(both):
+            return self.at(build(both[:count]), both[count:], point)
+
+        both = jnp.concatenate([parameters, nuisances])
+        values, push, ok = jax.linearize(whole, both, has_aux=True)
+        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(both.size))
+        return values, slopes, ok
+
+
+def usual(name: str, given: Mapping[str, float], default: float) -> float:
+    """The standard deviation of a quantity."""
+    return float(given.get(name, default))

@@ -1,0 +1,115 @@
+"""What is varied of a machine that is known by its map alone, and what is assumed of it beforehand."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._core.errors import BadInput
+from ..cylinder import Cylinder
+from ..fluid import RealGas
+from ..machine import Machine, machine_of
+from ._identify import CommonFactor, varied
+from ._readings import Readings
+from ._rules import with_swept_volume
+from ._variables import variable
+from .rating import capacity_rise
+
+# By path: lowest and highest value over that of the machine, and standard deviation of what is known
+# beforehand over it; `None` where nothing is. One speed tells no more.
+RECIPE: dict[str, tuple[float, float, float | None]] = {
+    "similar_swept_volume": (0.4, 2.5, None),
+    "gas.clearance_ratio": (0.2, 4.0, 0.5),
+    "motor.losses.efficiency": (0.7, 1.08, 0.05),
+    "motor.losses.fixed_power": (0.05, 20.0, 0.5),
+    "friction.*.coefficient": (0.05, 20.0, 1.0),
+    "gas.suction.warming.loss_share": (0.1, 1.6, 0.4),
+    "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.0),
+    "gas.leakage.gap": (0.1, 4.0, 0.5),
+    "gas.suction_valve.flow_coefficient": (0.35, 1.8, 0.35),
+    "gas.discharge_valve.flow_coefficient": (0.35, 1.8, 0.35),
+}
+# [-] Volumetric efficiency by which the machine gets its size, before anything is fitted.
+_FILLING = 0.8
+
+
+class Recipe(NamedTuple):
+    """What `identify` is told of a machine that is known by its map alone.
+
+    Attributes:
+        machine: similar to the given one, of about the size that the readings want.
+        vary: [SI] (low, high) by path.
+        prior: [SI] (mean, standard deviation) by path.
+    """
+
+    machine: Machine
+    vary: dict[str, tuple[float, float]]
+    prior: dict[str, tuple[float, float]]
+
+
+def map_recipe(machine: Any, readings: Readings | Sequence[Readings]) -> Recipe:
+    """What to vary of a machine of unknown size, valves and losses that its map is to tell.
+
+    The size follows from the flow at a volumetric efficiency of 0.8; everything else is that of a similar
+    machine, with wide priors around it. Numbers that the machine has not are left out.
+
+    Args:
+        machine: a machine or a scene, such as the bundled `semi-hermetic-200cc`.
+        readings: with capacity or mass flow.
+
+    Raises:
+        BadInput: readings without either, or a machine without a real gas.
+    """
+    design = machine_of(machine)
+    compressor = design.as_compressor()
+    size, turns = _size(design, [readings] if isinstance(readings, Readings) else list(readings))
+    design = with_swept_volume(design, jnp.asarray(size / compressor.crankshaft.count))
+    if compressor.motor.losses is not None:  # goes with the volume that is swept in a second
+        faster = turns * 2 * np.pi / float(compressor.motor.speed_guess)
+        fixed = variable(design, "motor.losses.fixed_power")
+        design = fixed.apply(design, fixed.current(design) * faster)
+    vary, prior = {}, {}
+    for name, (low, high, width) in RECIPE.items():
+        try:
+            one = varied(design, name)
+        except BadInput:
+            continue
+        now = float(one.current(design))
+        if now > 0:
+            most = min(high * now, one.high if isinstance(one, CommonFactor) else one.bound.high)
+            vary[name] = (low * now, float(most))
+            if width is not None:
+                prior[name] = (now, width * now)
+    return Recipe(design, vary, prior)
+
+
+def _size(design: Machine, readings: Sequence[Readings]) -> tuple[float, float]:
+    """[m^3] Swept volume that the flow wants, and [1/s] the speed, as medians over all points."""
+    compressor = design.as_compressor()
+    gas, nominal = compressor.gas, float(compressor.motor.speed_guess)
+    if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
+        raise BadInput("gas", type(gas).__name__, "a cylinder with valves and a real gas")
+    fluid = gas.fluid
+
+    @jax.jit
+    @jax.vmap
+    def known(s, gas, useful, liquid):
+        density = fluid.density(gas, fluid.saturation(T=s).p)
+        return density, capacity_rise(fluid, s, useful, liquid)
+
+    volumes, speeds = [np.zeros(0)], [np.zeros(0)]
+    for one in readings:
+        at = (one.evaporating, one.gas, one.useful, one.liquid)
+        density, rise = (np.asarray(x) for x in known(*(jnp.asarray(x) for x in at)))
+        flow = one.measured.get("mass_flow")
+        if flow is None and "capacity" in one.measured:
+            flow = one.measured["capacity"] / rise
+        if flow is not None:
+            turns = np.where(np.isfinite(one.speed), one.speed, nominal) / (2 * np.pi)
+            volumes.append(flow / (density * turns * _FILLING))
+            speeds.append(turns)
+    if not np.isfinite(np.concatenate(volumes)).any():
+        raise BadInput("readings", "no capacity", "a capacity or mass flow, which tells the size")
+    return float(np.nanmedian(np.concatenate(volumes))), float(np.median(np.concatenate(speeds)))
