@@ -82,6 +82,7 @@ class Collocation(eqx.Module):
     max_iterations: int = eqx.field(static=True, default=120)
     panel_count: int | None = eqx.field(static=True, default=None)
     estimate: bool = eqx.field(static=True, default=True)
+    follow: bool = eqx.field(static=True, default=True)
     cycle: CycleOptions = eqx.field(default_factory=default_cycle)
 
     name: ClassVar[str] = "collocation"
@@ -95,6 +96,7 @@ class Collocation(eqx.Module):
             loop_kinks(compressor),
             self.tolerance,
             self.max_iterations,
+            self.follow,
         )
 
     def solve(self, compressor: Compressor) -> Orbit:
