@@ -359,7 +359,7 @@ def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit) 
 
     found = _cycles(cycle).raw[1]
     edges, places = found.edges, gauss(found.points.shape[-2] - 1).nodes
-    phase = compressor.crankshaft.phase
+    phase = compressor.crankshaft.distinct_phase
     several = isinstance(cycle, SeveralCycles)
     pace = jax.vmap(on_panels)(edges, phase) if several else on_panels(edges, phase[0])
     return _Motion(jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace)
