@@ -27,6 +27,6 @@ def __getattr__(name: str):
     try:
         return _lazily(name)
     except AttributeError:
-        from ._words import hint
+        from ._core.words import hint
 
         raise AttributeError(f"jaxcomp has no {name}{hint(name, __all__)}") from None

@@ -1,6 +1,6 @@
 """`python -m jaxcomp` is the program `jaxcomp`."""
 
-from ._interrupts import ends_when_interrupted
+from ._core.interrupts import ends_when_interrupted
 
 
 def main() -> None:

@@ -10,14 +10,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._each import AbstractEach
-from ._fields import (
+from ._core.each import AbstractEach
+from ._core.errors import BadInput, no_machine
+from ._core.fields import (
     ANY,
-    BadInput,
     Part,
     is_traced,
     listed,
-    no_machine,
     of_cylinder,
     quantities,
     quantity,

@@ -14,8 +14,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._fields import BadInput, Part, no_machine, printed, rebuilt
-from ._words import one_of
+from ._core.errors import BadInput, no_machine
+from ._core.fields import Part, printed, rebuilt
+from ._core.words import one_of
 from .compressor import Compressor, staged
 from .film import AbstractJournal, AbstractOil, NamedBearing
 

@@ -11,16 +11,31 @@ def public_names():
     """Public names by module: {"jaxcomp.film": {"Oil": "jaxcomp.film._oil"}}, where each is defined."""
     found = {"jaxcomp": _imported(PACKAGE / "__init__.pyi", "jaxcomp")}
     for path in sorted(PACKAGE.iterdir()):
-        name = f"jaxcomp.{path.stem}"
-        if path.name.startswith("_"):
-            continue
-        if (path / "__init__.py").exists() and path.name not in ("cli", "machines"):
-            stub = path / "__init__.pyi"  # of a package that imports its modules when they are used
-            found[name] = _imported(stub if stub.exists() else path / "__init__.py", name)
-        elif path.suffix == ".py":
-            found[name] = _imported(path, name) or _defined(path, name)
+        if not path.name.startswith("_") and path.name not in ("cli", "machines"):
+            found |= _of_module(path, f"jaxcomp.{path.stem}")
     # modules of a package, such as `jaxcomp.friction._slider_crank`, are no names of their own
     return {name: names for name, names in found.items() if names}
+
+
+def _of_module(path, name):
+    """Public names of a module, or of a package and the modules that it offers."""
+    if path.suffix == ".py":
+        return {name: _imported(path, name) or _defined(path, name)}
+    if not (path / "__init__.py").exists():
+        return {}
+    stub = path / "__init__.pyi"  # of a package that imports its modules when they are used
+    listed = stub if stub.exists() else path / "__init__.py"
+    found = {name: _imported(listed, name)}
+    for node in ast.parse(listed.read_text("utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and node.level == 1 and not node.module:
+            for one in node.names:
+                inner = path / one.name
+                found |= _of_module(
+                    inner if inner.is_dir() else inner.with_suffix(".py"), f"{name}.{one.name}"
+                )
+    return {
+        name: names for name, names in found.items() if not name.rpartition(".")[2].startswith("_")
+    }
 
 
 def _imported(path, module):

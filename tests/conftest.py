@@ -15,6 +15,7 @@ import jax
 import pytest
 
 import jaxcomp  # noqa: F401  (turns on 64-bit mode)
+from jaxcomp._core import exported
 from jaxcomp.cli._start import quick_compiles, unoptimised_compiles
 
 # Most programs of the tests run once: XLA need not optimise them. Programs that the tests start inherit
@@ -28,6 +29,8 @@ _worker = os.environ.get("PYTEST_XDIST_WORKER", "")
 if _worker and hasattr(os, "sched_setaffinity"):
     _processors = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {_processors[int(_worker.removeprefix("gw")) % len(_processors)]})
+# Tests replace functions that a program which was traced before would still have.
+exported.enabled = False
 jax.devices()  # commands find JAX running, and leave the other tests their devices
 
 # Linux allows a process 65,530 memory maps, and every compiled program takes some.

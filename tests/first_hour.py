@@ -371,7 +371,7 @@ CALLS = {
     "results that are not there": _py(lambda s: jc.load_result("none.zarr"), "none.zarr"),
     "vibration without a rotor in Python": _py(lambda s: jc.respond(s, 100.0), "rotor"),
     "map without valves in Python": _py(
-        lambda s: jc.rating.rating_map(s, [250.0], [320.0]), "valves"
+        lambda s: jc.study.rating.rating_map(s, [250.0], [320.0]), "valves"
     ),
 }
 

@@ -20,7 +20,7 @@ def machine():
 
 def fast_options():
     from jaxcomp import Collocation
-    from jaxcomp.design import AnalysisOptions
+    from jaxcomp.study import AnalysisOptions
 
     return AnalysisOptions(Collocation(**FAST))
 
@@ -28,7 +28,7 @@ def fast_options():
 def small(**options):
     """A grid of 21 bores and 10 speeds, seven groups of 32 with a rest."""
     from jaxcomp import sweep
-    from jaxcomp.sweeping import grid
+    from jaxcomp.study.sweep import grid
 
     over = {"bore": grid(0.1, 0.15, 21), "motor.mean_speed": grid(60.0, 140.0, 10)}
     return sweep(machine(), over, ["mechanical_efficiency"], options=fast_options(), **options)
@@ -37,7 +37,7 @@ def small(**options):
 def many(out, count=20_000, batch=256, **options):
     """Samples in many blocks."""
     from jaxcomp import sweep
-    from jaxcomp.sweeping import normal, uniform
+    from jaxcomp.study.sweep import normal, uniform
 
     over = {"bore": uniform(0.11, 0.15), "friction.wall.coefficient": normal(0.08, 0.01)}
     options = {"options": fast_options(), "samples": count, "seed": 3, "batch": batch} | options
@@ -47,7 +47,7 @@ def many(out, count=20_000, batch=256, **options):
 def cheap(out, count, **options):
     """Samples of a quantity that costs next to nothing."""
     from jaxcomp import sweep
-    from jaxcomp.sweeping import uniform
+    from jaxcomp.study.sweep import uniform
 
     over = {"bore": uniform(0.11, 0.15), "mechanism.offset": uniform(0.0, 0.01)}
     return sweep(machine(), over, ["swept_volume"], out=out, samples=count, **options)
@@ -96,7 +96,7 @@ if __name__ == "__main__":
 def with_nodes(nodes):
     """Efficiencies of a few designs with so many nodes, and the process that found them."""
     from jaxcomp import Collocation, sweep
-    from jaxcomp.design import AnalysisOptions
+    from jaxcomp.study import AnalysisOptions
 
     options = AnalysisOptions(Collocation(nodes=nodes))
     over = {"bore": [0.12, 0.13, 0.14]}

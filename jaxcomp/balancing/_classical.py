@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ..machine import Assembly
 from ..mechanism import SliderCrank
 from ..rotor import (

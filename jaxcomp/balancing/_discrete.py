@@ -7,8 +7,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from .._fields import BadInput
-from .._status import Status
+from .._core.errors import BadInput
+from .._core.status import Status
 from ._influence import Influence
 from ._least_squares import Balance, balance
 

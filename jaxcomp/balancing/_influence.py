@@ -16,9 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._fields import BadInput, is_traced
-from .._words import one_of
-from ..coupling import CrankLoads, crank_loads, running_rotor
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import is_traced
+from .._core.words import one_of
 from ..crank import Collocation
 from ..machine import Assembly, assembled, machine_of
 from ..rotor import (
@@ -30,6 +31,7 @@ from ..rotor import (
     nodal_load,
     receptance,
 )
+from ..vibration import CrankLoads, crank_loads, running_rotor
 
 
 class InfluenceRow(NamedTuple):
@@ -126,7 +128,7 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
     )
 
 
-@eqx.filter_jit
+@kept_jit
 def _flexibility(model, loads, places, speeds):
     """(rows, 1 + planes) responses to the loads and to a unit of unbalance in each plane."""
     at_speed = lambda speed: flexibility(model, loads, places, speed)  # noqa: E731
@@ -223,11 +225,9 @@ def select(
                 raise BadInput(field, name, one_of(name, sorted(known)))
     columns = [i for i, name in enumerate(influence.planes) if planes is None or name in planes]
     kept = [i for i, row in enumerate(influence.rows) if targets is None or row.target in targets]
-    at = np.array(kept, int)
+    numbers = (influence.matrix, influence.initial, influence.weight)
     return Influence(
-        influence.matrix[np.ix_(at, np.array(columns, int))],
-        influence.initial[at],
-        influence.weight[at],
+        *_taken(*numbers, np.array(kept, int), np.array(columns, int)),
         tuple(influence.rows[i] for i in kept),
         tuple(influence.planes[i] for i in columns),
         influence.unit,
@@ -256,7 +256,7 @@ def machine_influence(
         speeds: [rad/s] those of the balancing planes if absent.
         solver: of the periodic state.
         crank: take the forces of the crank in the place of those that the scene gives.
-        left_out: what the crank's forces do without, see `jaxcomp.coupling.without`.
+        left_out: what the crank's forces do without, see `jaxcomp.vibration.without`.
 
     Raises:
         BadInput: a part that is missing.
@@ -270,10 +270,15 @@ def machine_influence(
     return influence_of(answer, places, speeds)
 
 
-@eqx.filter_jit
+@kept_jit
 def _answers(made, places, speeds, solver, crank, left_out):
     at = lambda w: crank_loads(made, w, (1,), solver, crank=crank, left_out=left_out)  # noqa: E731
     return flexibilities(made, jax.vmap(at)(speeds), places, speeds)
+
+
+@eqx.filter_jit
+def _taken(matrix, initial, weight, rows, columns):
+    return matrix[rows][:, columns], initial[rows], weight[rows]
 
 
 def flexibilities(

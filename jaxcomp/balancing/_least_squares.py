@@ -15,9 +15,10 @@ from jax import lax
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Complex, Float
 
-from .._fields import BadInput, is_traced
-from .._results import Data, Result
-from .._status import Status
+from .._core.errors import BadInput
+from .._core.fields import is_traced
+from .._core.results import Data, Result
+from .._core.status import Status
 from ._influence import Influence
 
 
@@ -119,6 +120,7 @@ class Balance(Result, eqx.Module):
         """[-] Ratio of the largest to the smallest singular value of the weighted system."""
         return condition(self.influence.weighted[0])
 
+    @eqx.filter_jit
     def sensitivity(
         self, mass_error: float = 0.01, angle_error: float = np.pi / 180
     ) -> Float[Array, "rows planes"]:
@@ -171,6 +173,11 @@ def least_squares(
         raise BadInput("cut", cut, ">= 0 and < 1")
     if not is_traced(tikhonov) and tikhonov < 0:
         raise BadInput("tikhonov", tikhonov, ">= 0")
+    return _least_squares(influence, cut, tikhonov)
+
+
+@eqx.filter_jit  # one program instead of thirty
+def _least_squares(influence: Influence, cut: float, tikhonov) -> Balance:
     matrix, initial = influence.weighted
     left, values, right = jnp.linalg.svd(matrix, full_matrices=False)
     kept = values > cut * values[0]

@@ -23,8 +23,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Complex, Float, Int
 
-from .._fields import BadInput
-from .._status import SolveFailed, Status
+from .._core.errors import BadInput
+from .._core.status import SolveFailed, Status
 from ._influence import Influence
 from ._least_squares import Balance, balance
 

@@ -72,8 +72,8 @@ def accuracy(
     refuse(odd, f"--variable {variable}: has no meaning without --study gradient")
     of_scenes = study in ("scenes", "extremes")
     refuse(quantity is not None and of_scenes, f"--quantity {quantity}: {without}")
-    from .. import work_precision
-    from .._waits import progress_of
+    from .._core.progress import progress_of
+    from ..study import accuracy as work_precision
 
     quick_compiles()  # nothing is kept, so that compile times are those of a first call
     scene = changed_scene(machine, sets)
@@ -122,7 +122,7 @@ def accuracy(
     hand_out(result, tables, as_json, out, figures, scene)
 
 
-def accuracy_result(report: jc.work_precision.Report, error: float) -> dict[str, Any]:
+def accuracy_result(report: jc.study.accuracy.Report, error: float) -> dict[str, Any]:
     """The report in SI units, with the recommendation and the machine it was measured on."""
     reference, check = report.reference, report.derivatives
     result = {
@@ -156,7 +156,7 @@ def rows_result(study: str, scene: str, rows: Sequence[Any]) -> dict[str, Any]:
     return plain({"study": study, "scene": scene, "rows": rows, "measured_on": _measured_on()})
 
 
-def costs_tables(costs: Sequence[jc.work_precision.SceneCost], scene: str) -> Iterator[Any]:
+def costs_tables(costs: Sequence[jc.study.accuracy.SceneCost], scene: str) -> Iterator[Any]:
     """Cost of each scene, and how operations and loops are counted."""
     yield column_table(
         f"{scene}: cost of each part",
@@ -173,7 +173,7 @@ def costs_tables(costs: Sequence[jc.work_precision.SceneCost], scene: str) -> It
     yield "Operations are those of the compiled program, the body of a loop counted once.\n"
 
 
-def extremes_tables(cases: Sequence[jc.work_precision.Extreme], scene: str) -> Iterator[Any]:
+def extremes_tables(cases: Sequence[jc.study.accuracy.Extreme], scene: str) -> Iterator[Any]:
     """Every case, and the status of those without a value."""
 
     def numbers(values, form):
@@ -204,7 +204,7 @@ def extremes_tables(cases: Sequence[jc.work_precision.Extreme], scene: str) -> I
             yield f"{case.family}, {case.setting}: {case.status}.\n"
 
 
-def accuracy_tables(report: jc.work_precision.Report, error: float) -> Iterator[Any]:
+def accuracy_tables(report: jc.study.accuracy.Report, error: float) -> Iterator[Any]:
     """Every setting, the methods at equal error, orders, and the recommendation."""
     rows = report.rows
     table = column_table(
@@ -253,7 +253,7 @@ def accuracy_tables(report: jc.work_precision.Report, error: float) -> Iterator[
     yield from _remarks(report, error)
 
 
-def _reference(report: jc.work_precision.Report) -> str:
+def _reference(report: jc.study.accuracy.Report) -> str:
     reference = report.reference
     if len(report.tasks) == 1:
         return (
@@ -267,7 +267,7 @@ def _reference(report: jc.work_precision.Report) -> str:
     )
 
 
-def _remarks(report: jc.work_precision.Report, error: float) -> Iterator[str]:
+def _remarks(report: jc.study.accuracy.Report, error: float) -> Iterator[str]:
     """Derivatives, failures, the independent march, and the cheapest settings."""
     if report.derivatives is not None:
         check = report.derivatives
@@ -298,7 +298,7 @@ def _remarks(report: jc.work_precision.Report, error: float) -> Iterator[str]:
             )
 
 
-def _growth(report: jc.work_precision.Report):
+def _growth(report: jc.study.accuracy.Report):
     """Time of a call over the number of cylinders, what each adds, and the compiling beside it."""
     counts = next(iter(report.growth.values())).seconds
     columns = {
@@ -316,7 +316,7 @@ def _growth(report: jc.work_precision.Report):
     return column_table(title, {"Setting": list(report.growth), **columns, **more})
 
 
-def _side_by_side(report: jc.work_precision.Report):
+def _side_by_side(report: jc.study.accuracy.Report):
     """The time of the fastest method for an error, and the ratio to it of the others."""
 
     def cells(at: float) -> Iterator[str]:
@@ -362,16 +362,16 @@ def _times(ratio: float) -> str:
     return f"{float(f'{ratio:.3g}'):,.6g}x"
 
 
-def _reachable(report: jc.work_precision.Report) -> list[float]:
+def _reachable(report: jc.study.accuracy.Report) -> list[float]:
     return [at for at in _DECADES if report.cheapest(at) is not None]
 
 
-def _time(report: jc.work_precision.Report, error: float, method: str) -> float | None:
+def _time(report: jc.study.accuracy.Report, error: float, method: str) -> float | None:
     best = report.cheapest(error, method)
     return None if best is None else best.seconds
 
 
-def _error(report: jc.work_precision.Report, row: jc.work_precision.Measurement) -> str:
+def _error(report: jc.study.accuracy.Report, row: jc.study.accuracy.Measurement) -> str:
     if not math.isfinite(row.error):
         return "failed"
     floor = report.floor(row)

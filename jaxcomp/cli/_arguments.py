@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import jaxcomp as jc
 
-from .._waits import watch_compiles
+from .._core.progress import watch_compiles
 from ._start import CommandError, refuse
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def si(text: str, unit: str, option: str, difference: bool = False) -> float:
 
 def value_of(name: str, text: str, option: str) -> float:
     """[SI] A value of a quantity."""
-    one = jc.design.quantity_named(name)
+    one = jc.study.quantity_named(name)
     value = si(text, one.unit, option)
     if one.percent and abs(value) > _LARGEST_SHARE:
         raise CommandError(f'{option}: {text} would be {100 * value:g} %; is "{text} %" meant?')

@@ -14,7 +14,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._shown import RPM, rounded, small_unit
+from .._core.display import RPM, rounded, small_unit
 from ._arguments import assignments, changed_scene, names_of, si, speeds_of
 from ._options import AsJson, ExcitationOption, Out, Sets, complete_machine
 from ._output import hand_out, plain
@@ -102,7 +102,7 @@ def balance(
         limit and (tikhonov or method != "least-squares" or weights),
         "--limit: takes no --method, --tikhonov or --weight beside it",
     )
-    from .._status import SolveFailed
+    from .._core.status import SolveFailed
 
     start_jax(once=True)
     with waiting():
@@ -244,7 +244,7 @@ def balance_result(
     """The balance in numbers. The keys are stable; new ones may join them."""
     import numpy as np
 
-    from .._status import Status
+    from .._core.status import Status
 
     part = found.influence
 

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._shown import RPM
+from .._core.display import RPM
 from ._options import AsJson, OutWithoutScene
 from ._output import hand_out, plain
 from ._start import refuse, reports_errors, start_jax, waiting

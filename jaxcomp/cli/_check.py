@@ -11,7 +11,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._shown import RPM, axes_words
+from .._core.display import RPM, axes_words
 from ._arguments import changed_scene
 from ._options import AsJson, Machine, Sets
 from ._output import print_json, show_results
@@ -122,8 +122,8 @@ def _of_cylinders(compressor: jc.Compressor):
     """What follows from how cylinders stand about the crankshaft."""
     import numpy as np
 
-    from .._each import AbstractEach
-    from .._fields import listed, subparts
+    from .._core.each import AbstractEach
+    from .._core.fields import listed, subparts
 
     crankshaft = compressor.crankshaft
     intervals = np.rad2deg(np.asarray(crankshaft.firing_intervals))
@@ -183,10 +183,10 @@ def _of_valves(gas: jc.cylinder.Cylinder, speed: float):
 
 def _follows(scene: jc.scene.Scene):
     """(name, value, unit) of what follows from the entries, in shown units."""
-    from .._fields import of_cylinder
+    from .._core.fields import of_cylinder
 
-    names = jc.design.variable_names(jc.machine.machine_of(scene))
-    rules = ", ".join(name for name in names if name in jc.design.design_rules)
+    names = jc.study.variable_names(jc.machine.machine_of(scene))
+    rules = ", ".join(name for name in names if name in jc.study.design_rules)
     yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
     if scene.compressor is not None:
         mechanism: Any = of_cylinder(scene.compressor.mechanism)
@@ -226,7 +226,7 @@ def _follows(scene: jc.scene.Scene):
             nodes = ", ".join(str(node) for node in group)
             yield f"Subset {name}", nodes if len(nodes) <= 60 else f"{nodes[:57]}...", "nodes"
     block = scene.parts.get("suspension")
-    if isinstance(block, jc.shaking.Suspension):
-        hertz = jc.shaking.natural_frequencies(block) / (2 * math.pi)
+    if isinstance(block, jc.vibration.Suspension):
+        hertz = jc.vibration.natural_frequencies(block) / (2 * math.pi)
         text = ", ".join(f"{f:.3g}" for f in hertz)
         yield "Block on its springs, 6 degrees of freedom", text, "Hz"

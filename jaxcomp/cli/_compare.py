@@ -9,7 +9,7 @@ import typer
 
 import jaxcomp as jc
 
-from .._shown import shown
+from .._core.display import shown
 from ._arguments import assignments, changed_scene
 from ._options import (
     AccuracyOption,
@@ -55,7 +55,7 @@ def compare(
     if len(machines) + len(variants or ()) < 2:
         raise CommandError("compare: needs a second machine, or a variant by --with NAME=VALUE")
     refuse(variants and len(machines) > 1, "--with: is for one machine alone")
-    from .._status import SolveFailed
+    from .._core.status import SolveFailed
 
     start_jax(once=True)
     scenes, orbits = _scenes(machines, variants or (), sets or ()), []
@@ -66,7 +66,7 @@ def compare(
             except SolveFailed as error:
                 raise CommandError(f"{label}: {error}") from None
     designs, labels = [one.machine for one in scenes.values()], list(scenes)
-    rows = [one._asdict() for one in jc.design.compared_designs(designs, orbits)]
+    rows = [one._asdict() for one in jc.study.compared_designs(designs, orbits)]
     result: dict[str, Any] = {
         "machines": [
             {"label": label, "machine": scene.name, "file": scene.file}
@@ -128,7 +128,7 @@ def sensitivity(
     scene = changed_scene(machine, sets, designs)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():
-        found = jc.design.sensitivity(scene, names, options=analysis_options(accuracy, excitation))
+        found = jc.study.sensitivity(scene, names, options=analysis_options(accuracy, excitation))
     if not found.ok:
         raise CommandError(
             f"{machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
@@ -142,12 +142,12 @@ def sensitivity(
     hand_out(result, tables, as_json, out, figures, scene, curves)
 
 
-def _quantities(found: jc.design.Sensitivity):
+def _quantities(found: jc.study.Sensitivity):
     """(name, unit, value) of every quantity."""
     return zip(found.quantities, found.quantity_units, found.value, strict=True)
 
 
-def sensitivity_result(found: jc.design.Sensitivity, machine: str) -> dict[str, Any]:
+def sensitivity_result(found: jc.study.Sensitivity, machine: str) -> dict[str, Any]:
     """The answer in SI units, the largest influence first. The keys are stable."""
 
     def number(one):
@@ -172,7 +172,7 @@ def sensitivity_result(found: jc.design.Sensitivity, machine: str) -> dict[str, 
     return {"machine": machine, "quantities": quantities}
 
 
-def sensitivity_tables(found: jc.design.Sensitivity, rows: int) -> Iterator[Any]:
+def sensitivity_tables(found: jc.study.Sensitivity, rows: int) -> Iterator[Any]:
     """For each quantity the numbers with the largest influence."""
     for name, unit, value in _quantities(found):
         look, ranked, listed = shown(name, unit, value), found.ranking(name), []

@@ -13,8 +13,8 @@ from rich.text import Text
 
 import jaxcomp as jc
 
-from .._registry import DESIGN_RULES, Quantity, registered
-from .._shown import shown, units_of
+from .._core.display import shown, units_of
+from .._core.registry import DESIGN_RULES, Quantity, registered
 from ._options import AsJson, complete_machine
 from ._output import plain, show_results
 from ._start import CommandError, refuse, reports_errors, start_jax
@@ -124,7 +124,7 @@ def cache(
     Args:
         empty: Remove them; they are compiled again when they are needed.
     """
-    from .._programs import forget_kept, kept
+    from .._core.programs import forget_kept, kept
 
     if empty:
         forget_kept()
@@ -200,7 +200,7 @@ def _quantities(scene: jc.scene.Scene | None = None) -> tuple[dict[str, Any], Ta
     known: Mapping[str, Quantity] = (
         {one.name: one for one in registered()}
         if scene is None
-        else jc.design.available_quantities(scene.machine, members=True)
+        else jc.study.available_quantities(scene.machine, members=True)
     )
     found = {
         name: {
@@ -229,7 +229,7 @@ def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
     def meaning(name):
         if name.startswith("corrections."):
             return _OTHERS[name.rpartition(".")[2]]
-        count, doc = jc.design.list_length(machine, name), docs.get(name, "")
+        count, doc = jc.study.list_length(machine, name), docs.get(name, "")
         return f"{doc} (factor on all {count})".strip() if count else doc
 
     found = {
@@ -239,7 +239,7 @@ def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
             "bound": str(one.bound),
             "doc": meaning(one.name),
         }
-        for one in (jc.design.variable(machine, name) for name in jc.design.variable_names(machine))
+        for one in (jc.study.variable(machine, name) for name in jc.study.variable_names(machine))
     }
     rows = (
         (name, shown(name, one["unit"], one["value"]).text(one["value"]), one["bound"], one["doc"])

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from .._shown import shown
+from .._core.display import shown
 from ._arguments import assignments, changed_scene, si
 from ._map import axis
 from ._options import AsJson, Machine, Out, Sets
@@ -220,7 +220,7 @@ def _priors(scene, texts) -> dict[str, tuple[float, float]]:
 
 
 def _deviations(texts) -> dict[str, float]:
-    from .._words import one_of
+    from .._core.words import one_of
     from ..study import MEASURED
 
     out = {}
@@ -235,7 +235,7 @@ def _held_out(points, fit_at: str | None) -> list[int]:
     """Rows that are not in the list of points to fit."""
     import numpy as np
 
-    from ..rating import ZERO
+    from ..study.rating import ZERO
 
     if fit_at is None:
         return []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi
 from typing import Any, Literal
 
-from .._shown import shown
+from .._core.display import shown
 from ._arguments import assignments, changed_scene, with_one_unit
 from ._options import AsJson, Machine, Out, Sets
 from ._output import hand_out, plain
@@ -14,7 +14,7 @@ from ._tables import row_table
 
 # Temperatures of a map on each side.
 _MOST = 100
-# What the gas that comes and the liquid before the expansion are; see `jaxcomp.rating.RATINGS`.
+# What the gas that comes and the liquid before the expansion are; see `jaxcomp.study.rating.RATINGS`.
 Standard = Literal["file", "ashrae", "en12900", "en12900-superheat", "ahri540"]
 
 
@@ -47,7 +47,7 @@ def rating_map(
     """
     over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
     start_jax()
-    from .. import rating as ratings
+    from ..study import rating as ratings
 
     scene = changed_scene(machine, sets)
     scenes = {float(scene.as_compressor().motor.speed_guess): scene}
@@ -90,7 +90,7 @@ def rating_map(
 
 def map_tables(found, name: str):
     """Capacity, power and COP, and the coefficients."""
-    from ..rating import QUANTITIES, ZERO
+    from ..study.rating import QUANTITIES, ZERO
 
     units = {one: unit for one, unit, _ in QUANTITIES}
     for one in ("capacity", "power", "cop"):
@@ -123,7 +123,7 @@ def axis(text: str, name: str):
     """Temperatures [K] from `FROM:TO:COUNT` or a list with commas."""
     import numpy as np
 
-    from ..rating import ZERO
+    from ..study.rating import ZERO
 
     first, last, *count = text.split(":") if text.count(":") == 2 else (text, "", "")
     try:

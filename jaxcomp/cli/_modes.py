@@ -12,7 +12,7 @@ import typer
 
 import jaxcomp as jc
 
-from .._shown import RPM, rounded
+from .._core.display import RPM, rounded
 from ._arguments import assignments, changed_scene
 from ._options import AsJson, Machine, Out, Sets, Speed, Speeds
 from ._output import hand_out, plain
@@ -378,7 +378,7 @@ def update_tables(result: dict[str, Any]) -> Iterator[Any]:
 
 def _entry(model: jc.rotor.RotorModel, path: str):
     """Numbers of the rotor as an entry of a scene file, with their unit."""
-    from .._fields import quantities
+    from .._core.fields import quantities
 
     part: Any = model
     name = path.rpartition(".")[2]

@@ -11,7 +11,7 @@ from rich.table import Table
 
 import jaxcomp as jc
 
-from .._shown import shown
+from .._core.display import shown
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
 from ._options import (
     AccuracyOption,
@@ -101,7 +101,7 @@ def optimise(
     refuse(unscattered, "--sigmas and --quantile: need --scatter")
     both = sigmas is not None and quantile is not None
     refuse(both, "--sigmas: takes no --quantile beside it")
-    from .._waits import progress_of
+    from .._core.progress import progress_of
 
     start_jax()
     asked: dict[str, Any] = {
@@ -152,17 +152,17 @@ def optimise(
         goal, way = made.quantities[0], _maximise(asked)
         if pareto:
             options |= {"maximise": (way, None), "points": points}
-            found = jc.design.pareto(made, (goal, pareto), **options)
+            found = jc.study.pareto(made, (goal, pareto), **options)
         else:
             wanted = {
                 name: value_of(name, text, f"--target {name}")
                 for name, text in assignments(targets, "--target").items()
             }
             options |= {"maximise": way, "method": asked["method"]}
-            found = jc.design.optimise(made, wanted or goal, **options)
+            found = jc.study.optimise(made, wanted or goal, **options)
     partial.done()
     seconds = time.perf_counter() - begun
-    if isinstance(found, jc.design.ParetoFront):
+    if isinstance(found, jc.study.ParetoFront):
         result = front_result(scene, asked, found, seconds)
         tables, files = front_tables(result), "front"
         written = "Report, picture, result and scene"
@@ -183,12 +183,12 @@ def optimise(
 
 
 # ------------------------------------------------------------------- the problem
-def _problem(asked: dict[str, Any], design: jc.machine.Machine) -> jc.design.Problem:
+def _problem(asked: dict[str, Any], design: jc.machine.Machine) -> jc.study.Problem:
     ranges = {}
-    for name, text in jc.design.by_name(
+    for name, text in jc.study.by_name(
         design, assignments(asked["variables"], "--variable")
     ).items():
-        unit = jc.design.variable(design, name).unit
+        unit = jc.study.variable(design, name).unit
         low, colon, high = text.partition(":")
         form = "must have the form NAME=LOW:HIGH, such as bore=100mm:160mm"
         refuse(not colon, f"--variable {name}={text}: {form}")
@@ -199,19 +199,19 @@ def _problem(asked: dict[str, Any], design: jc.machine.Machine) -> jc.design.Pro
     else:
         quantities = list(assignments(asked["targets"], "--target"))
     quantities += [asked["pareto"]] if asked["pareto"] else []
-    return jc.design.problem(design, ranges, quantities, analysis_options(asked["accuracy"]))
+    return jc.study.problem(design, ranges, quantities, analysis_options(asked["accuracy"]))
 
 
 def _maximise(asked: dict[str, Any]) -> bool | None:
     """Which way; a robust objective goes the way of what it is made of."""
     if not asked["scatter"] or asked["maximise"] is not None:
         return asked["maximise"]
-    better = jc.design.quantity_named(asked["objective"]).better
+    better = jc.study.quantity_named(asked["objective"]).better
     refuse(not better, "--maximise: is missing; the objective is not better in one direction")
     return better == "more"
 
 
-def _robust(asked: dict[str, Any], design: jc.machine.Machine) -> jc.tolerancing.Robust:
+def _robust(asked: dict[str, Any], design: jc.machine.Machine) -> jc.study.tolerance.Robust:
     """The objective at the worse end of its scatter."""
     from ..scene.tolerances import tolerances_of
 
@@ -221,21 +221,21 @@ def _robust(asked: dict[str, Any], design: jc.machine.Machine) -> jc.tolerancing
         share = 1 - share if largest else share
     else:
         sigmas = (-1 if largest else 1) * (3.0 if sigmas is None else sigmas)
-    return jc.tolerancing.robust(
+    return jc.study.tolerance.robust(
         design, asked["objective"], tolerances, sigmas=sigmas, quantile=share
     )
 
 
 # ------------------------------------------------------------------- an optimum
 def optimised_scene(
-    scene: jc.scene.Scene, optimum: jc.design.Optimum
+    scene: jc.scene.Scene, optimum: jc.study.Optimum
 ) -> tuple[jc.scene.Scene, list[str]]:
     """The scene with the best design.
 
     Returns:
         The scene, and the variables that a scene file does not have (correction masses).
     """
-    from ..design._variables import CORRECTIONS
+    from ..study._variables import CORRECTIONS
 
     source = f"optimised for {optimum.objective_name}"
     names = [one.name for one in optimum.problem.variables]
@@ -244,7 +244,7 @@ def optimised_scene(
 
 
 def optimum_result(
-    scene: jc.scene.Scene, asked: dict[str, Any], found: jc.design.Optimum, seconds: float
+    scene: jc.scene.Scene, asked: dict[str, Any], found: jc.study.Optimum, seconds: float
 ) -> dict[str, Any]:
     """JSON of an optimum."""
     import numpy as np
@@ -295,14 +295,14 @@ def optimum_result(
     return plain(result)
 
 
-def comparison(found: jc.design.Optimum) -> list[dict[str, Any]]:
+def comparison(found: jc.study.Optimum) -> list[dict[str, Any]]:
     """Losses, forces and dimensions of the present design beside the optimum, where there is a crank.
 
     Objectives that need no periodic state are compared by themselves.
     """
     problem = found.problem
     crank = (
-        not isinstance(q, str) or "orbit" in jc.design.quantity_named(q).needs
+        not isinstance(q, str) or "orbit" in jc.study.quantity_named(q).needs
         for q in problem.quantities
     )
     if problem.design.compressor is None or not any(crank):
@@ -316,7 +316,7 @@ def comparison(found: jc.design.Optimum) -> list[dict[str, Any]]:
     ]
     return [
         {"name": one.name, "unit": one.unit, "present": one.values[0], "optimum": one.values[1]}
-        for one in jc.design.compared_designs(designs, orbits)
+        for one in jc.study.compared_designs(designs, orbits)
     ]
 
 
@@ -382,7 +382,7 @@ def optimum_tables(result: dict[str, Any]) -> Iterator[Table]:
 
 # ------------------------------------------------------------------- a front
 def front_result(
-    scene: jc.scene.Scene, asked: dict[str, Any], front: jc.design.ParetoFront, seconds: float
+    scene: jc.scene.Scene, asked: dict[str, Any], front: jc.study.ParetoFront, seconds: float
 ) -> dict[str, Any]:
     """JSON of a front."""
 

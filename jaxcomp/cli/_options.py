@@ -14,9 +14,9 @@ import typer
 
 import jaxcomp as jc
 
-from .._extensions import ExtensionError
-from .._files import regular
-from .._registry import DESIGN_RULES, registered
+from .._core.extensions import ExtensionError
+from .._core.files import regular
+from .._core.registry import DESIGN_RULES, registered
 from ._start import CommandError, show_error
 
 _MACHINES = Path(__file__).parents[1] / "machines"

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from .._interrupts import words_when_stopped
-from .._registry import registered
+from .._core.interrupts import words_when_stopped
+from .._core.registry import registered
 from ._start import command_line, waiting
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Partial:
         if self.file is not None:
             kept = f"they are in {self.file}"
             if time.monotonic() - self.written > _EVERY:
-                from .._results import csv_text
+                from .._core.results import csv_text
 
                 self.file.parent.mkdir(parents=True, exist_ok=True)
                 _write(self.file, csv_text(self.columns).encode())
@@ -119,7 +119,7 @@ def write_results(
         tables: as in `hand_out`; without them the report shows the numbers of `result`.
         curves: columns with their units, by the name of the CSV file that takes them.
     """
-    from .._results import csv_text
+    from .._core.results import csv_text
     from ..report import Made, report
     from ..scene import dump
 

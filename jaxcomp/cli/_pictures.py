@@ -9,7 +9,7 @@ import typer
 
 import jaxcomp as jc
 
-from .._shown import RPM
+from .._core.display import RPM
 from ._arguments import changed_scene
 from ._options import Designs, Machine, Sets, folder
 from ._output import hand_out

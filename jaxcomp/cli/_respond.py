@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import jaxcomp as jc
 
-from .._shown import RPM
+from .._core.display import RPM
 from ._arguments import assignments, changed_scene
 from ._options import AsJson, ExcitationOption, Machine, Out, Sets, Speed, Speeds
 from ._output import hand_out, plain
@@ -93,7 +93,7 @@ def respond(
 def whole_orders(text: str | None, loads: Sequence | None) -> tuple[int, ...]:
     """The orders of `--orders`, all that are loaded but the mean, or without loads those of the crank."""
     if text is None:
-        from ..running import loaded_orders
+        from ..vibration import loaded_orders
 
         return _OF_CRANK if loads is None else loaded_orders(tuple(loads))
     numbers = [word.strip() for word in text.split(",")]
@@ -176,7 +176,7 @@ def moving_films(scene: jc.scene.Scene) -> dict[int, str]:
     from ..film import JournalBearing
 
     found = {}
-    for number in jc.coupling.open_films(scene.parts.get("rotor")):  # pyright: ignore
+    for number in jc.vibration.open_films(scene.parts.get("rotor")):  # pyright: ignore
         law = scene.parts["rotor"].links[number].law  # pyright: ignore[reportAttributeAccessIssue]
         name = getattr(law.bearing, "name", "")
         bearing = scene.machine.bearings.get(name)
@@ -343,11 +343,11 @@ def _peaks(result):
 
 def _relative(response: jc.rotor.Response, watched: Watched):
     """(orders, speeds, watched, dof) motion relative to the bases."""
-    import jax.numpy as jnp
+    import numpy as np
 
-    x = response.displacement
-    ground = jnp.concatenate([x, jnp.zeros_like(x[..., :1, :])], -2)
-    nodes, bases = (jnp.array(places) for places in zip(*watched.values(), strict=True))
+    x = np.asarray(response.displacement)
+    ground = np.concatenate([x, np.zeros_like(x[..., :1, :])], -2)
+    nodes, bases = (np.array(places) for places in zip(*watched.values(), strict=True))
     return ground[..., nodes, :] - ground[..., bases, :]
 
 

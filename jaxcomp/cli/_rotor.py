@@ -23,7 +23,7 @@ def scene_speeds(scene: jc.scene.Scene) -> np.ndarray:
     """[rad/s] The speeds that the scene runs at."""
     import numpy as np
 
-    from ..running import own_speeds
+    from ..vibration import own_speeds
 
     own = own_speeds(scene.parts.get("balancing"), scene.compressor)
     refuse(own is None, "--speed: is missing, and the scene names no speed of its own")

@@ -11,8 +11,8 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._registry import Quantity, registered
-from .._shown import RPM, axes_words, shown
+from .._core.display import RPM, axes_words, shown
+from .._core.registry import Quantity, registered
 from ._arguments import assignments, changed_scene
 from ._options import AsJson, Designs, Machine, Out, Sets
 from ._output import hand_out, plain
@@ -111,13 +111,13 @@ def run_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     """The orbit in numbers. The keys are stable; new ones may join them."""
     from importlib.metadata import version
 
-    import equinox as eqx
     import jax
 
-    from .._status import Status
+    from .._core.exported import kept_jit
+    from .._core.status import Status
 
     known = _of_the_crank(scene.machine)
-    found = eqx.filter_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
+    found = kept_jit(_numbers)(scene.machine, scene.assembly, orbit, known)
     values, numbers = jax.tree.map(float, jax.device_get(found))
     grazes = numbers.pop("grazes")
     compressor = scene.as_compressor()
@@ -164,7 +164,7 @@ def _verification(orbit: jc.Orbit) -> dict[str, Any]:
     """Errors by an independent integration: the orbit's value less that of the integration."""
     import jax
 
-    from .._status import Status
+    from .._core.status import Status
 
     march = orbit.verification
     assert march is not None
@@ -236,8 +236,8 @@ def _remarks(
 
 def _numbers(machine, assembly, orbit: jc.Orbit, known) -> tuple[dict[str, Any], dict[str, Any]]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
-    from .._fields import of_cylinder
-    from ..design import AnalysisOptions, DesignResult
+    from .._core.fields import of_cylinder
+    from ..study import AnalysisOptions, DesignResult
 
     result = DesignResult(machine, AnalysisOptions())
     result.assembly, result.orbit = assembly, orbit
@@ -286,7 +286,7 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
 
 
 def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
-    from .._fields import listed, of_cylinder
+    from .._core.fields import listed, of_cylinder
 
     rows, compressor = [], scene.as_compressor()
     count = compressor.crankshaft.count
@@ -465,15 +465,16 @@ def vibration_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     Amplitudes are those of the first harmonic. `free_body` is the approximation without springs and
     `free_body_error` its error over the amplitude.
     """
-    import equinox as eqx
     import jax
     import jax.numpy as jnp
 
+    from .._core.exported import kept_jit
+
     suspension = scene.parts["suspension"]
-    assert isinstance(suspension, jc.shaking.Suspension)
-    places = jc.shaking.block_points(suspension)
+    assert isinstance(suspension, jc.vibration.Suspension)
+    places = jc.vibration.block_points(suspension)
     points = jnp.stack(list(places.values()))
-    found = eqx.filter_jit(_vibrations)(scene.as_compressor(), orbit, suspension, points)
+    found = kept_jit(_vibrations)(scene.as_compressor(), orbit, suspension, points)
     found = plain(jax.device_get(found))
     keys = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
     of_block = ("natural_frequencies", "block_amplitude", "block_rms")
@@ -486,7 +487,7 @@ def _vibrations(compressor, orbit: jc.Orbit, suspension, points) -> dict[str, An
     import jax
     import jax.numpy as jnp
 
-    shaking = jc.shaking
+    shaking = jc.vibration
     load = shaking.orbit_load(compressor, orbit, suspension, _HARMONICS)
     block = shaking.block_response(suspension, load)
     free = shaking.free_body_response(suspension, load)

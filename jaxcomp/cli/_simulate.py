@@ -9,7 +9,7 @@ import typer
 
 import jaxcomp as jc
 
-from .._shown import RPM
+from .._core.display import RPM
 from ._arguments import assignments, changed_scene
 from ._options import AsJson, Designs, Machine, Out, Sets
 from ._output import hand_out, plain
@@ -118,7 +118,7 @@ def simulate_result(scene: jc.scene.Scene, found: jc.crank.Transient) -> dict[st
     """The motion in plain numbers in SI units, and what came out of cylinders with valves."""
     import numpy as np
 
-    from .._status import Status
+    from .._core.status import Status
 
     time, angle, speed = (np.asarray(x) for x in (found.time, found.state.angle, found.state.speed))
     energy, gas, of_gas = found.energy, found.gas, {}

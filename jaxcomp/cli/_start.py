@@ -17,8 +17,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from .._interrupts import STOPPED, say_stopped, words_when_stopped
-from .._waits import spinner, watch_compiles
+from .._core.interrupts import STOPPED, say_stopped, words_when_stopped
+from .._core.progress import spinner, watch_compiles
 
 # [s] in which workers that are on their way have come.
 _WORKERS_WITHIN = 20
@@ -92,9 +92,9 @@ def show_error(error: Exception) -> None:
 
 
 def _caused_by_user() -> tuple[type[Exception], ...]:
-    from .._extensions import ExtensionError
-    from .._fields import BadInput
-    from .._status import SolveFailed
+    from .._core.errors import BadInput
+    from .._core.extensions import ExtensionError
+    from .._core.status import SolveFailed
     from ..scene import SceneError
 
     return CommandError, SceneError, BadInput, SolveFailed, ExtensionError, OSError
@@ -149,14 +149,14 @@ def one_blas_thread() -> None:
 def quick_compiles() -> None:
     """Compile quickly: tracing makes millions of small objects among which there is little to collect.
 
-    A tenth of the time; the package itself tells XLA what saves more (`jaxcomp._precision`).
+    A tenth of the time; the package itself tells XLA what saves more (`jaxcomp._core.precision`).
     """
     gc.set_threshold(100_000, 20, 50)
 
 
 def unoptimised_compiles() -> None:
     """Compile without XLA's optimisations, for programs that run once; call before JAX runs anything."""
-    from .._precision import tell_xla
+    from .._core.precision import tell_xla
 
     tell_xla("--xla_backend_optimization_level", "0")
 

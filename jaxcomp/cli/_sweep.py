@@ -11,7 +11,7 @@ import typer
 
 import jaxcomp as jc
 
-from .._interrupts import words_when_stopped
+from .._core.interrupts import words_when_stopped
 from ._arguments import assignments, changed_scene, with_one_unit
 from ._options import (
     AccuracyOption,
@@ -105,9 +105,9 @@ def sweep(
         }
         if several:
             options["dimension"] = _LAYOUT
-            found = jc.sweeping.sweep_machines(several, axes, asked, **options)
+            found = jc.study.sweep.sweep_machines(several, axes, asked, **options)
         else:
-            found = jc.sweeping.sweep(scene, axes, asked, **options)
+            found = jc.study.sweep.sweep(scene, axes, asked, **options)
     if several:
         result, tables, figures = _layouts(scene.name, found)
     else:
@@ -142,7 +142,7 @@ def _layouts(scene: str, found) -> tuple[dict[str, Any], list[Any], Callable[[],
     for name, part in parts.items():
         failed = int(part["ok"].size - part["ok"].sum())
         for asked in (str(one) for one in part.data_vars if one != "ok"):
-            look = jc.sweeping.shown_column(found, asked)
+            look = jc.study.sweep.shown_column(found, asked)
             ends = (_cell(look, float(end)) for end in (part[asked].min(), part[asked].max()))
             rows.append((name, look.label, *ends, failed or ""))
     values = {
@@ -183,8 +183,8 @@ def default_quantities(scene: jc.scene.Scene) -> list[str]:
 def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:
     """Values or distributions of the variables, in SI units."""
     design, axes = jc.machine.machine_of(scene), {}
-    for name, text in jc.design.by_name(design, assignments(texts, "--over")).items():
-        option, one = f"--over {name}={text}", jc.design.variable(design, name)
+    for name, text in jc.study.by_name(design, assignments(texts, "--over")).items():
+        option, one = f"--over {name}={text}", jc.study.variable(design, name)
         axes[name] = _axis(text, one.unit, option, sampled)
         ends = axes[name].ends if sampled else (float(min(axes[name])), float(max(axes[name])))
         for end in ends:
@@ -212,7 +212,7 @@ def _axis(text: str, unit: str, option: str, sampled: bool):
     if sampled:
         forms = "from:to, log:from:to or normal:mean:deviation with --samples"
         refuse(len(parts) != 2, f"{option}: must have the form {forms}")
-        of = jc.sweeping
+        of = jc.study.sweep
         made = {"": of.uniform, "log": of.log_uniform, "normal": of.normal}[kind]
         return _made(made, option, *numbers(parts))
     refuse(kind == "normal", f"{option}: needs --samples")
@@ -222,7 +222,7 @@ def _axis(text: str, unit: str, option: str, sampled: bool):
         return values
     forms = "from:to:count, log:from:to:count or a,b,c"
     refuse(len(parts) != 3 or not parts[2].isdigit(), f"{option}: must have the form {forms}")
-    made = jc.sweeping.log_grid if kind else jc.sweeping.grid
+    made = jc.study.sweep.log_grid if kind else jc.study.sweep.grid
     return _made(made, option, *numbers(parts[:2]), int(parts[2]))
 
 
@@ -273,7 +273,7 @@ def _quantity(found, name: str, few: bool) -> dict[str, Any]:
     ranked = attributes["better"] in ("more", "less")
     curve = None
     if ranked and data.ndim == 2 and found[name].dims != ("sample",):
-        best = jc.sweeping.best_curve(found, name)
+        best = jc.study.sweep.best_curve(found, name)
         keys = ("across", "best", "between", "value")
         along, across = map(str, found[name].dims)
         points = [dict(zip(keys, row, strict=True)) for row in zip(*best, strict=True)]
@@ -289,7 +289,7 @@ def _quantity(found, name: str, few: bool) -> dict[str, Any]:
         "unit": attributes["units"],
         "better": attributes["better"],
         **statistics,
-        "best": jc.sweeping.best_design(found, name) if ranked else None,
+        "best": jc.study.sweep.best_design(found, name) if ranked else None,
         "best_curve": curve,
         "values": data if few else None,
     }
@@ -297,7 +297,7 @@ def _quantity(found, name: str, few: bool) -> dict[str, Any]:
 
 def sweep_columns(found) -> dict[str, Any]:
     """Every design with its quantities, by name and unit."""
-    from .._results import with_unit
+    from .._core.results import with_unit
 
     columns = {}
     for name in (str(name) for name in (*found.coords, *found.data_vars)):
@@ -316,7 +316,7 @@ def sweep_tables(found, result: dict[str, Any]):
     dims = found["ok"].dims
     if len(dims) == 1 and dims[0] != "sample" and found["ok"].size <= _ROWS:
         names = [*result["variables"], *result["quantities"]]
-        looks = [jc.sweeping.shown_column(found, name) for name in names]
+        looks = [jc.study.sweep.shown_column(found, name) for name in names]
         rows = zip(*(found[name].values.tolist() for name in names), strict=True)
         yield _numbers(looks, (map(_cell, looks, row) for row in rows))
     for name, entry in result["quantities"].items():
@@ -326,7 +326,7 @@ def sweep_tables(found, result: dict[str, Any]):
 
 def _summary(found, result, title):
     names = (*result["variables"], *result["quantities"])
-    looks = {name: jc.sweeping.shown_column(found, name) for name in names}
+    looks = {name: jc.study.sweep.shown_column(found, name) for name in names}
     rows = []
     for name, entry in result["quantities"].items():
         middle = entry["percentiles"] and entry["percentiles"]["50"]
@@ -345,7 +345,7 @@ def _summary(found, result, title):
 
 def _curve_table(found, name, curve):
     names = (curve["across"], curve["along"], name)
-    across, along, value = (jc.sweeping.shown_column(found, name) for name in names)
+    across, along, value = (jc.study.sweep.shown_column(found, name) for name in names)
     tried = found[curve["along"]].values
     ends = (tried.min(), tried.max())
     rows = []

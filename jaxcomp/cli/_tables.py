@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from .._shown import Shown, behind, shown
+from .._core.display import Shown, behind, shown
 
 
 class Markup(str):

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._shown import Shown, shown
+from .._core.display import Shown, shown
 from ._arguments import assignments, bounds_of, changed_scene, si
 from ._options import (
     AccuracyOption,
@@ -108,12 +108,12 @@ def tolerance(
     design = jc.machine.machine_of(scene)
     if balanced:
         refuse(not design.corrections, "--balanced: needs a scene with balancing planes")
-        design = jc.design.balanced_design(design, options)
+        design = jc.study.balanced_design(design, options)
     given, correlations = read_tolerances(design, vary, tolerances, correlate)
     limits = bounds_of(limit, "--limit", equalities=False)
     names = list(quantity or (() if limits else default_quantities(scene)))
     for name in names:
-        jc.design.quantity_named(name)
+        jc.study.quantity_named(name)
     asked = list(dict.fromkeys([*names, *limits]))
     partial = Partial(out, "machines")
 
@@ -122,7 +122,7 @@ def tolerance(
         partial.keep(dict(zip(columns, (*points.T, *values.T), strict=True)) | {"solved": ok})
 
     with waiting(), cluster(dask) as client:
-        found = jc.tolerancing.tolerance(
+        found = jc.study.tolerance.tolerance(
             design,
             given,
             asked,
@@ -154,7 +154,7 @@ def read_tolerances(
     vary: Sequence[str] | None,
     file: Path | None,
     correlate: Sequence[str] | None,
-) -> tuple[dict[str, jc.tolerancing.Within], dict[tuple[str, str], float]]:
+) -> tuple[dict[str, jc.study.tolerance.Within], dict[tuple[str, str], float]]:
     """Tolerances and correlations of the file and of `--vary` and `--correlate`, which go first."""
     from ..scene.tolerances import read_tolerance_file, tolerances_of
 
@@ -173,9 +173,9 @@ def read_tolerances(
 
 
 def tolerance_result(
-    found: jc.tolerancing.Tolerances,
+    found: jc.study.tolerance.Tolerances,
     scene: str,
-    given: dict[str, jc.tolerancing.Within],
+    given: dict[str, jc.study.tolerance.Within],
     correlations: dict[tuple[str, str], float],
     balanced: bool,
 ) -> dict[str, Any]:
@@ -207,7 +207,7 @@ def tolerance_result(
     return plain(result)
 
 
-def _quantity(found: jc.tolerancing.Tolerances, i: int, unit: str) -> dict[str, Any]:
+def _quantity(found: jc.study.tolerance.Tolerances, i: int, unit: str) -> dict[str, Any]:
     sampled, second = found.sampled, found.second_order
     levels = sampled.quantile(_SHARES)[:, i] if sampled.ok.sum() > 1 else [None] * len(_SHARES)
     keys = ("mean", "mean_error", "deviation", "deviation_error", "skewness")
@@ -233,7 +233,7 @@ def _quantity(found: jc.tolerancing.Tolerances, i: int, unit: str) -> dict[str, 
     }
 
 
-def _limit(one, found: jc.tolerancing.Tolerances) -> dict[str, Any]:
+def _limit(one, found: jc.study.tolerance.Tolerances) -> dict[str, Any]:
     design = one.design.tolist()
     known = all(map(math.isfinite, design))
     keys = ("sampled", "sampled_interval", "beta", "first_order", "second_order", "near_points",
@@ -250,16 +250,21 @@ def _limit(one, found: jc.tolerancing.Tolerances) -> dict[str, Any]:
 
 
 def permitted_tolerances(
-    found: jc.tolerancing.Tolerances, text: str
-) -> list[jc.tolerancing.Permitted]:
+    found: jc.study.tolerance.Tolerances, text: str
+) -> list[jc.study.tolerance.Permitted]:
     """How much tighter all tolerances would have to be, and those of the largest contributor alone."""
     share = si(text, "", "--rejects")
     refuse(not 0 < share < 1, f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
     first = found.ranking(found.reliability[0].limit.quantity)[0][0]
-    return [jc.tolerancing.permitted(found, share), jc.tolerancing.permitted(found, share, [first])]
+    return [
+        jc.study.tolerance.permitted(found, share),
+        jc.study.tolerance.permitted(found, share, [first]),
+    ]
 
 
-def tolerance_sentences(found: jc.tolerancing.Tolerances, result: dict[str, Any]) -> Iterator[str]:
+def tolerance_sentences(
+    found: jc.study.tolerance.Tolerances, result: dict[str, Any]
+) -> Iterator[str]:
     """The answer in a sentence for each limit, or for each quantity where there is none."""
     limited = {one.limit.quantity for one in found.reliability}
     for one in found.reliability:
@@ -293,7 +298,7 @@ def tolerance_sentences(found: jc.tolerancing.Tolerances, result: dict[str, Any]
         )
 
 
-def _causes(found: jc.tolerancing.Tolerances, name: str) -> str:
+def _causes(found: jc.study.tolerance.Tolerances, name: str) -> str:
     ranked = [(one, share) for one, share in found.ranking(name) if math.isfinite(share)]
     if not ranked:
         return ""
@@ -306,12 +311,12 @@ def _causes(found: jc.tolerancing.Tolerances, name: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def _label(found: jc.tolerancing.Tolerances, variable: str) -> str:
+def _label(found: jc.study.tolerance.Tolerances, variable: str) -> str:
     """A variable in words."""
-    return jc.design.variable_label(found.problem.design, variable)
+    return jc.study.variable_label(found.problem.design, variable)
 
 
-def tolerance_tables(found: jc.tolerancing.Tolerances, result: dict[str, Any]) -> Iterator[Any]:
+def tolerance_tables(found: jc.study.tolerance.Tolerances, result: dict[str, Any]) -> Iterator[Any]:
     """Sentences, distributions, contributors, probabilities, and remarks on what disagrees."""
     yield from (escape(text) for text in tolerance_sentences(found, result))
     failed = f", {result['failed']:,} not solved" if result["failed"] else ""
@@ -336,13 +341,13 @@ def tolerance_tables(found: jc.tolerancing.Tolerances, result: dict[str, Any]) -
         yield f"[yellow]Note:[/yellow] {remark}"
 
 
-def _look(found: jc.tolerancing.Tolerances, name: str) -> Shown:
+def _look(found: jc.study.tolerance.Tolerances, name: str) -> Shown:
     """How a quantity is shown."""
     place = found.names.index(name)
     return shown(name, found.problem.units[place], found.value[place])
 
 
-def _contributors(found: jc.tolerancing.Tolerances, name: str):
+def _contributors(found: jc.study.tolerance.Tolerances, name: str):
     look, place = _look(found, name), found.names.index(name)
     ranking, rows = found.ranking(name), []
     for variable, share in ranking[:_ROWS]:
@@ -364,7 +369,7 @@ def _contributors(found: jc.tolerancing.Tolerances, name: str):
     return table
 
 
-def _probabilities(found: jc.tolerancing.Tolerances):
+def _probabilities(found: jc.study.tolerance.Tolerances):
     rows = []
     for one in found.reliability:
         look, sign = _look(found, one.limit.quantity), "<=" if one.limit.above else ">="

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._implicit import FixedPointReport, fixed_point, frozen
-from .._status import Status
+from .._core.roots import FixedPointReport, fixed_point, frozen
+from .._core.status import Status
 from ..compressor import Compressor, Instants, instants, kink_angles, loop_of
 from ..cylinder import CycleOptions, Cylinder
 from ..friction import magnitude

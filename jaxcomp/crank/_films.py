@@ -14,11 +14,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._each import mapped
-from .._fields import of_cylinder, rebuilt
-from .._implicit import AbstractFixedPoint, fixed_point, frozen, settle
-from .._polynomials import Rule, gauss
-from .._status import Status
+from .._core.each import mapped
+from .._core.exported import kept_jit
+from .._core.fields import of_cylinder, rebuilt
+from .._core.polynomials import Rule, gauss
+from .._core.roots import AbstractFixedPoint, fixed_point, frozen, settle
+from .._core.status import Status
 from ..compressor import Compressor
 from ..crankshaft import film_journals
 from ..film import (
@@ -148,7 +149,7 @@ def _share_below(values, duration, bound):
     return jnp.sum((duration + wide) * part) / jnp.sum(duration + wide)
 
 
-@eqx.filter_jit
+@kept_jit
 def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array, " n"]]:
     """[m] Smallest thickness of each journal's oil film over the nodes, by joint.
 
@@ -181,7 +182,7 @@ def _journals(compressor: Compressor, orbit: Orbit):
                 yield crankshaft.joint(law_name, number), of_cylinder(one, number)
 
 
-@eqx.filter_jit
+@kept_jit
 def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
     """The films of all oil-lubricated journals whose film model gives a position, by joint.
 
@@ -207,7 +208,7 @@ def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm
     }
 
 
-@eqx.filter_jit
+@kept_jit
 def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
     """What films that carry a steady load at every instant would be if their journals moved, by joint.
 
@@ -423,7 +424,7 @@ def journal_orbit(
     return _solved_journal(bearing, load(angle), rates, speed, grid.edges, nodes)
 
 
-@eqx.filter_jit
+@kept_jit
 def _solved_journal(
     bearing: JournalBearing, force, rates, speed, edges, nodes: int
 ) -> JournalOrbit:

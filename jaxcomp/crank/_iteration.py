@@ -22,7 +22,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from .._implicit import frozen
+from .._core.roots import frozen
 from ..compressor import Compressor, Instants, instants, loop_of
 from ..crankshaft import MachineLoops
 from ..friction import newton_step

@@ -17,10 +17,10 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._each import mapped
-from .._fields import of_cylinder, rebuilt
-from .._polynomials import Rule
-from .._status import Status
+from .._core.each import mapped
+from .._core.fields import of_cylinder, rebuilt
+from .._core.polynomials import Rule
+from .._core.status import Status
 from ..compressor import Compressor
 from ..crankshaft import moving_journals, placed
 from ..film import (

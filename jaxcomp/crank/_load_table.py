@@ -16,11 +16,12 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 
-from .._fields import BadInput, rebuilt, single_number
-from .._polynomials import cubics, gauss
-from .._results import Data, Result
-from .._status import SolveFailed, Status
-from .._words import one_of
+from .._core.errors import BadInput
+from .._core.fields import rebuilt, single_number
+from .._core.polynomials import cubics, gauss
+from .._core.results import Data, Result
+from .._core.status import SolveFailed, Status
+from .._core.words import one_of
 from ..film import JournalBearing
 from ._films import ROUGHNESS, JournalFilm, journal_orbit
 

@@ -19,9 +19,9 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._elimination import solve_small
-from .._implicit import AbstractRoot, root
-from .._status import Status
+from .._core.elimination import solve_small
+from .._core.roots import AbstractRoot, root
+from .._core.status import Status
 from ..compressor import Compressor, Instants, instants, loop_of
 from ..friction import JointLoads, newton_step
 from ..mechanism import CrankState

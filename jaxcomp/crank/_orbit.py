@@ -10,11 +10,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
-from .._fields import replaced
-from .._polynomials import gauss
-from .._registry import Quantity, registered
-from .._results import Data, Result
-from .._status import Status
+from .._core.exported import kept_jit
+from .._core.fields import replaced
+from .._core.polynomials import gauss
+from .._core.registry import Quantity, registered
+from .._core.results import Data, Result
+from .._core.status import Status
 from ..compressor import Compressor
 from ..cylinder import Cycle, SeveralCycles
 from ..friction import JointLoads
@@ -282,7 +283,7 @@ class Orbit(Result, eqx.Module):
         return jnp.sum(self.weight.reshape(-1, self.panel_nodes), axis=-1)
 
 
-@eqx.filter_jit
+@kept_jit
 def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> list[Any]:
     """The quantities of an orbit, or of a batch of them."""
 

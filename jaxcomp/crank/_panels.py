@@ -12,7 +12,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from .._polynomials import Rule, gauss
+from .._core.polynomials import Rule, gauss
 
 # [rad] Panels below hold no part of the revolution: edges that no load reversal needs lie on others.
 NO_WIDTH = 1e-9

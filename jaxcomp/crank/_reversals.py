@@ -14,7 +14,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from .._implicit import AbstractFixedPoint, FixedPointReport, frozen, settle
+from .._core.roots import AbstractFixedPoint, FixedPointReport, frozen, settle
 from ._iteration import (
     PLACE_UNIT,
     Known,

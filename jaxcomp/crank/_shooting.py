@@ -18,9 +18,9 @@ import optimistix
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
-from .._implicit import AbstractRoot, FixedPointReport, frozen, root, zeros_of
-from .._status import Status
+from .._core.errors import BadInput
+from .._core.roots import AbstractRoot, FixedPointReport, frozen, root, zeros_of
+from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..cylinder import CycleOptions
 from ..mechanism import CrankState

@@ -24,11 +24,13 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._each import stacked
-from .._fields import BadInput, admissible, clipped, is_traced, listed, of_cylinder, replaced
-from .._implicit import frozen, settle, zeros_of
-from .._polynomials import gauss
-from .._status import SolveFailed, Status
+from .._core.each import stacked
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import admissible, clipped, is_traced, listed, of_cylinder, replaced
+from .._core.polynomials import gauss
+from .._core.roots import frozen, settle, zeros_of
+from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
 from ..cylinder import Cycle, CycleOptions, Cylinder, Pace, SeveralCycles, solve_cycle
 from ..cylinder._march import START
@@ -142,10 +144,10 @@ def _solved(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     return eqx.tree_at(lambda o: o.status, orbit, status)
 
 
-_solve = eqx.filter_jit(_solved)
+_solve = kept_jit(_solved)
 
 
-@eqx.filter_jit
+@kept_jit
 def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegration") -> Verification:
     from ._verify import verification
 

@@ -15,10 +15,10 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Complex, Float
 
-from .._fields import (
+from .._core.errors import BadInput
+from .._core.fields import (
     NONNEGATIVE,
     POSITIVE,
-    BadInput,
     Part,
     is_traced,
     quantity,

@@ -10,10 +10,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._fields import BadInput, admissible, clipped, counted, is_traced, replaced
-from .._implicit import zeros_of
-from .._results import Data, Result
-from .._status import SolveFailed, Status
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import admissible, clipped, counted, is_traced, replaced
+from .._core.results import Data, Result
+from .._core.roots import zeros_of
+from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of, instants
 from ..cylinder import Cylinder
 from ..cylinder._cycle import values_only
@@ -199,7 +201,7 @@ def simulate(
     return result
 
 
-@eqx.filter_jit
+@kept_jit
 def _simulate(
     machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off
 ):
@@ -272,7 +274,7 @@ def _simulate(
     )
 
 
-@eqx.filter_jit
+@kept_jit
 def _simulate_gas(
     machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off
 ):

@@ -16,9 +16,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
-from .._each import stacked
-from .._fields import ANY, of_cylinder, quantity, replaced
-from .._implicit import zeros_of
+from .._core.each import stacked
+from .._core.fields import ANY, of_cylinder, quantity, replaced
+from .._core.roots import zeros_of
 from ..compressor import Compressor, instants
 from ..cylinder import Cylinder
 from ..cylinder._balance import (

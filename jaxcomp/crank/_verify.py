@@ -15,8 +15,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._implicit import zeros_of
-from .._status import Status
+from .._core.roots import zeros_of
+from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..friction import magnitude
 from ..mechanism import CrankState

@@ -26,9 +26,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._each import mapped
-from .._fields import POSITIVE, BadInput, Part, quantity, replaced
-from .._polynomials import cubic_step
+from .._core.each import mapped
+from .._core.errors import BadInput
+from .._core.fields import POSITIVE, Part, quantity, replaced
+from .._core.polynomials import cubic_step
 from ..film import AbstractJournal, JournalBearing, NamedBearing, PlacedJournal
 from ..friction import STANDARD_GRAVITY, OilPump, ThrustBearing, shaft_loss
 from ..mechanism import Vector

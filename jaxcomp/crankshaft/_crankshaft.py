@@ -20,11 +20,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._fields import (
+from .._core.errors import BadInput
+from .._core.fields import (
     ANY,
     NONNEGATIVE,
     POSITIVE,
-    BadInput,
     Part,
     along_cylinders,
     is_traced,

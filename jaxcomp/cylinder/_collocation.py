@@ -18,9 +18,9 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 from numpy.polynomial import legendre
 
-from .._fields import ANY, NONNEGATIVE, quantity
-from .._implicit import AbstractRoot
-from .._polynomials import gauss, legendre_columns
+from .._core.fields import ANY, NONNEGATIVE, quantity
+from .._core.polynomials import gauss, legendre_columns
+from .._core.roots import AbstractRoot
 from ..gas import AbstractGas
 from ._balance import jacobian, jump, rates
 from ._cylinder import Case

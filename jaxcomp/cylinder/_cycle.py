@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._results import Data, Result
-from .._status import Status
+from .._core.results import Data, Result
+from .._core.status import Status
 from ._balance import Accounts
 from ._collocation import SolvedPressure
 from ._cylinder import Case

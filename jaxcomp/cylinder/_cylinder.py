@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._fields import (
+from .._core.display import ZERO_CELSIUS
+from .._core.errors import BadInput
+from .._core.fields import (
     NONNEGATIVE,
     POSITIVE,
-    BadInput,
     Bound,
     Part,
     is_traced,
@@ -19,8 +20,7 @@ from .._fields import (
     quantity,
     replaced,
 )
-from .._polynomials import gauss, legendre_columns
-from .._shown import ZERO_CELSIUS
+from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism

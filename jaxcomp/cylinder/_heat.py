@@ -26,7 +26,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
+from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
 from ..valve import Side
 
 OF_WALL = 2  # states: temperature, and heat gained since the beginning of the revolution

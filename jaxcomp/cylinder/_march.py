@@ -17,7 +17,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from .._polynomials import cubic_step
+from .._core.polynomials import cubic_step
 from ._balance import EVENTS, FREE, Accounts, after_event, jump, rates
 from ._cylinder import Case
 from ._heat import next_revolution

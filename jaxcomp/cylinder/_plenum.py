@@ -22,7 +22,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
+from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..fluid import AbstractFluid, GasState
 
 PER_PLENUM = 3  # states: mass, temperature, and flow in the neck

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from .._fields import admissible, clipped, is_traced
-from .._implicit import root
-from .._polynomials import gauss
-from .._status import SolveFailed, Status
+from .._core.fields import admissible, clipped, is_traced
+from .._core.polynomials import gauss
+from .._core.roots import root
+from .._core.status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
 from ._balance import (
     FREE,

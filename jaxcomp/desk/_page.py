@@ -12,9 +12,9 @@ from bokeh.models import ColumnDataSource, FactorRange, HTMLTemplateFormatter, T
 from bokeh.plotting import figure
 from panel.io import hold
 
-from .._fields import BadInput
-from .._shown import SYSTEMS
-from .._status import SolveFailed
+from .._core.display import SYSTEMS
+from .._core.errors import BadInput
+from .._core.status import SolveFailed
 from ..plot._animate import line_look
 from ..plot._style import INK, colour, words
 from ..scene import Scene, SceneError, loads

@@ -9,14 +9,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
-from .._registry import Quantity
-from .._shown import Shown, shown
-from .._status import Status
+from .._core.display import Shown, shown
+from .._core.errors import BadInput
+from .._core.registry import Quantity
+from .._core.status import Status
 from ..balancing import least_squares
 from ..crank import film_thickness
 from ..cylinder import SeveralCycles
-from ..design import (
+from ..machine import Machine
+from ..plot._animate import front_view
+from ..plot._fine import fine_turn, first_diagram
+from ..scene import Scene, SceneError, dump, implausible_values, to_si, with_machine
+from ..study import (
     AnalysisOptions,
     DesignResult,
     Sensitivity,
@@ -26,11 +30,7 @@ from ..design import (
     problem,
     sensitivity,
 )
-from ..design._variables import GivenNumber, given_numbers, variable_label
-from ..machine import Machine
-from ..plot._animate import front_view
-from ..plot._fine import fine_turn, first_diagram
-from ..scene import Scene, SceneError, dump, implausible_values, to_si, with_machine
+from ..study._variables import GivenNumber, given_numbers, variable_label
 
 _SOURCE = "set at the desk"
 # Quantities that stand before the others, as far as a machine has them.

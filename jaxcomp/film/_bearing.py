@@ -11,7 +11,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import POSITIVE, BadInput, quantity
+from .._core.errors import BadInput
+from .._core.fields import POSITIVE, quantity
 from ._film import (
     AbstractCarryingFilm,
     AbstractFilm,

@@ -25,8 +25,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import BadInput, is_traced
-from .._implicit import AbstractRoot, root
+from .._core.errors import BadInput
+from .._core.fields import is_traced
+from .._core.roots import AbstractRoot, root
 
 Scalar = Float[Array, ""]
 Pair = Float[Array, "2 *n"]

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._fields import POSITIVE, BadInput, Bound, Part, is_traced, quantity
-from .._shown import ZERO_CELSIUS
+from .._core.display import ZERO_CELSIUS
+from .._core.errors import BadInput
+from .._core.fields import POSITIVE, Bound, Part, is_traced, quantity
 from ._film import Scalar, as_float
 
 DENSITY = 900.0  # [kg/m^3] at 15 degrees Celsius, ordinary mineral oil

@@ -15,7 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ._bearing import JournalBearing, film_unit, squeeze_of
 from ._parts import AbstractJournal
 from ._squeeze import Pair

@@ -38,7 +38,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 
 GRIDS = ((120, 8), (240, 16), (480, 32), (960, 64))  # cells in gamma, cells in half the length
 SOMEYA_GROOVE = math.radians(10.0)  # width of each groove that gives back Someya's load numbers

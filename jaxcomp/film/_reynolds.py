@@ -29,7 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ._film import AbstractSolvedFilm, Scalar, as_float, slope_stiffness
 
 

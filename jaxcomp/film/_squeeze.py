@@ -28,7 +28,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._implicit import AbstractRoot, root
+from .._core.roots import AbstractRoot, root
 from ._film import Pair, Scalar, as_float, split
 from ._reynolds import collapsed, table_of
 

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from .._fields import POSITIVE, Bound, Part, quantity
-from .._implicit import AbstractRoot, root
+from .._core.fields import POSITIVE, Bound, Part, quantity
+from .._core.roots import AbstractRoot, root
 
 _ZERO = 273.15  # [K] where u and s of the perfect gas count from, s from 1 kg/m^3
 

@@ -21,9 +21,10 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import BadInput, Bound, is_traced
-from .._implicit import root
-from .._words import nearest
+from .._core.errors import BadInput
+from .._core.fields import Bound, is_traced
+from .._core.roots import root
+from .._core.words import nearest
 from ._base import AbstractFluid, GasState, SmallSystem
 
 _NEAR = 0.5  # [K] by which gas may be colder than saturation, for pressures that are given in few digits

@@ -15,8 +15,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._each import AbstractEach
-from .._fields import NONNEGATIVE, POSITIVE, Part, quantity
+from .._core.each import AbstractEach
+from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..film import AbstractJournal, check_oil
 
 # Standard acceleration of free fall [m/s^2], exact by definition (CGPM 1901).

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import Part
-from .._implicit import AbstractRoot, root
+from .._core.fields import Part
+from .._core.roots import AbstractRoot, root
 from ..film import PlacedJournal
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
 

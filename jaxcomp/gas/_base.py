@@ -6,8 +6,8 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._each import AbstractEach
-from .._fields import Part
+from .._core.each import AbstractEach
+from .._core.fields import Part
 
 
 class Stroke(NamedTuple):

@@ -23,7 +23,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, BadInput, Bound, quantity, replaced
+from .._core.errors import BadInput
+from .._core.fields import NONNEGATIVE, POSITIVE, Bound, quantity, replaced
 from ._base import AbstractGas, Stroke
 
 # Newton steps for the logarithms of the pressures between stages; three reach rounding.

@@ -7,8 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, Bound, quantity, replaced
-from .._polynomials import cubics, inner_slopes
+from .._core.fields import ANY, NONNEGATIVE, Bound, quantity, replaced
+from .._core.polynomials import cubics, inner_slopes
 from ._base import AbstractGas, Stroke
 
 

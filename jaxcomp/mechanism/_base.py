@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._fields import BadInput, Part
+from .._core.errors import BadInput
+from .._core.fields import Part
 
 
 class CrankState(NamedTuple):

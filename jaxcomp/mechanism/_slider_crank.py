@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity, replaced
+from .._core.fields import ANY, NONNEGATIVE, POSITIVE, quantity, replaced
 from ._base import (
     AbstractKinematics,
     AbstractMechanism,

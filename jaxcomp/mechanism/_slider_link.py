@@ -31,7 +31,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, quantity
+from .._core.fields import ANY, NONNEGATIVE, POSITIVE, quantity
 from ._base import (
     AbstractKinematics,
     AbstractMechanism,

@@ -13,7 +13,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import ANY, NONNEGATIVE, POSITIVE, BadInput, Bound, Part, quantity
+from .._core.errors import BadInput
+from .._core.fields import ANY, NONNEGATIVE, POSITIVE, Bound, Part, quantity
 
 
 class MotorEfficiency(Part):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..work_precision import Extreme, Report, SceneCost
+from ..study.accuracy import Extreme, Report, SceneCost
 from . import _style as style
 
 _TINTS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56437F", "#56B4E9", "#CC79A7", "#444444",
@@ -18,7 +18,7 @@ def accuracy_figures(report: Report, error: float | None = None) -> dict[str, Fi
     """All pictures of a study, by name.
 
     Args:
-        report: of `jaxcomp.work_precision.accuracy`.
+        report: of `jaxcomp.study.accuracy.accuracy`.
         error: [-] the requested error, marked in the diagram.
     """
     figures = {f"accuracy-{report.study}": work_precision_diagram(report, error)}

@@ -19,8 +19,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from .._fields import of_cylinder
-from .._shown import RPM, axes_words, shown
+from .._core.display import RPM, axes_words, shown
+from .._core.fields import of_cylinder
 from ..compressor import Compressor
 from ..crank import Orbit, journal_films
 from ..crankshaft import Crankshaft, MainBearings, bearing_names

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .._shown import shown
+from .._core.display import shown
 from ..compressor import Compressor
 from ..crank import LoadedJournal, Orbit, journal_films
 from ..crank._films import JournalFilm

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .._fields import of_cylinder, replaced
-from .._shown import RPM, shown
+from .._core.display import RPM, shown
+from .._core.fields import of_cylinder, replaced
 from ..compressor import Compressor, instants, of_each_cylinder
 from ..crank import (
     CrankTrain,
@@ -30,7 +30,7 @@ from ..crankshaft import MainBearings
 from ..film import JournalBearing
 from ..friction import SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
-from ..shaking import Suspension, shaking_wrench
+from ..vibration import Suspension, shaking_wrench
 from . import _style as style
 from ._animate import machine_views
 from ._bearings import bearing_loads, journal_films_over_turn, journal_paths

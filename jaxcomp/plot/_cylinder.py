@@ -5,12 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._shown import shown
+from .._core.display import shown
 from ..crank import POWER, Performance
 from ..cylinder import Cycle, SeveralCycles
 from ..fluid import RealGas
-from ..rating import QUANTITIES, ZERO, RatingMap
 from ..study import MEASURED, Identification
+from ..study.rating import QUANTITIES, ZERO, RatingMap
 from . import _style as style
 
 _SUCTION, _DISCHARGE, _GAS = style.colour("suction"), style.colour("discharge"), "#444444"

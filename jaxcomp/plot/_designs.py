@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy import stats
 
-from .._shown import Shown, shown
-from ..design import Sensitivity, variable_label
-from ..tolerancing import Tolerances
+from .._core.display import Shown, shown
+from ..study import Sensitivity, variable_label
+from ..study.tolerance import Tolerances
 from . import _style as style
 
 _LOW, _HIGH, _SECOND, _LIMIT = "#0072B2", "#D55E00", "#56437F", "#CC0000"

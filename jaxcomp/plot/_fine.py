@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import of_cylinder
-from .._polynomials import cubics
+from .._core.fields import of_cylinder
+from .._core.polynomials import cubics
 from ..compressor import Compressor, cylinder_pressure, kink_angles
 from ..crank import Orbit, acceleration, moving, with_journals
 from ..friction import JointLoads

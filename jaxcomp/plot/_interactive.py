@@ -20,7 +20,7 @@ from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ._style import GREY, GRID, INK
 
 # Plotly's pixels in a point of matplotlib, and in an inch.

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from .._shown import Shown, shown
-from ..design import Optimum, ParetoFront
+from .._core.display import Shown, shown
+from ..study import Optimum, ParetoFront
 from . import _style as style
 
 _SAMPLE, _BEST, _NOW, _BAD = "#9A9A9A", "#D55E00", "#009E73", "#CC79A7"

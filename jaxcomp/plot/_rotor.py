@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from .._fields import BadInput
-from .._shown import RPM
-from .._words import one_of
+from .._core.display import RPM
+from .._core.errors import BadInput
+from .._core.words import one_of
 from ..rotor import (
     DampedModes,
     Response,

@@ -10,7 +10,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..sweeping import best_curve, best_design, shown_column
+from ..study.sweep import best_curve, best_design, shown_column
 from . import _style as style
 
 if TYPE_CHECKING:

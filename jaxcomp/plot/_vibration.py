@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from .._shown import RPM, axes_words, shown, small_unit
+from .._core.display import RPM, axes_words, shown, small_unit
 from ..balancing import Balance
 from ..compressor import Compressor
 from ..crank import Orbit
-from ..shaking import (
+from ..vibration import (
     Harmonics,
     Suspension,
     block_points,

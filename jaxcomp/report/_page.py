@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from rich.text import Text
 
-from .._shown import behind
+from .._core.display import behind
 from ..scene import DescribedValue, Scene, describe
 from ._checks import Check, checks
 

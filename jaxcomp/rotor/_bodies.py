@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, BadInput, Part, is_traced, quantity, spread_columns
+from .._core.errors import BadInput
+from .._core.fields import NONNEGATIVE, Part, is_traced, quantity, spread_columns
 from ._conventions import AXES, SPACE_AXES, coordinates
 from ._shaft import Node
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from ._conventions import add, from_planes, take, to_planes
 from ._damped import (
     DampedModes,
@@ -49,7 +50,7 @@ def campbell(
     return on_cpu(_campbell)(model, jnp.asarray(spin_speeds, float), count, damping)
 
 
-@eqx.filter_jit
+@kept_jit
 def _campbell(model, spin_speeds, count, damping):
     system = prepare(model)
     return jax.lax.map(lambda spin: _damped(system, spin, count, False, damping), spin_speeds)
@@ -179,7 +180,7 @@ def _by_frequency(modes: DampedModes) -> DampedModes:
     return DampedModes(*map(pick, (modes.eigenvalue, modes.shape, modes.whirl)), modes.growth)
 
 
-@eqx.filter_jit
+@kept_jit
 def _critical(model, count, order, damping, near):
     system = prepare(model)
     start = jax.lax.stop_gradient(_synchronous(system, count, order, near))
@@ -190,7 +191,7 @@ def _critical(model, count, order, damping, near):
     return CriticalSpeeds(marked(system, speed), marked(system, growth), residual)
 
 
-@eqx.filter_jit
+@kept_jit
 def _from_starts(system, begin, begin_growth, shapes, order, damping):
     """Newton steps from speeds, growths and vectors (m, active)."""
     numbers, rest = eqx.partition(system, eqx.is_inexact_array)

@@ -31,7 +31,7 @@ A real periodic force f(t) = sum a_n cos(n W t) + b_n sin(n W t) has F_n = a_n -
 import numpy as np
 from jaxtyping import Array
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 
 AXES = {
     4: ("ux", "uy", "thx", "thy"),

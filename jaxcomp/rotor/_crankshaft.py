@@ -17,8 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput, is_traced, rebuilt, replaced
-from .._words import one_of
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import is_traced, rebuilt, replaced
+from .._core.words import one_of
 from ..crankshaft import OF_ROTOR, Crankshaft, MainBearings, ShaftBearings
 from ..film import NamedBearing
 from ._links import Link, LoadedFilm, Mount
@@ -99,7 +101,7 @@ def _given(value) -> bool:
     return not is_traced(value) and bool(np.any(np.asarray(value) != 0))
 
 
-@eqx.filter_jit  # one program where a machine is put together, instead of one for each product
+@kept_jit  # one program where a machine is put together, instead of one for each product
 def _of_shaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node):
     """Inertia [kg m^2], mass [kg], unbalance [kg m] (2,) and couple [kg m^2] (2,) of a shaft."""
     place = axial_positions(rotor, pin)
@@ -130,13 +132,14 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
     members = next((group for group in subsets(rotor) if origin in group), ())
     steps: dict[Node, list] = {node: [] for node in members}
     for shaft in rotor.shafts:
+        length = shaft.length if is_traced(shaft.length) else np.asarray(shaft.length)
         for number, (a, b) in enumerate(shaft.pairs):
             if a in steps:
-                steps[a].append((b, shaft.length[number]))
-                steps[b].append((a, -shaft.length[number]))
+                steps[a].append((b, length[number]))
+                steps[b].append((a, -length[number]))
     if not any(steps.values()):
         raise BadInput("pin", origin, "a node of the shaft")
-    found, waiting = {origin: jnp.zeros(())}, [origin]
+    found, waiting = {origin: np.zeros(())}, [origin]
     while waiting:
         here = waiting.pop(0)
         for there, step in steps[here]:
@@ -170,7 +173,7 @@ def bearing_positions(rotor: RotorModel, pin: Node) -> dict[str, Float[Array, ""
     return found
 
 
-@eqx.filter_jit
+@kept_jit
 def shaft_bearings(rotor: RotorModel, support: MainBearings, pin: Node) -> ShaftBearings:
     """Main bearings that share forces as the shaft of a rotor on their films does, quasi-static.
 

@@ -20,8 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._fields import BadInput, is_traced
-from .._results import Data, Result
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import is_traced
+from .._core.results import Data, Result
 from ._conventions import from_planes
 from ._layout import layout_of
 from ._model import RotorModel
@@ -157,7 +159,7 @@ def system_matrices(
     return full, velocity
 
 
-@eqx.filter_jit
+@kept_jit
 def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     system = prepare(model)
     full, velocity = system_matrices(system, spin_speed, free=free, damping=damping)

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ._bodies import RigidBody, arm_matrices
 from ._conventions import AXES, coordinates
 from ._model import RotorModel, node_names

@@ -20,7 +20,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._fields import POSITIVE, BadInput, Part, is_traced, quantity
+from .._core.errors import BadInput
+from .._core.fields import POSITIVE, Part, is_traced, quantity
 from ..film import (
     AbstractSolvedFilm,
     JournalBearing,

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._fields import NONNEGATIVE, BadInput, Part, quantity, spread_columns
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import NONNEGATIVE, Part, quantity, spread_columns
 from ._conventions import AXES, SPACE_AXES, from_planes, to_planes
 from ._layout import layout_of
 from ._model import RotorModel, check_nodes, node_index, rotor_among
@@ -73,7 +75,7 @@ class PeriodicForce(Part):
 
 
 class CrankNodes(Part):
-    """Nodes on which the forces of the crank mechanism act, see `jaxcomp.coupling.crank_forces`.
+    """Nodes on which the forces of the crank mechanism act, see `jaxcomp.vibration.crank_forces`.
 
     With several cylinders `pin`, `head` and `wall` are lists with a node for each cylinder, in its
     plane.
@@ -229,7 +231,7 @@ def total_load(
     return _total(model, force)
 
 
-@eqx.filter_jit
+@kept_jit
 def _total(model, force):
     system = bare(model)
     moved = collect(system, to_planes(force, system.dof))

@@ -6,8 +6,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array
 
-from .._fields import NONNEGATIVE, POSITIVE, BadInput, Part, is_traced, quantity
-from .._words import hint
+from .._core.errors import BadInput
+from .._core.fields import NONNEGATIVE, POSITIVE, Part, is_traced, quantity
+from .._core.words import hint
 from ._bodies import Disks, ModalDamping, PointMasses, ProportionalDamping, RigidBody
 from ._conventions import AXES, check_axes
 from ._links import Link, MagneticPull

@@ -13,8 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import BadInput, admissible
-from .._results import Data, Result
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import admissible
+from .._core.results import Data, Result
 from ._conventions import AXES, add, from_planes, to_planes
 from ._layout import layout_of
 from ._model import RotorModel
@@ -64,7 +66,7 @@ def matrices(
     return _matrices(model, jnp.asarray(spin_speed, float), with_links)
 
 
-@eqx.filter_jit
+@kept_jit
 def _matrices(model, spin_speed, with_links) -> Matrices:
     system = bare(model)
     layout = system.layout
@@ -260,7 +262,7 @@ def undamped_modes(
     return _undamped(model, count, jnp.asarray(spin_speed, float), free)
 
 
-@eqx.filter_jit
+@kept_jit
 def _undamped(model, count, spin_speed, free) -> Modes:
     system = bare(model)
     full = matrices(system, spin_speed, with_links=not free)
@@ -340,7 +342,7 @@ def mode_derivatives(
     return _mode_derivatives(model, direction, count, free)
 
 
-@eqx.filter_jit
+@kept_jit
 def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     numbers, rest = eqx.partition(model, eqx.is_inexact_array)
     tangent = eqx.filter(direction, eqx.is_inexact_array)
@@ -416,7 +418,7 @@ def magnetic_pull_limit(model: RotorModel, spin_speed: Float[Array, ""] = 0.0) -
     return _limit(model, jnp.asarray(spin_speed, float))
 
 
-@eqx.filter_jit
+@kept_jit
 def _limit(model, spin_speed):
     pulls = lambda m: [pull.stiffness for pull in m.magnetic_pulls]  # noqa: E731
     without = eqx.tree_at(pulls, model, [jnp.zeros_like(v) for v in pulls(model)])

@@ -15,8 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from .._fields import BadInput, is_traced
-from .._results import Data, Result
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import is_traced
+from .._core.results import Data, Result
 from ._conventions import AXES, from_planes, to_planes
 from ._layout import layout_of
 from ._loads import Loads, load_vector
@@ -249,13 +251,13 @@ def relative_displacement(
     return x[..., a, :] - x[..., b, :]
 
 
-@eqx.filter_jit
+@kept_jit
 def _harmonic(model, force, spin_speed, frequency, solver):
     z = operator_at(prepare(model), spin_speed, frequency)
     return _answer(z, make_solver(z, solver), force)
 
 
-@eqx.filter_jit
+@kept_jit
 def _transmitted(model, response):
     system = bare(model)
 
@@ -272,7 +274,7 @@ def _transmitted(model, response):
     return push.at[..., : len(system.model.links), :].add(response.held)
 
 
-@eqx.filter_jit
+@kept_jit
 def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
     system = prepare(model)
 
@@ -315,7 +317,7 @@ def _answer(z, solve, force) -> Response:
     return Response(x, z.frequency, z.spin_speed, s.correction, s.amplification, s.status, held)
 
 
-@eqx.filter_jit
+@kept_jit
 def _receptance(model, inputs, outputs, spin_speed, frequency, solver):
     z = operator_at(prepare(model), spin_speed, frequency)
     solve = make_solver(z, solver)
@@ -350,6 +352,7 @@ class WhirlOrbit(NamedTuple):
     backward: Array
 
 
+@eqx.filter_jit  # one program instead of fifteen
 def orbit(x: Complex[Array, "*batch"], y: Complex[Array, "*batch"]) -> WhirlOrbit:
     """The orbit of a node.
 

@@ -24,7 +24,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, BadInput, Bound, Part, quantity, spread_columns
+from .._core.errors import BadInput
+from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity, spread_columns
 
 ShearLaw = Literal["cowper", "hutchinson", "constant"]
 SHEAR_LAWS = ("cowper", "hutchinson", "constant")

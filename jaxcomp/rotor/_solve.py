@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ._elimination import factorise, lu_factor, lu_solve, solve_factored
 from ._system import Operator, apply, dense, scale
 

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from .._fields import admissible, replaced
+from .._core.fields import admissible, replaced
 from ._bodies import ModalDamping, ProportionalDamping, body_matrices, inertia_matrices
 from ._conventions import add, axis_numbers, coordinates, take, whirl
 from ._elimination import Places, sort_places

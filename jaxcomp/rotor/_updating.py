@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ._model import RotorModel
 from ._modes import undamped_modes
 

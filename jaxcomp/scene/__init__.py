@@ -1,6 +1,6 @@
 """Scene files: machines in TOML with units, and the source of every value."""
 
-from .._words import did_you_mean as did_you_mean
+from .._core.words import did_you_mean as did_you_mean
 from ._change import with_lists as with_lists
 from ._change import with_machine as with_machine
 from ._change import with_value as with_value

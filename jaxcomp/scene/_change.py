@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from .._fields import BadInput, Part
-from .._registry import DESIGN_RULES
-from .._words import did_you_mean
+from .._core.errors import BadInput
+from .._core.fields import Part
+from .._core.registry import DESIGN_RULES
+from .._core.words import did_you_mean
 from ..compressor import Compressor, single_numbers
 from ..film import NamedBearing
 from ..machine import Machine
@@ -32,7 +33,7 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
         changes: value by dotted path, all set before anything is checked. A value is a number, a
             text with a unit, a list, a table (a whole section) or `None`, which takes an optional
             value or part away. A new `type` keeps those keys of its section that the new class
-            knows as well. A path may be a pattern (see `jaxcomp.design.matching`). Design rules and
+            knows as well. A path may be a pattern (see `jaxcomp.study.matching`). Design rules and
             correction masses are set after the others, in their order.
         source: what the scene records as the source of these values.
 
@@ -40,7 +41,7 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
         SceneError: an unknown path, or as `load`.
         BadInput: a pattern that fits no number, or a design rule that is not made for the machine.
     """
-    from ..design import by_name, variable  # only who changes a scene needs the studies
+    from ..study import by_name, variable  # only who changes a scene needs the studies
 
     given, designed = {}, {}
     for path, value in changes.items():
@@ -63,7 +64,7 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
         paths: such as "mechanism.bore.2", of the third cylinder, or "mechanism.bore.*"; those that
             name something else change nothing.
     """
-    from ..design import matching, variable
+    from ..study import matching, variable
 
     if scene.compressor is None or scene.compressor.crankshaft.count == 1:
         return scene
@@ -96,7 +97,7 @@ def _entry(document: Mapping[str, Any], path: str) -> dict[str, Any]:
 
 def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scene:
     """A copy of a scene with other entries of its file."""
-    from ..design import matching, variable_names
+    from ..study import matching, variable_names
 
     scene = with_lists(scene, changes)
     known = {*entries(Compressor), *HEADER, *SECTIONS, *NAMED}

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._fields import Part, of_cylinder, quantities, subparts
-from .._shown import shown
+from .._core.display import shown
+from .._core.fields import Part, of_cylinder, quantities, subparts
 from ..compressor import Compressor
 from ..film import NamedBearing
 from ..gas import PolytropicCycle

@@ -16,8 +16,8 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 import numpy as np
 
-from .._fields import Part
-from .._words import nearest
+from .._core.fields import Part
+from .._core.words import nearest
 from ..compressor import Compressor
 from ..film import NamedBearing
 from ._read import chosen, is_value, unwrapped

@@ -10,8 +10,8 @@ from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
 
-from .._fields import Part
-from .._shown import is_temperature
+from .._core.display import is_temperature
+from .._core.fields import Part
 from ..compressor import Compressor
 from ..film import NamedBearing
 from ._explain import meaning, summary

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from .._fields import BadInput, Part
-from .._words import did_you_mean, nearest
+from .._core.errors import BadInput
+from .._core.fields import Part
+from .._core.words import did_you_mean, nearest
 from ..film import NamedBearing
 from ._schema import (
     Entry,

@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._fields import BadInput, Part
-from .._files import regular
-from .._words import did_you_mean, hint
+from .._core.errors import BadInput
+from .._core.fields import Part
+from .._core.files import regular
+from .._core.words import did_you_mean, hint
 from ..compressor import Compressor
 from ..crank import CrankTrain
 from ..machine import Assembly, Machine, assembled, correction_planes

@@ -19,9 +19,9 @@ from .. import friction as friction
 from .. import gas as gas
 from .. import mechanism as mechanism
 from .. import motor as motor
-from .._each import AbstractEach
-from .._extensions import ExtensionError, import_extensions
-from .._fields import Bound, Part
+from .._core.each import AbstractEach
+from .._core.extensions import ExtensionError, import_extensions
+from .._core.fields import Bound, Part
 from ..compressor import Compressor
 from ..film import AbstractJournal, AbstractOil, NamedBearing
 
@@ -32,7 +32,7 @@ SECTIONS: dict[str, type[Part] | str] = {
     "rotor": "jaxcomp.rotor:RotorModel",
     "loads": "jaxcomp.rotor:LoadCase",
     "balancing": "jaxcomp.rotor:BalancingPlanes",
-    "suspension": "jaxcomp.shaking:Suspension",
+    "suspension": "jaxcomp.vibration:Suspension",
     "torsion": "jaxcomp.crank:CrankTrain",
 }
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._fields import BadInput
-from .._shown import ZERO_CELSIUS, is_temperature
+from .._core.display import ZERO_CELSIUS, is_temperature
+from .._core.errors import BadInput
 from ._text import NUMBER, SceneError
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ import re
 
 import numpy as np
 
-from .._fields import BadInput
-from .._words import did_you_mean
+from .._core.errors import BadInput
+from .._core.words import did_you_mean
 from ..crank import LoadTable
 from ._text import SceneError, header_cell, read_cells, reading
 from ._units import factor

@@ -24,7 +24,7 @@ import os
 
 import numpy as np
 
-from .._shown import RPM
+from .._core.display import RPM
 from ..balancing import Influence, InfluenceRow, trial_influence
 from ._text import SceneError, header_cell, read_cells, reading
 from ._units import factor

@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from .._fields import BadInput
-from .._words import did_you_mean
+from .._core.errors import BadInput
+from .._core.words import did_you_mean
 from ..cylinder import Cylinder
 from ..fluid import RealGas
-from ..rating import QUANTITIES, RATINGS, ZERO, RatingMap
 from ..study import MEASURED, Identification, Readings, terms_of, varied
+from ..study.rating import QUANTITIES, RATINGS, ZERO, RatingMap
 from ._change import with_machine
 from ._scene import Scene
 from ._text import SceneError, header_cell, read_cells, reading
@@ -254,7 +254,7 @@ def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
 
     Args:
         scene: of a compressor with valves.
-        rating: of `jaxcomp.rating.RATINGS`.
+        rating: of `jaxcomp.study.rating.RATINGS`.
     """
     gas = scene.as_compressor().gas
     assert isinstance(gas, Cylinder)

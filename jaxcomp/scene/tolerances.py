@@ -8,7 +8,7 @@
     +-0.02 mm 2 sigma         a limit at two standard deviations
     sigma 5 um                one standard deviation
 
-A file of them is TOML, with names as in `jaxcomp.design.Variable`; `*` stands for any part of a name:
+A file of them is TOML, with names as in `jaxcomp.study.Variable`; `*` stands for any part of a name:
 
     [tolerances]
     "loads.unbalances.*.magnitude.*" = "+-5 %"
@@ -24,10 +24,10 @@ import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .._files import regular
-from ..design import by_name, variable
+from .._core.files import regular
 from ..machine import Machine
-from ..tolerancing import Within, within
+from ..study import by_name, variable
+from ..study.tolerance import Within, within
 from ._text import SceneError, reading, toml_tables
 from ._units import to_si
 

@@ -1,15 +1,9 @@
-"""Studies of measured machines: least squares with bounds and priors, and what its answer is worth."""
+"""Studies of designs: variables, design rules, optimisation, sensitivity, comparison, identification.
 
-from ._fit import Fit as Fit
-from ._fit import Parameter as Parameter
-from ._fit import Prediction as Prediction
-from ._fit import fit as fit
-from ._identify import CommonFactor as CommonFactor
-from ._identify import HeldOut as HeldOut
-from ._identify import Identification as Identification
-from ._identify import identify as identify
-from ._identify import varied as varied
-from ._readings import MEASURED as MEASURED
-from ._readings import Readings as Readings
-from ._readings import joined as joined
-from ._readings import terms_of as terms_of
+Sweeps, tolerances and the accuracy of the solvers are packages in it. A module is imported when a name of
+it is first used.
+"""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import optimize, stats
 from scipy.stats import qmc
 
-from .._fields import BadInput
-from .._words import one_of
+from .._core.errors import BadInput
+from .._core.words import one_of
 
 Model = Callable[[NDArray], tuple[NDArray, NDArray]]
 

@@ -13,16 +13,16 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from .._fields import BadInput
-from .._results import Data, Result
-from .._words import one_of
+from .._core.errors import BadInput
+from .._core.results import Data, Result
+from .._core.words import one_of
 from ..cylinder import Cylinder
-from ..design import Variable, matching, variable
 from ..fluid import RealGas
 from ..machine import Machine, assembled, machine_of
-from ..rating import QUANTITIES, RatingPoints, rated
+from . import Variable, matching, variable
 from ._fit import Fit, Parameter, fit
 from ._readings import MEASURED, Readings, joined
+from .rating import QUANTITIES, RatingPoints, rated
 
 _COLUMN = {name: n for n, (name, *_) in enumerate(QUANTITIES)}
 # Share of the prior's deviation that is left, above which the readings say nothing of a parameter.
@@ -83,7 +83,7 @@ def varied(
 
     Args:
         design: the machine.
-        name: as `jaxcomp.design.variable` and `matching` take it.
+        name: as `jaxcomp.study.variable` and `matching` take it.
         low, high: [SI] the range, of the factor for a pattern.
 
     Raises:
@@ -238,7 +238,7 @@ def identify(
     Args:
         machine: a machine or a scene; its speed counts for points without one.
         readings: the points, of one source or several.
-        vary: [SI] (low, high) by path of the constant, as `jaxcomp.design.variable` takes it, or of the
+        vary: [SI] (low, high) by path of the constant, as `jaxcomp.study.variable` takes it, or of the
             common factor by pattern; half to twice the machine's value for `None`.
         prior: [SI] (mean, standard deviation) by path, of those that are varied.
         sd: standard deviations by quantity instead of the usual ones, relative but for temperatures.

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .._fields import BadInput
+from .._core.errors import BadInput
 from ..fluid import RealGas
-from ..rating import ZERO, capacity_rise
+from .rating import ZERO, capacity_rise
 
 # What a map measures: unit, whether the deviation is relative, and deviation by default, of readings and
 # of points that a polynomial gives.

@@ -14,8 +14,8 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
-from .._polynomials import cubics, inner_slopes
+from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
+from .._core.polynomials import cubics, inner_slopes
 
 
 class Oscillator(NamedTuple):

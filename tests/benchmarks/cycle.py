@@ -20,10 +20,10 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from cylinder.test_cylinder import SCATTERED, SPEED, golden, mechanism
 
 import jaxcomp
-from jaxcomp._status import Status
+from jaxcomp._core.status import Status
 from jaxcomp.cylinder import Cylinder, DischargeLine, LaminarGap, SuctionLine, solve_cycle
 from jaxcomp.fluid import RealGas
-from jaxcomp.rating import rating_map
+from jaxcomp.study.rating import rating_map
 from jaxcomp.valve import ReedBeam
 from jaxcomp.valve._flow import quasi_steady_flow
 

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from jaxcomp import load
-from jaxcomp.design import AnalysisOptions, problem
+from jaxcomp.study import AnalysisOptions, problem
 
 REPEAT = 40
 ASKED = {

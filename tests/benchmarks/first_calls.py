@@ -123,8 +123,8 @@ def response_gradient():
     import jax.numpy as jnp
 
     from jaxcomp import load
-    from jaxcomp.coupling import loaded_rotor
     from jaxcomp.rotor import respond
+    from jaxcomp.vibration import loaded_rotor
 
     machine = load("hermetic-68cc").assembly
     speed = jnp.array([314.0])

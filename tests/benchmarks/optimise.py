@@ -22,8 +22,8 @@ import scipy.optimize
 
 from jaxcomp import Collocation, load, optimise, pareto, problem
 from jaxcomp.cli._start import quick_compiles
-from jaxcomp.design import AnalysisOptions
 from jaxcomp.scene import with_value
+from jaxcomp.study import AnalysisOptions
 
 RANGE = (0.100, 0.160)
 SWEEP = np.linspace(*RANGE, 601)  # 0.1 mm
@@ -172,7 +172,7 @@ def other(name, **options):
 
 def methods():
     """The same searches by other methods."""
-    from jaxcomp.design import _optimise
+    from jaxcomp.study import _optimise
 
     choose = _optimise.method_of
     others = {

@@ -28,7 +28,8 @@ from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
 from jaxcomp.balancing import Influence, bounded, least_squares, min_max
 from jaxcomp.cli._accuracy import accuracy_tables
 from jaxcomp.cli._output import show_results
-from jaxcomp.design import (
+from jaxcomp.rotor import RotorModel, ShaftElements
+from jaxcomp.study import (
     DesignResult,
     prepared,
     problem,
@@ -36,13 +37,9 @@ from jaxcomp.design import (
     variable,
     variable_names,
 )
-from jaxcomp.rotor import RotorModel, ShaftElements
-from jaxcomp.tolerancing import within
-from jaxcomp.tolerancing._moments import local, moments, solved_rows
-from jaxcomp.tolerancing._scatter import drawn_normals, scatter_of
-from jaxcomp.work_precision import Program, Reference, StudyKind
-from jaxcomp.work_precision._orbit import orbit_reference, shooting
-from jaxcomp.work_precision._study import (
+from jaxcomp.study.accuracy import Program, Reference, StudyKind
+from jaxcomp.study.accuracy._orbit import orbit_reference, shooting
+from jaxcomp.study.accuracy._study import (
     ROTOR_QUANTITIES,
     TIGHT_TOLERANCE,
     Call,
@@ -53,7 +50,10 @@ from jaxcomp.work_precision._study import (
     Study,
     no_value,
 )
-from jaxcomp.work_precision._variants import scaled
+from jaxcomp.study.accuracy._variants import scaled
+from jaxcomp.study.tolerance import within
+from jaxcomp.study.tolerance._moments import local, moments, solved_rows
+from jaxcomp.study.tolerance._scatter import drawn_normals, scatter_of
 
 # From constant speed, without panel edges at load reversals: these would be placed on a solution that
 # has settled already.

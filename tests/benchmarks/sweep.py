@@ -45,7 +45,7 @@ def heading(title, *columns):
 
 
 def ranges():
-    from jaxcomp.sweeping import uniform
+    from jaxcomp.study.sweep import uniform
 
     rpm = np.pi / 30
     return {
@@ -57,7 +57,7 @@ def ranges():
 
 def fast(nodes=10):
     from jaxcomp import Collocation
-    from jaxcomp.design import AnalysisOptions
+    from jaxcomp.study import AnalysisOptions
 
     return AnalysisOptions(Collocation(nodes=nodes, reversals=0, tolerance=1e-5))
 
@@ -67,7 +67,7 @@ def errors(machine, found):
     import jax
 
     from jaxcomp import Collocation
-    from jaxcomp.design import AnalysisOptions, problem
+    from jaxcomp.study import AnalysisOptions, problem
 
     picks = np.linspace(0, found.sizes["sample"] - 1, CHECKED).astype(int)
     some = found.isel(sample=picks)
@@ -125,7 +125,7 @@ def scipy_pool(machine, rows, exact):
     """The same equations with NumPy and `solve_ivp`, a process on every core."""
     import reference
 
-    from jaxcomp.design import problem
+    from jaxcomp.study import problem
 
     asked = problem(machine, list(ranges()), ["swept_volume"])
     count = 4 * CORES

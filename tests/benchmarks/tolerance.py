@@ -21,7 +21,7 @@ def timed(call):
 
 def report(name, scene, tolerances, quantity, limit, options, samples):
     from jaxcomp import tolerance
-    from jaxcomp.tolerancing._moments import sampled
+    from jaxcomp.study.tolerance._moments import sampled
 
     study, first = timed(
         lambda: tolerance(
@@ -66,8 +66,8 @@ def main():
 
     jax.config.update("jax_num_cpu_devices", CORES)
     from jaxcomp import Collocation, load, within
-    from jaxcomp.design import AnalysisOptions, balanced_design
     from jaxcomp.machine import machine_of
+    from jaxcomp.study import AnalysisOptions, balanced_design
 
     print(f"jax {jax.__version__}, {CORES} cores, load {os.getloadavg()[0]:.1f}")
     friction = {

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from typer.testing import CliRunner
 
 from jaxcomp import JournalBearing, SolveFailed, Status
-from jaxcomp._results import load_result
+from jaxcomp._core.results import load_result
 from jaxcomp.cli import app
 from jaxcomp.crank import LoadTable, journal_orbit, loaded_journal
 from jaxcomp.parts import BadInput

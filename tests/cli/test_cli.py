@@ -13,8 +13,8 @@ from jaxcomp import Collocation, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._arguments import assignments, entry
 from jaxcomp.cli._start import CommandError
-from jaxcomp.design import with_bore
 from jaxcomp.scene import implausible_values, load, with_value
+from jaxcomp.study import with_bore
 
 REQUIRED = {
     "mechanical_efficiency": float,

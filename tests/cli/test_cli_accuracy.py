@@ -59,7 +59,7 @@ def test_folder_has_picture_and_result(film, folder):
 
 def test_table_names_the_cheapest_setting_and_the_floor(film):
     from jaxcomp.cli._accuracy import accuracy_tables
-    from jaxcomp.work_precision import Cost, Measurement, Reference, Report
+    from jaxcomp.study.accuracy import Cost, Measurement, Reference, Report
 
     failed = Measurement("b", "two", np.inf, 1.0, 1.0, why="the joints lock")
     made = Measurement("a", "one", 1e-4, 2e-3, 1.0, lines=5000), failed
@@ -109,7 +109,7 @@ def test_help_shows_an_example():
 def test_costs_are_shown_from_the_barest_up():
     from jaxcomp.cli._accuracy import costs_tables, rows_result
     from jaxcomp.plot import scene_cost_bars
-    from jaxcomp.work_precision import SceneCost
+    from jaxcomp.study.accuracy import SceneCost
 
     costs = tuple(
         SceneCost(n, "q", 1.0, f, 1, 2.0, 3e-3, 4000) for n, f in (("a", 10.0), ("b", 40.0))

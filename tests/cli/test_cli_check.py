@@ -10,11 +10,11 @@ import typer
 from helpers import read_json
 from typer.testing import CliRunner
 
-from jaxcomp._registry import DESIGN_RULES
+from jaxcomp._core.registry import DESIGN_RULES
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_machine
-from jaxcomp.design import design_rules
 from jaxcomp.scene import SceneError, implausible_values, load, loads, machines, start, with_value
+from jaxcomp.study import design_rules
 
 # Five faults in four sections; everything else is as `jaxcomp new` writes it.
 FAULTS = {

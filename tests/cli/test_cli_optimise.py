@@ -81,7 +81,7 @@ def test_interrupted_search_ends_in_a_word(monkeypatch, optimum):
 
         return optimise(*arguments, callback=stop, **options)
 
-    monkeypatch.setattr("jaxcomp.design.optimise", interrupted)
+    monkeypatch.setattr("jaxcomp.study.optimise", interrupted)
     result = run(*BORE, *SMALL, "--set", "motor.mean_speed=1200rpm")
     assert result.exit_code == 130
     assert "stopped" in result.stderr

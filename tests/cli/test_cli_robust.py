@@ -115,7 +115,7 @@ def test_an_interrupted_sweep_says_how_to_go_on(monkeypatch, tmp_path):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxcomp.sweeping.sweep", interrupted)
+    monkeypatch.setattr("jaxcomp.study.sweep.sweep", interrupted)
     words = ("sweep", "mayekawa-wbhe", "--over", "bore=100mm:150mm:3")
     shown = run(*words)
     assert (shown.exit_code, shown.stderr) == (
@@ -174,7 +174,7 @@ def interruptible(command):
 
 @pytest.mark.parametrize("kind", STUBBORN)
 def test_an_interrupt_ends_what_does_not_stop(kind):
-    code = "import threading, time\nfrom jaxcomp._interrupts import ends_when_interrupted\n"
+    code = "import threading, time\nfrom jaxcomp._core.interrupts import ends_when_interrupted\n"
     code += "with ends_when_interrupted():" + STUBBORN[kind]
     with interruptible([sys.executable, "-c", code]) as running:
         assert running.stdout is not None

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import jaxcomp as jc
-from jaxcomp import _interrupts
+from jaxcomp._core import interrupts as _interrupts
 from jaxcomp.cli import _output
-from jaxcomp.tolerancing import within
+from jaxcomp.study.tolerance import within
 
 
 def read(file):

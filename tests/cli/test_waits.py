@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from jaxcomp import _waits
+from jaxcomp._core import progress as _waits
 from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, undamped_modes
 
 

@@ -15,12 +15,12 @@ from jaxcomp import (
     tolerance,
     within,
 )
-from jaxcomp._fields import admissible, clipped
+from jaxcomp._core.fields import admissible, clipped
 from jaxcomp.cli._map import axis
 from jaxcomp.cli._start import CommandError
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.gas import EachGas, PolytropicCycle, StagedCycle
-from jaxcomp.sweeping import grid, log_grid, uniform
+from jaxcomp.study.sweep import grid, log_grid, uniform
 
 MANY = 10**10
 SIZES = ("bore", "crank_radius")

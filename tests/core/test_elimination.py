@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxcomp._elimination import solve_small
+from jaxcomp._core.elimination import solve_small
 
 
 @settings(max_examples=20, deadline=None)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp._implicit import AbstractFixedPoint, AbstractRoot, fixed_point, root, settle
+from jaxcomp._core.roots import AbstractFixedPoint, AbstractRoot, fixed_point, root, settle
 
 
 class Kepler(AbstractFixedPoint):

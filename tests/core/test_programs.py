@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp import _programs
-from jaxcomp._fields import Bound
+from jaxcomp._core import programs as _programs
+from jaxcomp._core.fields import Bound
 
 X = np.linspace(-1.0, 2.0, 7)
 

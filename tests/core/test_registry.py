@@ -6,14 +6,14 @@ from helpers import read_json
 from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, problem, register_quantity, solve_orbit, sweep
-from jaxcomp import _registry as registry
-from jaxcomp._shown import shown
+from jaxcomp._core import registry as registry
+from jaxcomp._core.display import shown
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_quantity
 from jaxcomp.cli._output import write_results
 from jaxcomp.cli._run import run_result, run_tables
-from jaxcomp.design import available_quantities, by_name, matching, variable
 from jaxcomp.scene import SceneError, with_values
+from jaxcomp.study import available_quantities, by_name, matching, variable
 
 FAST = ["--accuracy", "coarse"]
 

@@ -27,12 +27,11 @@ from jaxcomp import (
     tolerance,
     within,
 )
-from jaxcomp._results import _address, _found
+from jaxcomp._core.results import _address, _found
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import InfluenceRow
 from jaxcomp.crank import Orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
-from jaxcomp.design import ParetoFront
 from jaxcomp.friction._slider_crank import SliderCrankLoop
 from jaxcomp.parts import Part, quantity
 from jaxcomp.rotor import (
@@ -47,6 +46,12 @@ from jaxcomp.rotor import (
     respond,
     undamped_modes,
 )
+from jaxcomp.study import ParetoFront
+from jaxcomp.study.accuracy import Report
+from jaxcomp.study.rating import RatingMap
+from jaxcomp.study.sweep import BestCurve
+from jaxcomp.study.tolerance import Tolerances
+from jaxcomp.vibration import BlockMotion, CrankForces
 
 
 def rotor():
@@ -343,7 +348,7 @@ def test_a_hostile_file_deletes_nothing(tmp_path):
         class_of("jaxcomp.scene:load"),  # a function
         class_of("jaxcomp.scene:SceneError"),  # neither part nor result
         class_of("jaxcomp:jax.numpy.ndarray"),
-        class_of("jaxcomp._results:NamedTuple"),  # of another module
+        class_of("jaxcomp._core.results:NamedTuple"),  # of another module
         class_of("jaxcomp:__main__"),
         class_of("jaxcomp.nowhere:Orbit"),
         class_of("collections:OrderedDict"),
@@ -389,6 +394,22 @@ class LawOfAnExtension(Part):
     """A part of another package."""
 
     value: jax.Array = quantity("m")
+
+
+@pytest.mark.parametrize(
+    ("before", "kind"),
+    [
+        ("jaxcomp.design:ParetoFront", ParetoFront),
+        ("jaxcomp.rating:RatingMap", RatingMap),
+        ("jaxcomp.sweeping:BestCurve", BestCurve),
+        ("jaxcomp.tolerancing:Tolerances", Tolerances),
+        ("jaxcomp.work_precision:Report", Report),
+        ("jaxcomp.shaking:BlockMotion", BlockMotion),
+        ("jaxcomp.coupling:CrankForces", CrankForces),
+    ],
+)
+def test_classes_of_former_packages_are_found(before, kind):
+    assert _found(before) is kind
 
 
 def test_parts_of_extensions_are_found():

@@ -8,7 +8,7 @@ import pytest
 import jaxcomp as jc
 from jaxcomp import BadInput
 from jaxcomp.scene import SceneError
-from jaxcomp.tolerancing import within
+from jaxcomp.study.tolerance import within
 
 CRANK = {"crank_radius": 0.05, "conrod_length": 0.29, "piston_mass": 2.6, "conrod_mass": 3.8}
 EFFICIENCY = ["mechanical_efficiency"]

@@ -16,9 +16,9 @@ from jaxcomp.friction import Packing, SliderCrankFriction
 from jaxcomp.gas import StagedCycle
 from jaxcomp.mechanism import CrankState, rod_motion
 from jaxcomp.motor import MeanSpeed
-from jaxcomp.shaking import shaking_wrench
-from jaxcomp.work_precision import STUDIES, Measurement
-from jaxcomp.work_precision._orbit import growth, with_layout
+from jaxcomp.study.accuracy import STUDIES, Measurement
+from jaxcomp.study.accuracy._orbit import growth, with_layout
+from jaxcomp.vibration import shaking_wrench
 
 
 def named(layout, **given):

@@ -18,7 +18,7 @@ from helpers import machine, pick, solve_many, stack, status_of
 from rotor.test_extreme_rotors import line
 
 from jaxcomp import Collocation, JournalBearing, solve_orbit
-from jaxcomp._fields import POSITIVE, quantities, replaced, subparts
+from jaxcomp._core.fields import POSITIVE, quantities, replaced, subparts
 from jaxcomp.film import friction_moment, stiffness_damping
 from jaxcomp.rotor import Unbalances, respond
 

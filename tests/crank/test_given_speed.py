@@ -7,7 +7,7 @@ import pytest
 from helpers import difference, machine, named_leaves
 
 from jaxcomp import BadInput, Collocation, ConstantSpeed, Shooting, load, simulate, solve_orbit
-from jaxcomp.coupling import at_speed
+from jaxcomp.compressor import at_speed
 from jaxcomp.scene import with_values
 
 SPEED = 104.72

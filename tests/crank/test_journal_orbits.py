@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from tools import squeeze_tables
 
 from jaxcomp import SolveFailed, Status, load, loads, simulate, solve_orbit
-from jaxcomp._polynomials import gauss
+from jaxcomp._core.polynomials import gauss
 from jaxcomp.compressor import instants, kink_angles, loop_of
 from jaxcomp.crank import (
     Collocation,
@@ -22,10 +22,10 @@ from jaxcomp.crank import (
     journal_orbit,
     moved_films,
 )
-from jaxcomp.design import available_quantities
 from jaxcomp.film import JournalBearing, film_unit, squeeze_of, stiffness_damping
 from jaxcomp.mechanism import CrankState, rod_motion
 from jaxcomp.scene import with_value
+from jaxcomp.study import available_quantities
 
 SPEED = 1000 * np.pi / 30
 PIN = {"type": "film", "motion": "orbit", "diameter": "90 mm", "length": "45 mm",

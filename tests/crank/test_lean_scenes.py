@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from jaxcomp import Collocation, load
-from jaxcomp.design import AnalysisOptions
-from jaxcomp.work_precision import Program, lean_program, lean_scenes
+from jaxcomp.study import AnalysisOptions
+from jaxcomp.study.accuracy import Program, lean_program, lean_scenes
 
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 

@@ -15,9 +15,9 @@ from jaxcomp import (
     solve_orbit,
     with_bore,
 )
-from jaxcomp._fields import replaced
+from jaxcomp._core.fields import replaced
 from jaxcomp.compressor import instants
-from jaxcomp.design import AnalysisOptions, problem
+from jaxcomp.study import AnalysisOptions, problem
 
 # A valid machine whose crank-pin load all but vanishes: 93 N of 7800 N at 2.1 degrees.
 NEARLY_UNLOADED = {

@@ -19,7 +19,7 @@ from helpers import (
 )
 
 from jaxcomp import Collocation, Compressor
-from jaxcomp._fields import rebuilt
+from jaxcomp._core.fields import rebuilt
 from jaxcomp.crankshaft import Crankshaft, MainBearings
 from jaxcomp.friction import (
     CoulombJournal,

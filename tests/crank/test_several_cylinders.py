@@ -28,7 +28,6 @@ from jaxcomp import (
     solve_orbit,
 )
 from jaxcomp.compressor import instants
-from jaxcomp.coupling import crank_forces
 from jaxcomp.crank import (
     CrankTrain,
     TimeIntegration,
@@ -44,7 +43,6 @@ from jaxcomp.crank import (
 )
 from jaxcomp.crank._collocation import _of_count
 from jaxcomp.crankshaft import Crankshaft, MainBearings, Throw, counterweights
-from jaxcomp.design import AnalysisOptions, DesignResult
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
@@ -68,8 +66,9 @@ from jaxcomp.rotor import (
     respond,
 )
 from jaxcomp.scene import with_values
-from jaxcomp.shaking import shaking_wrench
-from jaxcomp.sweeping import sweep_machines
+from jaxcomp.study import AnalysisOptions, DesignResult
+from jaxcomp.study.sweep import sweep_machines
+from jaxcomp.vibration import crank_forces, shaking_wrench
 
 # rods on throws at 0 and 180 degrees: [deg] of the throw, [m], banks [deg], unbalance [kg m]
 FOUR, EIGHT = [-45.0, 45.0], [-67.5, -22.5, 22.5, 67.5]

@@ -32,7 +32,7 @@ from jaxcomp.gas import PolytropicCycle
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import Kloss
 from jaxcomp.plot._fine import fine_turn
-from jaxcomp.shaking import (
+from jaxcomp.vibration import (
     block_response,
     free_body_response,
     orbit_load,

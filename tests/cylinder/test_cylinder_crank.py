@@ -13,10 +13,10 @@ from jaxcomp.cli import app
 from jaxcomp.compressor import cylinder_pressure
 from jaxcomp.crank import Collocation, performance
 from jaxcomp.cylinder import CycleOptions, solve_cycle
-from jaxcomp.design import available_quantities
 from jaxcomp.motor import MotorEfficiency
-from jaxcomp.rating import QUANTITIES, RatingMap, at_rating, polynomial_terms, rating_map
 from jaxcomp.scene import with_value
+from jaxcomp.study import available_quantities
+from jaxcomp.study.rating import QUANTITIES, RatingMap, at_rating, polynomial_terms, rating_map
 
 
 def test_the_bundled_machine_is_the_golden_one():
@@ -91,7 +91,7 @@ def test_a_map_writes_its_points_and_pictures(tmp_path, monkeypatch):
         ok = np.isfinite(values["cop"])
         return RatingMap(evaporating, condensing, values, ok, {}, {}, standard)
 
-    monkeypatch.setattr("jaxcomp.rating.rating_map", made_up)
+    monkeypatch.setattr("jaxcomp.study.rating.rating_map", made_up)
     given = ["--evaporating=-30:-10:3", "--condensing=40:50:2", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, ["map", "r134a-7cc", *given])
     assert result.exit_code == 0, result.stderr

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from jaxcomp import Status, load
-from jaxcomp._fields import BadInput
+from jaxcomp._core.errors import BadInput
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.fluid import RealGas
-from jaxcomp.rating import at_rating, rating_map
 from jaxcomp.scene import SceneError, with_values
+from jaxcomp.study.rating import at_rating, rating_map
 
 HOUSEHOLD = load("r134a-7cc")
 # Of propane: critical at 369.89 K, triple point at 85.5 K, gas returns at 305.35 K in this machine.

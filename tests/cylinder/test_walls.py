@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from jaxcomp import load
 from jaxcomp.cli import app
 from jaxcomp.cylinder import WallNetwork, solve_cycle
-from jaxcomp.design import available_quantities
+from jaxcomp.study import available_quantities
 
 
 def walled(gas, **conductances):

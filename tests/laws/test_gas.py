@@ -7,7 +7,7 @@ from helpers import GAS, machine
 from scipy.integrate import quad
 
 from jaxcomp import BadInput
-from jaxcomp._fields import admissible, clipped
+from jaxcomp._core.fields import admissible, clipped
 from jaxcomp.compressor import cylinder_pressure, kink_angles, stroke_at
 from jaxcomp.gas import (
     CallableDiagram,

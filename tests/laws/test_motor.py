@@ -5,7 +5,7 @@ import pytest
 from helpers import machine
 
 from jaxcomp import Collocation, Shooting, load, solve_orbit
-from jaxcomp._fields import replaced
+from jaxcomp._core.fields import replaced
 from jaxcomp.motor import ConstantSpeed, ConstantTorque, Kloss, MeanSpeed, SlipLine
 from jaxcomp.scene import with_values
 

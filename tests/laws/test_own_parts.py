@@ -26,7 +26,8 @@ from package.test_readme import (
 )
 from typer.testing import CliRunner
 
-from jaxcomp import _extensions, load, loads
+from jaxcomp import load, loads
+from jaxcomp._core import extensions as _extensions
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_quantity
 from jaxcomp.parts import ExtensionError

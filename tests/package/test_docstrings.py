@@ -10,14 +10,15 @@ import pint
 import pytest
 
 import jaxcomp
-from jaxcomp._fields import POSITIVE, Part, quantity
+from jaxcomp._core.fields import POSITIVE, Part, quantity
 
 _units = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 PACKAGES = [m.name for m in pkgutil.walk_packages(jaxcomp.__path__, "jaxcomp.") if m.ispkg]
 
 
 def parts_of(package):
-    found = vars(importlib.import_module(package)).values()
+    module = importlib.import_module(package)
+    found = [getattr(module, name) for name in dir(module)]  # some are imported when they are used
     return [one for one in found if inspect.isclass(one) and issubclass(one, Part)]
 
 

@@ -8,8 +8,8 @@ import pytest
 # By the verb that a user looks up; `slow` where the example compiles a solver and its gradient.
 EXAMPLES = {
     "load": "jaxcomp.scene._scene",
-    "with_bore": "jaxcomp.design._rules",
-    "problem": "jaxcomp.design._problem",
+    "with_bore": "jaxcomp.study._rules",
+    "problem": "jaxcomp.study._problem",
     "JournalBearing": "jaxcomp.film._bearing",
     "trial_influence": "jaxcomp.balancing._influence",
 }
@@ -17,8 +17,8 @@ SLOW = {
     "solve_orbit": "jaxcomp.crank._solve",
     "respond": "jaxcomp.rotor._response",
     "simulate": "jaxcomp.crank._transient",
-    "optimise": "jaxcomp.design._optimise",
-    "sweep": "jaxcomp.sweeping._run",
+    "optimise": "jaxcomp.study._optimise",
+    "sweep": "jaxcomp.study.sweep._run",
 }
 
 

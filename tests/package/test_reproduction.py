@@ -245,11 +245,11 @@ def test_mean_force_of_the_bundled_machine():
 
 @pytest.mark.slow
 def test_torsion_of_the_housing_stays_with_the_balance():
-    from jaxcomp.coupling import crank_loads, running_rotor
-    from jaxcomp.design import AnalysisOptions, balanced_design
     from jaxcomp.machine import assembled
     from jaxcomp.rotor import node_index, respond
     from jaxcomp.scene import with_value
+    from jaxcomp.study import AnalysisOptions, balanced_design
+    from jaxcomp.vibration import crank_loads, running_rotor
 
     scene = with_value(load("hermetic-68cc"), "rotor.dof", 6)
     speed = jnp.asarray(100 * np.pi)

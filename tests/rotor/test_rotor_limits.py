@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, load
-from jaxcomp.coupling import loaded_rotor
 from jaxcomp.rotor import (
     BalancingPlanes,
     ConstantLaw,
@@ -30,6 +29,7 @@ from jaxcomp.rotor import (
     respond,
     undamped_modes,
 )
+from jaxcomp.vibration import loaded_rotor
 
 SHAFT = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)
 DISK = Disks((2,), 5.0, 6e-3, 12e-3)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from jaxcomp import load
-from jaxcomp.coupling import loaded_rotor
 from jaxcomp.rotor import (
     Disks,
     Link,
@@ -23,6 +22,7 @@ from jaxcomp.rotor import (
     transmitted_forces,
     undamped_modes,
 )
+from jaxcomp.vibration import loaded_rotor
 
 LOADS = (Unbalances((1,), 1e-4, 0.3),)
 SPEEDS = jnp.array([120.0, 340.0])

@@ -9,10 +9,9 @@ import pytest
 
 from jaxcomp import BadInput, Collocation, SceneError, load, loads, solve_orbit
 from jaxcomp.compressor import loads_at
-from jaxcomp.coupling import crank_forces, film_coefficients, without
 from jaxcomp.machine import assembled
 from jaxcomp.mechanism import CrankState
-from jaxcomp.shaking import shaking_wrench
+from jaxcomp.vibration import crank_forces, film_coefficients, shaking_wrench, without
 
 SHAFT = """
 [rotor]

@@ -13,7 +13,7 @@ from jaxtyping import Array
 
 from jaxcomp import Collocation, solve_orbit
 from jaxcomp import scene as scenes
-from jaxcomp._fields import NONNEGATIVE, POSITIVE, Part, quantity
+from jaxcomp._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from jaxcomp.friction import CoulombSlide, RegularisedSlide
 from jaxcomp.gas import CrankAngleTable, PolytropicCycle
 from jaxcomp.motor import Kloss, MeanSpeed, SlipLine
@@ -364,7 +364,7 @@ def test_frequent_units_are_those_of_the_registry(monkeypatch):
 def test_a_command_does_not_import_what_it_does_not_use():
     """Half a second each: the registry of units for frequent units, diffrax for what is not marched."""
     program = (
-        "import sys, jaxcomp, jaxcomp.design; jaxcomp.load('mayekawa-wbhe'); jaxcomp.solve_orbit; "
+        "import sys, jaxcomp, jaxcomp.study; jaxcomp.load('mayekawa-wbhe'); jaxcomp.solve_orbit; "
         "assert not {'pint', 'diffrax', 'optax', 'optimistix'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from jaxcomp import load, solve_orbit
-from jaxcomp._fields import BadInput
-from jaxcomp._shown import shown
+from jaxcomp._core.display import shown
+from jaxcomp._core.errors import BadInput
 from jaxcomp.compressor import Compressor
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.mechanism import SliderCrank

@@ -9,15 +9,15 @@ from benchmarks.studies import refined
 
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
 from jaxcomp.crank import default_collocation
-from jaxcomp.design import AnalysisOptions
 from jaxcomp.film import eccentricity_ratio
 from jaxcomp.machine import machine_of
-from jaxcomp.work_precision import Measurement, Reference, Report
-from jaxcomp.work_precision._accuracy import STUDIES
-from jaxcomp.work_precision._orbit import by_scipy, known_quantities
-from jaxcomp.work_precision._report import observed_order
-from jaxcomp.work_precision._rotor import film_places
-from jaxcomp.work_precision._study import (
+from jaxcomp.study import AnalysisOptions
+from jaxcomp.study.accuracy import Measurement, Reference, Report
+from jaxcomp.study.accuracy._accuracy import STUDIES
+from jaxcomp.study.accuracy._orbit import by_scipy, known_quantities
+from jaxcomp.study.accuracy._report import observed_order
+from jaxcomp.study.accuracy._rotor import film_places
+from jaxcomp.study.accuracy._study import (
     ROTOR_QUANTITIES,
     Call,
     Question,
@@ -131,7 +131,7 @@ def test_derivative_that_vanishes_is_refused():
 
 
 def test_default_excitation_is_the_crank_where_it_is_joined_to_the_rotor():
-    from jaxcomp.work_precision._accuracy import _excitation
+    from jaxcomp.study.accuracy._accuracy import _excitation
 
     hermetic = machine_of(load("hermetic-68cc"))
     assert _excitation(hermetic, "vibration.housing") == "crank"
@@ -190,7 +190,7 @@ def scipy_program(machine):
 
 @pytest.mark.slow
 def test_slider_link_machine_beside_a_scipy_program_of_its_own():
-    from jaxcomp.work_precision._orbit import orbit_reference
+    from jaxcomp.study.accuracy._orbit import orbit_reference
 
     scene = load("slider-link-8cc")
     gas, losses = scipy_program(scene.compressor)
@@ -206,7 +206,7 @@ def test_slider_link_machine_beside_a_scipy_program_of_its_own():
 def test_mayekawa_machine_beside_the_program_of_rigid_bodies():
     import reference as bodies
 
-    from jaxcomp.work_precision._orbit import orbit_reference
+    from jaxcomp.study.accuracy._orbit import orbit_reference
 
     scene = load("mayekawa-wbhe")
     own = bodies.from_compressor(scene.compressor)
@@ -239,7 +239,7 @@ def test_hermetic_machine_beside_a_program_of_its_own_in_numpy_and_scipy():
 
 
 def test_derivatives_carry_the_name_of_a_derivative():
-    from jaxcomp.work_precision._gradient import gradient_study
+    from jaxcomp.study.accuracy._gradient import gradient_study
 
     question = Question(
         machine_of(load("hermetic-68cc")), "vibration", "mechanism.conrod_length", "crank"
@@ -420,7 +420,7 @@ def test_only_settings_of_one_task_compete():
 @pytest.mark.parametrize("name", [*MACHINES[:2], pytest.param(MACHINES[2], marks=pytest.mark.slow)])
 def test_every_quantity_of_a_problem_is_known_by_its_full_name(name):
     from jaxcomp import problem
-    from jaxcomp.design import available_quantities
+    from jaxcomp.study import available_quantities
 
     design = machine_of(load(name))
     names = known_quantities(design)
@@ -658,7 +658,7 @@ def test_every_quantity_has_a_true_error_or_a_refusal_in_words(monkeypatch, name
     some = tuple(
         one for one in every if (one.partition(".")[0] in ROTOR_QUANTITIES) == (part == "rotor")
     )
-    monkeypatch.setattr("jaxcomp.work_precision._orbit.known_quantities", lambda design: some)
+    monkeypatch.setattr("jaxcomp.study.accuracy._orbit.known_quantities", lambda design: some)
     found = accuracy(load(name), None, "quantities")
     assert [row.method for row in found.rows] == list(some)
     unlike = {}

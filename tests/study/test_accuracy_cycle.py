@@ -8,16 +8,16 @@ import pytest
 from jaxcomp import accuracy, load
 from jaxcomp.cli._accuracy import accuracy_result, accuracy_tables
 from jaxcomp.machine import machine_of
-from jaxcomp.valve import CheckValve
-from jaxcomp.work_precision import STUDIES, Measurement, Reference, Report
-from jaxcomp.work_precision._cycle import (
+from jaxcomp.study.accuracy import STUDIES, Measurement, Reference, Report
+from jaxcomp.study.accuracy._cycle import (
     VARIABLES,
     cycle_study,
     derivatives,
     one_cylinder,
     variables,
 )
-from jaxcomp.work_precision._study import Question, measured
+from jaxcomp.study.accuracy._study import Question, measured
+from jaxcomp.valve import CheckValve
 
 # Indicated work [J] and volumetric efficiency by SciPy's DOP853 and Radau, which agree to ten digits
 # (tests/cylinder/test_cylinder.py): with port inertia and quasi-steady.

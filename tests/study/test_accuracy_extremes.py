@@ -10,8 +10,8 @@ from jaxcomp import BadInput, Collocation, load, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._accuracy import extremes_tables, rows_result
 from jaxcomp.plot import extreme_errors
-from jaxcomp.work_precision import extremes
-from jaxcomp.work_precision._variants import FAMILIES, scaled
+from jaxcomp.study.accuracy import extremes
+from jaxcomp.study.accuracy._variants import FAMILIES, scaled
 
 
 @pytest.fixture(scope="module")

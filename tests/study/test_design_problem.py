@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, crank_forces, load, solve_orbit
-from jaxcomp._fields import replaced
+from jaxcomp._core.fields import replaced
 from jaxcomp.balancing import least_squares, machine_influence
-from jaxcomp.coupling import at_speed, crank_loads, running_rotor
-from jaxcomp.design import (
+from jaxcomp.compressor import at_speed
+from jaxcomp.machine import assembled, machine_of
+from jaxcomp.scene import with_value, with_values
+from jaxcomp.study import (
     AnalysisOptions,
     available_quantities,
     problem,
@@ -18,8 +20,7 @@ from jaxcomp.design import (
     variable_names,
     with_bore,
 )
-from jaxcomp.machine import assembled, machine_of
-from jaxcomp.scene import with_value, with_values
+from jaxcomp.vibration import crank_loads, running_rotor
 
 FAST = Collocation(nodes=8, reversals=0, tolerance=1e-11)
 

@@ -8,10 +8,10 @@ import pytest
 
 from jaxcomp import BadInput
 from jaxcomp.crankshaft import Crankshaft, counterweights
-from jaxcomp.design import design_rules, with_bore
 from jaxcomp.mechanism import CrankState
 from jaxcomp.scene import load, with_values
-from jaxcomp.shaking import shaking_wrench
+from jaxcomp.study import design_rules, with_bore
+from jaxcomp.vibration import shaking_wrench
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,9 @@ from jax.flatten_util import ravel_pytree
 from jaxcomp import BadInput, Status, solve_orbit
 from jaxcomp.crank import Collocation
 from jaxcomp.crankshaft import counterweights
-from jaxcomp.design import (
+from jaxcomp.mechanism import CrankState
+from jaxcomp.scene import load, with_values
+from jaxcomp.study import (
     RodDrive,
     compare_drives,
     design_rules,
@@ -20,9 +22,7 @@ from jaxcomp.design import (
     with_bore,
     with_stroke_bore_ratio,
 )
-from jaxcomp.mechanism import CrankState
-from jaxcomp.scene import load, with_values
-from jaxcomp.shaking import shaking_wrench
+from jaxcomp.vibration import shaking_wrench
 
 # Lengths and masses of a rod drive for the bore of 23 mm; assumed.
 ROD = RodDrive(

@@ -13,9 +13,9 @@ from jaxcomp.compressor import compressor_of
 from jaxcomp.cylinder import SuctionWarming
 from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
-from jaxcomp.rating import rating_map
 from jaxcomp.scene.readings import identified_scene
 from jaxcomp.study import Readings, identify, varied
+from jaxcomp.study.rating import rating_map
 
 ZERO = 273.15
 CLEARANCE, HEATING, FRICTION = (

@@ -12,10 +12,10 @@ import pytest
 import scipy.optimize
 
 from jaxcomp import BadInput, SolveFailed, load, optimise, pareto, problem
-from jaxcomp.design._descent import run_together
-from jaxcomp.design._goal import ranges_of
-from jaxcomp.design._optimise import even_sample
-from jaxcomp.design._pareto import dominated
+from jaxcomp.study._descent import run_together
+from jaxcomp.study._goal import ranges_of
+from jaxcomp.study._optimise import even_sample
+from jaxcomp.study._pareto import dominated
 
 X, Y = "mechanism.piston_mass", "mechanism.conrod_mass"
 # The slope that is left is 1e-5 of the spread over the range. Curvatures here are of order one in

@@ -7,10 +7,10 @@ import pytest
 import scipy.optimize
 
 from jaxcomp import Collocation, load, optimise, problem
-from jaxcomp.design import AnalysisOptions
-from jaxcomp.design._goal import goal_of
-from jaxcomp.design._problem import solved
 from jaxcomp.scene import with_value
+from jaxcomp.study import AnalysisOptions
+from jaxcomp.study._goal import goal_of
+from jaxcomp.study._problem import solved
 
 # Without panel edges at the load reversals: a third of the time to compile, 1e-5 of the efficiency.
 FAST = Collocation(nodes=12, reversals=0, tolerance=1e-10)

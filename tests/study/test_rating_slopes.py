@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp.rating import with_slopes
+from jaxcomp.study.rating import with_slopes
 
 AT = jnp.array([2.0])
 

@@ -9,10 +9,10 @@ from typer.testing import CliRunner
 from jaxcomp import BadInput
 from jaxcomp.cli._app import app
 from jaxcomp.fluid import RealGas
-from jaxcomp.rating import QUANTITIES, RatingMap
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.readings import polynomial_text, read_readings
 from jaxcomp.study import joined, terms_of
+from jaxcomp.study.rating import QUANTITIES, RatingMap
 
 ZERO = 273.15
 # Carlyle 06DM313, R22, by EnergyPlus, datasets/RefrigerationCompressorCurves.idf
@@ -197,7 +197,7 @@ def test_the_command_map_writes_coefficients(tmp_path, monkeypatch):
             evaporating, condensing, values, ok, {"power": np.zeros(10)}, {"power": 0.0}, standard
         )
 
-    monkeypatch.setattr("jaxcomp.rating.rating_map", made_up)
+    monkeypatch.setattr("jaxcomp.study.rating.rating_map", made_up)
     given = [
         "map",
         "r134a-7cc",

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, loads, problem, sensitivity
 from jaxcomp.cli import app
-from jaxcomp.design import variable_label
 from jaxcomp.plot import sensitivity_bars
+from jaxcomp.study import variable_label
 
 
 def logarithms(found):

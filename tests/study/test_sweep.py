@@ -20,9 +20,9 @@ from distributed import Client, LocalCluster
 from scipy.stats import qmc
 
 from jaxcomp import BadInput, Collocation, open_sweep, sweep
-from jaxcomp._shown import shown
-from jaxcomp.design import AnalysisOptions, problem
-from jaxcomp.sweeping import (
+from jaxcomp._core.display import shown
+from jaxcomp.study import AnalysisOptions, problem
+from jaxcomp.study.sweep import (
     best_curve,
     best_design,
     grid,
@@ -31,13 +31,13 @@ from jaxcomp.sweeping import (
     normal,
     uniform,
 )
-from jaxcomp.sweeping._points import (
+from jaxcomp.study.sweep._points import (
     Blocks,
     GridPoints,
     SamplePoints,
     neighbours_together,
 )
-from jaxcomp.sweeping._store import stored_header
+from jaxcomp.study.sweep._store import stored_header
 
 RPM = np.pi / 30
 

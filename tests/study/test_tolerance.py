@@ -9,10 +9,10 @@ from distributed import Client, LocalCluster
 from scipy import stats
 
 from jaxcomp import BadInput, Collocation, load, problem, tolerance, within
-from jaxcomp.design import AnalysisOptions
-from jaxcomp.tolerancing import Limit, scatter_of
-from jaxcomp.tolerancing._moments import local, sampled
-from jaxcomp.tolerancing._reliability import reliability
+from jaxcomp.study import AnalysisOptions
+from jaxcomp.study.tolerance import Limit, scatter_of
+from jaxcomp.study.tolerance._moments import local, sampled
+from jaxcomp.study.tolerance._reliability import reliability
 
 BORE, RADIUS = "mechanism.bore", "mechanism.crank_radius"
 
@@ -217,13 +217,13 @@ def test_samples_do_not_depend_on_the_blocks(scene, monkeypatch):
     made = problem(scene, [BORE], ["swept_volume"])
     scatter = scatter_of({BORE: within(1e-3)})
     whole = sampled(made, scatter, np.asarray(made.current), 1000, progress=False)
-    monkeypatch.setattr("jaxcomp.tolerancing._moments._BLOCK", 96)
+    monkeypatch.setattr("jaxcomp.study.tolerance._moments._BLOCK", 96)
     parts = sampled(made, scatter, np.asarray(made.current), 1000, progress=False)
     np.testing.assert_array_equal(whole.values, parts.values)
 
 
 def _programs_of_worker():
-    from jaxcomp.sweeping import _blocks
+    from jaxcomp.study.sweep import _blocks
 
     return len(_blocks._PROGRAMS)
 
@@ -231,7 +231,7 @@ def _programs_of_worker():
 @pytest.mark.slow  # three processes that compile
 def test_machines_on_a_cluster_are_those_of_one_process(scene, monkeypatch):
     """Blocks that two workers share, to the last bit in all that follows from them."""
-    monkeypatch.setattr("jaxcomp.tolerancing._moments._BLOCK", 32)
+    monkeypatch.setattr("jaxcomp.study.tolerance._moments._BLOCK", 32)
     tolerances = {BORE: within(1e-4), "friction.wall.coefficient": within(0.01, "uniform")}
 
     def study(client):
@@ -376,8 +376,8 @@ def test_a_problem_takes_its_own_variables(scene):
 
 
 def test_polar_coordinates_of_a_correction():
-    from jaxcomp.design import variable
     from jaxcomp.machine import machine_of
+    from jaxcomp.study import variable
 
     design = machine_of(load("hermetic-68cc"))
     magnitude, angle = (
@@ -396,7 +396,7 @@ def test_polar_coordinates_of_a_correction():
 def test_tolerances_that_keep_the_rejects_down_are_those_of_the_normal_distribution():
     from scipy.stats import norm
 
-    from jaxcomp.tolerancing import permitted
+    from jaxcomp.study.tolerance import permitted
 
     def bores(found):
         return found.design.compressor.mechanism.bore
@@ -428,6 +428,6 @@ def test_tolerances_that_keep_the_rejects_down_are_those_of_the_normal_distribut
     ],
 )
 def test_parts_have_names_and_not_paths(path, words):
-    from jaxcomp.design import variable_label
+    from jaxcomp.study import variable_label
 
     assert variable_label(load("hermetic-68cc").machine, path) == words

@@ -12,9 +12,9 @@ import pytest
 from scipy.stats.mstats import hdquantiles
 
 from jaxcomp import BadInput, Collocation, load, optimise, problem, robust, tolerance, within
-from jaxcomp.design import AnalysisOptions, DesignResult, balanced_design, prepared, quantity_named
 from jaxcomp.machine import machine_of
-from jaxcomp.tolerancing import scatter_of
+from jaxcomp.study import AnalysisOptions, DesignResult, balanced_design, prepared, quantity_named
+from jaxcomp.study.tolerance import scatter_of
 
 pytestmark = pytest.mark.slow  # programs of a rotor and its scatter: a minute and a half
 COUNTERWEIGHT = tuple(f"loads.unbalances.0.magnitude.{i}" for i in range(2))

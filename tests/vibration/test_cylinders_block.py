@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 from jaxcomp import Collocation, load, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.compressor import first_top
-from jaxcomp.coupling import crank_forces
 from jaxcomp.rotor import Mount, matrices, node_index, node_names, node_positions, respond
 from jaxcomp.scene import dump, loads, with_lists, with_value
-from jaxcomp.shaking import shaking_wrench
+from jaxcomp.vibration import shaking_wrench
+from jaxcomp.vibration._coupling import crank_forces
 
 NAME = "refrigeration-twin-block"
 

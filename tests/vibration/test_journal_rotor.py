@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 from jaxcomp import BadInput, assembled, load, loads, solve_orbit, with_films_linearised
 from jaxcomp.cli import app
 from jaxcomp.compressor import at_speed
-from jaxcomp.coupling import loaded_rotor
 from jaxcomp.crank import Collocation, journal_films
 from jaxcomp.film import (
     JournalBearing,
@@ -22,6 +21,7 @@ from jaxcomp.film import (
     stiffness_damping,
 )
 from jaxcomp.rotor import ConstantLaw, LoadedFilm, SpeedTable
+from jaxcomp.vibration._coupling import loaded_rotor
 
 GROOVED = (
     'film = { value = "grooved", source = "printed, Eq. (7) with Someya\'s databook: two axial '

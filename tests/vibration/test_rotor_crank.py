@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, load, solve_orbit
-from jaxcomp.coupling import crank_forces, crank_loads, loaded_rotor
 from jaxcomp.rotor import (
     CrankNodes,
     RotorModel,
@@ -23,7 +22,8 @@ from jaxcomp.rotor import (
     undamped_modes,
 )
 from jaxcomp.scene import with_value
-from jaxcomp.shaking import shaking_wrench
+from jaxcomp.vibration import shaking_wrench
+from jaxcomp.vibration._coupling import crank_forces, crank_loads, loaded_rotor
 
 ORDERS = tuple(range(13))
 WALL = 0.08  # x of the wall's node in the file: 10 mm to the centre of inertia and 70 mm on

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, damped_modes, load, respond, rotor, rotor_at
-from jaxcomp.coupling import crank_loads, loaded_rotor, running_rotor
-from jaxcomp.design import AnalysisOptions, DesignResult
 from jaxcomp.scene import with_value
+from jaxcomp.study import AnalysisOptions, DesignResult
+from jaxcomp.vibration._coupling import crank_loads, loaded_rotor, running_rotor
 
 SPEEDS = jnp.array([300.0, 340.0])
 FAST = Collocation(reversals=0, tolerance=1e-11)  # what forces on the rotor are solved by

@@ -27,7 +27,7 @@ from jaxcomp.compressor import instants
 from jaxcomp.crankshaft import Crankshaft, counterweights
 from jaxcomp.mechanism import CrankState, SliderCrank
 from jaxcomp.scene import SceneError, describe, dump, load, loads, with_value
-from jaxcomp.shaking import (
+from jaxcomp.vibration import (
     BlockMotion,
     Harmonics,
     Spring,

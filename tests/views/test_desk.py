@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import load, solve_orbit
-from jaxcomp._shown import shown
+from jaxcomp._core.display import shown
 from jaxcomp.desk import Desk, serve
 from jaxcomp.desk._page import _Page
 from jaxcomp.scene import SceneError, loads

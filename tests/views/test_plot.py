@@ -10,7 +10,7 @@ from jaxcomp import Collocation, plot, solve_orbit
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.plot._style import over_turn
 from jaxcomp.scene import load, with_values
-from jaxcomp.shaking import shaking_wrench
+from jaxcomp.vibration import shaking_wrench
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""What all packages stand on: fields of parts, roots, statuses, results and quantities."""

@@ -1,0 +1,157 @@
+r"""Numbers in the units in which people speak of them."""
+
+import math
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from .registry import registered_quantity
+
+# [rpm] in 1 rad/s
+RPM = 30 / math.pi
+ZERO_CELSIUS = 273.15  # [K]
+# Endings of pure numbers that people give in per cent, beside the quantities of the registry.
+_SHARES = ("efficiency", "fluctuation", "clearance_ratio")
+# Sizes from which on a unit is used, the largest first.
+_UNITS = {
+    "m": ((10.0, 1.0, "m"), (2e-3, 1e3, "mm"), (0.0, 1e6, "µm")),
+    "m^3": ((0.1, 1.0, "m³"), (0.0, 1e6, "cm³")),
+    "rad/s": ((0.0, RPM, "rpm"),),
+    "rad": ((0.0, 180 / math.pi, "°"),),
+    "s": ((1.0, 1.0, "s"), (0.0, 1e3, "ms")),
+    "J": ((1e4, 1e-3, "kJ"), (0.0, 1.0, "J")),
+    "Pa": ((1e9, 1e-9, "GPa"), (1e5, 1e-6, "MPa"), (0.0, 1e-3, "kPa")),
+    "Pa s": ((0.0, 1e3, "mPa s"),),
+    "W": ((1e3, 1e-3, "kW"), (0.0, 1.0, "W")),
+    "N": ((1e3, 1e-3, "kN"), (0.0, 1.0, "N")),
+    "N/m": ((1e5, 1e-6, "MN/m"), (0.0, 1.0, "N/m")),
+    "kg/s": ((0.1, 1.0, "kg/s"), (0.0, 1e3, "g/s")),
+    "kg": ((0.1, 1.0, "kg"), (0.0, 1e3, "g")),
+    "kg m": ((0.1, 1.0, "kg m"), (0.0, 1e6, "g mm")),
+}
+# The same in units of the United States.
+_CUSTOMARY = {
+    "m": ((0.0, 1 / 0.0254, "in"),),
+    "m^3": ((0.0, 0.0254**-3, "in³"),),
+    "Pa": ((0.0, 1 / 6894.757293168361, "psi"),),
+    "W": ((100.0, 1 / 745.6998715822702, "hp"), (0.0, 1.0, "W")),
+    "N": ((0.0, 1 / 4.4482216152605, "lbf"),),
+    "N m": ((0.0, 1 / 1.3558179483314004, "lbf ft"),),
+    "N/m": ((0.0, 0.0254 / 4.4482216152605, "lbf/in"),),
+    "kg": ((0.0, 1 / 0.45359237, "lb"),),
+    "kg m": ((0.0, 1 / (0.45359237 * 0.0254), "lb in"),),
+    "kg/s": ((0.0, 3600 / 0.45359237, "lb/h"),),
+}
+# Units to choose from: SI, the same with temperatures in degrees Celsius, and those of the United States.
+SYSTEMS = ("SI", "SI with °C", "US")
+# Endings of names of temperatures. Other kelvins are differences: 10 K of superheat are not 283 K.
+_TEMPERATURES = ("temperature", "evaporating", "condensing")
+# Units of small changes.
+_SMALL = ("mm", "g mm", "g", "°", "rpm")
+
+
+class Shown(NamedTuple):
+    """How a variable or quantity is shown.
+
+    Attributes:
+        words: its name.
+        unit: in which it is shown, "" for a pure number.
+        factor: [-] from SI to that unit.
+        zero: what the unit shows at zero in SI: of degrees, not of others.
+    """
+
+    words: str
+    unit: str
+    factor: float
+    zero: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """Name and unit, for an axis."""
+        return f"{self.words}, {self.unit}" if self.unit else self.words
+
+    def text(self, value: float, digits: int = 5) -> str:
+        """A value [SI] with its unit, to so many `digits`."""
+        # a zero has no sign
+        return f"{value * self.factor + self.zero + 0.0:.{digits}g} {self.unit}".strip()
+
+
+def spelled(name: str) -> tuple[str, bool]:
+    """The words of a variable or quantity, and whether it is shown in per cent as a pure number."""
+    last = name.rpartition(".")[2]
+    one = registered_quantity(name) or registered_quantity(last)
+    percent = one.percent if one else last.endswith(_SHARES)
+    words = one.words if one and one.words and one.name == name else re.sub(r"[._-]", " ", name)
+    return words[:1].upper() + words[1:], percent
+
+
+def is_temperature(name: str, unit: str) -> bool:
+    """Whether a number is a temperature, and no difference of temperatures."""
+    return unit == "K" and re.sub(r"(\.\d+)+$", "", name).endswith(_TEMPERATURES)
+
+
+def shown(name: str, unit: str, values, system: str = "SI") -> Shown:
+    """The unit that suits the size of some values.
+
+    Args:
+        name: of the variable or quantity.
+        unit: SI unit of the values.
+        values: [SI], of any shape; those that are not finite do not count.
+        system: one of `SYSTEMS`.
+    """
+    words, percent = spelled(name)
+    if not unit:
+        return Shown(words, "%" if percent else "", 100.0 if percent else 1.0)
+    if unit == "K" and system != "SI":
+        scale, letter = (1.8, "F") if system == "US" else (1.0, "C")
+        if is_temperature(name, unit):
+            return Shown(words, f"°{letter}", scale, -ZERO_CELSIUS * scale + 32 * (letter == "F"))
+    units = _UNITS | _CUSTOMARY if system == "US" else _UNITS
+    import numpy as np  # not before it is needed: help and completion start without it
+
+    values = np.abs(np.asarray(values, dtype=float))
+    values = values[np.isfinite(values)]
+    size = values.max() if values.size else 0.0
+    for least, factor, name_of_unit in units.get(unit, ()):
+        if size >= least and (size or unit.startswith("rad")):
+            return Shown(words, name_of_unit, factor)
+    return Shown(words, unit, 1.0)
+
+
+def units_of(unit: str, percent: bool = False) -> str:
+    """The units in which values of an SI unit are shown, as `kW, W`."""
+    if percent:
+        return "%"
+    return ", ".join(name for _, _, name in _UNITS.get(unit, ((0.0, 1.0, unit),)))
+
+
+def small_unit(unit: str) -> tuple[str, float]:
+    """The unit of small changes and of corrections, with the factor from the SI unit to it."""
+    others = ((name, factor) for _, factor, name in _UNITS.get(unit, ()) if name in _SMALL)
+    return next(others, (unit, 1.0))
+
+
+def axes_words(banks: Sequence[float]) -> str:
+    """What the axes x and y of a machine are, by the directions of its cylinders [rad]."""
+    degrees = sorted({round(math.degrees(bank), 6) for bank in banks})
+    if not any(degrees):
+        return "x: along the cylinder towards the head; y: across."
+    listed = ", ".join(f"{degree:.4g}°" for degree in degrees)
+    return (
+        f"x, y: axes of the machine; its cylinders stand at {listed} from x, counted with rotation."
+    )
+
+
+def rounded(value: float, digits: int) -> str:
+    """A number to so many digits, and to whole ones where it has more of them before the point."""
+    return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
+
+
+def behind(texts: Sequence[str]) -> list[int]:
+    """Characters that numbers without units need behind them, for the points to stand in a column."""
+    if not all(re.fullmatch(r"([<+±-]?[\d,]+(\.\d+)?)?", text) for text in texts):
+        return [0] * len(texts)
+    after = [len(text) - text.find(".") if "." in text else 0 for text in texts]
+    return [
+        max(after, default=0) - one if text else 0 for one, text in zip(after, texts, strict=True)
+    ]

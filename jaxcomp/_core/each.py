@@ -1,0 +1,100 @@
+"""Parts of different kinds in one row: laws of the cylinders of a machine, films of its journals.
+
+Parts of one kind are one part whose numbers have a leading axis. Where the kinds differ, the row is
+sorted into groups: each is evaluated at once, and traced once.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from .errors import BadInput
+from .fields import Part, listed
+
+
+def stacked(parts: Sequence[Any]) -> Any:
+    """Parts of one structure as one, whose arrays have a leading axis."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *parts)
+
+
+def mapped(
+    function: Callable[..., Any], parts: Sequence[Any], *arguments, axis: int = 0, out_axis: int = 0
+) -> Any:
+    """What a function gives for every part of a row, with an axis of them.
+
+    Args:
+        function: of a part, and what is passed on of the arguments.
+        parts: of any kinds.
+        arguments: trees of arrays with an axis of the parts.
+        axis, out_axis: where that axis stands in the arguments and in what is returned.
+    """
+    if len(parts) == 1:
+        own = jax.tree.map(partial(lax.index_in_dim, index=0, axis=axis, keepdims=False), arguments)
+        one = function(parts[0], *own)
+        return jax.tree.map(partial(jnp.expand_dims, axis=out_axis), one)
+    groups: dict[Any, list[int]] = {}
+    for place, part in enumerate(parts):
+        leaves, kind = jax.tree.flatten(part)
+        groups.setdefault((kind, *(jnp.shape(leaf) for leaf in leaves)), []).append(place)
+    found = []
+    for places in groups.values():
+        own = arguments
+        if len(groups) > 1:
+            own = jax.tree.map(
+                partial(jnp.take, indices=np.array(places), axis=axis, mode="clip"), own
+            )
+        over = jax.vmap(function, in_axes=(0, *[axis] * len(own)), out_axes=out_axis)
+        found.append(over(stacked([parts[place] for place in places]), *own))
+    if len(found) == 1:
+        return found[0]
+    back = np.argsort([place for places in groups.values() for place in places])
+
+    def in_order(*values):
+        return jnp.take(jnp.concatenate(values, out_axis), back, out_axis, mode="clip")
+
+    return jax.tree.map(in_order, *found)
+
+
+class AbstractEach(Part):
+    """A law that is another one for some of the cylinders.
+
+    Attributes:
+        laws: the kinds.
+        of_cylinder: number of its law, from 1, for every cylinder; absent: one law for each in turn.
+    """
+
+    # what a law says of itself that none of these may be
+    of_whole_machine: ClassVar[bool] = True
+
+    laws: tuple[Any, ...]
+    of_cylinder: tuple[int, ...] = eqx.field(static=True, default=())
+
+    def __post_init__(self):
+        if not self.of_cylinder and isinstance(self.laws, tuple):
+            object.__setattr__(self, "of_cylinder", tuple(range(1, len(self.laws) + 1)))
+
+    def __check_init__(self):
+        if not self.laws or set(self.of_cylinder) != set(range(1, len(self.laws) + 1)):
+            bound = f"numbers from 1 to {len(self.laws)}, each of them at least once"
+            raise BadInput("of_cylinder", str(self.of_cylinder), bound)
+        for number, law in enumerate(self.laws):
+            if getattr(law, "of_whole_machine", False):
+                raise BadInput(f"laws.{number}", str(law.kind), "a law of one cylinder")
+            for path, value in listed(law).items():
+                bound = "a single value: cylinders with other values have a law of their own"
+                raise BadInput(f"laws.{number}.{path}", value, bound)
+
+    def one(self, number: int) -> Any:
+        """The law of a cylinder, from 1."""
+        return self.laws[self.of_cylinder[number - 1] - 1]
+
+    def each(self, method: Callable[..., Any], *arguments) -> Any:
+        """What a method of the laws gives for every cylinder, see `mapped`."""
+        laws = [self.one(number + 1) for number in range(len(self.of_cylinder))]
+        return mapped(method, laws, *arguments)

@@ -1,0 +1,52 @@
+"""Complaints about what was given: field, value, and what is allowed. Imports no JAX."""
+
+import os
+from typing import Any
+
+
+class BadInput(ValueError):
+    """A value that the machine cannot have.
+
+    Attributes:
+        field: dotted name of the field.
+        value: the value that was given.
+        bound: what was expected, as text.
+    """
+
+    def __init__(self, field: str, value: Any, bound: str):
+        self.field, self.value, self.bound = field, value, bound
+        shown = value_text(value)
+        but = f", but is {shown}" if shown else ""
+        super().__init__(f"`{field}` must be {bound}{but}.")
+
+    def inside(self, where: str) -> "BadInput":
+        """The same complaint with the name of the part that holds the field in front."""
+        return BadInput(f"{where}.{self.field}", self.value, self.bound)
+
+
+class MissingPart(BadInput):
+    """A quantity that needs a part which the machine does not have."""
+
+    def __init__(self, quantity: str, part: str):
+        super().__init__(quantity, "absent", part)
+        self.args = (f"Quantity '{quantity}' needs {part}; this scene has none.",)
+
+
+def no_machine(given: Any, part: str = "") -> BadInput:
+    """The complaint about an argument that should be a machine, or that `part` of a scene."""
+    text = isinstance(given, str | os.PathLike)
+    file = os.fspath(given) if text else "my.toml"
+    bound = f'a machine, such as `jaxcomp.load("{file}"){part}`'
+    return BadInput("machine", f'"{file}"' if text else f"a {type(given).__name__}", bound)
+
+
+def value_text(value: Any) -> str:
+    """A value as messages name it."""
+    if value is None:
+        return "absent"
+    if isinstance(value, str):
+        return value or "empty"
+    import numpy as np  # not before it is needed: the command line complains without it
+
+    value = np.asarray(value)
+    return f"{value.item():.6g}" if value.ndim == 0 else np.array2string(value, precision=6)

@@ -1,0 +1,177 @@
+"""Traced programs kept beside the compiled ones, so that a later process traces nothing either.
+
+To trace a machine with valves takes several times as long as to read its compiled program. `kept_jit`
+stands for `equinox.filter_jit` where a whole solution is one program: what it traces is written down by
+`jax.export` and found by the structure, shapes and types of the arguments, by all in them that is no
+array, by the settings of JAX, and by what a compiled program depends on (`jaxcomp._core.programs`), the
+sources of this package among it.
+
+Arguments with classes or functions of other packages are traced every time, since their code may have
+changed. A constant or function of this package that a running process replaces is not noticed:
+`JAXCOMP_CACHE=off` keeps nothing.
+"""
+
+import functools
+import hashlib
+import io
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType
+from typing import Any, NamedTuple, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax import export
+
+from . import programs
+from .fields import is_traced
+
+# Whether traced programs are kept where compiled ones are.
+enabled = True
+
+_P, _R = ParamSpec("_P"), TypeVar("_R")
+# Packages whose versions are part of the key, as far as arguments hold anything of them.
+_KNOWN = ("jaxcomp", "jax", "jaxlib", "equinox", "numpy", "builtins", "collections", "copyreg")
+
+
+class _Hole(NamedTuple):
+    """What stands for an array in the structure of arguments and results."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    weak: bool
+
+
+class _Refused(Exception):
+    """An argument that a later process cannot tell from another."""
+
+
+def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """`equinox.filter_jit` of a function, whose traced program is kept for later processes.
+
+    Args:
+        function: pure; what it does depends on its arguments and on the sources of this package alone.
+    """
+    compiled = eqx.filter_jit(function)
+    of_this_process: dict[Any, Callable | None] = {}
+
+    @functools.wraps(function)
+    def call(*arguments, **named):
+        leaves, structure = jax.tree.flatten((arguments, named))
+        if any(is_traced(leaf) for leaf in leaves) or not (enabled and programs.keeps()):
+            return compiled(*arguments, **named)
+        rest = tuple(_hole(leaf) or leaf for leaf in leaves)
+        key = (structure, rest, _settings())
+        try:
+            if key not in of_this_process:
+                of_this_process[key] = _program(function, rest, structure)
+        except TypeError:  # an argument that has no hash
+            return compiled(*arguments, **named)
+        program = of_this_process[key]
+        return compiled(*arguments, **named) if program is None else program(leaves)
+
+    return call  # pyright: ignore[reportReturnType]
+
+
+def _hole(leaf: Any) -> _Hole | None:
+    """What stands for an array; `None` for anything else."""
+    if isinstance(leaf, jax.Array | np.ndarray):
+        return _Hole(leaf.shape, leaf.dtype.str, bool(getattr(leaf, "weak_type", False)))
+    return None
+
+
+def _program(function: Callable, rest: tuple, structure: Any) -> Callable[[list], Any] | None:
+    """The program for arguments of one kind, kept before or traced now; `None` if it cannot be kept."""
+    try:
+        key = _pickled((function, structure.unflatten(rest)), _KeyPickler)
+        path = programs.place(f"{hashlib.sha256(key).hexdigest()} {_settings()}")
+        if path is None:
+            return None
+        found = programs.read(path)
+        told, text = pickle.loads(found) if found else _traced(function, rest, structure, path)
+        exported = export.deserialize(bytearray(text))
+    except Exception:  # no structure that can be written down, or nothing that JAX can export
+        return None
+    if b"lapack" in text:
+        # the first lowering of a call of LAPACK tells jaxlib where its functions are
+        jax.jit(jax.lax.linalg.lu).lower(jax.ShapeDtypeStruct((1, 1), float))
+    run = jax.jit(exported.call)
+    arrays = [place for place, one in enumerate(rest) if isinstance(one, _Hole)]
+    out, out_structure = jax.tree.flatten(told, is_leaf=lambda one: isinstance(one, _Hole))
+    holes = [place for place, one in enumerate(out) if isinstance(one, _Hole)]
+
+    def program(leaves):
+        filled = list(out)
+        for place, value in zip(holes, run(*(leaves[i] for i in arrays)), strict=True):
+            filled[place] = value
+        return out_structure.unflatten(filled)
+
+    return program
+
+
+def _traced(function: Callable, rest: tuple, structure: Any, path: Path) -> tuple[Any, bytes]:
+    """Structure of the result and the traced program, which are kept."""
+    told = []
+
+    def flat(*arrays):
+        given = iter(arrays)
+        filled = [next(given) if isinstance(one, _Hole) else one for one in rest]
+        arguments, named = structure.unflatten(filled)
+        leaves, out = jax.tree.flatten(function(*arguments, **named))
+        told.append(out.unflatten([_traced_hole(leaf) or leaf for leaf in leaves]))
+        return [leaf for leaf in leaves if _traced_hole(leaf)]
+
+    holes = [one for one in rest if isinstance(one, _Hole)]
+    like = [
+        jax.ShapeDtypeStruct(one.shape, np.dtype(one.dtype), weak_type=one.weak) for one in holes
+    ]
+    text = bytes(export.export(jax.jit(flat))(*like).serialize())
+    programs.write(path, _pickled((told[0], text), _Pickler))
+    return told[0], text
+
+
+def _traced_hole(leaf: Any) -> _Hole | None:
+    return _Hole(leaf.shape, leaf.dtype.str, False) if eqx.is_array(leaf) else _hole(leaf)
+
+
+def _pickled(thing: Any, pickler: type[pickle.Pickler]) -> bytes:
+    out = io.BytesIO()
+    pickler(out, protocol=5).dump(thing)
+    return out.getvalue()
+
+
+class _Pickler(pickle.Pickler):
+    """Of structures whose classes and functions are all of packages whose versions are known.
+
+    Raises:
+        _Refused: one is of another package.
+    """
+
+    def reducer_override(self, thing: Any) -> Any:
+        """Classes and functions are written by their names; of anything else its class is."""
+        owner = thing if hasattr(thing, "__qualname__") else type(thing)
+        if str(owner.__module__).partition(".")[0] not in _KNOWN:
+            raise _Refused(repr(owner))
+        return NotImplemented
+
+
+class _KeyPickler(_Pickler):
+    """Writes functions without a name of their own as well: they are never read again."""
+
+    def reducer_override(self, thing: Any) -> Any:
+        """A function by its place in the sources, and by what it holds of where it was made."""
+        known = super().reducer_override(thing)
+        if not isinstance(thing, FunctionType):
+            return known
+        held = [cell.cell_contents for cell in thing.__closure__ or ()]
+        place = (thing.__module__, thing.__qualname__, thing.__code__.co_firstlineno)
+        return tuple, ((*place, held, thing.__defaults__, thing.__kwdefaults__),)
+
+
+def _settings() -> tuple[Any, ...]:
+    """What of the settings of JAX a traced program depends on."""
+    from jax._src import config
+
+    return *config.trace_context(), jax.default_backend()

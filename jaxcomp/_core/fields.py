@@ -1,0 +1,494 @@
+"""Fields of machine parts: unit and bound declared once, checked everywhere.
+
+A part is an `equinox.Module` whose numbers are declared with [`quantity`][]. The declaration
+carries the SI unit and the bound of the value. Everything that needs either of them reads it
+from there: the constructor (which refuses a bad value by name), the scene reader (which converts
+units), the solvers (which mark a traced design outside its bounds) and the printed tables.
+"""
+
+import dataclasses
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any, ClassVar, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Bool, Float
+
+from . import precision as precision  # before JAX runs anything
+from .display import shown
+from .errors import BadInput, value_text
+from .programs import keep_programs
+
+keep_programs()
+
+_MISSING = dataclasses.MISSING
+_Tree = TypeVar("_Tree")
+
+
+def listed_names(field: str, given: Any) -> Any:
+    """Names in a list, or functions instead of names; `None` is left as it is.
+
+    Raises:
+        BadInput: a single text, or something else.
+    """
+    if isinstance(given, str):
+        raise BadInput(field, f'"{given}"', f'a list, ["{given}"]')
+    entries = given if isinstance(given, Collection) else [given]
+    if given is not None and not all(isinstance(one, str) or callable(one) for one in entries):
+        bound = 'a list of names, such as ["mechanical_efficiency"]'
+        raise BadInput(field, str(given), f"{bound}; values go by name, as in {{name: value}}")
+    return given
+
+
+def by_names(field: str, given: Any, example: str) -> Any:
+    """Entries by name.
+
+    Raises:
+        BadInput: no dictionary, or nothing at all.
+    """
+    if not isinstance(given, Mapping):
+        said = "absent" if given is None else f"a {type(given).__name__}"
+        raise BadInput(field, said, f"a dictionary by name, such as {example}, in SI units")
+    return given
+
+
+def bounds_by_names(field: str, given: Any) -> Mapping[Any, Any]:
+    """Lower and upper bounds by name, `None` for an open end.
+
+    Raises:
+        BadInput: no dictionary, or an entry that is no pair of numbers.
+    """
+    for name, ends in by_names(field, given or {}, '{"motor_power": (None, 5000.0)}').items():
+        pair = isinstance(ends, tuple | list) and len(ends) == 2
+        if not pair or any(isinstance(end, str) or np.ndim(end or 0.0) for end in ends):
+            example = "(low, high) in SI units with None for an open end"
+            raise BadInput(str(name), str(ends), f"a pair of bounds {example}")
+    return given or {}
+
+
+def single_number(field: str, given: Any) -> Float[Array, ""]:
+    """[SI] One number, traced or not.
+
+    Raises:
+        BadInput: a text, or an array.
+    """
+    if isinstance(given, str):
+        raise BadInput(field, f'"{given}"', "a number in SI units, as 0.05 for 50 mm")
+    value = jnp.asarray(given, dtype=jnp.result_type(float))
+    if value.ndim:
+        bound = "one number; for many designs at once map the function with `jax.vmap`"
+        raise BadInput(field, value, bound)
+    return value
+
+
+# No number of a machine in SI units comes near; products of some larger ones overflow.
+LARGEST = 1e25
+
+
+class Bound(NamedTuple):
+    """An interval, open or closed on either side."""
+
+    low: float = -np.inf
+    high: float = np.inf
+    low_open: bool = False
+    high_open: bool = False
+
+    @property
+    def _ends(self) -> tuple[Any, Any]:
+        ends = (self.low, self.high)  # traced where they depend on other numbers of a machine
+        return tuple(
+            end if isinstance(end, Array) else np.clip(end, -LARGEST, LARGEST) for end in ends
+        )
+
+    def inside(self, x):
+        """Whether each entry of `x` lies inside; false for NaN and for sizes beyond `LARGEST`.
+
+        An array of NumPy gives one of NumPy.
+        """
+        low, high = self._ends
+        above = x > low if self.low_open else x >= low
+        below = x < high if self.high_open else x <= high
+        return above & below
+
+    def holds(self, x):
+        """Whether every entry of `x` lies inside. Works on traced values."""
+        return jnp.all(self.inside(x))
+
+    def clip(self, x: Array) -> Array:
+        """`x` moved to a nearby admissible value, so that a solver can go on with it.
+
+        An admissible `x` passes untouched, however small, with a derivative of one on the bound as
+        well. NaN goes to the upper bound, and whatever has no bound on its side to 1 or close to it.
+        """
+        # constants throughout: a program has this for each of the hundred numbers of a machine
+        low, high = self._ends
+        at_low = low + 1e-6 * max(1.0, abs(low)) if self.low_open else low
+        at_high = high - 1e-6 * max(1.0, abs(high)) if self.high_open else high
+        usual = min(max(1.0, at_low), at_high)
+        at_low = at_low if low == self.low else usual
+        at_high = at_high if high == self.high else usual
+        return jnp.where(self.inside(x), x, jnp.where(x <= low, at_low, at_high))
+
+    def __str__(self) -> str:
+        parts = []
+        if self.low > -np.inf:
+            parts.append(f"{'>' if self.low_open else '>='} {self.low:g}")
+        if self.high < np.inf:
+            parts.append(f"{'<' if self.high_open else '<='} {self.high:g}")
+        return " and ".join(parts) or "finite"
+
+
+def plausible(bound: Bound, unit: str, usual: tuple[float, float] | None) -> Bound:
+    """A bound without the lengths that can only be millimetres taken for metres.
+
+    Args:
+        bound: of a number.
+        unit: its SI unit.
+        usual: [SI] its usual range; one that ends below half a metre says nothing.
+    """
+    if unit != "m" or usual is None or usual[1] < 0.5:
+        return bound
+    return bound._replace(high=min(bound.high, 10 * usual[1]), high_open=False)
+
+
+def counted(field: str, value: int, low: int = 1, high: int = 10**6) -> int:
+    """A count, which must not take all time and memory.
+
+    Raises:
+        BadInput: a count outside its bounds, or no number.
+    """
+    if not isinstance(value, int | float | np.number) or not low <= value <= high:
+        raise BadInput(field, value, f"a number >= {low} and <= {high}")
+    return value
+
+
+ANY = Bound()
+POSITIVE = Bound(low=0.0, low_open=True)
+NONNEGATIVE = Bound(low=0.0)
+
+
+def quantity(
+    unit: str,
+    bound: Bound = ANY,
+    *,
+    shape: tuple = (),
+    default: Any = _MISSING,
+    doc: str = "",
+    spread: bool = False,
+    usual: tuple[float, float] | None = None,
+) -> Any:
+    """Declare a field that holds a float array in an SI unit.
+
+    Args:
+        unit: SI unit in the notation of pint, `""` for a pure number.
+        bound: interval of admissible values, checked entry by entry.
+        shape: expected shape; `None` stands for any length along that axis, `(...,)` for any shape,
+            which the class checks.
+        default: value if none is given; `None` makes the field optional.
+        doc: one line for the tables of `jaxcomp`.
+        spread: a column of a table, for which a single value stands for all rows; the class calls
+            `spread_columns` once it knows their number.
+        usual: [SI] sizes between which values lie in reciprocating compressors from the smallest
+            household machine to large process machines; `check` points at others, but for zero, which
+            switches an effect off.
+    """
+    metadata = {"unit": unit, "bound": bound, "shape": shape, "doc": doc, "spread": spread}
+    metadata["usual"] = usual
+    options: dict[str, Any] = {"converter": _as_float, "metadata": metadata}
+    if default is not _MISSING:
+        options["default"] = default
+    return eqx.field(**options)
+
+
+class Part(eqx.Module):
+    """Base of every machine part: float arrays with a unit and a bound each.
+
+    A subclass may add rules across its fields by overriding `conditions`. The constructor checks
+    concrete values and raises `BadInput`; traced values pass, and `admissible` tells a solver
+    afterwards whether they were good.
+    """
+
+    # Whether a single number may be a list with one value for each of several cylinders.
+    for_each_cylinder: ClassVar[bool] = False
+
+    def conditions(self) -> dict[str, Bool[Array, ""]]:
+        """Rules across fields, as {"what must hold": whether it holds}.
+
+        The constructor asks a copy whose known values are arrays of NumPy: a rule written with
+        operators and methods compiles nothing there.
+        """
+        return {}
+
+    def repaired(self) -> "Part":
+        """The nearest part that keeps the rules of `conditions`; only called on traced values."""
+        return self
+
+    def __check_init__(self):
+        for name, field in quantities(self):
+            value, declared = getattr(self, name), field.metadata
+            if value is None:
+                continue
+            if isinstance(value, str):
+                bound = "a number in SI units; texts with units stand in machine files"
+                raise BadInput(name, f'"{value}"', bound)
+            bound = plausible(declared["bound"], declared["unit"], declared["usual"])
+            listed = is_listed(self, field, value)
+            if not listed:
+                _check_shape(type(self).__name__, name, value, field.metadata["shape"])
+            if not is_traced(value) and not (inside := bound.inside(np.asarray(value))).all():
+                place = int(np.argmin(inside)) if listed else 0
+                large = np.any(np.abs(value) > LARGEST) and bound.high > LARGEST
+                size = ", and at most 1e25 in size" if large else ""
+                size = size or _in_metres(np.asarray(value), declared["bound"], bound)
+                unit = "" if bound == ANY else f" {declared['unit']}".rstrip()
+                where = f"{bound}{unit}{size}{f' in cylinder {place + 1}' if listed else ''}"
+                raise BadInput(name, value[place] if listed else value, where)
+        for rule, holds in known_values(self).conditions().items():
+            if not is_traced(holds) and not np.all(holds):
+                where = f" in cylinder {int(np.argmin(holds)) + 1}" if np.ndim(holds) else ""
+                raise BadInput(type(self).__name__, self._values(), f"{rule}{where}")
+
+    def __repr__(self) -> str:
+        return printed(self)
+
+    def _values(self) -> str:
+        pairs = [(name, getattr(self, name)) for name, _ in quantities(self)]
+        return ", ".join(
+            f"{n} = {value_text(v)}" for n, v in pairs if v is not None and v.ndim == 0
+        )
+
+
+def quantities(part: Part | type[Part]) -> Iterator[tuple[str, dataclasses.Field]]:
+    """The fields of a part that were declared with `quantity`, by name."""
+    for field in dataclasses.fields(part):
+        if "unit" in field.metadata:
+            yield field.name, field
+
+
+def is_listed(part: Part | type[Part], field: dataclasses.Field, value: Any) -> bool:
+    """Whether a number of a part is given as a list with a value for each of several cylinders."""
+    single = part.for_each_cylinder and field.metadata["shape"] == ()
+    return single and value is not None and jnp.ndim(value) == 1
+
+
+def listed(tree: Any) -> dict[str, Array]:
+    """The numbers of a part, or of a tree of parts, that are lists over cylinders, by dotted path."""
+    return {
+        f"{path}.{name}" if path else name: getattr(part, name)
+        for path, part in subparts(tree)
+        for name, field in quantities(part)
+        if is_listed(part, field, getattr(part, name))
+    }
+
+
+def of_cylinder(tree: _Tree, number: int = 1) -> _Tree:
+    """A part with the numbers of one cylinder, from 1, where lists or laws have one for each."""
+    return _with_lists(tree, lambda value: value[number - 1], number)
+
+
+def along_cylinders(tree: _Tree, like: Array) -> _Tree:
+    """A part whose lists over k cylinders have a shape (k, 1, ...) that goes with instants."""
+    return _with_lists(tree, lambda value: value.reshape(value.shape + (1,) * jnp.ndim(like)))
+
+
+def _with_lists(tree: _Tree, change: Callable[[Array], Array], number: int | None = None) -> _Tree:
+    """A part with every list over cylinders changed by a function, in the parts inside it as well.
+
+    With a number of a cylinder, laws that differ in kind are replaced by that cylinder's.
+    """
+    if not isinstance(tree, Part):
+        return tree
+    pick: Any = getattr(tree, "one", None)
+    if pick is not None and number is not None:
+        return pick(number)
+    changes = {}
+    for field in dataclasses.fields(tree):
+        value = getattr(tree, field.name)
+        if isinstance(value, Part):
+            new = _with_lists(value, change, number)
+            changes |= {} if new is value else {field.name: new}
+        elif "unit" in field.metadata and is_listed(tree, field, value):
+            changes[field.name] = change(value)
+    return replaced(tree, **changes)  # pyright: ignore[reportReturnType]
+
+
+def spread_columns(part: Part, rows: int, what: str) -> None:
+    """Give every `spread` column of a part under construction one value a row.
+
+    Args:
+        part: the part, in its `__post_init__`.
+        rows: how many.
+        what: what a row is, for the message.
+
+    Raises:
+        BadInput: a column of another length.
+    """
+    for name, field in quantities(part):
+        value = getattr(part, name)
+        if not field.metadata["spread"] or value is None or type(value) is object:
+            continue
+        value = _as_float(value)
+        if value.ndim == 0:
+            # by NumPy no program is compiled
+            value = _as_float((jnp if is_traced(value) else np).full(rows, value))
+        if value.shape != (rows,):
+            raise BadInput(name, value, f"one value, or one for each of {rows} {what}")
+        setattr(part, name, value)
+
+
+def subparts(tree: Any) -> Iterator[tuple[str, Part]]:
+    """A part and all parts inside it, with their dotted paths ("" for the part itself)."""
+    if isinstance(tree, Part):
+        yield "", tree
+        children = [(field.name, getattr(tree, field.name)) for field in dataclasses.fields(tree)]
+    elif isinstance(tree, tuple):
+        children = [(str(index), child) for index, child in enumerate(tree)]
+    else:
+        return
+    for name, child in children:
+        for path, part in subparts(child):
+            yield f"{name}.{path}" if path else name, part
+
+
+def admissible(tree: Part) -> Bool[Array, ""]:
+    """Whether every value is inside its bound and every rule holds; for traced values too."""
+    good = jnp.asarray(True)
+    values: dict[Bound, list[Array]] = {}
+    for _, part in subparts(tree):
+        for name, field in quantities(part):
+            value = getattr(part, name)
+            if value is not None:
+                values.setdefault(field.metadata["bound"], []).append(value)
+        for holds in part.conditions().values():
+            good &= jnp.all(holds) if jnp.ndim(holds) else holds
+    # Values of one bound are compared together, for the sake of the compiler.
+    for bound, some in values.items():
+        good &= bound.holds(jnp.concatenate([jnp.ravel(value) for value in some]))
+    return good
+
+
+def clipped(tree: _Tree) -> _Tree:
+    """`tree` with every value moved inside its bound and every rule kept.
+
+    A solver works on this copy, so that a design outside its bounds (which `admissible` reports)
+    cannot put a NaN into a batch of good ones. A good design passes untouched.
+    """
+    if isinstance(tree, tuple) and any(isinstance(item, Part) for item in tree):
+        return tuple(clipped(item) for item in tree)  # pyright: ignore[reportReturnType]
+    if not isinstance(tree, Part):
+        return tree
+    changes = {}
+    for field in dataclasses.fields(tree):
+        value = getattr(tree, field.name)
+        if isinstance(value, Part | tuple):
+            if field.metadata.get("static"):
+                continue
+            changes[field.name] = clipped(value)
+        elif "unit" in field.metadata and value is not None:
+            changes[field.name] = field.metadata["bound"].clip(value)
+    return replaced(tree, **changes).repaired()  # pyright: ignore[reportReturnType]
+
+
+def replaced(part: _Tree, **changes) -> _Tree:
+    """A copy of a part with other values in some fields, unchecked as every traced value is."""
+    names = list(changes)
+    if not names:
+        return part
+    return eqx.tree_at(
+        lambda p: [getattr(p, name) for name in names],
+        part,
+        list(changes.values()),
+        is_leaf=lambda leaf: leaf is None,
+    )
+
+
+def rebuilt(part: _Tree, **changes) -> _Tree:
+    """A copy with other fields, of other types as well, made as JAX makes one from its leaves."""
+    new = object.__new__(type(part))
+    for field in dataclasses.fields(part):  # pyright: ignore[reportArgumentType]
+        value = changes.get(field.name, getattr(part, field.name))
+        object.__setattr__(new, field.name, value)
+    return new
+
+
+def _in_metres(value: np.ndarray, wide: Bound, narrow: Bound) -> str:
+    """What to write for a length that was given in millimetres."""
+    if wide.high <= narrow.high or not narrow.high < value.max() <= LARGEST:
+        return ""
+    largest = float(value.max())
+    return f" (lengths are in m; {largest:g} mm are {largest / 1e3:g})"
+
+
+def _as_float(value: Any) -> Any:
+    # `object()` marks a leaf in JAX's own tree tools, and a text is named once its field is known
+    if value is None or type(value) is object or isinstance(value, str):
+        return value
+    return jnp.asarray(value, dtype=jnp.result_type(float))
+
+
+def known_values(part: _Tree) -> _Tree:
+    """A copy whose values are arrays of NumPy, where they are known: comparing them compiles nothing."""
+
+    def of(leaf):
+        return np.asarray(leaf) if isinstance(leaf, Array) and not is_traced(leaf) else leaf
+
+    return jax.tree.map(of, part)
+
+
+def is_traced(value: Any) -> bool:
+    """Whether a value is known only as a symbol, within `jit`, `vmap` or `grad`."""
+    return isinstance(value, Tracer)
+
+
+def _check_shape(owner: str, name: str, value: Array, shape: tuple) -> None:
+    if shape == (...,):
+        return
+    if len(value.shape) != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, value.shape, strict=True)
+    ):
+        raise ValueError(
+            f"`{owner}.{name}` must have shape {shape}, but has shape {value.shape}; "
+            "for many designs at once map the function with `jax.vmap`."
+        )
+
+
+def _lines(thing: Any, name: str, indent: str = "") -> Iterator[str]:
+    """A part, or whatever holds parts, with values and units; a line for each value."""
+    head = f"{indent}{name}: " if name else indent
+    declared = dict(quantities(thing)) if isinstance(thing, Part) else {}
+    if dataclasses.is_dataclass(thing):
+        yield head + type(thing).__name__
+        for field in dataclasses.fields(thing):
+            value = getattr(thing, field.name)
+            if field.name in declared and value is not None:
+                look = shown(field.name, declared[field.name].metadata["unit"], value)
+                numbers = np.asarray(value)
+                if numbers.size and np.all(numbers == numbers.flat[0]):
+                    text = look.text(float(numbers.flat[0]))
+                    text += f", each of {numbers.size}" if numbers.size > 1 else ""
+                else:
+                    scaled = numbers * look.factor
+                    text = np.array2string(scaled, precision=5, threshold=12, separator=", ")
+                    text = f"{' '.join(text.split())} {look.unit}".rstrip()
+                yield f"{indent}  {field.name}: {text}"
+            elif value is not None and value != {} and value != ():
+                yield from _lines(value, field.name, f"{indent}  ")
+    elif isinstance(thing, dict | tuple) and any(
+        dataclasses.is_dataclass(one)
+        for one in (thing.values() if isinstance(thing, dict) else thing)
+    ):
+        yield head.rstrip()
+        for key, value in thing.items() if isinstance(thing, dict) else enumerate(thing):
+            yield from _lines(value, str(key), f"{indent}  ")
+    else:
+        yield head + str(thing)
+
+
+def printed(thing: Any) -> str:
+    """A part, or a tree of parts such as a machine, with values and units."""
+    if any(is_traced(leaf) for leaf in jax.tree.leaves(thing)):
+        return eqx.tree_pformat(thing)
+    return "\n".join(_lines(thing, ""))

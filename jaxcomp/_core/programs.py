@@ -1,0 +1,346 @@
+"""Compiled programs kept in the user's cache folder, for the next process that needs them.
+
+Kept is what JAX compiles for this package: programs in which a function of it was traced, or that are
+compiled while one runs. A user's other programs, and all of them where JAX has a cache of its own
+(`JAX_COMPILATION_CACHE_DIR`), are left to JAX.
+
+`JAXCOMP_CACHE` names another folder, or keeps nothing (`off`). A folder is used only where nobody but
+its owner may write, and an entry only if its checksum is right, so that a process that was killed, a
+full disk or a second process at the same time cost a compilation at most.
+"""
+
+import contextlib
+import functools
+import hashlib
+import inspect
+import io
+import os
+import platform
+import stat
+import sys
+import tempfile
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+from jaxlib.version import __version_info__
+
+from .progress import compiling
+
+ENVIRONMENT = "JAXCOMP_CACHE"
+# [bytes] All that is kept; what was read longest ago goes first.
+_LIMIT = 256 * 2**20
+# [bytes] What a process writes before it looks at the size of the folder, which takes time, again.
+_LOOK = 16 * 2**20
+# Kernels of the largest program that is kept: jaxlib 0.9 links one within another when it loads them, and
+# 2,107 have overrun the stack; programs with 1,655 loaded whenever it was tried.
+_MOST_KERNELS = 2000 if __version_info__ < (0, 10) else sys.maxsize
+_PACKAGE = Path(__file__).parents[1]
+_ENTRY, _ASIDE, _LOADING = ".program", ".aside", ".loading"
+# [s] What is still written aside after so long was left by a process that was killed.
+_ABANDONED = 3600.0
+_ARGUMENTS = ["backend", "computation", "devices", "compile_options", "host_callbacks"]
+
+
+_anew: ContextVar[bool] = ContextVar("anew", default=False)
+_written: list[int] = []  # since the last look
+
+
+class Kept(NamedTuple):
+    """What is kept.
+
+    Attributes:
+        folder: where; `None` if nothing is kept.
+        why: why nothing is kept, "" if something is.
+        programs: number of them.
+        size: of all of them [bytes].
+    """
+
+    folder: Path | None
+    why: str
+    programs: int = 0
+    size: int = 0
+
+
+def kept() -> Kept:
+    """Folder, number and size of the programs that are kept."""
+    if of_jax := _setting("compilation_cache_dir"):
+        return Kept(None, f"JAX keeps them in {of_jax}")
+    root = _root()
+    if root is None:
+        return Kept(None, f"{ENVIRONMENT} is off")
+    why = _refused(root)
+    if why:
+        return Kept(None, f"{root} {why}")
+    sizes = [status.st_size for path, status in _files(root) if path.suffix == _ENTRY]
+    return Kept(root, "", len(sizes), sum(sizes))
+
+
+def forget_kept() -> None:
+    """Remove the programs that are kept, and nothing else that lies in their folder."""
+    folder = kept().folder
+    for path, _ in _files(folder) if folder else ():
+        _remove(path)
+
+
+def keep_programs() -> None:
+    """From now on keep the programs of this package that are compiled."""
+    from jax._src import compiler
+
+    compile_one = compiler.compile_or_get_cached
+    if list(inspect.signature(compile_one).parameters)[:5] == _ARGUMENTS:
+        compiler.compile_or_get_cached = functools.partial(_compiled, compile_one)
+
+
+@contextlib.contextmanager
+def compiled_anew() -> Iterator[None]:
+    """Compile what is kept as well, to measure how long that takes."""
+    token = _anew.set(True)
+    try:
+        yield
+    finally:
+        _anew.reset(token)
+
+
+def _compiled(
+    compile_one: Callable, backend, computation, devices, options, callbacks, *rest, **named
+):
+    """The program of a computation, read where it is kept; stands for the function of JAX."""
+    text = io.BytesIO()
+    computation.operation.write_bytecode(file=text)
+    code = text.getvalue()
+    ours = _is_ours(code)
+    path = None
+    if ours and not callbacks:
+        path = _path(computation, devices, options, backend)
+    if path is not None and (found := read(path)):
+        try:
+            with _quiet(), _marked(path):
+                program = backend.deserialize_executable(
+                    found, rest[0] if rest else named["executable_devices"], options
+                )
+        except Exception:  # XLA refuses it
+            _remove(path)
+        else:
+            jax.monitoring.record_event("/jax/compilation_cache/cache_hits")
+            return program
+    telling = compiling(len(code), path is not None) if ours else contextlib.nullcontext()
+    with telling:
+        program = compile_one(backend, computation, devices, options, callbacks, *rest, **named)
+    if path is not None:
+        with contextlib.suppress(Exception):  # a program that XLA cannot write down
+            made = program.serialize()
+            if made.count(b"_kernel") <= _MOST_KERNELS:
+                write(path, made)
+    return program
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without XLA's pages on standard error, unless the user listens to JAX.
+
+    It compares the flags that a program was compiled with, hints to the compiler among them, with the
+    features of the processor, and finds the hints missing there on the same machine.
+    """
+    from jax._src.lib import utils
+
+    told = _setting("logging_level") not in (None, "NOTSET")
+    if not told:
+        utils.absl_set_min_log_level(3)
+    try:
+        yield
+    finally:
+        if not told:
+            utils.absl_set_min_log_level(int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1")))
+
+
+@contextlib.contextmanager
+def _marked(path: Path) -> Iterator[None]:
+    """Leave a mark beside an entry while it is loaded, which stays there if that ends the process."""
+    mark = path.with_suffix(_LOADING)
+    with contextlib.suppress(OSError):  # nothing may be written
+        mark.write_text(str(os.getpid()))
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            mark.unlink()
+
+
+def _has_ended_a_process(path: Path) -> bool:
+    """Whether a process that loaded an entry is gone without having finished."""
+    try:
+        process = int(path.with_suffix(_LOADING).read_text() or 0)
+        if process and hasattr(os, "geteuid"):  # Windows has no such question
+            os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, ValueError):
+        pass
+    return False
+
+
+def _is_ours(code: bytes) -> bool:
+    """Whether a function of this package was traced, or runs."""
+    place = f"{_PACKAGE}{os.sep}"
+    frame = sys._getframe(2)
+    while frame is not None and not frame.f_code.co_filename.startswith(place):
+        frame = frame.f_back
+    return frame is not None or place.encode() in code
+
+
+def _path(computation, devices, options, backend) -> Path | None:
+    """Where a compiled program is kept, if it can be."""
+    from jax._src import compilation_cache
+
+    if not keeps():
+        return None
+    try:
+        return place(compilation_cache.get_cache_key(computation, devices, options, backend))
+    except Exception:  # private to JAX, which may want something else one day
+        return None
+
+
+def keeps() -> bool:
+    """Whether programs are kept in a folder of this package."""
+    of_jax = _setting("compilation_cache_dir") or not _setting("enable_compilation_cache")
+    return not (_anew.get() or of_jax or _root() is None)
+
+
+def place(key: str) -> Path | None:
+    """Where what has a key is kept for the sources and libraries of this process, if it can be."""
+    root = _root()
+    if root is None or _refused(root):
+        return None
+    return root / _build() / f"{hashlib.sha256(key.encode()).hexdigest()}{_ENTRY}"
+
+
+def _setting(name: str) -> Any:
+    return getattr(jax.config, f"jax_{name}")
+
+
+def _root() -> Path | None:
+    wanted = os.environ.get(ENVIRONMENT)
+    if wanted is None:
+        import platformdirs
+
+        return platformdirs.user_cache_path("jaxcomp") / "programs"
+    off = wanted.strip().lower() in ("off", "0", "no", "")
+    return None if off else Path(wanted).expanduser().absolute()
+
+
+def _refused(folder: Path) -> str:
+    """Why a folder, which is made if it is not there, is not used; "" if it is."""
+    try:
+        if not folder.exists():
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, exist_ok=True)
+        return _untrusted(folder.stat(), stat.S_ISDIR)
+    except OSError as error:
+        return f"cannot be used: {error.strerror}"
+
+
+def _untrusted(status: os.stat_result, is_kind: Callable[[int], bool]) -> str:
+    if not is_kind(status.st_mode):
+        return "is of another kind"
+    if hasattr(os, "geteuid"):  # folders in a profile of Windows are closed to others
+        if status.st_uid != os.geteuid():
+            return "belongs to somebody else"
+        if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            return "may be written by others (`chmod 700` helps)"
+    return ""
+
+
+@functools.cache
+def _build() -> str:
+    """What a program depends on beside its own text."""
+    from importlib.metadata import version
+
+    said = [sys.version, platform.platform(), _processor()]
+    said += [version(name) for name in ("jax", "jaxlib", "equinox", "numpy")]
+    digest = hashlib.sha256("\n".join(said).encode())
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:32]
+
+
+def _processor() -> str:
+    """Its model and features, as far as the system tells them."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8", "replace").split("\n\n")[0].splitlines()
+    except OSError:
+        return platform.processor()
+    names = ("vendor_id", "cpu family", "model", "stepping", "flags", "Features", "CPU ")
+    return "\n".join(line for line in lines if line.startswith(names))
+
+
+def read(path: Path) -> bytes | None:
+    """An entry whose checksum is right, if there is one; one where it is wrong is removed."""
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
+    if _has_ended_a_process(path):
+        _remove(path.with_suffix(_LOADING))
+        _remove(path)
+        return None
+    try:
+        with open(os.open(path, flags), "rb") as file:
+            if _untrusted(os.fstat(file.fileno()), stat.S_ISREG):
+                return None
+            said, data = file.read(32), file.read()
+        if said == _sum(path, data):
+            with contextlib.suppress(OSError):
+                os.utime(path)
+            return zlib.decompress(data)
+    except (OSError, zlib.error):
+        return None
+    _remove(path)
+    return None
+
+
+def write(path: Path, program: bytes) -> None:
+    """Keep a program: written aside and renamed, so that nobody reads half of it."""
+    data, aside = zlib.compress(program, 1), None
+    try:
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        handle, aside = tempfile.mkstemp(_ASIDE, dir=path.parent)  # nobody else may open it
+        with open(handle, "wb") as file:
+            file.write(_sum(path, data) + data)
+        os.replace(aside, path)
+    except OSError:  # no room, or nothing may be written
+        if aside is not None:
+            _remove(Path(aside))
+        return
+    _written.append(len(data))
+    if len(_written) == 1 or sum(_written) > _LOOK:
+        _written[:] = [0]
+        _make_room(path.parent.parent)
+
+
+def _sum(path: Path, data: bytes) -> bytes:
+    """The checksum of an entry, which under another name is another."""
+    return hashlib.sha256(f"{path.parent.name}/{path.name}".encode() + data).digest()
+
+
+def _make_room(root: Path) -> None:
+    """Remove what was read longest ago, until the rest has room, and what was left half written."""
+    size, old = 0, time.time() - _ABANDONED
+    for path, status in sorted(_files(root), key=lambda one: -one[1].st_mtime):
+        size += status.st_size
+        if size > _LIMIT or (path.suffix != _ENTRY and status.st_mtime < old):
+            _remove(path)
+
+
+def _files(root: Path) -> Iterator[tuple[Path, os.stat_result]]:
+    for path in list(root.glob("*/*")):
+        if path.suffix in (_ENTRY, _ASIDE, _LOADING):
+            with contextlib.suppress(OSError):  # another process has removed it
+                yield path, path.lstat()
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()
+        path.parent.rmdir()  # with the last one

@@ -1,0 +1,179 @@
+"""Words on standard error while something takes its time: compiling, and work that comes in pieces.
+
+`JAXCOMP_WAITS=off`, set before the import, keeps all of them away.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+# [s] Compiling for longer than this is told; between two lines of progress.
+_AFTER, _EVERY = 2.0, 10.0
+# [s] that one byte of a program's text takes to compile: 16 to 28 s for 566 kB (a machine with valves).
+_PER_BYTE = 4e-5
+_PACKAGE = str(Path(__file__).parents[1])
+# What functions compute, in words, where it is not in their names.
+_COMPUTES = {
+    "solve_orbit": "the steady state", "orbit": "the steady state", "solve_cycle": "the cycle",
+    "simulate": "the motion", "sensitivity": "the gains", "gains": "the gains",
+    "optimise": "the search", "pareto": "the search", "improve": "the search",
+    "sweep": "the designs", "sweep_machines": "the designs", "tolerance": "the tolerances",
+    "balance": "the balance", "rating_map": "the map", "identify": "the map",
+    "compare": "the comparison", "accuracy": "the settings", "page": "the desk", "serve": "the desk",
+}  # fmt: skip
+# Files whose functions nobody calls by name.
+_UNNAMED = (f"{os.sep}cli{os.sep}", f"{os.sep}_core{os.sep}", "__main__.py")
+
+
+class _Compiles:
+    """Whether compiling is told, and for which machine."""
+
+    told, machine = False, ""
+    status: Any = None  # of rich, which shows that something goes on; it says what compiles
+
+
+def watch_compiles(machine: str = "") -> None:
+    """From now on say so before a program compiles for more than two seconds.
+
+    The command line does; elsewhere `JAXCOMP_WAITS=on` does as much.
+    """
+    _Compiles.told, _Compiles.machine = True, machine or _Compiles.machine
+
+
+@contextmanager
+def compiling(size: int, kept: bool = False) -> Iterator[None]:
+    """A program of so many bytes is compiled; say so before if that takes long.
+
+    Args:
+        size: [bytes] of its text.
+        kept: whether later processes find it compiled.
+    """
+    seconds = size * _PER_BYTE
+    wanted = _Compiles.told or os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
+    if not wanted or not shows_waits() or seconds < _AFTER:
+        yield
+        return
+    machine = f" of {_Compiles.machine}" if _Compiles.machine else ""
+    text = f"compiling {_called()}{machine}, about {float(f'{seconds:.1g}'):.0f} s"
+    text += "; later starts are quicker" if kept else ""
+    status = _Compiles.status
+    if status is None:
+        _say(text)
+        yield
+        return
+    before = status.status
+    status.update(f"{text[0].upper()}{text[1:]} ...")
+    try:
+        yield
+    finally:
+        status.update(before)
+
+
+def _called() -> str:
+    """What the outermost function of this package that runs and has a public name computes."""
+    frame, name = sys._getframe(1), ""
+    while frame is not None:
+        file, word = frame.f_code.co_filename, frame.f_code.co_name
+        if file.startswith(_PACKAGE) and not any(place in file for place in _UNNAMED):
+            inner = word.startswith(("_", "<")) or "<locals>" in frame.f_code.co_qualname
+            name = name if inner else word
+        frame = frame.f_back
+    return _COMPUTES.get(name) or (f"the {name.replace('_', ' ')}" if name else "the results")
+
+
+def shows_waits() -> bool:
+    """Whether anything is said at all."""
+    return os.environ.get("JAXCOMP_WAITS", "on").lower() not in ("off", "0", "no")
+
+
+@contextmanager
+def spinner(text: str) -> Iterator[None]:
+    """Show that something goes on, if standard error is a terminal."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not console.is_terminal or not shows_waits():
+        yield
+        return
+    try:
+        with console.status(text) as _Compiles.status:
+            yield
+    finally:
+        _Compiles.status = None
+
+
+class Progress:
+    """How far some work is, with the time that is left."""
+
+    def __init__(self, text: str, total: int | None, done: int, unit: str, bar=None):
+        self._text, self._total, self._unit, self._bar = text, total, unit, bar
+        self._told = time.monotonic()
+        self._from: tuple[float, int] | None = None
+        if bar is not None:
+            self._task = bar.add_task(text, total=total, completed=done, left="")
+
+    def at(self, done: int, total: int | None = None, text: str = "") -> None:
+        """So many are done, of so many; `text` says at what the work is."""
+        self._total, self._text = total or self._total, text or self._text
+        now = time.monotonic()
+        if self._from is None or done < self._from[1]:
+            self._from = now, done  # what was first was compiled as well
+        begun, before = self._from
+        left = ""
+        if self._total and done > before:
+            seconds = (self._total - done) * (now - begun) / (done - before)
+            left = f"{_span(seconds)} left"
+        if self._bar is not None:
+            self._bar.update(
+                self._task, completed=done, total=self._total, description=self._text, left=left
+            )
+        elif now - self._told > _EVERY and done != self._total and shows_waits():
+            self._told = now
+            of = f" of {self._total:,}" if self._total else ""
+            _say(f"{self._text}: {done:,}{of} {self._unit}{', ' + left if left else ''}")
+
+
+@contextmanager
+def progress_of(
+    text: str, total: int | None = None, done: int = 0, unit: str = "", show: bool = True
+) -> Iterator[Progress]:
+    """Progress on standard error: a bar on a terminal, elsewhere a line every ten seconds.
+
+    Args:
+        text: what is worked on.
+        total: pieces in all, if that is known.
+        done: pieces that were there before.
+        unit: what the pieces are.
+        show: whether to show anything.
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not show or not shows_waits():
+        silent = Progress(text, total, done, unit)
+        silent._told = float("inf")
+        yield silent
+    elif not console.is_terminal:
+        yield Progress(text, total, done, unit)
+    else:
+        from rich import progress as rich
+
+        columns = ("{task.description}", rich.BarColumn(), rich.MofNCompleteColumn(),
+                   unit, rich.TimeElapsedColumn(), "{task.fields[left]}")  # fmt: skip
+        with rich.Progress(*(c for c in columns if c), console=console, transient=True) as bar:
+            yield Progress(text, total, done, unit, bar)
+
+
+def _say(text: str) -> None:
+    print(f"jaxcomp: {text}", file=sys.stderr, flush=True)
+
+
+def _span(seconds: float) -> str:
+    whole = round(seconds)
+    if whole < 3600:
+        return f"{whole // 60}:{whole % 60:02d}"
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"

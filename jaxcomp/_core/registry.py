@@ -1,0 +1,312 @@
+"""The registry of quantities: what a design is judged by, and how each is computed and shown.
+
+Every command, study, table, picture and the completion of the shell take from here what they list.
+The module imports no JAX, so that a key press in the shell need not wait, unless another package has
+quantities (see `jaxcomp.parts`): a quantity reads attributes of the results of a design, where the
+physics stands.
+"""
+
+import re
+import sys
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from .extensions import import_extensions
+
+# Sections of a scene that a computed result needs, and sections in words.
+_RESULTS = {
+    "orbit": ("compressor",),
+    "cycle": ("valves",),
+    "vibration": ("rotor", "balancing"),
+}
+_WORDS = {
+    "compressor": "a compressor",
+    "rotor": "a rotor",
+    "balancing": "balancing planes",
+    "journals": "a journal with an oil film",
+    "valves": "valves (gas of type cylinder)",
+    "refrigerant": "a real gas",
+    "motor.losses": "a motor with losses",
+    "gas.walls": "a cylinder with walls",
+}
+_FAMILY = re.compile(r"(.*\.)<(\w+)>")
+
+
+class Quantity(NamedTuple):
+    """A named quantity of a design.
+
+    Attributes:
+        name: as it is typed; "peak_force.<joint>" stands for one quantity for each joint.
+        unit: SI unit, "" for a pure number.
+        better: "more" or "less", the direction in which a design improves; "" where neither.
+        doc: one sentence.
+        value: from the results of a design (`jaxcomp.DesignResult`), in the SI unit; for a family all
+            values by name.
+        needs: results that `value` uses, "orbit" (the periodic state of the crank), "cycle" (that of
+            the gas in a cylinder with valves) or "vibration" (the response of the rotor), and sections
+            of a scene, as "compressor" or "rotor", a "refrigerant" or "motor.losses".
+        percent: whether a pure number is shown in per cent.
+        members: names of a family's members in a machine; found by tracing `value` if absent.
+        words: its name in tables and pictures, where the name itself does not say it well.
+    """
+
+    name: str
+    unit: str
+    better: str
+    doc: str
+    value: Callable[[Any], Any]
+    needs: tuple[str, ...] = ("orbit",)
+    percent: bool = False
+    members: Callable[[Any], list[str]] | None = None
+    words: str = ""
+
+    @property
+    def family(self) -> str:
+        """What stands before the name of a member, as `peak_force`; "" for a single quantity."""
+        match = _FAMILY.fullmatch(self.name)
+        return match[1][:-1] if match else ""
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Sections of a scene that this quantity needs."""
+        return tuple(dict.fromkeys(s for one in self.needs for s in _RESULTS.get(one, (one,))))
+
+    def missing(self, machine: Any) -> str:
+        """What this quantity needs and a machine has not, in words; "" if nothing.
+
+        Args:
+            machine: of the type `jaxcomp.Machine`.
+        """
+        compressor = machine.compressor
+        gas = getattr(compressor, "gas", None)
+        has = {
+            "compressor": compressor is not None,
+            "valves": hasattr(gas, "suction_valve"),
+            "refrigerant": hasattr(getattr(gas, "fluid", None), "saturation"),
+            "journals": _has_journals(compressor),
+            "gas.walls": getattr(gas, "walls", None) is not None,
+            "motor.losses": getattr(getattr(compressor, "motor", None), "losses", None) is not None,
+        }
+        for section in self.sections:
+            if not has.get(section, section in machine.parts):
+                return _WORDS.get(section, f"a section [{section}]")
+        return ""
+
+
+def _has_journals(compressor: Any) -> bool:
+    """Whether a joint has an oil film that may give a position; the laws know which does."""
+    friction = getattr(compressor, "friction", None)
+    laws = [] if friction is None else list(vars(friction).values())
+    laws += [one for law in laws for one in getattr(law, "bearings", ())]
+    return any(getattr(law, "kind", "") in ("film", "bearing") for law in laws)
+
+
+_CYCLE = ("orbit", "cycle")
+_VALVES = ("suction", "discharge")
+_JOURNALS = ("orbit", "compressor", "journals")
+_BUILT_IN = (
+    Quantity("mechanical_efficiency", "", "more", "Gas work over motor work.",
+             lambda r: r.orbit.mechanical_efficiency, percent=True),
+    Quantity("motor_power", "W", "less", "Mean power at the shaft.",
+             lambda r: r.orbit.motor_power, words="Shaft power"),
+    Quantity("gas_power", "W", "", "Indicated power: mean power that the piston gives to the gas.",
+             lambda r: r.orbit.gas_power),
+    Quantity("friction_power", "W", "less", "Mean friction power of all joints together.",
+             lambda r: r.orbit.friction_power),
+    Quantity("loss_power.<joint>", "W", "less", "Mean friction power of a joint.",
+             lambda r: r.orbit.loss_power),
+    Quantity("mean_speed", "rad/s", "", "Mean speed of the crank.", lambda r: r.orbit.mean_speed),
+    Quantity("speed_fluctuation", "", "less", "Highest less lowest speed of the crank over the mean.",
+             lambda r: r.orbit.speed_fluctuation, percent=True),
+    Quantity("torque_fluctuation", "", "less",
+             "Highest less lowest torque of gas, weights and friction on the crank over its mean.",
+             lambda r: r.orbit.torque_fluctuation, percent=True),
+    Quantity("peak_force.<joint>", "N", "less", "Largest force of a joint over the revolution.",
+             lambda r: r.orbit.peak_forces),
+    Quantity("mean_force.<joint>", "N", "less", "Magnitude of a joint's force, mean over crank angle.",
+             lambda r: r.orbit.mean_forces),
+    Quantity("joint_margin", "", "more", "Margin against self-locking: 1 without friction, locks at 0.",
+             lambda r: r.orbit.margin),
+    Quantity("swept_volume", "m^3", "", "Volume that the piston displaces in one stroke.",
+             lambda r: r.assembly.compressor.swept_volume, ("compressor",)),
+    Quantity("peak_shaking_force", "N", "less", "Largest shaking force over the revolution.",
+             lambda r: r.peak_shaking_force, ("orbit", "compressor")),
+    Quantity("peak_shaking_moment", "N m", "less", "Largest shaking moment over the revolution.",
+             lambda r: r.peak_shaking_moment, ("orbit", "compressor")),
+    Quantity("shaking_force.<order>", "N", "less",
+             "Amplitude of the shaking force at an order of the revolution, along its long axis.",
+             lambda r: r.shaking_force, ("orbit", "compressor")),
+    Quantity("shaking_couple.<order>", "N m", "less",
+             "Amplitude of the shaking moment across the shaft at an order, along its long axis.",
+             lambda r: r.shaking_couple, ("orbit", "compressor")),
+    Quantity("film_thickness.<journal>", "m", "more", "Smallest oil film of a journal.",
+             lambda r: {name: film.minimum_film for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("least_film", "m", "more", "Smallest oil film of all journals.",
+             lambda r: r.least_film, _JOURNALS),
+    Quantity("film_pressure.<journal>", "Pa", "less", "Largest pressure in a journal's film.",
+             lambda r: {name: film.largest_pressure for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("film_flow.<journal>", "m^3/s", "", "Mean oil flow out of the ends of a journal's film.",
+             lambda r: {name: film.mean_flow for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("film_temperature_rise.<journal>", "K", "less",
+             "Of the oil that leaves a journal's film, if it carries the whole loss away.",
+             lambda r: {name: film.temperature_rise for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("thin_film_share.<journal>", "", "less",
+             "Share of the time with a film below `thin_film` of the bearing, or 5 µm.",
+             lambda r: {name: film.thin_share for name, film in r.journals.items()}, _JOURNALS,
+             percent=True),
+    Quantity("steady_film_thickness.<journal>", "m", "more",
+             "Smallest oil film of a journal if the load of every instant stood still.",
+             lambda r: {name: film.steady_film for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("steady_film_loss.<journal>", "W", "less",
+             "Loss of a journal if the load of every instant stood still.",
+             lambda r: {name: film.steady_loss for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("squeeze_loss.<journal>", "W", "less", "Part of a journal's loss that pressure makes.",
+             lambda r: {name: film.mean_squeeze_loss for name, film in r.journals.items()}, _JOURNALS),
+    Quantity("vibration", "m", "less",
+             "Weighted root mean square amplitude of all targets, with the correction masses.",
+             lambda r: r.vibration_of_all, ("vibration",)),
+    Quantity("vibration.<target>", "m", "less", "Root mean square amplitude of a target.",
+             lambda r: r.vibration_of_targets, ("vibration",),
+             members=lambda machine: [t.name for t in machine.parts["balancing"].targets]),
+    Quantity("balanced_vibration", "m", "less",
+             "Vibration at order 1 after the least-squares correction of this design.",
+             lambda r: r.balanced_vibration, ("rotor", "balancing")),
+    Quantity("mount_force", "N", "less",
+             "Root mean square, over the speeds, of the lateral force into the ground.",
+             lambda r: r.mount_force, ("vibration",)),
+    Quantity("mass_flow", "kg/s", "more", "Mass delivered.",
+             lambda r: r.orbit.cycle.mass_flow, _CYCLE),
+    Quantity("capacity", "W", "more",
+             "Cooling capacity: mass flow times enthalpy from the liquid to the gas that comes.",
+             lambda r: r.orbit.cycle.capacity, (*_CYCLE, "refrigerant")),
+    Quantity("cop", "", "more",
+             "Capacity over electric power; over shaft power where the motor has no losses.",
+             lambda r: r.performance.cop, (*_CYCLE, "refrigerant", "compressor"), words="COP"),
+    Quantity("electric_power", "W", "less", "Shaft power over the motor's efficiency.",
+             lambda r: r.performance.electric_power, (*_CYCLE, "motor.losses", "compressor")),
+    Quantity("motor_efficiency", "", "more", "Shaft power over electric power.",
+             lambda r: r.performance.motor_efficiency, (*_CYCLE, "motor.losses", "compressor"),
+             percent=True),
+    Quantity("overall_efficiency", "", "more",
+             "Isentropic power from the gas that comes, over electric (or shaft) power.",
+             lambda r: r.performance.overall_efficiency, (*_CYCLE, "compressor"), percent=True),
+    Quantity("volumetric_efficiency", "", "more",
+             "Mass delivered over swept volume times density at the suction valve.",
+             lambda r: r.orbit.cycle.volumetric_efficiency, _CYCLE, percent=True),
+    Quantity("isentropic_efficiency", "", "more",
+             "Isentropic work of the mass delivered over indicated work.",
+             lambda r: r.orbit.cycle.isentropic_efficiency, _CYCLE, percent=True),
+    Quantity("discharge_temperature", "K", "less", "Mean temperature of the gas delivered.",
+             lambda r: r.orbit.cycle.discharge_temperature, _CYCLE),
+    Quantity("wall_temperature", "K", "less", "Of the cylinder's wall, by its steady balance of heat.",
+             lambda r: r.orbit.cycle.wall_temperature, (*_CYCLE, "gas.walls")),
+    Quantity("peak_pressure", "Pa", "less", "Highest pressure in the cylinder.",
+             lambda r: r.orbit.cycle.peak_pressure, _CYCLE),
+    Quantity("impact_speed.<contact>", "m/s", "less",
+             "Highest speed at which a valve meets its seat or stop.",
+             lambda r: r.orbit.cycle.impact_speeds, _CYCLE,
+             members=lambda machine: [f"{v}_{p}" for v in _VALVES for p in ("seat", "stop")]),
+    Quantity("closing_angle.<valve>", "rad", "",
+             "Crank angle from the top dead centre at which a valve shuts for the last time.",
+             lambda r: r.orbit.cycle.closing_angles, _CYCLE, members=lambda machine: [*_VALVES]),
+    Quantity("power_use.<cause>", "W", "less",
+             "What the electric (or shaft) power is spent on; the values add up to it.",
+             lambda r: r.performance.power, (*_CYCLE, "compressor")),
+    Quantity("volume_use.<cause>", "", "less",
+             "What the swept volume is used for, delivered or lost; the values add up to 1.",
+             lambda r: {k.replace(" ", "_"): v for k, v in r.orbit.cycle.volume_losses.items()},
+             _CYCLE, percent=True),
+)  # fmt: skip
+_registered: dict[str, Quantity] = {one.name: one for one in _BUILT_IN}
+
+# Design variables that change a machine as a whole, with what they keep; see `jaxcomp.design_rules`.
+DESIGN_RULES = {
+    "bore": "Piston diameter at fixed displacement and crank ratio (Tsuji et al. 2012, Eq. 6).",
+    "stroke_bore_ratio": "Twice the crank radius over the bore, at fixed displacement.",
+    "offset": "Cylinder axis at y = offset from the crank axis.",
+    "piston_clearance": "Radial clearance of the piston's oil film (no leakage).",
+}
+
+
+def registered() -> tuple[Quantity, ...]:
+    """All quantities, families as one, with those of other packages.
+
+    Raises:
+        ExtensionError: a module of another package that cannot be imported.
+    """
+    import_extensions()
+    return tuple(_registered.values())
+
+
+def registered_quantity(name: str) -> Quantity | None:
+    """A quantity by its name, of a family by that of a member; `None` if there is none."""
+    import_extensions()
+    if name in _registered:
+        return _registered[name]
+    family, _, member = name.partition(".")
+    whole = next((one for one in registered() if member and one.family == family), None)
+    return None if whole is None else whole._replace(name=name, value=_Member(whole, member))
+
+
+class _Member(NamedTuple):
+    """One value of a family."""
+
+    whole: Quantity
+    member: str
+
+    def __call__(self, result: Any) -> Any:
+        values = self.whole.value(result)
+        if self.member not in values:
+            from .errors import BadInput
+            from .words import one_of
+
+            raise BadInput(self.whole.family, self.member, one_of(self.member, values))
+        return values[self.member]
+
+
+def register_quantity(
+    name: str,
+    value: Callable[[Any], Any],
+    *,
+    unit: str = "",
+    better: str = "",
+    doc: str = "",
+    needs: tuple[str, ...] = ("orbit",),
+    percent: bool = False,
+) -> Quantity:
+    """Add a quantity, which studies, commands, tables and pictures then know by its name.
+
+    A name of one's own may be given anew; compiled programs are dropped then.
+
+    Args:
+        name: letters, digits and underscores; with ".<joint>" or the like behind it, `value` returns
+            a dictionary with a value for each joint.
+        value: from the results of a design; of JAX operations, for derivatives.
+        unit: SI unit, "" for a pure number.
+        better: "more", "less" or "".
+        doc: one sentence.
+        needs: see `Quantity`.
+        percent: whether a pure number is shown in per cent.
+
+    Raises:
+        BadInput: a name that is built in or cannot be typed, or another word for `better`.
+
+    Example::
+
+        register_quantity("specific_loss", lambda r: r.orbit.friction_power / r.orbit.gas_power,
+                          better="less", doc="Friction power over indicated power.", percent=True)
+    """
+    from .errors import BadInput
+
+    if any(one.name == name for one in _BUILT_IN):
+        raise BadInput("name", name, "another one: this quantity is built in")
+    if not re.fullmatch(r"[A-Za-z]\w*(\.<\w+>)?", name):
+        raise BadInput("name", name, "letters, digits and underscores, with .<joint> for a family")
+    if better not in ("more", "less", ""):
+        raise BadInput("better", better, '"more", "less" or ""')
+    if percent and unit:
+        raise BadInput("percent", unit, "left out, for a quantity with a unit")
+    if name in _registered and "jax" in sys.modules:
+        sys.modules["jax"].clear_caches()  # programs with what the name meant before
+    _registered[name] = Quantity(name, unit, better, doc, value, needs, percent)
+    return _registered[name]

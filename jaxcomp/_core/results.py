@@ -1,0 +1,450 @@
+r"""Results that travel: printed with units, as tables, in files, as pictures.
+
+A result lists its quantities once, in `described`; everything else follows from that list. Files keep
+the fields themselves, so that a result that is loaded equals the one that was saved to the last bit.
+"""
+
+import csv
+import dataclasses
+import importlib
+import inspect
+import io
+import json
+import pkgutil
+from collections.abc import Iterator
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, get_args
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .display import shown
+from .errors import BadInput
+from .extensions import import_extensions
+from .fields import Part, is_traced
+from .files import regular
+from .status import Status
+from .words import hint
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+_PACKAGE = __name__.partition(".")[0]
+_FORMAT = f"{_PACKAGE} result"
+# Packages that files of former versions name, and where their classes are now.
+_MOVED = {
+    f"{_PACKAGE}.{before}": f"{_PACKAGE}.{now}"
+    for before, now in {
+        "design": "study",
+        "sweeping": "study.sweep",
+        "tolerancing": "study.tolerance",
+        "work_precision": "study.accuracy",
+        "rating": "study.rating",
+        "shaking": "vibration",
+        "coupling": "vibration",
+        "running": "vibration",
+    }.items()
+}
+
+
+class Data(NamedTuple):
+    """One quantity of a result.
+
+    Attributes:
+        name: with dots before the joint, target or variable that it belongs to.
+        unit: SI unit, "" for pure numbers and words.
+        values: of the shape that `dims` say, behind the dimensions of a batch.
+        dims: names of the dimensions; a quantity with the name of a dimension is its coordinate.
+        doc: what it is, where the name does not tell.
+    """
+
+    name: str
+    unit: str
+    values: Any
+    dims: tuple[str, ...] = ()
+    doc: str = ""
+
+    @property
+    def header(self) -> str:
+        """Name and SI unit, for a column."""
+        return with_unit(self.name, self.unit)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """`pressure [Pa]`; the name alone for a pure number."""
+    return f"{name} [{unit}]" if unit else name
+
+
+class Result:
+    """What every result can do beside holding its numbers."""
+
+    __slots__ = ()
+    # Dimensions of the table that `columns` makes.
+    table_dims: ClassVar[tuple[str, ...]] = ()
+    # Fields that `save` leaves out: what a solver kept for itself.
+    not_saved: ClassVar[tuple[str, ...]] = ()
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        raise NotImplementedError
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The curves or rows of this result by name and SI unit, each with shape (rows,).
+
+        Complex amplitudes have two columns, amplitude and phase [rad].
+
+        Raises:
+            BadInput: results of many designs at once, as `vmap` returns them.
+        """
+        made: dict[str, np.ndarray] = {}
+        shape: dict[str, int] = {}
+        parts = [
+            one for one in self._checked() if one.dims and set(one.dims) <= set(self.table_dims)
+        ]
+        for one in parts:
+            if np.ndim(one.values) != len(one.dims):
+                raise BadInput("result", "of many designs", "of one; take them apart first")
+            shape |= dict(zip(one.dims, np.shape(one.values), strict=True))
+        dims = [dim for dim in self.table_dims if dim in shape]
+        for one in parts:
+            there = [slice(None) if dim in one.dims else None for dim in dims]
+            whole = np.broadcast_to(np.asarray(one.values)[tuple(there)], [shape[d] for d in dims])
+            if np.iscomplexobj(whole):
+                made[with_unit(f"{one.name}.amplitude", one.unit)] = np.abs(whole).ravel()
+                made[f"{one.name}.phase [rad]"] = np.angle(whole).ravel()
+            else:
+                made[one.header] = whole.ravel()
+        return made
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """The curves or rows of this result as a table; see `columns`."""
+        import pandas
+
+        return pandas.DataFrame(self.columns())
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """All quantities in SI units, with their units in the attributes."""
+        import xarray
+
+        variables, coordinates = {}, set()
+        for one in self._checked():
+            values = np.asarray(one.values)
+            batch = [f"design_{n}" for n in range(values.ndim - len(one.dims))]
+            dims = tuple(f"{d}_number" if batch and d == one.name else d for d in one.dims)
+            about = {"units": one.unit, "long_name": one.doc or one.name.replace("_", " ")}
+            variables[one.name] = ((*batch, *dims), values, about)
+            if one.dims == (one.name,) and not batch:
+                coordinates.add(one.name)
+        made = xarray.Dataset(variables, attrs={"kind": type(self).__name__, **self._words()})
+        return made.set_coords(coordinates)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write `columns` with their units in the header; numbers keep all their digits."""
+        Path(path).write_text(csv_text(self.columns()), encoding="utf-8")
+
+    def save(self, path: str | Path) -> None:
+        """Write the whole result; `load_result` reads it back to the same bits.
+
+        Raises:
+            BadInput: a result with a function of the user in it, which no file can hold.
+        """
+        arrays: list[np.ndarray] = []
+        head = {"format": _FORMAT, "version": version(_PACKAGE), "result": _plain(self, arrays)}
+        kept = {f"array_{n}": values for n, values in enumerate(arrays)}
+        with Path(path).open("wb") as file:
+            np.savez_compressed(file, head=np.array(json.dumps(head)), **kept)  # pyright: ignore
+
+    @property
+    def plot(self) -> "Plots":
+        """Pictures of this result, such as `orbit.plot.pv_diagram(machine)`."""
+        return Plots(self)
+
+    def __repr__(self) -> str:
+        if any(is_traced(leaf) for leaf in jax.tree.leaves(self)):
+            return eqx.tree_pformat(self)
+        rows = list(self._rows())
+        wide = max((len(name) for name, _ in rows), default=0)
+        return "\n".join([self._title(), *(f"  {name:<{wide}}  {text}" for name, text in rows)])
+
+    def _repr_html_(self) -> str:
+        cells = "".join(
+            f"<tr><th style='text-align:left'>{escape(name)}</th>"
+            f"<td style='text-align:left'>{escape(text)}</td></tr>"
+            for name, text in self._rows()
+        )
+        return f"<p><b>{escape(self._title())}</b></p><table>{cells}</table>"
+
+    def _checked(self) -> list[Data]:
+        if any(is_traced(leaf) for leaf in jax.tree.leaves(self)):
+            raise BadInput("result", "inside jit, vmap or grad", "taken outside of them")
+        return [one._replace(values=jax.device_get(one.values)) for one in self.described()]
+
+    def _words(self) -> dict[str, str]:
+        """How the solution ended, and by which solver, where the result knows."""
+        words = {}
+        status = getattr(self, "status", None)
+        if isinstance(status, str):
+            words["status"] = status
+        elif isinstance(status, eqx.Enumeration) or type(status).__name__ == "EnumerationItem":
+            converged = np.asarray(status == Status.converged)
+            words["status"] = (
+                Status[status] or "converged"
+                if not converged.ndim
+                else f"{converged.sum()} of {converged.size} designs converged"
+            )
+        for name in ("solver", "method"):
+            if isinstance(getattr(self, name, None), str):
+                words[name] = getattr(self, name)
+        return words
+
+    def _title(self) -> str:
+        words = ", ".join(self._words().values())
+        return f"{type(self).__name__}: {words}" if words else type(self).__name__
+
+    def _rows(self) -> Iterator[tuple[str, str]]:
+        for one in self._checked():
+            values = np.asarray(one.values)
+            shape = f" ({', '.join(map(str, values.shape))})" if values.ndim else ""
+            if values.dtype.kind not in "fc":
+                text = ", ".join(dict.fromkeys(map(str, values.ravel())))
+                yield _sentence(one.name), (text if len(text) < 60 else text[:57] + "...") + shape
+                continue
+            size = np.abs(values) if np.iscomplexobj(values) else values
+            look = shown(one.name, one.unit, size)
+            good = size[np.isfinite(size)]
+            if not good.size:
+                yield look.words, "not known" + shape
+            elif not values.ndim and np.iscomplexobj(values):
+                yield look.words, f"{look.text(float(size))} at {np.angle(values, deg=True):.1f}°"
+            elif not values.ndim:
+                yield look.words, look.text(float(size))
+            else:
+                low, high = (f"{end * look.factor:.5g}" for end in (good.min(), good.max()))
+                yield look.words, f"{low} to {high} {look.unit}".strip() + shape
+
+
+class Plots:
+    """The functions of `jaxcomp.plot` that draw a result, with the result filled in."""
+
+    def __init__(self, result: Result):
+        self._result = result
+
+    def __dir__(self) -> list[str]:
+        return sorted(self._functions())
+
+    def _functions(self) -> dict[str, tuple[Any, str]]:
+        """Functions by name, each with the parameter that takes the result."""
+        plot = importlib.import_module(f"{_PACKAGE}.plot")  # which knows the results, not they it
+        found, kind = {}, type(self._result)
+        for name, function in vars(plot).items():
+            if inspect.isfunction(function):
+                for parameter in inspect.signature(function).parameters.values():
+                    if kind in (parameter.annotation, *get_args(parameter.annotation)):
+                        found[name] = function, parameter.name
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        known = self._functions()
+        if name not in known:
+            raise AttributeError(
+                f"{type(self._result).__name__}.plot has no `{name}`{hint(name, known)}; "
+                f"it has {', '.join(sorted(known))}"
+            )
+        function, place = known[name]
+        others = [p for p in inspect.signature(function).parameters if p != place]
+
+        def draw(*given, **options):
+            # a machine or a scene stands for its compressor
+            given = [one.as_compressor() if hasattr(one, "as_compressor") else one for one in given]
+            named = dict(zip(others, given, strict=False))
+            return function(**{place: self._result}, **named, **options)
+
+        draw.__doc__, draw.__name__ = function.__doc__, name
+        return draw
+
+
+def load_result(path: str | Path) -> Any:
+    """Read a result that `Result.save` wrote, with the same bits in every number.
+
+    Args:
+        path: the file.
+
+    Only classes of results and parts are made, of jaxcomp, of registered extensions and of the running
+    program; nothing else that a file names is looked up.
+
+    Raises:
+        BadInput: a file that is damaged or holds no result, or one of another version whose parts are
+            not there.
+    """
+    path = regular(path)
+    try:
+        with np.load(path) as file:
+            arrays = {name: file[name] for name in file.files}
+        head = json.loads(str(arrays.pop("head")))
+        if head["format"] != _FORMAT:
+            raise ValueError
+        written, kept = str(head["version"]), head["result"]
+    except Exception:  # whatever numpy, zipfile and json make of damaged bytes
+        raise BadInput("path", str(path), "a file that `save` of a result wrote") from None
+    try:
+        found = _built(kept, arrays)
+        if not isinstance(found, Result):
+            raise _Unknown(f"{type(found).__name__} is no result")
+    except _Unknown as error:
+        made = f"{path} of jaxcomp {written}, which this version cannot read ({error})"
+        raise BadInput("path", made, f"written by jaxcomp {version(_PACKAGE)}") from None
+    except Exception:  # any other structure than `save` writes
+        raise BadInput("path", f"{path}, which is damaged", "as `save` wrote it") from None
+    return found
+
+
+class _Unknown(ValueError):
+    """A class or a field that a file names and that is not there."""
+
+
+def csv_text(columns: dict[str, Any]) -> str:
+    """A table of columns as CSV, with every digit of its numbers."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(
+        zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
+    )
+    return text.getvalue()
+
+
+def _sentence(name: str) -> str:
+    return shown(name, "", 0.0).words
+
+
+def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
+    """A value as JSON, with its arrays in a list beside it."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, jax.Array | np.ndarray | np.generic):
+        arrays.append(np.asarray(value))
+        kind = "jax" if isinstance(value, jax.Array) else "numpy"
+        return {kind: f"array_{len(arrays) - 1}"}
+    if isinstance(value, type) or inspect.isfunction(value):
+        raise BadInput("result", value.__qualname__, "without functions of the user, to be saved")
+    if type(value).__name__ == "EnumerationItem":
+        return {"status": _plain(value._value, arrays)}
+    if isinstance(value, tuple) and not hasattr(value, "_fields"):
+        return {"tuple": [_plain(one, arrays) for one in value]}
+    if isinstance(value, list):
+        return {"list": [_plain(one, arrays) for one in value]}
+    if isinstance(value, dict):
+        return {"dict": [[_plain(k, arrays), _plain(v, arrays)] for k, v in value.items()]}
+    names = _field_names(type(value))
+    if not names:
+        raise BadInput(
+            "result", type(value).__name__, "of arrays and parts of jaxcomp, to be saved"
+        )
+    left_out = getattr(value, "not_saved", ())
+    fields = {
+        name: None if name in left_out else _plain(getattr(value, name), arrays)
+        for name in names
+        if hasattr(value, name)
+    }
+    return {"class": _address(type(value)), "fields": fields}
+
+
+def _built(kept: Any, arrays: dict[str, np.ndarray]) -> Any:
+    if not isinstance(kept, dict):
+        return kept
+    if "class" in kept:
+        return _object(_found(kept["class"]), kept["fields"], arrays)
+    ((kind, content),) = kept.items()
+    if kind in ("jax", "numpy"):
+        return jnp.asarray(arrays[content]) if kind == "jax" else arrays[content]
+    if kind == "status":
+        value = _built(content, arrays)
+        if np.asarray(value).dtype.kind not in "iu" or np.any((value < 0) | (value >= len(Status))):
+            raise ValueError(content)
+        return eqx.tree_at(lambda s: s._value, Status.converged, value)
+    if kind in ("tuple", "list"):
+        made = [_built(one, arrays) for one in content]
+        return tuple(made) if kind == "tuple" else made
+    if kind == "dict":
+        return {_built(k, arrays): _built(v, arrays) for k, v in content}
+    raise _Unknown(kind)
+
+
+def _object(made_of: type, fields: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
+    values = {name: _built(value, arrays) for name, value in fields.items()}
+    known = _field_names(made_of)
+    for name in {*values} ^ {*known}:
+        if name in values or not hasattr(made_of, name):
+            raise _Unknown(f"{made_of.__name__}.{name}")
+    if issubclass(made_of, tuple):
+        return made_of(**values)
+    # unchecked, as the fields come from an object that was checked
+    made = object.__new__(made_of)
+    for name, value in values.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def _field_names(kind: type) -> list[str]:
+    """Fields of a dataclass or of a tuple with names; none of any other class."""
+    if dataclasses.is_dataclass(kind):
+        return [field.name for field in dataclasses.fields(kind)]
+    return list(getattr(kind, "_fields", ()))
+
+
+def _address(thing: Any) -> str:
+    return f"{_public(thing.__module__)}:{thing.__qualname__}"
+
+
+def _public(module: str) -> str:
+    """The package of a private module, which a file outlives; that of the core is the whole one."""
+    if module.startswith(f"{_PACKAGE}._core."):
+        return _PACKAGE
+    return ".".join(word for word in module.split(".") if not word.startswith("_"))
+
+
+def _found(address: str) -> type:
+    """The class of a result or part at an address.
+
+    Raises:
+        _Unknown: no such class; what else a module has is not looked at.
+    """
+    module, _, name = address.partition(":")
+    module = _MOVED.get(_public(module), _public(module))
+    if module.partition(".")[0] == _PACKAGE:  # nothing else is imported on a file's word
+        for place in _modules(module):
+            kind = vars(place).get(name)
+            if isinstance(kind, type) and _public(kind.__module__) == module and _field_names(kind):
+                return kind
+    else:
+        import_extensions()
+        for kind in _below(Part):
+            if _address(kind) == address and not kind.__module__.startswith(f"{_PACKAGE}."):
+                return kind
+    raise _Unknown(address)
+
+
+def _modules(name: str) -> Iterator[ModuleType]:
+    """A module of this package and the private ones in it."""
+    try:
+        package = importlib.import_module(name)
+    except ImportError:
+        raise _Unknown(name) from None
+    yield package
+    for one in pkgutil.iter_modules(getattr(package, "__path__", ())):
+        if one.name == "_core":
+            yield from _modules(f"{name}._core")
+        elif one.name != "__main__" and (one.name.startswith("_") or name.endswith("._core")):
+            yield importlib.import_module(f"{name}.{one.name}")
+
+
+def _below(kind: type) -> Iterator[type]:
+    for one in kind.__subclasses__():
+        yield one
+        yield from _below(one)

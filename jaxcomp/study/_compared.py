@@ -1,0 +1,270 @@
+"""Designs beside each other: a variable over a range, two drives at equal duty, several machines.
+
+Dagilis et al., *Slider-link driven compressor (I)*, ask what the transition to a connecting rod would
+gain. Here the same cylinder, gas, motor, shaft and bearings are driven either way.
+"""
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core.errors import BadInput
+from .._core.fields import (
+    ANY,
+    NONNEGATIVE,
+    POSITIVE,
+    Part,
+    quantities,
+    quantity,
+    rebuilt,
+    replaced,
+    subparts,
+)
+from .._core.status import Status
+from ..compressor import Compressor, compressor_of
+from ..crank import Collocation, Orbit, solve_orbit
+from ..crankshaft import counterweights
+from ..friction import CoulombJournal, SliderCrankFriction, SliderLinkFriction
+from ..machine import Machine, machine_of
+from ..mechanism import SliderCrank, SliderLink
+from ._rules import design_rules
+
+# The pair of a rod drive that does the work of a pair of the slider-link, where names differ.
+_COUNTERPART = {"link_slider": "piston_pin"}
+
+
+class Figures(NamedTuple):
+    """What a design is judged by; with a leading axis for several designs.
+
+    Attributes:
+        mechanical_efficiency: [-].
+        motor_power: [W] at the shaft.
+        gas_power: [W] indicated.
+        loss_power: [W] by pair.
+        mean_speed: [rad/s].
+        margin: [-] against self-locking.
+        status: how the solver ended.
+    """
+
+    mechanical_efficiency: Float[Array, "*n"]
+    motor_power: Float[Array, "*n"]
+    gas_power: Float[Array, "*n"]
+    loss_power: dict[str, Float[Array, "*n"]]
+    mean_speed: Float[Array, "*n"]
+    margin: Float[Array, "*n"]
+    status: Status
+
+
+def figures_of(machine: Any, solver: Collocation | None = None) -> Figures:
+    """The figures of one design, differentiable.
+
+    Args:
+        machine: a compressor, a machine or a scene.
+        solver: of the periodic state, as `solve_orbit` takes it.
+    """
+    orbit = solve_orbit(compressor_of(machine), solver, throw=False)
+    return Figures(*(getattr(orbit, name) for name in Figures._fields))
+
+
+def design_study(
+    machine: Any,
+    variable: str,
+    values: Float[Array, " n"],
+    solver: Collocation | None = None,
+) -> Figures:
+    """The figures of a machine over a range of one design variable.
+
+    A value that locks, stalls or breaks a bound has its status and spoils no other.
+
+    Args:
+        machine: to start from: a compressor, a machine or a scene.
+        variable: name of a rule in `design_rules`.
+        values: [SI] (n,) in the unit of the rule.
+        solver: as in `figures_of`.
+
+    Raises:
+        KeyError: no such rule.
+        BadInput: a mechanism for which the rule is not made.
+    """
+    rule = design_rules[variable]
+    # The designs are laid out before anything is compiled, so that studies of other variables with
+    # as many values run the same program.
+    start = machine if isinstance(machine, Compressor) else machine_of(machine)
+    designs = jax.vmap(partial(rule.apply, start))(jnp.asarray(values, float))
+    return _all(designs, solver)
+
+
+@eqx.filter_jit
+def _all(designs: Compressor | Machine, solver: Collocation | None) -> Figures:
+    return jax.vmap(lambda design: figures_of(design, solver))(designs)
+
+
+class RodDrive(Part):
+    """What replaces slider and link: a rod, its pin, and a piston without link.
+
+    Args:
+        conrod_length: [m] between the centres of the eyes.
+        conrod_mass: [kg] of the rod.
+        conrod_centre: [m] its mass centre from the big end.
+        conrod_inertia: [kg m^2] about that centre.
+        piston_mass: [kg] with its pin.
+        piston_length: [m] wetted.
+        pin_diameter: [m] of the piston pin.
+        pin_coefficient: [-] Coulomb's, of that pin.
+    """
+
+    conrod_length: Float[Array, ""] = quantity("m", POSITIVE, doc="between the eyes")
+    conrod_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE)
+    conrod_centre: Float[Array, ""] = quantity("m", ANY, doc="mass centre from the big end")
+    conrod_inertia: Float[Array, ""] = quantity("kg m^2", NONNEGATIVE, doc="about that centre")
+    piston_mass: Float[Array, ""] = quantity("kg", NONNEGATIVE, doc="with its pin")
+    piston_length: Float[Array, ""] = quantity("m", POSITIVE, doc="wetted")
+    pin_diameter: Float[Array, ""] = quantity("m", POSITIVE, doc="of the piston pin")
+    pin_coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="Coulomb, of that pin")
+
+
+def rod_driven(machine: Any, rod: RodDrive) -> Compressor:
+    """The compressor with a connecting rod in the place of slider and link.
+
+    Bore, stroke, gas, motor, shaft, bearings, thrust bearing, pump, the laws of the cylinder wall
+    and of the crank pin stay. The cylinder's axis goes through the crank's. The counterweight takes
+    the rotating share of the rod and half of the reciprocating masses, in the plane of the piston.
+
+    Args:
+        machine: a slider-link machine: a compressor, a machine or a scene.
+        rod: the rod and its piston.
+
+    Raises:
+        BadInput: another mechanism.
+    """
+    compressor = compressor_of(machine)
+    mechanism, friction = compressor.mechanism, compressor.friction
+    crankshaft = compressor.crankshaft
+    if not isinstance(mechanism, SliderLink) or not isinstance(friction, SliderLinkFriction):
+        raise BadInput(
+            "mechanism", getattr(mechanism, "kind", "another"), "a slider_link with friction"
+        )
+    crank = SliderCrank(
+        bore=mechanism.bore,
+        crank_radius=mechanism.crank_radius,
+        conrod_length=rod.conrod_length,
+        piston_mass=rod.piston_mass,
+        conrod_mass=rod.conrod_mass,
+        conrod_centre=rod.conrod_centre,
+        conrod_inertia=rod.conrod_inertia,
+    )
+    crankshaft = rebuilt(counterweights(crank, crankshaft), shaft_unbalance=None, shaft_couple=None)
+    film = friction.piston_film
+    if film is not None:
+        film = replaced(film, length=rod.piston_length)
+    laws = SliderCrankFriction(
+        wall=friction.wall,
+        piston_film=film,
+        piston_pin=CoulombJournal(rod.pin_coefficient, rod.pin_diameter),
+        crank_pin=friction.crank_pin,
+    )
+    parts = compressor.motor, compressor.gas, laws, compressor.gravity
+    return Compressor(crank, crankshaft, *parts)
+
+
+class DriveComparison(NamedTuple):
+    """Both drives, and what the rod saves.
+
+    Attributes:
+        slider_link, connecting_rod: the figures of both machines.
+        saving: [W] by pair of the slider-link, at its gas power: the losses of the rod drive are
+            taken per unit of work on the gas, because it turns a little faster. What the link's
+            sliding pair loses stands against the piston pin.
+    """
+
+    slider_link: Figures
+    connecting_rod: Figures
+    saving: dict[str, Float[Array, "*n"]]
+
+    @property
+    def total_saving(self) -> Float[Array, "*n"]:
+        """[W] at the shaft."""
+        return sum(self.saving.values(), start=jnp.zeros_like(self.slider_link.gas_power))
+
+
+def compare_drives(
+    machine: Any, rod: RodDrive, solver: Collocation | None = None
+) -> DriveComparison:
+    """Run a slider-link machine and the same with a connecting rod; differentiable.
+
+    Args:
+        machine: a slider-link machine, as in `rod_driven`.
+        rod: what replaces slider and link.
+        solver: as in `figures_of`.
+
+    Raises:
+        BadInput: as `rod_driven`.
+    """
+    link = figures_of(machine, solver)
+    crank = figures_of(rod_driven(machine, rod), solver)
+    scale = link.gas_power / crank.gas_power
+    saving = {
+        name: loss - scale * crank.loss_power.get(_COUNTERPART.get(name, name), 0.0)
+        for name, loss in link.loss_power.items()
+    }
+    return DriveComparison(link, crank, saving)
+
+
+class ComparedQuantity(NamedTuple):
+    """A quantity or dimension of several designs.
+
+    Attributes:
+        name: of the quantity, or the path of the dimension.
+        unit: SI unit.
+        values: [SI] of each design, `None` where one has no such thing.
+    """
+
+    name: str
+    unit: str
+    values: tuple[float | None, ...]
+
+
+def compared_designs(
+    machines: Sequence[Machine], orbits: Sequence[Orbit]
+) -> list[ComparedQuantity]:
+    """What the cranks of some designs give, then the numbers of the compressor in which they differ.
+
+    Args:
+        machines: with a compressor each, of any parts.
+        orbits: their periodic states.
+    """
+    figures = _joined([
+        {one.name: (one.unit, float(one.values)) for one in orbit.described() if not one.dims}
+        for orbit in orbits
+    ])  # fmt: skip
+    dimensions = _joined([dict(_dimensions(one)) for one in machines])
+    return [row for row in figures if not row.name.endswith("residual")] + [
+        row for row in dimensions if len(set(row.values)) > 1
+    ]
+
+
+def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[ComparedQuantity]:
+    """One row for each name, in the order in which they come first, all `loss_power` together."""
+    units = {name: unit for table in tables for name, (unit, _) in table.items()}
+    families = list(dict.fromkeys(name.partition(".")[0] for name in units))
+    return [
+        ComparedQuantity(
+            name, units[name], tuple(t[name][1] if name in t else None for t in tables)
+        )
+        for name in sorted(units, key=lambda name: families.index(name.partition(".")[0]))
+    ]
+
+
+def _dimensions(machine: Machine) -> Iterator[tuple[str, tuple[str, float]]]:
+    for path, part in subparts(machine.compressor):
+        for name, field in quantities(part):
+            value = getattr(part, name)
+            if value is not None and not np.ndim(value):
+                place = f"{path}.{name}" if path else name
+                yield place, (field.metadata["unit"], float(value))

@@ -1,0 +1,247 @@
+r"""Several starts of a search, side by side, each moved by an optimiser of SciPy or Optax."""
+
+import queue
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from .._core.errors import BadInput
+from ._goal import LEAST, Goal, Point
+
+if TYPE_CHECKING:
+    import optax
+
+METHODS = ("slsqp", "least-squares", "adam")
+# [-] a design counts as better beyond this share of the objective's spread: above the roughness of
+# solutions with few panels (2e-5 of the spread for the efficiency over the bore).
+BETTER = 1e-4
+# [-] of a range: the first step; a step of Adam.
+_FIRST, _ADAM_STEP = 0.25, 0.02
+# A search that cannot move is at the optimum as well as the solutions are smooth if its slope is
+# below this times the tolerance.
+_ROUGH = 1e3
+# [spreads] what a design that cannot be solved counts more than the best one, so that a line search
+# goes back to a tenth of its step.
+_FAILED = 1e3
+
+Evaluate = Callable[[np.ndarray], Any]
+
+
+class Stopped(Exception):
+    """Another task, or the function of the points, has failed."""
+
+
+def run_together(
+    tasks: Sequence[Callable[[Evaluate], None]], function: Callable[[np.ndarray], Sequence[Any]]
+) -> None:
+    """Run optimisers that ask for one point at a time, and evaluate what all wait for in one call.
+
+    Each task takes the function `evaluate` of one point; `function` takes points (n, variables). All
+    tasks, a thread each, are at the same evaluation at any time, so that the batches, and with them the
+    results, do not depend on which thread is faster. `function` runs in the calling thread; what it or
+    a task raises, an interrupt as well, ends all tasks and is raised here.
+    """
+    events: queue.SimpleQueue = queue.SimpleQueue()  # points that are asked for, and ends of tasks
+    replies = [queue.SimpleQueue() for _ in tasks]
+    waiting, running = {}, len(tasks)
+
+    def evaluate(number: int, point: np.ndarray):
+        events.put((number, point))
+        reply = replies[number].get()
+        if reply is Stopped:
+            raise Stopped
+        return reply
+
+    with ThreadPoolExecutor(len(tasks)) as pool:
+        for number, task in enumerate(tasks):
+            pool.submit(task, partial(evaluate, number)).add_done_callback(events.put)
+        try:
+            while running:
+                event = events.get()
+                if isinstance(event, Future):
+                    event.result()  # raises what the task raised
+                    running -= 1
+                else:
+                    number, point = event
+                    waiting[number] = point
+                if waiting and len(waiting) == running:
+                    numbers = sorted(waiting)
+                    results = function(np.stack([waiting.pop(number) for number in numbers]))
+                    for number, result in zip(numbers, results, strict=True):
+                        replies[number].put(result)
+        finally:
+            for reply in replies:
+                reply.put(Stopped)
+
+
+class _Ended(Exception):
+    """The search of a start has ended."""
+
+
+class Descent:
+    """The search from one start [SI], with at most so many solved designs.
+
+    Attributes:
+        points: solved designs in turn.
+        path: the best of them up to each of them.
+    """
+
+    def __init__(self, goal: Goal, start: Float[np.ndarray, " variables"], max_steps: int):
+        self.goal, self.start, self.max_steps = goal, start, max_steps
+        self.points: list[Point] = []
+        self.path: list[Point] = []
+
+    def run(self, method: "Method", evaluate: Evaluate) -> None:
+        """Move until the optimiser, or the test of convergence, ends the search."""
+        self._evaluate = evaluate
+        with suppress(_Ended):
+            method(self, self.goal.ranges.shares(self.start))
+
+    @property
+    def best(self) -> Point:
+        """Where the search ended."""
+        return self.path[-1]
+
+    @property
+    def status(self) -> str:
+        """How it ended; see `Start`."""
+        best, limited = self.best, len(self.points) >= self.max_steps
+        if not best.ok:
+            return "start not solvable"
+        if best.optimal:
+            return "converged"
+        if limited or not best.feasible:
+            return "step limit" if limited else "no feasible design"
+        smooth = best.stationarity <= _ROUGH * self.goal.tolerance
+        return "converged" if smooth else "no better step"
+
+    def at(self, share: Float[np.ndarray, " variables"]) -> Point:
+        """The design at shares of the ranges, solved once.
+
+        Raises:
+            _Ended: where the search is to end here, or before the design is solved.
+        """
+        share = np.clip(share, 0.0, 1.0)  # SciPy's steps reach beyond a bound by a rounding
+        for point in reversed(self.points):
+            if np.array_equal(point.share, share):
+                return point
+        close = self.path and np.max(np.abs(share - self.best.share)) < LEAST
+        if close or len(self.points) >= self.max_steps:
+            raise _Ended
+        solved = self._evaluate(self.goal.ranges.values(share))
+        point = Point(self.goal, share, *solved)
+        self.points.append(point)
+        best = self.best if self.path else point
+        optimal = point.optimal and point.rank < (best.rank[0], best.rank[1] + BETTER)
+        if optimal or point.rank < best.rank:
+            best = point
+        self.path.append(best)
+        if optimal or not best.ok:
+            raise _Ended
+        return point
+
+    def value(self, share) -> float:
+        """[-] the objective; a high value where the design cannot be solved."""
+        point = self.at(share)
+        return point.f if point.ok else self.best.f + _FAILED
+
+    def near(self, share) -> Point:
+        """The design, or the best one so far if it cannot be solved."""
+        point = self.at(share)
+        return point if point.ok else self.best
+
+
+Method = Callable[[Descent, Float[np.ndarray, " variables"]], None]
+
+
+def _slsqp(descent: Descent, start) -> None:
+    """Sequential quadratic programming (Kraft 1988), for bounds and constraints."""
+    equal = descent.goal.equalities
+    constraints = [
+        {
+            "type": kind,
+            "fun": lambda u, of=of: -descent.near(u).limits.values[of],
+            "jac": lambda u, of=of: -descent.near(u).limits.slope[of],
+        }
+        for kind, of in (("eq", equal), ("ineq", ~equal))
+        if of.any()
+    ]
+    steep = np.max(np.abs(descent.near(start).gradient))
+    gain = min(1.0, _FIRST / max(steep, 1e-300))
+    from scipy.optimize import minimize  # half a second, for those who search
+
+    minimize(
+        lambda u: gain * descent.value(u),
+        start,
+        jac=lambda u: gain * descent.near(u).gradient,
+        bounds=[(0, 1)] * len(start),
+        constraints=constraints,
+        method="SLSQP",
+        options={"ftol": 1e-14, "maxiter": 10_000},
+    )
+
+
+def _least_squares(descent: Descent, start) -> None:
+    """Gauss-Newton steps in a box as trust region, which keeps bounds (Voglis and Lagaris 2004)."""
+
+    def residuals(u):
+        point = descent.at(u)
+        return np.where(point.ok, point.residuals.values, np.inf)
+
+    def slope(u):
+        return descent.at(u).residuals.slope
+
+    small = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-14)  # the test of convergence is `at`'s
+    # SciPy's "trf" stays off the bounds, and took 800 designs where this takes 279.
+    from scipy.optimize import least_squares  # half a second, for those who search
+
+    least_squares(residuals, start, jac=slope, bounds=(0, 1), method="dogbox", **small)
+
+
+def _first_order(transformation: "optax.GradientTransformation") -> Method:
+    """Steps of Optax, cut off at the bounds; half of the way back from where nothing can be solved."""
+    update = jax.jit(transformation.update)
+
+    def method(descent: Descent, start) -> None:
+        here, there, state = start, start, transformation.init(start)
+        while True:
+            point = descent.at(there)
+            if not point.ok:
+                there = (here + there) / 2
+                continue
+            step, state = update(point.gradient, state, there)
+            here, there = there, np.clip(there + np.asarray(step), 0.0, 1.0)
+
+    return method
+
+
+def method_of(method: "str | optax.GradientTransformation | None", goal: Goal) -> Method:
+    """A method by name, or any transformation of Optax.
+
+    Raises:
+        BadInput: no such method, or one that does not suit the goal.
+    """
+    if method is None:
+        method = "least-squares" if goal.targets and not goal.limits else "slsqp"
+    named = method if isinstance(method, str) else "a transformation of optax"
+    if named == "slsqp":
+        return _slsqp
+    if method not in METHODS if isinstance(method, str) else not hasattr(method, "update"):
+        raise BadInput("method", str(method), f"one of {', '.join(METHODS)}, or of optax")
+    if goal.limits:
+        raise BadInput("method", named, "'slsqp' with constraints")
+    if named == "least-squares":
+        if not goal.targets:
+            raise BadInput("method", named, "'slsqp' for an objective without targets to meet")
+        return _least_squares
+    if isinstance(method, str):
+        import optax
+
+        method = optax.adam(_ADAM_STEP)
+    return _first_order(method)

@@ -1,0 +1,445 @@
+r"""The best design by gradients from several starts, and how it compares with a coarse sample.
+
+All variables stay inside their ranges throughout. One compiled program solves designs with their
+derivatives, a batch at a time, for the sample of the whole range and for every start. The sample scales
+the objective and the constraints, offers the starts, and is what the result is compared with.
+"""
+
+import dataclasses
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike, Bool, Float
+
+from .._core.errors import BadInput
+from .._core.fields import counted
+from .._core.results import Data, Result
+from .._core.status import SolveFailed, Status
+from ..machine import Machine
+from ._descent import BETTER, Descent, Method, method_of, run_together
+from ._goal import FEASIBLE, Goal, Interval, Objective, Point, Ranges, goal_of
+from ._problem import Asked, Problem, Solved, given_problem, solved
+
+if TYPE_CHECKING:
+    import optax
+
+# Called with "sample" or "descent", the designs solved (from each start) and the largest number of them.
+Callback = Callable[[str, int, int], None]
+# Called with the problem, with those of the constraints, designs [SI] (n, variables) and what was solved.
+Keep = Callable[[Problem, np.ndarray, Solved], None]
+
+
+class Constrained(NamedTuple):
+    """One side of a constraint at the optimum.
+
+    Attributes:
+        name: of the quantity.
+        side: "upper", "lower" or "equal".
+        bound, value: [SI] of the quantity.
+        active: whether the constraint holds the optimum back.
+        multiplier: what the optimal objective gains per unit of the bound, in SI units of both.
+        violation: [-] in spreads of the quantity over the sample; zero inside.
+    """
+
+    name: str
+    side: str
+    bound: float
+    value: float
+    active: bool
+    multiplier: float
+    violation: float
+
+
+class Start(NamedTuple):
+    """How one start ended.
+
+    Attributes:
+        start, values: [SI] (variables,) where it began and ended.
+        objective: [SI] there.
+        violation: [-] of the worst constraint.
+        stationarity: [-] projected slope, see `Optimum`.
+        status: "converged", "no better step" (none was found although the slope is not small: a
+            kink, the edge of what can be solved, or solutions too rough), "step limit", "no feasible
+            design" or "start not solvable".
+        steps: solved designs.
+        agrees: whether it ended within a thousandth of each range of the best one.
+        path: [SI] (steps, variables) the best design so far, after each solved one.
+        objectives: [SI] (steps,) there.
+        slopes: [-] (steps,) stationarity there.
+        solved: (steps,) whether the design that was tried could be solved.
+    """
+
+    start: Float[np.ndarray, " variables"]
+    values: Float[np.ndarray, " variables"]
+    objective: float
+    violation: float
+    stationarity: float
+    status: str
+    steps: int
+    agrees: bool
+    path: Float[np.ndarray, "steps variables"]
+    objectives: Float[np.ndarray, " steps"]
+    slopes: Float[np.ndarray, " steps"]
+    solved: Bool[np.ndarray, " steps"]
+
+
+class Sample(NamedTuple):
+    """Designs spread evenly over the ranges.
+
+    Attributes:
+        values: [SI] (n, variables).
+        quantities: [SI] (n, quantities) of the problem.
+        objective: [SI] (n,).
+        ok: (n,) whether the design could be solved.
+        feasible: (n,) whether it also keeps the constraints.
+        best: place of the best of those, `None` if there is none.
+    """
+
+    values: Float[np.ndarray, "n variables"]
+    quantities: Float[np.ndarray, "n quantities"]
+    objective: Float[np.ndarray, " n"]
+    ok: Bool[np.ndarray, " n"]
+    feasible: Bool[np.ndarray, " n"]
+    best: int | None
+
+    def starts(self, count: int) -> Float[np.ndarray, "starts variables"]:
+        """[SI] The best design, and the first of the others that can be solved."""
+        places = np.flatnonzero(self.ok)
+        if self.best is not None:
+            places = np.concatenate([[self.best], places[places != self.best]])
+        return self.values[places[:count]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Optimum(Result):
+    """The best design that was found, with the evidence for it.
+
+    Attributes:
+        problem: with all quantities of objective and constraints.
+        ranges: of the variables.
+        design: the best design.
+        values: [SI] by variable.
+        objective: [SI] there; with targets half the sum of the squared residuals, in spreads.
+        objective_name: the quantity; "residuals" with targets.
+        maximised: whether the objective was made large.
+        quantities: [SI] all quantities of the problem there, by name.
+        status: as in `Start`, of the best start.
+        feasible: whether it keeps all constraints, to a hundred-thousandth of their spread; if not, it
+            breaks them least.
+        stationarity: [-] largest slope of the Lagrangian over the range of a variable, in spreads of
+            the objective over the sample, where no bound forbids to follow it.
+        gradient: [SI] of the objective by variable, at the optimum.
+        at_bound: variables that ended on a bound of their range, with "low" or "high".
+        constraints: each side.
+        starts: how each start ended.
+        sample: what the optimum was compared with.
+        verdict: the comparison in words.
+        local: whether a sample is better than the optimum, which only starts that are given allow.
+        evaluations: designs solved (each with its derivatives) in the descent; the sample's are beside.
+    """
+
+    problem: Problem
+    ranges: Ranges
+    design: Machine
+    values: dict[str, float]
+    objective: float
+    objective_name: str
+    maximised: bool
+    quantities: dict[str, float]
+    status: str
+    feasible: bool
+    stationarity: float
+    gradient: dict[str, float]
+    at_bound: dict[str, str]
+    constraints: tuple[Constrained, ...]
+    starts: tuple[Start, ...]
+    sample: Sample
+    verdict: str
+    local: bool
+    evaluations: int
+
+    table_dims: ClassVar[tuple[str, ...]] = ("sample",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has the sample it was compared with."""
+        problem, sample = self.problem, self.sample
+        here, there = (np.array([*one.values()]) for one in (self.values, self.quantities))
+        yield from problem.columns(here, there, before="optimum.")
+        yield Data("stationarity", "", self.stationarity)
+        yield Data("agreeing_starts", "", f"{self.agreeing} of {len(self.starts)}")
+        yield Data("verdict", "", self.verdict)
+        yield from problem.columns(sample.values, sample.quantities, self.table_dims)
+        yield Data("feasible", "", sample.feasible, self.table_dims)
+
+    @property
+    def agreeing(self) -> int:
+        """How many starts ended at the optimum."""
+        return sum(start.agrees for start in self.starts)
+
+
+def optimise(
+    problem: Problem | None = None,
+    objective: Objective | None = None,
+    *,
+    maximise: bool | None = None,
+    constraints: Mapping[Asked, Interval] | None = None,
+    starts: int | ArrayLike = 8,
+    method: "str | optax.GradientTransformation | None" = None,
+    max_steps: int = 100,
+    tolerance: float = 1e-5,
+    samples: int = 256,
+    seed: int = 0,
+    batch: int = 8,
+    callback: Callback | None = None,
+    keep: Keep | None = None,
+) -> Optimum:
+    """The best design of a problem.
+
+    Args:
+        problem: whose variables all have ranges.
+        objective: a quantity by name, a function of a `DesignResult`, or values to meet by quantity
+            (least squares, each residual in spreads of its quantity); the first of the problem if
+            absent.
+        maximise: whether to make it large; if absent what `Quantity.better` says, small for functions.
+        constraints: [SI] (low, high) by quantity, `None` for an open end, twice the same for a value
+            to be met.
+        starts: how many: the best design of the sample, the present one, and others spread evenly; or
+            designs (starts, variables) in SI units.
+        method: "slsqp" (SciPy; keeps constraints), "least-squares" (SciPy's dogbox, for targets
+            without constraints), "adam", or a gradient transformation of Optax, which moves shares of
+            the ranges; if absent the first of these that suits.
+        max_steps: largest number of designs solved from each start.
+        tolerance: [-] of `Optimum.stationarity`; relative to the spread of the objective.
+        samples: designs of the comparison, of a Sobol sequence; at least as many as starts.
+        seed: of the sample.
+        batch: designs solved at once.
+        callback: called as work goes on with "sample" or "descent", the designs solved (from each
+            start) and the largest number of them; what it raises ends the search.
+        keep: called as work goes on with the problem, whose quantities those of the constraints are as
+            well, designs [SI] (n, variables), and what was solved of them.
+
+    Raises:
+        BadInput: a variable without finite range, an unknown quantity, an impossible bound.
+        SolveFailed: no design of the sample can be solved.
+
+    >>> from jaxcomp import load, problem
+    >>> bore = problem(load("mayekawa-wbhe"), {"bore": (0.1, 0.16)}, ["mechanical_efficiency"])
+    >>> best = optimise(bore, samples=16)
+    >>> print(f"{1e3 * best.values['bore']:.1f} mm, {100 * best.objective:.2f} %, {best.status}")
+    130.9 mm, 91.17 %, converged
+    """
+    if not isinstance(objective, str | Mapping | None) and not callable(objective):
+        bound = 'one quantity by name, such as "motor_power", a function, or values to meet by name'
+        raise BadInput("objective", str(objective), bound)
+    problem = given_problem(problem)
+    goal = goal_of(problem, objective, maximise, constraints)
+    chosen = method_of(method, goal)
+    given, count = _given_starts(starts, problem)
+    points = space(problem, goal.ranges, max(counted("samples", samples, 0), count), seed, given)
+    search = Search(goal.problem, points, batch, max_steps, tolerance, callback, keep)
+    goal, sample = search.sampled(goal)
+    begin = sample.starts(count) if given is None else given
+    descents = search.descents([(goal, start) for start in begin], chosen)
+    return optimum_of(goal, sample, descents)
+
+
+def _given_starts(starts, problem: Problem) -> tuple[np.ndarray | None, int]:
+    """Designs to begin from, if they are given, and their number."""
+    if isinstance(starts, int):
+        return None, counted("starts", starts, high=10_000)
+    given = np.atleast_2d(np.asarray(starts, float))
+    if given.ndim != 2 or given.shape[1] != len(problem.variables):
+        raise BadInput("starts", given, f"of shape (starts, {len(problem.variables)})")
+    for one, column in zip(problem.variables, given.T, strict=True):
+        bad = column[~((column >= one.low) & (column <= one.high))]
+        if bad.size:
+            raise BadInput(f"starts.{one.name}", bad[0], f">= {one.low:g} and <= {one.high:g}")
+    return given, len(given)
+
+
+def space(
+    problem: Problem, ranges: Ranges, count: int, seed: int, first: np.ndarray | None = None
+) -> Float[np.ndarray, "n variables"]:
+    """[SI] The given designs, or the present one if it lies inside the ranges, and an even sample."""
+    if first is None:
+        now = np.asarray(problem.current)[None]
+        first = now[ranges.contain(now)]
+    return np.concatenate([first, even_sample(ranges, count, seed)])
+
+
+def even_sample(ranges: Ranges, count: int, seed: int) -> Float[np.ndarray, "count variables"]:
+    """[SI] Designs of a scrambled Sobol sequence, of which the first few are spread evenly as well."""
+    from scipy.stats import qmc  # a second, for those who draw
+
+    engine = qmc.Sobol(len(ranges.low), rng=seed)
+    return ranges.values(engine.random_base2(math.ceil(math.log2(count)))[:count])
+
+
+class Search:
+    """A sample that is solved, and starts that are moved by the same program.
+
+    Args:
+        problem: of the goal or goals.
+        points: [SI] (n, variables) designs of the sample.
+        batch, max_steps, tolerance, callback, keep: as in `optimise`.
+
+    Raises:
+        BadInput: an option out of bounds.
+        SolveFailed: no design of the sample can be solved.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        points: Float[np.ndarray, "n variables"],
+        batch: int,
+        max_steps: int,
+        tolerance: float,
+        callback: Callback | None,
+        keep: Keep | None = None,
+    ):
+        for name, number in {"max_steps": max_steps, "batch": batch}.items():
+            if number < 1:
+                raise BadInput(name, number, ">= 1")
+        if not 0 < tolerance < 1:
+            raise BadInput("tolerance", tolerance, "> 0 and < 1")
+        self.problem, self.batch, self.keep = problem, batch, keep
+        self.points, self.max_steps, self.tolerance = points, max_steps, tolerance
+        self.tell = callback or (lambda stage, done, most: None)
+        parts, at_once = [], 4 * batch
+        for first in range(0, len(points), at_once):
+            parts.append(self.solved(points[first : first + at_once]))
+            self.tell("sample", min(first + at_once, len(points)), len(points))
+        self.found = Solved(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        if not np.any(self.found.ok):
+            details = f"none of {len(points)} designs could be solved"
+            raise SolveFailed(Status.not_converged, details)
+
+    def solved(self, points: Float[np.ndarray, "n variables"]) -> Solved:
+        """Solve designs, and let them be kept."""
+        found = solved(self.problem, points, self.batch)
+        if self.keep is not None:
+            self.keep(self.problem, points, found)
+        return found
+
+    def sampled(self, goal: Goal) -> tuple[Goal, Sample]:
+        """A goal in spreads of the quantities over the sample, and the sample as it judges it."""
+        values, ok, _ = self.found
+        spread, size = values[ok].std(axis=0), np.abs(values[ok].mean(axis=0))
+        # A quantity that does not change over the sample has no scale but its size.
+        scale = np.where(spread <= 1e-12 * size, np.where(size > 0, size, 1.0), spread)
+        goal = dataclasses.replace(goal, scale=scale, tolerance=self.tolerance)
+        rows = zip(self.points, *self.found, strict=True)
+        designs = [Point(goal, *row) for row in rows]
+        feasible = np.array([one.feasible for one in designs])
+        worth = np.array([one.f if one.feasible else np.inf for one in designs])
+        best = int(np.argmin(worth)) if feasible.any() else None
+        objective = np.array([one.objective for one in designs])
+        return goal, Sample(self.points, values, objective, ok, feasible, best)
+
+    def descents(self, begin: Sequence[tuple[Goal, np.ndarray]], method: Method) -> list[Descent]:
+        """Move from all starts, each to its goal, side by side, their designs solved in batches."""
+        made, done = [Descent(*one, self.max_steps) for one in begin], 0
+
+        def solve(points):
+            nonlocal done
+            found = self.solved(points)
+            done += 1
+            self.tell("descent", done, self.max_steps)
+            return list(zip(*map(np.asarray, found), strict=True))
+
+        with warnings.catch_warnings():
+            # which they are by a rounding
+            warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
+            run_together([partial(one.run, method) for one in made], solve)
+        return made
+
+
+def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optimum:
+    """The result of starts that have ended."""
+    problem, ranges = goal.problem, goal.ranges
+    best = min(descents, key=lambda one: one.best.rank)
+    end, values = best.best, ranges.values(best.best.share)
+    verdict, local = _compared(sample, end)
+    names = [one.name for one in problem.variables]
+    gradient = goal.unit * end.gradient / ranges.width
+    sides = {"low": end.share < 1e-4, "high": end.share > 1 - 1e-4}
+    return Optimum(
+        problem=problem,
+        ranges=ranges,
+        design=problem.designed(jnp.asarray(values)),
+        values=dict(zip(names, values.tolist(), strict=True)),
+        objective=end.objective,
+        objective_name=goal.name,
+        maximised=goal.sign < 0,
+        quantities=dict(zip(problem.names, end.values.tolist(), strict=True)),
+        status=best.status,
+        feasible=end.feasible,
+        stationarity=end.stationarity,
+        gradient=dict(zip(names, gradient.tolist(), strict=True)),
+        at_bound={
+            name: side for side, on in sides.items() for name in np.array(names)[on].tolist()
+        },
+        constraints=_constrained(end),
+        starts=tuple(_start(one, end) for one in descents),
+        sample=sample,
+        verdict=verdict,
+        local=local,
+        evaluations=sum(len(one.points) for one in descents),
+    )
+
+
+def _start(descent: Descent, best: Point) -> Start:
+    end, path, ranges = descent.best, descent.path, descent.goal.ranges
+    return Start(
+        start=descent.start,
+        values=ranges.values(end.share),
+        objective=end.objective,
+        violation=end.violation,
+        stationarity=end.stationarity,
+        status=descent.status,
+        steps=len(descent.points),
+        agrees=bool(np.max(np.abs(end.share - best.share)) <= 1e-3),
+        path=ranges.values(np.stack([point.share for point in path])),
+        objectives=np.array([point.objective for point in path]),
+        slopes=np.array([point.stationarity for point in path]),
+        solved=np.array([point.ok for point in descent.points]),
+    )
+
+
+def _compared(sample: Sample, end: Point) -> tuple[str, bool]:
+    """The verdict, and whether a sample is better."""
+    among = f"{len(sample.ok)} samples"
+    if sample.best is None and not end.feasible:
+        return f"no start and none of {among} keeps all constraints", False
+    if sample.best is not None:
+        value = float(sample.objective[sample.best])
+        if not end.feasible:
+            return f"no start keeps all constraints, but one of {among} does", True
+        if (end.objective - value) / end.goal.unit > BETTER:
+            return f"a local optimum: one of {among} is better, {value:.7g}", True
+    return f"no better design among {among}", False
+
+
+def _constrained(end: Point) -> tuple[Constrained, ...]:
+    out = []
+    for number, limit in enumerate(end.goal.limits):
+        over = float(end.limits.values[number])
+        broken = over if limit.side else abs(over)
+        out.append(
+            Constrained(
+                name=limit.name,
+                side={1: "upper", -1: "lower", 0: "equal"}[limit.side],
+                bound=limit.bound,
+                value=float(end.values[limit.place]),
+                active=limit.side == 0 or bool(end.multipliers[number] > 0),
+                multiplier=end.price(number),
+                violation=broken if broken > 10 * FEASIBLE else 0.0,
+            )
+        )
+    return tuple(out)

@@ -1,0 +1,205 @@
+"""The Pareto front of two objectives: what one costs in terms of the other."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._core.errors import BadInput
+from .._core.fields import counted
+from .._core.results import Data, Result
+from .._core.status import SolveFailed, Status
+from ._descent import BETTER, Descent, method_of
+from ._goal import Goal, Interval, Limit, goal_of
+from ._optimise import Callback, Keep, Optimum, Search, optimum_of, space
+from ._problem import Asked, Problem, given_problem
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class ParetoFront(Result):
+    """Designs of which none is better in both objectives.
+
+    The first is the best in the first objective, the last in the second; between them the first
+    objective is optimised with the second held at even steps (epsilon constraints).
+
+    Attributes:
+        names, units: of the two objectives.
+        maximised: (2,) which are made large.
+        variables: names.
+        values: [SI] (n, variables).
+        objectives: [SI] (n, 2).
+        exchange: [SI] (n,) slope of the front: change of the first objective per unit of the second, the
+            multiplier of its constraint; NaN at both ends and where the level does not hold the
+            search back.
+        status: (n,) how each search ended; see `Start`.
+        dominated: (n,) whether another one is better in one and as good in the other objective.
+        present: [SI] (2,) the design as it stands; NaN if it cannot be solved.
+        sample: [SI] (m, 2) objectives of all designs of the sample that keep the constraints.
+        beaten_by: designs of the sample that are better than some point of the front in both.
+        ends: the two optima.
+        evaluations: designs solved, ends included, the sample not.
+    """
+
+    names: tuple[str, str]
+    units: tuple[str, str]
+    maximised: tuple[bool, bool]
+    variables: tuple[str, ...]
+    values: Float[np.ndarray, "n variables"]
+    objectives: Float[np.ndarray, "n 2"]
+    exchange: Float[np.ndarray, " n"]
+    status: tuple[str, ...]
+    dominated: Bool[np.ndarray, " n"]
+    present: Float[np.ndarray, "2"]
+    sample: Float[np.ndarray, "m 2"]
+    beaten_by: int
+    ends: tuple[Optimum, Optimum]
+    evaluations: int
+
+    # `status` here has one word a point
+    table_dims: ClassVar[tuple[str, ...]] = ("point",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has the points of the front."""
+        at = self.table_dims
+        units = (*(one.unit for one in self.ends[0].problem.variables), *self.units)
+        columns = *self.values.T, *self.objectives.T
+        for name, unit, column in zip((*self.variables, *self.names), units, columns, strict=True):
+            yield Data(name, unit, column, at)
+        yield Data("exchange", "", self.exchange, at, "first objective per unit of the second")
+        yield Data("dominated", "", self.dominated, at)
+        yield Data("status", "", np.array(self.status), at)
+
+
+def pareto(
+    problem: Problem,
+    objectives: tuple[Asked, Asked] | None = None,
+    *,
+    maximise: tuple[bool | None, bool | None] = (None, None),
+    constraints: Mapping[Asked, Interval] | None = None,
+    points: int = 12,
+    starts: int = 8,
+    max_steps: int = 100,
+    tolerance: float = 1e-5,
+    samples: int = 256,
+    seed: int = 0,
+    batch: int = 8,
+    callback: Callback | None = None,
+    keep: Keep | None = None,
+) -> ParetoFront:
+    """Trace the front of two objectives by gradients; all its points move at once.
+
+    Args:
+        problem: whose variables all have ranges.
+        objectives: two quantities, by name or as functions of a `DesignResult`.
+        maximise: for each, as in `optimise`.
+        constraints: [SI] as in `optimise`.
+        points: of the front, with both ends; a front without conflict has one.
+        starts: of the search for each end.
+        max_steps, samples, seed, batch, callback, keep: as in `optimise`, whose steps count anew
+            for each end and for the points between.
+        tolerance: [-] as in `optimise`.
+
+    Raises:
+        BadInput: as `optimise`, or fewer than three points.
+        SolveFailed: no design of the sample can be solved, or none keeps the constraints.
+    """
+    counted("points", points, 3, 10_000)
+    counted("starts", starts, high=10_000)
+    problem = given_problem(problem)
+    if not isinstance(objectives, tuple | list) or len(set(objectives)) != 2:
+        bound = 'two different quantities, such as ("mechanical_efficiency", "motor_power")'
+        raise BadInput("objectives", str(objectives or "absent"), bound)
+    if not isinstance(maximise, tuple | list) or len(maximise) != 2:
+        raise BadInput("maximise", str(maximise), "one for each objective, such as (True, False)")
+    quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
+    # all quantities in one order, so that one program serves both ends and the front
+    problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)
+    goals = [
+        goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)
+    ]
+    method, ranges = method_of("slsqp", goals[0]), goals[0].ranges
+    designs = space(problem, ranges, max(samples, starts), seed)
+    search = Search(goals[0].problem, designs, batch, max_steps, tolerance, callback, keep)
+    ends, front = [], []
+    for goal, sample in map(search.sampled, goals):
+        descents = search.descents([(goal, start) for start in sample.starts(starts)], method)
+        ends.append(optimum_of(goal, sample, descents))
+        front.append(min(descents, key=lambda one: one.best.rank))
+        if not ends[-1].feasible:
+            raise SolveFailed(Status.not_converged, ends[-1].verdict)
+    evaluations = sum(end.evaluations for end in ends)
+    goals = [one.goal for one in front]
+    places, signs = [one.objective for one in goals], np.array([one.sign for one in goals])
+    scale = goals[0].scale[places]
+    if abs(np.subtract(*(one.best.values[places[1]] for one in front))) > BETTER * scale[1]:
+        between = search.descents(_between(ends, front, points), method)
+        evaluations += sum(len(one.points) for one in between)
+        front += between
+    else:
+        front = front[:1]
+    # from the best of the first objective to the best of the second
+    front.sort(key=lambda one: -signs[1] * one.best.values[places[1]])
+    reached = np.array([one.best.values[places] for one in front])
+    now = search.solved(problem.current[None])
+    sample = ends[0].sample.quantities[ends[0].sample.feasible][:, places]
+    shown = signs * reached / scale
+    beats = np.all((signs * sample / scale)[:, None] < shown - BETTER, axis=-1)
+    return ParetoFront(
+        names=(goals[0].name, goals[1].name),
+        units=tuple(problem.units[place] for place in places),
+        maximised=(goals[0].sign < 0, goals[1].sign < 0),
+        variables=tuple(one.name for one in problem.variables),
+        values=np.array([ranges.values(one.best.share) for one in front]),
+        objectives=reached,
+        exchange=np.array([_exchange(one, goals) for one in front]),
+        status=tuple(one.status for one in front),
+        dominated=dominated(shown, BETTER),
+        present=np.asarray(now.values)[0, places] if now.ok[0] else np.full(2, np.nan),
+        sample=sample,
+        beaten_by=int(np.any(beats, axis=1).sum()),
+        ends=(ends[0], ends[1]),
+        evaluations=evaluations,
+    )
+
+
+def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.ndarray]]:
+    """Goals with one objective held at even levels between the ends, and where to begin.
+
+    Levels of one objective leave bare where the other one is steep: half the points have a level of
+    the second objective, the others of the first.
+    """
+    out = []
+    for held, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
+        main, other, sample = front[1 - held].goal, front[held].goal, ends[1 - held].sample
+        name, place, sign = other.name, other.objective, other.sign
+        for level in np.linspace(*(one.best.values[place] for one in front), count + 2)[1:-1]:
+            limits = *main.limits, Limit(name, place, sign, float(level))
+            # the best sample that keeps this level, or the end that does
+            kept = sample.feasible & (sign * (sample.quantities[:, place] - level) <= 0)
+            best = np.argmin(np.where(kept, sample.objective / main.unit, np.inf))
+            end = main.ranges.values(front[held].best.share)
+            start = sample.values[best] if kept.any() else end
+            out.append((dataclasses.replace(main, limits=limits), start))
+    return out
+
+
+def _exchange(descent: Descent, goals: list[Goal]) -> float:
+    """[SI] Slope of the front at one of its points, by its last limit; NaN at an end."""
+    if descent.goal in goals or (slope := descent.best.price(-1)) == 0:
+        return np.nan
+    return slope if descent.goal.objective == goals[0].objective else 1 / slope
+
+
+def dominated(shown: np.ndarray, margin: float) -> np.ndarray:
+    """(n,) which of some points (n, objectives), small is good, another one dominates.
+
+    Args:
+        shown: the objectives.
+        margin: by how much the other has to be better in one of them; as much worse in the other does
+            not save a point.
+    """
+    no_worse = np.all(shown[:, None] <= shown[None] + 1e-9, axis=-1)
+    better = np.any(shown[:, None] < shown[None] - margin, axis=-1)
+    return np.any(no_worse & better, axis=0)

@@ -1,0 +1,301 @@
+r"""A design problem: which numbers change, and what is asked of the result."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._core.errors import BadInput, MissingPart
+from .._core.fields import listed_names
+from .._core.results import Data
+from ..cylinder import Cylinder
+from ..machine import Machine, assembled, machine_of
+from ._analysis import (
+    AnalysisOptions,
+    DesignResult,
+    by_crank,
+    given_options,
+    known_response,
+    quantity_named,
+)
+from ._variables import Variable, by_name, variable
+
+Asked = str | Callable[[DesignResult], Float[Array, ""]]
+
+
+def name_of(asked: Asked) -> str:
+    """Of a quantity; a function goes by its own name."""
+    return asked if isinstance(asked, str) else asked.__name__
+
+
+def unit_of(asked: Asked) -> str:
+    """SI unit of a quantity; empty for a function."""
+    return quantity_named(asked).unit if isinstance(asked, str) else ""
+
+
+def value_of(asked: Asked, found: DesignResult) -> Float[Array, ""]:
+    """[SI] A quantity of a design.
+
+    Raises:
+        BadInput: one that needs a part which the design does not have.
+    """
+    if not isinstance(asked, str):
+        return asked(found)
+    one = quantity_named(asked)
+    if missing := one.missing(found.design):
+        raise MissingPart(one.name, missing)
+    return one.value(found)
+
+
+class Answer(NamedTuple):
+    """What one design is worth.
+
+    Attributes:
+        values: [SI] (quantities,) in the order of the problem.
+        ok: whether they can be relied on; if not they are finite where the solvers are, and mean
+            nothing.
+    """
+
+    values: Float[Array, " quantities"]
+    ok: Bool[Array, ""]
+
+
+class Problem(eqx.Module):
+    """Quantities of a design as one pure function of its variables.
+
+    `problem(values)` is differentiable and may be compiled and mapped; it computes what its
+    quantities need and nothing else. Optimiser, sweep, tolerances and reports all stand on it.
+
+    Attributes:
+        design: as it stands.
+        variables: the numbers that change; static.
+        quantities: names of `quantity_named`, or functions of a `DesignResult`; static.
+        options: of the analysis of a design.
+    """
+
+    design: Machine
+    variables: tuple[Variable, ...] = eqx.field(static=True)
+    quantities: tuple[Asked, ...] = eqx.field(static=True)
+    options: AnalysisOptions
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the quantities; a function goes by its own name."""
+        return tuple(name_of(q) for q in self.quantities)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI units of the quantities; empty for functions."""
+        return tuple(unit_of(q) for q in self.quantities)
+
+    @property
+    def current(self) -> Float[Array, " variables"]:
+        """[SI] The variables as the design stands."""
+        return jnp.stack([jnp.asarray(v.current(self.design), float) for v in self.variables])
+
+    def designed(self, values: Float[Array, " variables"]) -> Machine:
+        """The design with these values [SI] of the variables, set in their order."""
+        design = self.design
+        for number, one in enumerate(self.variables):
+            design = one.apply(design, values[number])
+        return design
+
+    def columns(self, points, values, dims=(), before: str = "") -> Iterator[Data]:
+        """Variables [SI] (*designs, variables) and quantities (*designs, quantities) of a result."""
+        names = (*(one.name for one in self.variables), *self.names)
+        units = (*(one.unit for one in self.variables), *self.units)
+        for name, unit, column in zip(names, units, (*points.T, *values.T), strict=True):
+            yield Data(f"{before}{name}", unit, column, dims)
+
+    def __call__(self, values: Float[Array, " variables"]) -> Answer:
+        """The quantities of one design.
+
+        Args:
+            values: [SI] (variables,)
+
+        Raises:
+            BadInput: a quantity that the scene does not have.
+        """
+        found = DesignResult(self.designed(values), self.options)
+        out = [value_of(asked, found) for asked in self.quantities]
+        inside = jnp.asarray(True)
+        for number, one in enumerate(self.variables):
+            inside &= one.bound.holds(values[number])
+        values = jnp.stack([jnp.asarray(value, float) for value in out])
+        return Answer(values, found.ok & inside & jnp.all(jnp.isfinite(values)))
+
+
+def problem(
+    scene: Any,
+    variables: Sequence[str] | dict[str, tuple[float | None, float | None]] | None = None,
+    quantities: Sequence[Asked] | None = None,
+    options: AnalysisOptions | None = None,
+) -> Problem:
+    """A problem on a scene.
+
+    Args:
+        scene: of `jaxcomp.load`, or a `Machine`.
+        variables: names or patterns, or ranges in SI units by these; see `Variable` and `matching`.
+        quantities: see `available_quantities`; or functions of a `DesignResult`.
+        options: of the analysis of a design.
+
+    Raises:
+        BadInput: an unknown variable or quantity, or an impossible range.
+
+    >>> from jaxcomp import load, problem
+    >>> def swept_volume(found):
+    ...     return found.design.compressor.mechanism.swept_volume
+    >>> made = problem(load("mayekawa-wbhe"), ["mechanism.bore"], [swept_volume])
+    >>> print(f"{made(made.current).values[0]:.6f}")  # [m^3]
+    0.001327
+    >>> print(f"{jax.grad(lambda x: made(x).values[0])(made.current)[0]:.5f}")  # [m^2]
+    0.02042
+    """
+    design = machine_of(scene)
+    if variables is None:
+        bound = 'names or ranges in SI units, such as {"bore": (0.12, 0.14)}'
+        raise BadInput("variables", "absent", bound)
+    listed_names("variables", variables)
+    listed_names("quantities", quantities)
+    ranges = variables if isinstance(variables, dict) else dict.fromkeys(variables, (None, None))
+    if not quantities:
+        raise BadInput(
+            "quantities", "none", 'at least one, in a list such as ["mechanical_efficiency"]'
+        )
+    for name, ends in ranges.items():
+        if isinstance(ends, str) or np.shape(ends) != (2,):
+            raise BadInput(name, f"{ends}", "a pair of ends in SI units, (low, high)")
+    chosen = tuple(variable(design, n, *ends) for n, ends in by_name(design, ranges).items())
+    made = Problem(design, chosen, tuple(quantities), given_options(options))
+    # Refuses what the scene does not have before anything is compiled.
+    eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(chosen),), float))
+    return made
+
+
+def problem_of(
+    scene: Any,
+    label: str,
+    names: Sequence[str],
+    quantities: Sequence[Asked] | None,
+    options: AnalysisOptions | None,
+) -> Problem:
+    """The problem that a study is given as its scene, or one on that scene.
+
+    Raises:
+        BadInput: as `problem`; or, for the argument `label`, other variables than the given problem
+            has; or quantities or options beside those of its own.
+    """
+    listed_names("quantities", quantities)
+    if not isinstance(scene, Problem):
+        return problem(scene, names, quantities or ("mechanical_efficiency",), options)
+    if quantities is not None or options is not None:
+        raise BadInput("quantities", "given twice", "left to the `Problem`, as are the options")
+    own = [one.name for one in scene.variables]
+    if list(names) != own:
+        raise BadInput(label, ", ".join(names), f"{', '.join(own)}, in this order")
+    return scene
+
+
+def given_problem(given: Any) -> Problem:
+    """A problem, which an optimiser takes and a scene is not.
+
+    Raises:
+        BadInput: something else.
+    """
+    if isinstance(given, Problem):
+        return given
+    example = 'problem(scene, {"mechanism.bore": (0.12, 0.14)}, ["mechanical_efficiency"])'
+    raise BadInput("problem", f"a {type(given).__name__}", f"a `Problem`, such as {example}")
+
+
+def solves_gas(problem: Problem) -> bool:
+    """Whether the gas is solved with its valves."""
+    return isinstance(getattr(problem.design.compressor, "gas", None), Cylinder)
+
+
+def of_each(function: Callable, problem: Problem, points):
+    """A function of every point: all at once, or one after another where the gas is solved.
+
+    Such designs differ in their number of steps, and the program of a batch is several times as large.
+    """
+    return jax.lax.map(function, points) if solves_gas(problem) else jax.vmap(function)(points)
+
+
+class Solved(NamedTuple):
+    """Designs that were solved with their derivatives.
+
+    Attributes:
+        values: [SI] (n, quantities)
+        ok: (n,) whether values and slopes can be relied on.
+        slope: [SI] (n, quantities, variables)
+    """
+
+    values: Float[Array, "n quantities"]
+    ok: Bool[Array, " n"]
+    slope: Float[Array, "n quantities variables"]
+
+
+def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8) -> Solved:
+    """Solve designs with their derivatives, in batches of one size and so by one program."""
+    rows, parts = np.asarray(points), []
+    for first in range(0, len(rows), batch):
+        some = rows[first : first + batch]
+        filled = np.concatenate([some, np.repeat(some[-1:], batch - len(some), 0)])
+        parts.append([a[: len(some)] for a in _answers(problem, jnp.asarray(filled))])
+    return Solved(*(jnp.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+@eqx.filter_jit
+def _answers(problem: Problem, points):
+    # diffrax's checkpoints run backwards only
+    backwards = getattr(problem.options.solver, "name", "") == "shooting"
+    # Each direction costs about one more solution, forwards by variable and backwards by quantity.
+    backwards |= len(problem.variables) > 4 * len(problem.quantities)
+
+    def one(point):
+        def values(point):
+            answer = problem(point)
+            return answer.values, answer
+
+        if backwards:
+            slope, answer = jax.jacrev(values, has_aux=True)(point)
+        else:
+            # not `jacfwd`, where an iterative rule of a derivative gives `ok` an axis of directions
+            _, forward, answer = jax.linearize(values, point, has_aux=True)
+            slope = jax.vmap(forward, out_axes=1)(jnp.eye(point.size))
+        return answer.values, answer.ok & jnp.all(jnp.isfinite(slope)), slope
+
+    return of_each(one, problem, points)
+
+
+# Variables that change the loads of a rotor and not the rotor.
+_LOADS = ("corrections.", "loads.unbalances.", "balancing.targets.")
+
+
+def prepared(problem: Problem) -> Problem:
+    """The problem with its rotor solved beforehand, where nothing but loads changes; else as it is.
+
+    Many designs then cost a product of matrices each instead of a factorisation.
+
+    A quantity that is a function, and that changes the design it is given, has to name the variables
+    it changes in an attribute `changes`.
+    """
+    asked = any(
+        not isinstance(q, str) or "vibration" in quantity_named(q).needs for q in problem.quantities
+    )
+    if problem.options.known is not None:
+        return problem
+    if not asked or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
+        return problem
+    crank = by_crank(assembled(problem.design), problem.options)
+    kept = _LOADS if crank else (*_LOADS, "loads.forces.")
+    names = [v.name for v in problem.variables]
+    names += [name for q in problem.quantities for name in getattr(q, "changes", ())]
+    if not all(name.startswith(kept) for name in names):
+        return problem
+    known = known_response(problem.design, problem.options)
+    return eqx.tree_at(lambda p: p.options.known, problem, known, is_leaf=lambda x: x is None)

@@ -1,0 +1,259 @@
+r"""Design variables: rules that turn one number into a whole consistent machine.
+
+A rule is a pure function of a machine and a value, differentiable in both, and returns the whole
+machine: crank and rotor stay one. It rebuilds the machine unchecked, as everything that may run inside
+`jit` does; a solver reports a design that left its bounds. A bare compressor is taken as well.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core.errors import BadInput, no_machine
+from .._core.fields import (
+    ANY,
+    POSITIVE,
+    Bound,
+    is_traced,
+    listed,
+    plausible,
+    quantities,
+    rebuilt,
+    replaced,
+    single_number,
+)
+from .._core.registry import DESIGN_RULES
+from ..compressor import Compressor
+from ..machine import Machine
+from ..mechanism import SliderCrank, SliderLink
+from ..rotor import LoadCase
+
+_Machine = TypeVar("_Machine", Machine, Compressor)
+
+
+class DesignRule(NamedTuple):
+    """A design variable.
+
+    Attributes:
+        apply: (machine, value) -> the machine with that value.
+        current: machine -> the value it has now.
+        unit: SI unit of the value.
+        bound: admissible values.
+        doc: one line for tables and help.
+    """
+
+    apply: Callable[[Any, Float[Array, ""]], Any]
+    current: Callable[[Machine | Compressor], Float[Array, ""]]
+    unit: str
+    bound: Bound
+    doc: str
+
+
+def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
+    r"""The machine with another bore at the same displacement and crank ratio.
+
+    Tsuji et al. (2012) Eq. (6), relative to the machine that is given. With
+    $\sigma = (d_0/d)^2$ the crank radius and the rod length become $\sigma$ times as long, so that
+    $V_s = \tfrac{\pi}{2} d^2 r$ and $r/l$ stay, and
+
+    $$m_p = (d/d_0)^2\, m_{p0}, \quad m_c = (l/l_0)\, m_{c0}, \quad I_c = (l/l_0)^2\, I_{c0} .$$
+
+    The paper leaves open what follows here: the mass centre keeps its share b/l of the rod, the
+    offset of the cylinder its share e/r (which keeps the displacement exact), and the crank its share
+    of what it balances, as counterweights that are designed along: with one slider-crank of the
+    rotating moment $m_c r a/l$ of the rod, with several cylinders or a slider-link of the half balance
+    $(m_{rot} + m_{rec}/2)\,r$ of its throws. With a rotor its unbalances, which are those of the crank,
+    keep that share. Shaft and rotor and the diameters of pins and journals do not change, nor do gas,
+    motor and coefficients of friction.
+
+    A slider-link machine follows the same rule for R and $m_p$. The engaged length of its piston at
+    the bottom dead centre grows with the bore, and slider, link, offset and the planes of the shaft
+    stay.
+
+    Args:
+        machine: the machine to start from, or its compressor alone.
+        bore: [m] piston diameter.
+
+    Raises:
+        BadInput: a mechanism without such a rule, or a concrete bore that is not positive.
+
+    >>> from jaxcomp import load, with_bore
+    >>> machine = load("mayekawa-wbhe").machine
+    >>> narrow = with_bore(machine, 0.120)
+    >>> for one in (machine.compressor, narrow.compressor):
+    ...     print(f"{one.mechanism.stroke:.4f} m, {1e6 * one.mechanism.swept_volume:.0f} cm3")
+    0.1000 m, 1327 cm3
+    0.1173 m, 1327 cm3
+    """
+    mechanism = _ruled(machine)
+    bore = _checked("bore", bore, _of_field(mechanism, "bore"), "m")
+    scale = (mechanism.bore / bore) ** 2
+    if isinstance(mechanism, SliderLink):
+        scaled = _link_with_bore(mechanism, bore, scale)
+    else:
+        scaled = replaced(
+            mechanism,
+            bore=bore,
+            crank_radius=mechanism.crank_radius * scale,
+            conrod_length=mechanism.conrod_length * scale,
+            conrod_centre=mechanism.conrod_centre * scale,
+            offset=mechanism.offset * scale,
+            piston_mass=mechanism.piston_mass / scale,
+            conrod_mass=mechanism.conrod_mass * scale,
+            conrod_inertia=mechanism.conrod_inertia * scale**2,
+        )
+    several = _compressor(machine).crankshaft.count > 1
+    alike = several or isinstance(mechanism, SliderLink)
+    share = scaled.half_balance / mechanism.half_balance if alike else scale**2
+    return _with_unbalances(_with_compressor(machine, mechanism=scaled), share)
+
+
+def _with_unbalances(machine: _Machine, share: Float[Array, ""]) -> _Machine:
+    """The machine with all unbalances of its crankshaft, or of the rotor that it is, times a factor."""
+    shaft = _compressor(machine).crankshaft
+    throws = tuple(_scaled(throw, ("unbalance",), share) for throw in shaft.throws)
+    shaft = rebuilt(
+        _scaled(shaft, ("unbalance", "shaft_unbalance", "shaft_couple"), share), throws=throws
+    )
+    made = _with_compressor(machine, crankshaft=shaft)
+    case = made.parts.get("loads") if isinstance(made, Machine) else None
+    if not isinstance(case, LoadCase) or case.crank is None or not case.unbalances:
+        return made
+    where = lambda m: [table.magnitude for table in m.parts["loads"].unbalances]  # noqa: E731
+    return eqx.tree_at(where, made, [size * share for size in where(made)])
+
+
+def _scaled(part, names: tuple[str, ...], factor: Float[Array, ""]):
+    """A part with those of its numbers that are fields and given times a factor."""
+    fields = {field.name for field in dataclasses.fields(part)} & set(names)
+    given = {name: getattr(part, name) for name in fields}
+    return replaced(part, **{name: v * factor for name, v in given.items() if v is not None})
+
+
+def with_stroke_bore_ratio(machine: _Machine, ratio: Float[Array, ""]) -> _Machine:
+    r"""The machine with another ratio of crank circle to bore, $2R/D$, by `with_bore`.
+
+    Args:
+        machine: the machine to start from, or its compressor alone.
+        ratio: [-] $2R/D$, the stroke over the bore.
+
+    Raises:
+        BadInput: as `with_bore`.
+    """
+    ratio = _checked("stroke_bore_ratio", ratio, POSITIVE)
+    return with_bore(machine, _ruled(machine).bore * jnp.cbrt(_ratio(machine) / ratio))
+
+
+def with_offset(machine: _Machine, value: Float[Array, ""]) -> _Machine:
+    """The machine with its cylinder axis at y = offset [m] from the crank.
+
+    Args:
+        machine: the machine to start from, or its compressor alone.
+        value: [m] the offset.
+    """
+    mechanism = _ruled(machine)
+    value = _checked("offset", value, ANY)
+    return _with_compressor(machine, mechanism=replaced(mechanism, offset=value))
+
+
+def with_piston_clearance(machine: _Machine, clearance: Float[Array, ""]) -> _Machine:
+    """The machine with another radial clearance [m] of the piston.
+
+    It acts on the drag of the oil film alone: leakage past the piston is not modelled, so the gain
+    of a wider clearance has no price here.
+
+    Raises:
+        BadInput: there is no film between piston and cylinder, or a clearance that is not positive.
+    """
+    clearance = _checked("piston_clearance", clearance, POSITIVE)
+    film = replaced(_film(machine), radial_clearance=clearance)
+    friction = replaced(_compressor(machine).friction, piston_film=film)
+    return _with_compressor(machine, friction=friction)
+
+
+design_rules: dict[str, DesignRule] = {
+    name: DesignRule(*rule, DESIGN_RULES[name])
+    for name, rule in {
+        "bore": (with_bore, lambda machine: _ruled(machine).bore, "m", POSITIVE),
+        "stroke_bore_ratio": (
+            with_stroke_bore_ratio, lambda machine: _ratio(machine), "", POSITIVE,
+        ),
+        "offset": (with_offset, lambda machine: _ruled(machine).offset, "m", ANY),
+        "piston_clearance": (
+            with_piston_clearance, lambda machine: _film(machine).radial_clearance, "m", POSITIVE,
+        ),
+    }.items()
+}  # fmt: skip
+
+
+def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
+    radius, piston_mass = mechanism.crank_radius * scale, mechanism.piston_mass / scale
+    engaged = (mechanism.cylinder_length - 2 * mechanism.crank_radius) * bore / mechanism.bore
+    length = engaged + 2 * radius
+    return replaced(
+        mechanism,
+        bore=bore,
+        crank_radius=radius,
+        cylinder_length=length,
+        crown_to_link=mechanism.crown_to_link - mechanism.cylinder_length + length,
+        piston_mass=piston_mass,
+    )
+
+
+def _compressor(machine: Machine | Compressor) -> Compressor:
+    if not isinstance(machine, Machine | Compressor):
+        raise no_machine(machine, ".machine")
+    found = machine.compressor if isinstance(machine, Machine) else machine
+    if found is None:
+        raise BadInput("compressor", "absent", "given, for this design rule")
+    return found
+
+
+def _with_compressor(machine: _Machine, **changes) -> _Machine:
+    if isinstance(machine, Machine):
+        made = replaced(_compressor(machine), **changes)
+        return eqx.tree_at(lambda m: m.compressor, machine, made)
+    return replaced(machine, **changes)
+
+
+def _ratio(machine: Machine | Compressor):
+    mechanism = _ruled(machine)
+    return 2 * mechanism.crank_radius / mechanism.bore
+
+
+def _ruled(machine: Machine | Compressor) -> SliderCrank | SliderLink:
+    """The mechanism, if it is one that the rules know."""
+    mechanism = _compressor(machine).mechanism
+    if not isinstance(mechanism, SliderCrank | SliderLink):
+        given = getattr(mechanism, "kind", type(mechanism).__name__)
+        bound = "a slider_crank or a slider_link, for which this rule is made"
+        raise BadInput("mechanism", given, bound)
+    for name in listed(mechanism):
+        bound = "one number for all cylinders, for which this rule is made"
+        raise BadInput(f"mechanism.{name}", getattr(mechanism, name), bound)
+    return mechanism
+
+
+def _film(machine: Machine | Compressor):
+    """The film between piston and cylinder."""
+    film = getattr(_compressor(machine).friction, "piston_film", None)
+    if film is None:
+        raise BadInput("friction", "without", "one with a film between piston and cylinder")
+    return film
+
+
+def _of_field(mechanism: SliderCrank | SliderLink, name: str) -> Bound:
+    """The bound of a length of the mechanism."""
+    declared = dict(quantities(mechanism))[name].metadata
+    return plausible(declared["bound"], declared["unit"], declared["usual"])
+
+
+def _checked(name: str, value, bound: Bound, unit: str = "") -> Float[Array, ""]:
+    value = single_number(name, value)
+    if not is_traced(value) and not bool(bound.holds(value)):
+        raise BadInput(name, value, f"{bound} {unit}".rstrip())
+    return value

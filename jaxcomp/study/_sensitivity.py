@@ -1,0 +1,236 @@
+r"""How much a quantity of a machine changes with each of its numbers."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._core.display import Shown, shown, small_unit
+from .._core.errors import BadInput
+from .._core.fields import listed_names
+from .._core.results import Data, Result
+from ..crank import Collocation
+from ..cylinder import Cylinder
+from ..machine import Machine, machine_of
+from ._analysis import AnalysisOptions, DesignResult, given_options
+from ._problem import Asked, name_of, unit_of, value_of
+from ._variables import given_numbers, variable_label
+
+# [-] An elasticity below this is rounding.
+_ROUNDING = 1e-12
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity(Result):
+    """Derivatives of quantities with respect to every number of a machine.
+
+    Attributes:
+        quantities: names (quantities,).
+        quantity_units: SI units of them.
+        value: [SI] (quantities,)
+        numbers: names (numbers,) of the numbers, see `Variable`.
+        parts: the same in words.
+        units: SI units of the numbers.
+        present: [SI] (numbers,) the numbers as the machine stands.
+        derivative: [SI] (quantities, numbers)
+        ok: whether all of it can be relied on.
+    """
+
+    quantities: tuple[str, ...]
+    quantity_units: tuple[str, ...]
+    value: Float[np.ndarray, " quantities"]
+    numbers: tuple[str, ...]
+    parts: tuple[str, ...]
+    units: tuple[str, ...]
+    present: Float[np.ndarray, " numbers"]
+    derivative: Float[np.ndarray, "quantities numbers"]
+    ok: bool
+
+    table_dims: ClassVar[tuple[str, ...]] = ("number",)
+
+    @property
+    def elasticity(self) -> Float[np.ndarray, "quantities numbers"]:
+        """[-] Relative change of a quantity over that of a number.
+
+        NaN where there is none: the number or the quantity is zero, or the number is an angle.
+        """
+        none = (self.present == 0) | (np.array(self.units) == "rad") | (self.value == 0)[:, None]
+        value = np.where(none, np.nan, self.value[:, None])
+        return self.derivative * self.present / value
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has a row for each number."""
+        pairs = list(zip(self.quantities, self.quantity_units, strict=True))
+        for place, (name, unit) in enumerate(pairs):
+            yield Data(name, unit, self.value[place])
+        yield Data("number", "", np.array(self.numbers), ("number",))
+        yield Data("part", "", np.array(self.parts), ("number",))
+        yield Data("present", "", self.present, ("number",), "value in the SI unit beside it")
+        yield Data("unit", "", np.array([unit or "1" for unit in self.units]), ("number",))
+        elasticity = self.elasticity
+        for place, (name, unit) in enumerate(pairs):
+            yield Data(f"elasticity.{name}", "", elasticity[place], ("number",))
+            per = f"{unit or '1'} per SI unit of the number"
+            yield Data(f"derivative.{name}", per, self.derivative[place], ("number",))
+
+    def ranking(self, quantity: str) -> list["Influence"]:
+        """The numbers that a quantity depends on, the largest elasticity first.
+
+        Those without an elasticity follow, by their derivative within a unit.
+
+        Raises:
+            BadInput: a quantity that was not asked for.
+        """
+        if quantity not in self.quantities:
+            raise BadInput("quantity", quantity, f"one of {', '.join(self.quantities)}")
+        place = self.quantities.index(quantity)
+        value, elasticity = self.value[place], self.elasticity[place]
+        look = shown(quantity, self.quantity_units[place], value)
+        rows = [
+            Influence(*row, look)
+            for row in zip(self.numbers, self.parts, self.units, self.present.tolist(),
+                           elasticity.tolist(), self.derivative[place].tolist(), strict=True)
+            if row[5] != 0 and not abs(row[4]) < _ROUNDING
+        ]  # fmt: skip
+
+        def order(row):
+            if row.relative:
+                return False, "", -abs(row.elasticity)
+            return True, row.unit, -abs(row.derivative)
+
+        return sorted(rows, key=order)
+
+    def _rows(self) -> Iterator[tuple[str, str]]:
+        for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
+            look, ranked = shown(name, unit, value), self.ranking(name)
+            yield look.words, look.text(float(value))
+            for one in ranked[:10]:
+                yield f"  {one.part} {one.value}", one.change
+            if len(ranked) > 10:
+                yield f"  and {len(ranked) - 10} more", "in `.to_pandas()`"
+
+
+class Influence(NamedTuple):
+    """What one number does to one quantity.
+
+    Attributes:
+        number: its name.
+        part: the same in words.
+        unit: SI unit of the number.
+        present: [SI] the number.
+        elasticity: [-] NaN where there is none, see `Sensitivity.elasticity`.
+        derivative: [SI] of the quantity over the number.
+        quantity: how the quantity is shown.
+    """
+
+    number: str
+    part: str
+    unit: str
+    present: float
+    elasticity: float
+    derivative: float
+    quantity: Shown
+
+    @property
+    def relative(self) -> bool:
+        """Whether there is an elasticity."""
+        return bool(np.isfinite(self.elasticity))
+
+    @property
+    def value(self) -> str:
+        """The number with the unit that suits it."""
+        if self.part.endswith("all values"):
+            return "as given"
+        if not self.present:
+            return f"0 {small_unit(self.unit)[0]}".strip()
+        return shown(self.number, self.unit, self.present).text(self.present)
+
+    @property
+    def rise(self) -> float:
+        """The number in `change`: per cent per per cent, or in the unit of the quantity."""
+        if self.relative:
+            return self.elasticity
+        return self.derivative / small_unit(self.unit)[1] * self.quantity.factor
+
+    @property
+    def change(self) -> str:
+        """What a rise of the number by 1 %, or by one unit, changes."""
+        if self.relative:
+            return f"{self.rise:+.3g} % per %"
+        rise = f"{self.rise:+.3g} {self.quantity.unit}"
+        return f"{rise.rstrip()} per {small_unit(self.unit)[0] or 'unit'}"
+
+
+def sensitivity(
+    scene: Any, quantities: Sequence[Asked] | None = None, *, options: AnalysisOptions | None = None
+) -> Sensitivity:
+    """How much quantities change with every number of a machine, by one reverse pass.
+
+    A list in which all rows have the value that the file gives once counts as one number.
+
+    Args:
+        scene: of `jaxcomp.load`, or a `Machine`.
+        quantities: see `available_quantities`; or functions of a `DesignResult`. Mechanical efficiency if
+            absent.
+        options: of the analysis of a design. Without a solver, load reversals of several cylinders are
+            located as well, without which derivatives err by 1e-3 of the largest.
+
+    Raises:
+        BadInput: an unknown quantity, or one that the machine does not have.
+
+    >>> from jaxcomp import load, sensitivity
+    >>> found = sensitivity(load("mayekawa-wbhe"), ["swept_volume"])
+    >>> for one in found.ranking("swept_volume"):
+    ...     print(one.part, one.value, one.change)
+    bore 130 mm +2 % per %
+    crank radius 50 mm +1 % per %
+    """
+    listed_names("quantities", quantities)
+    design, asked = machine_of(scene), tuple(quantities or ("mechanical_efficiency",))
+    options, compressor = given_options(options), design.compressor
+    if (
+        options.solver is None
+        and compressor is not None
+        and not isinstance(compressor.gas, Cylinder)
+    ):
+        options = dataclasses.replace(
+            options, solver=Collocation(reversals=compressor.load_reversals)
+        )
+    value, ok, slope = _solved(design, asked, options)
+    rows, slope = list(given_numbers(design)), jax.device_get(slope)
+    rises = [np.tensordot(one.at(slope), one.weight, one.weight.ndim) for one in rows]
+    return Sensitivity(
+        tuple(name_of(one) for one in asked),
+        tuple(unit_of(one) for one in asked),
+        np.asarray(value),
+        tuple(one.name for one in rows),
+        tuple(
+            variable_label(design, one.name) + (", all values" if one.factor else "")
+            for one in rows
+        ),
+        tuple(one.unit for one in rows),
+        np.array([one.value for one in rows]),
+        np.stack(rises, -1),
+        bool(ok),
+    )
+
+
+@eqx.filter_jit
+def _solved(
+    design: Machine, asked: tuple[Asked, ...], options: AnalysisOptions
+) -> tuple[Float[np.ndarray, " quantities"], Bool[np.ndarray, ""], Machine]:
+    """Values [SI], whether they hold, and their derivatives in the place of every number."""
+    moving, fixed = eqx.partition(design, eqx.is_inexact_array)
+
+    def values(moving):
+        found = DesignResult(eqx.combine(moving, fixed), options)
+        out = jnp.stack([jnp.asarray(value_of(one, found), float) for one in asked])
+        return out, (out, found.ok & jnp.all(jnp.isfinite(out)))
+
+    slope, (value, ok) = jax.jacrev(values, has_aux=True)(moving)
+    return value, ok, slope

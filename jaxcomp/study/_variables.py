@@ -1,0 +1,424 @@
+r"""The numbers of a machine that a study changes: by name, by pattern, and in words for people."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from fnmatch import fnmatchcase
+from functools import reduce
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core.errors import BadInput
+from .._core.fields import ANY, NONNEGATIVE, Bound, Part, plausible, quantities
+from .._core.words import hint
+from ..crankshaft import OF_ROTOR
+from ..machine import Machine, follows_rotor
+from ._rules import design_rules
+
+_Given = TypeVar("_Given")
+
+CORRECTIONS = "corrections"
+# Sections of parts that have names, and those with names that the user gave.
+_NAMED = ("bearings", "oils")
+_SECTIONS = (CORRECTIONS, *_NAMED)
+# Polar coordinates of a correction, with unit and bound.
+_POLAR = {"magnitude": ("kg m", NONNEGATIVE), "angle": ("rad", ANY)}
+
+
+class Variable(NamedTuple):
+    """One number of a design, with the range it may take.
+
+    Attributes:
+        name: of a rule in `design_rules` (the machine follows as a whole), or the dotted path of a
+            number as in a scene file ("mechanism.conrod_length", "rotor.links.3.law.stiffness.0",
+            "corrections.rotor-top.x", or .y, .magnitude, .angle). A path to a list of numbers is a
+            common factor on all of them, which is 1 as the design stands.
+        low, high: [SI] in the unit of the number.
+        unit: SI unit, `""` for pure numbers and factors.
+        bound: what the number must keep in any case.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    bound: Bound
+
+    def current(self, design: Machine) -> Float[Array, ""]:
+        """[SI] The value in a design."""
+        if self.name in design_rules:
+            return design_rules[self.name].current(design)
+        plane, polar = _polar(self.name)
+        if polar:
+            return _polar_of(design.corrections[plane])[polar == "angle"]
+        value = _walk(design, _steps(self.name))
+        return value if jnp.ndim(value) == 0 else jnp.ones(())
+
+    def apply(self, design: Machine, value: Float[Array, ""]) -> Machine:
+        """The design with another value [SI]; unchecked, as everything that may run inside `jit`."""
+        if self.name in design_rules:
+            return design_rules[self.name].apply(design, value)
+        plane, polar = _polar(self.name)
+        if polar:
+            magnitude, angle = _polar_of(design.corrections[plane])
+            magnitude, angle = (magnitude, value) if polar == "angle" else (value, angle)
+            new = magnitude * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+            return eqx.tree_at(lambda d: d.corrections[plane], design, new)
+        steps = _steps(self.name)
+        entry = steps[-1].isdigit() and eqx.is_array(_walk(design, steps[:-1]))
+        place = steps[:-1] if entry else steps
+        old = _walk(design, place)
+        if entry:
+            new = old.at[int(steps[-1])].set(value)
+        else:
+            new = jnp.asarray(value, float) if jnp.ndim(old) == 0 else old * value
+        return eqx.tree_at(lambda d: _walk(d, place), design, new)
+
+
+def variable(
+    design: Machine, name: str, low: float | None = None, high: float | None = None
+) -> Variable:
+    """A variable of a design, looked up and checked.
+
+    Args:
+        design: the design it belongs to.
+        name: as in `Variable`.
+        low, high: [SI] the range; the bounds of the number itself if absent.
+
+    Raises:
+        BadInput: no such number, or a range that is empty or outside the number's bounds.
+    """
+    if name in design_rules:
+        rule = design_rules[name]
+        unit, bound = rule.unit, rule.bound
+        rule.current(design)  # refuses a machine for which it is not made
+        steps = ["mechanism", name]
+    else:
+        unit, bound = _declared(design, name)
+        steps = _steps(name)
+        if _follows(design, name):
+            raise BadInput(
+                name, "derived", "a number that is given: this one follows from the rotor"
+            )
+    limit = plausible(bound, unit, _usual(design, steps))
+    for end in (low, high):
+        if isinstance(end, str):
+            raise BadInput(name, f'"{end}"', f"a range of numbers in {unit or 'SI units'}")
+        if end is not None and not bool(limit.holds(end)):
+            raise BadInput(name, end, f"{limit} {unit}".rstrip())
+    low = bound.low if low is None else float(low)
+    high = bound.high if high is None else float(high)
+    if not low <= high:
+        raise BadInput(name, f"({low:g}, {high:g})", "a range (low, high), the lower end first")
+    return Variable(name, low, high, unit, limit)
+
+
+def variable_names(design: Machine) -> list[str]:
+    """All names that `variable` takes, but for the single entries of lists."""
+    names = []
+    for name, rule in design_rules.items():
+        try:
+            rule.current(design)
+        except BadInput:
+            continue
+        names.append(name)
+    for path, tree in _roots(design).items():
+        names += [f"{path}{name}" for name in _numbers(tree)]
+    names = [name for name in names if not _follows(design, name)]
+    return names + [
+        f"{CORRECTIONS}.{plane}.{axis}"
+        for plane in design.corrections
+        for axis in ("x", "y", *_POLAR)
+    ]
+
+
+def matching(design: Machine, path: str) -> list[str]:
+    """Names of the numbers that a path stands for.
+
+    A pattern, in which `*` stands for any part of a name, fits single numbers, the entries of lists,
+    or else lists as a whole; any other path stands for itself.
+
+    Raises:
+        BadInput: it fits none.
+    """
+    if not any(sign in path for sign in "*?["):
+        variable(design, path)  # raises what is no number
+        return [path]
+    out = []
+    for name in variable_names(design):
+        entries = [f"{name}.{n}" for n in range(list_length(design, name))]
+        fitting = [entry for entry in entries if fnmatchcase(entry, path)]
+        out += fitting or ([name] if fnmatchcase(name, path) else [])
+    if not out:
+        meant = hint(path, variable_names(design))
+        raise BadInput(path, path, f"a pattern that fits a number of this machine{meant}")
+    return out
+
+
+def by_name(design: Machine, given: Mapping[str, _Given]) -> dict[str, _Given]:
+    """What is given by path or pattern, by name of the number; where several fit, the last counts.
+
+    Raises:
+        BadInput: see `matching`.
+    """
+    return {name: value for path, value in given.items() for name in matching(design, path)}
+
+
+def list_length(design: Machine, name: str) -> int:
+    """Entries of a list of numbers; 0 for a number."""
+    if name in design_rules or name.startswith(f"{CORRECTIONS}."):
+        return 0
+    value = _walk(design, name.split("."))
+    return len(value) if jnp.ndim(value) else 0
+
+
+def _follows(design: Machine, name: str) -> bool:
+    root, *rest = name.split(".")
+    own = rest[:1] if rest[:1] != ["throws"] else rest[2:]
+    return root == "crankshaft" and bool({*own} & {*OF_ROTOR, "position"}) and follows_rotor(design)
+
+
+def _polar(name: str) -> tuple[str, str]:
+    """Plane and polar coordinate of a correction that is named by one; twice `""` otherwise."""
+    root, _, rest = name.partition(".")
+    plane, _, polar = rest.rpartition(".")
+    return (plane, polar) if root == CORRECTIONS and polar in _POLAR else ("", "")
+
+
+def _polar_of(xy: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Magnitude and angle; at zero, where neither has a derivative, that of the x axis."""
+    some = jnp.any(xy != 0)
+    safe = jnp.where(some, xy, jnp.array([1.0, 0.0]))
+    magnitude, angle = jnp.hypot(safe[0], safe[1]), jnp.arctan2(safe[1], safe[0])
+    return jnp.where(some, magnitude, xy[0]), jnp.where(some, angle, 0.0)
+
+
+def _numbers(tree: Part | tuple) -> Iterator[str]:
+    """Paths of all numbers in a part, in the order of its fields."""
+    if isinstance(tree, tuple):
+        children = enumerate(tree)
+    else:
+        children = ((f.name, getattr(tree, f.name)) for f in dataclasses.fields(tree))
+    for name, child in children:
+        if eqx.is_array(child):
+            yield str(name)
+        elif any(isinstance(c, Part) for c in (child if isinstance(child, tuple) else (child,))):
+            yield from (f"{name}.{rest}" for rest in _numbers(child))
+
+
+def _roots(design):
+    out = {} if design.compressor is None else {"": design.compressor}
+    for section in _NAMED:
+        out |= {f"{section}.{name}.": part for name, part in getattr(design, section).items()}
+    return out | {f"{name}.": part for name, part in design.parts.items()}
+
+
+def _steps(name: str) -> list[str]:
+    steps = name.split(".")
+    if steps[0] == CORRECTIONS and len(steps) == 3 and steps[2] in ("x", "y"):
+        steps[2] = str("xy".index(steps[2]))
+    return steps
+
+
+def _walk(design: Machine, steps: Sequence[str]) -> Any:
+    """What stands at the end of a path; raises `LookupError` at a step that leads nowhere."""
+    if not steps:
+        return design.compressor
+    sections = {name: getattr(design, name) for name in _SECTIONS} | design.parts
+    first, *rest = steps
+    node = sections[first] if first in sections else _child(design.compressor, first)
+    return reduce(_child, rest, node)
+
+
+def _child(node, step: str) -> Any:
+    if isinstance(node, dict):
+        return node[step]
+    if isinstance(node, Part):
+        if step in {field.name for field in dataclasses.fields(node)}:
+            return getattr(node, step)
+        raise LookupError(step)
+    entries = isinstance(node, tuple) or (eqx.is_array(node) and node.ndim)
+    if entries and step.isdigit() and int(step) < len(node):
+        return node[int(step)]
+    raise LookupError(step)
+
+
+def _declared(design: Machine, name: str) -> tuple[str, Bound]:
+    """Unit and bound of the number at the end of a path."""
+    plane, polar = _polar(name)
+    if polar and plane in design.corrections:
+        return _POLAR[polar]
+    steps = _steps(name)
+    try:
+        value = _walk(design, steps)
+        if steps[0] == CORRECTIONS:
+            if jnp.ndim(value) > 0:
+                raise LookupError(name)
+            return "kg m", ANY
+        if not eqx.is_array(value):
+            raise LookupError(name)
+        field = _field(design, steps)
+    except LookupError:
+        meant = hint(name, variable_names(design))
+        bound = f"a design rule or the dotted path of a number{meant}"
+        raise BadInput(name, name, bound) from None
+    if jnp.ndim(value) > 0:
+        return "", ANY
+    return field.metadata["unit"], field.metadata["bound"]
+
+
+def _usual(design: Machine, steps: list[str]) -> tuple[float, float] | None:
+    """[SI] Usual range of a number, if its field declares one."""
+    try:
+        return _field(design, steps).metadata["usual"]
+    except (LookupError, TypeError):  # corrections, and rules that no field stands for
+        return None
+
+
+def _field(design: Machine, steps: list[str]) -> dataclasses.Field:
+    """The declaration of the number, or of the list that it is an entry of."""
+    holder = steps[:-1]
+    while eqx.is_array(owner := _walk(design, holder)):
+        holder = holder[:-1]
+    return dict(quantities(owner))[steps[len(holder)]]
+
+
+class GivenNumber(NamedTuple):
+    """One number of a machine file, with what it is in the machine.
+
+    Attributes:
+        name: as in `Variable`.
+        unit: SI unit; "" for a common factor.
+        bound: what the number must keep.
+        value: [SI] in the design.
+        weight: what a change of it by one changes in the entries of the array that holds it.
+        place: of that array, for `at`.
+        factor: whether it is a common factor on the entries of a list.
+    """
+
+    name: str
+    unit: str
+    bound: Bound
+    value: float
+    weight: np.ndarray
+    place: tuple[str, ...]
+    factor: bool = False
+
+    def at(self, design: Machine) -> Array:
+        """The array in a design, or in a tree of derivatives of the same build."""
+        return _walk(design, list(self.place))
+
+    def moved(self, design: Machine, value: float) -> Machine:
+        """The design with another value [SI] of this number; unchecked.
+
+        Args:
+            design: of the build that the number was taken from, with other numbers perhaps.
+            value: [SI]
+        """
+        old = np.asarray(self.at(design))
+        new = self.weight * value if self.factor else np.where(self.weight != 0, value, old)
+        steps = list(self.place)
+        return eqx.tree_at(lambda d: _walk(d, steps), design, jnp.asarray(new, float))
+
+
+# A longer list of numbers, such as an indicator diagram, counts as one number: a factor on all.
+_LIST = 24
+
+
+def given_numbers(design: Machine) -> Iterator[GivenNumber]:
+    """Every number of a design by itself, without design rules and polar coordinates.
+
+    A column of a table in which all rows have one value is one number, a long list a factor.
+    """
+    for plane, value in design.corrections.items():
+        for axis, weight in zip("xy", np.eye(2), strict=True):
+            name, number = f"{CORRECTIONS}.{plane}.{axis}", float(weight @ value)
+            yield GivenNumber(name, "kg m", ANY, number, weight, (CORRECTIONS, plane))
+    for name in variable_names(design):
+        if name in design_rules or name.startswith(f"{CORRECTIONS}."):
+            continue
+        place = tuple(_steps(name))
+        values = np.asarray(_walk(design, list(place)))
+        field = _field(design, list(place))
+        unit, bound = field.metadata["unit"], field.metadata["bound"]
+        same = values.size and np.all(values == values.flat[0])
+        if values.ndim == 0 or (field.metadata["spread"] and same):
+            weight = np.ones(values.shape)
+            yield GivenNumber(name, unit, bound, float(values.flat[0]), weight, place)
+        elif values.ndim == 1 and len(values) <= _LIST:
+            for number, weight in enumerate(np.eye(len(values))):
+                value = float(values[number])
+                yield GivenNumber(f"{name}.{number}", unit, bound, value, weight, place)
+        else:
+            yield GivenNumber(name, "", ANY, 1.0, values, place, True)
+
+
+# Steps of a path that are left out beside what stands around them.
+_LEFT_OUT = ("rotor", "law", "loads", "balancing", "mechanism", "friction", "motor", "gas")
+_WORDS = {
+    "links": "link", "disks": "disk", "bodies": "body", "shafts": "shaft", "coefficient": "friction",
+    "magnetic_pulls": "magnetic pull", "unbalances": "unbalances", "corrections": "correction",
+    "bearings": "bearing", "oils": "oil", "targets": "target", "planes": "plane",
+}  # fmt: skip
+_DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")
+
+
+def variable_label(design: Machine, path: str) -> str:
+    """What a variable is, in words: `conrod length`, `stiffness x of link springs to seats`.
+
+    Args:
+        design: whose number it is.
+        path: name of a variable, see `Variable`.
+    """
+    steps = path.split(".")
+
+    def place(count: int) -> Any:
+        with suppress(LookupError):
+            return _walk(design, steps[:count])
+
+    nodes = getattr(place(len(steps) - 2), "nodes", ()) if len(steps) > 2 else ()
+    if path.startswith("loads.unbalances.") and steps[-1].isdigit():
+        what = "unbalance" if steps[-2] == "magnitude" else f"{steps[-2]} of the unbalance"
+        return f"{what} at node {_node(nodes[int(steps[-1])])}"
+    # the number is an entry of the last step with a name; what stands before is the part
+    name = max((i for i, step in enumerate(steps) if not step.isdigit()), default=0)
+    part = []
+    for number, step in enumerate(steps[:name]):
+        if steps[: number + 2] == ["crankshaft", "main_journal"]:
+            continue  # the journal says enough
+        if step.isdigit():
+            part.append(_part(place(number + 1), step))
+        elif step not in _LEFT_OUT or (number and steps[number - 1] in _SECTIONS):
+            part.append(_word(step))
+    entry = [_word(steps[name]), *(str(int(step) + 1) for step in steps[name + 1 :])]
+    if len(entry) > 1:
+        index = int(steps[-1])
+        if "law" in steps and index < len(_DIRECTIONS):
+            entry[-1] = _DIRECTIONS[index]
+        elif isinstance(nodes, tuple) and index < len(nodes):
+            entry[-1] = f"at node {_node(nodes[index])}"
+    return " of ".join(" ".join(words) for words in (entry, part) if words)
+
+
+def _word(step: str) -> str:
+    return _WORDS.get(step, step.replace("_", " "))
+
+
+def _part(part: Any, step: str) -> str:
+    """A part of a list by its name or its nodes, or by its number from 1."""
+    name, nodes = getattr(part, "name", None), getattr(part, "nodes", None)
+    if isinstance(name, str):
+        return name
+    if isinstance(nodes, tuple) and len(nodes) == 2 and not isinstance(nodes[0], tuple):
+        return f"{_node(nodes[0])} to {_node(nodes[1])}"
+    return str(int(step) + 1)
+
+
+def _node(node: Any) -> str:
+    if node is None:
+        return "ground"
+    return " to ".join(map(_node, node)) if isinstance(node, tuple) else str(node)

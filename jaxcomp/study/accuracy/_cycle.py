@@ -1,0 +1,257 @@
+r"""The cycle of a cylinder with valves at constant speed: its values and their derivatives.
+
+With the inertia of the gas in the ports collocation is compared with the march: they share the laws of
+the cylinder, and the sequence of events with which collocation begins. Its derivatives are compared
+with differences of the march. With quasi-steady ports the march is all there is; derivatives are refused.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._core.errors import BadInput
+from ..._core.fields import of_cylinder, replaced
+from ...compressor import Compressor
+from ...crankshaft import Crankshaft
+from ...cylinder import CycleOptions, Cylinder, solve_cycle
+from ...machine import Machine
+from .. import variable
+from .. import variable_names as names_of
+from ._report import DerivativeCheck, Measurement, Reference
+from ._study import (
+    Call,
+    Compiled,
+    Question,
+    Setting,
+    Solved,
+    Study,
+    digits,
+    known_value,
+    series,
+)
+
+# By which derivatives are taken, where the valve has them.
+VARIABLES = (
+    "gas.suction_valve.stiffness",
+    "gas.suction_valve.stop",
+    "gas.suction_valve.port_diameter",
+    "mechanism.bore",
+)
+# The more instructive settings, and with `thorough` all.
+_NODES = {False: (4, 6, 8, 10), True: (4, 5, 6, 8, 10, 12)}
+_TOLERANCES = {False: (1e-4, 1e-6, 1e-8, 1e-9), True: tuple(10.0**-n for n in range(3, 10))}
+_STEPS = {False: (1e-2, 1e-3, 1e-4), True: (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)}
+# Of references. Events are located within 1e-11, so that a tighter march gains nothing.
+_FINE_NODES, _TIGHT, _LESS_TIGHT = 16, 1e-10, 1e-9
+_REFERENCE_STEP = 1e-3  # differences of a march of 1e-10 are good to 1e-7 with it
+_LONG_MARCH: dict[str, Any] = {"method": "march", "capacity": 8192, "max_passes": 40_000}
+_LABEL = "nodes={}"
+_METHODS = (
+    f"collocation with {_FINE_NODES} nodes; of quasi-steady ports the march at {_TIGHT:g}",
+    f"the march with located events at {_TIGHT:g} and fourth-order differences of it; of quasi-steady "
+    f"ports the same at {_LESS_TIGHT:g}",
+)
+
+
+def cycle_study(question: Question, thorough: bool) -> Study:
+    """Error against run time of the cycle at constant speed and of its derivatives.
+
+    Values are the indicated work and the volumetric efficiency, each relative to itself. Derivatives are
+    elasticities of both by `VARIABLES`, relative to the largest of the same value.
+
+    Args:
+        question: of a machine whose gas is a cylinder with valves, of which the first is taken.
+        thorough: more nodes, tolerances and steps.
+
+    Raises:
+        BadInput: another gas.
+    """
+    machine = one_cylinder(question.compressor)
+    settings = _inert(question, machine, thorough) if machine.gas.inert else []
+    settings += _quasi_steady(question, machine, thorough)
+    note = "the cycle at constant speed, with port inertia and quasi-steady"
+    name = "indicated work, volumetric efficiency and their elasticities"
+    return Study(settings[0].reference, tuple(settings), note, name,
+                 findings=lambda rows, reference: {"derivatives": derivatives(rows)})  # fmt: skip
+
+
+def one_cylinder(machine: Compressor | None) -> Any:
+    """The machine with the first of its cylinders alone.
+
+    Args:
+        machine: whose gas is a cylinder with valves.
+
+    Raises:
+        BadInput: another gas.
+    """
+    gas = None if machine is None else machine.gas
+    if machine is None or not isinstance(gas, Cylinder):
+        raise BadInput("gas", type(gas).__name__, "a cylinder with valves, for this study")
+    shaft = machine.crankshaft
+    return Compressor(
+        of_cylinder(machine.mechanism),
+        Crankshaft(shaft.inertia, shaft.mass),
+        machine.motor,
+        of_cylinder(gas),
+    )
+
+
+def derivatives(rows: Sequence[Measurement]) -> DerivativeCheck | None:
+    """Errors of value and derivatives at the default options, from the rows of `cycle_study`.
+
+    `None` with quasi-steady ports.
+    """
+    label = _LABEL.format(CycleOptions().nodes)
+    found = {row.task: row for row in rows if row.setting == label}
+    if "value" not in found or "gradient" not in found:
+        return None
+    errors = [max(found[task].error, found[task].floor or 0.0) for task in ("value", "gradient")]
+    return DerivativeCheck(label, *errors)
+
+
+def figures(machine: Any, options: CycleOptions, logs: jax.Array) -> Solved:
+    """Indicated work [J] and volumetric efficiency with every variable times exp of an entry.
+
+    Args:
+        machine: of one cylinder.
+        options: of the solver.
+        logs: (k,) one for each of the variables that the machine has.
+    """
+    design = Machine(machine)
+    for name, log in zip(variables(machine), logs, strict=True):
+        one = variable(design, name)
+        design = one.apply(design, one.current(design) * jnp.exp(log))
+    made: Any = design.compressor
+    speed = made.motor.speed_guess
+    cycle = solve_cycle(made.gas, made.mechanism, speed, options, throw=False)
+    count = cycle.passes if options.method == "march" else cycle.iterations
+    value = jnp.stack([cycle.indicated_work, cycle.volumetric_efficiency])
+    return Solved(value, count, cycle.converged, cycle.status)
+
+
+def elasticities(machine: Any, options: CycleOptions) -> Solved:
+    """(2, k) of `figures` by the variables, in forward mode."""
+
+    def logarithms(logs):
+        solved = figures(machine, options, logs)
+        return jnp.log(solved.value), solved
+
+    slopes, solved = jax.jacfwd(logarithms, has_aux=True)(unchanged(machine))
+    return solved._replace(value=slopes)
+
+
+def variables(machine: Any) -> tuple[str, ...]:
+    """Those of `VARIABLES` that a machine has: a check valve has no stiffness."""
+    known = names_of(Machine(machine))
+    return tuple(name for name in VARIABLES if name in known)
+
+
+def unchanged(machine: Any) -> jax.Array:
+    """Logarithms for `figures` that leave the machine as it is."""
+    return jnp.zeros(len(variables(machine)))
+
+
+class _March:
+    """The march of a machine, compiled once for all tolerances."""
+
+    def __init__(self, machine: Any):
+        self._machine, self._figures = machine, Compiled(figures)
+
+    def call(self, tolerance: float, logs: Any = None) -> Call:
+        """Values at a tolerance."""
+        logs = unchanged(self._machine) if logs is None else jnp.asarray(logs)
+        options = CycleOptions(**_LONG_MARCH, value_tolerance=jnp.asarray(tolerance))
+        return self._figures.call(self._machine, options, logs)
+
+    def differences(self, tolerance: float, step: float) -> Solved:
+        """Elasticities by central differences of a step in the logarithm."""
+        columns, passes = [], 0
+        for own in step * np.eye(len(variables(self._machine))):
+            ends = [self.call(tolerance, logs).run() for logs in (own, -own)]
+            for end in ends:
+                if end.why:
+                    return end
+                passes += int(end.iterations)
+            columns.append((np.log(ends[0].value) - np.log(ends[1].value)) / (2 * step))
+        return Solved(np.stack(columns, axis=1), passes)
+
+    def fourth_order(self, tolerance: float) -> Solved:
+        """Elasticities for a reference, without the error of the second order."""
+        near, far = (self.differences(tolerance, n * _REFERENCE_STEP) for n in (1, 2))
+        if near.why or far.why:
+            return near if near.why else far
+        return near._replace(value=(4 * near.value - far.value) / 3)
+
+    def settings(self, task: str, reference: Any, thorough: bool) -> list[Setting]:
+        """Its settings by tolerance."""
+        return series(f"{task}, march", "tolerance={:g}", self.call, _TOLERANCES[thorough], digits,
+                      reference=reference, task=task)  # fmt: skip
+
+
+def _inert(question: Question, machine: Any, thorough: bool) -> list[Setting]:
+    """Collocation for values and derivatives, and the march for values."""
+    marched = _March(machine)
+
+    def values(nodes: int) -> Call:
+        return Compiled(figures).call(machine, CycleOptions(nodes=nodes), unchanged(machine))
+
+    def gradient(nodes: int) -> Call:
+        return Compiled(elasticities).call(machine, CycleOptions(nodes=nodes))
+
+    of_values = _reference(
+        question, lambda: values(_FINE_NODES).run(), lambda: marched.call(_TIGHT).run()
+    )
+    of_gradient = _reference(
+        question, lambda: gradient(_FINE_NODES).run(), lambda: marched.fourth_order(_TIGHT)
+    )
+    made: list[Setting] = []
+    for task, call, own in (("value", values, of_values), ("gradient", gradient, of_gradient)):
+        made += series(f"{task}, collocation", _LABEL, call, _NODES[thorough], float,
+                       reference=own, task=task)  # fmt: skip
+    return made + marched.settings("value", of_values, thorough)
+
+
+def _quasi_steady(question: Question, machine: Any, thorough: bool) -> list[Setting]:
+    """The march for values, and differences of it for derivatives, which forward mode refuses."""
+    valves = {
+        name: replaced(getattr(machine.gas, name), port_length=None)
+        for name in ("suction_valve", "discharge_valve")
+    }
+    machine = replaced(machine, gas=replaced(machine.gas, **valves))
+    marched = _March(machine)
+    tolerances = _TIGHT, _LESS_TIGHT
+
+    def value_at(tolerance: float) -> Solved:
+        return marched.call(tolerance).run()
+
+    of_values = _reference(question, *(partial(value_at, own) for own in tolerances))
+    of_gradient = _reference(question, *(partial(marched.fourth_order, own) for own in tolerances))
+    task = "quasi-steady gradient"
+    refused = Setting(f"{task}, forward mode", "default",
+                      lambda: Compiled(elasticities).call(machine, CycleOptions()),
+                      reference=of_gradient, task=task)  # fmt: skip
+    made = [*marched.settings("quasi-steady value", of_values, thorough), refused]
+    for tolerance in (1e-6, float(CycleOptions().value_tolerance)):
+
+        def differences(step, tolerance=tolerance):
+            return Call(partial(marched.differences, tolerance, step))
+
+        label = f"tolerance={tolerance:g} step={{:g}}"
+        made += series(f"{task}, differences", label, differences, _STEPS[thorough],
+                       candidate=False, reference=of_gradient, task=task)  # fmt: skip
+    return made
+
+
+def _reference(question: Question, *methods: Callable[[], Solved]) -> Callable[[], Reference]:
+    """The reference by two methods, which are run once, when it is first needed."""
+
+    @cache
+    def found() -> Reference:
+        first, second = (known_value(question, method()) for method in methods)
+        return Reference(first, second, _METHODS, True)
+
+    return found

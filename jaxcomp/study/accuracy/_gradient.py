@@ -1,0 +1,131 @@
+r"""Derivatives: forward and reverse mode through periodic state and response, beside differences.
+
+The reference is the implicit derivative of fine collocation, beside fourth-order differences of tight
+shooting: neither the solver nor the way to the derivative is shared. Of a rotor without a crank only the
+second holds.
+"""
+
+from functools import partial
+
+import diffrax
+import jax
+import jax.numpy as jnp
+
+from ..._core.errors import BadInput
+from ...crank import Collocation, Shooting
+from .. import quantity_named, variable
+from ._orbit import other_method
+from ._report import Reference
+from ._rotor import FILM_QUANTITIES, film_gradient_study
+from ._study import (
+    FINE_TOLERANCE,
+    TIGHT_TOLERANCE,
+    Compiled,
+    Question,
+    Setting,
+    Study,
+    answer,
+    known_value,
+    series,
+)
+
+# f' = sum(weight f(x + offset h))/h, of fourth order.
+_STENCIL = ((-2.0, 1 / 12), (-1.0, -2 / 3), (1.0, 2 / 3), (2.0, -1 / 12))
+_REFERENCE_STEP = 1e-3
+_STEPS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+_MODES = ("forward", "reverse")
+
+
+def gradient_study(question: Question, thorough: bool) -> Study:
+    """Ways to the derivative of a quantity with respect to one variable; of a film, to the load.
+
+    Raises:
+        BadInput: no variable was named, or one that does not change the quantity.
+    """
+    if question.quantity in FILM_QUANTITIES:
+        return film_gradient_study(question, thorough)
+    if question.variable is None:
+        raise BadInput("variable", "none", "named for the study of gradients")
+    one, crank = variable(question.design, question.variable), question.compressor is not None
+    nominal = jnp.asarray(one.current(question.design), float)
+    size = abs(float(nominal)) or 1.0  # what steps of the variable are relative to
+    excited = "" if question.excitation is None else f", excitation '{question.excitation}'"
+
+    def at(design, options, offset):
+        """The quantity with the variable moved by an offset."""
+        moved = one.apply(design, jnp.asarray(one.current(design), float) + offset)
+        return answer(moved, options, question.quantity)
+
+    def slope(mode, design, options):
+        def value(offset):
+            solved = at(design, options, offset)
+            return solved.value, solved
+
+        zero = jnp.zeros(())
+        if mode == "reverse":
+            found, solved = jax.grad(value, has_aux=True)(zero)
+        else:
+            _, found, solved = jax.jvp(value, (zero,), (jnp.ones(()),), has_aux=True)
+        return solved._replace(value=found, iterations=0)
+
+    def difference(design, options, step):
+        """A central difference with its two solutions side by side."""
+        solved = jax.vmap(lambda x: at(design, options, x))(jnp.stack([-step, step]))
+        slope = (solved.value[1] - solved.value[0]) / (2 * step)
+        worst = jax.tree.map(lambda x: x[jnp.argmin(solved.ok)], solved)  # the one that failed
+        return worst._replace(value=slope, iterations=0, ok=jnp.all(solved.ok))
+
+    def derivative(solver, tolerance, mode):
+        options = question.options(solver, tolerance)
+        return Compiled(partial(slope, mode)).call(question.design, options)
+
+    def by_mode(solver, tolerance, modes=_MODES, tail=""):
+        label, method = _label(solver), _label(solver).partition(" ")[0]
+        return [
+            Setting(f"{mode} mode, {method}" if method else f"{mode} mode", f"{label}{tail}",
+                    partial(derivative, solver, tolerance, mode))
+            for mode in modes
+        ]  # fmt: skip
+
+    def reference():
+        fine = question.fine_solver if crank else None
+        exact = float(known_value(question, derivative(fine, FINE_TOLERANCE, "forward").run()))
+        if exact == 0.0:
+            bound = f"one that {question.variable} changes{excited}"
+            raise BadInput("quantity", question.quantity, bound)
+        other, tolerance, how = other_method(question) if crank else (None, TIGHT_TOLERANCE, "")
+        options, shot = question.options(other, tolerance), Compiled(at)
+        step = _REFERENCE_STEP * size
+        ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
+        second = sum(w * float(end.value) for w, end in ends) / step
+        methods = "collocation, 24 nodes, forward", f"differences of {how}"
+        return Reference(exact, second, methods if crank else ("forward", "differences"))
+
+    settings: list[Setting] = []
+    solvers = [question.default_solver, Collocation(nodes=32, reversals=0)]
+    for solver in (solvers if thorough else solvers[:1]) if crank else (None,):
+        settings += by_mode(solver, FINE_TOLERANCE)
+        program, options = Compiled(difference), question.options(solver)
+
+        def differences(share, program=program, options=options):
+            return program.call(question.design, options, jnp.asarray(share * size))
+
+        # the best of which is known beside the reference only
+        settings += series("central differences", f"{_label(solver)} step={{:g}}", differences,
+                           _STEPS, candidate=False)  # fmt: skip
+    if thorough and crank:
+        edges, tail = question.load_reversals, " tolerance=1e-07"
+        ahead = Shooting(reversals=edges, adjoint=diffrax.ForwardMode())
+        settings += by_mode(Shooting(reversals=edges), 1e-7, ("reverse",), tail)
+        settings += by_mode(ahead, 1e-7, ("forward",), tail)
+    note = f"derivative with respect to {question.variable}{excited}"
+    name = f"d {question.quantity} / d {question.variable}"
+    unit = quantity_named(question.quantity).unit
+    unit = f"{unit or '1'}/{one.unit}" if one.unit else unit
+    return Study(reference, tuple(settings), note, name, unit)
+
+
+def _label(solver: Collocation | Shooting | None) -> str:
+    if isinstance(solver, Collocation):
+        return f"collocation nodes={solver.nodes} reversals={solver.reversals}"
+    return "" if solver is None else f"shooting {type(solver.solver).__name__}"

@@ -1,0 +1,420 @@
+r"""The periodic state: collocation, shooting with methods of diffrax, plain SciPy; 1 to 8 cylinders.
+
+The reference is collocation on 24 nodes a panel, beside shooting with an eighth-order method: the
+two share the laws and nothing else. Both place panel edges or stops at as many load reversals as the
+mechanism has.
+
+SciPy goes the plain way: `solve_ivp` over the compiled law integrates one revolution over crank angle
+between the kinks that geometry and gas give; load reversals within a stroke are met unprepared.
+`scipy.optimize.root` finds the speed at the top dead centre (and the level of the motor torque) for
+which the revolution ends as it began.
+"""
+
+from collections.abc import Sequence
+from functools import cache, partial
+from itertools import pairwise
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from ..._core.errors import BadInput
+from ..._core.fields import of_cylinder
+from ..._core.roots import FixedPointReport
+from ..._core.status import Status
+from ...compressor import Compressor, at_speed, instants, kink_angles, loads_at
+from ...crank import (
+    Collocation,
+    Energy,
+    Orbit,
+    Shooting,
+    acceleration,
+    moving,
+    orbit_on_panels,
+    panels,
+)
+from ...crankshaft import Crankshaft
+from ...cylinder import CycleOptions, Cylinder
+from ...gas import StagedCycle
+from ...machine import Machine
+from ...mechanism import CrankState, SliderCrank
+from ...motor import MeanSpeed
+from .. import AnalysisOptions, DesignResult, available_quantities, quantity_named
+from ._report import Growth, Measurement, Reference
+from ._study import (
+    FINE_NODES,
+    FINE_TOLERANCE,
+    ROTOR_QUANTITIES,
+    TIGHT_TOLERANCE,
+    Call,
+    Question,
+    Setting,
+    Solved,
+    SolverProgram,
+    Study,
+    digits,
+    median_time,
+    series,
+)
+
+# Nodes of the second method, at other places: what both read off their nodes shows the difference.
+OTHER_NODES = 37
+# [-] Two values that differ by less are the same number: of one program, and of two methods.
+_ROUNDING, _ROUNDINGS = 1e-15, 1e-12
+# The two methods of a reference.
+METHODS = f"collocation, {FINE_NODES} nodes", f"shooting, Dopri8 at {TIGHT_TOLERANCE:g}"
+
+# Methods of diffrax: at a tight tolerance those of low order would take tens of thousands of steps.
+_DIFFRAX = {
+    "Heun": (1e-1, 1e-2, 1e-3),
+    "Bosh3": (1e-1, 1e-2, 1e-3, 1e-4),
+    "Dopri5": (1e-2, 1e-3, 1e-5, 1e-7, 1e-9),
+    "Tsit5": (1e-2, 1e-3, 1e-5, 1e-7, 1e-9),
+    "Dopri8": (1e-2, 1e-3, 1e-5, 1e-7, 1e-9),
+    "Kvaerno3": (1e-1, 1e-2, 1e-3),
+    "Kvaerno5": (1e-2, 1e-3, 1e-5),
+}
+# Compiling takes most of the time of a study, above all that of implicit methods.
+_ORDINARY = ("Tsit5", "Dopri8")
+_MAX_STEPS = 65536
+
+# Nodes a panel without panel edges at the load reversals, and with them.
+_NODES = {False: (4, 8, 16, 32), True: (3, 5, 8, 12, 16)}
+_ORDINARY_NODES = {False: (8, 32), True: (5, 8, 12)}  # four nodes do not resolve the revolution
+_TOLERANCES = (1e-5, 1e-7, 1e-10, 1e-13)
+_SCIPY = {"RK45": (1e-3, 1e-5, 1e-7), "DOP853": (1e-4, 1e-6, 1e-8, 1e-10)}
+# Of SciPy: angles of a revolution at constant speed, from which the first level of torque is taken, and
+# revolutions that the search for the periodic state may integrate; it takes 8 to 12 as a rule.
+_ANGLES, _REVOLUTIONS = 256, 25
+
+# Layouts that fire evenly but for the twin.
+LAYOUTS = {1: "single", 2: "V90", 4: "V90x2", 8: "VV45x2"}
+# Throws and rods stand apart by this many bores.
+_THROW_PITCH, _ROD_PITCH = 1.5, 0.3
+_NODES_OF_CYLINDERS = {False: (5, 8), True: (5, 8, 12)}
+
+
+def orbit_study(question: Question, thorough: bool) -> Study:
+    """Solvers of the periodic state over tolerances and nodes.
+
+    Args:
+        question: of a machine with a crank.
+        thorough: all methods, the implicit ones among them.
+    """
+    machine = question.crank
+    moves = bool(moving(machine))
+    settings: list[Setting] = []
+    for located, counts in (_NODES if thorough else _ORDINARY_NODES).items():
+        method = "collocation" if located else "collocation, reversals=0"
+        for nodes in counts:
+            solver = Collocation(nodes=nodes, reversals=question.load_reversals * located)
+            program = SolverProgram(question, solver)
+            settings += [
+                program.setting(method, f"nodes={nodes} tolerance={tol:g}", tol, nodes)
+                for tol in _TOLERANCES
+            ]
+    other = SolverProgram(question, other_method(question)[0])
+    for name, tolerances in _DIFFRAX.items():
+        if not moves and (thorough or name in _ORDINARY):
+            one = other if name == "Dopri8" else SolverProgram(question, shooting(question, name))
+            settings += series(f"shooting, {name}", "tolerance={:g}", one.call, tolerances, digits)
+    of_rotor = question.quantity.partition(".")[0] in ROTOR_QUANTITIES
+    if not of_rotor and not moves and not isinstance(machine.gas, Cylinder):
+        for name, tolerances in _SCIPY.items():
+            if thorough or name == "DOP853":
+                call = partial(by_scipy, question, name)
+                label = f"{name} rtol={{:g}}"
+                settings += series("SciPy", label, call, tolerances, digits, family=name)
+    note = "solvers of the periodic state, single designs"
+    return Study(partial(orbit_reference, question, other), tuple(settings), note)
+
+
+def orbit_reference(question: Question, second: SolverProgram | None = None) -> Reference:
+    """The quantity by fine collocation, beside the other method.
+
+    Args:
+        question: of a machine with a crank.
+        second: the program of the other method, if there is one already.
+
+    Raises:
+        BadInput: a quantity without a value, or one in which the solver has no part: the loosest
+            tolerance and the other method give the same number, so that no setting has an error.
+    """
+    solver, tolerance, name = other_method(question)
+    fine = SolverProgram(question, question.fine_solver)
+    other = (second or SolverProgram(question, solver)).value(tolerance)
+    value, loose = fine.value(FINE_TOLERANCE), float(fine.call(0.1).run().value)
+    if _without_error(value, loose, other):
+        excited = question.excitation is not None
+        cause = f" (with the excitation '{question.excitation}')" if excited else ""
+        bound = f"one that the solver of the periodic state has a part in{cause}"
+        raise BadInput("quantity", question.quantity, bound)
+    return Reference(value, other, (METHODS[0], name))
+
+
+def _without_error(value: float, loose: float, other: float) -> bool:
+    """Whether neither the tolerance of the solver nor another method changes a value."""
+    same = abs(value - loose) <= _ROUNDING * abs(value)
+    return bool(same and abs(value - other) <= _ROUNDINGS * abs(value))
+
+
+def other_method(question: Question) -> tuple[Collocation | Shooting, float, str]:
+    """The second method of a reference, its tolerance and its name.
+
+    It is shooting; where journals move, for whose orbits that does not solve, collocation at other
+    places. An implicit march of the crank with its journals agrees with collocation to 1e-6 of the loss
+    (tests of journal orbits).
+    """
+    if moving(question.crank):
+        solver = Collocation(nodes=OTHER_NODES, reversals=question.load_reversals, grading=6)
+        return solver, FINE_TOLERANCE, f"collocation, {OTHER_NODES} nodes, graded twice as far"
+    return shooting(question), TIGHT_TOLERANCE, METHODS[1]
+
+
+def shooting(question: Question, name: str = "Dopri8") -> Shooting:
+    """The solver with a method of diffrax and outputs denser than those of the reference."""
+    return Shooting(
+        getattr(diffrax, name)(),
+        max_steps=_MAX_STEPS,
+        reversals=question.load_reversals,
+        output_nodes=OTHER_NODES,
+        cycle=CycleOptions(
+            panels=64, nodes=10
+        ),  # shares no point with the default's nor the reference's
+    )
+
+
+def by_scipy(question: Question, method: str, tolerance: float) -> Call:
+    """A quantity of the crank by a method of `solve_ivp` with a relative tolerance of its steps."""
+    machine = question.crank
+    laws, edges = _laws(question.design, machine, question.quantity), np.asarray(_edges(machine))
+    return Call(lambda: Solved(*_solve(machine, *laws, edges, method, tolerance)))
+
+
+def _edges(machine: Compressor):
+    kinks = kink_angles(machine)
+    return jnp.append(kinks, kinks[0] + 2 * jnp.pi)
+
+
+def _laws(design: Machine, machine: Compressor, name: str):
+    """Compiled functions: rates of speed, time and accounts; the value from the accounts."""
+
+    @jax.jit
+    def rate(angle, low, high, state, level):
+        speed = state[0]
+        motor = level * machine.motor.torque(speed)
+        # a stage on an edge would pick the formula of either side at random
+        inside = jnp.clip(angle, low + 1e-10, high - 1e-10)
+        rise, conservative, loads = acceleration(machine, inside, speed, motor)
+        accounts = [motor, -conservative, *loads.loss_torque.values()]
+        return jnp.stack([rise / speed, 1 / speed, *accounts])
+
+    @jax.jit
+    def value(speed, level, accounts):
+        found = DesignResult(design, AnalysisOptions())
+        found.orbit = _orbit(machine, speed, level, accounts)
+        return jnp.asarray(quantity_named(name).value(found), float)
+
+    return rate, value
+
+
+def _solve(machine: Compressor, rate, value, edges, method: str, tolerance: float):
+    """The quantity, and the number of evaluations of the law."""
+    scale = float(machine.motor.speed_guess)
+    holds_speed = isinstance(machine.motor, MeanSpeed)
+    size = np.asarray(rate(edges[0], edges[0], edges[1], np.array([scale, 0.0]), 1.0)).size
+    first_level = _first_level(rate, edges, scale)
+    calls = 0
+
+    def revolution(unknowns, accounts=False):
+        """State at the end, level of the torque, and speeds at the nodes if accounts are kept."""
+        nonlocal calls
+        level = first_level * unknowns[1] if holds_speed else 1.0
+        state = np.zeros(size if accounts else 2)
+        state[0] = unknowns[0] * scale
+        # works of a revolution are measured against the motor's, times against the period
+        unit = np.full(state.size, max(abs(first_level), 1e-12))
+        unit[:2] = scale, 1 / scale
+        speeds = []
+        for low, high in pairwise(edges):
+            if high - low < 1e-12:
+                speeds.append(np.full(FINE_NODES, state[0]))
+                continue
+
+            def law(angle, y, low=low, high=high):
+                return np.asarray(rate(angle, low, high, y, level))[: y.size]
+
+            done = solve_ivp(law, (low, high), state, method=method, rtol=tolerance,
+                             atol=tolerance * unit, dense_output=accounts)  # fmt: skip
+            calls += done.nfev
+            if not done.success:
+                raise RuntimeError(done.message)
+            state = done.y[:, -1]
+            if accounts:
+                inside = (
+                    low + (high - low) * (np.polynomial.legendre.leggauss(FINE_NODES)[0] + 1) / 2
+                )
+                speeds.append(done.sol(inside)[0])
+        return state, level, speeds
+
+    def gap(unknowns):
+        end, _, _ = revolution(unknowns)
+        gaps = [end[0] / scale - unknowns[0], end[1] * scale / (2 * np.pi) - 1]
+        return gaps if holds_speed else gaps[:1]
+
+    # The gap carries the error of the integration: its differences need a step well above that, and
+    # the search must not go on below it.
+    options = {"eps": max(1e-8, tolerance**0.5), "maxfev": _REVOLUTIONS}
+    found = root(gap, np.ones(1 + holds_speed), tol=0.1 * tolerance, options=options)
+    end, level, speeds = revolution(found.x, accounts=True)
+    return float(value(np.stack(speeds), level, end[1:])), calls
+
+
+def _first_level(rate, edges, scale: float) -> float:
+    """Level of the motor torque that carries losses and gas at constant speed."""
+    angles = np.linspace(edges[0], edges[-1], _ANGLES, endpoint=False)
+    at = jax.vmap(rate, (0, None, None, None, None))
+    rates = np.asarray(at(angles, edges[0], edges[-1], np.array([scale, 0.0]), 1.0))
+    works = rates[:, 2:].sum(0)
+    return float(works[1:].sum() / works[0])
+
+
+def _orbit(machine: Compressor, speed, level, accounts) -> Orbit:
+    """The orbit from the speed at the nodes of each panel and the accounts of the revolution."""
+    grid = panels(_edges(machine), FINE_NODES)
+    motor = level * machine.motor.torque(speed)
+    over = jax.vmap(jax.vmap(lambda a, w, m: acceleration(machine, a, w, m)[0]))
+    state = CrankState(grid.angle, speed, over(grid.angle, speed, motor))
+    loads = loads_at(machine, state)
+    losses = dict(zip(loads.loss_torque, accounts[3:], strict=True))
+    energy = Energy(accounts[1], accounts[2], losses)
+    report = FixedPointReport(jnp.asarray(0), jnp.asarray(0.0), jnp.asarray(True))
+    unknown = dict.fromkeys(losses, jnp.zeros(()))  # errors that SciPy does not report
+    at = instants(machine, grid.angle)
+    orbit = orbit_on_panels(
+        grid, at, state, motor, loads, energy, unknown, Status.converged, report, "SciPy"
+    )
+    return eqx.tree_at(lambda o: o.mean_speed, orbit, 2 * jnp.pi / accounts[0])
+
+
+def quantities_study(question: Question, thorough: bool) -> Study:
+    """Every quantity of the machine by the default solver, each relative to its own reference.
+
+    All quantities come from one program a solver, so that the time is that of all of them together.
+    """
+    del thorough
+    names = known_quantities(question.design)
+    solver, tolerance, second = other_method(question)
+    default, fine, other = (
+        SolverProgram(question, one, names) for one in (None, question.fine_solver, solver)
+    )
+
+    @cache
+    def values():
+        """By the fine solver, at a loose tolerance, and by the second method."""
+        loose = np.asarray(fine.call(0.1).run().value)
+        return fine.value(FINE_TOLERANCE), loose, other.value(tolerance)
+
+    def reference(place):
+        value, loose, other = (row[place] for row in values())
+        if _without_error(value, loose, other):
+            raise RuntimeError("the solver of the periodic state has no part in it")
+        return Reference(value, other, (METHODS[0], second))
+
+    @cache
+    def once():
+        call = default.call()
+        return call._replace(run=cache(call.run), seconds=median_time(call.run))
+
+    def call(place):
+        every = once()
+        found = every.run()
+        return every._replace(run=lambda: found._replace(value=found.value[place]))
+
+    settings = tuple(
+        Setting(name, f"[{quantity_named(name).unit or '-'}]", partial(call, place),
+                reference=cache(partial(reference, place)), task=name)
+        for place, name in enumerate(names)
+    )  # fmt: skip
+    note = "every quantity by the default solver"
+    return Study(partial(reference, 0), settings, note, name=names[0])
+
+
+def known_quantities(design: Machine) -> tuple[str, ...]:
+    """Names of all quantities of a machine, joint by joint."""
+    return tuple(available_quantities(design, members=True))
+
+
+def cylinders_study(question: Question, thorough: bool) -> Study:
+    """Error against run time for 1, 2, 4 and 8 cylinders, and how the cost grows with their number.
+
+    Args:
+        question: of a machine with a slider-crank, of which the first cylinder is taken.
+        thorough: more nodes.
+    """
+    settings = []
+    for count, layout in LAYOUTS.items():
+        one = question._replace(design=Machine(with_layout(question.compressor, layout)))
+        task = f"{count} cylinder{'s' if count > 1 else ''}"
+        options: Any = {"task": task, "reference": cache(partial(orbit_reference, one))}
+        for nodes in _NODES_OF_CYLINDERS[thorough]:
+            program = SolverProgram(one, Collocation(nodes=nodes, reversals=0))
+            label = f"nodes={nodes} reversals=0"
+            settings.append(program.setting(f"{task}, collocation", label, 1e-7, nodes, **options))
+        program = SolverProgram(one, None)
+        settings.append(program.setting(f"{task}, default", "default", 1e-13, **options))
+    note = "one cylinder, and more of it on one crank"
+    return Study(settings[0].reference, tuple(settings), note,
+                 findings=lambda rows, reference: {"growth": growth(rows)})  # fmt: skip
+
+
+def growth(rows: Sequence[Measurement]) -> dict[str, Growth]:
+    """Cost over the number of cylinders, by setting, from the rows of `cylinders_study`."""
+    found = {}
+    for label in dict.fromkeys(row.setting for row in rows):
+        own = {int(row.task.split()[0]): row for row in rows if row.setting == label}
+        times = {count: row.seconds for count, row in own.items() if np.isfinite(row.seconds)}
+        if len(times) > 1:
+            each, fixed = np.polyfit([*times], [*times.values()], 1)
+            compiling = {count: own[count].compile_seconds for count in times}
+            found[label] = Growth(times, compiling, float(fixed), float(each))
+    return found
+
+
+def with_layout(machine: Compressor | None, layout: str) -> Compressor:
+    """The machine with the first of its cylinders in a layout, balanced, at its mean speed.
+
+    Args:
+        machine: with a slider-crank; its counterweights do not count.
+        layout: as in `Crankshaft`.
+
+    Raises:
+        BadInput: another mechanism, or stages that share an intermediate pressure.
+    """
+    mechanism = None if machine is None else machine.mechanism
+    if machine is None or not isinstance(mechanism, SliderCrank):
+        raise BadInput("mechanism", type(mechanism).__name__, "a slider_crank, for this study")
+    if isinstance(machine.gas, StagedCycle):
+        raise BadInput("gas", "staged", "the same for every cylinder, for this study")
+    one = of_cylinder(mechanism)
+    throw, rod = _THROW_PITCH * one.bore, _ROD_PITCH * one.bore
+    shaft = machine.crankshaft
+    crankshaft = Crankshaft(
+        shaft.inertia,
+        shaft.mass,
+        layout=layout,
+        throw_pitch=throw,
+        rod_pitch=rod,
+        balanced=True,
+        main_journal=shaft.main_journal,
+    )
+    gas, friction = of_cylinder(machine.gas), of_cylinder(machine.friction)
+    made = Compressor(one, crankshaft, machine.motor, gas, friction, machine.gravity)
+    if isinstance(machine.motor, MeanSpeed):
+        return made
+    return at_speed(made, machine.motor.speed_guess)

@@ -1,0 +1,254 @@
+r"""Films and rotor: film models beside Reynolds' equation, solvers of the response beside NumPy.
+
+Films are studied at every bearing of the machine: the journals of its joints under their mean force, and
+the bearings of its rotor under their static load at the highest of the balancing speeds; without any, at
+a plain bearing and one with two axial grooves of L/D = 0.5 at eps = 0.65. Tables and closed formulas are
+compared with finite volumes on 960 x 64 cells for the same bearing; the Richardson extrapolation of
+these shares the two finest grids with them, so that the second method is the solution that stops one
+grid earlier.
+
+The response by block elimination along the shaft and by a dense solver of the library, each for many
+speeds in one call, is compared with NumPy on the full matrices with refinement in extended precision.
+"""
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ... import film as films
+from ..._core.errors import BadInput
+from ...crank import Collocation, solve_orbit
+from ...crankshaft import film_journals
+from ...machine import Machine, assembled
+from ...rotor import LoadedFilm, RotorModel, load_vector, matrices, respond
+from ...vibration import loaded_rotor
+from ._report import Reference
+from ._study import Call, Compiled, Question, Setting, Study, series
+
+FILM_QUANTITIES = ("friction_number", "stiffness", "damping")
+_GRIDS = ((120, 8), (240, 16), (480, 32), (960, 64))
+_PLAIN = (films.Reynolds, films.Guembel, films.Ocvirk, films.ExplicitFit)
+_GROOVED = (films.GroovedReynolds,)
+# Points of a batch: times are per point.
+_BATCH = 256
+# [-] Of eps, in the differences of finite volumes, and of the load, in those of a film model.
+_STEP, _STEPS = 1e-2, (1e-1, 1e-3, 1e-5)
+
+_LOWEST = 0.2  # [-] first of the speeds, over the highest of the balancing planes'
+_COUNTS = (1, 10, 100, 1000)
+_COMPARED = 10  # speeds at which errors are taken, the same of every number of them
+
+
+class Place(NamedTuple):
+    """Where the film is studied.
+
+    Attributes:
+        label: which bearing.
+        length_ratio: [-] L/D.
+        eccentricity: [-] eps.
+        grooved: whether it has two axial grooves.
+    """
+
+    label: str
+    length_ratio: float
+    eccentricity: float
+    grooved: bool = False
+
+    def models(self, name: str) -> list[type[films.AbstractFilm]]:
+        """Film models for the bearing that give a number of `FILM_QUANTITIES`."""
+        return [
+            model
+            for model in (_GROOVED if self.grooved else _PLAIN)
+            if model.length_ratio_range[0] <= self.length_ratio <= model.length_ratio_range[1]
+            and (name == "friction_number" or issubclass(model, films.AbstractSolvedFilm))
+        ]
+
+    def solved(self, count: int) -> films.FilmSolution:
+        """By finite volumes on the coarsest grids, as many as are told."""
+        return films.reference_solution(
+            self.eccentricity, self.length_ratio, grooved=self.grooved, grids=_GRIDS[:count]
+        )
+
+
+def film_study(question: Question, thorough: bool) -> Study:
+    """Models of the film and grids of the solver, for a number of the film."""
+    name, settings = question.quantity, []
+    for place in _places(question, thorough):
+        solved = cache(place.solved)
+
+        @cache
+        def reference(solved=solved):
+            fine, coarse = (np.asarray(getattr(solved(n), name)) for n in (4, 3))
+            return Reference(fine, coarse, ("finite volumes, 960 x 64 cells", "480 x 32 cells"))
+
+        options: Any = {"reference": reference, "task": place.label}
+        settings += [
+            Setting(f"finite volumes, {place.label}", "{} x {} cells".format(*_GRIDS[count - 1]),
+                    partial(_grid_call, place, name, count), (float(count),), **options)
+            for count in ((2, 3, 4) if thorough else (2, 3))
+            if count > 2 or not place.grooved  # the grooves are found one grid earlier
+        ]  # fmt: skip
+        settings += [
+            Setting(f"{model.__name__}, {place.label}", f"eps={place.eccentricity:.3g}",
+                    partial(_model_call, solved, _of_load(model, place, name)), share=_BATCH,
+                    **options)
+            for model in place.models(name)
+        ]  # fmt: skip
+    note = f"films, {_BATCH} points at a time"
+    return Study(settings[0].reference, tuple(settings), note, unit="")
+
+
+def film_gradient_study(question: Question, thorough: bool) -> Study:
+    """Derivatives of a number of the film with respect to its load, beside those of finite volumes."""
+    name, place = question.quantity, _places(question, thorough)[0]
+    solved = cache(place.solved)
+
+    def slope(step):
+        eccentricities = (place.eccentricity + s * step for s in (-1, 1))
+        low, high = (place._replace(eccentricity=e).solved(4) for e in eccentricities)
+        rise = np.asarray(getattr(high, name)) - np.asarray(getattr(low, name))
+        return rise / (high.load_number - low.load_number)
+
+    def reference():
+        # two steps, each with its half: differences of fourth order
+        one, two, half = (slope(_STEP * share) for share in (1.0, 0.5, 0.25))
+        return Reference((4 * half - two) / 3, (4 * two - one) / 3,
+                         ("differences of finite volumes", "twice the step"))  # fmt: skip
+
+    settings = [
+        Setting(f"{mode} mode, {model.__name__}", "at the load",
+                partial(_model_call, solved, derive(_of_load(model, place, name))), share=_BATCH)
+        for model in place.models(name)
+        if model is not films.Guembel or thorough  # whose reverse mode compiles for 20 s
+        for mode, derive in (("forward", jax.jacfwd), ("reverse", jax.jacrev))
+    ]  # fmt: skip
+    first = place.models("friction_number")[0]
+    value = _of_load(first, place, name)
+
+    def difference(share):
+        def central(x):
+            return (value(x * (1 + share)) - value(x * (1 - share))) / (2 * share * x)
+
+        return _model_call(solved, central)
+
+    settings += series(f"central differences, {first.__name__}", "step={:g}", difference, _STEPS,
+                       share=_BATCH, candidate=False)  # fmt: skip
+    note = f"derivative with respect to the load number, {place.label}"
+    return Study(reference, tuple(settings), note, f"d {name} / d load_number", "")
+
+
+def film_places(design: Machine) -> tuple[Place, ...]:
+    """The films of a machine: of its joints, the most eccentric first, and of its rotor."""
+    made, found = assembled(design), []
+    journals = {}
+    if made.compressor is not None:
+        shaft = made.compressor.crankshaft
+        journals = film_journals(made.compressor.friction, shaft.main_journal)
+    if made.compressor is not None and journals:
+        orbit = solve_orbit(made.compressor, Collocation(reversals=0, tolerance=1e-6), throw=False)
+        for name, bearing in journals.items():
+            found += _place(name, bearing, orbit.mean_forces[name], orbit.mean_speed)
+    if isinstance(made.rotor, RotorModel) and made.balancing is not None:
+        speed = jnp.max(made.balancing.speeds)
+        for link in loaded_rotor(made, speed[None]).links:
+            if isinstance(link.law, LoadedFilm):
+                assert isinstance(link.law.bearing, films.JournalBearing)
+                load = jnp.linalg.norm(jnp.atleast_2d(link.law.load)[-1])
+                name = f"rotor {'-'.join(map(str, link.nodes))}"
+                found += _place(name, link.law.bearing, load, speed)
+    unique = {place.label: place for place in found}.values()
+    return tuple(sorted(unique, key=lambda p: (p.label.startswith("rotor "), -p.eccentricity)))
+
+
+def _place(name: str, bearing: films.JournalBearing, load, speed) -> list[Place]:
+    """The place of a bearing; none where its film carries nothing."""
+    if not issubclass(bearing.model, films.AbstractCarryingFilm):
+        return []
+    eccentricity = float(films.eccentricity_ratio(bearing, load, speed))
+    grooved = bearing.model is films.GroovedReynolds
+    return [Place(name, float(bearing.length_ratio), eccentricity, grooved)]
+
+
+def _places(question: Question, thorough: bool) -> tuple[Place, ...]:
+    if question.quantity not in FILM_QUANTITIES:
+        raise BadInput("quantity", question.quantity, f"one of {FILM_QUANTITIES}")
+    usual = Place("a plain bearing", 0.5, 0.65), Place("grooves", 0.5, 0.65, True)
+    found = film_places(question.design) or usual
+    return (*found, *(one for one in usual if thorough and one not in found))
+
+
+def _grid_call(place: Place, name: str, count: int) -> Call:
+    return Call(lambda: np.asarray(getattr(place.solved(count), name)))
+
+
+def _of_load(model, place: Place, name: str) -> Callable[[Any], Any]:
+    """A number of the film as a function of the load number."""
+
+    def value(load):
+        film = model(jnp.asarray(place.length_ratio))
+        if name == "friction_number":
+            return film.friction_number(load)
+        return getattr(films.dynamic_coefficients(film, load), name)
+
+    return value
+
+
+def _model_call(solved: Callable[[int], films.FilmSolution], value) -> Call:
+    """A function of the load number, over a batch of points at the same place."""
+    over, program, _ = Compiled(jax.vmap(value)).call(jnp.full(_BATCH, solved(4).load_number))
+    return Call(lambda: over()[0], program)
+
+
+def response_study(question: Question, thorough: bool) -> Study:
+    """Solvers of the response by number of speeds; the error is that of all displacements."""
+    made = question.assembly
+    assert made.balancing is not None
+    compared = np.linspace(_LOWEST, 1.0, _COMPARED) * float(jnp.max(made.balancing.speeds))
+    model, loads = loaded_rotor(made, jnp.asarray(compared)), made.given_loads or made.unbalances
+
+    def by_numpy(refined: bool):
+        return np.stack([_direct(model, loads, speed, refined) for speed in compared])
+
+    def solve(solver, model, loads, speeds):
+        return respond(model, loads, speeds, solver=solver).displacement[0]
+
+    def prepare(solver, count):
+        # the same speeds again and again, so that their number alone is what differs
+        speeds = jnp.asarray(np.resize(compared, count))
+        run, program, _ = Compiled(partial(solve, solver)).call(model, loads, speeds)
+        return Call(lambda: run()[:_COMPARED] if count > _COMPARED else run(), program)
+
+    def reference(count):
+        value, other = exact()[:count], np.asarray(prepare("dense", _COMPARED).run())[:count]
+        return Reference(value, other, ("NumPy in extended precision", "the dense solver"))
+
+    exact = cache(lambda: by_numpy(True))
+    single, whole = (cache(partial(reference, count)) for count in (1, _COMPARED))
+    settings = [
+        Setting(solver, f"{count} speeds", partial(prepare, solver, count), share=count,
+                reference=single if count == 1 else whole)
+        for solver in ("structured", "dense")
+        for count in (_COUNTS if thorough else _COUNTS[:3])
+        if solver == "structured" or count <= 100
+    ]  # fmt: skip
+    plain = Setting("NumPy", f"{_COMPARED} speeds", lambda: Call(partial(by_numpy, False)),
+                    share=_COMPARED, reference=whole)  # fmt: skip
+    note = "response at many speeds in one call, times are of one speed"
+    return Study(whole, (*settings, plain), note)
+
+
+def _direct(model, loads, speed: float, refined: bool):
+    """[m], [rad] (nodes, dof) displacement at one speed by the full matrices."""
+    force = np.asarray(load_vector(model, loads, 1, jnp.asarray(speed)))
+    m, c, g, k, expand = (np.asarray(a) for a in matrices(model, speed))
+    z = k - speed**2 * m + 1j * speed * (c + speed * g)
+    f = expand.T @ force.reshape(-1)
+    x = np.linalg.solve(z, f)
+    for _ in range(2 * refined):
+        rest = f.astype(np.clongdouble) - z.astype(np.clongdouble) @ x.astype(np.clongdouble)
+        x = x + np.linalg.solve(z, rest.astype(complex))
+    return (expand @ x).reshape(force.shape)

@@ -1,0 +1,464 @@
+r"""Machines made of one: with parts left out, and at its extremes.
+
+`scene_costs`: the cost of each part, from the barest scene to the fullest. A part that is left out is
+not traced, so that the rest costs what it costs alone. Operations are those of the compiled program, in
+which the body of a loop counts once.
+
+`extremes`: values with their errors, or the reason why there is none. Each family moves numbers of the
+machine, step by step, towards a place where the equations become stiff, singular or impossible. The
+default solver gives value and status, an independent march of one revolution its error; of the rotor,
+two linear solvers are compared.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._core.errors import BadInput
+from ..._core.fields import replaced
+from ..._core.status import SolveFailed, Status
+from ...compressor import Compressor
+from ...crank import Collocation, TimeIntegration, solve_orbit
+from ...crankshaft import bearing_names, film_journals
+from ...film import JournalBearing
+from ...friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
+from ...machine import Assembly, Machine, assembled, machine_of
+from ...mechanism import SliderCrank
+from ...motor import ConstantSpeed, SlipLine
+from ...rotor import BalancingPlanes, LoadCase, RotorModel, TargetPlane, respond
+from ...vibration import loaded_rotor, without
+from .. import AnalysisOptions
+from ._study import Program, answer, median_time
+
+# The film journals that stand in for the scene's own where it has none: usual proportions.
+_LENGTH_RATIO, _CLEARANCE_RATIO, _VISCOSITY = 0.5, 1e-3, 5e-3  # [-], [-], [Pa s]
+# Fewer steps than of a single verification: near a stall a march would take all it is given.
+_MARCH = TimeIntegration(diffrax.Dopri8(), 1e-11, max_steps=8192, samples=2000)
+# [-] Speeds of the rotor that are searched for its largest response, over the highest of its planes.
+_SPEEDS, _COUNT = (0.05, 2.0), 400
+_LEAST_DAMPING = 1e-6  # [-] of the links' own
+
+_Progress = Callable[[str, int, int], None] | None
+
+
+class SceneCost(NamedTuple):
+    """One scene of the ladder.
+
+    Attributes:
+        name: what it has.
+        quantity: that is computed.
+        value: [SI]
+        flops: operations of the compiled program, loop bodies counted once.
+        loops: loops in the compiled program.
+        compile_seconds: [s]
+        seconds: [s] median of several warm calls.
+        memory: [bytes] of intermediate results, `None` where the backend does not report it.
+    """
+
+    name: str
+    quantity: str
+    value: float
+    flops: float
+    loops: int
+    compile_seconds: float
+    seconds: float
+    memory: int | None
+
+
+class LeanScene(NamedTuple):
+    """A scene whose cost is measured: a design, its solvers, and a quantity.
+
+    Attributes:
+        name: what it has.
+        design: the machine.
+        options: of the analysis.
+        quantity: that is computed.
+    """
+
+    name: str
+    design: Machine
+    options: AnalysisOptions
+    quantity: str
+
+
+def scene_costs(ladder: Sequence[LeanScene], progress: _Progress = None) -> tuple[SceneCost, ...]:
+    """Compile and run scenes.
+
+    Args:
+        ladder: of `lean_scenes`, or some of them.
+        progress: called before each scene with its name, its number and how many there are.
+    """
+    costs = []
+    for number, one in enumerate(ladder):
+        if progress is not None:
+            progress(one.name, number, len(ladder))
+        program = lean_program(one)
+        costs.append(
+            SceneCost(
+                one.name,
+                one.quantity,
+                float(program(one.design)[0]),
+                program.flops,
+                program.text.count(" while("),
+                program.seconds,
+                program.timed(one.design),
+                program.memory,
+            )
+        )
+    return tuple(costs)
+
+
+def lean_scenes(scene: Any) -> tuple[LeanScene, ...]:
+    """The scenes from the barest to the fullest that can be made of one by leaving out parts.
+
+    Raises:
+        BadInput: a scene with neither a crank nor a rotor with planes.
+    """
+    design = machine_of(scene)
+    found = [*_crank_scenes(design), *_rotor_scenes(design)]
+    if not found:
+        raise BadInput("scene", "without", "one with a compressor, or a rotor with its planes")
+    return tuple(found)
+
+
+def lean_program(one: LeanScene) -> Program:
+    """The compiled program of a scene."""
+
+    def value(design):
+        solved = answer(design, one.options, one.quantity)
+        return solved.value, solved.ok
+
+    return Program(value, one.design)
+
+
+def _crank_scenes(design: Machine) -> Iterator[LeanScene]:
+    machine = assembled(design).compressor
+    if machine is None:
+        return
+    given = ConstantSpeed(machine.motor.speed_guess)
+    ideal = without(machine, ("friction",))
+    ladder = {
+        "given speed, no friction": replace(ideal, motor=given),
+        "given speed": replace(machine, motor=given),
+        "fluctuating speed, no friction": ideal,
+        "fluctuating speed": machine,
+    }
+    if isinstance(machine.friction, SliderCrankFriction):
+        ladder["fluctuating speed, film journals"] = _filmed_machine(machine)
+    for name, made in ladder.items():
+        asked = f"mean_force.{bearing_names(made.crankshaft)[0]}"  # of the shaft on its bearing
+        yield LeanScene(f"crank: {name}", Machine(made), AnalysisOptions(), asked)
+
+
+def _rotor_scenes(design: Machine) -> Iterator[LeanScene]:
+    made = assembled(design)
+    model, case, places = made.rotor, made.loads, made.balancing
+    if not (
+        isinstance(model, RotorModel)
+        and isinstance(case, LoadCase)
+        and isinstance(places, BalancingPlanes)
+        and places.planes
+    ):
+        return
+    loaded = loaded_rotor(made, places.speeds)
+    # one target that every scene has: the first plane of the rotor
+    first = places.planes[0]
+    places = replace(places, targets=(TargetPlane(first.name, first.node),))
+
+    def scene(name, rotor, loads, excitation, *machine):
+        parts = {"rotor": rotor, "loads": loads, "balancing": places}
+        compressor, *named = machine or (None,)
+        whole = Machine(compressor, parts, design.corrections, *named)
+        return LeanScene(name, whole, AnalysisOptions(excitation=excitation), "vibration")
+
+    subsets = f"{len(loaded.bodies) + 1} subsets, six degrees of freedom"
+    if case.forces:
+        for kept in range(len(loaded.bodies) + 1):
+            lean, loads = _grounded(loaded, case, kept)
+            name = f"{kept + 1} subsets" if kept else "alone, its bearings on the ground"
+            yield scene(f"rotor: {name}", replace(lean, dof=4), loads, "file")
+        yield scene(f"rotor: {subsets}", replace(loaded, dof=6), case, "file")
+    if case.crank is not None and design.compressor is not None:
+        machine = _filmed_machine(design.compressor), design.bearings, design.oils
+        name = f"all: {subsets}, excited by the crank"
+        yield scene(name, replace(design.parts["rotor"], dof=6), case, "crank", *machine)
+
+
+def _filmed_machine(machine: Compressor) -> Compressor:
+    """The same joints with films on crank pin and main journal."""
+    friction, crankshaft = machine.friction, machine.crankshaft
+    if not isinstance(friction, SliderCrankFriction):
+        return machine
+
+    def film(law):
+        if not isinstance(law, CoulombJournal | RegularisedJournal):
+            return law
+        d = law.diameter
+        return JournalBearing(d, _LENGTH_RATIO * d, _CLEARANCE_RATIO * d / 2, _VISCOSITY)
+
+    return replace(
+        machine,
+        friction=replace(friction, crank_pin=film(friction.crank_pin)),
+        crankshaft=replace(crankshaft, main_journal=film(crankshaft.main_journal)),
+    )
+
+
+def _grounded(model: RotorModel, case: LoadCase, kept: int) -> tuple[RotorModel, LoadCase]:
+    """The model with its first bodies alone, and the ground in the place of the others."""
+    gone = {node for body in model.bodies[kept:] for node in (body.centre, *body.nodes)}
+    if not gone:
+        return model, case
+    links = []
+    for link in model.links:
+        nodes = [None if node in gone else node for node in link.nodes]
+        if any(node is not None for node in nodes):
+            nodes.sort(key=lambda node: node is None)  # the ground is the second node of a link
+            links.append(replace(link, nodes=tuple(nodes)))
+    pulls = tuple(
+        pull for pull in model.magnetic_pulls if not gone & {n for pair in pull.nodes for n in pair}
+    )
+    bodies = model.bodies[:kept]
+    lean = replace(model, links=tuple(links), magnetic_pulls=pulls, bodies=bodies, nodes=None)
+    forces = tuple(
+        replace(force, reaction=None) if force.reaction in gone else force
+        for force in case.forces
+        if force.node not in gone
+    )
+    return lean, eqx.tree_at(lambda c: c.forces, case, forces)
+
+
+class Extreme(NamedTuple):
+    """One machine at an extreme.
+
+    Attributes:
+        family: what is extreme about it.
+        setting: what was moved, and how far.
+        status: of the solver, as a sentence.
+        value: [-] mechanical efficiency; of a response [m] its largest displacement.
+        error: [-] of the value: by the march, or the difference of the two linear solvers.
+        speed_error: [-] of the speed by the march, relative to the mean; `None` for a response.
+        margin: [-] against self-locking; `None` for a response.
+        iterations: of the solver; `None` for a response.
+        seconds: [s] median of several warm calls, without the march.
+    """
+
+    family: str
+    setting: str
+    status: str
+    value: float
+    error: float
+    speed_error: float | None
+    margin: float | None
+    iterations: int | None
+    seconds: float
+
+    @property
+    def good(self) -> bool:
+        """Whether there is a value."""
+        return self.status == Status[Status.converged]
+
+
+def extremes(
+    scene: Any, families: Iterable[str] | None = None, progress: _Progress = None
+) -> tuple[Extreme, ...]:
+    """Solve a machine at its extremes.
+
+    Args:
+        scene: of `jaxcomp.load`, or a `Machine`.
+        families: names in `FAMILIES`; absent: all that the machine has.
+        progress: called before each family with its name, its number and how many there are.
+
+    Returns:
+        Every case, by family, from mild to extreme. A case without a solution has a status that says
+        so, and an error that is not finite.
+
+    Raises:
+        BadInput: a family that does not exist.
+    """
+    names = tuple(FAMILIES) if families is None else tuple(families)
+    for name in names:
+        if name not in FAMILIES:
+            raise BadInput("family", name, f"one of {', '.join(FAMILIES)}")
+    assembly, found = assembled(machine_of(scene)), []
+    for number, name in enumerate(names):
+        if progress is not None:
+            progress(name, number, len(names))
+        family = FAMILIES[name]
+        if family is None:
+            found += _near_singular(name, assembly)
+        elif assembly.compressor is not None:
+            found += (_solved(name, *one) for one in family.machines(assembly.compressor))
+    return tuple(found)
+
+
+class Family(NamedTuple):
+    """Machines with a crank that become more extreme by one number.
+
+    Attributes:
+        label: with a place for the number.
+        numbers: from mild to extreme.
+        change: from machine and number to the changed machine; `None` for one that has no solution
+            to start from.
+        has: whether a machine has what is changed.
+    """
+
+    label: str
+    numbers: tuple[float, ...]
+    change: Callable[[Compressor, float], Compressor | None]
+    has: Callable[[Compressor], Any] = lambda compressor: True
+
+    def machines(self, compressor: Compressor) -> Iterator[tuple[str, Compressor]]:
+        """Setting and machine of each number."""
+        for number in self.numbers if self.has(compressor) else ():
+            changed = self.change(compressor, number)
+            if changed is not None:
+                yield self.label.format(number), changed
+
+
+def _with_rod(compressor: Compressor, ratio: float) -> Compressor:
+    """A rod of another length; its mass and its relative centre of mass stay."""
+    mechanism: Any = compressor.mechanism
+    length = mechanism.crank_radius / ratio
+    share = length / mechanism.conrod_length
+    numbers = (length, mechanism.conrod_centre * share, mechanism.conrod_inertia * share**2)
+    where = lambda m: (m.conrod_length, m.conrod_centre, m.conrod_inertia)  # noqa: E731
+    return replaced(compressor, mechanism=eqx.tree_at(where, mechanism, numbers))
+
+
+def with_slip(compressor: Compressor, slip: float) -> Compressor | None:
+    """The machine with a motor of a slip through its mean torque at its mean speed.
+
+    `None` where it has no periodic state.
+    """
+    orbit = solve_orbit(compressor, throw=False)
+    if not bool(orbit.converged):
+        return None
+    speed, torque = orbit.mean_speed, orbit.energy.motor_work / (2 * jnp.pi)
+    motor = SlipLine(float(torque / (slip * speed)), float(speed * (1 + slip)))
+    return replaced(compressor, motor=motor)
+
+
+def scaled(tree: Any, end: str, factor: float) -> tuple[Any, int]:
+    """The tree with all numbers multiplied whose path ends so, and how many these are."""
+    count = 0
+
+    def scale(path, leaf):
+        nonlocal count
+        if not jax.tree_util.keystr(path).endswith(end):
+            return leaf
+        count += 1
+        return jnp.asarray(leaf) * factor
+
+    return jax.tree_util.tree_map_with_path(scale, tree), count
+
+
+def _times(end: str) -> Callable[[Compressor, float], Compressor]:
+    """The machine with all numbers multiplied whose path ends so."""
+    return lambda compressor, factor: scaled(compressor, end, factor)[0]
+
+
+FAMILIES: dict[str, Family | None] = {
+    # connecting rods hardly longer than the crank
+    "steep rod": Family(
+        "r/l = {:g}",
+        (0.3, 0.5, 0.7, 0.85, 0.95),
+        _with_rod,
+        lambda compressor: isinstance(compressor.mechanism, SliderCrank),
+    ),
+    # friction that grows until the joints lock
+    "near locking": Family(
+        "coefficients x {:g}",
+        (2.0, 4.0, 8.0, 16.0, 32.0, 40.0, 64.0),
+        _times(".coefficient"),
+        lambda compressor: scaled(compressor, ".coefficient", 1.0)[1],
+    ),
+    # crank inertias so small that the crank all but stalls at the end of the compression
+    "near stall": Family(
+        "crank inertia x {:g}", (0.3, 0.1, 0.03, 0.01, 3e-3), _times(".crankshaft.inertia")
+    ),
+    # oil of ever lower viscosity: journals that run at ever higher eccentricity
+    "thin film": Family(
+        "viscosity x {:g}",
+        (0.5, 0.2, 0.1, 0.03, 0.01),
+        _times(".dynamic_viscosity"),
+        lambda compressor: film_journals(compressor.friction, compressor.crankshaft.main_journal),
+    ),
+    # motors of ever smaller slip, through the same mean torque at the same mean speed
+    "stiff motor": Family("slip {:g}", (0.1, 0.01, 1e-3, 1e-4), with_slip),
+    # the rotor at a resonance
+    "near-singular response": None,
+}
+
+
+def _solved(family: str, setting: str, compressor: Compressor) -> Extreme:
+    solver = Collocation(reversals=compressor.load_reversals)
+    orbit = solve_orbit(compressor, solver, verify=_MARCH, throw=False)
+    march = orbit.verification
+    assert march is not None
+    good = bool(orbit.converged)
+    status = Status[orbit.status]
+    if good and bool(march.status != Status.converged):
+        status = "converged, but the march that verifies it did not end"
+    known = good and status == Status[Status.converged]
+    seconds = median_time(lambda: solve_orbit(compressor, solver, throw=False))
+    return Extreme(
+        family,
+        setting,
+        status,
+        float(orbit.mechanical_efficiency),
+        abs(float(march.efficiency_error)) if known else float("inf"),
+        float(march.speed_error) if known else float("inf"),
+        float(orbit.margin),
+        int(orbit.iterations),
+        seconds,
+    )
+
+
+def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
+    """The rotor at a resonance, with ever less damping in its links."""
+    case, planes = assembly.loads, assembly.balancing
+    if assembly.rotor is None or case is None or planes is None or not assembly.given_loads:
+        return
+    top = float(jnp.max(planes.speeds))
+    speeds = np.linspace(*_SPEEDS, _COUNT) * top
+    whole = loaded_rotor(assembly, jnp.asarray(speeds))
+    loads = assembly.given_loads
+    bare = scaled(whole, "damping", _LEAST_DAMPING)[0]
+    # a resonance: the highest of the peaks within the range, not an end of it
+    sizes = _sizes(bare, loads, speeds)
+    inner = sizes[1:-1]
+    peaks = np.flatnonzero((inner > sizes[:-2]) & (inner > sizes[2:])) + 1
+    highest = peaks[np.argmax(sizes[peaks])] if peaks.size else np.nanargmax(sizes)
+    worst, width = speeds[highest], speeds[1] - speeds[0]
+    for _ in range(3):
+        near = worst + np.linspace(-1, 1, 41) * width
+        worst, width = near[np.nanargmax(_sizes(bare, loads, near))], width / 20
+    at = jnp.asarray([worst])
+    for times in (1.0, 0.1, 1e-3, _LEAST_DAMPING):
+        model = scaled(whole, "damping", times)[0]
+        try:
+            one, other = (respond(model, loads, at, solver=s) for s in ("structured", "dense"))
+        except SolveFailed as failed:
+            yield Extreme(name, f"damping x {times:g}", str(failed), *[float("nan")] * 2, None, None,
+                          None, float("nan"))  # fmt: skip
+            continue
+        value = float(jnp.max(jnp.abs(one.displacement)))
+        gap = float(jnp.max(jnp.abs(one.displacement - other.displacement))) / value
+        good = bool(jnp.all(one.ok))
+        status = Status[Status.converged] if good else "the response is not to be relied on"
+        seconds = median_time(lambda model=model, at=at: respond(model, loads, at))
+        setting = f"damping x {times:g}, {worst * 30 / np.pi:.1f} rpm"
+        yield Extreme(name, setting, status, value, gap if good else float("inf"), None, None, None,
+                      seconds)  # fmt: skip
+
+
+def _sizes(model, loads, speeds) -> np.ndarray:
+    """[m] Largest displacement at each speed [rad/s]."""
+    found = respond(model, loads, jnp.asarray(speeds))
+    return np.asarray(jnp.max(jnp.abs(found.displacement[0]), axis=(-2, -1)))  # of order 1

@@ -1,0 +1,395 @@
+r"""Rating points of a refrigeration compressor, maps over them and their polynomial.
+
+$$X = C_1 + C_2S + C_3D + C_4S^2 + C_5SD + C_6D^2 + C_7S^3 + C_8DS^2 + C_9SD^2 + C_{10}D^3$$
+
+with evaporating and condensing dew temperatures S and D in degrees Celsius (AHRI 540, EN 12900).
+"""
+
+import dataclasses as dc
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+from .._core.display import ZERO_CELSIUS
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.fields import of_cylinder, replaced
+from .._core.results import Data, Result
+from .._core.words import one_of
+from ..compressor import Compressor, compressor_of
+from ..crank import Collocation, performance, solve_orbit
+from ..cylinder import Cylinder, solve_cycle
+from ..fluid import RealGas
+from ..motor import ConstantSpeed
+
+ZERO = ZERO_CELSIUS
+
+
+class Rating(NamedTuple):
+    """What a standard says of the gas that comes and of the liquid before the expansion.
+
+    Attributes:
+        return_gas: [K] its temperature; `None` where the superheat is given.
+        superheat: [K]
+        liquid: [K] its temperature; `None` where the subcooling is given.
+        subcooling: [K]
+        doc: one sentence.
+    """
+
+    return_gas: float | None = None
+    superheat: float | None = None
+    liquid: float | None = None
+    subcooling: float | None = None
+    doc: str = ""
+
+
+RATINGS = {
+    "file": Rating(doc="As the machine says."),
+    "ashrae": Rating(ZERO + 32.2, None, ZERO + 32.2, None, "ASHRAE: both at 32.2 C."),
+    "en12900": Rating(ZERO + 20, None, None, 0.0, "EN 12900: return gas 20 C, no subcooling."),
+    "en12900-superheat": Rating(None, 10.0, None, 0.0, "EN 12900: superheat 10 K, no subcooling."),
+    "ahri540": Rating(
+        ZERO + 18.3, None, None, 0.0, "AHRI 540, refrigeration: return gas 18.3 C, no subcooling."
+    ),
+}
+
+# Name, SI unit, and whether it is fitted.
+QUANTITIES = (
+    ("capacity", "W", True),
+    ("power", "W", True),
+    ("mass_flow", "kg/s", True),
+    ("cop", "", False),
+    ("volumetric_efficiency", "", False),
+    ("isentropic_efficiency", "", False),
+    ("overall_efficiency", "", False),
+    ("discharge_temperature", "K", False),
+)
+
+
+class RatingMap(Result, eqx.Module):
+    """A compressor over evaporating and condensing temperature.
+
+    Attributes:
+        evaporating: [K] (n,) dew temperature.
+        condensing: [K] (m,) dew temperature.
+        values: (n, m) by name as in `QUANTITIES`, in SI units; not a number where a point failed.
+        ok: (n, m) whether a point converged and delivers dry gas.
+        coefficients: (10,) of the polynomial in degrees Celsius, by name; empty below ten points.
+        fit_error: [-] largest error of the polynomial over the largest value.
+        rating: key of `RATINGS`.
+    """
+
+    evaporating: Float[Array, " n"]
+    condensing: Float[Array, " m"]
+    values: dict[str, Float[Array, "n m"]]
+    ok: Bool[Array, "n m"]
+    coefficients: dict[str, Float[Array, "10"]]
+    fit_error: dict[str, Float[Array, ""]]
+    rating: str = eqx.field(static=True)
+
+    table_dims: ClassVar[tuple[str, ...]] = ("evaporating", "condensing")
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        at = self.table_dims
+        yield Data("evaporating", "K", self.evaporating, at[:1])
+        yield Data("condensing", "K", self.condensing, at[1:])
+        for name, unit, _ in QUANTITIES:
+            yield Data(name, unit, self.values[name], at)
+        yield Data("ok", "", self.ok, at)
+        for name, row in self.coefficients.items():
+            yield Data(f"coefficients.{name}", "", row, ("coefficient",))
+            yield Data(f"fit_error.{name}", "", self.fit_error[name])
+
+
+def at_rating(
+    machine: Any,
+    evaporating: Float[Array, ""],
+    condensing: Float[Array, ""],
+    rating: str | Rating = "file",
+) -> Compressor:
+    """A compressor with valves at a rating point.
+
+    The gas that flows back from the discharge line has the temperature of isentropic compression.
+
+    Args:
+        machine: a compressor, a machine or a scene.
+        evaporating, condensing: [K] dew temperatures.
+        rating: of `RATINGS`, or one's own.
+
+    Raises:
+        BadInput: a machine without valves or with a perfect gas, an unknown rating, or temperatures that
+            are out of order or beyond the fluid's range, see `Cylinder`.
+    """
+    compressor = compressor_of(machine)
+    gas = compressor.gas
+    if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
+        bound = 'of type "cylinder", with valves and a real gas, for rating points'
+        raise BadInput("gas", type(gas).__name__, bound)
+    if isinstance(rating, str):
+        if rating not in RATINGS:
+            raise BadInput("rating", rating, one_of(rating, RATINGS))
+        rating = RATINGS[rating]
+    suction: dict[str, Any] = {"pressure": None, "evaporating": evaporating}
+    discharge: dict[str, Any] = {"pressure": None, "condensing": condensing, "temperature": None}
+    if rating.return_gas is not None or rating.superheat is not None:
+        suction |= {"temperature": rating.return_gas, "superheat": rating.superheat}
+    if rating.liquid is not None or rating.subcooling is not None:
+        discharge |= {"liquid_temperature": rating.liquid, "subcooling": rating.subcooling}
+    # built anew, so that what is known is checked
+    lines = dc.replace(gas.suction, **suction), dc.replace(gas.discharge, **discharge)
+    return replaced(compressor, gas=dc.replace(gas, suction=lines[0], discharge=lines[1]))
+
+
+def rating_map(
+    machine: Any,
+    evaporating: Sequence[float] | Float[Array, " n"],
+    condensing: Sequence[float] | Float[Array, " m"],
+    rating: str = "file",
+) -> RatingMap:
+    """Capacity, power, flow and efficiencies over evaporating and condensing temperature.
+
+    The valves work at the constant mean speed, and friction follows from the motion of the crank under
+    the pressure so found: 1e-4 of the flow is left out. With a motor that has a torque curve both are
+    solved together, which takes some ten times as long.
+
+    Args:
+        machine: a compressor, a machine or a scene.
+        evaporating, condensing: [K] dew temperatures.
+        rating: of `RATINGS`.
+
+    Raises:
+        BadInput: as `at_rating`, of any point.
+    """
+    S, D = jnp.asarray(evaporating, float), jnp.asarray(condensing, float)
+    compressor = at_rating(machine, S[0], D[0], rating)
+    for ends in ((jnp.max(S), jnp.min(D)), (jnp.min(S), jnp.max(D))):
+        at_rating(compressor, *ends, rating)
+    shape = S.size, D.size
+    found, ok = _along(compressor, rating, jnp.repeat(S, D.size), jnp.tile(D, S.size))
+    ok = np.asarray(ok).reshape(shape)
+    values = {
+        name: np.where(ok, np.asarray(found[name]).reshape(shape), np.nan)
+        for name, *_ in QUANTITIES
+    }
+    coefficients, errors = {}, {}
+    if ok.sum() >= 10:
+        terms = polynomial_terms(S[:, None], D[None, :])[ok]
+        for name in (name for name, _, fitted in QUANTITIES if fitted):
+            given = values[name][ok]
+            row, *_ = np.linalg.lstsq(terms, given, rcond=None)
+            coefficients[name] = jnp.asarray(row)
+            errors[name] = jnp.asarray(np.abs(terms @ row - given).max() / np.abs(given).max())
+    arrays = {name: jnp.asarray(one) for name, one in values.items()}
+    return RatingMap(S, D, arrays, jnp.asarray(ok), coefficients, errors, rating)
+
+
+def polynomial_terms(evaporating, condensing) -> np.ndarray:
+    """The ten terms of the polynomial (..., 10) at dew temperatures [K]."""
+    s, d = np.broadcast_arrays(np.asarray(evaporating) - ZERO, np.asarray(condensing) - ZERO)
+    terms = (1 + 0 * s, s, d, s**2, s * d, d**2, s**3, d * s**2, s * d**2, d**3)
+    return np.stack(terms, axis=-1)
+
+
+class RatingPoints(NamedTuple):
+    """Conditions of n points, as numbers.
+
+    Attributes:
+        evaporating, condensing: [K] (n,) dew temperatures.
+        gas: [K] (n,) of the gas that comes to the compressor.
+        liquid: [K] (n,) of the liquid before the expansion.
+        useful: [K] (n,) of the gas up to which its enthalpy counts as capacity.
+        speed: [rad/s] (n,)
+    """
+
+    evaporating: Float[Array, " n"]
+    condensing: Float[Array, " n"]
+    gas: Float[Array, " n"]
+    liquid: Float[Array, " n"]
+    useful: Float[Array, " n"]
+    speed: Float[Array, " n"]
+
+
+def capacity_rise(fluid: RealGas, evaporating, useful, liquid) -> Float[Array, ""]:
+    """[J/kg] of enthalpy between liquid and useful gas; capacity over mass flow.
+
+    Args:
+        fluid: the refrigerant.
+        evaporating: [K] dew temperature.
+        useful: [K] of the gas.
+        liquid: [K]
+    """
+    pressure, wet = fluid.saturation(T=evaporating).p, fluid.saturation(T=liquid)
+    gas = fluid.state(useful, fluid.density(useful, pressure))
+    return gas.h - fluid.state(wet.T, wet.liquid).h
+
+
+def rated(
+    build: Callable[[Float[Array, " p"]], Compressor],
+    parameters: Float[Array, " p"],
+    points: RatingPoints,
+) -> tuple[Float[Array, "n 8"], Float[Array, "n 8 p"], Bool[Array, " n"]]:
+    """Quantities of a compressor with valves at rating points, and their slopes over parameters.
+
+    Each point is solved at its speed, which is taken as constant over the revolution.
+
+    Args:
+        build: the compressor of some parameters.
+        parameters: (p,) where to evaluate.
+        points: the conditions.
+
+    Returns:
+        `QUANTITIES` in their order, their derivatives, and whether the point can be relied on.
+    """
+
+    def point(point: RatingPoints):
+        def law(parameters, rise):
+            one = build(parameters)
+            motor = replaced(ConstantSpeed(1.0, losses=one.motor.losses), mean_speed=point.speed)
+            rating = Rating(point.gas, None, point.liquid, None)
+            here = at_rating(
+                replaced(one, motor=motor), point.evaporating, point.condensing, rating
+            )
+            values, new, ok = _at_point(here, Collocation(reversals=0, estimate=False), rise)
+            gas = here.gas
+            assert isinstance(gas, Cylinder)
+            assert isinstance(gas.fluid, RealGas)
+            worth = capacity_rise(gas.fluid, point.evaporating, point.useful, point.liquid)
+            capacity = values["mass_flow"] * worth
+            values |= {"capacity": capacity, "cop": capacity / values["power"]}
+            return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
+
+        return with_slopes(law, parameters, warmed)
+
+    gas = build(parameters).gas
+    warmed = isinstance(gas, Cylinder) and gas.suction.warming is not None
+    return lax.map(point, points)
+
+
+@kept_jit
+def _along(compressor: Compressor, rating: str, evaporating, condensing):
+    """All points, one after the other: each takes as many steps as it needs."""
+    solver, gas = Collocation(reversals=compressor.load_reversals), compressor.gas
+    assert isinstance(gas, Cylinder)
+
+    def point(temperatures):
+        def law(_, rise):
+            here = at_rating(compressor, *temperatures, rating)
+            values, new, ok = _at_point(here, solver, rise)
+            return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
+
+        if gas.suction.warming is None:  # without slopes, which cost as much again
+            values, _, ok = law(None, None)
+        else:
+            values, _, ok = _warmed(law, jnp.zeros(0))
+        return {name: values[n] for n, (name, *_) in enumerate(QUANTITIES)}, ok
+
+    return lax.map(point, (evaporating, condensing))
+
+
+def _at_point(here: Compressor, solver: Collocation, rise):
+    """Quantities at a point, the rise of the suction gas by its law, and whether both hold.
+
+    Args:
+        here: the compressor at its rating point.
+        solver: of the crank's motion under the pressure that was found.
+        rise: [K] of the suction gas where a law gives it.
+    """
+    assert isinstance(here.gas, Cylinder)
+    together = here.motor.closes == "torque" or not here.gas.inert or here.crankshaft.count > 1
+    warming = here.gas.suction.warming
+    if warming is not None:
+        suction = replaced(here.gas.suction, warming=None, heating=rise)
+        here = replaced(here, gas=replaced(here.gas, suction=suction))
+    if together:
+        orbit = solve_orbit(here, throw=False)
+    else:
+        speed = here.motor.speed_guess
+        cycle = solve_cycle(here.gas, of_cylinder(here.mechanism), speed, throw=False)
+        orbit = solver.solve(replaced(here, gas=cycle.gas()))
+        orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
+    cycle, result = orbit.cycle, performance(here, orbit)
+    assert cycle is not None
+    values = {
+        "power": result.electric_power,
+        "cop": result.cop,
+        "overall_efficiency": result.overall_efficiency,
+    }
+    own = (name for name, *_ in QUANTITIES if name not in values)
+    values |= {name: getattr(cycle, name) for name in own}
+    new = rise
+    if warming is not None:
+        loss = result.electric_power - orbit.gas_power
+        flow, hot = cycle.mass_flow, cycle.discharge_temperature
+        new = warming.rise(cycle.case.comes, hot, flow, loss)
+    known = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
+    return values, new, cycle.converged & orbit.converged & known
+
+
+def with_slopes(law, parameters: Float[Array, " p"], warmed: bool):
+    """Values, slopes and status of a law, at the rise of the suction gas that it gives back itself.
+
+    Args:
+        law: of parameters and a rise [K]: values (n,), the rise that follows, and whether they hold.
+        parameters: (p,)
+        warmed: whether there is such a rise; the law is handed `None` and its own is not looked at
+            otherwise.
+
+    Returns:
+        (n,), (n, p), and whether they hold and are numbers.
+    """
+    if warmed:
+        values, slopes, ok = _warmed(law, parameters)
+    else:
+
+        def whole(parameters):
+            values, _, ok = law(parameters, None)
+            return values, ok
+
+        values, push, ok = jax.linearize(whole, parameters, has_aux=True)
+        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(parameters.size))
+    return values, slopes, ok & jnp.all(jnp.isfinite(values)) & jnp.all(jnp.isfinite(slopes))
+
+
+# [K] Change of the suction gas's rise at which Newton's method stops; its last step squares it.
+_SETTLED, _FIRST, _STEPS = 1e-2, 15.0, 8
+
+
+def _warmed(law, parameters: Float[Array, " p"]):
+    """Values, slopes and status of a law at the rise of the suction gas that it gives back.
+
+    Values and slopes come from one linearisation, also over the rise; so nothing is traced twice.
+    """
+    count = parameters.size
+
+    def at(rise):
+        def whole(inputs):
+            values, new, ok = law(inputs[:count], inputs[count])
+            return jnp.append(values, new), ok
+
+        values, push, ok = jax.linearize(whole, jnp.append(parameters, rise), has_aux=True)
+        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(count + 1))
+        rest = values[-1] - rise
+        # a rise beyond all measure must not leave the range of the fluid
+        step = jnp.clip(rest / (1 - slopes[-1, -1]), -20.0, 20.0)
+        return jnp.maximum(rise + step, 0.0), rise, values, slopes, ok
+
+    def going_on(carry):
+        (new, rise, *_), steps = carry
+        return (jnp.abs(new - rise) > _SETTLED) & (steps < _STEPS)
+
+    nothing = jax.tree.map(
+        lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(at, jnp.asarray(_FIRST))
+    )
+    begin = (jnp.asarray(_FIRST), nothing[1] - 1.0, *nothing[2:]), 0
+    found, steps = lax.while_loop(going_on, lambda c: (at(c[0][0]), c[1] + 1), begin)
+    new, rise, values, slopes, ok = found
+    along = slopes[-1, :-1] / (1 - slopes[-1, -1])  # of the rise, over the parameters
+    total = slopes[:-1, :-1] + slopes[:-1, -1:] * along
+    return values[:-1] + slopes[:-1, -1] * (new - rise), total, ok & (steps < _STEPS)

@@ -1,0 +1,221 @@
+r"""Blocks of designs solved one after the other: by this process, or by the workers of a Dask cluster.
+
+A block is cut into groups of a fixed width, and handfuls of groups go to whichever device is free.
+A device works them off in a loop whose length is known only when it runs, so that its program has
+one shape whatever the number of devices or designs, and rounds alike to the last bit. A program for
+all devices together (`jax.shard_map`) would not: XLA compiles the same group differently for one
+device and for two, and results were seen to differ by 1e-15.
+"""
+
+import pickle
+import threading
+import uuid
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import suppress
+from importlib.metadata import version
+from itertools import islice
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import SingleDeviceSharding
+from jaxtyping import Bool, Float
+
+from ..._core.errors import BadInput
+from .. import Answer, Problem
+from .._problem import of_each
+from ._points import Rows, neighbours_together
+
+if TYPE_CHECKING:  # Dask is an optional extra
+    from distributed import Client
+
+# Widest groups whose intermediate results stay in the cache of a core; a GPU wants many at once.
+_WIDTH, _WIDTH_ELSEWHERE = 32, 4096
+# Groups that a device is given at a time, at most.
+_LANES = 32
+# Blocks that are under way at the same time, so that devices work while one is written.
+_AHEAD = 2
+
+Device: TypeAlias = Any  # a `jax.Device`, which is no type to a type checker
+Values: TypeAlias = Float[np.ndarray, "designs quantities"]
+Ok: TypeAlias = Bool[np.ndarray, " designs"]
+
+
+def default_width(devices: Sequence[Device]) -> int:
+    """Designs that are computed in step on one device."""
+    return _WIDTH if devices[0].platform == "cpu" else _WIDTH_ELSEWHERE
+
+
+def chosen_devices(given: int | Sequence[Device] | None) -> list[Device]:
+    """Devices of this process that share each block: so many of them, or these, or all.
+
+    Raises:
+        BadInput: none, or more than there are.
+    """
+    local = jax.local_devices()
+    if given is None:
+        return local
+    if isinstance(given, int):
+        if not 1 <= given <= len(local):
+            raise BadInput("devices", given, f">= 1 and <= {len(local)}")
+        return local[:given]
+    if not given:
+        raise BadInput("devices", "none", "at least one")
+    return list(given)
+
+
+def block_program(
+    problem: Problem, width: int, devices: Sequence[Device]
+) -> Callable[[Rows], Callable[[], tuple[Values, Ok]]]:
+    """A function that starts the work on a block and returns a function that waits for it.
+
+    It goes from designs [SI] to a call for their quantities [SI] and whether these can be relied on; NaN
+    where not. The devices share groups of so many designs.
+    """
+    numbers, rest = eqx.partition(problem, eqx.is_array)
+    # A program on a CPU may hold the thread that started it until it ends.
+    pool = ThreadPoolExecutor(len(devices), "sweep")
+    free = SimpleQueue()
+    for home in map(SingleDeviceSharding, devices):
+        free.put((home, eqx.combine(jax.device_put(numbers, home), rest)))
+
+    def work(groups):
+        home, copy = free.get()
+        try:
+            padded = np.broadcast_to(groups[-1:], (_LANES, *groups.shape[1:])).copy()
+            padded[: len(groups)] = groups
+            count = np.asarray(len(groups))
+            answer = _work(copy, *jax.device_put((padded, count), home))
+            return [np.asarray(part)[: len(groups)] for part in answer]
+        finally:
+            free.put((home, copy))
+
+    def start(rows):
+        order = neighbours_together(rows, width)
+        back, rows = np.argsort(order), rows[order]
+        number = -(-len(rows) // width)
+        # the last group is filled up with its last design
+        padded = np.concatenate([rows, np.repeat(rows[-1:], number * width - len(rows), axis=0)])
+        groups = padded.reshape(number, width, -1)
+        # as few pieces as hold all groups, but one for every device if there are enough
+        pieces = max(-(-number // _LANES), min(len(devices), number))
+        running = [pool.submit(work, piece) for piece in np.array_split(groups, pieces)]
+
+        def wait():
+            done = [piece.result() for piece in running]
+            values, ok = (np.concatenate(parts) for parts in zip(*done, strict=True))
+            values, ok = values.reshape(-1, values.shape[-1])[back], ok.ravel()[back]
+            return np.where(ok[:, None], values, np.nan), ok
+
+        return wait
+
+    return start
+
+
+@eqx.filter_jit
+def _work(problem: Problem, groups, count) -> Answer:
+    def step(lane, done):
+        answer = of_each(problem, problem, groups[lane])
+        return jax.tree.map(lambda whole, new: whole.at[lane].set(new), done, answer)
+
+    shape = groups.shape[:-1]
+    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), jnp.zeros(shape, bool))
+    return jax.lax.fori_loop(0, count, step, empty)
+
+
+def solved_blocks(
+    problem: Problem,
+    width: int,
+    devices: Sequence[Device],
+    client: "Client | None",
+    blocks: Iterable[tuple[int, Rows]],
+) -> Iterator[tuple[int, Rows, Values, Ok]]:
+    """Every block with the quantities of its designs, in the order in which they are done.
+
+    Args:
+        problem: what is asked of each design.
+        width: designs that a device computes in step.
+        devices: of this process, without a client.
+        client: of a Dask cluster whose workers solve the blocks, each on its own devices.
+        blocks: numbers and designs [SI]; read as they are needed.
+
+    Yields:
+        Number, designs, quantities [SI] (NaN where a design failed) and whether each is solved.
+
+    Raises:
+        ConnectionError: the scheduler of the cluster was lost.
+        BadInput: a worker has another version of jaxcomp or JAX.
+    """
+    if client is not None:
+        yield from _on_cluster(problem, width, client, blocks)
+        return
+    start, waiting = block_program(problem, width, devices), deque()
+    for number, rows in blocks:
+        waiting.append((number, rows, start(rows)))
+        if len(waiting) > _AHEAD:
+            number, rows, wait = waiting.popleft()
+            yield number, rows, *wait()
+    for number, rows, wait in waiting:
+        yield number, rows, *wait()
+
+
+def _on_cluster(problem, width, client, blocks):
+    import cloudpickle
+    from distributed import as_completed
+    from distributed.client import ClosedClientError
+
+    # With every task and not scattered once: what only a lost worker held would be lost with it.
+    task = uuid.uuid4().hex, cloudpickle.dumps((problem, width)), _versions()
+    blocks, under_way, waiting = iter(blocks), {}, as_completed()
+
+    def submit():
+        # counted anew each time, for workers that have come or gone
+        room = _AHEAD * max(1, sum(client.nthreads().values())) - len(under_way)
+        for number, rows in islice(blocks, max(0, room)):
+            future = client.submit(_solved_by_worker, *task, rows, pure=False)
+            under_way[future] = number, rows
+            waiting.add(future)
+
+    lost = CancelledError, ClosedClientError, OSError
+    try:
+        submit()
+        for future in waiting:
+            values, ok = future.result()
+            number, rows = under_way.pop(future)
+            yield number, rows, values, ok
+            submit()
+    except lost as error:
+        raise ConnectionError(
+            f"the scheduler of {client} was lost; what was written to `out` is kept: start a scheduler "
+            "with workers and call again with the same `out` to go on"
+        ) from error
+    finally:
+        with suppress(*lost):
+            client.cancel(list(under_way))
+
+
+def _versions() -> tuple[str, str]:
+    return version("jaxcomp"), jax.__version__
+
+
+# The program of the sweep that a worker is busy with; another sweep takes its place.
+_PROGRAMS = {}
+_COMPILING = threading.Lock()
+
+
+def _solved_by_worker(name: str, pickled: bytes, versions, rows):
+    """Quantities of a block, by a program that a worker makes once for a sweep."""
+    if versions != _versions():
+        there, here = (" and JAX ".join(pair) for pair in (_versions(), versions))
+        raise BadInput("client", f"one with a worker of jaxcomp {there}", f"of workers with {here}")
+    with _COMPILING:
+        if name not in _PROGRAMS:
+            _PROGRAMS.clear()
+            _PROGRAMS[name] = block_program(*pickle.loads(pickled), jax.local_devices())
+        start = _PROGRAMS[name]
+    return start(rows)()

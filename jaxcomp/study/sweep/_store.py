@@ -1,0 +1,332 @@
+r"""Where the results of a sweep go, block by block: a zarr store on disk, or plain arrays.
+
+On disk every block of every quantity is a file of its own, written aside and then renamed, and the
+file of `ok` comes last. Its presence says that the block is whole; whatever else a killed run left
+behind is written anew. Several processes may write to one store at the same time, and a sweep goes on
+in the store of the same sweep only.
+"""
+
+import hashlib
+import json
+import math
+import os
+import re
+import shutil
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from ..._core.errors import BadInput
+from .. import Problem
+from ._points import SAMPLE, Blocks, GridPoints, SamplePoints, extent
+
+if TYPE_CHECKING:  # neither is imported by who does not sweep
+    import xarray
+
+OK = "ok"
+_OK_HEADING = {"long_name": "whether the quantities can be relied on"}
+# Numbers of a sweep that is kept in memory: 2 GiB.
+_MOST_HELD = 2**28
+_HEADER = "jaxcomp_sweep"
+_HEADER_KINDS = {"same": dict, "block": list, "width": int, "columns": list, "about": dict}
+# How Python shows where in memory an object lies, which is another place in every run.
+_ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+
+Headings = dict[str, dict[str, str]]
+
+
+def heading(unit: str, doc: str, better: str = "") -> dict[str, str]:
+    """What `xarray` keeps beside a variable or quantity: SI unit, one line, "more", "less" or ""."""
+    return {"units": unit, "better": better, "long_name": doc}
+
+
+class Plan(NamedTuple):
+    """What a sweep is to find, and how its results are laid out.
+
+    Attributes:
+        points: the designs.
+        layout: how they are cut into blocks.
+        width: designs that are computed in step.
+        variables, quantities: their headings by name, in the order of their columns.
+        fingerprint: see `fingerprint`.
+        about: versions and the like, which are kept and not compared.
+    """
+
+    points: GridPoints | SamplePoints
+    layout: Blocks
+    width: int
+    variables: Headings
+    quantities: Headings
+    fingerprint: dict[str, Any]
+    about: dict[str, str]
+
+    @property
+    def sampled(self) -> bool:
+        """Whether every design has values of its own, and not those of a grid."""
+        return self.points.dims == (SAMPLE,)
+
+    @property
+    def columns(self) -> Headings:
+        """What is kept of every design: variables that are its own, quantities and, last, `ok`."""
+        return (self.variables if self.sampled else {}) | self.quantities | {OK: _OK_HEADING}
+
+
+class _Store:
+    """What keeps the results of a plan, in an array for each column."""
+
+    plan: Plan
+    arrays: dict[str, Any]
+
+    def write(self, number: int, rows, values, ok) -> None:
+        """Keep a block: its designs, their quantities and whether these can be relied on."""
+        place = self.plan.layout.place(number)
+        columns = *(rows.T if self.plan.sampled else ()), *values.T, ok
+        for array, column in zip(self.arrays.values(), columns, strict=True):
+            array[place] = column.reshape(extent(place))
+
+
+class InMemory(_Store):
+    """Results that are handed out and kept nowhere."""
+
+    def __init__(self, plan: Plan):
+        shape, self.plan = plan.layout.shape, plan
+        size = math.prod(shape) * len(plan.columns)
+        if size > _MOST_HELD:
+            bound = f"at most {_MOST_HELD} in memory; give a folder `out` to keep more"
+            raise BadInput("numbers of this sweep", size, bound)
+        self.arrays = {name: np.full(shape, np.nan) for name in plan.columns}
+        self.arrays[OK] = np.zeros(shape, bool)
+
+    def has(self, number: int) -> bool:
+        """Nothing is there before it is computed."""
+        del number
+        return False
+
+    def dataset(self) -> "xarray.Dataset":
+        """The arrays themselves, in a dataset."""
+        import xarray
+
+        plan, dims = self.plan, self.plan.points.dims
+        heads = plan.variables | plan.columns
+        data = {name: (dims, value, heads[name]) for name, value in self.arrays.items()}
+        axes = {} if plan.sampled else plan.points.axes
+        data |= {name: (name, value, heads[name]) for name, value in axes.items()}
+        coords = {name: data.pop(name) for name in plan.variables}
+        return xarray.Dataset(data, coords, dict(plan.about))
+
+
+class OnDisk(_Store):
+    """A zarr store, made if it is not there.
+
+    Args:
+        path: folder of the store.
+        plan: what it is for.
+
+    Raises:
+        BadInput: the folder holds something else, or another sweep.
+    """
+
+    def __init__(self, path: Path, plan: Plan):
+        import zarr
+
+        self._path, self.plan = path, plan
+        if not path.exists() or not any(path.iterdir()):
+            _make(path, plan)
+        there = stored_header(path)
+        differs = "no sweep" if there is None else first_difference(plan.fingerprint, there["same"])
+        if differs:
+            wanted = "a new folder, or the store of this same sweep"
+            raise BadInput("out", f"{path}, which holds {differs}", wanted)
+        # A block of failures alone is a result like any other; a store forgets this setting.
+        with zarr.config.set({"array.write_empty_chunks": True}), _undamaged(path):
+            group = zarr.open_group(path, mode="r+")
+            self.arrays = {name: group[name] for name in plan.columns}
+
+    def has(self, number: int) -> bool:
+        """Whether the file that is written last is there, and all others are there and whole."""
+        index = [str(at) for at in self.plan.layout.index(number)]
+        place = self.plan.layout.place(number)
+        for name, array in reversed(self.arrays.items()):
+            if not self._path.joinpath(name, "c", *index).exists():
+                return False
+            try:
+                array[place]
+            except Exception:  # a cut file fails in the decoder of its compression, each in its way
+                return False
+        return True
+
+    def dataset(self) -> "xarray.Dataset":
+        """Results that are read from disk when they are used."""
+        return open_sweep(self._path)
+
+
+def _make(path: Path, plan: Plan) -> None:
+    """An empty store, made aside and renamed: it is there as a whole or not at all."""
+    import zarr
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    header = {
+        "same": plan.fingerprint,
+        "block": list(plan.layout.block),
+        "width": plan.width,
+        "columns": [*plan.quantities, OK],
+        "about": plan.about,
+    }
+    group = zarr.open_group(aside, mode="w", attributes={_HEADER: json.dumps(header)})
+    for name, attributes in plan.columns.items():
+        group.create_array(
+            name,
+            shape=plan.layout.shape,
+            chunks=plan.layout.block,
+            dtype="bool" if name == OK else "float64",
+            fill_value=False if name == OK else np.nan,
+            dimension_names=plan.points.dims,
+            attributes=attributes,
+        )
+    for name, values in ({} if plan.sampled else plan.points.axes).items():
+        about = plan.variables[name]
+        group.create_array(name, data=values, dimension_names=(name,), attributes=about)
+    try:
+        os.rename(aside, path)
+    except OSError:
+        shutil.rmtree(aside)
+        if stored_header(path) is None:  # not made meanwhile by another process
+            raise
+
+
+def open_sweep(path: str | Path) -> "xarray.Dataset":
+    """The results in a store, also of a run that stopped or still goes on.
+
+    Args:
+        path: the `out` of a sweep.
+
+    Returns:
+        As `sweep` does; what is not there yet, or no longer, is NaN and not `ok`. Quantities are read
+        from disk when they are used.
+
+    Raises:
+        BadInput: there is no such store.
+    """
+    import xarray
+
+    header = stored_header(Path(path))
+    if header is None:
+        raise BadInput("path", str(path), "the store of a sweep")
+    with _undamaged(Path(path)):
+        found = xarray.open_zarr(path, consolidated=False, chunks=None)
+        found.attrs.pop(_HEADER)
+        # A store knows no order, and takes what has no dimension of its name for data.
+        variables = {name: found[name].variable for name in header["same"]["variables"]}
+        values = found.drop_vars(variables)[header["columns"]]
+        sampled = [name for name in variables if name not in values.dims]
+        values[OK] = values[OK].copy(data=_whole(Path(path), header, values, sampled))
+    return values.assign_coords(variables).assign_attrs(header["about"])
+
+
+def _whole(path: Path, header, values, sampled) -> np.ndarray:
+    """`ok`, false in blocks of which the file of a quantity is gone."""
+
+    def blocks(name):
+        folder = path / name / "c"
+        return {file.relative_to(folder).parts for file in folder.rglob("*") if file.is_file()}
+
+    ok, there = values[OK].values, blocks(OK)
+    for name in (*header["columns"], *sampled):
+        for index in there - blocks(name):
+            starts = zip(map(int, index), header["block"], strict=True)
+            ok[tuple(slice(i * size, (i + 1) * size) for i, size in starts)] = False
+    return ok
+
+
+def stored_header(path: Path) -> dict[str, Any] | None:
+    """What a store says of itself; `None` if there is none at this path."""
+    try:
+        attributes = json.loads((path / "zarr.json").read_text())["attributes"]
+        header = json.loads(attributes[_HEADER])
+    except (FileNotFoundError, NotADirectoryError, KeyError, TypeError, ValueError):
+        return None
+    whole = isinstance(header, dict) and all(
+        isinstance(header.get(key), kind) for key, kind in _HEADER_KINDS.items()
+    )
+    if not whole or not isinstance(header["same"].get("variables"), list | dict):
+        return None
+    return header
+
+
+@contextmanager
+def _undamaged(path: Path) -> Iterator[None]:
+    """Say of a store that cannot be opened that it is damaged, and how to go on.
+
+    Raises:
+        BadInput: zarr or xarray cannot read it.
+    """
+    try:
+        yield
+    except Exception as error:  # damaged files fail in zarr and in its codecs, each in its own way
+        told = f"{path}, which is damaged ({type(error).__name__}: {error})"
+        raise BadInput("out", told, "a store that is whole, or a new folder") from None
+
+
+def fingerprint(problem: Problem, points: Any) -> dict[str, Any]:
+    """Everything that the numbers of a sweep depend on, as JSON can hold it.
+
+    The machine counts with every bit of its numbers. A quantity that is a function counts by its name
+    and code; what it takes from its surroundings is not looked at.
+    """
+    return {
+        "machine": _digest(problem.design),
+        "variables": list(points.axes),
+        "designs": hashlib.sha256(repr(points.described()).encode()).hexdigest(),
+        "quantities": [_asked(one) for one in problem.quantities],
+        "options": _text(problem.options),
+    }
+
+
+def first_difference(here: dict[str, Any], there: dict[str, Any]) -> str:
+    """What differs, in words; empty if nothing does."""
+    hashed = {"machine": "numbers of the machine", "designs": "values of the variables"}
+    for key, value in here.items():
+        if there.get(key) != value:
+            if key in hashed:
+                return f"other {hashed[key]}"
+            words = [
+                ", ".join(v) if isinstance(v, list) else str(v) for v in (there.get(key), value)
+            ]
+            return f"{key} {words[0]} where this one has {words[1]}"
+    return ""
+
+
+def _digest(tree) -> str:
+    """Of all numbers of a tree and of everything that is none."""
+    numbers, rest = eqx.partition(tree, eqx.is_array)
+    digest = hashlib.sha256(_text(rest).encode())
+    for path, leaf in jax.tree_util.tree_leaves_with_path(numbers):
+        value = np.asarray(leaf)
+        digest.update(f"{jax.tree_util.keystr(path)} {value.dtype} {value.shape}".encode())
+        digest.update(value.tobytes())
+    return digest.hexdigest()
+
+
+def _asked(one: str | Callable) -> str:
+    if isinstance(one, str):
+        return one
+    code = getattr(one, "__code__", None)
+    content = "" if code is None else _code(code)
+    mark = hashlib.sha256(content.encode()).hexdigest()[:12]
+    return f"{one.__name__} ({mark})"
+
+
+def _code(code) -> str:
+    inner = [_code(c) if hasattr(c, "co_code") else repr(c) for c in code.co_consts]
+    return f"{code.co_code.hex()} {code.co_names} {inner}"
+
+
+def _text(tree) -> str:
+    return _ADDRESS.sub("", eqx.tree_pformat(tree, short_arrays=True, width=10_000))

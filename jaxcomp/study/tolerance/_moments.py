@@ -1,0 +1,230 @@
+r"""Mean and deviation of quantities: from derivatives at the mean design, and by Monte Carlo.
+
+With d = x - mean(x), covariance S and y ~ y_0 + g d + d' H d / 2 (Hahn and Shapiro 1967, Statistical
+Models in Engineering, ch. 7):
+
+    mean = y_0 + tr(H S)/2,    variance = g' S g + tr(H S H S)/2 + sum_i k_i (H_ii s_i^2)^2 / 4
+
+with s_i the deviation and k_i the excess kurtosis of variable i. The first order stops at y_0 and g' S g.
+Exact for a quadratic function of symmetric independent variables, or of correlated normal ones.
+
+Every sample of the Monte Carlo is a machine that is solved in full. The samples come in several
+independent sets, each scrambled by itself if it is a sequence of Sobol; how much the sets differ is the
+error of what all of them together say, whatever the kind of sampling.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..._core.errors import BadInput
+from ..._core.progress import progress_of
+from .. import Problem
+from .._problem import solved, solves_gas
+from ..sweep._blocks import default_width, solved_blocks
+from ._scatter import Sampling, Scatter, drawn_normals
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Curvature = Literal["differences", "exact"] | None
+# Of a standard deviation: so wide that solvers' residuals do not count, and narrower than the scatter.
+_STEP = 0.5
+# Independent sets: enough for an error that is itself known to a quarter.
+SETS = 8
+# Designs of a block.
+_BLOCK = 8192
+# The same of machines whose gas is solved, some seconds of them.
+_SLOW_BLOCK = 32
+# Called with the rows so far [SI], their quantities [SI], and whether each could be solved.
+Keep = Callable[[np.ndarray, np.ndarray, np.ndarray], None]
+# Designs in step where each costs a product of small matrices: wide enough to be worth a call.
+_WIDE = 1024
+
+
+class Local(NamedTuple):
+    """Quantities near one design.
+
+    Attributes:
+        value: [SI] (quantities,)
+        slope: [SI] (quantities, variables)
+        curvature: [SI] (quantities, variables, variables), or `None`.
+        ok: whether all of it can be relied on.
+    """
+
+    value: Float[Array, " quantities"]
+    slope: Float[Array, "quantities variables"]
+    curvature: Float[Array, "quantities variables variables"] | None
+    ok: bool
+
+
+class Moments(NamedTuple):
+    """Mean and standard deviation.
+
+    Attributes:
+        mean, deviation: [SI] (quantities,)
+    """
+
+    mean: Float[np.ndarray, " quantities"]
+    deviation: Float[np.ndarray, " quantities"]
+
+
+def local(problem: Problem, point, deviation, curvature: Curvature) -> Local:
+    """Values, slopes and curvature at a design.
+
+    Args:
+        problem: what is asked.
+        point: [SI] (variables,)
+        deviation: [SI] (variables,) of the scatter, the scale of differences.
+        curvature: "differences" of slopes half a deviation to both sides, "exact" by products of
+            the Hessian with unit vectors (which compiles five times as long), or `None`.
+    """
+    if curvature != "differences":
+        found = solved(problem, jnp.asarray(point)[None])
+        second, fine = (None, True) if curvature is None else _exact(problem, jnp.asarray(point))
+        return Local(found.values[0], found.slope[0], second, bool(found.ok[0] & fine))
+    step = _STEP * jnp.diag(deviation)
+    found = solved(problem, jnp.concatenate([point[None], point + step, point - step]))
+    ahead, behind = jnp.split(found.slope[1:], 2)
+    bent = jnp.moveaxis((ahead - behind) / (2 * _STEP * deviation)[:, None, None], 0, 2)
+    bent = (bent + jnp.swapaxes(bent, 1, 2)) / 2
+    return Local(found.values[0], found.slope[0], bent, bool(jnp.all(found.ok)))
+
+
+@eqx.filter_jit
+def _exact(problem: Problem, point) -> tuple[Array, Bool[Array, ""]]:
+    def values(x):
+        answer = problem(x)
+        return answer.values, answer.ok
+
+    slope = jax.jacrev(values, has_aux=True)
+
+    def product(direction):
+        _, moved, ok = jax.jvp(slope, (point,), (direction,), has_aux=True)
+        return moved, ok
+
+    bent, ok = jax.lax.map(product, jnp.eye(point.size))
+    bent = jnp.moveaxis(bent, 0, 2)
+    return bent, jnp.all(ok) & jnp.all(jnp.isfinite(bent))
+
+
+def moments(at: Local, covariance, excess) -> Moments:
+    """Moments of second order, or of first where no curvature is known.
+
+    Args:
+        at: the mean design.
+        covariance: [SI] (variables, variables) of the variables.
+        excess: [-] (variables,) their excess kurtosis.
+    """
+    mean = at.value
+    if at.curvature is not None:
+        mean = mean + jnp.trace(at.curvature @ covariance, axis1=1, axis2=2) / 2
+    variance = jnp.sum(_parts(at, covariance, excess), -1)
+    return Moments(np.asarray(mean), np.sqrt(np.maximum(np.asarray(variance), 0)))
+
+
+def shares(at: Local, covariance, excess) -> Float[np.ndarray, "quantities variables"]:
+    """[-] Share of each variable in the variance; what two have in common is split evenly.
+
+    They sum to one. A share is negative where a correlation makes a variable take scatter away.
+    """
+    parts = np.asarray(_parts(at, covariance, excess))
+    total = parts.sum(-1, keepdims=True)
+    return np.where(total > 0, parts / np.where(total > 0, total, 1.0), 0.0)
+
+
+def _parts(at: Local, covariance, excess):
+    """Variance by variable, up to the order that is known."""
+    parts = at.slope * (at.slope @ covariance)
+    if at.curvature is None:
+        return parts
+    bent = at.curvature @ covariance
+    alone = jnp.diagonal(at.curvature, axis1=1, axis2=2) * jnp.diagonal(covariance)
+    both = jnp.diagonal(bent @ bent, axis1=1, axis2=2)
+    return parts + both / 2 + excess * alone**2 / 4
+
+
+class Sampled(NamedTuple):
+    """Machines of a scatter.
+
+    Attributes:
+        normals: [-] (samples, variables) u.
+        values: [SI] (samples, quantities); NaN where a machine could not be solved.
+        ok: (samples,)
+        mean, deviation: [SI] (quantities,) of those that could be solved.
+        skewness: [-] (quantities,)
+        mean_error, deviation_error: [SI] (quantities,) standard errors, from the sets.
+    """
+
+    normals: Float[np.ndarray, "samples variables"]
+    values: Float[np.ndarray, "samples quantities"]
+    ok: Bool[np.ndarray, " samples"]
+    mean: Float[np.ndarray, " quantities"]
+    deviation: Float[np.ndarray, " quantities"]
+    skewness: Float[np.ndarray, " quantities"]
+    mean_error: Float[np.ndarray, " quantities"]
+    deviation_error: Float[np.ndarray, " quantities"]
+
+    def quantile(self, share) -> Float[np.ndarray, "*shares quantities"]:
+        """[SI] Values that these shares of the machines do not exceed."""
+        return np.quantile(self.values[self.ok], share, axis=0)
+
+
+def sampled(
+    problem: Problem,
+    scatter: Scatter,
+    nominal,
+    samples: int,
+    sampling: Sampling = "sobol",
+    seed: int = 0,
+    progress: bool = True,
+    client: "Client | None" = None,
+    keep: Keep | None = None,
+) -> Sampled:
+    """Draw machines and solve them.
+
+    Raises:
+        BadInput: fewer than two samples in a set.
+    """
+    if samples < 2 * SETS:
+        raise BadInput("samples", samples, f">= {2 * SETS}")
+    names = list(scatter.tolerances)
+    normals = np.concatenate([
+        drawn_normals(names, len(one), sampling, seed * SETS + number)
+        for number, one in enumerate(np.array_split(np.arange(samples), SETS))
+    ])  # fmt: skip
+    values, ok = solved_rows(problem, scatter.at(nominal, normals), progress, client, keep)
+    good = values[ok]
+    if len(good) < 2:
+        return Sampled(normals, values, ok, *np.full((5, values.shape[1]), np.nan))
+    mean, deviation = good.mean(0), good.std(0)
+    flat = np.where(deviation > 0, deviation, 1.0)
+    skewness = np.mean(((good - mean) / flat) ** 3, axis=0)
+    sets = zip(np.array_split(values, SETS), np.array_split(ok, SETS), strict=True)
+    each = np.array([(one[fine].mean(0), one[fine].std(0)) for one, fine in sets if fine.any()])
+    errors = np.full_like(each[0], np.nan)
+    if len(each) > 1:
+        errors = each.std(axis=0, ddof=1) / np.sqrt(len(each))
+    return Sampled(normals, values, ok, mean, deviation, skewness, *errors)
+
+
+def solved_rows(problem: Problem, rows, progress=False, client=None, keep: Keep | None = None):
+    """[SI] (rows, quantities) and whether they could be solved, in blocks as a sweep solves them."""
+    rows, devices = np.asarray(rows), jax.local_devices()
+    width = default_width(devices) if problem.options.known is None else _WIDE
+    size = _SLOW_BLOCK if solves_gas(problem) else _BLOCK
+    blocks = ((first, rows[first : first + size]) for first in range(0, len(rows), size))
+    values, ok, done = np.empty((len(rows), len(problem.quantities))), np.empty(len(rows), bool), 0
+    with progress_of("Drawing machines", len(rows), unit="machines", show=progress) as shown:
+        for first, some, *found in solved_blocks(problem, width, devices, client, blocks):
+            values[first : first + len(some)], ok[first : first + len(some)] = found
+            done += len(some)
+            shown.at(done)
+            if keep is not None:
+                keep(rows[:done], values[:done], ok[:done])
+    return values, ok

@@ -1,0 +1,246 @@
+r"""The probability that a quantity exceeds its limit.
+
+First order (Hasofer and Lind 1974): in the space of independent standard normal variables u the most
+likely machine that reaches the limit is the nearest one, at the distance beta, and P = Phi(-beta). Second
+order (Hohenbichler and Rackwitz 1988, J. Eng. Mech. 114, 2195): the curvatures kappa of the limit there
+bend it,
+
+    P = Phi(-beta) prod_i (1 + psi kappa_i)^(-1/2),      psi = phi(beta) / Phi(-beta).
+
+A quantity near its own optimum reaches the limit on several sides; every nearest point that is found
+counts, and their probabilities add up, which is an upper bound (Ditlevsen 1979). Samples about the points
+(Melchers 1989) check both orders where plain samples are too few.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+from scipy.optimize import minimize
+
+from .. import Problem
+from .._problem import solved
+from ._moments import Sampled, solved_rows
+from ._scatter import Scatter
+
+# Of the first-order deviation: how exactly a nearest point lies on the limit.
+_ON_LIMIT = 1e-6
+# Two searches that end closer than this found the same point.
+_SAME = 0.3
+# Half a difference of slopes for the curvatures of the limit, in standard deviations.
+_STEP = 0.25
+# Factors of the second order below which it no longer is one: the limit bends with the sphere.
+_STRAIGHT = 0.2
+# How far out a search starts, in standard deviations.
+_FAR = 3.0
+
+
+class Limit(NamedTuple):
+    """A bound that machines should keep.
+
+    Attributes:
+        quantity: name.
+        bound: [SI]
+        above: whether more than it is a failure, or less.
+    """
+
+    quantity: str
+    bound: float
+    above: bool = True
+
+    def broken(self, values):
+        """Where values [SI] break it."""
+        return values > self.bound if self.above else values < self.bound
+
+    @property
+    def side(self) -> str:
+        """Where failures lie: "above" or "below" the bound."""
+        return "above" if self.above else "below"
+
+
+class Reliability(NamedTuple):
+    """How probable it is that a limit is broken.
+
+    Attributes:
+        limit: the limit.
+        sampled: [-] share of the samples that break it.
+        sampled_interval: [-] its 95 % interval.
+        beta: [-] distance of the nearest point; negative if the mean machine breaks the limit; NaN
+            if none was found.
+        first_order, second_order: [-] probabilities; NaN if no point was found, or if the limit bends
+            too much for the second order.
+        near_points, near_points_error: [-] probability by samples about the nearest points, and its
+            standard error; NaN as above.
+        points: [-] (points, variables) u of the nearest points, the nearest first.
+        design: [SI] (variables,) the most likely machine that breaks the limit.
+        importance: [-] (variables,) squared direction cosines of the nearest point; they sum to one.
+    """
+
+    limit: Limit
+    sampled: float
+    sampled_interval: tuple[float, float]
+    beta: float
+    first_order: float
+    second_order: float
+    near_points: float
+    near_points_error: float
+    points: Float[np.ndarray, "points variables"]
+    design: Float[np.ndarray, " variables"]
+    importance: Float[np.ndarray, " variables"]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the first order lies in the interval of the samples, or within a quarter of it."""
+        low, high = self.sampled_interval
+        return bool(0.75 * low <= self.first_order <= 1.25 * high)
+
+
+class _LimitState:
+    """How far beyond a limit a machine lies in the space of u, with its slope; each solved once."""
+
+    def __init__(self, problem: Problem, scatter: Scatter, nominal, limit: Limit):
+        self.problem, self.limit, self.size = problem, limit, len(nominal)
+        self.place = problem.names.index(limit.quantity)
+        self.machines = lambda u: scatter.at(nominal, u)
+        self.slope_of_machines = jax.vmap(jax.jacfwd(self.machines))
+        self.known: dict[bytes, tuple[float, np.ndarray]] = {}
+
+    def __call__(self, points) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) how far beyond the limit, positive for failures, and (n, variables) its slope."""
+        points = np.atleast_2d(np.asarray(points, float))
+        new = [p for p in points if p.tobytes() not in self.known]
+        if new:
+            u, sign = jnp.asarray(np.stack(new)), 1.0 if self.limit.above else -1.0
+            found = solved(self.problem, self.machines(u))
+            beyond = sign * (found.values[:, self.place] - self.limit.bound)
+            slope = jnp.einsum("nv,nvu->nu", found.slope[:, self.place], self.slope_of_machines(u))
+            beyond = np.where(found.ok, beyond, np.nan).tolist()
+            slope = np.where(found.ok[:, None], sign * slope, np.nan)
+            for point, *both in zip(new, beyond, slope, strict=True):
+                self.known[point.tobytes()] = tuple(both)
+        values, slopes = zip(*(self.known[p.tobytes()] for p in points), strict=True)
+        return np.array(values), np.stack(slopes)
+
+    def bent(self, point) -> tuple[float, np.ndarray, np.ndarray]:
+        """Value, slope (n,) and curvature (n, n), by differences of slopes, at a point (n,)."""
+        steps = _STEP * np.eye(self.size)
+        value, slope = self(np.concatenate([point[None], point + steps, point - steps]))
+        ahead, behind = np.split(slope[1:], 2)
+        bent = (ahead - behind) / (2 * _STEP)
+        return value[0], slope[0], (bent + bent.T) / 2
+
+    def starts(self) -> np.ndarray:
+        """Along the slope at the mean, and to both sides along what bends the quantity most."""
+        value, slope, bent = self.bent(np.zeros(self.size))
+        starts = []
+        steep = np.linalg.norm(slope)
+        if np.isfinite(steep) and steep > 0:
+            starts.append(np.clip(-value / steep, -_FAR, _FAR) * slope / steep)
+        if np.all(np.isfinite(bent)):
+            vectors = np.linalg.eigh(bent)[1][:, ::-1]
+            starts += [side * _FAR * v for v in vectors.T[:2] for side in (1.0, -1.0)]
+        return np.stack(starts) if starts else np.ones((1, self.size))
+
+    def nearest_points(self) -> np.ndarray:
+        """(points, n) all points of the limit that are nearest in their surroundings, sorted."""
+        starts = self.starts()
+        scale, found = np.nanmax(np.abs(self(starts)[0])), []
+        if not (np.isfinite(scale) and scale > 0):
+            return np.zeros((0, self.size))
+        reached = {
+            "type": "eq",
+            "fun": lambda u: self(u)[0][0] / scale,
+            "jac": lambda u: self(u)[1][0] / scale,
+        }
+        options = {"maxiter": 100, "ftol": 1e-10}
+        for start in starts:
+            answer = minimize(
+                lambda u: (0.5 * u @ u, u), start, jac=True, method="SLSQP", constraints=reached,
+                options=options,
+            )  # fmt: skip
+            on = abs(reached["fun"](answer.x)) < _ON_LIMIT
+            if answer.success and on and np.linalg.norm(answer.x) < 12:
+                found.append(answer.x)
+        kept: list[np.ndarray] = []
+        for point in sorted(found, key=np.linalg.norm):
+            if all(np.linalg.norm(point - other) > _SAME for other in kept):
+                kept.append(point)
+        return np.reshape(kept, (-1, self.size))
+
+    def second_order(self, points, failed: bool) -> float:
+        """The probability by curvature; NaN where the limit bends too much."""
+        total = 0.0
+        for point in points[:1] if failed else points:
+            beta = np.linalg.norm(point)
+            _, slope, bent = self.bent(point)
+            steep = np.linalg.norm(slope)
+            flat = np.linalg.svd(slope[None] / steep)[2][1:]  # directions along the limit
+            curvature = -np.linalg.eigvalsh(flat @ bent @ flat.T) / steep
+            if failed:  # what is safe lies beyond, and bends the other way
+                curvature = -curvature
+            growth = 1 + stats.norm.pdf(beta) / stats.norm.sf(beta) * curvature
+            if not np.all(growth > _STRAIGHT):
+                return np.nan
+            total += stats.norm.sf(beta) / np.sqrt(np.prod(growth))
+        return float(1 - total if failed else min(1.0, total))
+
+    def about(self, points, count: int, seed: int) -> tuple[float, float]:
+        """The probability by samples about the points, and its standard error."""
+        rng = np.random.default_rng(seed)
+        which = rng.integers(len(points), size=count)
+        u = points[which] + rng.standard_normal((count, self.size))
+        values, ok = solved_rows(self.problem, self.machines(u))
+        # phi(u) over the mixture of bells about the points
+        away = [-0.5 * np.sum((u - p) ** 2, 1) for p in points]
+        weight = np.exp(-0.5 * np.sum(u**2, 1) - np.logaddexp.reduce(away, axis=0)) * len(points)
+        parts = weight * (self.limit.broken(values[:, self.place]) & ok)
+        return float(parts.mean()), float(parts.std(ddof=1) / np.sqrt(count))
+
+
+def reliability(
+    problem: Problem,
+    scatter: Scatter,
+    nominal,
+    limit: Limit,
+    samples: Sampled,
+    around: int = 4096,
+    seed: int = 0,
+) -> Reliability:
+    """The probability that a limit is broken, in several ways.
+
+    Beside plain samples, which are solved already, so many machines around the nearest points are drawn
+    and solved; none for 0.
+    """
+    state = _LimitState(problem, scatter, nominal, limit)
+    counted = _counted(limit, samples.values[samples.ok, state.place])
+    points, nothing = state.nearest_points(), np.full(len(nominal), np.nan)
+    if not len(points):
+        return Reliability(limit, *counted, *[np.nan] * 5, points, nothing, nothing)
+    failed = state(np.zeros(len(nominal)))[0][0] > 0
+    distance = np.linalg.norm(points, axis=1)
+    beta = -distance[0] if failed else distance[0]
+    first = float(stats.norm.sf(beta) if failed else min(1.0, stats.norm.sf(distance).sum()))
+    near = state.about(points, around, seed) if around and not failed else (np.nan, np.nan)
+    return Reliability(
+        limit,
+        *counted,
+        float(beta),
+        first,
+        state.second_order(points, failed),
+        *near,
+        points,
+        np.asarray(scatter.at(nominal, points[0])),
+        (points[0] / distance[0]) ** 2 if distance[0] > 0 else nothing,
+    )
+
+
+def _counted(limit: Limit, values) -> tuple[float, tuple[float, float]]:
+    """Share of the samples that break a limit, and its 95 % interval."""
+    if not values.size:
+        return np.nan, (np.nan, np.nan)
+    broken = int(np.sum(limit.broken(values)))
+    interval = stats.binomtest(broken, values.size).proportion_ci(method="wilson")
+    return broken / values.size, (float(interval.low), float(interval.high))

@@ -1,0 +1,265 @@
+r"""`tolerance`: what the scatter of production does to a machine."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ..._core.display import shown
+from ..._core.errors import BadInput
+from ..._core.fields import bounds_by_names, counted, listed_names
+from ..._core.results import Data, Result
+from ...machine import machine_of
+from .. import AnalysisOptions, Problem, by_name, prepared
+from .._problem import Asked, name_of, problem_of, solves_gas
+from ._moments import (
+    Curvature,
+    Keep,
+    Local,
+    Moments,
+    Sampled,
+    local,
+    moments,
+    sampled,
+    shares,
+    solved_rows,
+)
+from ._reliability import Limit, Reliability, reliability
+from ._scatter import Correlations, Sampling, Scatter, Within, scatter_of
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+# From here on a method is said to disagree with the samples: share of the samples' deviation.
+_DISAGREES = 0.1
+# Samples if their number is left open: ordinary machines, and those whose gas is solved with valves.
+_MANY, _FEW = 16384, 512
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Tolerances(Result):
+    """What a scatter does to the quantities of a machine.
+
+    Attributes:
+        problem: the quantities as functions of the scattered variables.
+        scatter: of the variables, in the order of the problem.
+        nominal: [SI] (variables,) nominal values.
+        deviation: [SI] (variables,) standard deviations of the variables.
+        value: [SI] (quantities,) of the nominal machine.
+        local: value, slope and curvature at the mean machine.
+        first_order, second_order: moments from these; the second `None` without curvature.
+        shares: [-] (quantities, variables) of the variance, from the highest order known.
+        swings: [SI] (2, variables, quantities) with one variable at its low or high limit, the
+            others at their means; NaN where it cannot be solved.
+        sampled: Monte Carlo.
+        reliability: of each limit.
+    """
+
+    problem: Problem
+    scatter: Scatter
+    nominal: Float[np.ndarray, " variables"]
+    deviation: Float[np.ndarray, " variables"]
+    value: Float[np.ndarray, " quantities"]
+    local: Local
+    first_order: Moments
+    second_order: Moments | None
+    shares: Float[np.ndarray, "quantities variables"]
+    swings: Float[np.ndarray, "2 variables quantities"]
+    sampled: Sampled
+    reliability: tuple[Reliability, ...]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("sample",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has every machine that was drawn."""
+        for place, (name, unit) in enumerate(zip(self.names, self.problem.units, strict=True)):
+            yield Data(f"nominal.{name}", unit, self.value[place])
+            yield Data(f"mean.{name}", unit, self.sampled.mean[place])
+            yield Data(f"deviation.{name}", unit, self.sampled.deviation[place])
+            for variable, share in self.ranking(name):
+                yield Data(f"share_of_variance.{name}.{variable}", "", share)
+        for one in self.reliability:
+            name = f"probability_{one.limit.side}_limit.{one.limit.quantity}"
+            doc = f"of a value {one.limit.side} {one.limit.bound:g} in SI"
+            yield Data(name, "", one.sampled, doc=doc)
+        yield Data("solved", "", self.sampled.ok, self.table_dims)
+        drawn = self.scatter.at(self.nominal, self.sampled.normals)
+        yield from self.problem.columns(drawn, self.sampled.values, self.table_dims)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the quantities."""
+        return self.problem.names
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables."""
+        return tuple(one.name for one in self.problem.variables)
+
+    def ranking(self, quantity: str) -> list[tuple[str, float]]:
+        """Variables and their shares of the variance [-], the largest first.
+
+        Raises:
+            BadInput: a quantity that was not asked for.
+        """
+        if quantity not in self.names:
+            raise BadInput("quantity", quantity, f"one of {', '.join(self.names)}")
+        row = self.shares[self.names.index(quantity)]
+        return sorted(zip(self.variables, row.tolist(), strict=True), key=lambda p: -abs(p[1]))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Where the methods disagree, and what could not be solved, in words."""
+        out = []
+        lost = int(np.sum(~self.sampled.ok))
+        if lost:
+            out.append(f"{lost} of {len(self.sampled.ok)} samples could not be solved")
+        if not self.local.ok:
+            out.append("the derivatives cannot be relied on: a design near the mean is not solved")
+        for place, name in enumerate(self.names):
+            out += _disagreements(self, place, name)
+        for one in self.reliability:
+            if not len(one.points):
+                out.append(f"{one.limit.quantity}: no machine within 12 deviations is "
+                           f"{one.limit.side} {one.limit.bound:g}")  # fmt: skip
+            elif not one.agrees:
+                low, high = one.sampled_interval
+                out.append(
+                    f"{one.limit.quantity}: first-order probability {one.first_order:.3g} of breaking "
+                    f"the limit, {low:.3g} to {high:.3g} by the samples"
+                )
+        return tuple(out)
+
+
+def tolerance(
+    scene: Any,
+    tolerances: Mapping[str, Within] | None = None,
+    quantities: Sequence[Asked] | None = None,
+    *,
+    correlations: Correlations | None = None,
+    limits: Mapping[str, tuple[float | None, float | None]] | None = None,
+    options: AnalysisOptions | None = None,
+    samples: int | None = None,
+    sampling: Sampling = "sobol",
+    seed: int = 0,
+    curvature: Curvature = "differences",
+    client: "Client | None" = None,
+    progress: bool = True,
+    keep: Keep | None = None,
+) -> Tolerances:
+    """What production tolerances do to a machine, by derivatives and by Monte Carlo.
+
+    Args:
+        scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, whose variables are the scattered ones.
+        tolerances: of each variable by name or pattern, see `within`, `Variable` and `matching`. Set
+            in this order.
+        quantities: see `available_quantities`; or functions of a `DesignResult`. Efficiency
+            if absent.
+        correlations: [-] of the deviations of two variables, by pairs of names.
+        limits: [SI] (low, high) by quantity, `None` for an open end: the probability of breaking
+            each is computed.
+        options: of the analysis of a design.
+        samples: machines of the Monte Carlo. If absent, 16384; 512 where the gas is solved with its
+            valves, since each of these costs as much as fifty others.
+        sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
+        seed: of the samples.
+        curvature: how the second order comes about, see `local`; `None` for the first alone.
+        client: of a Dask cluster whose workers solve the samples, see `sweep`; this process if absent.
+        progress: show a bar on standard error, if that is a terminal.
+        keep: called as work goes on with the machines (n, variables) drawn so far, their quantities
+            (n, quantities), both in SI units, and whether each could be solved.
+
+    Raises:
+        ConnectionError: the scheduler of the cluster was lost.
+        BadInput: an unknown variable or quantity, a tolerance that takes a variable out of its
+            bounds, correlations that cannot be, or an option that makes no sense.
+    """
+    listed_names("quantities", quantities)
+    asked, limits = quantities, bounds_by_names("limits", limits)
+    tolerances = {} if tolerances is None else tolerances
+    scatter_of(tolerances)  # refuses what is no tolerance, before its name is looked up
+    if not isinstance(scene, Problem):
+        tolerances = by_name(machine_of(scene), tolerances)
+        names = [name_of(one) for one in quantities or ()]
+        asked = [*(quantities or ()), *(name for name in limits if name not in names)]
+    scatter = scatter_of(tolerances, correlations)
+    made = problem_of(scene, "tolerances", tuple(scatter.tolerances), asked, options)
+    ends = _limits(limits, made)
+    nominal = np.asarray(made.current)
+    _check(made, scatter, nominal)
+    made = prepared(made)
+    deviation, covariance = scatter.deviation(nominal), scatter.covariance(nominal)
+    excess = jnp.array([one.excess for one in scatter.tolerances.values()])
+    near = local(made, scatter.mean(nominal), deviation, curvature)
+    if samples is None:
+        samples = _FEW if solves_gas(made) else _MANY
+    counted("samples", samples, high=2**24)
+    many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client, keep)
+    value, swings = _one_at_a_time(made, scatter, nominal)
+    return Tolerances(
+        made,
+        scatter,
+        nominal,
+        np.asarray(deviation),
+        value,
+        near,
+        moments(near._replace(curvature=None), covariance, excess),
+        None if near.curvature is None else moments(near, covariance, excess),
+        shares(near, covariance, excess),
+        swings,
+        many,
+        tuple(reliability(made, scatter, nominal, end, many, seed=seed) for end in ends),
+    )
+
+
+def _check(made: Problem, scatter: Scatter, nominal) -> None:
+    """Refuse shares of nothing, and tolerances that lead out of bounds."""
+    for (name, one), value in zip(scatter.tolerances.items(), nominal, strict=True):
+        if one.relative and value == 0:
+            raise BadInput(name, 0.0, "different from zero for a relative tolerance")
+    for end in np.asarray(scatter.limits(nominal)):
+        for one, value in zip(made.variables, end, strict=True):
+            if not bool(one.bound.holds(value)):
+                raise BadInput(one.name, float(value), f"{one.bound}, at every limit of tolerance")
+
+
+def _limits(limits, made: Problem) -> list[Limit]:
+    out = []
+    for name, (low, high) in limits.items():
+        if name not in made.names:
+            raise BadInput("limits", name, f"one of {', '.join(made.names)}")
+        if low is None and high is None:
+            raise BadInput(f"limits.{name}", "without bounds", "given a lower or an upper bound")
+        for end, above in ((low, False), (high, True)):
+            if end is not None and not np.isfinite(end):
+                raise BadInput(f"limits.{name}", end, "finite, or None for no bound")
+            out += [] if end is None else [Limit(name, float(end), above)]
+    return out
+
+
+def _one_at_a_time(made: Problem, scatter: Scatter, nominal):
+    """Nominal quantities, and with each variable in turn at both limits."""
+    n, ends = len(nominal), np.asarray(scatter.limits(nominal))
+    points = np.tile(np.asarray(scatter.mean(nominal)), (2, n, 1))
+    points[:, np.arange(n), np.arange(n)] = ends
+    values, _ = solved_rows(made, np.concatenate([nominal[None], points.reshape(-1, n)]))
+    return values[0], values[1:].reshape(2, n, -1)
+
+
+def _disagreements(found: Tolerances, place: int, name: str) -> list[str]:
+    truth = found.sampled
+    allowed = _DISAGREES * truth.deviation[place]
+    look = shown(name, found.problem.units[place], truth.mean[place])
+    orders = {"first": found.first_order, "second": found.second_order}
+    out = []
+    for word, order in orders.items():
+        for field in () if order is None else order._fields:
+            given, right = getattr(order, field)[place], getattr(truth, field)[place]
+            error = getattr(truth, f"{field}_error")[place]
+            if not abs(given - right) <= max(allowed, 4 * error):
+                texts = f"{look.text(given)} against {look.text(right)} by the samples"
+                out.append(f"{look.words}: {word}-order {field} {texts}")
+    return out

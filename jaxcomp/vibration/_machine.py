@@ -1,0 +1,156 @@
+r"""The verbs of a rotor for a whole machine: its films under the loads that its own crank gives them.
+
+Each takes a scene or a machine, as `solve_orbit` does, or a rotor model (a `System`) alone, which
+then has to know the static load of every film itself.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .. import rotor
+from .._core.errors import BadInput
+from ..machine import Assembly, assembled, machine_of
+from ..rotor import Modes, PeriodicForce, Response, RotorModel, System
+from ..rotor._loads import Loads
+from ..rotor._solve import NO_CRANK
+from ._coupling import crank_loads, loaded_rotor, running_rotor
+
+
+def rotor_at(machine: Any, spin_speeds=()) -> RotorModel | System:
+    """The rotor of what a verb was given, its films under their static loads at these speeds.
+
+    Args:
+        machine: a scene, a machine, or a rotor model, which passes as it is.
+        spin_speeds: [rad/s] (m,) at which it will be asked; none: films keep open loads.
+
+    Raises:
+        BadInput: a machine without a rotor, or films whose load nobody gives.
+    """
+    if isinstance(machine, RotorModel | System):
+        return machine
+    made = _with_rotor(machine)
+    speeds = jnp.ravel(jnp.asarray(spin_speeds, float))
+    assert made.rotor is not None
+    return loaded_rotor(made, speeds) if speeds.size else made.rotor
+
+
+def loaded_orders(loads: Loads) -> tuple[int, ...]:
+    """Orders of the spin speed that loads have, the first among them, without the mean."""
+    found = {n for load in loads if isinstance(load, PeriodicForce) for n in load.orders}
+    return tuple(sorted({1} | found - {0}))
+
+
+def respond(
+    machine: Any,
+    loads: Loads | None = None,
+    spin_speeds: Float[Array, " speeds"] | None = None,
+    orders: tuple[int, ...] | None = None,
+    *,
+    excitation: str | None = None,
+    **options: Any,
+) -> Response:
+    """Response of a machine to unbalances and periodic forces at many speeds and orders.
+
+    Args:
+        machine: a scene, a machine, or a rotor model.
+        loads: unbalances and periodic forces; absent: those of the machine, corrections included.
+        spin_speeds: [rad/s] (speeds,); absent: those of the balancing planes, or of the motor.
+        orders: orders n of the spin speed; absent: all that are loaded.
+        excitation: "file" for the forces that the scene gives, "crank" for those of its crank, which is
+            solved at each speed; absent: the scene's if it has any. Without effect beside `loads`.
+        options: `nodes`, `solver` and `batch_size` of `jaxcomp.rotor.respond`.
+
+    Returns:
+        Response with the batch (orders, speeds).
+
+    Raises:
+        BadInput: no rotor, loads or speeds, another excitation, or what `jaxcomp.rotor.respond` says.
+
+    >>> from jaxcomp import load
+    >>> motion = respond(load("hermetic-68cc"), spin_speeds=[314.16], orders=(1,)).checked()
+    >>> motion.displacement.shape
+    (1, 1, 63, 4)
+    """
+    if isinstance(machine, RotorModel | System):
+        if loads is None or spin_speeds is None:
+            missing = "loads" if loads is None else "spin_speeds"
+            raise BadInput(missing, "absent", "given, beside a rotor model")
+        return rotor.respond(machine, loads, spin_speeds, orders or loaded_orders(loads), **options)
+    made = _with_rotor(machine)
+    assert made.rotor is not None
+    if spin_speeds is None:
+        spin_speeds = own_speeds(made.balancing, made.compressor)
+        if spin_speeds is None:
+            raise BadInput("spin_speeds", "absent", "given: the machine names no speed of its own")
+    speeds = jnp.asarray(spin_speeds, float)
+    own = made.given_loads
+    if loads is None and made.excitation(excitation) == "crank":
+        return _shaken_by_crank(made, speeds, orders or (1,), options)
+    loads = own if loads is None else loads
+    if not loads:
+        raise BadInput("loads", "absent", "given: nothing excites this rotor")
+    model = loaded_rotor(made, speeds)
+    return rotor.respond(model, loads, speeds, orders or loaded_orders(loads), **options)
+
+
+def _shaken_by_crank(made: Assembly, speeds, orders, options) -> Response:
+    def at(speed):
+        crank = crank_loads(made, speed, orders)
+        model, loads = running_rotor(made, crank)
+        found = rotor.respond(model, loads, speed[None], orders, **options)
+        trusted = jnp.where(crank.ok, found.status, NO_CRANK)
+        return eqx.tree_at(lambda r: r.status, found, trusted)
+
+    if speeds.ndim != 1 or not speeds.size:
+        raise BadInput("spin_speeds", speeds, "a list of speeds")
+    found = eqx.filter_jit(jax.vmap(at))(speeds)
+    return jax.tree.map(lambda leaf: jnp.moveaxis(leaf[:, :, 0], 0, 1), found)
+
+
+def undamped_modes(machine: Any, count: int = 12, *, spin_speed=0.0, free: bool = False) -> Modes:
+    """The lowest undamped modes of a scene, a machine or a rotor, see `jaxcomp.rotor.undamped_modes`.
+
+    Args:
+        machine: a scene, a machine, or a rotor model.
+        count: of modes.
+        spin_speed: [rad/s] at which the films stand.
+        free: without the links to the ground.
+    """
+    model = rotor_at(machine, () if free else spin_speed)
+    return rotor.undamped_modes(model, count, spin_speed=spin_speed, free=free)
+
+
+def damped_modes(machine: Any, spin_speed, count: int = 12, **options: Any):
+    """The lowest damped modes of a scene, a machine or a rotor, see `jaxcomp.rotor.damped_modes`.
+
+    Args:
+        machine: a scene, a machine, or a rotor model.
+        spin_speed: [rad/s]
+        count: of modes.
+        options: of `jaxcomp.rotor.damped_modes`.
+    """
+    free = options.get("free", False)
+    return rotor.damped_modes(
+        rotor_at(machine, () if free else spin_speed), spin_speed, count, **options
+    )
+
+
+def _with_rotor(machine: Any) -> Assembly:
+    made = machine if isinstance(machine, Assembly) else assembled(machine_of(machine))
+    if made.rotor is None:
+        raise BadInput("rotor", "absent", "given, for the vibration of a machine")
+    return made
+
+
+def own_speeds(balancing: Any, compressor: Any):
+    """[rad/s] (m,) Speeds that a machine runs at: of its balancing planes or its motor; `None` if neither
+    names one.
+    """
+    if balancing is not None:
+        return balancing.speeds
+    mean = getattr(getattr(compressor, "motor", None), "mean_speed", None)
+    return None if mean is None else jnp.reshape(mean, (1,))

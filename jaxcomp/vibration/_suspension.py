@@ -1,0 +1,158 @@
+r"""The block on its springs: matrices of $M\ddot X + C\dot X + SX = F$.
+
+Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathematical model*,
+Eq. (42), with S and C built from springs at points. Degrees of freedom: displacement of the mass
+centre in x, y, z [m], then small rotations about x, y, z [rad]. As in the source the products of
+inertia of the block are neglected.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core.fields import ANY, NONNEGATIVE, POSITIVE, Part, quantity, replaced
+
+
+class Spring(Part):
+    """A spring, with its damper, between a point of the block and the ground.
+
+    Positions count in the mechanism's axes from the mechanism's origin.
+
+    Args:
+        position: [m] where it holds the block.
+        axial_stiffness: [N/m] along its axis.
+        lateral_stiffness: [N/m] across its axis.
+        axial_damping: [N s/m] along its axis.
+        lateral_damping: [N s/m] across its axis.
+        axis: [-] direction, of any length.
+    """
+
+    kind: ClassVar[str] = "spring"
+
+    position: Float[Array, "3"] = quantity("m", ANY, shape=(3,), doc="where it holds the block")
+    axial_stiffness: Float[Array, ""] = quantity(
+        "N/m", NONNEGATIVE, doc="along its axis", usual=(10.0, 1e9)
+    )
+    lateral_stiffness: Float[Array, ""] = quantity(
+        "N/m", NONNEGATIVE, default=0.0, doc="across its axis"
+    )
+    axial_damping: Float[Array, ""] = quantity(
+        "N s/m", NONNEGATIVE, default=0.0, doc="along its axis"
+    )
+    lateral_damping: Float[Array, ""] = quantity(
+        "N s/m", NONNEGATIVE, default=0.0, doc="across its axis"
+    )
+    axis: Float[Array, "3"] = quantity(
+        "", ANY, shape=(3,), default=(0.0, 0.0, 1.0), doc="direction, of any length"
+    )
+
+    def conditions(self):
+        return {"a spring whose axis has a direction": (self.axis != 0).any()}
+
+
+class Suspension(Part):
+    """The suspended block: casing, stator and, at rest, everything that moves.
+
+    Args:
+        mass: [kg] of all that hangs in the springs.
+        inertia_x, inertia_y, inertia_z: [kg m^2] about the mass centre.
+        springs: any number.
+        mass_centre: [m] in the mechanism's axes from the mechanism's origin.
+    """
+
+    kind: ClassVar[str] = "suspension"
+
+    mass: Float[Array, ""] = quantity(
+        "kg", POSITIVE, doc="of all that hangs in the springs", usual=(0.1, 1e5)
+    )
+    inertia_x: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")
+    inertia_y: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")
+    inertia_z: Float[Array, ""] = quantity("kg m^2", POSITIVE, doc="about the mass centre")
+    springs: tuple[Spring, ...] = eqx.field(converter=tuple)  # pyright: ignore[reportGeneralTypeIssues]
+    mass_centre: Float[Array, "3"] = quantity(
+        "m", ANY, shape=(3,), default=(0.0, 0.0, 0.0), doc="from the mechanism's origin"
+    )
+
+
+def mass_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
+    """diag(M, M, M, J_x, J_y, J_z) [kg, kg m^2]."""
+    mass, inertias = suspension.mass, (suspension.inertia_x, suspension.inertia_y)
+    return jnp.diag(jnp.stack([mass, mass, mass, *inertias, suspension.inertia_z]))
+
+
+def stiffness_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
+    """S [N/m, N, N m] about the mass centre."""
+    return _assembled(suspension, lambda s: (s.axial_stiffness, s.lateral_stiffness))
+
+
+def damping_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
+    """C [N s/m, N s, N m s] about the mass centre."""
+    return _assembled(suspension, lambda s: (s.axial_damping, s.lateral_damping))
+
+
+def natural_frequencies(suspension: Suspension) -> Float[Array, "6"]:
+    """[rad/s] Undamped, rising."""
+    scale = 1 / jnp.sqrt(jnp.diag(mass_matrix(suspension)))
+    squares = jnp.linalg.eigvalsh(scale[:, None] * stiffness_matrix(suspension) * scale)
+    free = squares <= 0  # rigid-body motion, or its rounding
+    return jnp.where(free, 0.0, jnp.sqrt(jnp.where(free, 1.0, squares)))
+
+
+def viscous_damping(
+    stiffness: Float[Array, ""], damping_ratio: Float[Array, ""], carried_mass: Float[Array, ""]
+) -> Float[Array, ""]:
+    r"""Damper [N s/m] beside a spring for a damping ratio of its own mass, $2\zeta\sqrt{km}$.
+
+    Args:
+        stiffness: [N/m] k.
+        damping_ratio: [-] zeta.
+        carried_mass: [kg] m, the block's mass over the number of springs.
+    """
+    return 2 * damping_ratio * jnp.sqrt(stiffness * carried_mass)
+
+
+def retuned(suspension: Suspension, factor: Float[Array, ""]) -> Suspension:
+    """The suspension with all natural frequencies times a factor, at the same damping ratios.
+
+    Args:
+        suspension: the suspension.
+        factor: [-] on all natural frequencies.
+    """
+
+    def scaled(spring):
+        return replaced(
+            spring,
+            axial_stiffness=factor**2 * spring.axial_stiffness,
+            lateral_stiffness=factor**2 * spring.lateral_stiffness,
+            axial_damping=factor * spring.axial_damping,
+            lateral_damping=factor * spring.lateral_damping,
+        )
+
+    return replaced(suspension, springs=tuple(map(scaled, suspension.springs)))
+
+
+def block_points(suspension: Suspension) -> dict[str, Float[Array, "3"]]:
+    """Points [m] of the block where its vibration is of interest: mass centre and springs."""
+    springs = {f"spring_{i}": spring.position for i, spring in enumerate(suspension.springs)}
+    return {"mass_centre": suspension.mass_centre, **springs}
+
+
+def motion_at(suspension: Suspension, point: Float[Array, "3"]) -> Float[Array, "3 6"]:
+    """Matrix from the six degrees of freedom to the displacement of a point [m] of the block."""
+    x, y, z = point - suspension.mass_centre
+    zero = jnp.zeros_like(x)
+    turning = jnp.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]])  # rotation x arm
+    return jnp.concatenate([jnp.eye(3), turning], axis=1)
+
+
+def _assembled(suspension, coefficients):
+    total = jnp.zeros((6, 6))
+    for spring in suspension.springs:
+        axial, lateral = coefficients(spring)
+        axis = spring.axis / jnp.linalg.norm(spring.axis)
+        point = lateral * jnp.eye(3) + (axial - lateral) * jnp.outer(axis, axis)
+        motion = motion_at(suspension, spring.position)
+        total = total + motion.T @ point @ motion
+    return total

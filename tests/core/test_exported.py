@@ -1,0 +1,124 @@
+"""What was traced is kept for the next process, and nothing that it could not know."""
+
+import subprocess
+import sys
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp._core import exported
+from jaxcomp._core.polynomials import legendre_columns
+from jaxcomp.gas import PolytropicCycle
+
+X = np.linspace(-1.0, 2.0, 7)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    where = tmp_path / "programs"
+    monkeypatch.setenv("JAXCOMP_CACHE", str(where))
+    monkeypatch.setattr(exported, "enabled", True)
+    return where
+
+
+@pytest.fixture
+def traced(monkeypatch):
+    """The functions that were traced."""
+    seen, trace = [], exported._traced
+
+    def telling(function, *rest):
+        seen.append(function)
+        return trace(function, *rest)
+
+    monkeypatch.setattr(exported, "_traced", telling)
+    return seen
+
+
+def gas(**changes):
+    values = {"suction_pressure": 1e5, "discharge_pressure": 7e5, "exponent": 1.3}
+    return PolytropicCycle(**values | {"clearance_ratio": 0.05} | changes)
+
+
+def ask(part, *arguments):
+    """In a new wrapper, as in a new process: `repaired` of a part, whose result is a part."""
+    function = type(part).repaired
+    kept, plain = exported.kept_jit(function), eqx.filter_jit(function)
+    answer, known = kept(part, *arguments), plain(part, *arguments)
+    assert jax.tree.structure(answer) == jax.tree.structure(known)
+    for mine, other in zip(jax.tree.leaves(answer), jax.tree.leaves(known), strict=True):
+        np.testing.assert_array_equal(mine, other)  # one program, to the last bit
+
+
+def test_a_traced_program_is_found_again(folder, traced):
+    ask(gas())
+    assert len(traced) == 1
+    ask(gas(exponent=1.2))  # another value
+    assert len(traced) == 1
+    ask(gas().__class__(1e5, 7e5, 1.3, jnp.asarray(0.05, jnp.float32)))  # another type of a number
+    with jax.default_matmul_precision("highest"):  # another setting of JAX
+        ask(gas())
+    assert len(traced) >= 2
+
+
+@pytest.mark.parametrize("length", [0, 31, 40, -1])
+def test_a_cut_entry_is_traced_again(folder, traced, length):
+    ask(gas())
+    for path in folder.glob("*/*.program"):
+        path.write_bytes(path.read_bytes()[:length])
+    ask(gas())
+    assert len(traced) == 2
+
+
+def test_what_others_wrote_is_traced_every_time(folder, traced):
+    def own(x):
+        return 2 * x
+
+    class Own(PolytropicCycle):
+        pass
+
+    for function, argument in (
+        (own, jnp.asarray(X)),
+        (PolytropicCycle.repaired, Own(1e5, 7e5, 1.3, 0.05)),
+    ):
+        given = jax.tree.leaves(argument)
+        for _ in range(2):
+            found = exported.kept_jit(function)(argument)
+            scale = 2.0 if function is own else 1.0
+            np.testing.assert_array_equal(jax.tree.leaves(found)[0], scale * given[0])
+    assert not traced
+
+
+def test_within_another_program_it_is_the_function(folder, traced):
+    kept = exported.kept_jit(PolytropicCycle.repaired)
+    slope = jax.grad(lambda n: kept(gas(exponent=n)).exponent ** 2)(1.3)
+    assert float(slope) == pytest.approx(2.6, rel=1e-15)  # a product
+    assert not traced
+
+
+def test_what_is_no_array_is_told_apart(folder, traced):
+    for count in (3, 4, 3):
+        assert exported.kept_jit(legendre_columns)(jnp.asarray(X), count).shape[0] == count
+    assert len(traced) == 2
+
+
+SCRIPT = """
+import jax, jax.numpy as jnp
+from jaxcomp._core import exported
+asked, export = [], exported.export.export
+exported.export.export = lambda *a, **k: asked.append(1) or export(*a, **k)
+print(exported.kept_jit(jnp.linalg.inv.__wrapped__)(2 * jnp.eye(3)).tolist(), len(asked))
+"""
+
+
+def test_a_later_process_calls_lapack_without_having_traced_it(folder):
+    """A program that is read alone leaves jaxlib without the addresses of LAPACK: a crash."""
+    told = []
+    for _ in range(2):
+        run = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        told.append(run.stdout.split("] "))
+    assert told[0][0] == told[1][0] == "[[0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]"
+    assert [int(one[-1]) for one in told] == [1, 0]
