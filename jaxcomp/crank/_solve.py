@@ -70,9 +70,7 @@ def solve_orbit(
     Args:
         machine: a compressor, a machine or a scene.
         solver: options of the solver. If absent, `default_collocation`: the whole revolution at once,
-            with panel edges for as many load reversals as the mechanism has; of several cylinders
-            without, to 1e-6 in efficiency, and `Collocation(reversals=compressor.load_reversals)` has
-            these as well. `Shooting()` integrates it
+            with panel edges for as many load reversals as the mechanism has. `Shooting()` integrates it
             with diffrax and shares no more than the laws, at many times the cost.
         verify: march one revolution from the found state with diffrax, independently of the solver:
             `orbit.verification` then has the error of speed, losses, efficiency and peaks. `True` takes

@@ -251,13 +251,14 @@ def test_default_is_continuous_through_a_symmetric_layout(over_bank):
     for shift in (1e-7, 1e-5, 1e-3):  # the last 0.06 degrees
         (ahead, _), _ = over_bank(jnp.asarray(shift))
         (behind, _), _ = over_bank(jnp.asarray(-shift))
-        # a bend of the efficiency of the order of one
-        assert abs(ahead - behind - 2 * shift * slope[0]) < 1e-9 + shift**2 * 1e-2, shift
-        assert abs(ahead + behind - 2 * here) < 1e-9 + 2 * shift**2, shift
+        # a slope that takes neither side of coinciding kinks is off by 1e-8 at the last shift
+        assert abs(ahead - behind - 2 * shift * slope[0]) < 1e-9, shift
+        # the efficiency bends by 5e-3 over the square of the angle
+        assert abs(ahead + behind - 2 * here) < 1e-9 + 1e-2 * shift**2, shift
 
 
 def test_slopes_of_the_default_are_those_of_its_values(over_bank):
-    """Without edges at the load reversals the first errs by 4e-3 of itself."""
+    """Without edges at the load reversals that of the efficiency errs by 4 % of itself."""
     step = 2e-3
     (ahead, _), (behind, _) = (over_bank(jnp.asarray(0.02 + side * step)) for side in (1, -1))
     _, slope = over_bank(jnp.asarray(0.02))
