@@ -44,9 +44,9 @@ from ._bearings import MainBearings
 
 # Throws of a layout, and rods of a star.
 _MOST = 64
-# [rad] Between the crank angles of cylinders that would see the same one: a change of 1e-13 in results,
-# and a million times the rounding of an angle.
-_APART = 1e-10
+# [rad] Between the crank angles of cylinders that would see the same one: it changes results by 1e-14, and
+# is ten thousand times the rounding of an angle.
+_APART = 1e-11
 # What follows from the rotor of a machine in which `loads.crank` joins the two.
 OF_ROTOR = (
     "inertia",
