@@ -25,7 +25,7 @@ from ._core.fields import (
 )
 from .crankshaft import Crankshaft, MachineLoops, machine_loops
 from .cylinder import Cylinder
-from .cylinder._cylinder import ports_fit
+from .cylinder.interface import ports_fit
 from .friction import AbstractFriction, JointLoads, closed
 from .gas import AbstractGas, DoubleActing, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
@@ -291,14 +291,18 @@ def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> S
     return _stroke(mechanism, own, mechanism.kinematics(own), sense)
 
 
-def cylinder_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
+def cylinder_pressure(
+    compressor: Compressor, angle: Float[Array, "*n"], sense=1.0
+) -> Float[Array, "k *n"]:
     """Absolute pressure [Pa] in the cylinders, (k, *n), at crank angles [rad]; needs a gas."""
     assert compressor.gas is not None
     gas = compressor.crankshaft.each(compressor.gas, angle)
     return gas.pressure(stroke_at(compressor, angle, sense))
 
 
-def crank_end_pressure(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0):
+def crank_end_pressure(
+    compressor: Compressor, angle: Float[Array, "*n"], sense=1.0
+) -> Float[Array, "k *n"] | None:
     """That behind double-acting pistons; `None` for a gas on one side only."""
     if not isinstance(compressor.gas, DoubleActing):
         return None

@@ -1,29 +1,34 @@
-"""What the site of the documentation has beside the pages in this folder; mkdocs calls the functions.
+"""The site of the documentation: its pages as Markdown, before the build, and a check of what was built.
+
+    python notebooks/build_site.py          # pages to out/pages, the configuration to out/mkdocs.yml
+    python notebooks/build_site.py finish   # formulas of the built pages as MathML, and their links
+
+Between the two a builder that reads MkDocs' configuration makes the site: MkDocs, ProperDocs, Zensical.
 
 Pages made here: README, changelog, benchmarks, citation and licence from their own files; the notebooks
-as they were run; and the reference of every public name, read from the sources without importing them.
-Links between files of the repository become links of the site, and formulas become MathML, which
-browsers show without a script.
+as they were run; the bundled machines; every quantity and every entry of a machine file; and the
+reference of every public name, read from the sources without importing them. Links between files of the
+repository become links of the site. Formulas become MathML, which browsers show without a script.
 """
 
 import base64
 import json
 import posixpath
 import re
+import shutil
 import sys
 from html import escape, unescape
 from pathlib import Path
 
-from latex2mathml.converter import convert
-from mkdocs.plugins import get_plugin_logger
-from mkdocs.structure.files import File
-
-sys.path.insert(0, str(Path(__file__).parent))
+import yaml
 from check_links import broken
 from public_names import first_sentence, public_names
 
+from jaxcomp import scene
+from jaxcomp._core.registry import registered
+
 ROOT = Path(__file__).parent.parent
-log = get_plugin_logger("site")
+OUT = ROOT / "out"
 
 # Files of the repository that are pages elsewhere in the site; any other page keeps its name.
 MOVED = {
@@ -35,57 +40,76 @@ MOVED = {
     "tests/benchmarks/README.md": "benchmarks.md",
 }
 PICTURES = (".pictures/mechanism.gif", ".pictures/balance.gif")
+# What search shows first and last.
+BOOSTS = {
+    "reference/machines.md": 10,
+    "reference/entries.md": 10,
+    "reference/quantities.md": 10,
+    "changelog.md": 0.2,
+    "licence.md": 0.1,
+    "reference/index.md": 0.2,
+}
 
 
-# ------------------------------------------------------------------------------ what mkdocs calls
-def on_config(config):
-    """The pages of the reference stand at the end of their section."""
-    sections = {name: pages for entry in config.nav for name, pages in entry.items()}
+# ------------------------------------------------------------------------------ the two steps
+def write_pages(out: Path = OUT) -> list[str]:
+    """Write pages and configuration; what is wrong with them."""
+    pages = {path.name: path.read_text("utf-8") for path in _beside("*.md")}
+    del pages["README.md"]
+    pages |= {page: (ROOT / source).read_text("utf-8") for source, page in MOVED.items()}
+    pages["index.md"] = f"---\nhide: [navigation]\n---\n\n{pages['index.md']}"
+    pages["licence.md"] = f"# Licence\n\n```text\n{pages['licence.md']}\n```\n"
+    pages["citation.md"] = _citation(pages["citation.md"])
+    files = {
+        path.name: path.read_bytes() for end in ("svg", "css", "js") for path in _beside(f"*.{end}")
+    }
+    # builders leave out folders whose names begin with a dot
+    files |= {picture.lstrip("."): (ROOT / picture).read_bytes() for picture in PICTURES}
+    for path in _beside("*.ipynb"):
+        pages[f"{path.stem}.md"], pictures = _notebook(path)
+        files |= pictures
+    problems: list[str] = []
+    pages = {page: _with_site_links(page, text, problems) for page, text in pages.items()}
+    pages |= _reference()
+    pages["reference/machines.md"] = _machines()
+    pages["reference/entries.md"] = _entries()
+    pages["reference/quantities.md"] = _quantities()
+    for page in pages:
+        boost = BOOSTS.get(page, 0.4 if page.startswith("reference/") else None)
+        if boost:
+            # a row is found by its name as a title is
+            names = re.findall(r"^\| `(\w+)", pages[page], re.M) if boost > 1 else []
+            head = {"search": {"boost": boost}, "tags": sorted(set(names))}
+            pages[page] = f"---\n{yaml.safe_dump(head)}---\n\n{pages[page]}"
+    shutil.rmtree(out / "pages", ignore_errors=True)
+    for name, content in (files | {page: text.encode() for page, text in pages.items()}).items():
+        path = out / "pages" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    settings = yaml.safe_load((ROOT / ".mkdocs.yml").read_text("utf-8"))
+    sections = {name: entries for entry in settings["nav"] for name, entries in entry.items()}
     sections["Reference"] += [{name: _page_of(name)} for name in public_names()]
+    (out / "mkdocs.yml").write_text(yaml.safe_dump(settings, sort_keys=False), "utf-8")
+    return problems
 
 
-def on_files(files, config):
-    """Add the pages that are made here."""
-    made = {page: (ROOT / source).read_text("utf-8") for source, page in MOVED.items()}
-    made["licence.md"] = f"# Licence\n\n```text\n{made['licence.md']}\n```\n"
-    made["citation.md"] = _citation(made["citation.md"])
-    for path in _notebooks():
-        text, pictures = _notebook(path)
-        made[f"{path.stem}.md"] = text
-        made |= pictures
-    made |= {picture: (ROOT / picture).read_bytes() for picture in PICTURES}
-    made |= _reference()
-    for page, content in made.items():
-        old = files.get_file_from_path(page)
-        if old is not None:
-            files.remove(old)
-        # mkdocs leaves out folders whose names begin with a dot
-        files.append(File.generated(config, page.lstrip("."), content=content))
-    readme = files.get_file_from_path("README.md")
-    files.remove(readme)
-    return files
+def finish(out: Path = OUT) -> list[str]:
+    """Write formulas of the built pages as MathML; what is wrong with them, with links and with loads."""
+    problems = []
+    for path in (out / "site").rglob("*.html"):
+        text = path.read_text("utf-8")
+        html = _with_mathml(text, path.name, problems)
+        if html != text:
+            path.write_text(html, "utf-8")
+    return problems + list(broken(out / "site"))
 
 
-def on_page_markdown(markdown, page, config, files):
-    """Links that hold in the repository, as links of the site."""
-    uri = page.file.src_uri
-    source = {page: source for source, page in MOVED.items()}.get(uri, f"notebooks/{uri}")
-    if uri.startswith("reference/"):
-        return markdown
-
-    def moved(match):
-        before, target, after = match.groups()
-        return before + _site_link(source, uri, target) + after
-
-    outside = re.split(r"(^```.*?^```$)", markdown, flags=re.M | re.S)
-    for i in range(0, len(outside), 2):
-        outside[i] = re.sub(r"(\]\()([^)\s]+)(\))", moved, outside[i])
-        outside[i] = re.sub(r'(src=")([^"]+)(")', moved, outside[i])
-    return "".join(outside)
+def _beside(pattern: str) -> list[Path]:
+    return sorted(Path(__file__).parent.glob(pattern))
 
 
-def on_page_content(html, page, config, files):
-    """Formulas as MathML."""
+def _with_mathml(html: str, name: str, problems: list[str]) -> str:
+    from latex2mathml.converter import convert
 
     def mathml(match):
         text = unescape(match[2]).strip()
@@ -95,20 +119,29 @@ def on_page_content(html, page, config, files):
             # the names of functions stand apart from their arguments
             return re.sub(r"<mi>(\w\w+)</mi>", r'<mi class="function">\1</mi>', found)
         except Exception as error:  # whatever the converter stumbles over
-            log.warning(f"{page.file.src_uri}: formula {text}: {type(error).__name__}: {error}")
+            problems.append(f"{name}: formula {text}: {type(error).__name__}: {error}")
             return match[0]
 
     return re.sub(r'<(span|div) class="arithmatex">(.*?)</\1>', mathml, html, flags=re.S)
 
 
-def on_post_build(config):
-    """Every link and anchor of the built pages leads somewhere, and nothing is loaded from a network."""
-    for problem in broken(Path(config.site_dir)):
-        log.warning(problem)
-
-
 # ------------------------------------------------------------------------------ links
-def _site_link(source, uri, target):
+def _with_site_links(page: str, markdown: str, problems: list[str]) -> str:
+    """Links that hold in the repository, as links of the site."""
+    source = {page: source for source, page in MOVED.items()}.get(page, f"notebooks/{page}")
+
+    def moved(match):
+        before, target, after = match.groups()
+        return before + _site_link(source, page, target, problems) + after
+
+    outside = re.split(r"(^```.*?^```$)", markdown, flags=re.M | re.S)
+    for i in range(0, len(outside), 2):
+        outside[i] = re.sub(r"(\]\()([^)\s]+)(\))", moved, outside[i])
+        outside[i] = re.sub(r'(src=")([^"]+)(")', moved, outside[i])
+    return "".join(outside)
+
+
+def _site_link(source, page, target, problems):
     """A link of a file of the repository, from its page in the site."""
     if re.match(r"[a-z]+:|#", target):
         return target
@@ -123,16 +156,12 @@ def _site_link(source, uri, target):
     elif path in PICTURES:
         path = path.lstrip(".")
     else:
-        log.warning(f"{source}: the site has no page for {target}")
-    link = posixpath.relpath(path, posixpath.dirname(uri) or ".")
+        problems.append(f"{source}: the site has no page for {target}")
+    link = posixpath.relpath(path, posixpath.dirname(page) or ".")
     return f"{link}#{anchor}" if anchor else link
 
 
 # ------------------------------------------------------------------------------ notebooks
-def _notebooks():
-    return sorted(Path(__file__).parent.glob("*.ipynb"))
-
-
 def _notebook(path):
     """A notebook as it was run, as a page with its pictures."""
     lines, pictures = [], {}
@@ -150,6 +179,66 @@ def _notebook(path):
                 lines.append(f"```text\n{text.rstrip()}\n```")
     source = f"The notebook is `notebooks/{path.name}`; what follows is as it was last run."
     return "\n\n".join([*lines, source]), pictures
+
+
+# ------------------------------------------------------------------------------ machine files
+def _machines() -> str:
+    """Every bundled machine with its file."""
+    lines = [
+        "# Bundled machines\n",
+        "`jaxcomp run NAME` runs one, `jaxcomp new my.toml --from NAME` makes a file to start from, and "
+        "`jaxcomp list NAME` shows its values with their sources.\n",
+    ]
+    for machine in scene.machines():
+        text = (ROOT / "jaxcomp" / "machines" / f"{machine.name}.toml").read_text("utf-8")
+        lines += [f"## {machine.name}\n", f"{_cell(machine.description)}.\n"]
+        lines += [
+            f'<details markdown="1"><summary>Its file</summary>\n\n```toml\n{text}```\n\n</details>\n'
+        ]
+    return "\n".join(lines)
+
+
+def _entries() -> str:
+    """Every entry of a machine file, as `jaxcomp explain` prints it."""
+    lines = [
+        "# Entries of machine files\n",
+        "Every type of part with its entries; `jaxcomp explain TYPE` prints the same. "
+        "Numbers are typed with any unit of the dimension of the one that is shown.\n",
+    ]
+    kinds = dict.fromkeys(places.kind for places in scene.part_places().values())
+    for part in (part for kind in kinds for part in scene.explained(kind)):
+        places = ", ".join(f"`{place}`" for place in part.places)
+        lines += [
+            f"## {part.kind} in `{part.places[0]}`\n",
+            f"{_cell(part.summary)}. Stands as {places}.\n",
+        ]
+        if part.entries:
+            lines += ["| entry | unit | must be | default | meaning |", "|---|---|---|---|---|"]
+        for entry in part.entries:
+            default = "required" if entry.required else entry.default
+            cells = (f"`{entry.name}`", entry.unit, entry.bound, default, entry.doc)
+            lines += [f"| {' | '.join([cells[0], *map(_cell, cells[1:])])} |"]
+        lines += [f"\n```toml\n{part.example}\n```\n"]
+    return "\n".join(lines)
+
+
+def _quantities() -> str:
+    """Every quantity of a machine by the name that commands take."""
+    lines = [
+        "# Quantities\n",
+        "What `--quantity`, `--objective` and `--constraint` take, and the columns of sweeps; "
+        "`jaxcomp list MACHINE --quantities` shows those of a machine.\n",
+        "| name | unit | better | meaning |",
+        "|---|---|---|---|",
+    ]
+    for one in registered():
+        unit = "%" if one.percent else one.unit
+        lines += [f"| `{one.name}` | {unit} | {one.better} | {_cell(one.doc)} |"]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    return escape(text, quote=False).replace("|", "\\|")
 
 
 # ------------------------------------------------------------------------------ reference
@@ -174,8 +263,7 @@ def _reference():
         own, table = [], []
         for name in sorted(names, key=str.lower):
             home = _home(module, name, known)
-            told = escape(first_sentence(names[name], name), quote=False)
-            told = told.replace("|", "\\|")
+            told = _cell(first_sentence(names[name], name))
             link = f"[`{name}`]({home}.md#{home}.{name})"
             table.append(f"| {link} | {told} |")
             if home == module:
@@ -205,3 +293,8 @@ def _citation(text):
         "Cite the source of the machine or law that you used as well: docstrings and machine "
         f"files name it.\n\n```yaml\n{text}```\n"
     )
+
+
+if __name__ == "__main__":
+    wrong = finish() if sys.argv[1:] == ["finish"] else write_pages()
+    sys.exit("\n".join(wrong) or None)

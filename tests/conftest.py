@@ -1,5 +1,6 @@
 """64-bit mode, programs compiled quickly, and none kept that memory has no room for."""
 
+import json
 import os
 import time
 from pathlib import Path
@@ -54,3 +55,23 @@ def _forget_programs():
         if _MAPS.read_bytes().count(b"\n") > _MANY_MAPS:
             jax.clear_caches()
         _counted = time.monotonic()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _results_fit_their_schema():
+    """Whatever a command under test gives as JSON fits the schema of its results."""
+    from helpers import results_validator
+
+    from jaxcomp.cli import _output, _units
+    from jaxcomp.cli._start import command_name
+
+    def checked(result, **options):
+        text = made(result, **options)
+        if command_name() in _units.TABLES:
+            results_validator(command_name()).validate(json.loads(text))
+        return text
+
+    made = _output.json_text
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_output, "json_text", checked)
+        yield

@@ -1,7 +1,8 @@
 """A newcomer's first hour: mistakes, each with what a good answer names, and twelve tasks.
 
     python tests/first_hour.py             # every mistake, answered well or not
-    python tests/first_hour.py --tasks     # times of each task, at the first and at the second start
+    python tests/first_hour.py --tasks     # times of each task, at the first and at the second start,
+                                           # on the clock and of the processors
 
 An answer is good if the mistake is refused (or, where it may be meant, pointed at), without a
 traceback, in a few lines that name the entry, its value, and what it must be or what to write.
@@ -10,6 +11,7 @@ traceback, in a few lines that name the entry, its value, and what it must be or
 import argparse
 import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -26,6 +28,7 @@ from typer.testing import CliRunner
 import jaxcomp as jc
 from jaxcomp.cli import app
 from jaxcomp.scene import SceneError, start
+from jaxcomp.study.tolerance import within
 
 EFFICIENCY = ["mechanical_efficiency"]
 CRANK = {"crank_radius": 0.05, "conrod_length": 0.29, "piston_mass": 2.6, "conrod_mass": 3.8}
@@ -340,7 +343,7 @@ CALLS = {
     ),
     "number for a range": _py(lambda s: jc.problem(s, {"bore": 0.2}, EFFICIENCY), "(low, high)"),
     "notation of the command line": _py(
-        lambda s: jc.sweep(s, {"mechanism.bore": "0.1:0.2:3"}), "`sweeping.grid("
+        lambda s: jc.sweep(s, {"mechanism.bore": "0.1:0.2:3"}), "`sweep.grid("
     ),
     "number for a tolerance": _py(lambda s: jc.tolerance(s, {"bore": 0.2}), "within(2e-5)"),
     "text for a tolerance": _py(
@@ -352,6 +355,56 @@ CALLS = {
     ),
     "text for variables": _py(lambda s: jc.problem(s, "bore", EFFICIENCY), 'a list, ["bore"]'),
     "scene for a problem": _py(lambda s: jc.optimise(s, "motor_power"), "problem(scene, {"),
+    "problem of nothing": _py(lambda s: jc.problem(s), '{"bore": (0.12, 0.14)}'),
+    "problem without quantities": _py(
+        lambda s: jc.problem(s, ["bore"]), 'a list such as ["mechanical_efficiency"]'
+    ),
+    "number for quantities": _py(lambda s: jc.problem(s, ["bore"], 5), "a list of names"),
+    "range beside its name": _py(
+        lambda s: jc.problem(s, [("bore", 0.1, 0.2)], EFFICIENCY), "{name: value}"
+    ),
+    "dictionary for options": _py(
+        lambda s: jc.problem(s, ["bore"], EFFICIENCY, {"orders": 2}), "`AnalysisOptions(...)`"
+    ),
+    "options of sensitivity": _py(
+        lambda s: jc.sensitivity(s, EFFICIENCY, options="fine"), "`AnalysisOptions(...)`"
+    ),
+    "front of nothing": _py(lambda s: jc.pareto(_ranged(s)), "such as ("),
+    "front of one": _py(lambda s: jc.pareto(_ranged(s), "motor_power"), "such as ("),
+    "one direction for two": _py(
+        lambda s: jc.pareto(_ranged(s), (*EFFICIENCY, "motor_power"), maximise=True),
+        "(True, False)",
+    ),
+    "text for points": _py(
+        lambda s: jc.pareto(_ranged(s), (*EFFICIENCY, "motor_power"), points="12"), "a number >= 3"
+    ),
+    "optimum of nothing": _py(lambda s: jc.optimise(), "problem(scene, {"),
+    "list of objectives": _py(
+        lambda s: jc.optimise(_ranged(s), EFFICIENCY), "one quantity by name"
+    ),
+    "constraint as text": _py(
+        lambda s: jc.optimise(_ranged(s), constraints={"motor_power": "<=5 kW"}),
+        "(low, high) in SI units",
+    ),
+    "constraint as a number": _py(
+        lambda s: jc.optimise(_ranged(s), constraints={"motor_power": 5e3}),
+        "(low, high) in SI units",
+    ),
+    "list of constraints": _py(
+        lambda s: jc.optimise(_ranged(s), constraints=["motor_power"]),
+        '{"motor_power": (None, 5000.0)}',
+    ),
+    "number for a method": _py(lambda s: jc.optimise(_ranged(s), method=3), "slsqp"),
+    "tolerance of nothing": _py(lambda s: jc.tolerance(s), "within(2e-5)"),
+    "number for a limit": _py(
+        lambda s: jc.tolerance(s, {"bore": within(1e-5)}, limits={"motor_power": 0.9}),
+        "(low, high) in SI units",
+    ),
+    "sweep of nothing": _py(lambda s: jc.sweep(s), '{"mechanism.bore": [0.12, 0.13]}'),
+    "list for a sweep": _py(lambda s: jc.sweep(s, ["bore"]), '{"mechanism.bore": [0.12, 0.13]}'),
+    "sweep with units": _py(
+        lambda s: jc.sweep(s, {"mechanism.bore": ["120 mm", "130 mm"]}), "numbers in SI units"
+    ),
     "something else for a file": _py(jc.load, "name of a bundled machine or of a file"),
     "misspelt quantity in Python": _py(
         lambda s: jc.sensitivity(s, ["efficency"]), "efficency", "mechanical_efficiency"
@@ -450,13 +503,17 @@ with socket.socket() as free:
     free.bind(("127.0.0.1", 0))
     port = free.getsockname()[1]
 server = serve(jaxcomp.load("my.toml"), port=port, show=False, threaded=True)
-for wait in range(300):
-    try:
-        assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=60).status == 200
-        break
-    except ConnectionRefusedError:
-        time.sleep(0.1)
-server.stop()
+try:
+    for wait in range(300):
+        try:
+            assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=60).status == 200
+            break
+        except OSError:  # nobody listens yet
+            time.sleep(0.1)
+    else:
+        raise SystemExit("nobody answers")
+finally:
+    server.stop()
 """,
 }
 
@@ -464,6 +521,11 @@ server.stop()
 def mechanism(bore: Any) -> jc.SliderCrank:
     """The mechanism of a bore, as one types it."""
     return jc.SliderCrank(bore=bore, **CRANK)
+
+
+def _ranged(scene: Any) -> Any:
+    """A problem to which the mistake is made."""
+    return jc.problem(scene, {"mechanism.bore": (0.12, 0.14)}, EFFICIENCY)
 
 
 def prepare(folder: Path) -> None:
@@ -525,8 +587,8 @@ def answers(
             yield name, seen, wrong or ("took too long" if taken > WAIT else ""), taken
 
 
-def times(tasks: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, float, float, str]]:
-    """Name, seconds at the first and at the second start, and what went wrong, of each task."""
+def times(tasks: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, list[float], str]]:
+    """Name, seconds of clock and processors at either start, and what went wrong, of each task."""
     with tempfile.TemporaryDirectory() as folder:
         for name, script in SCRIPTS.items():
             (Path(folder) / name).write_text(script)
@@ -537,7 +599,7 @@ def times(tasks: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, float, float
         for name, lines in tasks.items():
             taken, wrong = [], ""
             for _ in range(2):
-                begun = time.perf_counter()
+                begun, worked = time.perf_counter(), _worked()
                 for line in lines:
                     program, *words = line.split()
                     start_of = {"jaxcomp": ["-m", "jaxcomp"], "python": []}[program]
@@ -550,8 +612,14 @@ def times(tasks: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, float, float
                         check=False,
                     )
                     wrong = f"{wrong}{done.stderr[-2000:]}" if done.returncode else wrong
-                taken.append(time.perf_counter() - begun)
-            yield name, *taken, wrong
+                taken += [time.perf_counter() - begun, _worked() - worked]
+            yield name, taken, wrong
+
+
+def _worked() -> float:
+    """[s] Processor time of all commands so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def main() -> int:
@@ -562,10 +630,12 @@ def main() -> int:
     options = parser.parse_args()
     if options.tasks:
         failed = 0
-        print("first   second  task")
-        for name, first, second, wrong in times(TASKS):
+        print("| task | first start | of the processors | second start | of the processors |")
+        print("|---|---|---|---|---|")
+        for name, taken, wrong in times(TASKS):
             failed += bool(wrong)
-            print(f"{first:5.1f} s {second:5.1f} s  {name} {wrong}", flush=True)
+            cells = " | ".join(f"{one:.1f} s" for one in taken)
+            print(f"| {name} | {cells} |{wrong and f' {wrong}'}", flush=True)
         return bool(failed)
     chosen = {n: m for n, m in MISTAKES.items() if (options.show or "") in n}
     bad, begun = 0, time.perf_counter()

@@ -36,6 +36,16 @@ def read_json(text):
     )
 
 
+@cache
+def results_validator(command):
+    """What tells whether a result fits the JSON schema of a command's results."""
+    from jsonschema import Draft202012Validator
+
+    from jaxcomp.cli._units import results_schema
+
+    return Draft202012Validator(results_schema() | {"$ref": f"#/$defs/{command}"})
+
+
 # Tsuji et al. (2012) Table 1 at a bore of 130 mm, with round values for what is not printed. The
 # rod's mass centre and inertia are those of an ordinary rod, so that every parameter matters.
 MECHANISM = {

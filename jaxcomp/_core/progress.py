@@ -109,9 +109,17 @@ def spinner(text: str) -> Iterator[None]:
 class Progress:
     """How far some work is, with the time that is left."""
 
-    def __init__(self, text: str, total: int | None, done: int, unit: str, bar=None):
+    def __init__(
+        self,
+        text: str,
+        total: int | None,
+        done: int,
+        unit: str,
+        bar=None,
+        told: float | None = None,
+    ):
         self._text, self._total, self._unit, self._bar = text, total, unit, bar
-        self._told = time.monotonic()
+        self._told = time.monotonic() if told is None else told
         self._from: tuple[float, int] | None = None
         if bar is not None:
             self._task = bar.add_task(text, total=total, completed=done, left="")
@@ -154,9 +162,7 @@ def progress_of(
 
     console = Console(stderr=True)
     if not show or not shows_waits():
-        silent = Progress(text, total, done, unit)
-        silent._told = float("inf")
-        yield silent
+        yield Progress(text, total, done, unit, told=float("inf"))
     elif not console.is_terminal:
         yield Progress(text, total, done, unit)
     else:

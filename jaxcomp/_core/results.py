@@ -122,6 +122,22 @@ class Result:
                 made[one.header] = whole.ravel()
         return made
 
+    def to_dict(self) -> dict[str, Any]:
+        """All quantities by name and SI unit, as numbers and lists, with how the solution ended.
+
+        Complex amplitudes have two entries, amplitude and phase [rad]. What is not finite is `None`, as
+        JSON has no word for it.
+        """
+        made: dict[str, Any] = {"kind": type(self).__name__, **self._words()}
+        for one in self._checked():
+            values = np.asarray(one.values)
+            if np.iscomplexobj(values):
+                made[with_unit(f"{one.name}.amplitude", one.unit)] = _finite(np.abs(values))
+                made[f"{one.name}.phase [rad]"] = _finite(np.angle(values))
+            else:
+                made[one.header] = _finite(values)
+        return made
+
     def to_pandas(self) -> "pandas.DataFrame":
         """The curves or rows of this result as a table; see `columns`."""
         import pandas
@@ -306,6 +322,13 @@ def load_result(path: str | Path) -> Any:
 
 class _Unknown(ValueError):
     """A class or a field that a file names and that is not there."""
+
+
+def _finite(values: np.ndarray) -> Any:
+    """Values as lists and numbers, `None` for those that are not finite."""
+    if values.dtype.kind != "f" or np.isfinite(values).all():
+        return values.tolist()
+    return np.where(np.isfinite(values), values, None).tolist()
 
 
 def csv_text(columns: dict[str, Any]) -> str:

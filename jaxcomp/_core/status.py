@@ -57,10 +57,11 @@ class SolveFailed(RuntimeError):
     Args:
         status: the outcome, a `Status`.
         details: what else is known, for the message.
+        result: what the solver ended with, if it ends with something.
     """
 
-    def __init__(self, status, details: str = ""):
-        self.status = status
+    def __init__(self, status, details: str = "", result=None):
+        self.status, self.result = status, result
         if not jax.config.read("jax_enable_x64"):
             details = "; ".join(filter(None, [details, "in single precision: see JAXCOMP_X64"]))
         super().__init__(Status[status] + (f" ({details})" if details else "") + ".")

@@ -8,10 +8,8 @@ from ._classical import classical_balance as classical_balance
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance
 from ._classical import rod_ring as rod_ring
-from ._discrete import Sector as Sector
 from ._discrete import Split as Split
 from ._discrete import discrete as discrete
-from ._discrete import outside_sectors as outside_sectors
 from ._discrete import split as split
 from ._discrete import stock as stock
 from ._influence import Influence as Influence
@@ -24,11 +22,8 @@ from ._influence import select as select
 from ._influence import trial_influence as trial_influence
 from ._least_squares import Balance as Balance
 from ._least_squares import bounded as bounded
-from ._least_squares import invert as invert
 from ._least_squares import least_squares as least_squares
 from ._least_squares import predicted as predicted
 from ._least_squares import quadratic as quadratic
-from ._objectives import Descent as Descent
-from ._objectives import descend as descend
 from ._objectives import least_masses as least_masses
 from ._objectives import min_max as min_max

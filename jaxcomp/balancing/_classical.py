@@ -16,6 +16,7 @@ from ..machine import Assembly
 from ..mechanism import SliderCrank
 from ..rotor import (
     BalancingPlanes,
+    Node,
     RotorModel,
     Unbalances,
     node_positions,
@@ -23,7 +24,6 @@ from ..rotor import (
     subset_names,
     subsets,
 )
-from ..rotor._shaft import Node
 
 
 class PlanePair(NamedTuple):

@@ -137,24 +137,6 @@ class Balance(Result, eqx.Module):
         return jnp.abs(self.influence.matrix) * size
 
 
-def invert(influence: Influence) -> Balance:
-    """As many planes as rows: the vibration vanishes, Eq. (12).
-
-    The status is `singular` where the condition of the system is above 1e12.
-
-    Raises:
-        BadInput: another number of rows than of planes.
-    """
-    rows, planes = influence.matrix.shape
-    if rows != planes:
-        raise BadInput("influence", f"{rows} rows, {planes} planes", "square")
-    correction = -jnp.linalg.solve(influence.matrix, influence.initial)
-    regular = condition(influence.matrix) < 1e12
-    correction = jnp.where(jnp.isfinite(correction) | regular, correction, 0.0)
-    failure = Status.where(regular, Status.converged, Status.singular)
-    return _exact(influence, correction, "inversion", failure)
-
-
 def least_squares(
     influence: Influence, *, cut: float = 1e-12, tikhonov: Float[Array, ""] | float = 0.0
 ) -> Balance:

@@ -1,4 +1,4 @@
-r"""Balances in other norms: the least largest vibration, the least masses, and any objective by descent.
+r"""Balances in other norms: the least largest vibration, and the least masses.
 
 `min_max` is Lawson's method (C. L. Lawson 1961, Contributions to the theory of linear least maximum
 approximation, thesis, University of California): least squares with row weights $\lambda_k$,
@@ -14,14 +14,12 @@ method for solving convex programs, J. SIAM 8, 703-712). Tangents leave out no p
 that every step's optimum is a proven lower bound.
 """
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import NoReturn
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Complex, Float, Int
+from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.status import SolveFailed, Status
@@ -174,74 +172,3 @@ def _refuse(influence: Influence, limits, bounds) -> NoReturn:
         Status.singular,
         f"no corrections reach the limit: the lowest is {lowest / limits.max():.4g} times as high",
     )
-
-
-if TYPE_CHECKING:
-    import optax
-
-
-class Descent(NamedTuple):
-    """How a descent ended.
-
-    Attributes:
-        correction: [kg m] (planes,)
-        objective: [SI] of whatever unit the callable has.
-        slope: [-] largest derivative left, times the scale over the objective.
-        steps: that were made.
-        converged: whether the slope fell below the tolerance.
-    """
-
-    correction: Complex[Array, " planes"]
-    objective: Float[Array, ""]
-    slope: Float[Array, ""]
-    steps: Int[Array, ""]
-    converged: Bool[Array, ""]
-
-
-def descend(
-    objective: Callable[[Complex[Array, " planes"]], Float[Array, ""]],
-    start: Complex[Array, " planes"],
-    scale: Float[Array, ""] | float,
-    *,
-    tolerance: float = 1e-9,
-    max_steps: int = 2000,
-    optimiser: "optax.GradientTransformation | None" = None,
-) -> Descent:
-    """Make an objective of the corrections small.
-
-    Args:
-        objective: real function of the complex corrections; it may hold the response of a machine,
-            its efficiency, or anything else that JAX can differentiate.
-        start: [kg m] (planes,)
-        scale: [kg m] size of a usual correction, the unit of the steps.
-        tolerance: [-] of the largest derivative times the scale, over the objective at the start.
-        max_steps: after which to stop.
-        optimiser: of optax; L-BFGS with a line search if absent.
-    """
-    import optax
-
-    method = optax.lbfgs() if optimiser is None else optimiser
-    scale = jnp.asarray(scale, float)
-    begin = jnp.asarray(start, complex) / scale
-    first = jax.lax.stop_gradient(objective(scale * begin))
-    size = jnp.where(first > 0, first, 1.0)
-
-    def value(pair):
-        return objective(scale * (pair[0] + 1j * pair[1])) / size
-
-    def going_on(carry):
-        _, _, slope, steps = carry
-        return (slope > tolerance) & (steps < max_steps)
-
-    def advance(carry):
-        pair, state, _, steps = carry
-        now, slope = jax.value_and_grad(value)(pair)
-        search = {"value": now, "grad": slope, "value_fn": value} if optimiser is None else {}
-        change, state = method.update(slope, state, pair, **search)
-        return pair + change, state, jnp.max(jnp.abs(slope)), steps + 1
-
-    pair = jnp.stack([begin.real, begin.imag])
-    carry = (pair, method.init(pair), jnp.asarray(jnp.inf), jnp.asarray(0))
-    pair, _, slope, steps = jax.lax.while_loop(going_on, advance, carry)
-    correction = scale * (pair[0] + 1j * pair[1])
-    return Descent(correction, objective(correction), slope, steps, slope <= tolerance)

@@ -173,7 +173,7 @@ def _of_valves(gas: jc.cylinder.Cylinder, speed: float):
         total = float(gas.walls.conductance)
         yield "Conductance of the wall", total, "W/K in all; its temperature is an unknown"
     if not gas.inert:
-        yield "Flow through the ports", "quasi-steady", "values only: derivatives are refused"
+        yield "Flow through the ports", "quasi-steady", "values only: derivatives need port_length"
     yield (
         "Not modelled",
         "stratified gas, pulsation in the lines beyond their plenums",

@@ -19,6 +19,7 @@ from ._options import AsJson, complete_machine
 from ._output import plain, show_results
 from ._start import CommandError, refuse, reports_errors, start_jax
 from ._tables import bold, row_table
+from ._units import results_schema
 
 # Characters of a value as it was given; JSON has all of it.
 _LONGEST = 120
@@ -292,18 +293,21 @@ def explain(
 @reports_errors
 def schema(
     file: Annotated[Path | None, typer.Argument()] = None,
+    results: bool = False,
 ) -> None:
     """Print or write the JSON schema of machine files, with which editors complete and check them.
 
     An editor that knows TOML, such as Visual Studio Code with "Even Better TOML", takes it where the
     first line of a machine file is `#:schema ./jaxcomp.schema.json`. It has laws of other packages too.
 
-    Example: [bold]jaxcomp schema jaxcomp.schema.json[/bold]
+    Example: [bold]jaxcomp schema jaxcomp.schema.json[/bold], [bold]jaxcomp schema --results[/bold]
 
     Args:
         file: File to write; printed if left out.
+        results: Schema of what commands print with --json and write to result.json, each under its name.
     """
-    text = json.dumps(jc.scene.json_schema(), indent=1, ensure_ascii=False)
+    made = results_schema() if results else jc.scene.json_schema()
+    text = json.dumps(made, indent=1, ensure_ascii=False)
     if file is None:
         typer.echo(text)
     else:
@@ -312,7 +316,7 @@ def schema(
 
 def _parts() -> tuple[list[dict[str, Any]], Table]:
     """Every kind of part."""
-    from ..scene._explain import summary
+    from ..scene import summary
 
     found = [
         {"kind": where.kind, "places": where.titles, "summary": summary(part)}

@@ -68,7 +68,9 @@ def rating_map(
         from ..scene.readings import polynomial_text, rating_metadata
 
         text = polynomial_text(maps, int(coefficients), rating_metadata(scene, rating))
-    keys = ("evaporating", "condensing", "ok", "values", "coefficients", "fit_error")
+    keys = (
+        "evaporating", "condensing", "ok", "values", "coefficients", "fit_error", "polynomial_error",
+    )  # fmt: skip
     result = {
         "machine": scene.name,
         "file": scene.file,
@@ -105,7 +107,7 @@ def map_tables(found, name: str):
     if failed:
         yield f"[yellow]Note:[/yellow] {failed} of {found.ok.size} points failed and are empty."
     if not found.coefficients:
-        yield "Fewer than ten points: no coefficients."
+        yield "No coefficients: they take ten points, with four temperatures on either axis."
         return
     terms = ("1", "S", "D", "S^2", "S D", "D^2", "S^3", "D S^2", "S D^2", "D^3")
     rows: list[Any] = [
@@ -113,10 +115,22 @@ def map_tables(found, name: str):
         for n, (term, *row) in enumerate(zip(terms, *found.coefficients.values(), strict=True), 1)
     ]
     errors = (f"{100 * float(e):.2g} %" for e in found.fit_error.values())
-    rows += [(), ("", "largest error", *errors)]
+    rows += [(), ("", "largest error", *errors), ("", "at S, D", *_worst(found))]
     labels = (f"{one}, {units[one]}" for one in found.coefficients)
     title = "Polynomial of AHRI 540, S evaporating and D condensing in °C"
     yield row_table(title, ("", "Term", *labels), rows, texts=2)
+
+
+def _worst(found):
+    """The point, in °C, at which each polynomial is furthest from the value."""
+    import numpy as np
+
+    from ..study.rating import ZERO
+
+    for errors in found.polynomial_error.values():
+        row, column = np.unravel_index(np.nanargmax(np.abs(errors)), errors.shape)
+        point = found.evaporating[row] - ZERO, found.condensing[column] - ZERO
+        yield ", ".join(f"{float(one):.4g}" for one in point)
 
 
 def axis(text: str, name: str):

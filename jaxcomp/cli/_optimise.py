@@ -235,7 +235,7 @@ def optimised_scene(
     Returns:
         The scene, and the variables that a scene file does not have (correction masses).
     """
-    from ..study._variables import CORRECTIONS
+    from ..study import CORRECTIONS
 
     source = f"optimised for {optimum.objective_name}"
     names = [one.name for one in optimum.problem.variables]

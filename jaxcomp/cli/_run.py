@@ -15,7 +15,7 @@ from .._core.display import RPM, axes_words, shown
 from .._core.registry import Quantity, registered
 from ._arguments import assignments, changed_scene
 from ._options import AsJson, Designs, Machine, Out, Sets
-from ._output import hand_out, plain
+from ._output import hand_out, plain, show_results
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import Markup, row_table, words
 
@@ -69,7 +69,7 @@ def run(
     if tolerance is not None:
         method = dataclasses.replace(method, tolerance=tolerance)
     with waiting("Solving the periodic state (the first time it is compiled as well) ..."):
-        orbit = jc.crank.solve_orbit(compressor, method, verify=verify or out is not None)
+        orbit = _solved(compressor, method, verify or out is not None, as_json)
         result = run_result(scene, orbit)
         if moving_films:
             result["moved_films"] = {
@@ -97,6 +97,52 @@ def run(
 
     curves = {"curves": lambda: orbit_curves(scene, orbit)}
     hand_out(result, run_tables(scene, result), as_json, out, figures, scene, curves)
+
+
+def _solved(compressor: jc.Compressor, method: Any, verify: bool, as_json: bool) -> jc.Orbit:
+    """The periodic state; of a machine that delivers nothing the cylinder is shown before the error."""
+    from .._core.status import SolveFailed, Status
+
+    try:
+        return jc.crank.solve_orbit(compressor, method, verify=verify)
+    except SolveFailed as error:
+        if error.status == Status.no_delivery and not as_json:
+            show_results({}, _undelivered(error.result), as_json)
+        raise
+
+
+def _undelivered(orbit: jc.Orbit) -> Iterator[Any]:
+    """Pressure over volume of the cylinders that deliver nothing, and what each lacks."""
+    import jax
+    import numpy as np
+
+    from .._core.status import Status
+
+    cycles: list[Any] = [orbit.cycle]
+    each = getattr(orbit.cycle, "each", None)  # of several cylinders
+    if each is not None:
+        cycles = [jax.tree.map(lambda x, n=n: x[n], each) for n in range(len(each.angle))]
+    for number, cycle in enumerate(cycles, 1):
+        if cycle.status != Status.no_delivery:
+            continue
+        where = "Cylinder" if each is None else f"Cylinder {number}"
+        angle = (np.rad2deg(np.asarray(cycle.angle)) + 180) % 360 - 180
+        every = [int(np.argmin(np.abs(angle - at))) for at in range(-180, 180, 20)]
+        rows = (
+            (f"{angle[i]:.0f}", f"{float(cycle.volume[i]) * 1e6:.4g}",
+             f"{float(cycle.pressure[i]) / 1e5:.4g}", f"{float(cycle.temperature[i]):.4g}")
+            for i in every
+        )  # fmt: skip
+        heads = ("Crank angle, degrees", "Volume, cm³", "Pressure, bar", "Temperature, K")
+        yield row_table(f"{where}: no gas is delivered", heads, rows, texts=0)
+        peak, behind = float(cycle.peak_pressure), float(cycle.case.discharge.p)
+        leaks = float(cycle.totals.leakage / cycle.case.mass_scale)
+        yield (
+            f"The pressure reaches {peak / 1e5:.4g} bar; behind the discharge valve are "
+            f"{behind / 1e5:.4g} bar: {(behind - peak) / 1e5:.4g} bar are lacking, and what the valve's "
+            f"preload adds. Past the piston leak {100 * leaks:.3g} % of a filling of the cylinder. "
+            "A smaller clearance_ratio or leakage, or a lower discharge pressure, lets it deliver."
+        )
 
 
 def _of_the_crank(machine) -> tuple[Quantity, ...]:

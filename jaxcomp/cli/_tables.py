@@ -1,6 +1,7 @@
 """Tables on the terminal."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from itertools import chain
 from typing import Any
 
@@ -135,9 +136,10 @@ def fitted(table: Table, width: int) -> Table | str:
         width: of the terminal, in characters.
     """
     headers = [Text.from_markup(str(column.header)).plain for column in table.columns]
+    cells = [_pointed(column) for column in table.columns]
     wide, least = [], []
-    for column, header in zip(table.columns, headers, strict=True):
-        texts = _pointed(column)
+    for column, own, header in zip(table.columns, cells, headers, strict=True):
+        texts = [cell.plain for cell in own]
         whole = column.justify == "right"
         pieces = [w for t in texts for w in ([t] if whole else t.split())] + header.split()
         least.append(max(map(cell_len, pieces), default=1))
@@ -151,29 +153,28 @@ def fitted(table: Table, width: int) -> Table | str:
         place = max((i for i in range(len(wide)) if wide[i] > least[i]), key=lambda i: wide[i])
         wide[place] -= 1
         over -= 1
-    for column, size in zip(table.columns, wide, strict=True):
+    made = copy(table)
+    made.columns, made.rows = [column.copy() for column in table.columns], []
+    for column, own, size in zip(made.columns, cells, wide, strict=True):
         if narrow:
             column.min_width = column.max_width = size
             column.no_wrap = False
-        for cell in column._cells if column.justify == "right" else ():
-            if isinstance(cell, Text):  # rich takes spaces off the end of what it sets to the right
-                cell.pad_left(size - cell_len(cell.plain))
-                cell.justify = "left"
-    return table
+        for cell in own if column.justify == "right" else ():
+            # rich takes spaces off the end of what it sets to the right
+            cell.pad_left(size - cell_len(cell.plain))
+            cell.justify = "left"
+    for row, own in zip(table.rows, zip(*cells, strict=True), strict=True):
+        made.add_row(*own, end_section=row.end_section)
+    return made
 
 
-def _pointed(column: Column) -> list[str]:
-    """The texts of a column; numbers with spaces behind them that put their points in line."""
-
-    plain = [Text.from_markup(str(cell)).plain for cell in column.cells]
-    missing = behind(plain) if column.justify == "right" else [0]
-    if any(missing):
-        column._cells = [
-            Text.from_markup(str(cell) + count * " ")
-            for cell, count in zip(column.cells, missing, strict=True)
-        ]
-        return [Text.from_markup(str(cell)).plain for cell in column._cells]
-    return plain
+def _pointed(column: Column) -> list[Text]:
+    """The cells of a column; numbers with spaces behind them that put their points in line."""
+    cells = [Text.from_markup(str(cell)) for cell in column.cells]
+    if column.justify == "right":
+        for cell, count in zip(cells, behind([cell.plain for cell in cells]), strict=True):
+            cell.pad_right(count)
+    return cells
 
 
 def _stacked(table: Table, headers: list[str]) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import partial
 from types import SimpleNamespace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -353,7 +353,7 @@ def time_harmonics(
     return 2 / period * (values * duration) @ turning, frequency
 
 
-class Performance(NamedTuple):
+class Performance(Result, eqx.Module):
     """What a compressor with valves does for its power.
 
     Attributes:
@@ -370,6 +370,16 @@ class Performance(NamedTuple):
     overall_efficiency: Float[Array, ""]
     power: dict[str, Float[Array, ""]]
     orbit: Orbit
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        yield Data("electric_power", "W", self.electric_power)
+        for name in ("motor_efficiency", "overall_efficiency"):
+            yield Data(name, "", getattr(self, name))
+        if self.orbit.cycle and hasattr(self.orbit.cycle.case.cylinder.fluid, "saturation"):
+            yield Data("cop", "", self.cop)
+        for cause, value in self.power.items():
+            yield Data(f"power_use.{cause}", "W", value)
 
     @property
     def cop(self) -> Float[Array, ""]:

@@ -168,7 +168,7 @@ class Shooting(eqx.Module):
 
         def advance(carry):
             unknowns, _, _, steps = carry
-            (end, speed), (end_slope, speed_slope) = self._march(
+            (end, speed), (end_slope, speed_slope) = self.march(
                 machine, unknowns, fixed, diffrax.ForwardMode(), slopes=True
             )
             result, by_unknowns = (unknowns, end, speed), (eye, end_slope, speed_slope)
@@ -198,7 +198,7 @@ class Shooting(eqx.Module):
         """[rad] Where the speed is reported."""
         return panels(fixed.places, self.output_nodes).angle.ravel()
 
-    def _march(self, machine: Compressor, unknowns, fixed: "_Fixed", adjoint, slopes=False):
+    def march(self, machine: Compressor, unknowns, fixed: "_Fixed", adjoint, slopes=False):
         """Integrate one revolution: speed, time and accounts at its end, speed at the panels' nodes.
 
         With `slopes` these and how they change with the unknowns, (..., u), which the same steps
@@ -353,7 +353,7 @@ class _Following(AbstractRoot):
 
     def rest(self, unknowns):
         start, end, speed = unknowns
-        marched = self.options._march(self.machine, start, self.fixed, self.options.adjoint)
+        marched = self.options.march(self.machine, start, self.fixed, self.options.adjoint)
         gap = _gap_at(marched[0], start, self.machine, self.fixed)
         return gap, *jax.tree.map(jnp.subtract, marched, (end, speed))
 

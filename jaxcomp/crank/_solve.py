@@ -33,8 +33,7 @@ from .._core.roots import frozen, settle, zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
 from ..cylinder import Cycle, CycleOptions, Cylinder, Pace, SeveralCycles, solve_cycle
-from ..cylinder._march import START
-from ..cylinder._solve import CycleSolution, follow_cycle, no_solution, solution_of
+from ..cylinder.interface import START, CycleSolution, follow_cycle, no_solution, solution_of
 from ..motor import ConstantSpeed
 from ._collocation import Collocation, default_collocation
 from ._films import has_thin_film
@@ -112,6 +111,7 @@ def solve_orbit(
                 f"joint margin {float(orbit.margin):.3g}{where}, energy open by "
                 f"{float(orbit.energy.residual):.2g}, losses known to "
                 f"{float(orbit.efficiency_error):.2g} of the work",
+                orbit,
             )
     if verify is False:
         return orbit

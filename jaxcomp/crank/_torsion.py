@@ -8,7 +8,8 @@ rigid orbit is right while the lowest torsional frequency lies well above that o
 the inertias with the crank angle is left out.
 """
 
-from typing import ClassVar, NamedTuple
+from collections.abc import Iterator
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -25,6 +26,7 @@ from .._core.fields import (
     replaced,
     spread_columns,
 )
+from .._core.results import Data, Result
 from ..compressor import Compressor, at_speed, of_each_cylinder
 from ._collocation import Collocation
 from ._orbit import Orbit, time_harmonics
@@ -158,7 +160,7 @@ class CrankTrain(Part):
         return replaced(made, inertia=inertia, stiffness=self.stiffness, damping=self.damping)
 
 
-class TrainTorques(NamedTuple):
+class TrainTorques(Result, eqx.Module):
     """What the springs of a crank train carry, from the motor's side to the crank's end.
 
     Attributes:
@@ -172,6 +174,16 @@ class TrainTorques(NamedTuple):
     amplitude: Complex[Array, "s h"]
     frequency: Float[Array, " h"]
     peak: Float[Array, " s"]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("spring",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        yield Data("spring", "", jnp.arange(1, self.mean.shape[-1] + 1), ("spring",))
+        yield Data("mean_torque", "N m", self.mean, ("spring",))
+        yield Data("peak_torque", "N m", self.peak, ("spring",))
+        yield Data("frequency", "rad/s", self.frequency, ("harmonic",))
+        yield Data("torque", "N m", self.amplitude, ("spring", "harmonic"))
 
 
 def train_torques(

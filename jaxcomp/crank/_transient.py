@@ -18,7 +18,7 @@ from .._core.roots import zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of, instants
 from ..cylinder import Cylinder
-from ..cylinder._cycle import values_only
+from ..cylinder.interface import values_only
 from ..mechanism import CrankState
 from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration

@@ -21,30 +21,32 @@ from .._core.fields import ANY, of_cylinder, quantity, replaced
 from .._core.roots import zeros_of
 from ..compressor import Compressor, instants
 from ..cylinder import Cylinder
-from ..cylinder._balance import (
+from ..cylinder.interface import (
     EVENTS,
     FLAGS,
     STATES,
-    Accounts,
-    Rates,
-    after_event,
-    jump,
-    rates,
-    temperature_and_density,
-    valve_scales,
-)
-from ..cylinder._cylinder import Case, prepare
-from ..cylinder._march import (
     AbstractLaw,
+    Accounts,
+    Case,
+    Rates,
     Record,
     Stretch,
+    account_scales,
+    after_event,
+    chain_rates,
+    chains,
+    first_states,
+    jump,
     longest_step,
+    prepare,
+    rates,
     stretch,
+    temperature_and_density,
     towards,
+    valve_scales,
+    valve_sides,
     within_steps,
 )
-from ..cylinder._plenum import chain_rates, chains, first_states, valve_sides
-from ..cylinder._solve import account_scales
 from ..gas import AbstractGas
 from ._motion import acceleration
 

@@ -404,11 +404,11 @@ class SolvedPressure(AbstractGas):
 
     def pressure(self, stroke):
         if self.edges.ndim == 1:
-            return self._at(stroke)
+            return self.pressure_of(stroke)
         own = jnp.broadcast_to(stroke.angle, (self.edges.shape[0], *stroke.angle.shape[1:]))
-        return jax.vmap(lambda one, angle: one._at(stroke._replace(angle=angle)))(self, own)
+        return jax.vmap(lambda one, angle: one.pressure_of(stroke._replace(angle=angle)))(self, own)
 
-    def _at(self, stroke):
+    def pressure_of(self, stroke):
         start, count = self.edges[0], self.values.shape[1]
         angle = start + jnp.mod(stroke.angle - start, 2 * jnp.pi)
         panel = jnp.searchsorted(self.edges[1:-1], angle, side="right")

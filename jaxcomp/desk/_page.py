@@ -1,6 +1,7 @@
 r"""The page in the browser: sliders, fields and pictures around one `Desk`."""
 
 import io
+import logging
 import re
 import threading
 from typing import Any
@@ -11,12 +12,12 @@ import panel as pn
 from bokeh.models import ColumnDataSource, FactorRange, HTMLTemplateFormatter, Title
 from bokeh.plotting import figure
 from panel.io import hold
+from tornado.websocket import WebSocketClosedError
 
 from .._core.display import SYSTEMS
 from .._core.errors import BadInput
 from .._core.status import SolveFailed
-from ..plot._animate import line_look
-from ..plot._style import INK, colour, words
+from ..plot.interface import INK, colour, line_look, words
 from ..scene import Scene, SceneError, loads
 from ._state import HEADLINES, Desk, View
 
@@ -78,6 +79,7 @@ def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = Fa
         threaded: return at once, with the server; otherwise when it is interrupted.
     """
     pn.extension("tabulator")
+    logging.getLogger("asyncio").addFilter(_is_fault)
     # compiles what all pages share; of large machines the gains follow later
     _Page(scene, _AT_FIRST)
     return pn.serve(
@@ -88,6 +90,11 @@ def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = Fa
         threaded=threaded,
         title=f"jaxcomp desk: {scene.name}",
     )
+
+
+def _is_fault(record: logging.LogRecord) -> bool:
+    """Whether a log record is more than a message that a closed tab no longer took."""
+    return not isinstance((record.exc_info or (None, None))[1], WebSocketClosedError)
 
 
 def page(scene: Scene) -> Any:
@@ -104,9 +111,9 @@ class _Page:
 
     def __init__(self, scene: Scene, patience: float | None = None):
         self.body = pn.Column(styles=_LIGHT, **_WIDE)
-        self.units = pn.widgets.Select(label="Units", options=list(SYSTEMS), width=130)
+        self.units = pn.widgets.Select(label="Units", options=list(SYSTEMS), width=110)
         self.units.param.watch(self._other_units, "value")
-        self.dark = pn.widgets.Toggle(label="Dark page", width=100, margin=(24, 10, 5, 10))
+        self.dark = pn.widgets.Toggle(label="Dark", width=64, margin=(24, 10, 5, 5))
         self.dark.param.watch(
             lambda event: self.body.param.update(styles=_DARK if event.new else _LIGHT), "value"
         )
@@ -121,7 +128,7 @@ class _Page:
         self._ask_gains(patience)
         self._lay_out(self._by_gain()[:_SLIDERS])
         if not self._influences:
-            self._say(_WAITING)
+            self.say(_WAITING, "info")
 
     def _lay_out(self, with_sliders: list[str]) -> None:
         """Lay the page out anew around the machine as it stands."""
@@ -130,12 +137,14 @@ class _Page:
         self._wanted: tuple[str, float] | None = None
         self.pictures = _Pictures(desk)
         self.message = pn.pane.Alert("", alert_type="warning", visible=False)
-        self.state = pn.pane.Markdown("", **_WIDE)
+        self.state = pn.pane.Markdown("", styles={"font-size": "16px"}, margin=(0, 10), **_WIDE)
         names = {desk.look(name, 1.0).words: name for name in desk.quantities}
-        self.quantity = pn.widgets.Select(label="Quantity", options=names, value=desk.quantity)
+        self.quantity = pn.widgets.Select(
+            label="Quantity", options=names, value=desk.quantity, width=170
+        )
         self.quantity.param.watch(self._other_quantity, "value")
         self.table = self._numbers_table()
-        self.ranges = pn.Column(**_WIDE)
+        self.ranges = pn.Column(css_classes=["ranges"], **_WIDE)
         self.results = pn.widgets.Tabulator(
             self._result_rows(), disabled=True, layout="fit_columns", **_TABLE
         )
@@ -149,6 +158,7 @@ class _Page:
         self.buttons = {
             name: pn.widgets.Button(label=name, on_click=call) for name, call in calls.items()
         }
+        self.buttons["Improve"].button_type = "primary"
         file = re.sub(r"[^\w.-]+", "-", scene.name) or "machine"
         save = pn.widgets.FileDownload(
             callback=self._toml, filename=f"{file}.toml", label="Save as machine file"
@@ -240,7 +250,7 @@ class _Page:
         self._show_gains()
         self._show()
         if not self._influences:
-            self._say(_WAITING)
+            self.say(_WAITING, "info")
 
     def _other_units(self, event) -> None:
         self.desk.system = event.new
@@ -268,7 +278,7 @@ class _Page:
             for name in () if self.sliders else self._by_gain()[:_SLIDERS]:
                 self.add_slider(name)
             if self.message.object == _as_it_is(_WAITING):
-                self._say("")
+                self.say("")
 
         def take():
             ours = number == self._asked and bool(found)
@@ -283,12 +293,12 @@ class _Page:
 
     def _undo(self, _) -> None:
         self._drag()
-        self._say("" if self.desk.undo() else "There is nothing to undo.")
+        self.say("" if self.desk.undo() else "There is nothing to undo.")
         self._show_all()
 
     def _redo(self, _) -> None:
         self._drag()
-        self._say("" if self.desk.redo() else "There is nothing to do again.")
+        self.say("" if self.desk.redo() else "There is nothing to do again.")
         self._show_all()
 
     def _pin(self, _) -> None:
@@ -309,7 +319,9 @@ class _Page:
         ranges = {name: one.range for name, one in self.sliders.items()}
         button, document = self.buttons["Improve"], pn.state.curdoc
         button.loading = True
-        self._say(f"Searching between the ends of the sliders; the first search takes {_WHILE}.")
+        self.say(
+            f"Searching between the ends of the sliders; the first search takes {_WHILE}.", "info"
+        )
 
         def told(stage, done, most):
             later(lambda: setattr(button, "label", f"Improve: {stage}, {done} of {most}"))
@@ -319,7 +331,7 @@ class _Page:
 
         def done(words):
             button.loading, button.label = False, "Improve"
-            self._say(words)
+            self.say(words)
             self._show_all()
 
         def work():
@@ -340,7 +352,7 @@ class _Page:
         try:
             scene = loads(event.new, event.obj.filename or "", beside=False)
         except SceneError as error:
-            self._say("\n\n".join(map(str, (error, *error.others))))
+            self.say("\n\n".join(map(str, (error, *error.others))))
             return
         self.open(scene)
 
@@ -348,7 +360,7 @@ class _Page:
         try:
             return io.BytesIO(self.desk.toml().encode())
         except SceneError as error:
-            self._say(str(error))
+            self.say(str(error))
 
     # ------------------------------------------------------------ what the user sees
 
@@ -356,12 +368,12 @@ class _Page:
         try:
             change()
         except SceneError as error:
-            self._say(str(error))
+            self.say(str(error))
         else:
-            self._say("")
+            self.say("")
 
-    def _say(self, text: str) -> None:
-        self.message.object, self.message.visible = _as_it_is(text), bool(text)
+    def say(self, text: str, kind: str = "warning") -> None:
+        self.message.param.update(object=_as_it_is(text), visible=bool(text), alert_type=kind)
 
     def _show_all(self) -> None:
         for slider in self.sliders.values():
@@ -432,7 +444,7 @@ class _Page:
             editors={"Number": None, _GAIN[0]: None, "Value": {"type": "input"}},
             formatters={_GAIN[0]: HTMLTemplateFormatter(template=f"<%- {_GAIN[1]} %>")},
             header_filters={"Number": {"type": "input", "placeholder": "filter"}},
-            widths={"Number": "40%", "Value": "24%", "Gain": "36%"},
+            widths={"Number": "40%", "Value": "29%", "Gain": "31%"},
             height=420,
             css_classes=["numbers"],
             **_TABLE,
@@ -533,10 +545,10 @@ class _Slider:
         if not numbers or not (
             low < high and all(bound.holds(self._si(end)) for end in (low, high))
         ):
-            self.page._say(f"{self.name}: the ends of the range must rise and be {bound}")
+            self.page.say(f"{self.name}: the ends of the range must rise and be {bound}")
         elif not low <= self._value <= high:
             text = self.page.desk.text(self.name)
-            self.page._say(f"{self.name}: the range must hold the present value, {text}")
+            self.page.say(f"{self.name}: the range must hold the present value, {text}")
         else:
             self._set(low, high)
             return

@@ -17,20 +17,21 @@ from ..balancing import least_squares
 from ..crank import film_thickness
 from ..cylinder import SeveralCycles
 from ..machine import Machine
-from ..plot._animate import front_view
-from ..plot._fine import fine_turn, first_diagram
+from ..plot.interface import fine_turn, first_diagram, front_view
 from ..scene import Scene, SceneError, dump, implausible_values, to_si, with_machine
 from ..study import (
     AnalysisOptions,
     DesignResult,
+    GivenNumber,
     Sensitivity,
     available_quantities,
+    given_numbers,
     list_length,
     optimise,
     problem,
     sensitivity,
+    variable_label,
 )
-from ..study._variables import GivenNumber, given_numbers, variable_label
 
 _SOURCE = "set at the desk"
 # Quantities that stand before the others, as far as a machine has them.

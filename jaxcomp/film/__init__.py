@@ -23,7 +23,6 @@ from ._film import StabilityThreshold as StabilityThreshold
 from ._film import coefficients_per_load as coefficients_per_load
 from ._film import convert_load_number as convert_load_number
 from ._film import dynamic_coefficients as dynamic_coefficients
-from ._film import film_forces as film_forces
 from ._film import film_ratio as film_ratio
 from ._film import film_ratio_of as film_ratio_of
 from ._film import film_state as film_state
@@ -52,8 +51,6 @@ from ._reference import FilmSolution as FilmSolution
 from ._reference import reference_solution as reference_solution
 from ._reynolds import GroovedReynolds as GroovedReynolds
 from ._reynolds import Reynolds as Reynolds
-from ._reynolds import TwoAxialGrooves as TwoAxialGrooves
-from ._reynolds import someya_two_axial_grooves as someya_two_axial_grooves
 from ._squeeze import AbstractSqueeze as AbstractSqueeze
 from ._squeeze import OcvirkSqueeze as OcvirkSqueeze
 from ._squeeze import ReynoldsSqueeze as ReynoldsSqueeze

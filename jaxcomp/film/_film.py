@@ -106,20 +106,6 @@ class DynamicCoefficients(NamedTuple):
     damping: Float[Array, "2 2"]
 
 
-def film_forces(film: AbstractSolvedFilm, eccentricity_ratio: Scalar) -> tuple[Scalar, Scalar]:
-    """Film forces on the journal at a position.
-
-    Args:
-        film: Film model.
-        eccentricity_ratio: [-] eps in [0, 1).
-
-    Returns:
-        [-] F_r (towards the minimum film, negative) and F_t (with rotation), over
-        eta omega L D/psi^2.
-    """
-    return _forces(film, film_ratio_of(eccentricity_ratio))
-
-
 def load_number_at(film: AbstractCarryingFilm, eccentricity_ratio: Scalar) -> Scalar:
     """[-] Load number Phi_p that holds the journal at an eccentricity ratio in [0, 1)."""
     x = film_ratio_of(eccentricity_ratio)

@@ -111,9 +111,9 @@ class OcvirkSqueeze(AbstractSqueeze):
     )
 
     def impedance(self, position, velocity):
-        return self._matrix(position, velocity)[0]
+        return self.matrix(position, velocity)[0]
 
-    def _matrix(self, position, velocity):
+    def matrix(self, position, velocity):
         """The impedance, and its matrix over the velocity, which is its slope as well: two columns."""
         size, along = split(position)
         eps = jnp.minimum(size, _LAST_SHORT)
@@ -374,7 +374,7 @@ class _Impedance(eqx.Module):
         return self.film.impedance(position, velocity)
 
     def columns(self, position, velocity):
-        return self.film._matrix(position, velocity)[1]
+        return self.film.matrix(position, velocity)[1]
 
 
 class _Mobility(eqx.Module):

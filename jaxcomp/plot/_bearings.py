@@ -12,8 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .._core.display import shown
 from ..compressor import Compressor
-from ..crank import LoadedJournal, Orbit, journal_films
-from ..crank._films import JournalFilm
+from ..crank import JournalFilm, LoadedJournal, Orbit, journal_films
 from ..crankshaft import bearing_names
 from ..film import (
     AbstractFilm,

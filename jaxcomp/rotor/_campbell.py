@@ -23,7 +23,8 @@ from ._elimination import lu_factor, lu_solve
 from ._layout import layout_of
 from ._model import RotorModel
 from ._modes import definite_pencil
-from ._system import System, apply, marked, operator_at, prepare, undamped
+from ._prepare import prepare
+from ._system import System, apply, marked, operator_at, undamped
 
 
 def campbell(

@@ -25,7 +25,8 @@ from ..crankshaft import OF_ROTOR, Crankshaft, MainBearings, ShaftBearings
 from ..film import NamedBearing
 from ._links import Link, LoadedFilm, Mount
 from ._loads import Unbalances, nodal_load
-from ._model import RotorModel, node_names, subsets
+from ._model import RotorModel, subsets
+from ._nodes import node_names
 from ._response import receptance
 from ._shaft import shaft_mass, shaft_polar_inertia
 

@@ -28,7 +28,8 @@ from ._conventions import from_planes
 from ._layout import layout_of
 from ._model import RotorModel
 from ._modes import Matrices, matrices, shapes
-from ._system import System, marked, prepare, released
+from ._prepare import prepare
+from ._system import System, marked, released
 
 
 class DampedModes(Result, eqx.Module):

@@ -21,7 +21,7 @@ this is what XLA turns into vector instructions, where small matrix products bec
 each.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -29,27 +29,12 @@ import numpy as np
 from jaxtyping import Array, Complex
 
 from ._conventions import add, take, whirl
-from ._layout import BORDER, LEFT, NEXT, RIGHT, Layout
-
-if TYPE_CHECKING:
-    from ._system import Operator
+from ._layout import Layout
+from ._places import TURNED, at_speed
+from ._system import Operator
 
 _DIAGONAL, _NEXT, _LEFT = slice(0, 3), slice(3, 7), slice(7, 11)  # of a segment's blocks
 _PIVOT, _AHEAD, _BACK, _ON_LEFT = slice(0, 3), slice(3, 7), slice(7, 11), slice(11, 14)
-
-
-class Places(NamedTuple):
-    """Blocks of one plane in their places; the last axis is over terms or over lanes.
-
-    Attributes:
-        segment: (m, 11, c, .) diagonal, Z_{j-1,j}, and coupling to the left border node.
-        right: (s, 4, .) from the last node of each segment towards the right border node.
-        border: (b * b, 4, .) between border nodes.
-    """
-
-    segment: Array
-    right: Array
-    border: Array
 
 
 class Factor(NamedTuple):
@@ -76,52 +61,7 @@ class Factor(NamedTuple):
     weight: Array
 
 
-def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
-    """Bring the matrices of elements (e, 4, 4, .) and nodes (n, 2, 2, .) to their places."""
-    b, s, terms = len(layout.border), layout.last.shape[1], inertia.shape[-1]
-    m, c = layout.segment.shape
-    blocks = elements.reshape(-1, 2, 2, 2, 2, terms)  # (e, end, component, end, component, .)
-    ends = jnp.stack([blocks[:, 0, :, 0], blocks[:, 1, :, 1]], 1)
-    diagonal = add(jnp.concatenate([inertia, jnp.zeros((1, 2, 2, terms))]), layout.pairs, ends)
-    diagonal = diagonal.reshape(-1, 4, terms)
-    kind, first, second, turned = layout.slots.T
-    off = jnp.where(turned[:, None, None, None] == 1, blocks[:, 1, :, 0], blocks[:, 0, :, 1])
-    off = off.reshape(-1, 4, terms)
-    zero = lambda rows: jnp.zeros((rows, 4, terms))  # noqa: E731
-    at = kind == BORDER
-    own = np.arange(b) * (b + 1)
-    one, two = first[at] * b + second[at], second[at] * b + first[at]
-    joined = take(off, np.flatnonzero(at))
-    values = jnp.concatenate([take(diagonal, layout.border), joined, joined[:, _TURNED]])
-    border = add(zero(b * b), np.concatenate([own, one, two]), values)
-
-    def place(which):
-        rows = np.flatnonzero(kind == which)
-        return add(zero(m * c), first[rows] * c + second[rows], take(off, rows))
-
-    symmetric = take(diagonal, layout.segment.reshape(-1))[:, _SYMMETRIC]
-    segment = jnp.concatenate([symmetric, place(NEXT), place(LEFT)], 1)
-    rows = np.flatnonzero(kind == RIGHT)
-    right = add(zero(s), second[rows], take(off, rows))
-    return Places(jnp.moveaxis(segment.reshape(m, c, 11, terms), 2, 1), right, border)
-
-
-_TURNED, _SYMMETRIC = np.array([0, 2, 1, 3]), np.array([0, 1, 3])
-
-
-def at_speed(layout: Layout, places: Places, coefficients: Array) -> Places:
-    """The dynamic stiffness in its places, for the factors (terms, lanes) of the terms."""
-    sizes = [int(np.prod(p.shape[:-1])) for p in places]
-    flat = jnp.concatenate([p.reshape(-1, p.shape[-1]) for p in places]) @ coefficients
-    parts = jnp.split(flat, np.cumsum(sizes)[:-1])
-    parts = (f.reshape(*p.shape[:-1], f.shape[-1]) for f, p in zip(parts, places, strict=True))
-    segment, right, border = parts
-    empty = np.zeros((*layout.segment.shape, 11))
-    empty[layout.segment == layout.n] = np.eye(11)[0] + np.eye(11)[2]
-    return Places(segment + np.moveaxis(empty, 2, 1)[..., None], right, border)
-
-
-def factorise(z: "Operator") -> Factor:
+def factorise(z: Operator) -> Factor:
     """Eliminate the segments and factorise the border; modal damping is not handled here."""
     layout, b = z.system.layout, len(z.system.layout.border)
     assert z.system.places is not None
@@ -225,7 +165,7 @@ def _eliminate(layout, places, more):
     both = (left < b) & (far < b)
     rows = [np.where(k < b, k * (b + 1), b * b) for k in (left, far)]
     rows += [np.where(both, i * b + k, b * b) for i, k in ((far, left), (left, far))]
-    values = jnp.concatenate([to_left, to_far, across, across[_TURNED]], 1).swapaxes(0, 1)
+    values = jnp.concatenate([to_left, to_far, across, across[TURNED]], 1).swapaxes(0, 1)
     rows, values = np.concatenate([*rows, more[0]]), jnp.concatenate([-values, more[1]])
     border = add(places.border, rows, values) + _held(layout)
     return segment, jnp.stack(last, 1), border

@@ -13,7 +13,7 @@ the planes of `_conventions`, where the numbers of a node are its coordinates.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -22,11 +22,8 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from ._bodies import RigidBody, arm_matrices
 from ._conventions import AXES, coordinates
-from ._model import RotorModel, node_names
+from ._nodes import node_names
 from ._shaft import Node
-
-if TYPE_CHECKING:
-    from ._system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +98,14 @@ class Layout:
 NEXT, LEFT, RIGHT, BORDER = range(4)
 
 
-def layout_of(model: "RotorModel | System") -> Layout:
-    """The layout of a model; the same arrays for every model of the same construction."""
-    if not isinstance(model, RotorModel):
-        return model.layout
+def layout_of(model: Any) -> Layout:
+    """The layout of a model; the same arrays for every model of the same construction.
+
+    Args:
+        model: a `RotorModel`, or a `System`, which has its layout.
+    """
+    if (known := getattr(model, "layout", None)) is not None:
+        return known
     names = node_names(model)
     number = {name: i for i, name in enumerate(names)}
     pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.pairs)

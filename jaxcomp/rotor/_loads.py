@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
-from .._core.exported import kept_jit
 from .._core.fields import NONNEGATIVE, Part, quantity, spread_columns
-from ._conventions import AXES, SPACE_AXES, from_planes, to_planes
+from ._conventions import AXES, SPACE_AXES
 from ._layout import layout_of
-from ._model import RotorModel, check_nodes, node_index, rotor_among
+from ._model import RotorModel, rotor_among
+from ._nodes import check_nodes, node_index
 from ._shaft import Node
-from ._system import System, bare, collect
+from ._system import System
 
 
 class Unbalances(Part):
@@ -222,18 +222,3 @@ def _with_force(f, model, load, order):
     if load.arm is not None:
         wrench = wrench.at[3:].add(jnp.cross(load.arm.astype(complex), force))
     return f.at[node_index(model, load.reaction)].add(-wrench[own])
-
-
-def total_load(
-    model: RotorModel | System, force: Complex[Array, "n dof"]
-) -> Complex[Array, " dof"]:
-    """[N] Sum over all nodes of the force components (moments refer to each node's own place)."""
-    return _total(model, force)
-
-
-@kept_jit
-def _total(model, force):
-    system = bare(model)
-    moved = collect(system, to_planes(force, system.dof))
-    moved = jnp.where(jnp.asarray(system.layout.moving), moved, 0.0)
-    return jnp.sum(from_planes(moved, system.dof), 0)

@@ -1,21 +1,17 @@
 r"""The model: tables of elements over named nodes, where these are, and the planes of a balance."""
 
-from typing import TYPE_CHECKING, Any
-
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array
 
 from .._core.errors import BadInput
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, is_traced, quantity
-from .._core.words import hint
 from ._bodies import Disks, ModalDamping, PointMasses, ProportionalDamping, RigidBody
 from ._conventions import AXES, check_axes
+from ._layout import layout_of
 from ._links import Link, MagneticPull
+from ._nodes import check_nodes, mentioned, node_names, nodes_of
 from ._shaft import Node, ShaftElements
-
-if TYPE_CHECKING:
-    from ._system import System
 
 
 class RotorModel(Part):
@@ -54,15 +50,13 @@ class RotorModel(Part):
     def __check_init__(self):
         if self.dof not in AXES:
             raise BadInput("dof", self.dof, "4 (lateral) or 6 (with axial and torsion)")
-        mentioned = _mentioned(self)
-        if not mentioned:
+        known = mentioned(self)
+        if not known:
             raise BadInput("nodes", "()", "at least one node, mentioned by an element")
         if self.nodes is not None and (
-            set(self.nodes) != set(mentioned) or len(self.nodes) != len(set(self.nodes))
+            set(self.nodes) != set(known) or len(self.nodes) != len(set(self.nodes))
         ):
-            raise BadInput(
-                "nodes", str(self.nodes), f"an ordering of {sorted(map(str, mentioned))}"
-            )
+            raise BadInput("nodes", str(self.nodes), f"an ordering of {sorted(map(str, known))}")
         self._check_joined()
         self._check_lengths()
         slaved = [node for body in self.bodies for node in body.nodes]
@@ -72,8 +66,6 @@ class RotorModel(Part):
         if len(set(centres)) != len(centres):
             raise BadInput("bodies", str(centres), "bodies with a centre of their own")
         if any(link.held for link in self.links):
-            from ._layout import layout_of  # built on this module
-
             layout_of(self)
 
     def _check_joined(self):
@@ -112,37 +104,6 @@ class RotorModel(Part):
                     raise BadInput(f"shafts.{number}.length", length, bound)
 
 
-def node_names(model: "RotorModel | System") -> tuple[Node, ...]:
-    """The nodes in the order of every array over nodes."""
-    return model.nodes or _mentioned(model)  # pyright: ignore[reportArgumentType]
-
-
-def node_index(model: "RotorModel | System", node: Node) -> int:
-    """Place of a node in arrays over nodes.
-
-    Raises:
-        BadInput: there is no such node.
-    """
-    names = node_names(model)
-    if node not in names:
-        raise BadInput("node", str(node), f"one of {names}{hint(node, names)}")
-    return names.index(node)
-
-
-def check_nodes(
-    model: RotorModel, nodes: Node | tuple[Node | None, ...] | None, field: str
-) -> None:
-    """Refuse a node that the model does not have, under the name of the field that holds it.
-
-    Raises:
-        BadInput: there is no such node.
-    """
-    names = node_names(model)
-    for node in nodes if isinstance(nodes, tuple) else (nodes,):
-        if node is not None and node not in names:
-            raise BadInput(field, node, f"a node of the rotor, one of {names}{hint(node, names)}")
-
-
 def rotor_among(parts) -> RotorModel:
     """The rotor among the parts of a scene.
 
@@ -153,18 +114,6 @@ def rotor_among(parts) -> RotorModel:
     if not isinstance(model, RotorModel):
         raise BadInput("", "absent", "beside a section [rotor]")
     return model
-
-
-def nodes_of(part) -> list[Any]:
-    """The nodes of one table, body or link, `None` for the ground."""
-    own = [n for entry in part.nodes for n in (entry if isinstance(entry, tuple) else (entry,))]
-    return [part.centre, *own] if isinstance(part, RigidBody) else own
-
-
-def _mentioned(model: RotorModel) -> tuple[Node, ...]:
-    tables = (*model.shafts, *model.disks, *model.masses)
-    parts = (*tables, *model.links, *model.magnetic_pulls, *model.bodies)
-    return tuple(dict.fromkeys(n for part in parts for n in nodes_of(part) if n is not None))
 
 
 def node_positions(model: RotorModel) -> dict[Node, np.ndarray]:

@@ -22,10 +22,12 @@ from .._core.results import Data, Result
 from ._conventions import AXES, from_planes, to_planes
 from ._layout import layout_of
 from ._loads import Loads, load_vector
-from ._model import RotorModel, node_index, node_names
+from ._model import RotorModel
+from ._nodes import node_index, node_names
+from ._prepare import prepare
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
-from ._system import System, bare, collect, follow, link_force, operator_at, prepare, reactions
+from ._system import System, bare, collect, follow, link_force, operator_at, reactions
 
 
 class SingularResponse(ArithmeticError):

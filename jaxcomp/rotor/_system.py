@@ -20,12 +20,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .._core.fields import admissible, replaced
-from ._bodies import ModalDamping, ProportionalDamping, body_matrices, inertia_matrices
+from ._bodies import ProportionalDamping, body_matrices, inertia_matrices
 from ._conventions import add, axis_numbers, coordinates, take, whirl
-from ._elimination import Places, sort_places
 from ._layout import Layout, body_arms, layout_of, reaction_matrix, tie_matrices
 from ._links import Link, diagonal, magnetic_pull_stiffness
 from ._model import RotorModel
+from ._places import Places
 from ._shaft import Node, element_matrices
 
 # Lateral stiffness, inertia and polar inertia, axial and torsional stiffness and inertia.
@@ -76,22 +76,6 @@ class System(eqx.Module):
     def dof(self) -> int:
         """Degrees of freedom of a node."""
         return self.layout.dof
-
-
-def prepare(model: RotorModel | System) -> System:
-    """Prepare a model; a `System` passes as it is."""
-    return model if isinstance(model, System) else _prepare(model)
-
-
-@eqx.filter_jit
-def _prepare(model) -> System:
-    system, modal = bare(model), None
-    if isinstance(model.damping, ModalDamping):
-        from ._modes import modal_damping_vectors  # the modes are built on this module
-
-        modal = modal_damping_vectors(system)
-    places = sort_places(system.layout, system.elements, system.inertia)
-    return replaced(system, places=places, modal=modal, admissible=admissible(model))
 
 
 def bare(model: RotorModel | System) -> System:

@@ -16,6 +16,7 @@ from ._explain import part_places as part_places
 from ._explain import start as start
 from ._explain import start_from as start_from
 from ._explain import starts as starts
+from ._explain import summary as summary
 from ._json_schema import json_schema as json_schema
 from ._scene import Bundled as Bundled
 from ._scene import Scene as Scene

@@ -55,72 +55,104 @@ def read_measurements(path: str | os.PathLike) -> Influence:
 def _measured(lines) -> Influence:
     if not lines:
         raise SceneError("", "is empty")
-    units = _header(lines[0])
-    if units["speed"].lower() in ("hz", "1/s", "s^-1"):  # revolutions a second
-        units["speed"] = "turn/s"
-    dimensions = {name: _dimension(name, units[name]) for name in _UNITS}
-    scale = {name: factor(units[name], si, name, units[name]) for name, si in dimensions.items()}
-    readings: dict[str, dict[tuple[str, float], complex]] = {}
-    trials: dict[str, complex] = {}
-    kept: dict[str, bool] = {}
-    weights: dict[tuple[str, float], float] = {}
+    table = _Table(lines[0])
     for number, line in enumerate(lines[1:], 2):
-        if len(line) != len(units):
-            raise SceneError(f"line {number}", f"must have {len(units)} cells", len(line))
-        cell = {c: text.strip() for c, text in zip(units, line, strict=True)}
+        cell = table.cells(number, line)
+        table.take_reading(number, cell)
+        if cell["run"] not in (_INITIAL, _RUN_OUT):
+            table.take_trial(number, cell)
+    table.check_runs()
+    return table.influence()
+
+
+class _Table:
+    """What the lines of a table say, by run, target and speed."""
+
+    def __init__(self, header):
+        self.units = _header(header)
+        if self.units["speed"].lower() in ("hz", "1/s", "s^-1"):  # revolutions a second
+            self.units["speed"] = "turn/s"
+        self.dimensions = {name: _dimension(name, self.units[name]) for name in _UNITS}
+        self.scale = {
+            name: factor(self.units[name], si, name, self.units[name])
+            for name, si in self.dimensions.items()
+        }
+        self.readings: dict[str, dict[tuple[str, float], complex]] = {}
+        self.trials: dict[str, complex] = {}
+        self.kept: dict[str, bool] = {}
+        self.weights: dict[tuple[str, float], float] = {}
+
+    def cells(self, number: int, line) -> dict[str, str]:
+        """The cells of a line by column."""
+        if len(line) != len(self.units):
+            raise SceneError(f"line {number}", f"must have {len(self.units)} cells", len(line))
+        cell = {c: text.strip() for c, text in zip(self.units, line, strict=True)}
         for column, text in cell.items():
             if not text.isprintable():
                 raise SceneError(f"line {number}.{column}", "must be printable", text)
-        run, target = cell["run"], cell["target"]
-        if not run or not target:
+        if not cell["run"] or not cell["target"]:
             raise SceneError(f"line {number}", "needs a run and a target")
-        key = (target, round(_number(cell, "speed", scale, number), 6))
-        own = readings.setdefault(run, {})
+        return cell
+
+    def take_reading(self, number: int, cell: dict[str, str]) -> None:
+        """The vibration that a line reads, and of the initial run its weight."""
+        run, target = cell["run"], cell["target"]
+        key = (target, round(_number(cell, "speed", self.scale, number), 6))
+        own = self.readings.setdefault(run, {})
         if key in own:
             raise SceneError(f"line {number}", f"reads {target} a second time in run {run}")
-        amplitude = _number(cell, "amplitude", scale, number)
+        amplitude = _number(cell, "amplitude", self.scale, number)
         if amplitude < 0:
             problem = "must be >= 0; what is opposite has a phase that differs by 180 deg"
             raise SceneError(f"line {number}.amplitude", problem, amplitude)
-        own[key] = amplitude * np.exp(1j * _number(cell, "phase", scale, number))
+        own[key] = amplitude * np.exp(1j * _number(cell, "phase", self.scale, number))
         if run == _INITIAL and cell.get("weight"):
-            weights[key] = _number(cell, "weight", scale, number)
-            if weights[key] < 0:
-                raise SceneError(f"line {number}.weight", "must be >= 0", weights[key])
-        if run in (_INITIAL, _RUN_OUT):
-            continue
-        size, angle = (_number(cell, column, scale, number) for column in ("trial", "angle"))
+            self.weights[key] = _number(cell, "weight", self.scale, number)
+            if self.weights[key] < 0:
+                raise SceneError(f"line {number}.weight", "must be >= 0", self.weights[key])
+
+    def take_trial(self, number: int, cell: dict[str, str]) -> None:
+        """The trial weight of a line's run, which all lines of the run repeat."""
+        run = cell["run"]
+        size, angle = (_number(cell, column, self.scale, number) for column in ("trial", "angle"))
         trial = size * np.exp(1j * angle)
         if trial == 0:
             raise SceneError(f"line {number}.trial", "must be different from zero", 0)
-        if trials.setdefault(run, trial) != trial:
+        if self.trials.setdefault(run, trial) != trial:
             raise SceneError(f"line {number}", f"has another trial weight than run {run} before")
         word = cell.get("kept", "").lower()
         if word not in _KEPT:
             raise SceneError(f"line {number}.kept", 'must be "yes" or "no"', cell["kept"])
-        if kept.setdefault(run, _KEPT[word]) != _KEPT[word]:
+        if self.kept.setdefault(run, _KEPT[word]) != _KEPT[word]:
             raise SceneError(f"line {number}.kept", f"differs from the lines of run {run} before")
-    if _INITIAL not in readings:
-        raise SceneError("run", f'has no line "{_INITIAL}"')
-    if not trials:
-        raise SceneError("run", "has no run with a trial weight")
-    keys = list(readings[_INITIAL])
-    _take_off(readings, {target for target, _ in keys})
-    for run in trials:
-        for target, speed in set(keys) ^ set(readings[run]):
-            at = f"{target} at {speed * RPM:.6g} rpm"
-            raise SceneError("run", f'"{run}" and "{_INITIAL}" must both read {at}')
-    influence = trial_influence(
-        np.array([readings[_INITIAL][k] for k in keys]),
-        np.array([[readings[run][k] for k in keys] for run in trials]),
-        np.array(list(trials.values())),
-        [InfluenceRow(target, "measured", speed) for target, speed in keys],
-        list(trials),
-        np.array([weights.get(key, 1.0) for key in keys]),
-        list(kept.values()),
-    )
-    unit = units["amplitude"] or "as measured"
-    return dataclasses.replace(influence, unit=unit, trial=dimensions["trial"])
+
+    def check_runs(self) -> None:
+        """Take off the run-out; every run must read what the initial one does."""
+        if _INITIAL not in self.readings:
+            raise SceneError("run", f'has no line "{_INITIAL}"')
+        if not self.trials:
+            raise SceneError("run", "has no run with a trial weight")
+        keys = self.readings[_INITIAL].keys()
+        _take_off(self.readings, {target for target, _ in keys})
+        for run in self.trials:
+            for target, speed in keys ^ self.readings[run].keys():
+                at = f"{target} at {speed * RPM:.6g} rpm"
+                raise SceneError("run", f'"{run}" and "{_INITIAL}" must both read {at}')
+
+    def influence(self) -> Influence:
+        """The influence coefficients of the planes."""
+        keys = list(self.readings[_INITIAL])
+        influence = trial_influence(
+            np.array([self.readings[_INITIAL][k] for k in keys]),
+            np.array([[self.readings[run][k] for k in keys] for run in self.trials]),
+            np.array(list(self.trials.values())),
+            [InfluenceRow(target, "measured", speed) for target, speed in keys],
+            list(self.trials),
+            np.array([self.weights.get(key, 1.0) for key in keys]),
+            list(self.kept.values()),
+        )
+        unit = self.units["amplitude"] or "as measured"
+        return dataclasses.replace(influence, unit=unit, trial=self.dimensions["trial"])
 
 
 def _take_off(readings, targets) -> None:

@@ -48,8 +48,10 @@ from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
 from ._variables import CORRECTIONS as CORRECTIONS
+from ._variables import GivenNumber as GivenNumber
 from ._variables import Variable as Variable
 from ._variables import by_name as by_name
+from ._variables import given_numbers as given_numbers
 from ._variables import list_length as list_length
 from ._variables import matching as matching
 from ._variables import variable as variable

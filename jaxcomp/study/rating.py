@@ -80,7 +80,7 @@ class RatingMap(Result, eqx.Module):
         condensing: [K] (m,) dew temperature.
         values: (n, m) by name as in `QUANTITIES`, in SI units; not a number where a point failed.
         ok: (n, m) whether a point converged and delivers dry gas.
-        coefficients: (10,) of the polynomial in degrees Celsius, by name; empty below ten points.
+        coefficients: (10,) of the polynomial in degrees Celsius, by name; empty where points are too few.
         fit_error: [-] largest error of the polynomial over the largest value.
         rating: key of `RATINGS`.
     """
@@ -106,6 +106,18 @@ class RatingMap(Result, eqx.Module):
         for name, row in self.coefficients.items():
             yield Data(f"coefficients.{name}", "", row, ("coefficient",))
             yield Data(f"fit_error.{name}", "", self.fit_error[name])
+        units = {name: unit for name, unit, _ in QUANTITIES}
+        for name, errors in self.polynomial_error.items():
+            yield Data(f"polynomial_error.{name}", units[name], errors, at)
+
+    @property
+    def polynomial_error(self) -> dict[str, Float[Array, "n m"]]:
+        """Polynomial less value at every point, by name in SI units."""
+        terms = polynomial_terms(self.evaporating[:, None], self.condensing[None, :])
+        return {
+            name: jnp.asarray(terms @ row) - self.values[name]
+            for name, row in self.coefficients.items()
+        }
 
 
 def at_rating(
@@ -179,8 +191,10 @@ def rating_map(
         for name, *_ in QUANTITIES
     }
     coefficients, errors = {}, {}
-    if ok.sum() >= 10:
-        terms = polynomial_terms(S[:, None], D[None, :])[ok]
+    terms = polynomial_terms(S[:, None], D[None, :])[ok]
+    # ten points are not enough where one of the axes has fewer than four
+    size = np.linalg.norm(terms, axis=0)
+    if np.linalg.matrix_rank(terms / np.where(size > 0, size, 1.0), tol=1e-11) == size.size:
         for name in (name for name, _, fitted in QUANTITIES if fitted):
             given = values[name][ok]
             row, *_ = np.linalg.lstsq(terms, given, rcond=None)
@@ -332,7 +346,9 @@ def _at_point(here: Compressor, solver: Collocation, rise):
     return values, new, cycle.converged & orbit.converged & known
 
 
-def with_slopes(law, parameters: Float[Array, " p"], warmed: bool):
+def with_slopes(
+    law, parameters: Float[Array, " p"], warmed: bool
+) -> tuple[Float[Array, " n"], Float[Array, "n p"], Bool[Array, ""]]:
     """Values, slopes and status of a law, at the rise of the suction gas that it gives back itself.
 
     Args:

@@ -6,7 +6,6 @@ from ._block import free_body_response as free_body_response
 from ._block import harmonics as harmonics
 from ._block import orbit_load as orbit_load
 from ._block import point_motion as point_motion
-from ._block import simulate_block as simulate_block
 from ._block import time_response as time_response
 from ._coupling import LEAVABLE as LEAVABLE
 from ._coupling import CrankForces as CrankForces

@@ -8,24 +8,21 @@ Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathem
 Eqs. (42), (43).
 """
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from .._core.results import Data, Result
 from ..compressor import Compressor
 from ..crank import Orbit, time_harmonics
 from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
 from ._wrench import Wrench, shaking_wrench, wrench_about
 
-if TYPE_CHECKING:
-    import diffrax
 
-
-class Harmonics(eqx.Module):
+class Harmonics(Result, eqx.Module):
     """Complex amplitudes of m quantities in the harmonics 1 to n of a rotation.
 
     Attributes:
@@ -35,6 +32,16 @@ class Harmonics(eqx.Module):
 
     amplitude: Complex[Array, "m n"]
     speed: Float[Array, ""]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("quantity", "order")
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result; amplitudes in the units of what they are amplitudes of."""
+        yield Data("speed", "rad/s", self.speed)
+        yield Data("order", "", jnp.arange(1, self.amplitude.shape[-1] + 1), ("order",))
+        yield Data(
+            "harmonic", "", self.amplitude, ("quantity", "order"), "in the quantity's SI unit"
+        )
 
     @property
     def frequency(self) -> Float[Array, " n"]:
@@ -177,54 +184,3 @@ def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
     """
     rate = Harmonics(1j * response.frequency * response.amplitude, response.speed)
     return BlockMotion(response.at(time).T, rate.at(time).T)
-
-
-def simulate_block(
-    suspension: Suspension,
-    force: Callable[[Float[Array, ""]], Float[Array, "6"]],
-    time: Float[Array, " t"],
-    start: BlockMotion | None = None,
-    *,
-    tolerance: float = 1e-8,
-    max_steps: int = 100_000,
-    adjoint: "diffrax.AbstractAdjoint | None" = None,
-) -> BlockMotion:
-    r"""Motion of the block in time, $M\ddot X = F(t) - C\dot X - SX$.
-
-    Args:
-        suspension: the block and its springs.
-        force: [N, N m] about the mass centre at an instant [s], shape (6,).
-        time: [s] rising instants at which to report; the first is the start.
-        start: motion at the first instant; at rest if absent.
-        tolerance: [-] of a step, relative; a thousandth of it, in SI units, counts as absolute.
-        max_steps: steps after which diffrax gives up with an error.
-        adjoint: how diffrax differentiates; its default serves reverse mode.
-
-    Returns:
-        The motion at the instants, shape (t, 6).
-    """
-    import diffrax
-
-    inverse = 1 / jnp.diag(mass_matrix(suspension))
-    stiffness, damping = stiffness_matrix(suspension), damping_matrix(suspension)
-    if start is None:
-        start = BlockMotion(jnp.zeros(6), jnp.zeros(6))
-
-    def rate(t, motion, args):
-        del args
-        inner = stiffness @ motion.displacement + damping @ motion.velocity
-        return BlockMotion(motion.velocity, inverse * (force(t) - inner))
-
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate),
-        diffrax.Dopri8(),
-        time[0],
-        time[-1],
-        None,
-        start,
-        saveat=diffrax.SaveAt(ts=time),
-        stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=1e-3 * tolerance),
-        max_steps=max_steps,
-        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
-    )
-    return jax.tree.map(jnp.asarray, solution.ys)

@@ -14,9 +14,7 @@ from jaxtyping import Array, Float
 from .. import rotor
 from .._core.errors import BadInput
 from ..machine import Assembly, assembled, machine_of
-from ..rotor import Modes, PeriodicForce, Response, RotorModel, System
-from ..rotor._loads import Loads
-from ..rotor._solve import NO_CRANK
+from ..rotor import NO_CRANK, Loads, Modes, PeriodicForce, Response, RotorModel, System
 from ._coupling import crank_loads, loaded_rotor, running_rotor
 
 

@@ -30,7 +30,7 @@ from jaxcomp import (
 from jaxcomp._core.results import _address, _found
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import InfluenceRow
-from jaxcomp.crank import Orbit
+from jaxcomp.crank import Orbit, TrainTorques
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.friction._slider_crank import SliderCrankLoop
 from jaxcomp.parts import Part, quantity
@@ -51,7 +51,7 @@ from jaxcomp.study.accuracy import Report
 from jaxcomp.study.rating import RatingMap
 from jaxcomp.study.sweep import BestCurve
 from jaxcomp.study.tolerance import Tolerances
-from jaxcomp.vibration import BlockMotion, CrankForces
+from jaxcomp.vibration import BlockMotion, CrankForces, Harmonics
 
 
 def rotor():
@@ -118,7 +118,18 @@ def transient():
     return simulate(machine(motor=Kloss(250.0, 0.3, 105.0)), 0.02)
 
 
+def torsion():
+    torque = jnp.asarray([[1.0 + 2j, 0.5], [3.0, 1j]])
+    return TrainTorques(jnp.asarray([-2.0, -1.0]), torque, jnp.asarray([90.0, 180.0]), jnp.ones(2))
+
+
+def harmonics():
+    return Harmonics(jnp.asarray([[1e-5j, 2e-6], [3e-6, 0.0]]), jnp.asarray(100.0))
+
+
 SMALL = {
+    "torsion": torsion,
+    "harmonics": harmonics,
     "response": response,
     "modes": lambda: undamped_modes(rotor(), 4),
     "damped modes": lambda: damped_modes(rotor(), 100.0, 4),
@@ -159,6 +170,25 @@ def test_a_saved_result_loads_to_the_same_bits(result, tmp_path):
         if isinstance(result, eqx.Module):
             result = eqx.tree_at(lambda r, name=name: getattr(r, name), result, None)
     same_bits(result, again)
+
+
+def test_a_dictionary_has_every_quantity_with_its_unit_as_json_takes_it(result):
+    found = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert found.pop("kind") == type(result).__name__
+    for one in result.described():
+        values = np.asarray(one.values)
+        if np.iscomplexobj(values):
+            unit = f" [{one.unit}]" if one.unit else ""
+            size, phase = (
+                found.pop(f"{one.name}.{k}") for k in (f"amplitude{unit}", "phase [rad]")
+            )
+            np.testing.assert_allclose(np.asarray(size) * np.exp(1j * np.asarray(phase)), values)
+        elif values.dtype.kind == "f":
+            again = np.asarray(found.pop(one.header), float)
+            np.testing.assert_array_equal(again, np.where(np.isfinite(values), values, np.nan))
+        else:
+            assert found.pop(one.header) == values.tolist()
+    assert set(found) <= {"status", "solver", "method"}
 
 
 def test_a_transient_from_a_file_says_what_it_lacks():

@@ -1,5 +1,9 @@
 """Pressure and speed of a compressor with a cylinder of its own, solved together."""
 
+import json
+import re
+from types import SimpleNamespace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,11 +12,12 @@ import pytest
 from cylinder.test_cylinder import golden
 from typer.testing import CliRunner
 
-from jaxcomp import BadInput, load, problem, solve_orbit
+from jaxcomp import BadInput, SolveFailed, Status, load, problem, solve_orbit
 from jaxcomp.cli import app
+from jaxcomp.cli._run import _undelivered
 from jaxcomp.compressor import cylinder_pressure
 from jaxcomp.crank import Collocation, performance
-from jaxcomp.cylinder import CycleOptions, solve_cycle
+from jaxcomp.cylinder import CycleOptions, SeveralCycles, solve_cycle
 from jaxcomp.motor import MotorEfficiency
 from jaxcomp.scene import with_value
 from jaxcomp.study import available_quantities
@@ -53,6 +58,8 @@ def test_pressure_and_speed_agree_with_each_other():
     # where power and swept volume go adds up, and efficiencies are what they say
     made = performance(machine, orbit)
     np.testing.assert_allclose(sum(made.power.values()), made.electric_power, rtol=1e-12)
+    assert made.to_dict()["cop"] == float(made.cop)
+    assert "Power use friction" in repr(made)
     np.testing.assert_allclose(made.electric_power * 0.8222, orbit.motor_power, rtol=1e-3)
     np.testing.assert_allclose(sum(cycle.volume_losses.values()), 1.0, rtol=1e-12)
     np.testing.assert_allclose(made.cop, cycle.capacity / made.electric_power, rtol=1e-12)
@@ -197,7 +204,7 @@ def test_a_map_is_its_points_and_its_polynomial():
     machine = load("r134a-7cc")
     evaporating, condensing = (
         273.15 + np.array([-30, -25, -20, -15]),
-        273.15 + np.array([40, 50, 55]),
+        273.15 + np.array([40, 45, 50, 55]),
     )
     found = rating_map(machine, evaporating, condensing, "ashrae")
     assert found.ok.all()
@@ -212,3 +219,59 @@ def test_a_map_is_its_points_and_its_polynomial():
     error = np.abs(fitted - found.values["capacity"]).max() / found.values["capacity"].max()
     np.testing.assert_allclose(error, found.fit_error["capacity"], rtol=1e-6)
     assert error < 5e-3
+
+
+def test_a_map_tells_the_error_of_its_polynomial_at_every_point(tmp_path, monkeypatch):
+    """A polynomial that is 3 W too high at one point of sixteen."""
+
+    def made_up(scene, evaporating, condensing, standard):
+        shape = len(evaporating), len(condensing)
+        row = np.zeros(10)
+        row[0] = 900.0
+        values = {name: np.full(shape, 900.0) for name, *_ in QUANTITIES}
+        values["power"][2, 1] -= 3.0
+        terms = {name: row for name in ("capacity", "power", "mass_flow")}
+        error = {"capacity": 0.0, "power": 3 / 900, "mass_flow": 0.0}
+        ok = np.ones(shape, bool)
+        return RatingMap(evaporating, condensing, values, ok, terms, error, standard)
+
+    monkeypatch.setattr("jaxcomp.study.rating.rating_map", made_up)
+    given = ["map", "r134a-7cc", "--evaporating=-30:-10:4", "--condensing=40:55:4"]
+    result = CliRunner().invoke(app, [*given, "--json"])
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)
+    assert {"power [W]", "capacity [W]", "mass_flow [kg/s]"} <= set(told["values"])
+    assert told["fit_error"]["power"] == 3 / 900
+    errors = np.array(told["polynomial_error"]["power [W]"])
+    assert errors[2, 1] == 3.0
+    assert np.count_nonzero(errors) == 1
+    shown = CliRunner().invoke(app, [*given, "--out", str(tmp_path)])
+    assert "-16.67, 45" in shown.stdout, shown.stderr
+    assert "polynomial_error.power [W]" in (tmp_path / "map.csv").read_text().splitlines()[0]
+
+
+@pytest.mark.slow  # a quarter of a minute of compilation
+def test_a_machine_that_delivers_nothing_says_what_it_lacks(monkeypatch):
+    """One cylinder through the command, then two of which one delivers."""
+    shut = with_value(load("r290-6cc"), "gas.leakage.gap", "60 um").machine.as_compressor()
+    results = [
+        solve_cycle(one.gas, one.mechanism, one.motor.speed_guess, throw=False)
+        for one in (shut, load("r290-6cc").machine.as_compressor())
+    ]
+
+    def fails(*_, **__):
+        raise SolveFailed(Status.no_delivery, result=SimpleNamespace(cycle=results[0]))
+
+    monkeypatch.setattr("jaxcomp.crank.solve_orbit", fails)
+    result = CliRunner().invoke(app, ["run", "r290-6cc"], env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert "nothing is delivered" in result.stderr
+    shown = " ".join(result.stdout.split())
+    assert "Cylinder: no gas is delivered" in shown
+    found = re.search(r"reaches (\S+) bar; .* valve are (\S+) bar: (\S+) bar are lacking", shown)
+    peak, behind, lack = map(float, found.groups())
+    assert behind == pytest.approx(18.83, abs=0.02)  # propane at 54.4 degrees
+    assert lack == pytest.approx(behind - peak, abs=0.01)  # of printed digits
+    both = SeveralCycles(jax.tree.map(lambda *x: jnp.stack(x), results[1], results[0]))
+    table, *_ = _undelivered(SimpleNamespace(cycle=both))
+    assert table.title == "Cylinder 2: no gas is delivered"

@@ -23,7 +23,6 @@ from jaxcomp.film import (
     dynamic_coefficients,
     eccentricity_ratio,
     entrainment_speed,
-    film_forces,
     film_ratio,
     film_state,
     friction_at,
@@ -37,6 +36,7 @@ from jaxcomp.film import (
     stability_threshold,
     stiffness_damping,
 )
+from jaxcomp.film._film import _forces
 
 ALL = [Reynolds, GroovedReynolds, Guembel, Ocvirk, ExplicitFit]
 SOLVED = [Reynolds, GroovedReynolds, Guembel, Ocvirk]
@@ -51,6 +51,11 @@ SIZES = {
     "dynamic_viscosity": 4e-3,
 }
 BEARING = JournalBearing(**SIZES)
+
+
+def film_forces(film, eps):
+    """F_r and F_t on the journal, over eta omega L D/psi^2."""
+    return _forces(film, eps / (1 - eps))
 
 
 def over(function, *values):

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from film.someya import someya_two_axial_grooves
 
 from jaxcomp.film import (
     ExplicitFit,
@@ -20,7 +21,6 @@ from jaxcomp.film import (
     friction_at,
     load_number_at,
     reference_solution,
-    someya_two_axial_grooves,
 )
 
 # Raimondi, A. A. and Boyd, J., ASLE Transactions 1 (1958), parts I-III, full bearing:

@@ -5,12 +5,12 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from film.test_film import film_forces
 
 from jaxcomp.film import (
     Guembel,
     Ocvirk,
     dynamic_coefficients,
-    film_forces,
     load_number_at,
     reference_solution,
 )

@@ -1,7 +1,13 @@
-"""The order of the floors: a module imports its own floor and lower ones, also within functions."""
+"""The order of the floors: a module imports its own floor and lower ones, also within functions.
+
+No module is reached from itself, and no package takes from another what that keeps to itself. What a
+package offers in a stub counts as imported from the module that defines it.
+"""
 
 import ast
 import re
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import jaxcomp
@@ -25,7 +31,7 @@ FLOORS = [
     {"desk"},
     {"cli"},
 ]
-RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor}
+RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor} | {"_core": -1}
 # Libraries of the edge, and the lowest floor that may import them.
 EDGE = {
     "pint": "scene",
@@ -37,42 +43,115 @@ EDGE = {
 }
 
 
-def _imports(path: Path):
-    """(first name below the package or "", name of the library or "", line) of every import."""
-    depth = len(path.relative_to(PACKAGE.parent).parts)
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def _imports(path: Path, text: str):
+    """(module, name or "", line) of every import, as ("film._film", "Oil", 7) or ("/numpy", "", 3)."""
+    above = path.relative_to(PACKAGE).parts[:-1]
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            yield from (("", alias.name.split(".")[0], node.lineno) for alias in node.names)
+            yield from ((f"/{alias.name}", "", node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and not node.level:
-            yield "", (node.module or "").split(".")[0], node.lineno
+            yield f"/{node.module}", "", node.lineno
         elif isinstance(node, ast.ImportFrom):
-            above = path.relative_to(PACKAGE.parent).parts[1 : depth - node.level]
-            inside = [*above, *(node.module or "").split(".")] if node.module else [*above]
-            names = inside[:1] or [alias.name for alias in node.names]
-            yield from ((name, "", node.lineno) for name in names)
+            inside = [*above[: len(above) - node.level + 1], *filter(None, [node.module])]
+            yield from ((".".join(inside), alias.name, node.lineno) for alias in node.names)
 
 
-def _against_the_order():
+@cache
+def _file(module: str) -> Path | None:
+    """The file of a module of the package, its stub where it has one."""
+    path = PACKAGE / Path(*module.split(".")) if module else PACKAGE
+    for one in (path / "__init__.pyi", path / "__init__.py", path.with_suffix(".py")):
+        if one.exists():
+            return one
+    return None
+
+
+@cache
+def _offered(stub: Path) -> dict[str, str]:
+    """Names that a stub offers, with the modules that they come from."""
+    return {name: module for module, name, _ in _imports(stub, stub.read_text("utf-8"))}
+
+
+def _source(module: str, name: str) -> Path | None:
+    """The file that an import leads to."""
+    if (inner := _file(f"{module}.{name}".strip("."))) is not None:
+        return inner
+    file = _file(module)
+    if file is not None and file.suffix == ".pyi" and name in _offered(file):
+        return _source(_offered(file)[name], name)
+    return file
+
+
+def _modules():
+    """(path, text) of every module, but for the face of the package, which has no floor."""
     for path in sorted(PACKAGE.rglob("*.py")):
+        if path.parent != PACKAGE or path.name not in ("__init__.py", "__main__.py"):
+            yield path, path.read_text("utf-8")
+
+
+def _against_the_order(modules):
+    for path, text in modules:
         own = path.relative_to(PACKAGE).with_suffix("").parts[0]
-        if own in ("__init__", "__main__"):
-            continue
-        rank = RANK.get(own, -1)
-        for room, library, line in _imports(path):
-            where = f"{path.relative_to(PACKAGE)}:{line} imports {room or library}"
-            if room and not room.startswith("_") and RANK[room] > rank:
+        for module, name, line in _imports(path, text):
+            where = f"{path.relative_to(PACKAGE)}:{line} imports {module}"
+            library = module[1:].partition(".")[0] if module.startswith("/") else ""
+            if library in EDGE and RANK[own] < RANK[EDGE[library]]:
                 yield where
-            if library in EDGE and rank < RANK[EDGE[library]]:
+            if not library and RANK[(module or name).partition(".")[0]] > RANK[own]:
                 yield where
+
+
+def _private_of_another(modules):
+    for path, text in modules:
+        own = path.relative_to(PACKAGE).parts[0]
+        for module, name, line in _imports(path, text):
+            room, *inner = f"{module}.{name}".strip(".").split(".")
+            private = any(word.startswith("_") for word in inner)
+            if private and not module.startswith("/") and room not in (own, "_core"):
+                yield f"{path.relative_to(PACKAGE)}:{line} imports {module}.{name}"
+
+
+def _circle(modules):
+    """Modules that import each other in a circle; empty if none do."""
+    graph = {}
+    for path, text in modules:
+        found = (_source(m, name) for m, name, _ in _imports(path, text) if not m.startswith("/"))
+        graph[path] = {one for one in found if one not in (None, path)}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return [str(one.relative_to(PACKAGE)) for one in error.args[1]]
+    return []
 
 
 def test_every_room_has_a_floor():
     rooms = {p.stem for p in PACKAGE.iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()}
-    assert {room for room in rooms if not room.startswith("_")} <= set(RANK)
+    assert rooms - {"__init__", "__main__"} <= set(RANK)
+    assert len(rooms) <= 30
 
 
 def test_no_import_runs_upwards():
-    assert list(_against_the_order()) == []
+    assert list(_against_the_order(_modules())) == []
+
+
+def test_no_package_imports_what_another_keeps_to_itself():
+    assert list(_private_of_another(_modules())) == []
+
+
+def test_no_module_is_reached_from_itself():
+    assert _circle(_modules()) == []
+
+
+def test_what_breaks_the_order_is_found():
+    film, parts, solver = (_file(one) for one in ("film._film", "film._parts", "crank._solve"))
+    wrong = [(film, "from ..crank import Orbit\nfrom ..crank._solve import x\nimport pint")]
+    assert len(list(_against_the_order(wrong))) == 3
+    assert list(_private_of_another(wrong)) == ["film/_film.py:2 imports crank._solve.x"]
+    inner = [(film, "from ._parts import Oil"), (parts, "def f():\n    from . import _film")]
+    assert len(_circle(inner)) == 3
+    search = (_file("study._optimise"), "from ..crank import solve_orbit")
+    stub = [(solver, "from ..study import optimise"), search]
+    assert len(_circle(stub)) == 3
 
 
 def test_the_page_on_architecture_has_the_same_order():

@@ -19,16 +19,19 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+import yaml
 from typer.main import get_command
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
 from jaxcomp.mechanism import SliderCrank, SliderLink
-from jaxcomp.scene import explained
+from jaxcomp.scene import explained, part_places
 
 ROOT = Path(__file__).parents[2]
 public_names = runpy.run_path(str(ROOT / "notebooks" / "public_names.py"))["public_names"]
 broken = runpy.run_path(str(ROOT / "notebooks" / "check_links.py"))["broken"]
+# Pages of the site that are made when it is built.
+MADE = {"index", "entries", "machines", "quantities"}
 PAGES = (
     "README.md",
     "CHANGELOG.md",
@@ -256,7 +259,7 @@ def test_links_lead_to_files_and_headings(page):
         path = (ROOT / page).parent / file
         if file.startswith("reference/"):  # pages that only the site has
             names = public_names()
-            assert path.stem in {*names, "index"}, target
+            assert path.stem in {*names, *MADE}, target
             name = anchor.rpartition(".")[2]
             assert not anchor or name in names[path.stem], target
             continue
@@ -281,6 +284,35 @@ def test_wrong_links_of_built_pages_are_found(tmp_path):
         "a.html: b.html#there leads to no heading",
         "a.css loads https://example.org/x.png",
     ]
+
+
+def test_pages_of_the_site_are_markdown_before_it_is_built(tmp_path, monkeypatch):
+    """Without hooks of a builder; the navigation names them all, parts and machines have pages."""
+    monkeypatch.syspath_prepend(ROOT / "notebooks")
+    build = runpy.run_path(str(ROOT / "notebooks" / "build_site.py"))
+    assert build["write_pages"](tmp_path) == []
+    settings = yaml.safe_load((tmp_path / "mkdocs.yml").read_text("utf-8"))
+    assert "hooks" not in settings
+
+    def listed(entry):
+        if isinstance(entry, str):
+            return [entry]
+        values = entry.values() if isinstance(entry, dict) else entry
+        return [page for value in values for page in listed(value)]
+
+    pages = tmp_path / settings["docs_dir"]
+    there = {path.relative_to(pages).as_posix() for path in pages.rglob("*.md")}
+    assert sorted(listed(settings["nav"])) == sorted(there)
+    parts = (pages / "reference" / "entries.md").read_text("utf-8")
+    kinds = {place.kind for place in part_places().values()}
+    assert set(re.findall(r"^## (\w+) in", parts, re.M)) == kinds
+    assert "| `clearance_ratio` |" in parts
+    quantities = (pages / "reference" / "quantities.md").read_text("utf-8")
+    assert "| `cop` |  | more | Capacity over electric power;" in quantities
+    assert "\n## r290-6cc\n" in (pages / "reference" / "machines.md").read_text("utf-8")
+    problems = []
+    build["_with_site_links"]("start.md", "[a](gone.md), [b](../setup.cfg)", problems)
+    assert problems == ["notebooks/start.md: the site has no page for ../setup.cfg"]
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from figures import ROD
 from jax.flatten_util import ravel_pytree
 
 from jaxcomp import BadInput, Status, solve_orbit
@@ -13,7 +14,6 @@ from jaxcomp.crankshaft import counterweights
 from jaxcomp.mechanism import CrankState
 from jaxcomp.scene import load, with_values
 from jaxcomp.study import (
-    RodDrive,
     compare_drives,
     design_rules,
     design_study,
@@ -24,17 +24,6 @@ from jaxcomp.study import (
 )
 from jaxcomp.vibration import shaking_wrench
 
-# Lengths and masses of a rod drive for the bore of 23 mm; assumed.
-ROD = RodDrive(
-    conrod_length=0.038,
-    conrod_mass=0.025,
-    conrod_centre=0.012,
-    conrod_inertia=5.6e-6,
-    piston_mass=0.045,
-    piston_length=0.0244,  # the mean engaged length of the slider-link's piston
-    pin_diameter=0.008,
-    pin_coefficient=0.08,
-)
 # Places where a load changes its side in mid-stroke stay unresolved, which changes the efficiency by
 # 5e-5, and so does the film by closed formulas; both halve the time to compile.
 SOLVER = Collocation(reversals=0)

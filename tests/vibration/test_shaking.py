@@ -4,6 +4,7 @@ Slider-link machine and formulas: Dagilis, Vaitkus, Kirejchick, *Slider-link dri
 Mathematical model*, Eqs. (36)-(43).
 """
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -43,7 +44,6 @@ from jaxcomp.vibration import (
     point_motion,
     retuned,
     shaking_wrench,
-    simulate_block,
     stiffness_matrix,
     time_response,
     viscous_damping,
@@ -375,6 +375,22 @@ def test_harmonic_response_of_one_mass_on_one_spring():
     w = np.array([40.0, 80.0])
     expected = np.array([3.0, 1.0j]) / (8000.0 - 7.5 * w**2 + 1j * w * 20.0)
     np.testing.assert_allclose(block_response(s, load).amplitude[0], expected, rtol=1e-10)
+
+
+def simulate_block(block, force, time, start):
+    """Motion of the block in time, M x'' = F - C x' - S x, to 1e-8 a step."""
+    inverse = 1 / jnp.diag(mass_matrix(block))
+    stiffness, damping = stiffness_matrix(block), damping_matrix(block)
+
+    def rate(t, motion, args):
+        inner = stiffness @ motion.displacement + damping @ motion.velocity
+        return BlockMotion(motion.velocity, inverse * (force(t) - inner))
+
+    steps = diffrax.PIDController(rtol=1e-8, atol=1e-11)
+    return diffrax.diffeqsolve(
+        diffrax.ODETerm(rate), diffrax.Dopri8(), time[0], time[-1], None, start,
+        saveat=diffrax.SaveAt(ts=time), stepsize_controller=steps, max_steps=100_000,
+    ).ys  # fmt: skip
 
 
 def test_settled_simulation_equals_the_harmonic_response():

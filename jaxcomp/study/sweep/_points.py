@@ -121,9 +121,7 @@ class GridPoints:
     def __init__(self, axes: Mapping[str, Sequence[float] | Values]):
         for name, given in axes.items():
             if np.asarray(given).dtype.kind in "USO":
-                bound = (
-                    "numbers in SI units, such as [0.12, 0.13] or `sweeping.grid(0.12, 0.14, 5)`"
-                )
+                bound = "numbers in SI units, such as [0.12, 0.13] or `sweep.grid(0.12, 0.14, 5)`"
                 raise BadInput(name, f'"{given}"' if isinstance(given, str) else str(given), bound)
         self.axes = {name: np.asarray(given, dtype=float) for name, given in axes.items()}
         for name, values in self.axes.items():

@@ -1,0 +1,33 @@
+"""What packages that are built on this one take from it, and users need not."""
+
+from ._balance import EVENTS as EVENTS
+from ._balance import FLAGS as FLAGS
+from ._balance import STATES as STATES
+from ._balance import Accounts as Accounts
+from ._balance import Rates as Rates
+from ._balance import after_event as after_event
+from ._balance import jump as jump
+from ._balance import rates as rates
+from ._balance import temperature_and_density as temperature_and_density
+from ._balance import valve_scales as valve_scales
+from ._cycle import values_only as values_only
+from ._cylinder import Case as Case
+from ._cylinder import ports_fit as ports_fit
+from ._cylinder import prepare as prepare
+from ._march import START as START
+from ._march import AbstractLaw as AbstractLaw
+from ._march import Record as Record
+from ._march import Stretch as Stretch
+from ._march import longest_step as longest_step
+from ._march import stretch as stretch
+from ._march import towards as towards
+from ._march import within_steps as within_steps
+from ._plenum import chain_rates as chain_rates
+from ._plenum import chains as chains
+from ._plenum import first_states as first_states
+from ._plenum import valve_sides as valve_sides
+from ._solve import CycleSolution as CycleSolution
+from ._solve import account_scales as account_scales
+from ._solve import follow_cycle as follow_cycle
+from ._solve import no_solution as no_solution
+from ._solve import solution_of as solution_of

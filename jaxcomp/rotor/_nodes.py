@@ -1,0 +1,58 @@
+"""Nodes of a model, which exist by being mentioned."""
+
+from typing import Any, Protocol
+
+from .._core.errors import BadInput
+from .._core.words import hint
+from ._bodies import RigidBody
+from ._shaft import Node
+
+
+class WithNodes(Protocol):
+    """A rotor model, or one that is prepared."""
+
+    @property
+    def nodes(self) -> tuple[Node, ...] | None:
+        """In order, if an order is given."""
+
+
+def node_names(model: WithNodes) -> tuple[Node, ...]:
+    """The nodes in the order of every array over nodes."""
+    return model.nodes or mentioned(model)
+
+
+def node_index(model: WithNodes, node: Node) -> int:
+    """Place of a node in arrays over nodes.
+
+    Raises:
+        BadInput: there is no such node.
+    """
+    names = node_names(model)
+    if node not in names:
+        raise BadInput("node", str(node), f"one of {names}{hint(node, names)}")
+    return names.index(node)
+
+
+def check_nodes(model: WithNodes, nodes: Node | tuple[Node | None, ...] | None, field: str) -> None:
+    """Refuse a node that the model does not have, under the name of the field that holds it.
+
+    Raises:
+        BadInput: there is no such node.
+    """
+    names = node_names(model)
+    for node in nodes if isinstance(nodes, tuple) else (nodes,):
+        if node is not None and node not in names:
+            raise BadInput(field, node, f"a node of the rotor, one of {names}{hint(node, names)}")
+
+
+def nodes_of(part) -> list[Any]:
+    """The nodes of one table, body or link, `None` for the ground."""
+    own = [n for entry in part.nodes for n in (entry if isinstance(entry, tuple) else (entry,))]
+    return [part.centre, *own] if isinstance(part, RigidBody) else own
+
+
+def mentioned(model: Any) -> tuple[Node, ...]:
+    """The nodes of all tables, links and bodies of a model, in that order."""
+    tables = (*model.shafts, *model.disks, *model.masses)
+    parts = (*tables, *model.links, *model.magnetic_pulls, *model.bodies)
+    return tuple(dict.fromkeys(n for part in parts for n in nodes_of(part) if n is not None))

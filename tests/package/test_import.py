@@ -1,0 +1,23 @@
+"""Importing the package starts and prints nothing, in a process of its own."""
+
+import subprocess
+import sys
+
+
+def test_import_is_quiet():
+    code = """
+import sys, threading
+import jaxcomp
+assert not {"jax", "numpy", "matplotlib"} & {*sys.modules}, "JAX starts with the import"
+for module in (jaxcomp, jaxcomp.study, jaxcomp.vibration, jaxcomp.crank):
+    for name in module.__all__:
+        getattr(module, name)
+assert "typer" not in sys.modules
+from jax._src import xla_bridge
+assert not xla_bridge.backends_are_initialized(), "JAX has run something"
+assert threading.active_count() == 1
+from jaxcomp._core import progress
+assert not progress._Compiles.told, "compiling is told unasked"
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
