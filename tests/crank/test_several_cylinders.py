@@ -26,6 +26,7 @@ from jaxcomp import (
     problem,
     sensitivity,
     solve_orbit,
+    sweep,
 )
 from jaxcomp.compressor import instants
 from jaxcomp.crank import (
@@ -921,13 +922,24 @@ def test_golden_values_by_shooting(count):
 
 @pytest.mark.slow  # a derivative to every number
 def test_sensitivities_locate_the_load_reversals():
-    """Which the default of several cylinders does not: its derivatives err by 1e-3 of the largest."""
+    """As the default does: differences of its values agree."""
     scene, name = load("refrigeration-twin"), "mechanism.crank_radius"
     found = {one.number: one for one in sensitivity(scene).ranking("mechanical_efficiency")}[name]
-    solver = Collocation(reversals=scene.compressor.load_reversals)
-    one = problem(scene, [name], ["mechanical_efficiency"], AnalysisOptions(solver))
+    one = problem(scene, [name], ["mechanical_efficiency"])
     value = eqx.filter_jit(lambda x: one(x).values[0])
     step = 1e-4 * one.current
     difference = (value(one.current + step) - value(one.current - step)) / (2 * step[0])
-    # the square of the step, and the rounding of values over it
-    assert found.derivative == pytest.approx(float(difference), rel=1e-6)
+    # the square of the step, and an error of 1e-10 of the values over it
+    assert found.derivative == pytest.approx(float(difference), rel=1e-5)
+
+
+@pytest.mark.slow  # three programs
+def test_verbs_share_one_default():
+    """The same bits by `solve_orbit` and by a design problem; many in one program differ by rounding."""
+    scene, name = load("refrigeration-twin"), "mechanism.bore"
+    value = float(solve_orbit(scene).mechanical_efficiency)
+    one = problem(scene, [name], ["mechanical_efficiency"])
+    assert float(one(one.current).values[0]) == value
+    bores = float(one.current[0]) * np.array([1.0, 1.01])
+    table = sweep(scene, {name: bores}, ["mechanical_efficiency"])
+    assert np.ravel(table["mechanical_efficiency"])[0] == pytest.approx(value, rel=1e-14)
