@@ -32,12 +32,12 @@ from ._panels import NO_WIDTH, Panels
 _PLACING = 1e-5
 # The same of the second where the places stay in the last.
 _HELD = 1e-8
-# Solutions one after the other, of which the last has places that follow the motion.
+# Solutions one after the other, each with the places of the one before.
 _ROUNDS = 3
 # Halvings of a bracket: of 0.1 rad they leave 1e-6 rad, which the iterations polish with the slope.
 _HALVINGS = 16
 # Sign changes of one quantity that are looked at.
-_OF_ONE = 8
+_OF_ONE = 12
 # [rad] Shift of a place from which two iterations tell the slope there.
 _FAR = 1e-11
 
@@ -71,7 +71,7 @@ class OrbitProblem(AbstractFixedPoint):
     def solve(self, parameters: Known) -> tuple[Motion, tuple[Reversals, FixedPointReport]]:
         """Solve on panels between the known kinks, place the reversals, solve and place again.
 
-        Then solve with places that follow the motion. All rounds share one iteration.
+        Then solve with places that follow the motion, or stay. All rounds share one iteration.
         """
         known, resolution = frozen(parameters), self.resolution
         motion = initial_motion(known, resolution)
@@ -182,7 +182,8 @@ class OrbitProblem(AbstractFixedPoint):
         found = []
         for begin, end in ((0, self.kinks), (self.kinks, self.kinks + loads)):
             shape = rank[begin:end].shape
-            index = _first_of_each(changes[begin:end].reshape(shape[0], shape[1] * shape[2]))
+            flags = changes[begin:end].reshape(shape[0], shape[1] * shape[2])
+            index = _first_of_each(flags, min(count, _OF_ONE))
             score = rank[begin:end].ravel().at[index].get(mode="fill", fill_value=jnp.inf)
             score = jnp.concatenate([score, jnp.full(count, jnp.inf)])
             best, order = lax.top_k(-score, count)
@@ -201,7 +202,7 @@ class OrbitProblem(AbstractFixedPoint):
         return jax.tree.map(lambda *parts: jnp.concatenate(parts), *found)
 
 
-def _first_of_each(flags: Bool[Array, "q n"]) -> Int[Array, " m"]:
+def _first_of_each(flags: Bool[Array, "q n"], count: int) -> Int[Array, " m"]:
     """Flat indices of the first few flags of every row; beyond the array where there are no more.
 
     To sort all takes longer than an iteration.
@@ -214,7 +215,7 @@ def _first_of_each(flags: Bool[Array, "q n"]) -> Int[Array, " m"]:
         return next_, next_
 
     start = jnp.full(flags.shape[0], -1, places.dtype)
-    _, found = lax.scan(after, start, length=_OF_ONE)
+    _, found = lax.scan(after, start, length=count)
     rows = size * jnp.arange(flags.shape[0])
     return jnp.where(found < size, rows + found, flags.size).T.ravel()
 
