@@ -36,9 +36,15 @@ def read_json(text):
     )
 
 
-@cache
 def results_validator(command):
     """What tells whether a result fits the JSON schema of a command's results."""
+    from jaxcomp._core.registry import registered
+
+    return _validator(command, tuple(one.name for one in registered()))
+
+
+@cache
+def _validator(command, quantities):
     from jsonschema import Draft202012Validator
 
     from jaxcomp.cli._units import results_schema

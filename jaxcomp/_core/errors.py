@@ -16,7 +16,8 @@ class BadInput(ValueError):
     def __init__(self, field: str, value: Any, bound: str):
         self.field, self.value, self.bound = field, value, bound
         shown = value_text(value)
-        but = f", but is {shown}" if shown else ""
+        obvious = shown == "absent" and bound.startswith("given")
+        but = f", but is {shown}" if shown and not obvious else ""
         super().__init__(f"`{field}` must be {bound}{but}.")
 
     def inside(self, where: str) -> "BadInput":

@@ -31,7 +31,8 @@ from .fields import is_traced
 # Whether traced programs are kept where compiled ones are.
 enabled = True
 
-_P, _R = ParamSpec("_P"), TypeVar("_R")
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 # Packages whose versions are part of the key, as far as arguments hold anything of them.
 _KNOWN = ("jaxcomp", "jax", "jaxlib", "equinox", "numpy", "builtins", "collections", "copyreg")
 

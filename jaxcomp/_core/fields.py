@@ -98,10 +98,10 @@ class Bound(NamedTuple):
 
     @property
     def _ends(self) -> tuple[Any, Any]:
-        ends = (self.low, self.high)  # traced where they depend on other numbers of a machine
-        return tuple(
-            end if isinstance(end, Array) else np.clip(end, -LARGEST, LARGEST) for end in ends
-        )
+        def within(end):  # one that depends on other numbers of a machine may be traced
+            return end if isinstance(end, Array) else np.clip(end, -LARGEST, LARGEST)
+
+        return within(self.low), within(self.high)
 
     def inside(self, x):
         """Whether each entry of `x` lies inside; false for NaN and for sizes beyond `LARGEST`.

@@ -47,7 +47,7 @@ class Status(eqx.Enumeration):
     thin_film = (
         "the film of a journal is thinner than the roughness of its surfaces, where it carries nothing; "
         "give it more viscosity, width or speed, or less clearance or load, such as with `least_film` as "
-        "a constraint of `optimise`"
+        "a constraint of `optimise`, or a `contact`, which carries there"
     )
 
 

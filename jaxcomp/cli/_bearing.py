@@ -1,4 +1,4 @@
-"""`jaxcomp bearing`: one journal bearing under a steady load, or its orbit under loads from a table."""
+"""`jaxcomp bearing`: a journal bearing under a steady load or over speed, or its orbit under a table."""
 
 from __future__ import annotations
 
@@ -40,11 +40,16 @@ def bearing(
     diameter: Annotated[str, typer.Option()],
     clearance: Annotated[str, typer.Option()],
     viscosity: Annotated[str, typer.Option()],
-    speed: Annotated[str, typer.Option()],
+    speed: str | None = None,
     load: str | None = None,
     loads: Path | None = None,
+    over: str | None = None,
     model: Model = "reynolds",
     lands: int = 1,
+    roughness: str | None = None,
+    boundary_friction: str | None = None,
+    modulus: str | None = None,
+    elastic_factor: str | None = None,
     journal_speed: str | None = None,
     bush_speed: str | None = None,
     frame: Literal["fixed", "journal", "bush"] = "fixed",
@@ -55,8 +60,9 @@ def bearing(
 ) -> None:
     """Run a journal bearing under a steady load, or under loads from a table over the crank angle.
 
-    A steady load: position, friction, stiffness and damping. A table: the periodic orbit of the journal
-    in its film, with smallest film, largest pressure, loss and side flow.
+    A steady load: position, friction, stiffness and damping; with --over speed=FROM:TO:COUNT the
+    friction over the speed (Stribeck's curve), to which rough surfaces in contact belong. A table: the
+    periodic orbit of the journal in its film, with smallest film, largest pressure, loss and side flow.
 
     Example: [bold]jaxcomp bearing --length 20mm --diameter 40mm --clearance 30um --viscosity "VG 46
     at 60 degC" --speed 3000rpm --load 2kN[/bold]
@@ -66,13 +72,19 @@ def bearing(
         diameter: Diameter of the journal, such as '40 mm'.
         clearance: Radial clearance, bush radius minus journal radius.
         viscosity: Dynamic viscosity such as '5 mPa*s', or a grade as 'VG 46 at 60 degC'.
-        speed: Speed of the journal, such as 3000rpm; with --loads, of the crank.
+        speed: Speed of the journal, such as 3000rpm; with --loads, of the crank; not beside --over.
         load: Steady load on the journal, such as '2 kN'.
         loads (FILE.csv): Loads on the journal instead of --load: columns angle [deg], W_x [N] and
             W_y [N] over one period. Further columns journal_speed [rpm] and bush_speed [rpm] for a rod
             or a pin that swings.
+        over (speed=FROM:TO:COUNT): Speeds instead of --speed, such as speed=log:50rpm:3000rpm:60.
         model: Film model; the output states its limits. Journals move in reynolds and ocvirk.
         lands: Two with a full groove between them; the length is that of both together.
+        roughness: Of journal and bush together, r.m.s., whose contact then carries and rubs where the
+            film is thin; with --boundary-friction.
+        boundary_friction: Coefficient of friction of that contact, such as 0.1.
+        modulus: Of the contact, 1/E* the sum of (1 - nu^2)/E of both surfaces; 115 GPa if absent.
+        elastic_factor: Of the asperities; 0.003 if absent.
         journal_speed: With --loads, if not that of the crank, such as 0rpm for a pin at rest.
         bush_speed: With --loads, if the bush turns as well.
         frame: Axes of the loads: at rest, or turning with the journal or the bush.
@@ -86,24 +98,37 @@ def bearing(
         "viscosity": (viscosity, "Pa s"),
         "speed": (speed, "rad/s"),
         "load": (load, "N"),
+        "roughness": (roughness, "m"),
+        "boundary-friction": (boundary_friction, ""),
+        "modulus": (modulus, "Pa"),
+        "elastic-factor": (elastic_factor, ""),
     }
     refuse(load is None and loads is None, "Missing option '--load', or '--loads' with a table")
     refuse(load and loads, "--load: cannot be combined with --loads")
+    refuse(loads and over, "--over: cannot be combined with --loads")
+    refuse(speed and over, "--speed: cannot be combined with --over")
+    refuse(speed is None and over is None, "Missing option '--speed'")
     given = _numbers(texts)
+    contact = _contact(given)
+    speeds = None if over is None else _speeds(over)
     film_type = getattr(jc.film, _CLASSES[model])
-    _check(given, model, film_type.length_ratio_range, lands)
+    _check({"speed": 1.0} | given, model, film_type.length_ratio_range, lands)
     start_jax()
     if loads is not None:
         rates = {"journal-speed": (journal_speed, "rad/s"), "bush-speed": (bush_speed, "rad/s")}
         turns = _numbers(rates | {"period": (period, "rad")})
-        _loaded(given, turns, loads, model, lands, (frame, between), as_json, out)
+        _loaded(given, contact, turns, loads, model, lands, (frame, between), as_json, out)
         return
     alone = {"journal-speed": journal_speed, "bush-speed": bush_speed, "period": period}
     alone |= {"frame": frame != "fixed", "between": between != "spline"}
     for name, value in alone.items():
         refuse(value, f"--{name}: needs --loads, a table of loads")
+    part = _part(given, film_type, lands, contact)
+    if speeds is not None:
+        _over_speed(part, given | {"speed": speeds}, model, as_json, out)
+        return
     with waiting("Solving the film (the first time it is compiled as well) ..."):
-        result, field = bearing_result(film_type, model, given, lands)
+        result, field = bearing_result(part, model, given)
 
     def figures():
         return jc.plot.film_figures(film_type, result, field)
@@ -121,7 +146,88 @@ def _numbers(texts: Mapping[str, tuple[str | None, str]]) -> dict[str, float]:
     }
 
 
-def _loaded(given, turns, loads: Path, model: str, lands: int, how, as_json: bool, out) -> None:
+def _contact(given: dict[str, float]) -> dict[str, float]:
+    """The numbers of a contact, taken out of those that are given."""
+    names = ("roughness", "boundary-friction", "modulus", "elastic-factor")
+    contact = {name: given.pop(name) for name in names if name in given}
+    for name, value in contact.items():
+        friction = name == "boundary-friction"
+        refuse(
+            value < 0 or (value == 0 and not friction), f"--{name} {value:.6g}: must be positive"
+        )
+    for name in names[:2] if contact else ():
+        refuse(name not in contact, f"Missing option '--{name}': a contact needs it")
+    return contact
+
+
+def _part(given, film, lands: int, contact: dict[str, float]):
+    """The bearing of the options."""
+    rough = None
+    if contact:
+        known = (contact.get(name) for name in ("modulus", "elastic-factor"))
+        defaults = zip(("modulus", "elastic_factor"), known, strict=True)
+        more = {name: value for name, value in defaults if value is not None}
+        rough = jc.film.AsperityContact(contact["roughness"], contact["boundary-friction"], **more)
+    size = (given[name] for name in ("diameter", "length", "clearance", "viscosity"))
+    return jc.JournalBearing(*size, film, lands=lands, contact=rough)
+
+
+def _speeds(text: str) -> list[float]:
+    """[rad/s] The speeds of --over, which rise."""
+    from ._sweep import axis_values
+
+    name, equals, rest = (part.strip() for part in text.partition("="))
+    what = "must have the form speed=FROM:TO:COUNT"
+    refuse(name != "speed" or not equals, f"--over {text}: {what}")
+    speeds = sorted(axis_values(rest, "rad/s", f"--over {text}", False))
+    refuse(speeds[0] <= 0, f"--over {text}: speeds must be > 0 rad/s")
+    return speeds
+
+
+def _over_speed(part, given, model: str, as_json: bool, out) -> None:
+    """The friction of a bearing over its speed."""
+    with waiting("Solving the films (the first time they are compiled as well) ..."):
+        found = jc.film.stribeck_curve(part, given["load"], given["speed"])
+    rows = {one.name: plain(one.values) for one in found.described()}
+    result = {"model": model, "limits": part.model.limits, **given, **rows}
+
+    def figures():
+        from ..plot import stribeck
+
+        return {"stribeck": stribeck(found)}
+
+    hand_out(result, stribeck_tables(found, result), as_json, out, figures,
+             curves={"stribeck": found.columns},
+             written="Report, picture, stribeck.csv and result.json")  # fmt: skip
+
+
+def stribeck_tables(found, result: dict[str, Any]):
+    """Friction of film and contact over speed, in some twenty rows."""
+    heads = ("Speed, rpm", "Friction torque, N m", "of it contact", "Friction coefficient",
+             "Smallest film, µm", "Load on the contact")  # fmt: skip
+    every = max(1, -(-len(result["speed"]) // 20))
+    cells = (
+        (f"{w * RPM:.5g}", f"{torque:.4g}", f"{100 * rubs / torque:.3g} %", f"{mu:.4g}",
+         f"{h * 1e6:.4g}", f"{100 * push / result['load']:.3g} %")
+        for w, torque, rubs, mu, h, push in zip(*(
+            result[name][::every] for name in ("speed", "friction_torque", "contact_torque",
+                                              "friction_coefficient", "minimum_film", "contact_load")
+        ), strict=True)
+    )  # fmt: skip
+    yield row_table(
+        f"Friction over speed at {result['load']:.4g} N, {result['model']}", heads, cells
+    )
+    least, ends = result["least_friction_speed"], (result["speed"][0], result["speed"][-1])
+    at_end = "" if ends[0] < least < ends[1] else ", an end of the range"
+    yield f"Least friction at {least * RPM:.4g} rpm{at_end}."
+    if found.bearing.contact is None:
+        yield "Smooth surfaces; rough ones, by --roughness and --boundary-friction, touch in thin films."
+    yield escape(f"{result['model']}: {result['limits']}")
+
+
+def _loaded(
+    given, contact, turns, loads: Path, model: str, lands: int, how, as_json: bool, out
+) -> None:
     """The orbit of a journal under the loads of a table."""
     from ..crank import loaded_journal
     from ..scene.load_tables import read_loads
@@ -135,8 +241,7 @@ def _loaded(given, turns, loads: Path, model: str, lands: int, how, as_json: boo
             own = getattr(table, f"{name}_speed") is not None
             refuse(own, f"--{name}-speed: {loads} has a column {name}_speed; one must go")
             shares[name] = turns[f"{name}-speed"] / given["speed"]
-    size = (given[name] for name in ("diameter", "length", "clearance", "viscosity"))
-    bearing = jc.JournalBearing(*size, _MOVING[model], lands=lands)
+    bearing = _part(given, _MOVING[model], lands, contact)
     with waiting("Solving the orbit (the first time it is compiled as well) ..."):
         found = loaded_journal(bearing, table, given["speed"], **shares)
     limits = jc.film.squeeze_of(bearing).limits
@@ -149,6 +254,7 @@ def _loaded(given, turns, loads: Path, model: str, lands: int, how, as_json: boo
         "between": table.between,
         **given,
         "lands": lands,
+        **_named(bearing),
         **scalars,
     }
 
@@ -192,6 +298,13 @@ def loaded_tables(found, result: dict[str, Any]):
     yield escape(f"{result['model']}: {result['limits']}")
 
 
+def _named(bearing) -> dict[str, float]:
+    """The numbers of the contact of a bearing by name."""
+    contact = bearing.contact
+    fields = ("roughness", "coefficient", "modulus", "elastic_factor")
+    return {} if contact is None else {f"contact_{n}": float(getattr(contact, n)) for n in fields}
+
+
 def _check(
     given: dict[str, float], model: str, ratios: tuple[float, float], lands: int = 1
 ) -> None:
@@ -213,9 +326,7 @@ def _check(
     )
 
 
-def bearing_result(
-    film_type, model: str, given: dict[str, float], lands: int = 1
-) -> tuple[dict[str, Any], Any]:
+def bearing_result(part, model: str, given: dict[str, float]) -> tuple[dict[str, Any], Any]:
     """Operating point of a bearing as plain numbers in SI units, and its pressure field.
 
     The keys are stable; new ones may join them. A number that the model does not give, or that is
@@ -225,8 +336,6 @@ def bearing_result(
     import numpy as np
 
     speed, sign = abs(given["speed"]), math.copysign(1.0, given["speed"])
-    size = (given[name] for name in ("diameter", "length", "clearance", "viscosity"))
-    part = jc.film.JournalBearing(*size, film_type, lands=lands)
     solved = eqx.filter_jit(jc.film.operating_point)
     found = solved(part, np.float64(given["load"]), np.float64(speed))
     field, point = jc.film.pressure_field(part, found, speed), plain(found)
@@ -234,9 +343,10 @@ def bearing_result(
     state = ("eccentricity_ratio", "attitude_angle", "sommerfeld_number", "phi_p", "phi_t")
     result = {
         "model": model,
-        "limits": film_type.limits,
+        "limits": part.model.limits,
         "frame": FRAME,
         **given,
+        **_named(part),
         "length_ratio": float(part.length_ratio),
         "clearance_ratio": float(part.clearance_ratio),
         **{name: point.pop(name) for name in state},
@@ -270,6 +380,8 @@ def bearing_tables(result: dict[str, Any]):
         ("Sommerfeld number S", "sommerfeld_number", 1.0, "", "1/(2 pi Phi_p), rev/s"),
         ("Friction number Phi_T", "phi_t", 1.0, "", "pi at no load"),
         ("Friction torque", "friction_torque", 1.0, "N m", f"{result['friction_power']:.5g} W"),
+        ("Torque of the contact", "contact_torque", 1.0, "N m", "of it"),
+        ("Load on the contact", "contact_load", 1.0, "N", "along the line of centres"),
         ("Minimum film", "minimum_film", 1e6, "µm", "compare with the roughness"),
         ("Peak pressure", "peak_pressure", 1e-6, "MPa", ""),
         ("Side flow", "side_flow", 6e7, "cm3/min", "out of both ends"),

@@ -120,7 +120,7 @@ def write_results(
         curves: columns with their units, by the name of the CSV file that takes them.
     """
     from .._core.results import csv_text
-    from ..report import Made, report
+    from ..report import Provenance, report
     from ..scene import dump
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -140,7 +140,7 @@ def write_results(
         from ..plot import interactive_page
 
         _write(folder / "interactive.html", interactive_page(figures, folder.name).encode())
-    page = report(result, tables, figures, scene, Made.now(command_line()))
+    page = report(result, tables, figures, scene, Provenance.now(command_line()))
     _write(folder / "report.html", page.encode())
 
 

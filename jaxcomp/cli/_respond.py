@@ -93,9 +93,9 @@ def respond(
 def whole_orders(text: str | None, loads: Sequence | None) -> tuple[int, ...]:
     """The orders of `--orders`, all that are loaded but the mean, or without loads those of the crank."""
     if text is None:
-        from ..vibration import loaded_orders
+        from ..vibration import excited_orders
 
-        return _OF_CRANK if loads is None else loaded_orders(tuple(loads))
+        return _OF_CRANK if loads is None else excited_orders(tuple(loads))
     numbers = [word.strip() for word in text.split(",")]
     if not all(word.isdigit() and int(word) > 0 for word in numbers):
         raise CommandError(f'--orders {text}: must be whole numbers above zero, such as "1,2"')

@@ -75,7 +75,9 @@ def run(
             result["moved_films"] = {
                 name: {
                     "film_thickness": float(film.minimum_film),
-                    "loss": float(film.mean_shear_loss + film.mean_squeeze_loss),
+                    "loss": float(
+                        film.mean_shear_loss + film.mean_squeeze_loss + film.mean_contact_loss
+                    ),
                 }
                 for name, film in jc.crank.moved_films(compressor, orbit).items()
             }
@@ -243,6 +245,7 @@ def orbit_curves(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
             f"film_flow.{name} [m^3/s]": film.flow,
             f"shear_loss.{name} [W]": film.shear_loss,
             f"squeeze_loss.{name} [W]": film.squeeze_loss,
+            f"contact_loss.{name} [W]": film.contact_loss,
         }
         columns |= {key: np.asarray(curve) for key, curve in curves.items()}
     crank_end = crank_end_pressure(compressor, orbit.state.angle)
@@ -450,6 +453,7 @@ def _reversals(rods: dict[str, dict[str, float]]):
 def _journal_films(result: dict[str, Any]):
     """Films of the journals, by the law that was solved and, as far as it is known, by the other one."""
     moved, rows = result.get("moved_films", {}), []
+    touch = any(loss > 0 for loss in result["contact_loss"].values())
     for name, thickness in result["film_thickness"].items():
         moves = result["film_law"][name] == "orbit"
         instead = moved.get(name, {}).get("film_thickness")
@@ -463,8 +467,10 @@ def _journal_films(result: dict[str, Any]):
             result["film_pressure"][name] / 1e6,
             1e6 * result["film_flow"][name],
             result["film_temperature_rise"][name],
+            *([result["contact_loss"][name]] if touch else []),
         ))  # fmt: skip
     numbers = ("Least, µm", "Else, µm", "Thin, %", "MPa", "cm³/s", "Rise, K")
+    numbers += ("Rubs, W",) if touch else ()
     heads = ("Film", "By", *((head, ".3g") for head in numbers))
     return row_table(None, heads, rows, texts=2)
 

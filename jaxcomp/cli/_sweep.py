@@ -185,7 +185,7 @@ def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[
     design, axes = jc.machine.machine_of(scene), {}
     for name, text in jc.study.by_name(design, assignments(texts, "--over")).items():
         option, one = f"--over {name}={text}", jc.study.variable(design, name)
-        axes[name] = _axis(text, one.unit, option, sampled)
+        axes[name] = axis_values(text, one.unit, option, sampled)
         ends = axes[name].ends if sampled else (float(min(axes[name])), float(max(axes[name])))
         for end in ends:
             if not bool(one.bound.holds(end)):
@@ -193,7 +193,7 @@ def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[
     return axes
 
 
-def _axis(text: str, unit: str, option: str, sampled: bool):
+def axis_values(text: str, unit: str, option: str, sampled: bool):
     """Values of a grid [SI], or the distribution of samples."""
     kind, colon, rest = (part.strip() for part in text.partition(":"))
     if colon and kind in ("log", "normal"):

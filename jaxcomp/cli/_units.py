@@ -203,9 +203,9 @@ TABLES: dict[str, Table] = {
     },
     "map": {
         **_of("K", "evaporating", "condensing"),
-        "values": {"power": "W", "*": _NAMED},
+        **{key: {"power": "W", "*": _NAMED} for key in ("values", "polynomial_error")},
         "coefficients": {"*": Said("in SI units, temperatures in degrees Celsius")},
-        **_pure("fit_error", "polynomial_error"),
+        "fit_error": "",
     },
     "identify": {
         "parameters": {
@@ -293,10 +293,14 @@ TABLES: dict[str, Table] = {
 
 
 def table_of(command: str) -> Table:
-    """The numbers of a command's result; a run has the registered quantities among them."""
-    if command not in ("run", "animate"):
-        return TABLES[command]
-    return {one.family or one.name: one.unit for one in registered()} | TABLES[command]
+    """The numbers of a command's result; a run has the registered quantities among them.
+
+    A result that is written without any command counts as that of a run.
+    """
+    table = TABLES.get(command, _RUN)
+    if table in (_RUN, TABLES["animate"]):
+        return {one.family or one.name: one.unit for one in registered()} | table
+    return table
 
 
 def with_units(result: dict[str, Any], command: str) -> dict[str, Any]:

@@ -30,10 +30,13 @@ from ..film import (
     friction_moment,
     load_number,
     minimum_film,
+    moving_film,
     prepare,
     quarter_turn,
+    ring_contact,
     running_state,
     shear_drag,
+    slopes_along,
     squeeze_of,
 )
 from ..friction import EachJournal
@@ -75,6 +78,10 @@ class JournalFilm(eqx.Module):
         damping: [N s/m] (2, 2) likewise, dF/d(c de/dt).
         thin_share: [-] of the time, in which the film is below `thin_film` of its bearing, or 5 µm.
         steady_film, steady_loss: [m], [W] smallest film and mean loss of the same loads carried steadily.
+        contact_load: [N] (n,) of the contact of rough surfaces, along the line of centres; the film has
+            the rest. Zero without a contact, as the next ones.
+        contact_loss: [W] (n,) by their rubbing, beside the losses of the film.
+        mean_contact_loss: [W]
         moving: whether the orbit was solved.
     """
 
@@ -99,6 +106,9 @@ class JournalFilm(eqx.Module):
     steady_film: Float[Array, ""]
     steady_loss: Float[Array, ""]
     duration: Float[Array, " n"]
+    contact_load: Float[Array, " n"]
+    contact_loss: Float[Array, " n"]
+    mean_contact_loss: Float[Array, ""]
     moving: bool = eqx.field(static=True)
 
     def share_below(self, thickness: float | Float[Array, ""]) -> Float[Array, ""]:
@@ -261,12 +271,10 @@ def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFil
 
     (difference, total), gap, moves = rates, law.radial_clearance, position is not None
     size = jnp.hypot(*load)
-    film, unit = squeeze_of(law), film_unit(law)
+    film, unit, contact = squeeze_of(law), film_unit(law), ring_contact(law)
     resting = minimum_film(law, size, jnp.abs(difference))
     moment = friction_moment(law, size, difference)
-    if position is not None:
-        velocity = film.mobility(position, load / unit)
-    else:
+    if position is None:
         state = running_state(law, size, jnp.abs(difference))
         turn = jnp.sign(difference) * state.attitude_angle
         along = load / jnp.where(size > 0, size, 1.0)
@@ -274,22 +282,32 @@ def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFil
         position = state.eccentricity_ratio * (jnp.cos(turn) * along + jnp.sin(turn) * side)
         # the steady film has the sum of the rates in the place of their difference
         total = difference
-        velocity = -0.5 * difference * quarter_turn(position)
+    push, rubbing, carried = 0 * load, 0 * difference, load
+    if contact is not None:
+        push = contact.push(position)
+        carried, rubbing = load - push, contact.torque(position, difference) * difference
+    steady = -0.5 * difference * quarter_turn(position)
+    velocity = film.mobility(position, carried / unit) if moves else steady
     scale = law.dynamic_viscosity / law.clearance_ratio**2
     shear = shear_drag(law, position) * difference**2
-    squeeze = gap * jnp.sum(load * velocity, axis=0) if moves else moment * difference - shear
+    squeeze = moment * difference - shear - rubbing
+    if moves:
+        squeeze = gap * jnp.sum(carried * velocity, axis=0)
 
     def mean(values):
         return jnp.sum(duration * values, axis=-1) / jnp.sum(duration)
 
-    pressure = scale * film.peak_pressure(position, load / unit, velocity)
-    flow = law.radius * law.length * gap * film.side_flow(position, load / unit, velocity)
+    pressure = scale * film.peak_pressure(position, carried / unit, velocity)
+    flow = law.radius * law.length * gap * film.side_flow(position, carried / unit, velocity)
     thickness = gap * (1 - jnp.hypot(*position)) if moves else resting
     on_panels = position.reshape(2, -1, rule.nodes.size)
     largest = jnp.minimum(farthest(rule, width, on_panels), 1.0)
     error = gap * position_error(rule, on_panels)
-    stiffness, damping = _coefficients(film, position, load / unit, 0.5 * total)
-    loss, carried = mean(shear + squeeze), mean(flow)
+    stiffness, damping = _coefficients(film, position, carried / unit, 0.5 * total)
+    if contact is not None:
+        _, columns = slopes_along(contact.push, position)
+        stiffness = stiffness + jnp.stack(columns, axis=1) / unit
+    loss, leaving = mean(shear + squeeze + rubbing), mean(flow)
     return JournalFilm(
         position=position,
         load=load,
@@ -302,11 +320,11 @@ def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFil
         largest_pressure=largest_of(pressure),
         largest_eccentricity=largest,
         film_error=error,
-        mean_flow=carried,
+        mean_flow=leaving,
         mean_shear_loss=mean(shear),
         mean_squeeze_loss=mean(squeeze),
         temperature_rise=jnp.where(
-            carried > 0, loss / (OIL_HEAT_CAPACITY * jnp.where(carried > 0, carried, 1.0)), jnp.inf
+            leaving > 0, loss / (OIL_HEAT_CAPACITY * jnp.where(leaving > 0, leaving, 1.0)), jnp.inf
         ),
         stiffness=unit / gap * mean(stiffness),
         damping=unit / gap * mean(damping),
@@ -314,6 +332,9 @@ def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFil
         steady_film=_least(resting, largest_of),
         steady_loss=mean(moment * difference),
         duration=duration,
+        contact_load=jnp.hypot(*push) if contact is not None else push[0],
+        contact_loss=rubbing,
+        mean_contact_loss=mean(rubbing),
         moving=moves,
     )
 
@@ -323,15 +344,24 @@ def _least(thickness, largest_of) -> Float[Array, ""]:
     return jnp.exp(-largest_of(-jnp.log(thickness)))
 
 
+def roughness_of(law: JournalBearing) -> float | Float[Array, ""] | None:
+    """[m] Below which a film carries nothing; `None` where a contact does."""
+    if law.contact is not None:
+        return None
+    return ROUGHNESS if law.roughness is None else law.roughness
+
+
 def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
     """Whether the film of a journal is thinner than its roughness at a node of the orbit.
 
-    A steady film is asked only where its journal does not come to rest: there squeeze holds it up, of
-    which the film knows nothing.
+    Surfaces with a contact carry then. A steady film is asked only where its journal does not come to
+    rest: there squeeze holds it up, of which the film knows nothing.
     """
     moved, rates, thin = orbit.positions or {}, journal_rates(compressor, orbit), jnp.asarray(False)
     for name, law in _journals(compressor, orbit):
-        gap, roughness = law.radial_clearance, ROUGHNESS if law.roughness is None else law.roughness
+        gap, roughness = law.radial_clearance, roughness_of(law)
+        if roughness is None:
+            continue
         if name in moved:
             thin |= jnp.any(gap * (1 - jnp.hypot(*moved[name])) < roughness)
         elif issubclass(law.model, AbstractCarryingFilm):
@@ -428,7 +458,7 @@ def journal_orbit(
 def _solved_journal(
     bearing: JournalBearing, force, rates, speed, edges, nodes: int
 ) -> JournalOrbit:
-    grid, film = panels(edges, nodes), squeeze_of(bearing)
+    grid, film = panels(edges, nodes), moving_film(bearing)
 
     def of_panels(values):
         return values.reshape(*values.shape[:-1], *grid.angle.shape)
@@ -437,8 +467,11 @@ def _solved_journal(
         (film,),
         of_panels(force / (film_unit(bearing) * speed))[:, None],
         of_panels(0.5 * rates[1] / speed)[None],
+        None if bearing.contact is None else speed * jnp.ones((1, 1, *grid.angle.shape)),
     )
-    position, (_, report) = fixed_point(_Periodic(grid), drive)
+    # surfaces that carry most of a load are met in many short steps
+    steps = 60 if bearing.contact is None else 120
+    position, (_, report) = fixed_point(_Periodic(grid, max_iterations=steps), drive)
     position = position[:, 0].reshape(2, -1)
 
     read = _read(

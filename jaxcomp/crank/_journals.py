@@ -26,16 +26,21 @@ from ..crankshaft import moving_journals, placed
 from ..film import (
     AbstractSqueeze,
     JournalBearing,
+    MixedSqueeze,
     film_unit,
+    moving_film,
     quarter_turn,
+    ring_contact,
     shear_drag,
-    squeeze_of,
 )
 from ..mechanism import CrankState, SliderCrank, rod_motion
 from ._panels import Panels
 
 # The room that a step leaves between journal and bush, over that before it.
 _ROOM_LEFT = 0.2
+# The same where surfaces touch, whose force grows within a third of the roughness: closer than so many
+# times the roughness.
+_ROOM_IN_CONTACT, _TOUCHING = 0.6, 3.0
 # A step below this share of the room between journal and bush has come near to the orbit.
 _NEAR = 0.3
 
@@ -140,34 +145,63 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
 class Drive(NamedTuple):
     """What moves k journals."""
 
-    films: tuple[AbstractSqueeze, ...]  # of all journals
+    films: tuple[AbstractSqueeze | MixedSqueeze, ...]  # of all journals
     force: Positions  # load over U and the speed of the crank, (2, k, *n)
     turning: Float[Array, "k *n"]  # half the sum of the rates over the speed, (k, *n)
+    over: Float[Array, "1 k *n"] | None = None  # [rad/s] that speed, where surfaces may touch
 
     def mapped(self, function) -> "Drive":
         """The same at other instants, by a function of arrays over instants."""
-        return self._replace(force=function(self.force), turning=function(self.turning))
+        return self._replace(
+            force=function(self.force),
+            turning=function(self.turning),
+            over=None if self.over is None else function(self.over),
+        )
+
+    def _of_films(self, function, position: Positions, out_axis: int = 1):
+        """What a function of film, position, force and speed gives for all journals."""
+        if self.over is None:
+            known = position, self.force
+            return mapped(lambda film, e, f: function(film, e, f, None), self.films, *known,
+                          axis=1, out_axis=out_axis)  # fmt: skip
+        return mapped(
+            lambda film, e, f, over: function(film, e, f, over[0]), self.films, position,
+            self.force, self.over, axis=1, out_axis=out_axis,
+        )  # fmt: skip
 
     def rate(self, position: Positions) -> Positions:
         """[1/rad] de/dtheta."""
 
-        def velocity(film, e, f):
-            return film.mobility(e, f)
+        def velocity(film, e, f, over):
+            mixed = isinstance(film, MixedSqueeze)
+            return film.velocity(e, f, over) if mixed else film.mobility(e, f)
 
-        film = mapped(velocity, self.films, position, self.force, axis=1, out_axis=1)
-        return film + self.turning * quarter_turn(position)
+        return self._of_films(velocity, position) + self.turning * quarter_turn(position)
+
+    def film_force(self, position: Positions) -> Positions:
+        """What the films carry of the force; a contact carries the rest."""
+        if self.over is None:
+            return self.force
+
+        def left(film, e, f, over):
+            return film.film_force(e, f, over) if isinstance(film, MixedSqueeze) else f
+
+        return self._of_films(left, position)
 
     def rate_and_slopes(
         self, position: Positions
     ) -> tuple[Positions, Positions, Float[Array, "2 2 k *n"]]:
         """[1/rad] de/dtheta, the part of it that is the film's, and its slopes along the position."""
 
-        def film(film, e, f):
-            value, slopes = film.mobility_slopes(e, f)
+        def film(film, e, f, over):
+            mixed = isinstance(film, MixedSqueeze)
+            value, slopes = (
+                film.velocity_slopes(e, f, over) if mixed else film.mobility_slopes(e, f)
+            )
             return jnp.stack([value, *slopes])
 
         # journals stand on the axis before the last ones, here behind the three and the components
-        both = mapped(film, self.films, position, self.force, axis=1, out_axis=2)
+        both = self._of_films(film, position, 2)
         own, along_x, along_y = both
         turn = self.turning
         slopes = jnp.stack([
@@ -218,8 +252,11 @@ def journal_drive(
     force = [-forces[one.joint] / (film_unit(one.bearing) * over) for one in journals]
     turning = [half * shares[one.joint][1] if one.joint in shares else half * ones
                for one in journals]  # fmt: skip
-    films = tuple(squeeze_of(one.bearing) for one in journals)
-    return Drive(films, jnp.stack(force, axis=1), jnp.stack(turning))
+    films = tuple(moving_film(one.bearing) for one in journals)
+    drive = Drive(films, jnp.stack(force, axis=1), jnp.stack(turning))
+    if not any(isinstance(film, MixedSqueeze) for film in films):
+        return drive
+    return drive._replace(over=jnp.broadcast_to(over, (1, *drive.turning.shape)))
 
 
 def improved_positions(
@@ -238,8 +275,8 @@ def improved_positions(
     change = jax.vmap(_correction, in_axes=(None, 2, 1, 1), out_axes=1)(
         grid, lax.stop_gradient(slopes), rate, position
     )
-    new = position + _step_share(position, position + change) * change
-    power = jnp.sum(drive.force * film, axis=0)
+    new = position + _step_share(drive, position, position + change) * change
+    power = jnp.sum(drive.film_force(position) * film, axis=0)
     # far from the orbit the squeeze takes any power: it counts once the journals have come near
     moved, before = (jnp.hypot(*lax.stop_gradient(e)) for e in (new - position, position))
     near = jnp.max(moved / jnp.maximum(1 - before, 1e-12)) < _NEAR
@@ -305,11 +342,17 @@ def _two_by_two(matrix, right):
     return jnp.stack([first, matrix[0, 0] * right[1] - matrix[1, 0] * right[0]]) / size
 
 
-def _step_share(position, new) -> Float[Array, "k 1 1"]:
+def _step_share(drive, position, new) -> Float[Array, "k 1 1"]:
     """The share of a step after which no journal has come too near to its bush."""
     before, after = (jnp.hypot(*lax.stop_gradient(e)) for e in (position, new))
     room = jnp.maximum(1 - before, 1e-12)
-    share = (1 - _ROOM_LEFT) * room / jnp.maximum(after - before, 1e-300)
+    left = _ROOM_LEFT * room
+    if drive.over is not None:
+        near = [_TOUCHING / film.contact.ratio if isinstance(film, MixedSqueeze) else jnp.zeros(())
+                for film in drive.films]  # fmt: skip
+        near = lax.stop_gradient(jnp.stack(near))[:, None, None]
+        left = jnp.maximum(left, jnp.minimum(_ROOM_IN_CONTACT * room, near))
+    share = (room - left) / jnp.maximum(after - before, 1e-300)
     share = jnp.where(after > before, share, 1.0)
     return jnp.minimum(jnp.min(share, axis=(-2, -1), keepdims=True), 1.0)
 
@@ -331,4 +374,7 @@ def journal_torque(
         squeeze = one.bearing.radial_clearance * film_unit(one.bearing) * power[number]
         shear = shear_drag(one.bearing, position[:, number]) * share**2
         total += (shear + squeeze) * state.speed
+        contact = ring_contact(one.bearing)
+        if contact is not None:
+            total += contact.torque(position[:, number], share * state.speed) * share
     return total

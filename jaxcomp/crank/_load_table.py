@@ -23,7 +23,7 @@ from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from .._core.words import one_of
 from ..film import JournalBearing
-from ._films import ROUGHNESS, JournalFilm, journal_orbit
+from ._films import JournalFilm, journal_orbit, roughness_of
 
 TURN = 2 * math.pi
 # [rad] Widest step of a table.
@@ -269,9 +269,11 @@ class LoadedJournal(Result, eqx.Module):
         yield Data("film_error", "m", film.film_error, doc="of the solution, estimated")
         yield Data("table_error", "m", self.table_error, doc="of the interpolation, estimated")
         yield Data("peak_pressure", "Pa", film.largest_pressure)
-        yield Data("mean_loss", "W", film.mean_shear_loss + film.mean_squeeze_loss)
+        parts = film.mean_shear_loss, film.mean_squeeze_loss, film.mean_contact_loss
+        yield Data("mean_loss", "W", sum(parts))
         yield Data("mean_shear_loss", "W", film.mean_shear_loss)
         yield Data("mean_squeeze_loss", "W", film.mean_squeeze_loss)
+        yield Data("mean_contact_loss", "W", film.mean_contact_loss, doc="by surfaces that rub")
         yield Data("mean_side_flow", "m^3/s", film.mean_flow)
         yield Data("temperature_rise_of_oil", "K", film.temperature_rise)
         yield Data("thin_share", "", film.thin_share, doc="of the time below `thin_film`")
@@ -287,6 +289,9 @@ class LoadedJournal(Result, eqx.Module):
         yield Data("side_flow", "m^3/s", film.flow, at)
         yield Data("shear_loss", "W", film.shear_loss, at)
         yield Data("squeeze_loss", "W", film.squeeze_loss, at)
+        if self.bearing.contact is not None:
+            yield Data("contact_load", "N", film.contact_load, at, "along the line of centres")
+            yield Data("contact_loss", "W", film.contact_loss, at)
 
 
 def loaded_journal(
@@ -340,8 +345,9 @@ def loaded_journal(
     film = orbit.film
     other: Between = "lines" if table.between == "spline" else "spline"
     others = solved(rebuilt(table, between=other), even)
-    roughness = ROUGHNESS if bearing.roughness is None else bearing.roughness
-    thin = (orbit.status == Status.converged) & (film.minimum_film < roughness)
+    least = roughness_of(bearing)
+    below = film.minimum_film < (0.0 if least is None else least)
+    thin = (orbit.status == Status.converged) & below
     status = Status.where(thin, Status.thin_film, orbit.status)
     if throw and status != Status.converged:
         raise SolveFailed(status, f"smallest film {1e6 * float(film.minimum_film):.3g} µm")

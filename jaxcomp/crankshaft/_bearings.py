@@ -31,7 +31,7 @@ from .._core.errors import BadInput
 from .._core.fields import POSITIVE, Part, quantity, replaced
 from .._core.polynomials import cubic_step
 from ..film import AbstractJournal, JournalBearing, NamedBearing, PlacedJournal
-from ..friction import STANDARD_GRAVITY, OilPump, ThrustBearing, shaft_loss
+from ..friction import STANDARD_GRAVITY, MixedThrust, OilPump, ThrustBearing, shaft_loss
 from ..mechanism import Vector
 
 
@@ -61,7 +61,7 @@ class MainBearings(Part):
     position: Float[Array, " n"] | None = quantity(
         "m", shape=(None,), default=None, doc="along the shaft"
     )
-    thrust_bearing: ThrustBearing | None = None
+    thrust_bearing: ThrustBearing | MixedThrust | None = None
     pump: OilPump | None = None
     names: tuple[str, ...] | None = eqx.field(static=True, default=None)
     shaft: Literal["rigid", "beam", "rotor"] = eqx.field(static=True, default="rigid")

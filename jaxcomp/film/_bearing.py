@@ -13,7 +13,9 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, quantity
+from ._contact import LEAST_CLEARANCE, AsperityContact, MixedFilm, MixedSqueeze, RingContact
 from ._film import (
+    REST_SPEED,
     AbstractCarryingFilm,
     AbstractFilm,
     AbstractSolvedFilm,
@@ -24,6 +26,7 @@ from ._film import (
     dynamic_coefficients,
     film_ratio,
     film_state,
+    smooth_speed,
     split,
 )
 from ._models import ExplicitFit, Guembel, LoadedPetroff, Ocvirk, Petroff
@@ -53,10 +56,6 @@ _FILMS = {
     "petroff": _Film(Petroff),
     "loaded_petroff": _Film(LoadedPetroff),
 }
-
-# [rad/s] Below this speed the load number is held, so that the moment passes through zero with a
-# finite slope instead of like sqrt(|omega|).
-REST_SPEED = 1e-3
 
 
 def _word(film: str | type[AbstractFilm]) -> str:
@@ -93,13 +92,16 @@ class JournalBearing(AbstractJournal):
             5 µm.
         roughness: [m] of journal and bush together. A film that is thinner at any time is
             `Status.thin_film`; absent: 0.01 µm, smoother than any bearing.
+        contact: of the rough surfaces, which then carry and rub where the film is thin; its roughness
+            takes the place of the other one, and no film is too thin.
         lands: Two with a full circumferential groove between them, in parallel, else one.
         motion: "steady", or "orbit" for a journal whose orbit is solved with the crank's motion.
 
     Raises:
         BadInput: for a value that is not positive, L/D of a land outside the range of the film model,
-            another film, one without squeeze beside "orbit", no land, or neither or both of
-            `dynamic_viscosity` and `oil`.
+            another film, one without squeeze beside "orbit" or without a position beside a contact,
+            no land, neither or both of `dynamic_viscosity` and `oil`, two roughnesses, or one of a
+            contact that is not far below the clearance.
 
     >>> bearing = JournalBearing(0.040, 0.020, 30e-6, 0.02)
     >>> print(f"{1e6 * minimum_film(bearing, 2000.0, 314.0):.2f} um")  # at 2 kN and 314 rad/s
@@ -130,6 +132,7 @@ class JournalBearing(AbstractJournal):
     roughness: Scalar | None = quantity(
         "m", POSITIVE, default=None, doc=ROUGHNESS, usual=(1e-9, 1e-5)
     )
+    contact: AsperityContact | None = None
     lands: int = eqx.field(static=True, default=1)
     motion: Literal["steady", "orbit"] = eqx.field(static=True, default="steady")
 
@@ -142,6 +145,13 @@ class JournalBearing(AbstractJournal):
         if self.moves and _FILMS[self.film].moving is None:
             able = ", ".join(word for word, models in _FILMS.items() if models.moving)
             raise BadInput("film", self.film, f'one of {able} beside motion = "orbit"')
+        if self.contact is not None:
+            films = {word: one.steady for word, one in _FILMS.items()}
+            able = ", ".join(w for w, one in films.items() if issubclass(one, AbstractSolvedFilm))
+            if not issubclass(self.model, AbstractSolvedFilm):
+                raise BadInput("film", self.film, f"one of {able} beside a contact")
+            if self.roughness is not None:
+                raise BadInput("roughness", self.roughness, "absent beside `contact.roughness`")
 
     @property
     def moves(self) -> bool:
@@ -169,6 +179,13 @@ class JournalBearing(AbstractJournal):
         return self.length / (self.lands * self.diameter)
 
     def conditions(self):
+        if self.contact is None:
+            return self._of_length()
+        rough = self.radial_clearance > LEAST_CLEARANCE * self.contact.roughness
+        rule = f"of a clearance > {LEAST_CLEARANCE:g} times the roughness of its contact"
+        return self._of_length() | {rule: rough}
+
+    def _of_length(self):
         moving = _FILMS[self.film].moving if self.moves else None
         low, high = (moving or self.model).length_ratio_range
         if high == math.inf:
@@ -198,9 +215,65 @@ class PreparedBearing(NamedTuple):
 Bearing = JournalBearing | PreparedBearing
 
 
+def ring_contact(bearing: JournalBearing) -> RingContact | None:
+    """The contact of a journal in its ring; `None` for smooth surfaces."""
+    contact = bearing.contact
+    if contact is None:
+        return None
+    stiffness = contact.elastic_factor * contact.modulus
+    return RingContact(
+        bearing.radial_clearance / contact.roughness,
+        stiffness * bearing.radius * bearing.length,
+        contact.coefficient,
+        bearing.radius,
+    )
+
+
+def film_at(
+    bearing: Bearing, speed: Scalar, rest_speed=REST_SPEED, sliding: Scalar | None = None
+) -> AbstractFilm:
+    """The film model of a bearing at a speed, with the contact beside it if there is one.
+
+    Args:
+        bearing: Bearing, prepared or not.
+        speed: [rad/s] Speed that builds the pressure.
+        rest_speed: [rad/s] Speed below which the load number is held.
+        sliding: [rad/s] Journal relative to bush if that is another one.
+    """
+    bearing, film = prepare(bearing)
+    contact = ring_contact(bearing)
+    if contact is None:
+        return film
+    assert isinstance(film, AbstractSolvedFilm)
+    unit = film_unit(bearing)
+    pace, slides = (
+        unit * smooth_speed(s, rest_speed) for s in (speed, speed if sliding is None else sliding)
+    )
+    return MixedFilm(film.length_ratio, film, contact, pace, slides, bearing.clearance_ratio)
+
+
+def contact_moment(
+    bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
+) -> Scalar:
+    """[N m] The part of `friction_moment` that the contact of the surfaces makes; zero without one."""
+    film = film_at(bearing, speed, rest_speed)
+    if not isinstance(film, MixedFilm):
+        return 0.0 * load * speed
+    bearing, _ = prepare(bearing)
+    x = film_ratio(film, load_number(bearing, load, speed, rest_speed=rest_speed))
+    unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    return unit * speed * film.rubbing(x)
+
+
 def squeeze_of(bearing: JournalBearing) -> AbstractSqueeze:
     """The film of a moving journal in a bearing; one without squeeze gets that of the finite film."""
     return (_FILMS[bearing.film].moving or ReynoldsSqueeze)(bearing.length_ratio)
+
+
+def moving_film(bearing: JournalBearing) -> AbstractSqueeze | MixedSqueeze:
+    """The film of a moving journal with the contact beside it, if there is one."""
+    film, contact = squeeze_of(bearing), ring_contact(bearing)
+    return film if contact is None else MixedSqueeze(film, contact, film_unit(bearing))
 
 
 def film_unit(bearing: JournalBearing) -> Scalar:
@@ -243,7 +316,7 @@ def load_number(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=RES
         [-] Phi_p >= 0, finite at rest.
     """
     bearing = prepare(bearing).bearing
-    unit = film_unit(bearing) * _smooth_speed(speed, rest_speed)
+    unit = film_unit(bearing) * smooth_speed(speed, rest_speed)
     return jnp.abs(load) / unit
 
 
@@ -287,10 +360,10 @@ def friction_moment(
     Returns:
         [N m] Positive for positive speed.
     """
-    bearing, film = prepare(bearing)
-    number = load_number(
-        bearing, load, speed if entrainment is None else entrainment, rest_speed=rest_speed
-    )
+    building = speed if entrainment is None else entrainment
+    film = film_at(bearing, building, rest_speed, speed)
+    bearing, _ = prepare(bearing)
+    number = load_number(bearing, load, building, rest_speed=rest_speed)
     unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
     return unit * speed * film.friction_number(number)
 
@@ -307,10 +380,10 @@ def bush_moment(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=RES
     Returns:
         [N m] Along the speed; smaller in magnitude than the moment on the journal.
     """
-    bearing, film = _solved(bearing)
+    bearing, film = _solved(bearing, speed, rest_speed)
     state = film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
     offset = bearing.radial_clearance * state.eccentricity_ratio * jnp.sin(state.attitude_angle)
-    turn = speed / _smooth_speed(speed, rest_speed)
+    turn = speed / smooth_speed(speed, rest_speed)
     unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
     return unit * speed * state.friction_number - turn * jnp.abs(load) * offset
 
@@ -333,7 +406,7 @@ def eccentricity_ratio(
 def minimum_film(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED) -> Scalar:
     """[m] Minimum film thickness h_min = c (1 - eps) under a load.
 
-    Once it is of the order of the roughness the film is mixed and none of this holds.
+    Once it is of the order of the roughness the film is mixed: none of this holds without a contact.
 
     Args:
         bearing: Bearing, prepared or not.
@@ -356,7 +429,7 @@ def running_state(
         speed: [rad/s] Speed that builds the pressure, see `entrainment_speed`.
         rest_speed: [rad/s] Speed below which the load number is held.
     """
-    bearing, film = _solved(bearing)
+    bearing, film = _solved(bearing, speed, rest_speed)
     return film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
 
 
@@ -388,14 +461,14 @@ def stiffness_damping(
     load_vector = as_float(load_vector)
     if load_vector.shape != (2,):
         raise ValueError(f"`load_vector` must have shape (2,), but has shape {load_vector.shape}.")
-    bearing, film = _solved(bearing)
+    bearing, film = _solved(bearing, speed, rest_speed)
     load, along = split(load_vector)
     stiffness, damping = dynamic_coefficients(
         film, load_number(bearing, load, speed, rest_speed=rest_speed)
     )
     # Running the other way is the mirror image: y is 90 degrees ahead with rotation, so that the
     # entries that couple x and y change sign.
-    pace = _smooth_speed(speed, rest_speed)
+    pace = smooth_speed(speed, rest_speed)
     mirror = jnp.eye(2) + (1 - jnp.eye(2)) * speed / pace
     axes = jnp.array([[along[0], -along[1]], [along[1], along[0]]])
     unit = film_unit(bearing) / bearing.radial_clearance
@@ -406,7 +479,8 @@ def stiffness_damping(
 
 
 def _position(bearing, load, speed, rest_speed) -> Scalar:
-    bearing, film = prepare(bearing)
+    film = film_at(bearing, speed, rest_speed)
+    bearing, _ = prepare(bearing)
     if not isinstance(film, AbstractCarryingFilm):
         raise ValueError(
             f"The film model {type(film).__name__} gives no position of the journal; take "
@@ -415,15 +489,11 @@ def _position(bearing, load, speed, rest_speed) -> Scalar:
     return film_ratio(film, load_number(bearing, load, speed, rest_speed=rest_speed))
 
 
-def _solved(bearing) -> PreparedBearing:
-    bearing = prepare(bearing)
-    if not isinstance(bearing.film, AbstractSolvedFilm):
+def _solved(bearing, speed, rest_speed) -> tuple[JournalBearing, AbstractSolvedFilm]:
+    film = film_at(bearing, speed, rest_speed)
+    if not isinstance(film, AbstractSolvedFilm):
         raise ValueError(
-            f"The film model {type(bearing.film).__name__} gives no attitude angle and no dynamic "
+            f"The film model {type(film).__name__} gives no attitude angle and no dynamic "
             "coefficients; take `Reynolds`, `GroovedReynolds`, `Guembel` or `Ocvirk`."
         )
-    return bearing
-
-
-def _smooth_speed(speed: Scalar, rest_speed: float) -> Scalar:
-    return jnp.sqrt(speed**2 + rest_speed**2)
+    return prepare(bearing).bearing, film

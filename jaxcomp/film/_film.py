@@ -29,6 +29,10 @@ from .._core.errors import BadInput
 from .._core.fields import is_traced
 from .._core.roots import AbstractRoot, root
 
+# [rad/s] Below this speed the load number is held, so that the moment passes through zero with a
+# finite slope instead of like sqrt(|omega|).
+REST_SPEED = 1e-3
+
 Scalar = Float[Array, ""]
 Pair = Float[Array, "2 *n"]
 
@@ -57,6 +61,10 @@ class AbstractCarryingFilm(AbstractFilm):
     def load_gain(self, film_ratio: Scalar) -> Scalar:
         """[-] Phi_p/x, load number over film ratio: finite and positive at zero load."""
 
+    def log_compliance(self, load_number: Scalar) -> Scalar:
+        """[-] ln(x/Phi_p) under a load number."""
+        return root(_LogCompliance(self, load_number))
+
 
 class AbstractSolvedFilm(AbstractCarryingFilm):
     """A film model that also gives the direction of the film force and its damping."""
@@ -72,6 +80,15 @@ class AbstractSolvedFilm(AbstractCarryingFilm):
     def radial_stiffness(self, film_ratio: Scalar) -> tuple[Scalar, Scalar]:
         """[-] K_rr and K_tr, minus the slopes of F_r and F_t over eps."""
         return slope_stiffness(self, film_ratio)
+
+    def film_chords(self, film_ratio: Scalar) -> tuple[Scalar, Scalar]:
+        """[-] -F_r and F_t of the film over eps."""
+        phi, size = self.attitude_angle(film_ratio), (1 + film_ratio) * self.load_gain(film_ratio)
+        return size * jnp.cos(phi), size * jnp.sin(phi)
+
+    def rubbing(self, film_ratio: Scalar) -> Scalar | None:
+        """[-] Part of Phi_T that a contact of the surfaces adds; `None` without one."""
+        return None
 
     def friction_number(self, load_number: Scalar) -> Scalar:
         """[-] Phi_T, see `friction_at`."""
@@ -128,7 +145,8 @@ def film_ratio(film: AbstractCarryingFilm, load_number: Scalar) -> Scalar:
     # Rules of derivatives of one's own fail in JAX 0.9 on arrays of NumPy that `vmap` maps within `jit`;
     # the sum makes them arrays of JAX.
     held = jax.tree.map(lambda leaf: leaf + 0 if is_traced(leaf) else leaf, (film, load_number))
-    return load_number * jnp.exp(root(_LogCompliance(*held)))
+    film, number = held
+    return load_number * jnp.exp(film.log_compliance(number))
 
 
 def film_ratio_of(eccentricity_ratio: Scalar) -> Scalar:
@@ -159,7 +177,9 @@ def friction_at(film: AbstractSolvedFilm, film_ratio: Scalar) -> Scalar:
     """
     x = film_ratio
     couette = jnp.pi * (1 + x) / jnp.sqrt(1 + 2 * x)  # pi/sqrt(1 - eps^2)
-    return couette + 0.5 * x / (1 + x) * _forces(film, x)[1]
+    smooth = couette + 0.5 * x / (1 + x) * _forces(film, x)[1]
+    rubbing = film.rubbing(x)
+    return smooth if rubbing is None else smooth + rubbing
 
 
 def dynamic_coefficients(film: AbstractSolvedFilm, load_number: Scalar) -> DynamicCoefficients:
@@ -187,10 +207,11 @@ def dynamic_coefficients(film: AbstractSolvedFilm, load_number: Scalar) -> Dynam
         load_per_eps * jnp.cos(phi),
         load_per_eps * jnp.sin(phi),
     )  # -F_r, F_t over eps
+    own_r, own_t = film.film_chords(x)
     k_rr, k_tr = film.radial_stiffness(x)
     c_rr, c_tr = film.damping(x)
     stiffness = jnp.array([[k_rr, chord_t], [k_tr, chord_r]])
-    damping = jnp.array([[c_rr, -2 * chord_r], [c_tr, 2 * chord_t]])
+    damping = jnp.array([[c_rr, -2 * own_r], [c_tr, 2 * own_t]])
     turn = jnp.array([[jnp.cos(phi), -jnp.sin(phi)], [jnp.sin(phi), jnp.cos(phi)]])
     return DynamicCoefficients(turn @ stiffness @ turn.T, turn @ damping @ turn.T)
 
@@ -306,6 +327,16 @@ def slope_stiffness(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scalar
     _, (slope_r, slope_t) = jax.jvp(lambda x: _forces(film, x), (x,), (jnp.ones_like(x),))
     stretch = (1 + x) ** 2  # dx/deps
     return -stretch * slope_r, -stretch * slope_t
+
+
+def smooth_speed(speed: Scalar, rest_speed: float = REST_SPEED) -> Scalar:
+    """[rad/s] Size of a speed, smooth through rest."""
+    return jnp.sqrt(speed**2 + rest_speed**2)
+
+
+def sense(speed: Scalar) -> Scalar:
+    """[-] Sign of a speed [rad/s], smooth through rest."""
+    return speed / smooth_speed(speed)
 
 
 def split(vector: Pair) -> tuple[Float[Array, "*n"], Pair]:

@@ -9,9 +9,12 @@ from jaxtyping import Array, Float
 from ._bearing import (
     JournalBearing,
     bush_moment,
+    contact_moment,
+    film_at,
     friction_moment,
     load_number,
     prepare,
+    ring_contact,
     stiffness_damping,
 )
 from ._film import (
@@ -53,6 +56,8 @@ class OperatingPoint(NamedTuple):
         dimensionless_damping: [-] (2, 2) times c omega/W.
         critical_mass: [kg] largest stable mass of a rigid rotor, of one bearing.
         whirl_ratio: [-] whirl frequency at the limit of stability over the speed.
+        contact_load: [N] of the contact of rough surfaces, along the line of centres.
+        contact_torque: [N m] part of `friction_torque` that the contact makes.
     """
 
     phi_p: Float[Array, ""]
@@ -69,6 +74,8 @@ class OperatingPoint(NamedTuple):
     dimensionless_damping: Float[Array, "2 2"] | None = None
     critical_mass: Float[Array, ""] | None = None
     whirl_ratio: Float[Array, ""] | None = None
+    contact_load: Float[Array, ""] | None = None
+    contact_torque: Float[Array, ""] | None = None
 
 
 class PressureField(NamedTuple):
@@ -102,7 +109,7 @@ def operating_point(
     still = {"rest_speed": 0.0}
     load, speed = jnp.asarray(load, float), jnp.asarray(speed, float)
     part = prepare(bearing)
-    film, gap = part.film, part.bearing.radial_clearance
+    film, gap = film_at(part, speed, 0.0), part.bearing.radial_clearance
     number = load_number(part, load, speed, **still)
     point = OperatingPoint(
         phi_p=number,
@@ -113,6 +120,12 @@ def operating_point(
     if isinstance(film, AbstractCarryingFilm):
         x = film_ratio(film, number)
         point = point._replace(eccentricity_ratio=x / (1 + x), minimum_film=gap / (1 + x))
+    contact = ring_contact(part.bearing)
+    if contact is not None:
+        point = point._replace(
+            contact_load=contact.forces(point.eccentricity_ratio)[0],
+            contact_torque=contact_moment(part, load, speed, **still),
+        )
     if isinstance(film, AbstractSolvedFilm):
         stiffness, damping = stiffness_damping(part, jnp.stack([load, 0.0 * load]), speed, **still)
         per_load = coefficients_per_load(film, number)

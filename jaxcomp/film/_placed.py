@@ -8,7 +8,9 @@ $$M_j = J_0(\omega_j-\omega_b) - \tfrac{c}{2}\,e\times F, \quad
   P = J_0(\omega_j-\omega_b)^2 + c\,F\cdot V .$$
 
 The dissipation P, not $M_j\omega_j$, is what the crank has to pay: the load does the work $F\cdot de$ in
-the clearance, which the rigid mechanism does not have. Shear is counted over the whole ring.
+the clearance, which the rigid mechanism does not have. Shear is counted over the whole ring. A contact
+(`_contact`) pushes along e: it leaves the film the rest of F in the last term of P, and its friction
+joins the moments, and P.
 """
 
 import equinox as eqx
@@ -16,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from ._bearing import JournalBearing, film_unit, squeeze_of
+from ._bearing import JournalBearing, film_unit, ring_contact, squeeze_of
 from ._parts import AbstractJournal
 from ._squeeze import Pair
 
@@ -57,18 +59,24 @@ class PlacedJournal(AbstractJournal):
         """
         e, c = self.position, self.bearing.radial_clearance
         turning = e[1] * force[0] - e[0] * force[1]  # e x F of the load on the journal
-        return shear_drag(self.bearing, e) * rate + 0.5 * c * turning
+        smooth, contact = shear_drag(self.bearing, e) * rate + 0.5 * c * turning, self._contact()
+        return smooth if contact is None else smooth + contact.torque(e, rate)
+
+    def _contact(self):
+        return ring_contact(self.bearing)
 
     def dissipation(
         self, force: Pair, rate: Float[Array, "*n"]
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-        """[W] Shear and squeeze at the same arguments."""
+        """[W] Shear with rubbing, and squeeze, at the same arguments."""
         unit, load = film_unit(self.bearing), jnp.stack([-force[0], -force[1]])
+        shear, contact = shear_drag(self.bearing, self.position) * rate**2, self._contact()
+        if contact is not None:
+            load = load - contact.push(self.position)
+            shear = shear + contact.torque(self.position, rate) * rate
         velocity = squeeze_of(self.bearing).mobility(self.position, load / unit)
         power = load[0] * velocity[0] + load[1] * velocity[1]
-        return shear_drag(self.bearing, self.position) * rate**2, (
-            self.bearing.radial_clearance * power
-        )
+        return shear, self.bearing.radial_clearance * power
 
     def loss_torque(self, force: Pair, rate, speed) -> Float[Array, "*n"]:
         """[N m] Dissipation over the speed of the crank [rad/s]."""

@@ -55,7 +55,7 @@ class AbstractSqueeze(eqx.Module):
         self, position: Pair, force: Pair
     ) -> tuple[Pair, tuple[Float[Array, "2 *n"], Float[Array, "2 *n"]]]:
         """The mobility with its slopes [1/s] along the two axes of the position."""
-        return _columns(lambda e: self.mobility(e, force), position)
+        return slopes_along(lambda e: self.mobility(e, force), position)
 
     @abstractmethod
     def impedance(self, position: Pair, velocity: Pair) -> Pair:
@@ -387,7 +387,7 @@ class _Mobility(eqx.Module):
         return _mobility_and_slopes(self.film, position, force)[2]
 
 
-def _columns(function, value):
+def slopes_along(function, value):
     """Slopes of a map of plane vectors along x and y, with its value."""
     one, none = jnp.ones_like(value[0]), jnp.zeros_like(value[0])
     image, linear = jax.linearize(function, value)

@@ -27,5 +27,7 @@ from ._loads import joint_loop as joint_loop
 from ._loads import magnitude as magnitude
 from ._loads import newton_step as newton_step
 from ._loads import shaft_loss as shaft_loss
+from ._mixed import MixedSlide as MixedSlide
+from ._mixed import MixedThrust as MixedThrust
 from ._slider_crank import SliderCrankFriction as SliderCrankFriction
 from ._slider_link import SliderLinkFriction as SliderLinkFriction

@@ -26,6 +26,9 @@ STANDARD_GRAVITY = 9.80665
 class AbstractSlide(Part):
     """Friction of a straight slide."""
 
+    # whether the force is that of a unit load times the load
+    proportional: ClassVar[bool] = True
+
     @abstractmethod
     def force(self, load: Float[Array, "*n"], speed: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """[N] for a normal load [N] >= 0 and a sliding speed [m/s]."""

@@ -118,6 +118,9 @@ class SliderCrankLoop(AbstractJointLoop):
         )
         if self.friction.wall is None:
             return side
+        laws = getattr(self.friction.wall, "laws", (self.friction.wall,))
+        if not all(law.proportional for law in laws):
+            return side
         rod = self.bodies.rod
         grip = self.friction.wall.force(jnp.sign(side), self.slide_speed)
         return side / jnp.maximum(1 - grip * rod.sin_tilt / rod.cos_tilt, 1e-3)

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.errors import BadInput
 from ..film import PlacedJournal
 from ..mechanism import (
     Contact,
@@ -56,7 +57,8 @@ class SliderLinkFriction(AbstractFriction):
         slider_moment: "paper" as printed, "balanced" with the couple between slider and link.
 
     Raises:
-        ValueError: another word for `slider_moment`.
+        ValueError: another word for `slider_moment`, or a law of `wall` or `link_slider` that is not
+            proportional to the load (`BadInput`).
     """
 
     kind: ClassVar[str] = "slider_link"
@@ -72,6 +74,10 @@ class SliderLinkFriction(AbstractFriction):
             raise ValueError(
                 f"`slider_moment` must be 'paper' or 'balanced', but is {self.slider_moment!r}."
             )
+        for name in ("wall", "link_slider"):
+            for law in getattr(getattr(self, name), "laws", (getattr(self, name),)):
+                if law is not None and not getattr(law, "proportional", True):
+                    raise BadInput(name, f'"{law.kind}"', "a law that is proportional to the load")
 
 
 class SliderLinkLoop(AbstractJointLoop):

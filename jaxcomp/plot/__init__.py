@@ -27,6 +27,7 @@ from ._bearings import journal_paths as journal_paths
 from ._bearings import loaded_film as loaded_film
 from ._bearings import loaded_journal_figures as loaded_journal_figures
 from ._bearings import loaded_path as loaded_path
+from ._bearings import stribeck as stribeck
 from ._crank import by_number_of_cylinders as by_number_of_cylinders
 from ._crank import crank_torques as crank_torques
 from ._crank import joint_forces as joint_forces

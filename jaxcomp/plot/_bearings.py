@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from .._core.display import shown
+from .._core.display import RPM, shown
 from ..compressor import Compressor
 from ..crank import JournalFilm, LoadedJournal, Orbit, journal_films
 from ..crankshaft import bearing_names
@@ -18,6 +18,7 @@ from ..film import (
     AbstractFilm,
     AbstractSolvedFilm,
     PressureField,
+    StribeckCurve,
     coefficients_per_load,
     film_ratio,
 )
@@ -212,6 +213,41 @@ def loaded_film(journal: LoadedJournal) -> Figure:
 
 
 # ---------------------------------------------------------------- one bearing under a steady load
+
+
+def stribeck(curve: StribeckCurve) -> Figure:
+    """Friction torque of film and contact over speed, and the thinnest film beside the roughness.
+
+    Args:
+        curve: of a bearing under a steady load.
+    """
+    load = shown("load", "N", np.asarray(curve.load))
+    title = f"Friction over speed at {float(curve.load) * load.factor:.4g} {load.unit}"
+    figure, (above, below) = style.stacked(2, (7.2, 6.2), title)
+    rpm, whole = np.asarray(curve.speed) * RPM, np.asarray(curve.friction_torque)
+    above.plot(rpm, whole, color=style.tint(0), label="whole")
+    contact = curve.bearing.contact
+    if contact is not None:
+        rubbing = np.asarray(curve.contact_torque)
+        above.plot(rpm, whole - rubbing, "--", color=style.tint(1), label="film")
+        seen = np.where(rubbing > 1e-3 * whole.min(), rubbing, np.nan)
+        above.plot(rpm, seen, ":", color=style.tint(2), label="contact")
+        least = float(curve.least_friction_speed) * RPM
+        if rpm[0] < least < rpm[-1]:
+            above.axvline(least, color="#AAAAAA", linewidth=0.8)
+            below.axvline(least, color="#AAAAAA", linewidth=0.8)
+            style.note(figure, f"Grey: least friction, at {least:.4g} rpm.")
+        rough = 1e6 * float(contact.roughness)
+        below.axhline(rough, color=style.INK, linewidth=0.9, linestyle=":", label="roughness")
+    below.plot(rpm, 1e6 * curve.minimum_film, color=style.tint(0), label="film")
+    above.set(yscale="log", ylabel="Friction torque, N m")
+    below.set(xscale="log", yscale="log", ylabel="Smallest film, µm", xlabel="Speed, rpm")
+    for ax in (above, below):
+        style.legend_above(ax)
+    for axis in (above.yaxis, below.yaxis, below.xaxis):
+        axis.set_major_formatter("{x:g}")
+    below.yaxis.set_minor_formatter(NullFormatter())
+    return figure
 
 
 def film_figures(

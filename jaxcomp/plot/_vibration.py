@@ -21,8 +21,8 @@ from ..vibration import (
     natural_frequencies,
     orbit_load,
     point_motion,
-    retuned,
     shaking_wrench,
+    with_scaled_frequencies,
 )
 from . import _style as style
 from ._fine import fine_turn
@@ -131,7 +131,7 @@ def _errors(compressor, orbit, suspension, points, factors):
     load = orbit_load(compressor, orbit, suspension, 1)
 
     def one(factor):
-        other = retuned(suspension, factor)
+        other = with_scaled_frequencies(suspension, factor)
         errors = jax.vmap(lambda point: free_body_error(other, load, point)[0])(points)
         return errors, jnp.max(natural_frequencies(other))
 

@@ -2,5 +2,5 @@
 
 from ._checks import Check as Check
 from ._checks import checks as checks
-from ._page import Made as Made
+from ._page import Provenance as Provenance
 from ._page import report as report

@@ -30,7 +30,7 @@ _DPI = 130
 _DIGIT = "\u2007"  # room as wide as a digit
 
 
-class Made(NamedTuple):
+class Provenance(NamedTuple):
     """How a report came about.
 
     Attributes:
@@ -44,7 +44,7 @@ class Made(NamedTuple):
     at: str
 
     @classmethod
-    def now(cls, command: str) -> "Made":
+    def now(cls, command: str) -> "Provenance":
         """With the libraries of this process, at this moment."""
         versions = {name: version(name) for name in ("jaxcomp", "jax", "jaxlib", "numpy")}
         versions["Python"] = platform.python_version()
@@ -56,7 +56,7 @@ def report(
     tables: Iterable[Any],
     pictures: Mapping[str, Figure | bytes],
     scene: Scene | None,
-    made: Made,
+    made: Provenance,
 ) -> str:
     """A report as one HTML document that loads nothing else.
 

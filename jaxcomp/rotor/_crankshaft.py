@@ -140,7 +140,8 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
                 steps[b].append((a, -length[number]))
     if not any(steps.values()):
         raise BadInput("pin", origin, "a node of the shaft")
-    found, waiting = {origin: np.zeros(())}, [origin]
+    found: dict[Node, Any] = {origin: np.zeros(())}
+    waiting = [origin]
     while waiting:
         here = waiting.pop(0)
         for there, step in steps[here]:

@@ -20,7 +20,7 @@ from ._coupling import running_rotor as running_rotor
 from ._coupling import with_films_linearised as with_films_linearised
 from ._coupling import without as without
 from ._machine import damped_modes as damped_modes
-from ._machine import loaded_orders as loaded_orders
+from ._machine import excited_orders as excited_orders
 from ._machine import own_speeds as own_speeds
 from ._machine import respond as respond
 from ._machine import rotor_at as rotor_at
@@ -31,9 +31,9 @@ from ._suspension import block_points as block_points
 from ._suspension import damping_matrix as damping_matrix
 from ._suspension import mass_matrix as mass_matrix
 from ._suspension import natural_frequencies as natural_frequencies
-from ._suspension import retuned as retuned
 from ._suspension import stiffness_matrix as stiffness_matrix
 from ._suspension import viscous_damping as viscous_damping
+from ._suspension import with_scaled_frequencies as with_scaled_frequencies
 from ._wrench import Wrench as Wrench
 from ._wrench import shaking_wrench as shaking_wrench
 from ._wrench import wrench_about as wrench_about

@@ -36,7 +36,7 @@ def rotor_at(machine: Any, spin_speeds=()) -> RotorModel | System:
     return loaded_rotor(made, speeds) if speeds.size else made.rotor
 
 
-def loaded_orders(loads: Loads) -> tuple[int, ...]:
+def excited_orders(loads: Loads) -> tuple[int, ...]:
     """Orders of the spin speed that loads have, the first among them, without the mean."""
     found = {n for load in loads if isinstance(load, PeriodicForce) for n in load.orders}
     return tuple(sorted({1} | found - {0}))
@@ -77,7 +77,9 @@ def respond(
         if loads is None or spin_speeds is None:
             missing = "loads" if loads is None else "spin_speeds"
             raise BadInput(missing, "absent", "given, beside a rotor model")
-        return rotor.respond(machine, loads, spin_speeds, orders or loaded_orders(loads), **options)
+        return rotor.respond(
+            machine, loads, spin_speeds, orders or excited_orders(loads), **options
+        )
     made = _with_rotor(machine)
     assert made.rotor is not None
     if spin_speeds is None:
@@ -92,7 +94,7 @@ def respond(
     if not loads:
         raise BadInput("loads", "absent", "given: nothing excites this rotor")
     model = loaded_rotor(made, speeds)
-    return rotor.respond(model, loads, speeds, orders or loaded_orders(loads), **options)
+    return rotor.respond(model, loads, speeds, orders or excited_orders(loads), **options)
 
 
 def _shaken_by_crank(made: Assembly, speeds, orders, options) -> Response:

@@ -113,7 +113,7 @@ def viscous_damping(
     return 2 * damping_ratio * jnp.sqrt(stiffness * carried_mass)
 
 
-def retuned(suspension: Suspension, factor: Float[Array, ""]) -> Suspension:
+def with_scaled_frequencies(suspension: Suspension, factor: Float[Array, ""]) -> Suspension:
     """The suspension with all natural frequencies times a factor, at the same damping ratios.
 
     Args:

@@ -36,6 +36,7 @@ SINGLE = {
     "default": Collocation(),
 }
 BATCH = {
+    "4 nodes": Collocation(nodes=4, reversals=0, tolerance=1e-3, estimate=False),
     "5 nodes": Collocation(nodes=5, reversals=0, tolerance=1e-3, estimate=False),
     "8 nodes": Collocation(nodes=8, reversals=0, tolerance=1e-4, estimate=False),
     "11 nodes": Collocation(nodes=11, reversals=0, tolerance=1e-4, estimate=False),

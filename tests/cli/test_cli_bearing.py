@@ -7,8 +7,9 @@ import pytest
 from helpers import read_json
 from typer.testing import CliRunner
 
+from jaxcomp import JournalBearing
 from jaxcomp.cli import app
-from jaxcomp.film import iso_vg_viscosity, reference_solution
+from jaxcomp.film import AsperityContact, friction_moment, iso_vg_viscosity, reference_solution
 
 GIVEN = {
     "length": "20 mm",
@@ -190,3 +191,52 @@ def test_help_has_an_example():
     result = CliRunner().invoke(app, ["bearing", "--help"])
     assert result.exit_code == 0
     assert "Example: jaxcomp bearing --length 20mm" in result.stdout
+
+
+# ---------------------------------------------------------------- rough surfaces, over the speed
+ROUGH = ("--roughness", "0.5 um", "--boundary-friction", "0.1")
+
+
+def test_a_contact_carries_and_rubs():
+    smooth, rough = found(speed="100rpm"), found(*ROUGH, speed="100rpm")
+    assert smooth["contact_load"] is smooth["contact_torque"] is None
+    assert rough["minimum_film"] > smooth["minimum_film"]
+    assert 0 < rough["contact_torque"] < rough["friction_torque"]
+    assert rough["contact_roughness"] == 0.5e-6
+    assert rough["contact_modulus"] == 115e9
+    bearing = JournalBearing(0.04, 0.02, 30e-6, 5e-3, contact=AsperityContact(0.5e-6, 0.1))
+    torque = float(friction_moment(bearing, 500.0, 100 * math.pi / 30, rest_speed=0.0))
+    assert rough["friction_torque"] == pytest.approx(torque, rel=1e-9)
+
+
+def test_the_curve_of_stribeck_is_printed_drawn_and_written(tmp_path):
+    over = ("--over", "speed=log:20rpm:3000rpm:40")
+    numbers = found(*ROUGH, *over, "--out", str(tmp_path), speed=None)
+    assert len(numbers["speed"]) == 40
+    least = numbers["least_friction_speed"]
+    assert numbers["speed"][0] < least < numbers["speed"][-1]
+    assert (tmp_path / "stribeck.png").stat().st_size > 10_000
+    rows = np.genfromtxt(tmp_path / "stribeck.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(rows["friction_torque_N_m"], numbers["friction_torque"], rtol=1e-12)
+    printed = run(*ROUGH, *over, speed=None)
+    assert printed.exit_code == 0, printed.output
+    assert f"Least friction at {least * 30 / math.pi:.4g} rpm" in printed.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "changes", "words"),
+    [
+        (("--over", "speed=20rpm:3000rpm:4"), {}, "--speed: cannot be combined with --over"),
+        ((), {"speed": None}, "Missing option '--speed'"),
+        (("--over", "load=1N:2N:3"), {"speed": None}, "form speed=FROM:TO:COUNT"),
+        (("--over", "speed=0rpm:300rpm:3"), {"speed": None}, "must be > 0"),
+        (("--roughness", "0.5 um"), {}, "Missing option '--boundary-friction'"),
+        (("--modulus", "60 GPa"), {}, "Missing option '--roughness'"),
+        (("--roughness", "5 um", "--boundary-friction", "0.1"), {}, "12 times the roughness"),
+        ((*ROUGH, "--model", "petroff"), {}, "beside a contact"),
+    ],
+)
+def test_what_the_options_of_a_contact_refuse(arguments, changes, words):
+    result = run(*arguments, **changes)
+    assert result.exit_code != 0
+    assert words in " ".join(result.output.split())

@@ -206,7 +206,7 @@ def test_a_real_interrupt_at_any_time(tmp_path, after):
 
 def test_a_full_disk_leaves_no_cut_report(tmp_path):
     figure = plt.figure(figsize=(1, 1))
-    result = {"machine": "m", "number": 1.0}
+    result = {"machine": "m", "number": "one"}
     write_results(tmp_path, {"one": figure}, result)
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
     assert set(before) == {"one.png", "interactive.html", "result.json", "report.html"}

@@ -99,6 +99,10 @@ def test_a_quantity_keeps_its_own_unit_where_a_key_elsewhere_means_something_els
     found = with_units(load, "accuracy")
     assert found["measured_on"] == {"load": 1.5, "cores": 2}  # of the computer, no force
     assert found["rows"] == [{"error": 1e-3, "seconds [s]": 0.1}]
+    errors = with_units(
+        {"fit_error": {"power": 0.1}, "values": {"power": [[1.0]], "cop": []}}, "map"
+    )
+    assert errors == {"fit_error": {"power": 0.1}, "values": {"power [W]": [[1.0]], "cop": []}}
     given = {"vibration_unit": "m/s", "correction_unit": "kg", "rows": [{"before": 1.0}]}
     assert with_units(given, "balance")["rows"] == [{"before [m/s]": 1.0}]
 

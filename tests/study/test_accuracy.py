@@ -639,12 +639,12 @@ ALLOWED = {
     "thin_film_share": COUNTED,
     "shaking": HARMONICS,
 }
-# Quantities that the solver may have no part in: no film is thin at any node, one cylinder in the plane
-# of z = 0 shakes with no couple, and the highest and lowest torque of the load of a machine at a given
-# speed lie where both methods end their panels.
+# Quantities that the solver may have no part in: no film is thin at any node, no surfaces touch, one
+# cylinder in the plane of z = 0 shakes with no couple, and the highest and lowest torque of the load of a
+# machine at a given speed lie where both methods end their panels.
 SOLVED_BY_NOTHING = (
     "swept_volume", "mean_speed", "gas_power", "thin_film_share", "shaking_couple",
-    "torque_fluctuation",
+    "torque_fluctuation", "contact_loss",
 )  # fmt: skip
 
 

@@ -42,11 +42,11 @@ from jaxcomp.vibration import (
     mass_matrix,
     natural_frequencies,
     point_motion,
-    retuned,
     shaking_wrench,
     stiffness_matrix,
     time_response,
     viscous_damping,
+    with_scaled_frequencies,
     wrench_about,
 )
 
@@ -524,7 +524,7 @@ def test_refuses_a_wrong_suspension(path, value, message):
 
 
 def test_retuned_suspension_keeps_its_damping_ratios():
-    s, other = suspension(), retuned(suspension(), 0.3)
+    s, other = suspension(), with_scaled_frequencies(suspension(), 0.3)
     np.testing.assert_allclose(natural_frequencies(other), 0.3 * natural_frequencies(s), rtol=1e-12)
     np.testing.assert_allclose(damping_matrix(other), 0.3 * damping_matrix(s), rtol=1e-12)
 

@@ -10,11 +10,13 @@ from rich.table import Table
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
-from jaxcomp.report import Made, checks, report
+from jaxcomp.report import Provenance, checks, report
 from jaxcomp.report._page import numbers_html, picture_html, rich_html, tables_html
 from jaxcomp.scene import describe, loads, start
 
-MADE = Made("jaxcomp run m.toml --set 'a b=<1>'", {"jaxcomp": "1", "jax": "2"}, "2000-01-01 00:00")
+MADE = Provenance(
+    "jaxcomp run m.toml --set 'a b=<1>'", {"jaxcomp": "1", "jax": "2"}, "2000-01-01 00:00"
+)
 VOID = {"meta", "img", "wbr", "br", "hr", "link", "input"}
 
 

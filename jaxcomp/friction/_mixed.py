@@ -1,0 +1,263 @@
+r"""Slides and thrust rings on a film that a taper builds, and on their asperities where it is thin.
+
+A pad of the length B along the motion and the width L across it stands over its runner at
+$h = h_0 + \delta x/B$. At the speed v, with $k = \delta/h_0$, its film carries and shears
+
+$$W_f = \frac{6\eta v L B^2}{\delta^2}\Big(\ln(1+k) - \frac{2k}{2+k}\Big)\,s , \quad
+  F_f = \frac{\eta v L B}{\delta}\ln(1+k) + \frac{\delta}{2B} W_f$$
+
+(Reynolds 1886 for the infinitely wide pad). The flow to the sides takes the share
+$s = 1 - \frac{2B}{\pi L}\tanh\frac{\pi L}{2B}$ of that, the first harmonic along the pad (our derivation;
+0.42 and 0.68 at L = B and 2 B, of which solutions in books have 0.44 and 0.69). The contact adds
+$W_c = L B K E^* \frac{2\sigma}{7\delta}(F_{7/2}(h_0/\sigma) - F_{7/2}((h_0+\delta)/\sigma))$ of
+Greenwood and Tripp, and rubs with $\mu_b W_c$. The thickness $h_0$ is that at which both carry the load.
+"""
+
+import functools
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from .._core.errors import BadInput
+from .._core.fields import NONNEGATIVE, POSITIVE, quantity
+from .._core.roots import AbstractRoot, root
+from ..film import AsperityContact, check_oil
+from ._laws import AbstractDrag, AbstractSlide
+
+# [-] Thickness over roughness, up to which surfaces touch, and the least one.
+_APART, _LEAST = 8.0, 1e-3
+_HALVINGS, _STEPS = 14, 5
+# [m/s] and below this speed no film is built: the friction passes through rest with a finite slope.
+_REST = 1e-6
+
+
+class PadForces(NamedTuple):
+    """What pads carry and lose.
+
+    Attributes:
+        film: [N] drag of the oil, against the motion.
+        contact: [N] that of the asperities.
+        thickness: [m] smallest, h_0.
+    """
+
+    film: Float[Array, "*n"]
+    contact: Float[Array, "*n"]
+    thickness: Float[Array, "*n"]
+
+
+@functools.cache
+def _excess_series() -> np.ndarray:
+    """ln F_{7/2} of Greenwood and Tripp as a polynomial in u/4 - 1, on 0 <= u <= 8, to 1e-9."""
+    u = 4 * (1 + np.cos(np.pi * (np.arange(64) + 0.5) / 64))
+    r = 0.1 * np.arange(1, 31)  # the trapezoidal rule of `film._contact`, for 7/2
+    weight = 0.2 * r**8 / np.sqrt(2 * np.pi)
+    values = np.log(np.sum(weight * np.exp(-0.5 * (u[:, None] + r**2) ** 2), axis=1))
+    series = np.polynomial.chebyshev.chebfit(u / 4 - 1, values, 14)
+    return np.polynomial.chebyshev.cheb2poly(series)
+
+
+def _excess(u):
+    """F_{7/2}, zero for surfaces that are apart."""
+    touches = u < _APART
+    x, log = jnp.where(touches, u, _APART) / 4 - 1, 0.0
+    for coefficient in _excess_series()[::-1]:
+        log = log * x + coefficient
+    return jnp.where(touches, jnp.exp(log), 0.0)
+
+
+class _Pads(eqx.Module):
+    """Pads of one size over their runner, at a speed."""
+
+    count: float
+    length: Float[Array, ""]
+    width: Float[Array, ""]
+    taper: Float[Array, ""]
+    clearance: Float[Array, ""]
+    viscosity: Float[Array, ""]
+    contact: AsperityContact
+    speed: Float[Array, "*n"]
+
+    def shares(self, thickness):
+        """[N] Loads of film and contact at a smallest thickness [m]."""
+        k, sigma = self.taper / thickness, self.contact.roughness
+        slender = 0.5 * jnp.pi * self.width / self.length
+        sides = 1 - jnp.tanh(slender) / slender
+        area = self.count * self.length * self.width
+        unit = 6 * self.viscosity * self.speed * area * self.length / self.taper**2
+        # ln(1 + k) - 2 k/(2 + k) by its series where the two all but cancel
+        few = k < 0.02
+        series = k**3 / 12 * (1 - 1.5 * k + 1.8375 * k**2)
+        safe = jnp.where(few, 1.0, k)
+        film = jnp.where(few, series, jnp.log1p(safe) - 2 * safe / (2 + safe))
+        stiffness = (
+            self.contact.elastic_factor * self.contact.modulus * 2 * sigma / (7 * self.taper)
+        )
+        touch = _excess(thickness / sigma) - _excess((thickness + self.taper) / sigma)
+        return unit * sides * film, area * stiffness * touch
+
+    def forces(self, load) -> PadForces:
+        floating, _ = self.shares(self.clearance)
+        # pads that no load presses float as far off as their clearance lets them
+        pressed = jnp.sqrt(load**2 + floating**2 + 1e-24)
+        thickness = jnp.exp(root(_Thickness(self, pressed)))
+        film, touch = self.shares(thickness)
+        area = self.count * self.length * self.width
+        shear = self.viscosity * self.speed * area / self.taper * jnp.log1p(self.taper / thickness)
+        drag = shear + 0.5 * self.taper / self.length * film
+        return PadForces(drag, self.contact.coefficient * touch, thickness)
+
+
+class _Thickness(AbstractRoot):
+    """ln h_0 at which film and contact carry a load: both fall with it."""
+
+    pads: _Pads
+    load: Float[Array, "*n"]
+
+    def rest(self, unknowns):
+        return jnp.log(sum(self.pads.shares(jnp.exp(unknowns)))) - jnp.log(self.load)
+
+    def solve(self):
+        sigma = self.pads.contact.roughness
+        low = jnp.log(_LEAST * sigma) + 0 * self.load
+        high = jnp.log(self.pads.clearance) + 0 * self.load
+
+        def halve(_, ends):
+            low, high = ends
+            middle = 0.5 * (low + high)
+            thin = self.rest(middle) > 0
+            return jnp.where(thin, middle, low), jnp.where(thin, high, middle)
+
+        def improve(_, z):
+            rest, slope = jax.jvp(self.rest, (z,), (jnp.ones_like(z),))
+            return jnp.clip(z - rest / slope, low, high)
+
+        near = lax.fori_loop(0, _HALVINGS, halve, (low, high))
+        return lax.fori_loop(0, _STEPS, improve, 0.5 * (near[0] + near[1]))
+
+
+def _slow(speed):
+    """[m/s] Size of a speed, above zero."""
+    return jnp.sqrt(speed**2 + _REST**2)
+
+
+class MixedSlide(AbstractSlide):
+    """A slide on a film that its taper builds, and on its asperities: a piston or crosshead.
+
+    Its face is one flat pad; a piston in its bore bears on about its diameter. Squeeze is left out, so
+    that the film is that of a steady load at every instant; oil is everywhere.
+
+    Args:
+        contact: of the rough surfaces.
+        length: [m] B along the motion.
+        width: [m] L across it.
+        taper: [m] delta, by which the leading edge stands off further than the trailing one: the
+            crowning of a skirt, in both directions of motion.
+        radial_clearance: [m] the most that the slide floats off.
+        dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
+        oil: name of an oil of the machine, which gives the viscosity.
+
+    Raises:
+        BadInput: neither or both of `dynamic_viscosity` and `oil`.
+    """
+
+    kind: ClassVar[str] = "mixed"
+    proportional: ClassVar[bool] = False
+
+    contact: AsperityContact
+    length: Float[Array, ""] = quantity("m", POSITIVE, doc="along the motion", usual=(1e-3, 0.5))
+    width: Float[Array, ""] = quantity("m", POSITIVE, doc="across the motion", usual=(1e-3, 0.5))
+    taper: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="by which the leading edge stands off further", usual=(1e-7, 1e-4)
+    )
+    radial_clearance: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="the most that the slide floats off", usual=(1e-6, 1e-3)
+    )
+    dynamic_viscosity: Float[Array, ""] | None = quantity(
+        "Pa s",
+        POSITIVE,
+        default=None,
+        doc="of the oil; absent where oil names it",
+        usual=(1e-4, 2.0),
+    )
+    oil: str | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self):
+        check_oil(self)
+
+    def parts(self, load, speed) -> PadForces:
+        """Drag of film and contact, and the thickness, at a load [N] and a sliding speed [m/s]."""
+        return _Pads(
+            1.0, self.length, self.width, self.taper, self.radial_clearance,
+            self.dynamic_viscosity, self.contact, _slow(speed),
+        ).forces(load)  # fmt: skip
+
+    def force(self, load, speed):
+        parts = self.parts(load, speed)
+        return (parts.film + parts.contact) * speed / _slow(speed)
+
+
+class MixedThrust(AbstractDrag):
+    """A flat ring of tapered pads under the weight of the shaft, on its film and its asperities.
+
+    Args:
+        contact: of the rough surfaces.
+        outer_radius: [m] of the ring.
+        inner_radius: [m] of the ring.
+        taper: [m] delta, of every pad.
+        axial_clearance: [m] the most that the shaft floats off.
+        dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
+        oil: name of an oil of the machine, which gives the viscosity.
+        pads: number of pads round the ring.
+
+    Raises:
+        BadInput: neither or both of `dynamic_viscosity` and `oil`, no pad, or no ring.
+    """
+
+    kind: ClassVar[str] = "mixed_thrust"
+
+    contact: AsperityContact
+    outer_radius: Float[Array, ""] = quantity("m", POSITIVE, usual=(2e-3, 0.5))
+    inner_radius: Float[Array, ""] = quantity("m", NONNEGATIVE)
+    taper: Float[Array, ""] = quantity("m", POSITIVE, doc="of every pad", usual=(1e-7, 1e-4))
+    axial_clearance: Float[Array, ""] = quantity(
+        "m", POSITIVE, doc="the most that the shaft floats off", usual=(1e-6, 2e-3)
+    )
+    dynamic_viscosity: Float[Array, ""] | None = quantity(
+        "Pa s",
+        POSITIVE,
+        default=None,
+        doc="of the oil; absent where oil names it",
+        usual=(1e-4, 2.0),
+    )
+    oil: str | None = eqx.field(static=True, default=None)
+    pads: int = eqx.field(static=True, default=6)
+
+    def __check_init__(self):
+        check_oil(self)
+        if self.pads < 1:
+            raise BadInput("pads", self.pads, ">= 1")
+
+    def conditions(self):
+        return {"a ring with inner_radius < outer_radius": self.inner_radius < self.outer_radius}
+
+    @property
+    def mean_radius(self) -> Float[Array, ""]:
+        """[m] Where the pads slide."""
+        return 0.5 * (self.outer_radius + self.inner_radius)
+
+    def parts(self, weight, rate) -> PadForces:
+        """Drag of film and contact, and the thickness, under a weight [N] at a rate [rad/s]."""
+        radius, width = self.mean_radius, self.outer_radius - self.inner_radius
+        return _Pads(
+            float(self.pads), 2 * jnp.pi * radius / self.pads, width, self.taper,
+            self.axial_clearance, self.dynamic_viscosity, self.contact, _slow(rate * radius),
+        ).forces(weight + 0 * rate)  # fmt: skip
+
+    def moment(self, rate, weight):
+        parts, speed = self.parts(weight, rate), rate * self.mean_radius
+        return self.mean_radius * (parts.film + parts.contact) * speed / _slow(speed)

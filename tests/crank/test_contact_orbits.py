@@ -1,0 +1,153 @@
+"""Journals that touch their bushes along their orbits: a march by SciPy, energy, slopes, the crank."""
+
+import dataclasses as dc
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxcomp import JournalBearing, Status, load, solve_orbit
+from jaxcomp.crank import Collocation, journal_films, journal_orbit
+from jaxcomp.film import AsperityContact, film_unit, shear_drag, squeeze_of
+from jaxcomp.scene import with_value
+
+SPEED = 300.0
+SHARES = 1.0, 0.3  # rates of journal and bush over the speed
+ROUGH = AsperityContact(0.5e-6, 0.08, 60e9)
+BEARING = JournalBearing(0.04, 0.02, 30e-6, 1e-4, "short", contact=ROUGH)
+
+
+def pulsing(angle):
+    """[N] A steady load with one pulse in a turn."""
+    pulse = 2500 * jnp.exp(-4 * (1 - jnp.cos(angle - 2.0)))
+    return jnp.stack([600 * jnp.cos(angle) + pulse, 300 + 400 * jnp.sin(angle) - 0.5 * pulse])
+
+
+# Panels of half the usual width: the journal crosses its clearance within a few degrees.
+HALVES = np.append(0.0, 2 * np.pi * (np.arange(48) + 0.5) / 48)
+
+
+def orbit_of(bearing):
+    rates = {"journal": SHARES[0], "bush": SHARES[1]}
+    return journal_orbit(bearing, pulsing, SPEED, edges=jnp.asarray(HALVES), **rates)
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    found = orbit_of(BEARING)
+    assert found.status == Status.converged
+    return found
+
+
+def push(e):
+    """[N] Force of the contact by the trapezoidal rule round the ring, not by its series."""
+    theta = jnp.linspace(-np.pi, np.pi, 1500, endpoint=False)
+    n = jnp.stack([jnp.cos(theta), jnp.sin(theta)])
+    pressure = ROUGH.pressure(30e-6 * (1 - e @ n))
+    return 0.02 * 0.02 * (2 * np.pi / theta.size) * (n @ pressure)
+
+
+def test_an_orbit_in_contact_is_that_of_a_march_by_scipy(orbit):
+    """Radau from the place of the first node; the contact by quadrature of its pressure."""
+    film, unit = squeeze_of(BEARING), float(film_unit(BEARING)) * SPEED
+
+    @jax.jit
+    def rate(angle, e):
+        force = (pulsing(angle) - push(e)) / unit
+        v = film.mobility(e[:, None], force[:, None])[:, 0]
+        return v + 0.5 * sum(SHARES) * jnp.stack([-e[1], e[0]])
+
+    slopes, first = jax.jit(jax.jacfwd(rate, argnums=1)), float(orbit.angle[0])
+    nodes = np.asarray(orbit.angle)[:: orbit.angle.size // 24]
+    found = solve_ivp(
+        rate, (first, first + 2 * np.pi), np.asarray(orbit.film.position)[:, 0], method="Radau",
+        jac=lambda t, e: np.asarray(slopes(t, e)), t_eval=[*nodes, first + 2 * np.pi],
+        rtol=1e-8, atol=1e-10,
+    )  # fmt: skip
+    # 1e-4 where the journal crosses the clearance, on 48 panels; the series of the ring leaves 1e-6
+    np.testing.assert_allclose(found.y[:, -1], found.y[:, 0], atol=1e-5)
+    there = np.asarray(orbit.film.position)[:, :: orbit.angle.size // 24]
+    np.testing.assert_allclose(found.y[:, :-1], there, atol=1e-5)
+    share = orbit.film.contact_load / np.hypot(*orbit.film.load)
+    assert 0.2 < share.max() < 0.9
+    assert share.min() == 0
+
+
+def test_the_losses_are_the_work_of_moments_and_load(orbit):
+    """Mean of M_j w_j + M_b w_b + c F.de/dt; the push of the contact works nothing over the turn."""
+    film, unit, gap = orbit.film, film_unit(BEARING), 30e-6
+    e, load_ = film.position, film.load
+    journal, bush = (share * SPEED for share in SHARES)
+    touch = jax.vmap(push, in_axes=1, out_axes=1)(e)
+    velocity = squeeze_of(BEARING).mobility(e, (load_ - touch) / unit)
+    moved = velocity + 0.5 * (journal + bush) * jnp.stack([-e[1], e[0]])
+    turning = e[0] * load_[1] - e[1] * load_[0]
+    rubbing = film.contact_loss / (journal - bush)
+    shear = shear_drag(BEARING, e) * (journal - bush) + rubbing
+    work = journal * (shear - 0.5 * gap * turning) + bush * (-shear - 0.5 * gap * turning)
+    work += gap * jnp.sum(load_ * moved, axis=0)
+    mean = jnp.sum(film.duration * work) / jnp.sum(film.duration)
+    parts = film.mean_shear_loss, film.mean_squeeze_loss, film.mean_contact_loss
+    # the push works 1e-5 of the loss on the panels of this mesh
+    assert float(mean) == pytest.approx(float(sum(parts)), rel=1e-4)
+    assert all(float(part) > 0.02 * float(sum(parts)) for part in parts), parts
+    assert np.min(film.contact_loss) >= 0
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_derivatives_of_an_orbit_through_touching():
+    """Of least film and losses over roughness, boundary coefficient and viscosity, in both modes."""
+
+    def value(p):
+        rough = AsperityContact(p[0], p[1], 60e9)
+        film = orbit_of(dc.replace(BEARING, contact=rough, dynamic_viscosity=p[2])).film
+        return 1e6 * film.minimum_film + film.mean_contact_loss + film.mean_squeeze_loss
+
+    at = jnp.array([0.5e-6, 0.08, 1e-4])
+    _, slopes = jax.jit(jax.value_and_grad(value))(at)
+    along = jax.jit(lambda way: jax.jvp(value, (at,), (way,)))
+    for column, size in enumerate(np.asarray(at)):
+        way = np.zeros(3)
+        way[column] = size
+        base, forward = along(way)
+        assert float(forward) == pytest.approx(float(slopes[column] * size), rel=1e-6)
+        step = np.zeros(3)
+        step[column] = 1e-4 * size
+        fall, rise = (float(jax.jit(value)(at + s)) for s in (-step, step))
+        # the square of a step of 1e-4, and 1e-10 of the value over it
+        assert float(forward) == pytest.approx(
+            (rise - fall) / 2e-4, rel=1e-4, abs=1e-5 * float(base)
+        )
+
+
+def test_out_of_touch_the_orbit_is_that_of_smooth_surfaces():
+    oil = dc.replace(BEARING, dynamic_viscosity=jnp.asarray(2e-2))
+    smooth, rough = (orbit_of(one) for one in (dc.replace(oil, contact=None), oil))
+    assert float(smooth.film.minimum_film) > 8 * 0.5e-6
+    # two programs of the same numbers: their rounding differs
+    np.testing.assert_allclose(rough.film.position, smooth.film.position, atol=1e-12)
+    assert float(rough.film.mean_contact_loss) == 0
+    assert int(rough.iterations) == int(smooth.iterations)
+
+
+PIN = {"type": "film", "film": "short", "diameter": "90 mm", "length": "45 mm",
+       "radial_clearance": "45 um", "dynamic_viscosity": "0.2 mPa s",
+       "contact": {"roughness": "0.6 um", "coefficient": 0.08}}  # fmt: skip
+
+
+@pytest.mark.parametrize("motion", [pytest.param("steady", marks=pytest.mark.slow), "orbit"])
+def test_the_crank_pays_for_film_and_contact(motion):
+    """Its energy closes, and the loss of the pin is that of film and contact together."""
+    scene = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN | {"motion": motion})
+    machine = scene.as_compressor()
+    orbit = solve_orbit(machine, Collocation(8, reversals=0, tolerance=1e-9), throw=False)
+    assert orbit.status == Status.converged
+    film = journal_films(machine, orbit)["crank_pin"]
+    parts = film.mean_shear_loss, film.mean_squeeze_loss, film.mean_contact_loss
+    power = orbit.energy.losses["crank_pin"] * orbit.mean_speed / (2 * np.pi)
+    # means in time and over the angle, by the same nodes
+    assert float(power) == pytest.approx(float(sum(parts)), rel=1e-9)
+    assert float(film.mean_contact_loss) > 0.01 * float(power)
+    assert abs(float(orbit.energy.residual)) < 1e-9
