@@ -378,7 +378,7 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         for displaced, inward in compressor.gas.valve_events(area * (highest - lowest)):
             angles.append(mechanism.angle_at(highest - displaced / area, inward))
         angles += compressor.gas.event_angles()
-    phase = compressor.crankshaft.phase
+    phase = compressor.crankshaft.distinct_phase
     first = jnp.ravel(top)[0] - phase[0]
     own = jnp.stack([jnp.broadcast_to(angle, phase.shape) for angle in (*angles, top)], axis=1)
     rest = (own - phase[:, None]).ravel()

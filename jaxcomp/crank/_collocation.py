@@ -40,9 +40,14 @@ from ._reversals import OrbitProblem
 # [-] Change of the duration of a revolution with twice the nodes beyond which it counts as not
 # resolved. Ordinary ones stay below 1e-5 with 8 nodes on a panel, and below 1e-4 with 5.
 _PERIOD_ERROR = 1e-3
-# Panels by default with several cylinders. Of 32 machines with all numbers scattered by 5 %, the errors
-# in efficiency are 5e-7, 5e-7 and 1e-6 in the middle for 2, 4 and 8 cylinders and 9e-6 at most; with 24
-# panels of 12 nodes, which cost as much, 4e-7, 2e-6 and 2e-6, with 24 of 8 nodes 1e-6, 5e-6 and 4e-6.
+# Nodes on every panel and grading by default, by the number of cylinders up to those of all larger ones.
+_OF_SEVERAL = {2: (8, 1), 3: (7, 1), 4: (6, 1), 5: (6, 0), 6: (6, 0), 7: (5, 0)}
+# Tolerance by default with several cylinders: a change of 1e-10 leaves an error of 1e-12.
+_SEVERAL = 1e-10
+# Panels of several cylinders whose load reversals are not located. Of 32 machines with all numbers
+# scattered by 5 %, the errors in efficiency are 5e-7, 5e-7 and 1e-6 in the middle for 2, 4 and 8
+# cylinders and 9e-6 at most; with 24 panels of 12 nodes, which cost as much, 4e-7, 2e-6 and 2e-6, with
+# 24 of 8 nodes 1e-6, 5e-6 and 4e-6.
 _PANELS = 36
 # [-] Width over that of another panel below which two edges count as one.
 _COINCIDING = 0.02
@@ -71,7 +76,10 @@ class Collocation(eqx.Module):
             distance from the edge. Between fewer kinks the widest panels are halved. `None`: every
             kink is an edge, and there are no others but where journals move, whose thin films need 24.
         estimate: whether everything is evaluated at twice the nodes as well, which tells `loss_error`;
-            without, that is NaN, and an orbit of several cylinders takes half the time.
+            without, that is NaN, and an orbit of several cylinders takes three quarters of the time.
+        follow: whether the load reversals follow the motion in the last iterations; else they stay
+            where a motion good to 1e-8 has them, and no panels are cut anew. Derivatives follow them
+            in any case.
         cycle: how the cycle of a gas with valves is solved.
     """
 
@@ -82,6 +90,7 @@ class Collocation(eqx.Module):
     max_iterations: int = eqx.field(static=True, default=120)
     panel_count: int | None = eqx.field(static=True, default=None)
     estimate: bool = eqx.field(static=True, default=True)
+    follow: bool = eqx.field(static=True, default=True)
     cycle: CycleOptions = eqx.field(default_factory=default_cycle)
 
     name: ClassVar[str] = "collocation"
@@ -95,6 +104,7 @@ class Collocation(eqx.Module):
             loop_kinks(compressor),
             self.tolerance,
             self.max_iterations,
+            self.follow,
         )
 
     def solve(self, compressor: Compressor) -> Orbit:
@@ -116,15 +126,22 @@ class Collocation(eqx.Module):
 def default_collocation(compressor: Compressor) -> Collocation:
     """What `solve_orbit` takes if it is given no solver.
 
-    Of a single cylinder the load reversals in mid-stroke are located. Of several every one would be an
-    edge for all cylinders, and the cost would go with the square of their number. A fixed number of
-    panels without them leaves an error of 1e-6 in efficiency, rarely 1e-5, and of 1e-3 of the largest
-    in its relative derivatives. With valves all events of the cycles stay edges.
+    The load reversals in mid-stroke are located. Of several cylinders every one is an edge for all, so
+    that more cylinders have narrower panels, which need fewer nodes and no grading; and places that
+    follow the motion in every iteration would cut them all anew. Where journals move, or the gas has
+    valves, whose events are edges, those of several cylinders are not located: that leaves an error of
+    1e-6 in efficiency, rarely 1e-5, and of 1e-3 of the largest in its relative derivatives.
     """
-    if compressor.crankshaft.count == 1:
+    count = compressor.crankshaft.count
+    if count == 1:
         return Collocation(reversals=compressor.load_reversals)
-    valves = isinstance(compressor.gas, Cylinder)
-    return Collocation(reversals=0, panel_count=None if valves else _PANELS)
+    if isinstance(compressor.gas, Cylinder):
+        return Collocation(reversals=0)
+    if moving(compressor) or compressor.frictionless:
+        return Collocation(reversals=0, panel_count=_PANELS)
+    nodes, grading = _OF_SEVERAL[min(count, max(_OF_SEVERAL))]
+    reversals = compressor.load_reversals
+    return Collocation(nodes, reversals, grading, tolerance=_SEVERAL, follow=False)
 
 
 def _of_count(kinks: Float[Array, " k"], count: int) -> Float[Array, " count"]:

@@ -241,7 +241,7 @@ def improve(
 ) -> tuple[Motion, Float[Array, "q p s"], Float[Array, " k"]]:
     """One iteration: better unknowns, with the quantities that mark reversals at nodes and places.
 
-    `cut` is the `revolution` at the places of the motion, where the caller has it already.
+    `cut` is the `revolution` at the places of the motion, where these stay.
     """
     compressor, scales, places = known.compressor, known.scales, motion.places
     grid, at = revolution(known, resolution, places) if cut is None else cut
@@ -299,6 +299,7 @@ def improve(
     if places.size:
         at_places = jnp.stack([mark[count:] for mark in rows])
         value = jnp.take_along_axis(at_places, jnp.maximum(reversals.row, 0)[None], axis=0)[0]
+    if places.size and cut is None:
         unused = jnp.where(reversals.moving, known.edges[0], places)
         used = reversals.moving & (reversals.row >= 0)
         moved = jnp.where(used, places - value / reversals.slope, unused)

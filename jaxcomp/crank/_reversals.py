@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .._core.roots import AbstractFixedPoint, FixedPointReport, frozen, settle
 from ._iteration import (
@@ -30,8 +30,14 @@ from ._panels import NO_WIDTH, Panels
 
 # Change at which the first solutions, which only place the reversals, are good enough.
 _PLACING = 1e-5
+# The same of the second where the places stay in the last.
+_HELD = 1e-8
+# Solutions one after the other, each with the places of the one before.
+_ROUNDS = 3
 # Halvings of a bracket: of 0.1 rad they leave 1e-6 rad, which the iterations polish with the slope.
 _HALVINGS = 16
+# Sign changes of one quantity that are looked at.
+_OF_ONE = 12
 # [rad] Shift of a place from which two iterations tell the slope there.
 _FAR = 1e-11
 
@@ -55,6 +61,8 @@ class OrbitProblem(AbstractFixedPoint):
     kinks: int = eqx.field(static=True)
     tolerance: float | Float[Array, ""]
     max_iterations: int = eqx.field(static=True)
+    # whether places follow the motion in the last iterations; those of derivatives they follow always
+    follow: bool = eqx.field(static=True, default=True)
 
     def step(self, parameters: Known, data, unknowns: Motion) -> Motion:
         reversals, _ = data
@@ -63,7 +71,7 @@ class OrbitProblem(AbstractFixedPoint):
     def solve(self, parameters: Known) -> tuple[Motion, tuple[Reversals, FixedPointReport]]:
         """Solve on panels between the known kinks, place the reversals, solve and place again.
 
-        Then solve with places that follow the motion. All rounds share one iteration.
+        Then solve with places that follow the motion, or stay. All rounds share one iteration.
         """
         known, resolution = frozen(parameters), self.resolution
         motion = initial_motion(known, resolution)
@@ -90,15 +98,22 @@ class OrbitProblem(AbstractFixedPoint):
 
         def round_(index, carry):
             motion, reversals, brackets, _ = carry
-            last = index == 2
-            reversals = eqx.tree_at(lambda r: r.moving, reversals, last)
-            tolerance = jnp.where(last, self.tolerance, _PLACING)
+            last = index == _ROUNDS - 1
+            cut = None
+            if self.follow:
+                reversals = eqx.tree_at(lambda r: r.moving, reversals, last)
+            else:  # as above, in this round
+                cut = revolution(known, resolution, motion.places)
+            placing = _PLACING if self.follow else jnp.where(index == 0, _PLACING, _HELD)
+            tolerance = jnp.where(last, self.tolerance, placing)
 
             def step(motion, beside):
                 _, reversals, before = beside
-                better, marks, value = improve(known, resolution, reversals, motion)
+                better, marks, value = improve(known, resolution, reversals, motion, cut)
                 now = motion.places, value
-                return better, (marks, _by_secant(reversals, before, now), now)
+                if self.follow:
+                    reversals = _by_secant(reversals, before, now)
+                return better, (marks, reversals, now)
 
             motion, (marks, reversals, _), report = settle(
                 step,
@@ -118,7 +133,7 @@ class OrbitProblem(AbstractFixedPoint):
         nowhere = _Brackets(places, places, places, places, reversals.row)
         report = FixedPointReport(jnp.asarray(0), jnp.ones(()), jnp.asarray(False))
         motion, reversals, _, report = lax.fori_loop(
-            0, 3, round_, (motion, reversals, nowhere, report)
+            0, _ROUNDS, round_, (motion, reversals, nowhere, report)
         )
         return motion, (reversals, report)
 
@@ -146,7 +161,7 @@ class OrbitProblem(AbstractFixedPoint):
             places / PLACE_UNIT,
             journals,
         )
-        return moved, Reversals(row, slope, jnp.asarray(False)), brackets
+        return moved, Reversals(row, slope, jnp.asarray(not self.follow)), brackets
 
     def _find(self, grid: Panels, marks: Float[Array, "q p s"]) -> _Brackets:
         """Sign changes inside the panels: the first of the kinks, the sharpest near-zero loads."""
@@ -167,9 +182,12 @@ class OrbitProblem(AbstractFixedPoint):
         found = []
         for begin, end in ((0, self.kinks), (self.kinks, self.kinks + loads)):
             shape = rank[begin:end].shape
-            score = jnp.where(changes[begin:end], rank[begin:end], jnp.inf).ravel()
+            flags = changes[begin:end].reshape(shape[0], shape[1] * shape[2])
+            index = _first_of_each(flags, min(count, _OF_ONE))
+            score = rank[begin:end].ravel().at[index].get(mode="fill", fill_value=jnp.inf)
             score = jnp.concatenate([score, jnp.full(count, jnp.inf)])
-            best, index = lax.top_k(-score, count)
+            best, order = lax.top_k(-score, count)
+            index = jnp.concatenate([index, jnp.zeros(count, int)])[order]
             used = best > -jnp.inf
             row, panel, left = jnp.unravel_index(jnp.where(used, index, 0), shape)
             # an unused place goes to the first edge, where it makes a panel of no width
@@ -182,6 +200,24 @@ class OrbitProblem(AbstractFixedPoint):
             row = jnp.where(used, row + begin, -1).astype(int)
             found.append(_Brackets(low, high, lowest, highest, row))
         return jax.tree.map(lambda *parts: jnp.concatenate(parts), *found)
+
+
+def _first_of_each(flags: Bool[Array, "q n"], count: int) -> Int[Array, " m"]:
+    """Flat indices of the first few flags of every row; beyond the array where there are no more.
+
+    To sort all takes longer than an iteration.
+    """
+    size = flags.shape[1]
+    places = jnp.where(flags, jnp.arange(size), size)
+
+    def after(last, _):
+        next_ = jnp.min(places, axis=1, initial=size, where=places > last[:, None])
+        return next_, next_
+
+    start = jnp.full(flags.shape[0], -1, places.dtype)
+    _, found = lax.scan(after, start, length=count)
+    rows = size * jnp.arange(flags.shape[0])
+    return jnp.where(found < size, rows + found, flags.size).T.ravel()
 
 
 def _by_secant(reversals: Reversals, before, now) -> Reversals:

@@ -70,9 +70,7 @@ def solve_orbit(
     Args:
         machine: a compressor, a machine or a scene.
         solver: options of the solver. If absent, `default_collocation`: the whole revolution at once,
-            with panel edges for as many load reversals as the mechanism has; of several cylinders
-            without, to 1e-6 in efficiency, and `Collocation(reversals=compressor.load_reversals)` has
-            these as well. `Shooting()` integrates it
+            with panel edges for as many load reversals as the mechanism has. `Shooting()` integrates it
             with diffrax and shares no more than the laws, at many times the cost.
         verify: march one revolution from the found state with diffrax, independently of the solver:
             `orbit.verification` then has the error of speed, losses, efficiency and peaks. `True` takes
@@ -374,7 +372,7 @@ def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit) 
 
     found = _cycles(cycle).raw[1]
     edges, places = found.edges, gauss(found.points.shape[-2] - 1).nodes
-    phase = compressor.crankshaft.phase
+    phase = compressor.crankshaft.distinct_phase
     several = isinstance(cycle, SeveralCycles)
     pace = jax.vmap(on_panels)(edges, phase) if several else on_panels(edges, phase[0])
     return _Motion(jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace)

@@ -56,9 +56,8 @@ class AnalysisOptions(eqx.Module):
 
     Attributes:
         solver: of the periodic state. Absent: collocation, with a panel edge for each load reversal
-            but where only the forces on the rotor are wanted, see `jaxcomp.vibration.crank_loads`, and
-            of several cylinders, see `jaxcomp.crank.default_collocation`; derivatives of these err by
-            1e-3 of the largest, which `Collocation(reversals=compressor.load_reversals)` mends.
+            (`jaxcomp.crank.default_collocation`) but where only the forces on the rotor are wanted, see
+            `jaxcomp.vibration.crank_loads`.
         excitation: what shakes the rotor: "crank" (the periodic state at each speed, whose mean
             force loads the films as well) or "file" (the forces of the scene). Absent: the forces of
             the scene if it has any, otherwise the crank.

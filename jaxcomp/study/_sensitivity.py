@@ -14,7 +14,7 @@ from .._core.display import Shown, is_temperature, shown, small_unit
 from .._core.errors import BadInput
 from .._core.fields import listed_names
 from .._core.results import Data, Result
-from ..crank import Collocation
+from ..crank import default_collocation
 from ..cylinder import Cylinder
 from ..machine import Machine, machine_of
 from ._analysis import AnalysisOptions, DesignResult, given_options
@@ -180,8 +180,8 @@ def sensitivity(
         scene: of `jaxcomp.load`, or a `Machine`.
         quantities: see `available_quantities`; or functions of a `DesignResult`. Mechanical efficiency if
             absent.
-        options: of the analysis of a design. Without a solver, load reversals of several cylinders are
-            located as well, without which derivatives err by 1e-3 of the largest.
+        options: of the analysis of a design. Without a solver, load reversals are located also where only
+            the forces on the rotor are wanted.
 
     Raises:
         BadInput: an unknown quantity, or one that the machine does not have.
@@ -201,9 +201,7 @@ def sensitivity(
         and compressor is not None
         and not isinstance(compressor.gas, Cylinder)
     ):
-        options = dataclasses.replace(
-            options, solver=Collocation(reversals=compressor.load_reversals)
-        )
+        options = dataclasses.replace(options, solver=default_collocation(compressor))
     value, ok, slope = _solved(design, asked, options)
     rows, slope = list(given_numbers(design)), jax.device_get(slope)
     rises = [np.tensordot(one.at(slope), one.weight, one.weight.ndim) for one in rows]
