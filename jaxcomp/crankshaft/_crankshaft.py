@@ -44,9 +44,9 @@ from ._bearings import MainBearings
 
 # Throws of a layout, and rods of a star.
 _MOST = 64
-# [rad] Between the crank angles of cylinders that would see the same one: it changes results by 1e-14,
-# and is ten thousand times the rounding of an angle.
-_APART = 1e-11
+# [rad] Between the crank angles of cylinders that would see the same one: fifty times the
+# rounding of an angle, it changes sums over the cylinders that vanish by less than 1e-12 of one of them.
+_APART = 5e-14
 # What follows from the rotor of a machine in which `loads.crank` joins the two.
 OF_ROTOR = (
     "inertia",

@@ -200,10 +200,7 @@ def with_swept_volume(machine: _Machine, volume: Float[Array, ""]) -> _Machine:
         BadInput: a machine with a rotor, which does not follow.
     """
     volume = _checked("similar_swept_volume", volume, POSITIVE)
-    if isinstance(machine, Machine) and "rotor" in machine.parts:
-        bound = "left alone with a rotor, which would not follow"
-        raise BadInput("similar_swept_volume", "given", bound)
-    scale = jnp.cbrt(volume / _compressor(machine).mechanism.swept_volume)
+    scale = jnp.cbrt(volume / _similar_volume(machine))
 
     def similar(part, path=""):
         changes: dict[str, Any] = {
@@ -244,11 +241,18 @@ design_rules: dict[str, DesignRule] = {
             with_piston_clearance, lambda machine: _film(machine).radial_clearance, "m", POSITIVE,
         ),
         "similar_swept_volume": (
-            with_swept_volume, lambda machine: _compressor(machine).mechanism.swept_volume, "m^3",
-            POSITIVE,
+            with_swept_volume, lambda machine: _similar_volume(machine), "m^3", POSITIVE,
         ),
     }.items()
 }  # fmt: skip
+
+
+def _similar_volume(machine) -> Float[Array, ""]:
+    """[m^3] Swept volume of a cylinder of a machine that may become a similar one of another size."""
+    if isinstance(machine, Machine) and "rotor" in machine.parts:
+        bound = "left alone with a rotor, which would not follow"
+        raise BadInput("similar_swept_volume", "given", bound)
+    return _compressor(machine).mechanism.swept_volume
 
 
 def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:

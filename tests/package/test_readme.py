@@ -70,7 +70,7 @@ def write_files(page: str, folder: Path) -> None:
 
 def commands(page: str) -> list[list[str]]:
     """The arguments of every line `jaxcomp ...` in the blocks of a page."""
-    lines = "".join(blocks(page, "bash")).splitlines()
+    lines = "".join(blocks(page, "bash")).replace("\\\n", " ").splitlines()
     return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("jaxcomp ")]
 
 
