@@ -9,7 +9,8 @@ a motor with a torque curve is found with it. Derivatives follow from the implic
 with the iteration linearised once. Cycle and crank are traced once for values and once for derivatives,
 since such a program takes far longer to compile than to run.
 
-Several cylinders between the same lines each have a cycle of their own, by their own crank angle.
+Several cylinders between the same lines each have a cycle of their own, by their own crank angle; where
+they share plenums these are solved together, on the panels of all.
 
 The speed reaches the cylinder as polynomials on the panels of its own cycle, through the values that the
 crank's polynomials have at the nodes there. All corners that the valves make are edges of both, so that
@@ -26,15 +27,22 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.each import stacked
-from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, is_traced, listed, of_cylinder, replaced
 from .._core.polynomials import gauss
 from .._core.roots import frozen, settle, zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
-from ..cylinder import Cycle, CycleOptions, Cylinder, Pace, SeveralCycles, solve_cycle
-from ..cylinder.interface import START, CycleSolution, follow_cycle, no_solution, solution_of
+from ..cylinder import Cycle, Cylinder, Pace, SeveralCycles, solve_cycle
+from ..cylinder.interface import (
+    START,
+    CycleSolution,
+    follow_cycle,
+    follow_cycles,
+    no_solution,
+    solution_of,
+    solve_cycles,
+)
 from ..motor import ConstantSpeed
 from ._collocation import Collocation, default_collocation
 from ._films import has_thin_film
@@ -85,7 +93,6 @@ def solve_orbit(
         locks or that stalls has finite numbers and a status that says so.
 
     Raises:
-        BadInput: several cylinders with valves that share plenums.
         SolveFailed: if `throw` and the status is not `Status.converged`, or the march did not end.
 
     >>> from jaxcomp import load
@@ -168,12 +175,6 @@ def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegratio
 def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     """The orbit with the checks that hold for every motor and solver."""
     if isinstance(compressor.gas, Cylinder):
-        if compressor.crankshaft.count > 1 and compressor.gas.plenums:
-            which = "suction" if compressor.gas.suction.plenums else "discharge"
-            bound = (
-                "absent beside several cylinders: only `simulate` follows plenums that they share"
-            )
-            raise BadInput(f"gas.{which}.plenums", len(compressor.gas.plenums), bound)
         orbit = _with_cylinder(compressor, solver)
     else:
         orbit = solver.solve(compressor)
@@ -206,7 +207,7 @@ def _with_cylinder(compressor: Compressor, solver) -> Orbit:
     assert isinstance(compressor.gas, Cylinder)
     if isinstance(compressor.motor, ConstantSpeed) or not compressor.gas.inert:
         # a marched cycle has no panels to start from: its speed is the mean one
-        cycle = _at_constant_speed(compressor, solver.cycle)
+        cycle = _at_constant_speed(compressor, solver)
         settled = jnp.asarray(True)
         orbit = _orbit_of(compressor, cycle, solver)
     else:
@@ -222,7 +223,7 @@ class _Motion(NamedTuple):
     """The motion of the crank as the cylinders see it."""
 
     level: Float[Array, ""]  # [-] logarithm of the mean speed over the motor's guess
-    pace: Pace  # over the own crank angle of each cylinder
+    pace: Pace  # over the own crank angle of each cylinder; that of the crank if they share plenums
 
 
 @eqx.filter_custom_jvp
@@ -232,21 +233,21 @@ def _coupled(compressor: Compressor, solver):
     The unknowns are those of `_Motion`.
     """
     compressor = frozen(compressor)
-    panels, nodes = solver.cycle.panels, solver.cycle.nodes
-    even = START + 2 * jnp.pi * jnp.linspace(0.0, 1.0, panels + 1)
-    steady = Pace(even, jnp.zeros((panels, nodes)))
-    still = _Motion(jnp.zeros(()), _repeated(compressor, steady))
+    count = compressor.crankshaft.count
     # nothing is known of a cycle and an orbit before the first iteration
-    nothing = _repeated(compressor, no_solution(compressor.gas, solver.cycle))
+    nothing = no_solution(compressor.gas, count, solver.cycle)
+    panels = nothing.mesh.event.shape
+    even = START + 2 * jnp.pi * jnp.linspace(0.0, 1.0, panels[-1] + 1)
+    even = jnp.broadcast_to(even, (*panels[:-1], even.size))
+    still = _Motion(jnp.zeros(()), Pace(even, jnp.zeros((*panels, solver.cycle.nodes))))
     _, beside = zeros_of(_iteration, compressor, solver, still, nothing)
-    none = _repeated(compressor, Status.not_converged)
+    none = Status.not_converged
+    if count > 1:
+        none = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), none)
     beside = eqx.tree_at(lambda found: _cycles(found[0]).status, beside, none)
 
     def step(motion, last):
-        cycle = last[0]
-        several = isinstance(cycle, SeveralCycles)
-        found = jax.vmap(solution_of)(cycle.each) if several else solution_of(cycle)
-        return _iteration(compressor, solver, motion, found)
+        return _iteration(compressor, solver, motion, solution_of(last[0]))
 
     motion, found, report = settle(step, still, beside, _TOLERANCE, _MAX_ITERATIONS)
     return found, motion, report.settled
@@ -258,14 +259,7 @@ def _iteration(compressor: Compressor, solver, motion, start: CycleSolution):
 
     The cycle is marched where nothing has been found, and where the motion has changed its events.
     """
-    speed = _mean_speed(compressor, motion)
-
-    def one(mechanism, pace, start):
-        return solve_cycle(
-            compressor.gas, mechanism, speed, solver.cycle, pace=pace, start=start, throw=False
-        )
-
-    cycle = _of_each(compressor, one, motion.pace, start)
+    cycle = _cycle(compressor, solver, _mean_speed(compressor, motion), motion.pace, start)
     orbit = _orbit_of(compressor, cycle, solver)
     return _motion(compressor, cycle, orbit), (cycle, orbit)
 
@@ -279,12 +273,11 @@ def _coupled_jvp(primals, tangents):
 
     def iteration(numbers, motion):
         compressor = eqx.combine(numbers, rest)
-        speed = _mean_speed(compressor, motion)
-
-        def one(mechanism, pace, cycle):
-            return follow_cycle(compressor.gas, mechanism, speed, solver.cycle, pace, cycle)
-
-        made = _of_each(compressor, one, motion.pace, _cycles(frozen(cycle)))
+        given = _mean_speed(compressor, motion), solver.cycle, motion.pace, frozen(cycle)
+        if isinstance(cycle, SeveralCycles):
+            made = follow_cycles(compressor.gas, *_cylinders(compressor), *given)
+        else:
+            made = follow_cycle(compressor.gas, of_cylinder(compressor.mechanism), *given)
         orbit = _orbit_of(compressor, made, solver)
         return eqx.filter((_motion(compressor, made, orbit), (made, orbit)), eqx.is_inexact_array)
 
@@ -316,38 +309,34 @@ def _mean_speed(compressor: Compressor, motion: _Motion) -> Float[Array, ""]:
     return compressor.motor.speed_guess * jnp.exp(motion.level)
 
 
-def _of_each(compressor: Compressor, one, *given) -> Cycle | SeveralCycles:
-    """The cycle of every cylinder, by a function of its mechanism and of what else is given for each."""
+def _cycle(compressor: Compressor, solver, speed, pace=None, start=None) -> Cycle | SeveralCycles:
+    """The cycle of the cylinder, or of all, at a given motion of the crank."""
+    gas, options = compressor.gas, solver.cycle
+    if compressor.crankshaft.count > 1:
+        return solve_cycles(gas, *_cylinders(compressor), speed, options, pace, start)
+    own = of_cylinder(compressor.mechanism)
+    return solve_cycle(gas, own, speed, options, pace=pace, start=start, throw=False)
+
+
+def _cylinders(compressor: Compressor):
+    """The mechanisms of several cylinders with an axis of them, and their phases [rad]."""
     count = compressor.crankshaft.count
-    if count == 1:  # mapped, both sides of every choice would be computed
-        return one(of_cylinder(compressor.mechanism), *given)
     mechanisms = stacked([of_cylinder(compressor.mechanism, i + 1) for i in range(count)])
-    return SeveralCycles(eqx.filter_vmap(one)(mechanisms, *given))
+    return mechanisms, compressor.crankshaft.distinct_phase
 
 
-def _at_constant_speed(compressor: Compressor, options: CycleOptions) -> Cycle | SeveralCycles:
-    speed = compressor.motor.speed_guess
-
-    def one(mechanism):
-        return solve_cycle(compressor.gas, mechanism, speed, options, throw=False)
-
-    if compressor.crankshaft.count == 1 or listed(compressor.mechanism):
-        return _of_each(compressor, one)
+def _at_constant_speed(compressor: Compressor, solver) -> Cycle | SeveralCycles:
+    count, speed = compressor.crankshaft.count, compressor.motor.speed_guess
+    if count == 1 or listed(compressor.mechanism) or compressor.gas.plenums:
+        return _cycle(compressor, solver, speed)
     # cylinders that are alike have one cycle
-    return SeveralCycles(_repeated(compressor, one(compressor.mechanism)))
+    alike = solve_cycle(compressor.gas, compressor.mechanism, speed, solver.cycle, throw=False)
+    return SeveralCycles(jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), alike))
 
 
 def _cycles(cycle: Cycle | SeveralCycles) -> Cycle:
     """One, or all of several stacked."""
     return cycle.each if isinstance(cycle, SeveralCycles) else cycle
-
-
-def _repeated(compressor: Compressor, tree):
-    """The same for each of several cylinders."""
-    count = compressor.crankshaft.count
-    if count == 1:
-        return tree
-    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), tree)
 
 
 def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
@@ -370,9 +359,14 @@ def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit) 
         angle = edges[:-1, None] + jnp.diff(edges)[:, None] * places
         return Pace(edges, jax.vmap(jax.vmap(own.at))(angle - phase))
 
-    found = _cycles(cycle).raw[1]
+    together = cycle.together if isinstance(cycle, SeveralCycles) else None
+    found = _cycles(cycle).raw[1] if together is None else together.z
     edges, places = found.edges, gauss(found.points.shape[-2] - 1).nodes
     phase = compressor.crankshaft.distinct_phase
-    several = isinstance(cycle, SeveralCycles)
-    pace = jax.vmap(on_panels)(edges, phase) if several else on_panels(edges, phase[0])
+    if together is not None:
+        pace = on_panels(edges, jnp.zeros(()))
+    elif isinstance(cycle, SeveralCycles):
+        pace = jax.vmap(on_panels)(edges, phase)
+    else:
+        pace = on_panels(edges, phase[0])
     return _Motion(jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace)

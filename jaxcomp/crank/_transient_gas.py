@@ -23,29 +23,21 @@ from ..compressor import Compressor, instants
 from ..cylinder import Cylinder
 from ..cylinder.interface import (
     EVENTS,
-    FLAGS,
     STATES,
     AbstractLaw,
     Accounts,
     Case,
+    Cylinders,
     Rates,
     Record,
     Stretch,
     account_scales,
-    after_event,
-    chain_rates,
     chains,
     first_states,
-    jump,
-    longest_step,
-    passed,
     prepare,
-    rates,
     stretch,
     temperature_and_density,
-    towards,
     valve_scales,
-    valve_sides,
     within_steps,
 )
 from ..gas import AbstractGas
@@ -118,14 +110,14 @@ class CrankAndGas(AbstractLaw):
     """
 
     compressor: Compressor  # whose gas is a `Cylinder`, for each of several cylinders
-    cases: Case  # the cylinders with their lines, stacked
+    system: Cylinders  # with their lines and plenums
     energy_scale: Float[Array, ""]  # [J] unit of the works
     off: Float[Array, ""]  # [s] at which the motor is switched off
     until_rest: bool = eqx.field(
         static=True
     )  # whether the march ends where the crank comes to rest
     kept: int = eqx.field(static=True)
-    # angle, speed, gas, plenums and works from the vector of the states that are kept
+    # angle, speed, gas with plenums, and works from the vector of the states that are kept
     unravel: Any = eqx.field(static=True)
 
     @property
@@ -133,78 +125,45 @@ class CrankAndGas(AbstractLaw):
         """[rad/s] Unit of the speed."""
         return self.compressor.motor.speed_guess
 
-    @property
-    def shared(self) -> Case:
-        """One of the cylinders, for lines and plenums."""
-        return jax.tree.map(lambda leaf: leaf[0], self.cases)
-
-    def gases(self, at, flags) -> tuple[Rates, Float[Array, " 3p"]]:
+    def gases(self, at, flags) -> Rates:
         """The rates of all cylinders and of the plenums."""
-        now, shared = at["speed"] * self.pace, self.shared
-        pair = chains(shared, at["plenums"]) if shared.cylinder.plenums else None
-        sides = valve_sides(pair) if pair else None
-
-        def one(case, angle, state, flags):
-            return rates(case, angle, state, flags, speed=now, sides=sides)
-
-        own = self.compressor.crankshaft.own_angle(at["angle"])
-        found = jax.vmap(one)(self.cases, own, at["gas"], _of_cylinders(flags))
-        if not pair:
-            return found, jnp.zeros(0)
-        scales = jax.vmap(account_scales)(self.cases)
-        totals = Accounts(*jnp.sum(found.accounts * scales * self.pace, axis=0))
-        suction = totals.suction, totals.suction_heat
-        discharge = totals.discharge, totals.discharge_heat
-        wall = shared.cylinder.wall_temperature
-        return found, chain_rates(shared, pair, at["plenums"], suction, discharge, self.pace, wall)
+        return self.system.rates(at["angle"], at["gas"], flags[:-2], at["speed"] * self.pace)
 
     def rates(self, angle, state, flags):
         at = self.unravel(state[: self.kept])
-        found, of_plenums = self.gases(at, flags)
+        found = self.gases(at, flags)
         rise, torques = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
         rate = {
             "angle": at["speed"],
             "speed": rise / self.pace**2,
             "gas": found.state,
-            "plenums": of_plenums,
             "work": jax.tree.map(lambda m: m * at["speed"] / self.energy_scale, torques),
         }
         slopes = jnp.concatenate([ravel_pytree(rate)[0], found.accounts.ravel()])
         rest = at["speed"] if self.until_rest else jnp.ones(())
-        return slopes, jnp.append(found.events.ravel(), rest), found.force.ravel()
+        return slopes, jnp.append(found.events, rest), found.force
 
     def towards(self, state, events):
         gas = self.unravel(state[: self.kept])["gas"]
-        return jnp.append(jax.vmap(towards)(gas, events[:-1].reshape(-1, EVENTS)).ravel(), True)
+        return jnp.append(self.system.towards(gas, events[:-1]), True)
 
     def after(self, angle, event, state, flags, force):
-        at, count = self.unravel(state[: self.kept]), self.cases.top.size
-
-        def one(case, place, state, flags, force):
-            own = event - EVENTS * place
-            code, new = after_event(case, own, state, flags, force)
-            return code, jump(case, own, code, state), new
-
-        of_each = at["gas"], _of_cylinders(flags), force.reshape(count, 2)
-        code, gas, new = jax.vmap(one)(self.cases, jnp.arange(count), *of_each)
-        jumped = ravel_pytree({**at, "gas": gas})[0]
+        at = self.unravel(state[: self.kept])
+        code, new = self.system.after(event, at["gas"], flags[:-2], force)
+        jumped = ravel_pytree({**at, "gas": self.system.jump(event, code, at["gas"])})[0]
         # the step that ends at the switch has the motor on, the next one has it off
         motor_on = angle < self.off * self.pace * (1 - 1e-12)
-        others = jnp.stack([motor_on, event == EVENTS * count]).astype(int)
-        flags = jnp.concatenate([new.ravel(), others])
-        return jnp.max(code), state.at[: self.kept].set(jumped), flags
+        others = jnp.stack([motor_on, event == EVENTS * self.system.count]).astype(int)
+        return code, state.at[: self.kept].set(jumped), jnp.concatenate([new, others])
 
     def passed(self, ends, slopes, width, flags, least):
-        def gases(vectors):
-            return jnp.stack([self.unravel(one[: self.kept])["gas"] for one in vectors], axis=1)
-
-        def one(ends, slopes, flags):
-            return passed(ends, slopes, width, flags, least)
-
-        return jnp.min(jax.vmap(one)(gases(ends), gases(slopes), _of_cylinders(flags)))
+        ends, slopes = (
+            [self.unravel(one[: self.kept])["gas"] for one in pair] for pair in (ends, slopes)
+        )
+        return self.system.passed(ends, slopes, width, flags[:-2], least)
 
     def longest(self, flags):
-        return jnp.min(jax.vmap(longest_step)(self.cases, _of_cylinders(flags)))
+        return self.system.longest(flags[:-2])
 
     def going_on(self, flags):
         return flags[-1] == 0
@@ -213,25 +172,28 @@ class CrankAndGas(AbstractLaw):
         """The gas at instants [s] with these states, and the acceleration of the crank [rad/s^2]."""
         row = jnp.searchsorted(marched.record.angle, time * self.pace, side="right") - 1
         flags = marched.record.flags[jnp.clip(row, 0)]
-        cases, some = self.cases, self.shared.cylinder.plenums
+        system, some = self.system, self.system.cases.cylinder.plenums
+
+        def one(case, angle, gas):
+            T, rho = temperature_and_density(case, angle, gas)
+            scale = jnp.stack([valve_scales(case, which)[0] for which in (0, 1)])
+            lift = jnp.maximum(gas[jnp.asarray([2, 5])], 0.0) * scale
+            return T, rho * case.volume(angle)[0], lift, case.mass_scale * self.pace
 
         def instant(given):
             at, flags = given
-            own = self.compressor.crankshaft.own_angle(at["angle"])
-            found, _ = self.gases(at, flags)
-            T, rho = jax.vmap(temperature_and_density)(cases, own, at["gas"])
-            volume = jax.vmap(lambda case, a: case.volume(a)[0])(cases, own)
-            scale = jax.vmap(lambda c: jnp.stack([valve_scales(c, i)[0] for i in (0, 1)]))(cases)
-            lift = jnp.maximum(at["gas"][:, jnp.asarray([2, 5])], 0.0) * scale
-            flow = found.accounts[:, 1:3] * cases.mass_scale[:, None] * self.pace
+            found = self.gases(at, flags)
+            own, plenums = system.parted(at["gas"])
+            T, mass, lift, scale = system.each(one, system.own_angle(at["angle"]), own)
+            flow = found.accounts[:, 1:3] * scale[:, None]
             rise, _ = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
-            pair = chains(self.shared, at["plenums"]) if some else ()
+            pair = chains(system.shared, plenums) if some else ()
             of_plenums = jnp.stack([gas.p for one in pair for gas in one.gases]) if some else None
-            return (found.pressure, T, rho * volume, lift, flow), of_plenums, rise
+            return (found.pressure, T, mass, lift, flow), of_plenums, rise
 
         values, of_plenums, rise = jax.lax.map(instant, (at, flags), batch_size=64)
-        totals = marched.state[self.kept :].reshape(cases.top.size, -1)
-        totals = Accounts(*(totals * jax.vmap(account_scales)(cases)).T)
+        totals = marched.state[self.kept :].reshape(system.count, -1)
+        totals = Accounts(*(totals * system.each(account_scales)).T)
         made = GasCourse(*(jnp.moveaxis(value, 0, -1) for value in values), totals=totals)
         if some:
             made = dataclasses.replace(made, plenum_pressure=of_plenums.T)
@@ -252,23 +214,20 @@ def march_with_gas(
         speed: [rad/s] at the start.
         off: [s] at which the motor is switched off.
     """
-    pace, cases = compressor.motor.speed_guess, _cases(compressor)
-    first = {
-        "angle": angle,
-        "speed": speed / pace,
-        "gas": jax.vmap(_at_suction)(cases, compressor.crankshaft.own_angle(angle)),
-        "plenums": first_states(jax.tree.map(lambda leaf: leaf[0], cases), rest=True),
-    }
-    first["work"] = zeros_of(_crank, compressor, first, jnp.zeros(cases.top.size), True)[1]
+    pace, system = compressor.motor.speed_guess, _system(compressor)
+    gas = system.each(_at_suction, system.own_angle(angle)).ravel()
+    gas = jnp.concatenate([gas, first_states(system.shared, rest=True)])
+    first = {"angle": angle, "speed": speed / pace, "gas": gas}
+    first["work"] = zeros_of(_crank, compressor, first, jnp.zeros(system.count), True)[1]
     start, unravel = ravel_pytree(first)
     energy_scale = instants(_held(compressor), angle).inertia * pace**2
-    law = CrankAndGas(compressor, cases, energy_scale, off, until_rest, start.size, unravel)
-    signs = jax.vmap(_first_flags)(cases).ravel()
+    law = CrankAndGas(compressor, system, energy_scale, off, until_rest, start.size, unravel)
+    signs = system.each(_first_flags).ravel()
     marched = stretch(
         law,
         jnp.zeros(()),
         duration * pace,
-        jnp.concatenate([start, jnp.zeros(cases.top.size * len(Accounts._fields))]),
+        jnp.concatenate([start, jnp.zeros(system.count * len(Accounts._fields))]),
         jnp.concatenate([signs, jnp.stack([off > 0, False]).astype(int)]),
         jnp.asarray(options.tolerance),
         _LONGEST_TRIES * options.max_steps,
@@ -276,10 +235,6 @@ def march_with_gas(
         (off * pace,),
     )
     return law, marched
-
-
-def _of_cylinders(flags) -> Int[Array, "k 6"]:
-    return flags[:-2].reshape(-1, FLAGS)
 
 
 def _crank(compressor: Compressor, at, pressure, motor_on):
@@ -291,14 +246,13 @@ def _crank(compressor: Compressor, at, pressure, motor_on):
     return rise, {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
 
 
-def _cases(compressor: Compressor) -> Case:
-    """The cylinders with their lines, stacked."""
+def _system(compressor: Compressor) -> Cylinders:
     gas: Any = compressor.gas
     assert isinstance(gas, Cylinder)
-    speed = compressor.motor.speed_guess
-    count = compressor.crankshaft.count
-    each = stacked([of_cylinder(compressor.mechanism, i + 1) for i in range(count)])
-    return jax.vmap(lambda one: prepare(gas, one, speed))(each)
+    count, speed = compressor.crankshaft.count, compressor.motor.speed_guess
+    each = [prepare(gas, of_cylinder(compressor.mechanism, i + 1), speed) for i in range(count)]
+    cases = stacked(each) if count > 1 else each[0]
+    return Cylinders(cases, compressor.crankshaft.distinct_phase, in_time=True)
 
 
 def _held(compressor: Compressor, pressure=None) -> Compressor:

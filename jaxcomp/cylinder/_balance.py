@@ -11,7 +11,7 @@ the stop), the sign of U and the sign of the forward pressure difference. Plenum
 and flow in the neck each.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,9 +21,9 @@ from ..fluid import GasState
 from ..valve import Side, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
 from ._heat import HeatInput
-from ._plenum import PER_PLENUM, chain_rates, chains, first_states, valve_sides
+from ._plenum import PlenumChain, valve_sides
 
-# m, T, then x, v, U of the suction and of the discharge valve; then those of the plenums and of the wall
+# m, T, then x, v, U of the suction and of the discharge valve; then those of the wall
 STATES = 8
 FLAGS = 6
 SEAT, FREE, STOP = 0, 1, 2
@@ -68,6 +68,9 @@ class Rates(NamedTuple):
     events: Float[Array, " 8"]
     force: Float[Array, " 2"]  # on the valves at rest, over p_s and force area
     pressure: Float[Array, ""]  # [Pa] in the cylinder
+    # [kg/s] and [W] through suction and discharge valve, forward; then [W] from the wall to the gas
+    # before the one and behind the other
+    streams: Float[Array, " 6"]
 
 
 class _Valve(NamedTuple):
@@ -109,7 +112,7 @@ def rates(
     flags: Int[Array, " 6"],
     gas: GasState | None = None,
     speed: Float[Array, ""] | None = None,
-    sides: tuple[GasState, GasState] | None = None,
+    pair: tuple[PlenumChain, PlenumChain] | None = None,
 ) -> Rates:
     """Right-hand side, accounts and event functions.
 
@@ -121,19 +124,14 @@ def rates(
         gas: the gas at that state; computed if absent.
         speed: [rad/s] of the crank. The rates are then those in time, over the mean speed of the case,
             and the crank may stand; absent: that of the case, and rates over the crank angle.
-        sides: the gas before the suction valve and behind the discharge valve, where somebody else
-            follows the plenums; absent: that of the lines, or of the plenums among the states.
+        pair: the plenums before the suction and behind the discharge valve, which `Cylinders` follows.
     """
     gas = gas_in(case, angle, state) if gas is None else gas
     cylinder, inside = case.cylinder, side_of(gas)
-    pair, of_plenums = None, STATES + PER_PLENUM * len(cylinder.plenums)
     # within a revolution the wall's temperature does not vary
     walls = cylinder.walls if speed is None else None
-    wall = cylinder.wall_temperature if walls is None else state[-2] * case.suction.T
-    if sides is None and cylinder.plenums:
-        pair = chains(case, state[STATES:of_plenums])
-        sides = valve_sides(pair)
-    before, behind = map(side_of, (case.suction, case.discharge) if sides is None else sides)
+    wall = cylinder.wall_temperature if walls is None else state[STATES] * case.suction.T
+    before, behind = map(side_of, valve_sides(pair) if pair else (case.suction, case.discharge))
     suction, discharge = side_of(case.suction), side_of(case.discharge)
     volume, volume_1 = case.volume(angle)
     turning = pace = case.speed_at(angle)
@@ -152,7 +150,7 @@ def rates(
         mu = viscosity if gap.viscosity is None else gap.viscosity
         leak = gap.flow(inside, suction, case.bore, mu)
         # the sign of the suction valve's difference, where that is the one to the line
-        known = cylinder.inert and sides is None
+        known = cylinder.inert and pair is None
         inward = flags[2] > 0 if known else suction.p > inside.p
         leak_enthalpy = jnp.where(inward, suction.h, inside.h)
     if speed is None:
@@ -188,12 +186,13 @@ def rates(
         discharge_loss=-d.is_open * jnp.maximum(inside.p - discharge.p, 0.0) * lost,
     )
     slopes = jnp.stack([*first, *s.rates, *d.rates])
-    if pair is not None:
-        streams = [(valve.flow, valve.flow * valve.enthalpy) for valve in (s, d)]
-        more = chain_rates(case, pair, state[STATES:of_plenums], *streams, pace, wall)
-        slopes = jnp.concatenate([slopes, more])
+    passed = [part for valve in (s, d) for part in (valve.flow, valve.flow * valve.enthalpy)]
+    network, heats = cylinder.walls, (jnp.zeros(()),) * 2
+    if network is not None:
+        heats = network.to_plenums(wall, pair)
+    streams = jnp.stack([*passed, *heats])
     if walls is not None:
-        gained = walls.gained(wall, heat, walls.to_plenums(wall, pair)) * small
+        gained = walls.gained(wall, heat, heats) * small
         slopes = jnp.concatenate([slopes, jnp.stack([jnp.zeros(()), gained])])
     return Rates(
         slopes,
@@ -201,6 +200,7 @@ def rates(
         jnp.stack([*s.events, *d.events]),
         jnp.stack([s.force, d.force]),
         inside.p,
+        streams,
     )
 
 
@@ -297,14 +297,19 @@ def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, tran
     return law.coefficient(at) * wall_area * (wall - gas.T)
 
 
-def jacobian(case: Case, angle, state, flags):
-    """Rates and event functions, with their derivatives in the state and in the angle.
+def in_angle_and_state(case: Case, law, packed: Float[Array, " m"]):
+    """A law of angle and state, and its derivatives in them.
 
-    The equation of state is differentiated in temperature and density alone, everything else in the
+    The equation of state is differentiated in temperature and density alone, everything else in angle,
     state and in the few properties it uses.
 
+    Args:
+        case: cylinder and lines.
+        law: of `packed` and of the gas in the cylinder, to a vector.
+        packed: crank angle, then the state, of which the first two are mass and temperature.
+
     Returns:
-        (state', events), then (n, n) and (n,) of state', then (8, n) and (8,) of the events.
+        (a,) and (a, m).
     """
     columns = ("p", "u", "c_v", "dp_dT", "dp_drho")
     fluid = case.cylinder.fluid
@@ -317,87 +322,34 @@ def jacobian(case: Case, angle, state, flags):
         values = jnp.stack([getattr(found, name) for name in columns])
         return values, values
 
-    def law(packed, values):
+    def with_gas(packed, values):
         T, rho = inputs(packed)
-        at = GasState(T=T, rho=rho, s=0 * T, **dict(zip(columns, values, strict=True)))
-        found = rates(case, packed[0], packed[1:], flags, at)
-        return jnp.concatenate([found.state, found.events])
+        return law(
+            packed, GasState(T=T, rho=rho, s=0 * T, **dict(zip(columns, values, strict=True)))
+        )
 
-    packed = jnp.concatenate([angle[None], state])
     in_gas, values = jax.jacfwd(properties, has_aux=True)(inputs(packed))
     # one direction for every column, each with what it does to the gas
     along_gas = (in_gas @ jax.jacfwd(inputs)(packed)).T
-    both, push = jax.linearize(law, packed, values)
-    total = jax.vmap(push)(jnp.eye(packed.size), along_gas).T
-    count = state.size
-    first, second = total[:count], total[count:]
-    return (
-        (both[:count], both[count:]),
-        (first[:, 1:], first[:, 0]),
-        (second[:, 1:], second[:, 0]),
-    )
-
-
-def jump(case: Case, event: Int[Array, ""], code: Int[Array, ""], state: Float[Array, " 8"]):
-    """The state after an event.
-
-    Args:
-        case: cylinder and lines.
-        event: which; -1 for none.
-        code: 0 nothing jumps, 1 onto or off the seat, 2 comes to rest, 3 bounces.
-    """
-    parts = [state[:2]]
-    for which, valve in enumerate(case.cylinder.valves):
-        x, v, u = state[2 + 3 * which : 5 + 3 * which]
-        here = (event >= 4 * which) & (event < 4 * which + 4)
-        at = jnp.where(here, code, 0)
-        bounce = -getattr(valve, "restitution", jnp.zeros(())) * v
-        x = jnp.where(at > 0, 1.0 * (event % 4 == 1), x)
-        v = jnp.where(at == 3, bounce, jnp.where(at > 0, 0.0, v))
-        parts.append(jnp.stack([x, v, jnp.where(at == 1, 0.0, u)]))
-    return jnp.concatenate([*parts, state[STATES:]])
-
-
-def after_event(case: Case, event, state, flags, force):
-    """Code of the jump and flags after an event, from the state before it."""
-    code, new = jnp.zeros((), int), flags
-    for which, valve in enumerate(case.cylinder.valves):
-        if valve.oscillator is None:
-            continue
-        first = 4 * which
-        mode, u_sign, p_sign = flags[3 * which : 3 * which + 3]
-        scale = valve_scales(case, which)[1]
-        plate: Any = valve
-        rebound = jnp.abs(plate.restitution * state[3 + 3 * which] * scale)
-        rests = rebound < plate.rest_speed(scale)
-        pressed = force[which] <= 0
-        at_seat = (event == first) & (mode == FREE)
-        at_stop = event == first + 1
-        lifts = (event == first) & (mode == SEAT)
-        shuts = at_seat & rests & pressed
-        stays = at_stop & rests & ~pressed
-        code = jnp.where(lifts | shuts, 1, code)
-        code = jnp.where((at_seat | at_stop) & ~shuts, jnp.where(rests, 2, 3), code)
-        leaves = (event == first) & (mode != FREE)
-        mode = jnp.where(leaves, FREE, jnp.where(shuts, SEAT, jnp.where(stays, STOP, mode)))
-        u_sign = jnp.where(lifts, 1, jnp.where(event == first + 2, -u_sign, u_sign))
-        p_sign = jnp.where(lifts, 1, jnp.where(event == first + 3, -p_sign, p_sign))
-        new = new.at[3 * which : 3 * which + 3].set(jnp.stack([mode, u_sign, p_sign]))
-    return code, new
+    both, push = jax.linearize(with_gas, packed, values)
+    return both, jax.vmap(push)(jnp.eye(packed.size), along_gas).T
 
 
 def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:
-    """A guess within the compression: all valves shut, gas of the suction line compressed."""
-    volume, _ = case.volume(angle)
+    """A guess: valves shut, gas of the suction line, compressed as far as the discharge valve lets it."""
+    volume, volume_1 = case.volume(angle)
     full = (1 + case.cylinder.clearance_ratio) * case.swept
     squeeze = (full / volume) ** (jnp.clip(case.suction.kappa, 1.01, 1.7) - 1)
-    state = jnp.zeros(STATES).at[0].set(full / case.swept).at[1].set(squeeze)
+    high, low = case.isentropic, case.suction
+    mass = jnp.minimum(full / case.swept, high.rho / low.rho * volume / case.swept)
+    warm = jnp.minimum(squeeze, high.T / low.T)
+    outward = volume_1 > 0  # the piston draws in
+    mass, warm = jnp.where(outward, volume / case.swept, mass), jnp.where(outward, 1.0, warm)
+    state = jnp.zeros(STATES).at[0].set(mass).at[1].set(warm)
     p = gas_in(case, angle, state).p
     signs = [jnp.where(case.suction.p > p, 1, -1), jnp.where(p > case.discharge.p, 1, -1)]
     flags = jnp.stack([jnp.asarray(f) for f in [0, 1, signs[0], 0, 1, signs[1]]])
-    more = []
-    if case.cylinder.plenums:
-        more.append(first_states(case, rest=False))
-    if case.cylinder.walls is not None:
-        more.append(jnp.stack([case.cylinder.wall_temperature / case.suction.T, jnp.zeros(())]))
-    return jnp.concatenate([state, *more]), flags
+    if case.cylinder.walls is None:
+        return state, flags
+    wall = jnp.stack([case.cylinder.wall_temperature / case.suction.T, jnp.zeros(())])
+    return jnp.concatenate([state, wall]), flags

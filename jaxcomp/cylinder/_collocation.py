@@ -22,10 +22,10 @@ from .._core.fields import ANY, NONNEGATIVE, quantity
 from .._core.polynomials import cubic_step, gauss, legendre_columns
 from .._core.roots import AbstractRoot
 from ..gas import AbstractGas
-from ._balance import FREE, jacobian, jump, rates
+from ._balance import FLAGS, FREE
 from ._cylinder import Case
-from ._heat import next_revolution
 from ._march import START, TURN, Record, within_steps
+from ._system import Cylinders
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
 _LEFT = 1e-6
@@ -41,7 +41,7 @@ _FAST, _MOST_WITH_ONE = 0.1, 6
 class Mesh(NamedTuple):
     """What happens on p panels."""
 
-    flags: Int[Array, "p 6"]  # branches
+    flags: Int[Array, "p f"]  # branches, six of each cylinder
     event: Int[Array, " p"]  # at the end, -1 for none
     code: Int[Array, " p"]  # of the jump there
     fits: Bool[Array, ""]  # whether there are enough panels for the events
@@ -118,25 +118,25 @@ def at_points(function, mesh: Mesh, z: Unknowns):
     return jax.vmap(along)(angle, z.points, mesh.flags)
 
 
-def evaluate(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Array]:
+def evaluate(system: Cylinders, mesh: Mesh, z: Unknowns) -> tuple[Residual, Array]:
     """The equations of the periodic cycle, and the event functions."""
 
     def law(angle, state, flags):
-        found = rates(case, angle, state, flags)
+        found = system.rates(angle, state, flags)
         return found.state, found.events
 
     slopes, events = at_points(law, mesh, z)
-    return _residual(case, mesh, z, slopes, events), events
+    return _residual(system, mesh, z, slopes, events), events
 
 
-def _residual(case: Case, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
+def _residual(system: Cylinders, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
     rule = gauss(z.points.shape[1] - 1)
     integral = jnp.asarray(np.vstack([rule.integral, rule.weights]))
     width = jnp.diff(z.edges)[:, None, None]
     moved = width * jnp.einsum("ij,pja->pia", integral, slopes[:, :-1])
-    jumped = jax.vmap(partial(jump, case))(mesh.event, mesh.code, z.points[:, -1])
-    if case.cylinder.walls is not None:
-        jumped = jumped.at[-1].set(next_revolution(case, jumped[-1]))
+    jumped = jax.vmap(system.jump)(mesh.event, mesh.code, z.points[:, -1])
+    if system.cases.cylinder.walls is not None:
+        jumped = jumped.at[-1].set(system.next_revolution(jumped[-1]))
     value = jnp.take_along_axis(events[:, -1], jnp.maximum(mesh.event, 0)[:, None], axis=1)[:, 0]
     return Residual(
         z.points - z.left[:, None] - moved,
@@ -158,15 +158,15 @@ class Blocks(NamedTuple):
     has_event: Bool[Array, " p"]
 
 
-def linearise(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Array]:
+def linearise(system: Cylinders, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Array]:
     """The equations, their Jacobian and the event functions, from one evaluation of the law."""
     panels, s, n = z.points.shape[0], z.points.shape[1] - 1, z.points.shape[2]
     rule = gauss(s)
     a, b, c = map(jnp.asarray, (rule.integral, rule.weights, rule.nodes))
     (slope, events), (by_state, by_angle), (events_by_state, events_by_angle) = at_points(
-        partial(jacobian, case), mesh, z
+        system.jacobian, mesh, z
     )
-    left = _residual(case, mesh, z, slope, events)
+    left = _residual(system, mesh, z, slope, events)
     slope, by_state, by_angle = slope[:, :s], by_state[:, :s], by_angle[:, :s]
     w = jnp.diff(z.edges)[:, None, None]
     stages = jnp.eye(s * n) - (
@@ -181,10 +181,10 @@ def linearise(case: Case, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Ar
     direct = jnp.concatenate(
         [jnp.broadcast_to(jnp.eye(n), (panels, n, n)), jnp.einsum("j,pjak->pak", b, moved)], axis=2
     )
-    jumps = jax.vmap(jax.jacfwd(partial(jump, case), argnums=2))
+    jumps = jax.vmap(jax.jacfwd(system.jump, argnums=2))
     jump_by_state = jumps(mesh.event, mesh.code, z.points[:, -1])
-    if case.cylinder.walls is not None:
-        turn = jax.jacfwd(partial(next_revolution, case))(z.points[-1, -1])
+    if system.cases.cylinder.walls is not None:
+        turn = jax.jacfwd(system.next_revolution)(z.points[-1, -1])
         jump_by_state = jump_by_state.at[-1].set(turn @ jump_by_state[-1])
     which = jnp.maximum(mesh.event, 0)[:, None, None]
     gradient = jnp.concatenate([events_by_state[:, -1], events_by_angle[:, -1, :, None]], axis=2)
@@ -309,7 +309,7 @@ class NewtonReport(NamedTuple):
     holds: Bool[Array, ""]  # whether all branches hold
 
 
-def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
+def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
     """The periodic cycle near a start, with its report.
 
     Every Jacobian serves as long as the steps with it shrink fast: another costs as much as five of
@@ -326,7 +326,7 @@ def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
 
     def advance(carry):
         z, _, _, steps, more, _ = carry
-        left, blocks, _ = linearise(case, mesh, z)
+        left, blocks, _ = linearise(system, mesh, z)
         factors = factorise(blocks)
 
         def fast(carry):
@@ -338,11 +338,11 @@ def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
             z, left, last, _, count, _ = carry
             step = solve_factors(factors, jax.tree.map(jnp.negative, left))
             # the velocity in the port of a shut valve may be anything at the start; it decides nothing
-            counts = jnp.ones(z.left.shape[1]).at[jnp.asarray([4, 7])].set(0.0)
+            counts = jnp.ones(z.left.shape[1]).at[system.columns(4, 7)].set(0.0)
             size = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
             size = jnp.where(jnp.isfinite(size), size, 2 * _LOST)
             z = jax.tree.map(lambda x, d: jnp.where(size < _LOST, x + d, x), z, step)
-            left, events = evaluate(case, mesh, z)
+            left, events = evaluate(system, mesh, z)
             return z, left, size, last, count + 1, _holds(z, events)
 
         endless = jnp.asarray(jnp.inf)
@@ -353,7 +353,7 @@ def newton(case: Case, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
     none = jnp.zeros((), int)
     begin = (start, jnp.asarray(1.0), jnp.asarray(_LOST), none, none, jnp.asarray(False))
     z, size, _, steps, more, good = lax.while_loop(going_on, advance, begin)
-    return z, NewtonReport(size, steps, more, good & _within(mesh, z))
+    return z, NewtonReport(size, steps, more, good & _within(system, mesh, z))
 
 
 def _holds(z: Unknowns, events) -> Bool[Array, ""]:
@@ -362,12 +362,13 @@ def _holds(z: Unknowns, events) -> Bool[Array, ""]:
     return jnp.all((events[:, :-1] > -_LEFT) | ~wide) & jnp.all(jnp.diff(z.edges) > -1e-7)
 
 
-def _within(mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
+def _within(system: Cylinders, mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
     """Whether free valves keep between seat and stop between the nodes as well."""
     good = jnp.asarray(True)
-    for which in range(2):
-        free = (mesh.flags[:, 3 * which] == FREE) & (jnp.diff(z.edges) > 1e-7)
-        lift = jnp.where(free[:, None], z.points[..., 2 + 3 * which], 0.5)
+    modes = mesh.flags[:, :: FLAGS // 2]
+    for which, column in enumerate(system.columns(2, 5)):
+        free = (modes[:, which] == FREE) & (jnp.diff(z.edges) > 1e-7)
+        lift = jnp.where(free[:, None], z.points[..., column], 0.5)
         good &= (highest(lift) < 1 + _PASSED) & (highest(-lift) < _PASSED)
     return good
 
@@ -421,7 +422,7 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
 class Attached(AbstractRoot):
     """The equations of a cycle that was found: their root follows the parameters, to any order."""
 
-    case: Case
+    system: Cylinders
     mesh: Mesh
     found: Unknowns
 
@@ -429,10 +430,10 @@ class Attached(AbstractRoot):
         return self.found
 
     def rest(self, unknowns):
-        return evaluate(self.case, self.mesh, unknowns)[0]
+        return evaluate(self.system, self.mesh, unknowns)[0]
 
     def removed(self, unknowns, rest):
-        _, blocks, _ = linearise(self.case, self.mesh, unknowns)
+        _, blocks, _ = linearise(self.system, self.mesh, unknowns)
         return solve_factors(factorise(blocks), jax.tree.map(jnp.negative, rest))
 
 

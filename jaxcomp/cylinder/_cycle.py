@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.fields import replaced
 from .._core.results import Data, Result
 from .._core.status import Status
-from ._balance import Accounts, valve_scales
+from ._balance import STATES, Accounts, valve_scales
 from ._collocation import SolvedPressure, over_panels, resolution, turning_margins
 from ._cylinder import Case
 
@@ -154,7 +155,7 @@ class Cycle(Result, eqx.Module):
         cylinder = self.case.cylinder
         if cylinder.walls is None:
             return cylinder.wall_temperature
-        return self.raw[1].left[..., 0, -2] * self.case.suction.T
+        return self.raw[1].left[..., 0, STATES] * self.case.suction.T
 
     @property
     def frequency(self) -> Float[Array, ""]:
@@ -375,9 +376,11 @@ class SeveralCycles(Result, eqx.Module):
 
     Attributes:
         each: the cycles; every entry with a leading axis of k.
+        together: what was solved of cylinders that share plenums, and where a similar machine may start.
     """
 
     each: Cycle
+    together: Any = None
 
     table_dims: ClassVar[tuple[str, ...]] = ()
 
@@ -475,7 +478,13 @@ class SeveralCycles(Result, eqx.Module):
 
     def gas(self) -> SolvedPressure:
         """The pressures as a gas that is prescribed over the crank angle of every cylinder."""
-        return jax.vmap(lambda cycle: cycle.gas())(self.each)
+        gas = jax.vmap(lambda cycle: cycle.gas())(self.each)
+        if self.together is None:
+            return gas
+        # all have the same edges: each cylinder names some of them
+        count = gas.edges.shape[0]
+        own = [gas.edges[i, 1 + i :: count] for i in range(count)]
+        return replaced(gas, kinks=jnp.stack(own))
 
 
 def _nonzero(value):

@@ -18,10 +18,9 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from .._core.polynomials import cubic_step, quintic_step
-from ._balance import EVENTS, FREE, Accounts, after_event, jump, rates
-from ._cylinder import Case
-from ._heat import next_revolution
+from .._core.polynomials import cubic_step
+from ._balance import Accounts
+from ._system import Cylinders
 
 # Dormand, Prince (1980): nodes, stages, and the difference to the embedded method of order 4
 _C = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
@@ -40,7 +39,6 @@ START = -np.pi / 2  # crank angle at which a revolution begins, within the compr
 TURN = 2 * np.pi
 _CROSSED = -1e-12  # [-] event function below which an event has happened
 _LOCATED = 1e-2  # [-] of the tolerance of a step: event function within which it is located
-_LONGEST = 0.3  # [rad] step
 _NARROW = 1e-14  # [rad] bracket beyond which rounding rules
 _ACCOUNTS = len(Accounts._fields)
 
@@ -315,8 +313,8 @@ class March(NamedTuple):
     """Revolutions until they repeat."""
 
     state: Float[Array, " n"]  # at the end of the last of them
-    flags: Int[Array, " 6"]  # there
-    totals: Float[Array, " 12"]  # integrals of the accounts over it
+    flags: Int[Array, " f"]  # there
+    totals: Float[Array, "k 12"]  # integrals of the accounts over it
     whole: Bool[Array, ""]  # whether its end was reached
     record: Record  # its steps
     change: Float[Array, ""]  # [-] largest difference between its end and its beginning
@@ -324,7 +322,9 @@ class March(NamedTuple):
     passes: Int[Array, ""]  # tries of steps in all
 
 
-def march(case: Case, options, tolerance, repeat, state, flags, wanted, max_revolutions) -> March:
+def march(
+    system: Cylinders, options, tolerance, repeat, state, flags, wanted, max_revolutions
+) -> March:
     """Revolutions until the end is the beginning within `repeat`; none if they are not `wanted`.
 
     The error is soon one vector that shrinks by a steady factor (about 0.1), so after the second
@@ -332,7 +332,7 @@ def march(case: Case, options, tolerance, repeat, state, flags, wanted, max_revo
     another: each has its own number of steps, and together they would all wait for the slowest.
 
     Args:
-        case: cylinder and lines.
+        system: the cylinders.
         options: `CycleOptions`; how many tries of steps are made and steps kept.
         tolerance: [-] error of a step, in units of the scales.
         repeat: [-] change of a revolution at which to stop.
@@ -340,14 +340,14 @@ def march(case: Case, options, tolerance, repeat, state, flags, wanted, max_revo
         wanted: whether to march at all.
         max_revolutions: after which to give up.
     """
-    arrays, rest = eqx.partition((case, tolerance, repeat, state, flags, wanted), eqx.is_array)
+    arrays, rest = eqx.partition((system, tolerance, repeat, state, flags, wanted), eqx.is_array)
 
     @jax.custom_batching.sequential_vmap
     def one(arrays):
-        case, tolerance, repeat, state, flags, wanted = eqx.combine(arrays, rest)
+        system, tolerance, repeat, state, flags, wanted = eqx.combine(arrays, rest)
         count = jnp.where(wanted, max_revolutions, 0)
-        turn = partial(_revolve, case, options, tolerance)
-        return _repeated(turn, repeat, state, flags, count, options.capacity)
+        turn = partial(_revolve, system, options, tolerance)
+        return _repeated(system, turn, repeat, state, flags, count, options.capacity)
 
     return one(arrays)
 
@@ -355,38 +355,46 @@ def march(case: Case, options, tolerance, repeat, state, flags, wanted, max_revo
 class _Revolution(AbstractLaw):
     """The gas at the motion of a crank; its states are followed by those of the accounts."""
 
-    case: Case
+    system: Cylinders
     kept: int = eqx.field(static=True)
 
     def rates(self, angle, state, flags):
-        found = rates(self.case, angle, state[: self.kept], flags)
-        return jnp.concatenate([found.state, found.accounts]), found.events, found.force
+        found = self.system.rates(angle, state[: self.kept], flags)
+        slopes = jnp.concatenate([found.state, found.accounts.ravel()])
+        return slopes, found.events, found.force
 
     def towards(self, state, events):
-        return towards(state, events)
+        return self.system.towards(state[: self.kept], events)
 
     def after(self, angle, event, state, flags, force):
         own = state[: self.kept]
-        code, new_flags = after_event(self.case, event, own, flags, force)
-        return code, state.at[: self.kept].set(jump(self.case, event, code, own)), new_flags
+        code, new_flags = self.system.after(event, own, flags, force)
+        jumped = self.system.jump(event, code, own)
+        return code, state.at[: self.kept].set(jumped), new_flags
 
     def passed(self, ends, slopes, width, flags, least):
-        return passed(ends, slopes, width, flags, least)
+        ends, slopes = ([one[: self.kept] for one in pair] for pair in (ends, slopes))
+        return self.system.passed(ends, slopes, width, flags, least)
 
     def longest(self, flags):
-        return longest_step(self.case, flags)
+        return self.system.longest(flags)
 
 
-def _revolve(case: Case, options, tolerance, state, flags) -> Stretch:
+def _revolve(system: Cylinders, options, tolerance, state, flags) -> Stretch:
     """March through one revolution from `START`."""
-    law, begin = _Revolution(case, state.size), jnp.concatenate([state, jnp.zeros(_ACCOUNTS)])
+    law = _Revolution(system, state.size)
+    begin = jnp.concatenate([state, jnp.zeros(_ACCOUNTS * system.count)])
     span, most = (jnp.asarray(START), START + TURN), (options.max_passes, options.capacity)
     end = stretch(law, *span, begin, flags, tolerance, *most)
-    own = next_revolution(case, end.state[: law.kept])
+    own = system.next_revolution(end.state[: law.kept])
     return end._replace(state=end.state.at[: law.kept].set(own))
 
 
-def _repeated(turn, repeat, state, flags, max_revolutions, capacity: int) -> March:
+def _repeated(
+    system: Cylinders, turn, repeat, state, flags, max_revolutions, capacity: int
+) -> March:
+    totals = jnp.zeros((system.count, _ACCOUNTS))
+
     def going_on(carry):
         *_, found = carry
         moving = found.change > repeat
@@ -395,21 +403,22 @@ def _repeated(turn, repeat, state, flags, max_revolutions, capacity: int) -> Mar
     def advance(carry):
         state, last_change, found = carry
         new = turn(state, found.flags)
-        end, totals = new.state[: state.size], new.state[state.size :]
+        end, sums = new.state[: state.size], new.state[state.size :].reshape(totals.shape)
         change = end - state
         share = jnp.sum(change * last_change) / jnp.maximum(jnp.sum(last_change**2), 1e-300)
         usable = (found.revolutions > 0) & (jnp.abs(share) < 0.7)
         more = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
         next_state = end + more * change
-        # the accelerated state is a guess of two numbers; what the valves do is kept
-        next_state = end.at[:2].set(jnp.maximum(next_state[:2], 0.5 * end[:2]))
+        # the accelerated state is a guess of mass and temperature; what the valves do is kept
+        gas = system.columns(0, 1)
+        next_state = end.at[gas].set(jnp.maximum(next_state[gas], 0.5 * end[gas]))
         size, passes = jnp.max(jnp.abs(change)), found.passes + new.passes
         revolutions = found.revolutions + 1
-        made = March(end, new.flags, totals, new.whole, new.record, size, revolutions, passes)
+        made = March(end, new.flags, sums, new.whole, new.record, size, revolutions, passes)
         return next_state, change, made
 
     record = _empty_record(capacity, state.size, flags.size)
-    totals, true, none = jnp.zeros(_ACCOUNTS), jnp.asarray(True), jnp.zeros((), int)
+    true, none = jnp.asarray(True), jnp.zeros((), int)
     begin = March(state, flags, totals, true, record, jnp.asarray(jnp.inf), none, none)
     return lax.while_loop(going_on, advance, (state, jnp.zeros(state.size), begin))[-1]
 
@@ -417,56 +426,6 @@ def _repeated(turn, repeat, state, flags, max_revolutions, capacity: int) -> Mar
 def _weighted(weights, slopes):
     """Sum of the slopes with their weights; a matrix product would end XLA's one kernel for the loop."""
     return jnp.sum(weights[:, None] * slopes, axis=0)
-
-
-def longest_step(case: Case, flags):
-    """[rad] A tenth of the period of a valve that is free: no step dips into the seat and out again."""
-    longest = jnp.asarray(_LONGEST)
-    for which, valve in enumerate(case.cylinder.valves):
-        if valve.oscillator is not None:
-            own = jnp.sqrt(valve.oscillator.stiffness / valve.oscillator.mass)
-            limit = 0.1 * TURN * case.speed / jnp.maximum(own, 1e-9)
-            longest = jnp.where(flags[3 * which] == FREE, jnp.minimum(longest, limit), longest)
-    return longest
-
-
-def towards(state, events):
-    """Whether a valve that is beyond seat or stop moves towards it; others may always cross."""
-    free = jnp.ones(EVENTS, bool)
-    for which in range(2):
-        x, v = state[2 + 3 * which], state[3 + 3 * which]
-        # with x at rest on seat or stop these functions are forces, which have no direction
-        free = free.at[4 * which].set((v <= 0) | (x > 0)).at[4 * which + 1].set(v >= 0)
-    return free
-
-
-def passed(ends, slopes, width, flags, least):
-    """Share of a step at which a free valve is beyond seat or stop and turns; see `AbstractLaw.passed`.
-
-    The turn by the cubic of the velocity, the lift there by the quintic: of a step of a tenth of the
-    valve's period that errs by 2e-6 of the amplitude.
-    """
-    found = jnp.asarray(jnp.inf)
-    for which in range(2):
-        x, v = 2 + 3 * which, 3 + 3 * which
-        # the lift's rate is the velocity but for the unevenness of the crank
-        first, last = slopes[0][x], slopes[1][x]
-        turns = (first * last < 0) & (flags[3 * which] == FREE)
-        change = jnp.where(turns, ends[1][v] - ends[0][v], 1.0)
-        pace = (last - first) / change
-        bends = slopes[0][v] * pace, slopes[1][v] * pace
-        t = first / jnp.where(turns, first - last, 1.0)
-        for _ in range(3):  # by chords: an error of the turn counts with its square
-            rate = cubic_step(t, width, (first, last), bends)
-            t = jnp.clip(t + rate / jnp.where(turns, first - last, 1.0), 0.0, 1.0)
-        top = quintic_step(t, width, (ends[0][x], ends[1][x]), (first, last), bends)
-        excess = jnp.where(first > 0, top - 1, -top)
-        beyond = turns & (excess > least)
-        # before the turn, where three quarters of the excess are reached on the way there
-        bend = jnp.abs((last - first) / width)
-        back = jnp.sqrt(jnp.where(beyond, excess, 0.0) / 2 / jnp.where(beyond, bend, 1.0)) / width
-        found = jnp.minimum(found, jnp.where(beyond, jnp.maximum(t - back, 0.5 * t), jnp.inf))
-    return found
 
 
 def _first(at_low, at_high):

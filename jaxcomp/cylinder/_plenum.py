@@ -110,31 +110,30 @@ def valve_sides(pair: tuple[PlenumChain, PlenumChain]) -> tuple[GasState, GasSta
     return pair[0].nodes[-1], pair[1].nodes[0]
 
 
-def chain_rates(case, pair, state, suction, discharge, pace, wall) -> Float[Array, " 3p"]:
+def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[Array, " 3p"]:
     """Rates of the states over time times `pace`.
 
     Args:
         case: cylinder and lines.
         pair: of `chains`.
         state: (3 p,) over its scales.
-        suction, discharge: [kg/s] and [W] through the valves, forward.
+        streams: as in `Rates`, of all cylinders together.
         pace: [rad/s]
-        wall: [K] temperature of the cylinder's wall, for the plenums that `walls` ties to it.
     """
     scales = chain_scales(case)
     out, place, least = [], 0, _MIXED * scales.flow
     walls = case.cylinder.walls
-    heats = (0.0, 0.0) if walls is None else walls.to_plenums(wall, pair)
-    for chain, at_valve, heat in zip(pair, (suction, discharge), heats, strict=True):
+    sides = zip(pair, (streams[:2], streams[2:4]), streams[4:], strict=True)
+    for chain, at_valve, heat in sides:
         count = len(chain.plenums)
         sizes = [jnp.sqrt(flow**2 + least**2) for flow in chain.flows]
         up = [
             _mixed(flow / size, *chain.nodes[i : i + 2])
             for i, (flow, size) in enumerate(zip(chain.flows, sizes, strict=True))
         ]
-        streams = [(flow, flow * gas.h) for flow, gas in zip(chain.flows, up, strict=True)]
+        necks = [(flow, flow * gas.h) for flow, gas in zip(chain.flows, up, strict=True)]
         # the streams into the first plenum, between plenums, and out of the last
-        along = [*streams, at_valve] if chain.inward else [at_valve, *streams]
+        along = [*necks, at_valve] if chain.inward else [at_valve, *necks]
         for i, (plenum, gas) in enumerate(zip(chain.plenums, chain.gases, strict=True)):
             (come, with_it), (go, away) = along[i], along[i + 1]
             gained = come - go

@@ -15,15 +15,7 @@ from .._core.polynomials import gauss
 from .._core.roots import root
 from .._core.status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
-from ._balance import (
-    FREE,
-    STATES,
-    Accounts,
-    initial,
-    rates,
-    temperature_and_density,
-    valve_scales,
-)
+from ._balance import EVENTS, FLAGS, FREE, STATES, Accounts, temperature_and_density, valve_scales
 from ._collocation import (
     Attached,
     Mesh,
@@ -34,11 +26,12 @@ from ._collocation import (
     newton,
     point_angles,
 )
-from ._cycle import Cycle, Events, values_only
+from ._cycle import Cycle, Events, SeveralCycles, values_only
 from ._cylinder import Case, Cylinder, Pace, ports_fit, prepare
 from ._heat import OF_WALL
-from ._march import START, march
+from ._march import START, TURN, march
 from ._plenum import PER_PLENUM, chains
+from ._system import Cylinders
 
 
 class CycleOptions(eqx.Module):
@@ -83,6 +76,15 @@ class CycleOptions(eqx.Module):
             return None
         return dataclasses.replace(self, panels=2 * self.panels)
 
+    def of_several(self, count: int) -> "CycleOptions":
+        """The options where cylinders are solved together: panels and steps are those of each."""
+        return dataclasses.replace(
+            self,
+            panels=count * self.panels,
+            max_passes=count * self.max_passes,
+            capacity=count * self.capacity,
+        )
+
 
 def may_lack_panels(status: Status) -> Bool[Array, ""]:
     """Whether a cycle that ended so may be found on more panels."""
@@ -99,7 +101,7 @@ class CycleSolution(NamedTuple):
     mesh: Mesh
     z: Unknowns
     marched: Unknowns
-    totals: Float[Array, " 12"]
+    totals: Float[Array, "k 12"]
     solved: Bool[Array, ""]
     residual: Float[Array, ""]
     steps: Int[Array, ""]
@@ -148,19 +150,85 @@ def solve_cycle(
     return cycle
 
 
+def solve_cycles(
+    cylinder: Cylinder,
+    mechanisms: AbstractMechanism,
+    phase: Float[Array, " k"],
+    speed: float | Float[Array, ""],
+    options: CycleOptions,
+    pace: Pace | None = None,
+    start: CycleSolution | None = None,
+) -> SeveralCycles:
+    """The periodic cycles of several cylinders between the same lines.
+
+    With plenums these are shared, and the cylinders are solved together, with panels for each of them;
+    without any every cylinder is solved by itself.
+
+    Args:
+        cylinder: gas, valves and lines of every cylinder.
+        mechanisms: the pistons' motions, with an axis of k.
+        phase: [rad] own crank angle of each less that of the crank.
+        speed: [rad/s] mean speed of the crank.
+        options: of the solver.
+        pace: of the crank; with plenums over its own angle, else over that of every cylinder, with an
+            axis of k.
+        start: as in `solve_cycle`; without plenums with an axis of k.
+    """
+    if cylinder.plenums:
+        return _solved_together(cylinder, mechanisms, phase, speed, options, pace, start)
+
+    def one(mechanism, pace, start):
+        return _solved(cylinder, mechanism, speed, options, pace, start)
+
+    return SeveralCycles(eqx.filter_vmap(one)(mechanisms, pace, start))
+
+
+def follow_cycles(
+    cylinder: Cylinder, mechanisms, phase, speed, options, pace, found: SeveralCycles
+) -> SeveralCycles:
+    """As `follow_cycle`, of several cylinders; arguments as in `solve_cycles`."""
+    if cylinder.plenums:
+        system, good = _together(cylinder, mechanisms, phase, speed, pace)
+        own = options.of_several(phase.shape[0])
+        return _results(system, good, solution_of(found), own, False)
+
+    def one(mechanism, pace, cycle):
+        return follow_cycle(cylinder, mechanism, speed, options, pace, cycle)
+
+    return SeveralCycles(eqx.filter_vmap(one)(mechanisms, pace, found.each))
+
+
 @eqx.filter_jit
 def _solved(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
     case, good = _admitted(cylinder, mechanism, speed, pace)
-    marching = options.method == "march" or not cylinder.inert
+    start = solution_of(start) if isinstance(start, Cycle) else start
+    return _result(*_found(Cylinders(case, jnp.zeros(1)), good, options, start))
+
+
+@eqx.filter_jit
+def _solved_together(cylinder, mechanisms, phase, speed, options: CycleOptions, pace, start):
+    system, good = _together(cylinder, mechanisms, phase, speed, pace)
+    return _results(*_found(system, good, options.of_several(phase.shape[0]), start))
+
+
+def _together(cylinder, mechanisms, phase, speed, pace) -> tuple[Cylinders, Bool[Array, ""]]:
+    def one(mechanism, phase):
+        own = None if pace is None else Pace(pace.edges + phase, pace.excess)
+        return _admitted(cylinder, mechanism, speed, own)
+
+    cases, good = jax.vmap(one)(mechanisms, phase)
+    return Cylinders(cases, phase), jnp.all(good)
+
+
+def _found(system: Cylinders, good, options: CycleOptions, start: CycleSolution | None):
+    """What `_result` and `_results` make cycles of."""
+    marching = options.method == "march" or not system.cases.cylinder.inert
     if marching:
-        arrays, rest = eqx.partition(case, eqx.is_inexact_array)
-        case = eqx.combine(values_only(arrays), rest)
-    frozen = lax.stop_gradient(case)
-    if marching:
-        found = _march_only(frozen, options)
-    else:
-        found = _rounds(frozen, options, solution_of(start) if isinstance(start, Cycle) else start)
-    return _result(case, good, found, options, marching)
+        arrays, rest = eqx.partition(system, eqx.is_inexact_array)
+        system = eqx.combine(values_only(arrays), rest)
+    frozen = lax.stop_gradient(system)
+    found = _march_only(frozen, options) if marching else _rounds(frozen, options, start)
+    return system, good, found, options, marching
 
 
 def follow_cycle(
@@ -173,7 +241,7 @@ def follow_cycle(
         cycle: what it found, by collocation.
     """
     case, good = _admitted(cylinder, mechanism, speed, pace)
-    return _result(case, good, solution_of(cycle), options, False)
+    return _result(Cylinders(case, jnp.zeros(1)), good, solution_of(cycle), options, False)
 
 
 def is_solved(cycle: Cycle) -> Bool[Array, ""]:
@@ -189,19 +257,68 @@ def _admitted(cylinder, mechanism, speed, pace) -> tuple[Case, Bool[Array, ""]]:
     return prepare(clipped(cylinder), clipped(mechanism), speed, pace), good
 
 
-def _result(case: Case, good, found: CycleSolution, options: CycleOptions, marching: bool) -> Cycle:
-    z = found.z if marching else root(Attached(case, found.mesh, found.z))
+def _result(system: Cylinders, good, found, options: CycleOptions, marching: bool) -> Cycle:
+    found, points = _followed(system, found, marching)
+    found = found._replace(totals=found.totals[0])
+    points = jax.tree.map(lambda values: values[:, :, 0], points)
+    return _cycle_of(system.shared, good, found, points, options, marching)
+
+
+def _results(system: Cylinders, good, found, options, marching: bool) -> SeveralCycles:
+    """The cycle of every cylinder, by its own crank angle."""
+    together, points = _followed(system, found, marching)
+
+    def one(case, phase, number, totals, points, left, accounts, pressure):
+        mesh, z = together.mesh, together.z
+        event = mesh.event - EVENTS * number
+        here = (event >= 0) & (event < EVENTS)
+        flags = lax.dynamic_slice_in_dim(mesh.flags, FLAGS * number, FLAGS, axis=1)
+        mesh = Mesh(flags, jnp.where(here, event, -1), jnp.where(here, mesh.code, 0), mesh.fits)
+        z = Unknowns(points, left, z.edges + phase)
+        own = together._replace(mesh=mesh, z=z, totals=totals)
+        return _from_start(_cycle_of(case, good, own, (accounts, pressure), options, marching))
+
+    own = (system.of_cylinder(values) for values in together.z[:2])
+    over = (jnp.moveaxis(values, 2, 0) for values in points)
+    numbered = jnp.arange(system.count), together.totals
+    each = jax.vmap(one)(system.cases, system.phase, *numbered, *own, *over)
+    return SeveralCycles(each, together)
+
+
+def _from_start(cycle: Cycle) -> Cycle:
+    """A cycle whose crank angle begins anywhere, from `START`."""
+    angle = START + jnp.mod(cycle.angle - START, TURN)
+    order = jnp.argsort(angle)
+    names = ("weight", "volume", "pressure", "temperature", "mass", "lift", "flow", "port_velocity")
+    events = START + jnp.mod(cycle.events.angle - START, TURN)
+
+    def parts(cycle):
+        more = () if cycle.plenum_pressure is None else (cycle.plenum_pressure,)
+        return *(getattr(cycle, name) for name in names), *more
+
+    values = (one[..., order] for one in parts(cycle))
+    cycle = eqx.tree_at(lambda c: (c.angle, c.events.angle), cycle, (angle[order], events))
+    return eqx.tree_at(parts, cycle, tuple(values))
+
+
+def _followed(system: Cylinders, found: CycleSolution, marching: bool):
+    """What was found with its dependence on the system; accounts and pressures at all points."""
+    z = found.z if marching else root(Attached(system, found.mesh, found.z))
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
 
     def law(angle, state, flags):
-        at = rates(case, angle, state, flags)
+        at = system.rates(angle, state, flags)
         return at.accounts, at.pressure
 
-    points = at_points(law, found.mesh, z)
+    return found._replace(z=z), at_points(law, found.mesh, z)
+
+
+def _cycle_of(case: Case, good, found: CycleSolution, points, options, marching: bool) -> Cycle:
+    """The cycle of one cylinder, with its status."""
     status = Status.where(found.solved, Status.converged, Status.not_converged)
     status = Status.where(found.mesh.fits | found.solved, status, Status.too_many_events)
-    cycle = _cycle(case, found, z, points, options, marching)
+    cycle = _cycle(case, found, points, options, marching)
     no_flow = (status == Status.converged) & (cycle.delivered <= 1e-9 * case.mass_scale)
     status = Status.where(no_flow, Status.no_delivery, status)
     fluid = case.cylinder.fluid
@@ -212,34 +329,39 @@ def _result(case: Case, good, found: CycleSolution, options: CycleOptions, march
     return eqx.tree_at(lambda c: c.status, cycle, status)
 
 
-def _march_only(case: Case, options: CycleOptions) -> CycleSolution:
+def _march_only(system: Cylinders, options: CycleOptions) -> CycleSolution:
     tolerance = jnp.asarray(options.value_tolerance)
-    begin, wanted = initial(case, START), jnp.asarray(True)
+    begin, wanted = system.initial(START), jnp.asarray(True)
     repeat = 10 * tolerance
-    end = march(case, options, tolerance, repeat, *begin, wanted, options.max_revolutions)
+    end = march(system, options, tolerance, repeat, *begin, wanted, options.max_revolutions)
     solved = (end.change <= repeat) & end.whole
     mesh, z = lay_mesh(end.record, options.panels, options.nodes)
     counts = jnp.zeros((), int), end.revolutions, end.passes
     return CycleSolution(mesh, z, z, end.totals, solved, end.change, *counts)
 
 
-def _after_newton(case, options: CycleOptions, mesh, z, totals, counts) -> CycleSolution:
-    new, report = newton(case, mesh, z, options.tolerance, options.max_newton)
+def _after_newton(system, options: CycleOptions, mesh, z, totals, counts) -> CycleSolution:
+    new, report = newton(system, mesh, z, options.tolerance, options.max_newton)
     solved = mesh.fits & (report.size < 1e-7) & report.holds
     counts = tuple(jnp.asarray(count) for count in counts)
     return CycleSolution(mesh, new, z, totals, solved, report.size, report.steps, *counts)
 
 
-def solution_of(cycle: Cycle) -> CycleSolution:
-    """What was found of a cycle by collocation."""
+def solution_of(cycle: Cycle | SeveralCycles) -> CycleSolution:
+    """What was found of a cycle by collocation; of several alone, with an axis of them."""
+    if isinstance(cycle, SeveralCycles):
+        if cycle.together is None:
+            return jax.vmap(solution_of)(cycle.each)
+        found = lax.stop_gradient(cycle.together)
+        return found._replace(marched=found.z, solved=is_solved(cycle.each))
     cycle = lax.stop_gradient(cycle)
     mesh, z, _ = cycle.raw
-    totals = jnp.stack(cycle.totals) / account_scales(cycle.case)
+    totals = (jnp.stack(cycle.totals) / account_scales(cycle.case))[None]
     counts = cycle.iterations, cycle.revolutions, cycle.passes
     return CycleSolution(mesh, z, z, totals, is_solved(cycle), cycle.residual, *counts)
 
 
-def _rounds(case: Case, options: CycleOptions, start: CycleSolution | None) -> CycleSolution:
+def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | None) -> CycleSolution:
     """March and Newton's method in turns: where Newton leaves the sequence, march from there.
 
     If there is a start, the first round takes its panels instead of a march.
@@ -255,15 +377,16 @@ def _rounds(case: Case, options: CycleOptions, start: CycleSolution | None) -> C
         few = min(8, options.max_revolutions)
         repeat = 100 * tolerance  # Newton's method closes the rest
         wanted = ~(last.solved | ready)
-        end = march(case, options, tolerance, repeat, state, flags, wanted, few)
+        end = march(system, options, tolerance, repeat, state, flags, wanted, few)
         laid = *lay_mesh(end.record, options.panels, options.nodes), end.totals
         if start is not None:
             known = start.mesh, start.z, start.totals
             laid = jax.tree.map(partial(jnp.where, ready), known, laid)
         counts = last.revolutions + end.revolutions, last.passes + end.passes
-        found = _after_newton(case, options, *laid, counts)
+        found = _after_newton(system, options, *laid, counts)
         mesh = found.mesh
-        sound = mesh.fits & (found.residual < 1e-7) & (jnp.min(found.z.left[:, :2]) > 0.01)
+        least = jnp.min(found.z.left[:, system.columns(0, 1)])
+        sound = mesh.fits & (found.residual < 1e-7) & (least > 0.01)
         state = jnp.where(sound, found.z.left[0], end.state)
         flags = jnp.where(sound, mesh.flags[0], end.flags)
         usable = end.whole & mesh.fits
@@ -273,23 +396,30 @@ def _rounds(case: Case, options: CycleOptions, start: CycleSolution | None) -> C
         _, _, found, rounds = carry
         return ~found.solved & (rounds < options.max_rounds)
 
-    state, flags = initial(case, START)
-    nothing = no_solution(case.cylinder, options)
+    state, flags = system.initial(START)
+    nothing = _nothing(system.count, system.size, options)
     if start is not None:
         nothing = nothing._replace(revolutions=start.revolutions, passes=start.passes)
     begin = state, flags, nothing, -1 * given
     return lax.while_loop(going_on, advance, begin)[2]
 
 
-def no_solution(cylinder: Cylinder, options: CycleOptions) -> CycleSolution:
-    """What there is before the first round."""
-    walls = 0 if cylinder.walls is None else OF_WALL
-    states = STATES + PER_PLENUM * len(cylinder.plenums) + walls
+def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleSolution:
+    """What there is of `count` cylinders before the first round; without plenums, of each of them."""
+    if count > 1 and not cylinder.plenums:
+        alone = no_solution(cylinder, 1, options)
+        return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), alone)
+    own = STATES + (0 if cylinder.walls is None else OF_WALL)
+    size = count * own + PER_PLENUM * len(cylinder.plenums)
+    return _nothing(count, size, options if count == 1 else options.of_several(count))
+
+
+def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
     p, s, none = options.panels, options.nodes, jnp.zeros((), int)
     flat = jnp.zeros(p, int)
-    mesh = Mesh(jnp.zeros((p, 6), int), flat, flat, jnp.asarray(False))
+    mesh = Mesh(jnp.zeros((p, FLAGS * count), int), flat, flat, jnp.asarray(False))
     z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), jnp.zeros(p + 1))
-    totals, solved = jnp.zeros(len(Accounts._fields)), jnp.asarray(False)
+    totals, solved = jnp.zeros((count, len(Accounts._fields))), jnp.asarray(False)
     return CycleSolution(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
 
 
@@ -308,9 +438,9 @@ def _rise(case: Case, pressure):
     return share * (case.isentropic.h - case.suction.h)
 
 
-def _cycle(case: Case, found: CycleSolution, z: Unknowns, points, options, marching: bool) -> Cycle:
+def _cycle(case: Case, found: CycleSolution, points, options, marching: bool) -> Cycle:
     """The result in SI units; where only the march stands, its totals replace the quadrature."""
-    mesh, (accounts, pressure) = found.mesh, points
+    (mesh, z), (accounts, pressure) = found[:2], points
     rule = gauss(options.nodes)
     angle, width = point_angles(z.edges, options.nodes)
     weight = width[:, None] * rule.weights
@@ -367,10 +497,10 @@ def _plenum_pressures(case: Case, points: Float[Array, "p s+1 n"]):
     if not case.cylinder.plenums:
         return None
 
-    last = STATES + PER_PLENUM * len(case.cylinder.plenums)
+    of_plenums = -PER_PLENUM * len(case.cylinder.plenums)
 
     def at(state):
-        both = chains(case, state[STATES:last])
+        both = chains(case, state[of_plenums:])
         return jnp.stack([gas.p for chain in both for gas in chain.gases])
 
     states = points[:, :-1].reshape(-1, points.shape[-1])

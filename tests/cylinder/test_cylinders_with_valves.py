@@ -5,11 +5,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cylinder.test_transient_valves import BEHIND, light_rod, with_plenums
 
-from jaxcomp import BadInput, Compressor, ConstantSpeed, load, solve_orbit
+from jaxcomp import load, solve_orbit
 from jaxcomp.crank import performance
-from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.scene import with_value, with_values
 
 TWIN = {"crankshaft.layout": "in-line-2", "crankshaft.throw_pitch": "40 mm"}
@@ -78,14 +76,3 @@ def test_derivatives_of_several_coupled_cycles_are_those_of_differences():
     np.testing.assert_allclose(got[:2], wanted[:2], rtol=1e-4, atol=1e-6)
     # reversals of joint loads are no edges by default, which costs derivatives of friction 1e-3
     np.testing.assert_allclose(got[2], wanted[2], rtol=1e-3)
-
-
-def test_plenums_that_cylinders_share_are_refused_by_name():
-    twin = Compressor(
-        light_rod(),
-        Crankshaft(8e-4, layout="in-line-2", throw_pitch=0.1),
-        ConstantSpeed(300.0),
-        with_plenums(BEHIND),
-    )
-    with pytest.raises(BadInput, match=r"gas\.suction\.plenums.*`simulate`"):
-        solve_orbit(twin)

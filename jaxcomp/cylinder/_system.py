@@ -1,0 +1,224 @@
+"""What a periodic cycle is solved of: one cylinder with its plenums, or several that share theirs.
+
+There is one vector of states, one of branches and one row of events, so that march and collocation need
+not know how many cylinders there are.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ._balance import (
+    EVENTS,
+    FLAGS,
+    STATES,
+    Rates,
+    in_angle_and_state,
+    initial,
+    rates,
+)
+from ._cylinder import Case
+from ._events import after_event, jump, longest_step, passed, towards
+from ._heat import OF_WALL, next_revolution
+from ._plenum import PER_PLENUM, chain_rates, chains, first_states
+
+
+class Cylinders(eqx.Module):
+    """The balances of k cylinders over the crank angle.
+
+    The n states are those of the first cylinder, of the next, and so on, and then those of the plenums.
+
+    Attributes:
+        cases: the cylinders; of several, with an axis of them. Their lines are the same.
+        phase: [rad] (k,) own angle of each less that of the crank.
+        in_time: whether the rates are those in time; the temperature of the walls is held then.
+    """
+
+    cases: Case
+    phase: Float[Array, " k"]
+    in_time: bool = eqx.field(static=True, default=False)
+
+    @property
+    def count(self) -> int:
+        """k."""
+        return self.phase.shape[0]
+
+    @property
+    def stride(self) -> int:
+        """States of one cylinder."""
+        moving = self.cases.cylinder.walls is not None and not self.in_time
+        return STATES + (OF_WALL if moving else 0)
+
+    @property
+    def size(self) -> int:
+        """n."""
+        return self.count * self.stride + PER_PLENUM * len(self.cases.cylinder.plenums)
+
+    @property
+    def shared(self) -> Case:
+        """A cylinder as large as all together, for the scales of lines and plenums."""
+        if self.count == 1:
+            return self.cases
+        first = jax.tree.map(lambda leaf: leaf[0], self.cases)
+        return eqx.tree_at(lambda case: case.swept, first, jnp.sum(self.cases.swept))
+
+    def each(self, function, *given):
+        """What a function of a case and of arrays that have an axis of k gives, with that axis."""
+        if self.count > 1:
+            return jax.vmap(function)(self.cases, *given)
+        # mapped, both sides of every choice would be computed
+        found = function(self.cases, *(one[0] for one in given))
+        return jax.tree.map(lambda leaf: leaf[None], found)
+
+    def columns(self, *places: int) -> np.ndarray:
+        """Where states of a cylinder stand among those of all."""
+        return (self.stride * np.arange(self.count)[:, None] + np.array(places)).ravel()
+
+    def parted(self, state: Float[Array, " n"]) -> tuple[Float[Array, "k m"], Float[Array, " 3p"]]:
+        """The states of each cylinder, and of the plenums."""
+        last = self.count * self.stride
+        return state[:last].reshape(self.count, self.stride), state[last:]
+
+    def own_angle(self, angle: Float[Array, ""]) -> Float[Array, " k"]:
+        """[rad] of each cylinder."""
+        return self.phase + angle
+
+    def rates(self, angle, state, flags, speed: Float[Array, ""] | None = None) -> Rates:
+        """As of one cylinder, with accounts (k, 12), events (8 k,), force (2 k,), pressure (k,).
+
+        Args:
+            angle: [rad] of the crank.
+            state: (n,) over its scales.
+            flags: (6 k,)
+            speed: [rad/s] of the crank, for rates in time.
+        """
+        own, plenums = self.parted(state)
+        pair = chains(self.shared, plenums) if plenums.size else None
+
+        def one(case, angle, state, flags):
+            return rates(case, angle, state, flags, speed=speed, pair=pair)
+
+        found = self.each(one, self.own_angle(angle), own, flags.reshape(-1, FLAGS))
+        slopes = found.state.ravel()
+        if pair is not None:
+            shared, streams = self.shared, jnp.sum(found.streams, axis=0)
+            pace = shared.speed_at(self.own_angle(angle)[0]) if speed is None else shared.speed
+            more = chain_rates(shared, pair, plenums, streams, pace)
+            slopes = jnp.concatenate([slopes, more])
+        return found._replace(state=slopes, events=found.events.ravel(), force=found.force.ravel())
+
+    def jacobian(self, angle, state, flags):
+        """Rates over the crank angle and event functions, with their derivatives in state and angle.
+
+        Returns:
+            (state', events), then (n, n) and (n,) of state', then (8 k, n) and (8 k,) of the events.
+        """
+        own, plenums = self.parted(state)
+        m, q, k = self.stride, plenums.size, self.count
+        shared, own_angle = self.shared, self.own_angle(angle)
+
+        def one(case, angle, state, flags):
+            def law(packed, gas):
+                pair = chains(shared, packed[1 + m :]) if q else None
+                found = rates(case, packed[0], packed[1 : 1 + m], flags, gas, pair=pair)
+                parts = [found.state, found.events]
+                return jnp.concatenate([*parts, found.streams] if q else parts)
+
+            packed = jnp.concatenate([angle[None], state, plenums] if q else [angle[None], state])
+            return in_angle_and_state(case, law, packed)
+
+        values, slopes = self.each(one, own_angle, own, flags.reshape(-1, FLAGS))
+        parts = (slice(0, m), slice(m, m + EVENTS), slice(m + EVENTS, None))
+        state_1, events, streams = (values[:, part] for part in parts)
+        of_state, of_events, of_streams = (slopes[:, part] for part in parts)
+
+        def among_all(rows: Float[Array, "k r c"]):
+            """From own columns, of angle, state and plenums, to those of all."""
+            if k == 1:
+                return rows[0, :, 1:], rows[0, :, 0]
+            here = np.arange(k)
+            wide = jnp.zeros((k, rows.shape[1], k, m)).at[here, :, here].set(rows[:, :, 1 : 1 + m])
+            wide = wide.reshape(*rows.shape[:2], k * m)
+            both = jnp.concatenate([wide, rows[:, :, 1 + m :]], axis=2)
+            return both.reshape(-1, k * m + q), rows[:, :, 0].ravel()
+
+        by_state, by_angle = among_all(of_state)
+        if q:
+
+            def of_plenums(angle, plenums, streams):
+                pair, pace = chains(shared, plenums), shared.speed_at(angle)
+                return chain_rates(shared, pair, plenums, streams, pace)
+
+            given = own_angle[0], plenums, jnp.sum(streams, axis=0)
+            with_angle, with_plenums, with_streams = jax.jacfwd(of_plenums, (0, 1, 2))(*given)
+            through = jnp.einsum("qa,kac->kqc", with_streams, of_streams)
+            rows, turned = among_all(through)
+            rows, turned = rows.reshape(k, q, -1).sum(0), turned.reshape(k, q).sum(0)
+            by_state = jnp.concatenate([by_state, rows.at[:, k * m :].add(with_plenums)])
+            by_angle = jnp.concatenate([by_angle, turned + with_angle])
+            state_1 = jnp.concatenate([state_1.ravel(), of_plenums(*given)])
+        return (state_1.ravel(), events.ravel()), (by_state, by_angle), among_all(of_events)
+
+    def initial(self, angle) -> tuple[Float[Array, " n"], Int[Array, " f"]]:
+        """A guess of states and branches."""
+        states, flags = self.each(initial, self.own_angle(jnp.asarray(angle)))
+        return self._joined(states, first_states(self.shared, rest=False)), flags.ravel()
+
+    def jump(self, event, code, state) -> Float[Array, " n"]:
+        """The states after an event; see `_events.jump`."""
+        own, plenums = self.parted(state)
+        if self.count == 1:
+            return self._joined(jump(self.cases, event, code, own[0]), plenums)
+
+        def one(case, place, state):
+            return jump(case, event - EVENTS * place, code, state)
+
+        return self._joined(self.each(one, jnp.arange(self.count), own), plenums)
+
+    def after(self, event, state, flags, force) -> tuple[Int[Array, ""], Int[Array, " f"]]:
+        """Code of the jump and branches after an event; see `_events.after_event`."""
+
+        def one(case, place, state, flags, force):
+            return after_event(case, event - EVENTS * place, state, flags, force)
+
+        own, shape = self.parted(state)[0], (self.count, -1)
+        given = jnp.arange(self.count), own, flags.reshape(shape), force.reshape(shape)
+        code, new = self.each(one, *given)
+        return jnp.max(code), new.ravel()
+
+    def towards(self, state, events) -> Bool[Array, " e"]:
+        """Whether each event may happen there."""
+        own = self.parted(state)[0], events.reshape(self.count, -1)
+        return self.each(lambda _, *own: towards(*own), *own).ravel()
+
+    def longest(self, flags) -> Float[Array, ""]:
+        """[rad] The longest step."""
+        return jnp.min(self.each(longest_step, flags.reshape(self.count, -1)))
+
+    def passed(self, ends, slopes, width, flags, least) -> Float[Array, ""]:
+        """Share of a step at which a valve turns beyond seat or stop; see `AbstractLaw.passed`."""
+
+        def one(_, ends, slopes, flags):
+            return passed(ends, slopes, width, flags, least)
+
+        both = (jnp.stack([self.parted(one)[0] for one in pair], axis=1) for pair in (ends, slopes))
+        return jnp.min(self.each(one, *both, flags.reshape(self.count, -1)))
+
+    def next_revolution(self, state) -> Float[Array, " n"]:
+        """The states after the end of a revolution: the walls are warmer by the heat they have gained."""
+        own, plenums = self.parted(state)
+        return self._joined(self.each(next_revolution, own), plenums)
+
+    def of_cylinder(self, values: Float[Array, "*p n"]) -> Float[Array, "k *p m"]:
+        """States of each cylinder, as if it had the plenums alone."""
+        last = self.count * self.stride
+        own = values[..., :last].reshape(*values.shape[:-1], self.count, self.stride)
+        own = jnp.moveaxis(own, -2, 0)
+        plenums = jnp.broadcast_to(values[..., last:], (*own.shape[:-1], values.shape[-1] - last))
+        return jnp.concatenate([own, plenums], axis=-1)
+
+    @staticmethod
+    def _joined(own, plenums):
+        return jnp.concatenate([own.ravel(), plenums]) if plenums.size else own.ravel()
