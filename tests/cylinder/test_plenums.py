@@ -13,6 +13,7 @@ from jaxcomp import load
 from jaxcomp.cli import app
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.cylinder._plenum import chain_scales
+from jaxcomp.cylinder.interface import Cylinders, prepare
 from jaxcomp.plot import valve_motion
 
 
@@ -117,12 +118,10 @@ def test_a_scene_has_plenums_and_check_tells_their_resonance(tmp_path):
 
 
 def test_plenums_that_are_absent_are_not_traced():
-    from jaxcomp.cylinder._balance import initial, rates
-    from jaxcomp.cylinder._cylinder import prepare
-
     def operations(cylinder):
-        case = prepare(cylinder, light_rod(), SPEED)
-        state, flags = initial(case, -1.5)
-        return len(jax.make_jaxpr(lambda y: rates(case, -1.5, y, flags).state)(state).eqns)
+        system = Cylinders(prepare(cylinder, light_rod(), SPEED), jnp.zeros(1))
+        state, flags = system.initial(-1.5)
+        law = jax.make_jaxpr(lambda y: system.rates(jnp.asarray(-1.5), y, flags).state)
+        return len(law(state).eqns)
 
     assert operations(golden("D")) < operations(with_plenums(BEHIND)) - 30
