@@ -521,8 +521,8 @@ def _absent(leaf):
 def test_whether_a_valve_rests_is_decided_without_the_damping_of_its_impact():
     """A force that presses on the seat holds a valve that meets it, however fast it comes."""
     from jaxcomp.cylinder._balance import FREE, SEAT, initial, rates
-    from jaxcomp.cylinder._events import after_event
     from jaxcomp.cylinder._cylinder import prepare
+    from jaxcomp.cylinder._events import after_event
 
     case = prepare(with_values(golden("D"), suction_valve__damping=50.0), mechanism(), SPEED)
     state, flags = initial(case, -1.5)  # compressed: the pressure presses the suction valve down

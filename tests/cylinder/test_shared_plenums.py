@@ -8,7 +8,8 @@ import pytest
 from cylinder.test_cylinder import COLLOCATION, SPEED
 from cylinder.test_transient_valves import BEHIND, light_rod, with_plenums
 
-from jaxcomp import Compressor, ConstantSpeed, load, simulate, solve_orbit
+from jaxcomp import Compressor, ConstantSpeed, SlipLine, load, simulate, solve_orbit
+from jaxcomp._core.fields import replaced
 from jaxcomp.crank import Collocation, TimeIntegration
 from jaxcomp.crankshaft import Crankshaft, Throw
 from jaxcomp.cylinder import Annand, CycleOptions, WallNetwork, solve_cycle
@@ -67,7 +68,9 @@ def test_the_jacobian_of_cylinders_is_that_of_their_rates():
         found = system.rates(angle, state, flags)
         return found.state, found.events
 
-    value, by_state, by_events = jax.jit(lambda *given: system.jacobian(*given))(angle, state, flags)
+    value, by_state, by_events = jax.jit(lambda *given: system.jacobian(*given))(
+        angle, state, flags
+    )
     (wanted, events), (in_events, in_angle) = jax.jit(
         lambda *given: (law(*given), tuple(zip(*jax.jacfwd(law, (0, 1))(*given), strict=True)))
     )(state, angle)
@@ -107,9 +110,10 @@ def test_two_in_step_have_the_cycle_of_one():
     one = solve_cycle(with_plenums(BEHIND, BEHIND), light_rod(), SPEED, COLLOCATION)
     orbit = solve_orbit(twin(0.0), Collocation(cycle=COLLOCATION))
     each = orbit.cycle.each
-    # the necks ring some twenty times a revolution, which either mesh resolves to 1e-6 and better
-    np.testing.assert_allclose(each.delivered, jnp.repeat(one.delivered, 2), rtol=1e-6)
-    np.testing.assert_allclose(each.indicated_work, jnp.repeat(one.indicated_work, 2), rtol=1e-6)
+    # the necks ring some twenty times a revolution, which ten nodes on a panel resolve to 1e-5 of their
+    # flow; the meshes are not the same: 1.1e-6 seen
+    np.testing.assert_allclose(each.delivered, jnp.repeat(one.delivered, 2), rtol=5e-6)
+    np.testing.assert_allclose(each.indicated_work, jnp.repeat(one.indicated_work, 2), rtol=5e-6)
     assert abs(orbit.cycle.mass_closure) < 1e-13
     assert abs(orbit.cycle.energy_closure) < 1e-12
 
@@ -117,21 +121,17 @@ def test_two_in_step_have_the_cycle_of_one():
 @pytest.mark.slow  # a minute of compilation
 def test_the_periodic_state_is_where_time_leads():
     """The flow of a late revolution in time, with every cylinder's own share."""
-    machine = twin(np.pi)
-    periodic = solve_orbit(machine, SOLVER).cycle.each
-    lasts = [
-        simulate(
-            machine,
-            turns * 2 * np.pi / SPEED,
-            speed=SPEED,
-            options=TimeIntegration(tolerance=1e-9, max_steps=40_000),
-        ).gas.totals
+    machine = replaced(twin(np.pi), motor=SlipLine(0.05, 300.0))
+    orbit = solve_orbit(machine, SOLVER)
+    period, each = 2 * np.pi / float(orbit.mean_speed), orbit.cycle.each
+    options = TimeIntegration(tolerance=1e-9, max_steps=60_000)
+    early, late = (
+        simulate(machine, turns * period, speed=orbit.mean_speed, options=options).gas.totals
         for turns in (30, 31)
-    ]
-    delivered = lasts[1].discharge - lasts[0].discharge
-    # differences of totals that were marched at 1e-9 a step, 30 times as large; and 8 nodes on panels
-    np.testing.assert_allclose(periodic.delivered, delivered, rtol=2e-6)
-    np.testing.assert_allclose(periodic.totals.work, lasts[1].work - lasts[0].work, rtol=2e-6)
+    )
+    # differences of totals 30 times as large that were marched at 1e-9 a step, and 8 nodes on a panel
+    np.testing.assert_allclose(each.delivered, late.discharge - early.discharge, rtol=5e-6)
+    np.testing.assert_allclose(each.totals.work, late.work - early.work, rtol=5e-6)
 
 
 @pytest.mark.slow  # two minutes of compilation
