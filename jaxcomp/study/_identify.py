@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..machine import Machine, machine_of
@@ -381,7 +382,7 @@ def _parameters(
     return variables, parameters
 
 
-@eqx.filter_jit
+@kept_jit
 def _solve(measurement, design, variables, parameters, nuisances, point):
     """Values, slopes and status at one point; `measurement` and `variables` are static."""
 
@@ -401,6 +402,7 @@ class _Blocks:
         # without their ranges, which are no part of the program
         self.variables = tuple(one.bare for one in variables)
         self.design, self.measurements = design, measurements
+        self.programs = [one.bare for one in measurements]
         parts = [one.entries(sd) for one in measurements]
         self.points = [one.points(design) for one in measurements]
         sizes = [len(jax.tree.leaves(one)[0]) for one in self.points]
@@ -464,8 +466,7 @@ class _Blocks:
             n = int(np.searchsorted(self.first, number, side="right")) - 1
             point = jax.tree.map(lambda a: jnp.asarray(a[number - self.first[n]]), self.points[n])
             own = jnp.asarray(p[self.own[n]])
-            one = self.measurements[n]
-            found = _solve(one, self.design, self.variables, shared, own, point)
+            found = _solve(self.programs[n], self.design, self.variables, shared, own, point)
             return n, *map(np.asarray, found)
 
         def put(number: int, n: int, values, slopes, ok):

@@ -160,9 +160,9 @@ class Readings(AbstractMeasurement):
             self.evaporating, self.condensing, self.gas, self.liquid, self.useful, speed
         )
 
-    def values(self, build, parameters, nuisances, point):
+    def at(self, machine, nuisances, point):
         del nuisances
-        return rated(lambda p: build(p).as_compressor(), parameters, point)
+        return rated(machine.as_compressor(), point)
 
     def warnings(self, used, beside):
         """Points held out that lie outside the hull of those used, and speeds that were not used."""

@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load
 from jaxcomp.cli._app import app
-from jaxcomp.compressor import compressor_of
 from jaxcomp.cylinder import SuctionWarming
 from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
@@ -87,19 +86,13 @@ def test_warming_by_losses_and_by_the_discharge_side():
     comes = gas.state(jnp.asarray(290.0), jnp.asarray(16.0))
     flow, loss = 0.05, 600.0
     capacity = flow * float(comes.c_p)
-    motor = SuctionWarming(0.0, 0.5).rise(comes, 370.0, flow, loss)
-    assert float(motor) == pytest.approx(300 / capacity, rel=1e-12)
+    motor = SuctionWarming(0.0, 0.5).heat(comes, 370.0, flow, loss)
+    assert float(motor) == pytest.approx(300, rel=1e-12)
     # much conductance warms to the discharge temperature, little in proportion
-    most = SuctionWarming(1e3 * capacity, 0.0).rise(comes, 370.0, flow, loss)
-    assert float(most) == pytest.approx(80, rel=1e-9)
-    least = SuctionWarming(1e-6 * capacity, 0.0).rise(comes, 370.0, flow, loss)
-    assert float(least) == pytest.approx(80e-6, rel=1e-5)
-
-
-def test_the_law_of_warming_is_refused_where_nothing_closes_it():
-    compressor = compressor_of(load("semi-hermetic-200cc"))
-    with pytest.raises(BadInput, match="absent outside of rating points"):
-        compressor.gas.suction.states(compressor.gas.fluid)
+    most = SuctionWarming(1e3 * capacity, 0.0).heat(comes, 370.0, flow, loss)
+    assert float(most) == pytest.approx(80 * capacity, rel=1e-9)
+    least = SuctionWarming(1e-6 * capacity, 0.0).heat(comes, 370.0, flow, loss)
+    assert float(least) == pytest.approx(80e-6 * capacity, rel=1e-5)
 
 
 def test_a_template_gets_the_size_that_the_flow_wants():
