@@ -13,8 +13,10 @@ from jaxcomp.cylinder import SuctionWarming
 from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
 from jaxcomp.scene.readings import identified_scene
-from jaxcomp.study import RECIPE, Readings, identify, map_recipe, varied
-from jaxcomp.study.rating import rating_map
+from jaxcomp.study import RECIPE, Readings, identify, map_recipe, varied, with_own_factors
+from jaxcomp.study._fit import Parameter, fit
+from jaxcomp.study._identify import _law_of_speed
+from jaxcomp.study.rating import QUANTITIES, rating_map
 
 ZERO = 273.15
 CLEARANCE, HEATING, FRICTION = (
@@ -177,3 +179,55 @@ def test_a_machine_is_found_again_from_its_own_map(machine):
     assert "identified from made.csv" in again.text or "identified from made.csv" in str(
         again.document
     )
+
+
+def at_speeds(speeds, **values):
+    count = len(speeds)
+    S, D, gas = (np.full(count, t) + np.arange(count) for t in (250.0, 313.0, 305.35))
+    return Readings("map", S, D, gas, D, gas, np.array(speeds, float), values, fluid="R600a")
+
+
+def test_flow_and_power_have_factors_of_their_own_at_further_speeds(machine, monkeypatch):
+    first, second = with_own_factors([
+        at_speeds([300.0, 300.0], power=np.ones(2)), at_speeds([300.0, 450.0], power=np.ones(2)),
+    ])  # fmt: skip
+    assert first.nuisances == ()
+    assert [one.name for one in second.nuisances] == [
+        "flow_factor at 71.62 1/s", "power_factor at 71.62 1/s",
+    ]  # fmt: skip
+    plain = dict.fromkeys(("capacity", "power", "mass_flow", "cop", "discharge_temperature"), 10.0)
+    row = jnp.array([plain.get(name, 1.0) for name, *_ in QUANTITIES])
+    monkeypatch.setattr("jaxcomp.study._readings.rated", lambda *_: (row, jnp.asarray(True)))
+    where, own = second.points(machine_of(machine))
+    for n, factors in enumerate([(1.0, 1.0), (1.1, 0.8)]):
+        point = type(where)(*(x[n] for x in where)), own[n]
+        values, ok = second.at(machine_of(machine), jnp.array([1.1, 0.8]), point)
+        said = dict(zip((name for name, *_ in QUANTITIES), values, strict=True))
+        assert ok
+        assert said["capacity"] == pytest.approx(10 * factors[0])
+        assert said["mass_flow"] == pytest.approx(10 * factors[0])
+        assert said["power"] == pytest.approx(10 * factors[1])
+        assert said["cop"] == pytest.approx(10 * factors[0] / factors[1])
+        assert said["discharge_temperature"] == 10
+    with pytest.raises(BadInput, match="two at least"):
+        with_own_factors([at_speeds([300.0, 300.0], power=np.ones(2))])
+
+
+def test_a_law_of_speed_that_does_not_fit_is_said():
+    """Flow over the speed by a law without its exponent: off by as much at either end."""
+    speeds = np.repeat([200.0, 300.0, 400.0], 3)
+    given = at_speeds(speeds, power=(speeds / 300) ** 1.2)
+    entries = given.entries({})
+
+    def said(exponent):
+        def model(p):
+            value = p[0] * (speeds / 300) ** exponent
+            return value, value[:, None] / p[0]
+
+        found = fit(model, [Parameter("size", 0.5, 2.0, 1.0)], entries.measured, entries.sd)
+        return list(_law_of_speed(found, entries))
+
+    (words,) = said(1.0)
+    assert words.startswith("the law of speed does not fit: power is off by +")
+    assert "at 31.83 1/s" in words
+    assert said(1.2) == []
