@@ -129,10 +129,10 @@ class Readings(AbstractMeasurement):
             if self.liquid[n] > self.condensing[n] + 1e-9:
                 raise BadInput(f"{at}: liquid [C]", self.liquid[n] - ZERO, "at most condensing")
         rows = np.stack([self.evaporating, self.condensing, self.gas, np.nan_to_num(self.speed)])
-        _, count = np.unique(rows.round(6), axis=1, return_counts=True)
+        _, first, count = np.unique(rows.round(6), axis=1, return_index=True, return_counts=True)
         if (count > 1).any():
-            twice = len(self.names) - len(count)
-            raise BadInput(f"{self.source}: points", twice, "0 that are there twice; give means")
+            twice = ", ".join(self.names[n] for n in sorted(first[count > 1]))
+            raise BadInput(f"{self.source}: points", twice, "there once; give the mean of repeated ones")
         if {"capacity", "mass_flow"} <= set(self.measured):
             self._check_capacity(fluid)
 

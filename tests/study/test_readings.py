@@ -150,7 +150,7 @@ def test_points_that_cannot_be(tmp_path):
         for name in ("evaporating", "condensing", "gas", "liquid", "useful", "speed")
     }
     twice = dataclasses.replace(good, **doubled)
-    with pytest.raises(BadInput, match="there twice"):
+    with pytest.raises(BadInput, match="there once"):
         twice.check_points(RealGas("R22"))
 
 
