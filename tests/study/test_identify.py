@@ -1,6 +1,7 @@
 """Constants of a compressor from its rated points."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +16,7 @@ from jaxcomp.machine import machine_of
 from jaxcomp.scene.readings import identified_scene
 from jaxcomp.study import RECIPE, Readings, identify, map_recipe, varied, with_own_factors
 from jaxcomp.study._fit import Parameter, fit
-from jaxcomp.study._identify import _law_of_speed
+from jaxcomp.study._identify import _law_of_speed, _notes
 from jaxcomp.study.rating import QUANTITIES, rating_map
 
 ZERO = 273.15
@@ -231,3 +232,18 @@ def test_a_law_of_speed_that_does_not_fit_is_said():
     assert words.startswith("the law of speed does not fit: power is off by +")
     assert "at 31.83 1/s" in words
     assert said(1.2) == []
+
+
+def test_a_constant_that_touches_nothing_measured_is_named():
+    given = at_speeds([300.0, 300.0, 300.0], power=np.full(3, 2.0))
+
+    def model(p):
+        return np.full(3, p[0]), np.stack([np.ones(3), np.zeros(3)], axis=-1)
+
+    entries = given.entries({})
+    parameters = [Parameter("size", 0.5, 5.0, 1.0), Parameter("spring", 0.5, 2.0, 1.0, 1.0, 0.1)]
+    found = fit(model, parameters, entries.measured, entries.sd)
+    blocks = SimpleNamespace(entries=entries, measurements=[given])
+    words = list(_notes(found, blocks, found.value))
+    assert "spring touches nothing that was measured" in words
+    assert not any(one.startswith("size touches") for one in words)
