@@ -36,6 +36,7 @@ def identify(
     evaporating: str | None = None,
     condensing: str | None = None,
     speed: str | None = None,
+    own_factors: bool = False,
     predict: Path | None = None,
     loss: Loss = "linear",
     starts: int = 3,
@@ -76,6 +77,7 @@ def identify(
         condensing (FROM:TO:COUNT): The same.
         speed (SPEED,SPEED): At which to take polynomials with speed, such as 50 Hz; for others the speed
             of the machine.
+        own_factors: Give flow and power a factor of their own at every speed but the first.
         predict (FILE): Points to predict with intervals, in a file as those of the data.
         loss: Of the readings; soft_l1 and huber give little to outliers.
         starts (N): Beginnings of the fit; the first is the machine as it is.
@@ -90,13 +92,15 @@ def identify(
     from ..scene.measured import read_measurement
     from ..scene.readings import identified_scene
     from ..scene.tolerances import identified_tolerances
-    from ..study import identify
+    from ..study import identify, with_own_factors
 
     scene = changed_scene(machine, sets, varied=vary or ())
     speeds = [None] if speed is None else [speed_of(one, "--speed") for one in speed.split(",")]
     data_sets = [
         read_measurement(one, scene.machine, *over, turning) for one in data for turning in speeds
     ]
+    if own_factors:
+        data_sets = with_own_factors(data_sets)
     bounds, known = _bounds(scene, vary or ()), {}
     if not vary:
         scene, bounds, known = _by_recipe(scene, data_sets)

@@ -24,6 +24,7 @@ from ._orbit import rod_load_reversal as rod_load_reversal
 from ._orbit import time_harmonics as time_harmonics
 from ._panels import panels as panels
 from ._shooting import Shooting as Shooting
+from ._solve import orbit_at_constant_speed as orbit_at_constant_speed
 from ._solve import solve_orbit as solve_orbit
 from ._torsion import CrankTrain as CrankTrain
 from ._torsion import TorsionalChain as TorsionalChain

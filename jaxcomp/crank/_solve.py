@@ -27,6 +27,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.each import stacked
+from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, is_traced, listed, of_cylinder, replaced
 from .._core.polynomials import gauss
@@ -47,6 +48,7 @@ from ..motor import ConstantSpeed
 from ._collocation import Collocation, default_collocation
 from ._films import has_thin_film
 from ._orbit import Orbit, Verification
+from ._warming import LARGEST_RISE, at_rise, first_rise, law_of, next_rise
 
 if TYPE_CHECKING:
     from ._shooting import Shooting
@@ -62,6 +64,7 @@ _JOINT_RESIDUAL = 1e-6
 _ENERGY_RESIDUAL = 1e-5
 _LOSS_ERROR = 1e-2
 _TOLERANCE, _MAX_ITERATIONS = 1e-10, 20
+_KELVINS = 100.0  # a rise of the suction gas as an unknown of order one
 # Of derivatives: what is left of them is the contraction to this power, 1e-10 on ordinary machines.
 _TANGENT_ITERATIONS = 6
 
@@ -175,7 +178,7 @@ def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegratio
 def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     """The orbit with the checks that hold for every motor and solver."""
     if isinstance(compressor.gas, Cylinder):
-        orbit = _with_cylinder(compressor, solver)
+        orbit = _with_cylinder(compressor, solver, isinstance(compressor.motor, ConstantSpeed))
     else:
         orbit = solver.solve(compressor)
     seen: Orbit = lax.stop_gradient(orbit)
@@ -197,49 +200,75 @@ def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     return eqx.tree_at(lambda o: o.status, orbit, status)
 
 
-def _with_cylinder(compressor: Compressor, solver) -> Orbit:
+def orbit_at_constant_speed(compressor: Compressor, solver: Collocation) -> Orbit:
+    """The cycle at the mean speed, and the crank's motion under the pressure so found.
+
+    Args:
+        compressor: admissible, whose gas is a `Cylinder`.
+        solver: of the crank's motion.
+    """
+    return _with_cylinder(compressor, solver, True)
+
+
+def _with_cylinder(compressor: Compressor, solver, even: bool) -> Orbit:
     """The orbit of an admissible compressor whose gas is a `Cylinder`.
 
     Args:
         compressor: the machine.
         solver: of the crank's motion under a prescribed pressure.
+        even: whether the gas sees the mean speed.
     """
     assert isinstance(compressor.gas, Cylinder)
-    if isinstance(compressor.motor, ConstantSpeed) or not compressor.gas.inert:
+    warmed = law_of(compressor) is not None
+    if warmed and not compressor.gas.inert:
+        bound = "absent where a valve has no `port_length`; `suction.heating` is a constant rise"
+        raise BadInput("gas.suction.warming", "given", bound)
+    if (even and not warmed) or not compressor.gas.inert:
         # a marched cycle has no panels to start from: its speed is the mean one
         cycle = _at_constant_speed(compressor, solver)
         settled = jnp.asarray(True)
         orbit = _orbit_of(compressor, cycle, solver)
     else:
-        (cycle, orbit), _, settled = _coupled(compressor, solver)
+        (cycle, orbit), motion, settled = _coupled(compressor, solver, even)
+        if motion.rise is not None:
+            settled &= _KELVINS * motion.rise < 0.999 * LARGEST_RISE
     status = Status.where(settled, orbit.status, Status.not_converged)
     status = Status.where(cycle.converged, status, cycle.status)
-    return eqx.tree_at(
-        lambda o: (o.status, o.cycle), orbit, (status, cycle), is_leaf=lambda leaf: leaf is None
-    )
+    orbit = eqx.tree_at(lambda o: o.status, orbit, status)
+    return _with_cycle(orbit, cycle)
+
+
+def _with_cycle(orbit: Orbit, cycle: Cycle | SeveralCycles) -> Orbit:
+    return eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda leaf: leaf is None)
 
 
 class _Motion(NamedTuple):
     """The motion of the crank as the cylinders see it."""
 
     level: Float[Array, ""]  # [-] logarithm of the mean speed over the motor's guess
-    pace: Pace  # over the own crank angle of each cylinder; that of the crank if they share plenums
+    # over the own crank angle of each cylinder, that of the crank if they share plenums; `None` at
+    # constant speed
+    pace: Pace | None
+    rise: Float[Array, ""] | None  # [-] of the suction gas by a law of its own, in parts of 100 K
 
 
 @eqx.filter_custom_jvp
-def _coupled(compressor: Compressor, solver):
+def _coupled(compressor: Compressor, solver, even: bool):
     """Cycle and orbit that agree, the motion they have, and whether the iteration converged.
 
-    The unknowns are those of `_Motion`.
+    The unknowns are those of `_Motion`; `even` leaves out how the crank's speed fluctuates.
     """
     compressor = frozen(compressor)
     count = compressor.crankshaft.count
     # nothing is known of a cycle and an orbit before the first iteration
     nothing = no_solution(compressor.gas, count, solver.cycle)
     panels = nothing.mesh.event.shape
-    even = START + 2 * jnp.pi * jnp.linspace(0.0, 1.0, panels[-1] + 1)
-    even = jnp.broadcast_to(even, (*panels[:-1], even.size))
-    still = _Motion(jnp.zeros(()), Pace(even, jnp.zeros((*panels, solver.cycle.nodes))))
+    edges = START + 2 * jnp.pi * jnp.linspace(0.0, 1.0, panels[-1] + 1)
+    edges = jnp.broadcast_to(edges, (*panels[:-1], edges.size))
+    steady = None if even else Pace(edges, jnp.zeros((*panels, solver.cycle.nodes)))
+    rise = first_rise(compressor)
+    rise = None if rise is None else rise / _KELVINS
+    still = _Motion(jnp.zeros(()), steady, rise)
     _, beside = zeros_of(_iteration, compressor, solver, still, nothing)
     none = Status.not_converged
     if count > 1:
@@ -259,27 +288,42 @@ def _iteration(compressor: Compressor, solver, motion, start: CycleSolution):
 
     The cycle is marched where nothing has been found, and where the motion has changed its events.
     """
-    cycle = _cycle(compressor, solver, _mean_speed(compressor, motion), motion.pace, start)
-    orbit = _orbit_of(compressor, cycle, solver)
-    return _motion(compressor, cycle, orbit), (cycle, orbit)
+
+    def cycle_of(here, speed):
+        return _cycle(here, solver, speed, motion.pace, start)
+
+    return _iterated(compressor, solver, motion, cycle_of)
+
+
+def _iterated(compressor: Compressor, solver, motion: _Motion, cycle_of):
+    """An iteration, with the cycle of a compressor at a speed by `cycle_of`."""
+    rise = None if motion.rise is None else _KELVINS * motion.rise
+    here = at_rise(compressor, rise)
+    cycle = cycle_of(here, compressor.motor.speed_guess * jnp.exp(motion.level))
+    orbit = _orbit_of(here, cycle, solver)
+    new = next_rise(compressor, _with_cycle(orbit, cycle), rise)
+    level, pace = motion.level, None
+    if motion.pace is not None:
+        level, pace = _motion(compressor, cycle, orbit)
+    return _Motion(level, pace, None if new is None else new / _KELVINS), (cycle, orbit)
 
 
 @_coupled.def_jvp
 def _coupled_jvp(primals, tangents):
-    compressor, solver = primals
-    out = _coupled(compressor, solver)
+    compressor, solver, even = primals
+    out = _coupled(compressor, solver, even)
     (cycle, _), motion, _ = out
     numbers, rest = eqx.partition(compressor, eqx.is_inexact_array)
 
     def iteration(numbers, motion):
-        compressor = eqx.combine(numbers, rest)
-        given = _mean_speed(compressor, motion), solver.cycle, motion.pace, frozen(cycle)
-        if isinstance(cycle, SeveralCycles):
-            made = follow_cycles(compressor.gas, *_cylinders(compressor), *given)
-        else:
-            made = follow_cycle(compressor.gas, of_cylinder(compressor.mechanism), *given)
-        orbit = _orbit_of(compressor, made, solver)
-        return eqx.filter((_motion(compressor, made, orbit), (made, orbit)), eqx.is_inexact_array)
+        def cycle_of(here, speed):
+            given = speed, solver.cycle, motion.pace, frozen(cycle)
+            if isinstance(cycle, SeveralCycles):
+                return follow_cycles(here.gas, *_cylinders(here), *given)
+            return follow_cycle(here.gas, of_cylinder(here.mechanism), *given)
+
+        made = _iterated(eqx.combine(numbers, rest), solver, motion, cycle_of)
+        return eqx.filter(made, eqx.is_inexact_array)
 
     _, linear = jax.linearize(iteration, numbers, motion)
     given = jax.tree.map(lambda x, t: jnp.zeros_like(x) if t is None else t, numbers, tangents[0])
@@ -302,11 +346,6 @@ def _coupled_jvp(primals, tangents):
     )
     found = jax.tree.map(jnp.add, beside, across(moved)[1])
     return out, (found, moved, None)
-
-
-def _mean_speed(compressor: Compressor, motion: _Motion) -> Float[Array, ""]:
-    """[rad/s]"""
-    return compressor.motor.speed_guess * jnp.exp(motion.level)
 
 
 def _cycle(compressor: Compressor, solver, speed, pace=None, start=None) -> Cycle | SeveralCycles:
@@ -344,8 +383,8 @@ def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> O
     return solver.solve(replaced(compressor, gas=cycle.gas()))
 
 
-def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit) -> _Motion:
-    """The motion of an orbit, on the panels of the cycle under which it was found."""
+def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit):
+    """Level and pace of an orbit, on the panels of the cycle under which it was found."""
     s = orbit.panel_nodes
     rule = gauss(s)
     angle, weight, speed = (
@@ -369,4 +408,4 @@ def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit) 
         pace = jax.vmap(on_panels)(edges, phase)
     else:
         pace = on_panels(edges, phase[0])
-    return _Motion(jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace)
+    return jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace

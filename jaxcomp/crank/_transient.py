@@ -23,7 +23,9 @@ from ..mechanism import CrankState
 from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration
 from ._orbit import Energy
+from ._solve import solve_orbit
 from ._transient_gas import DenseSteps, GasCourse, march_with_gas
+from ._warming import at_rise, law_of
 
 # Their course is kept: some hundred bytes a step.
 MOST_STEPS = 2**22
@@ -159,6 +161,8 @@ def simulate(
         options: the integrator, `TimeIntegration()` if absent.
         throw: raise if the end is not reached (not within `jit` or `vmap`; see `status` there).
 
+    Suction gas that a law of warming heats has the rise of the periodic state throughout.
+
     Raises:
         BadInput: if the motor holds a speed, since that is no torque law; or journals that move in
             their films beside cylinders with valves.
@@ -190,6 +194,10 @@ def simulate(
     start = tuple(
         jnp.asarray(x, dtype=jnp.result_type(float)) for x in (duration, angle, speed, off)
     )
+    if law_of(compressor) is not None:  # of a shell that the run is too short to warm
+        steady = solve_orbit(compressor, throw=throw).cycle
+        assert steady is not None
+        compressor = at_rise(compressor, steady.case.suction.T - steady.case.comes.T)
     solve = _simulate_gas if valves else _simulate
     result = solve(compressor, options, until_rest, *start)
     known = not is_traced(result.status._value)

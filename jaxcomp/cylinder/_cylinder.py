@@ -42,7 +42,7 @@ class SuctionLine(Part):
         superheat: [K] above the dew temperature, instead of the gas's temperature.
         heating: [K] from there to the suction valve, in shell and muffler; none if absent. Capacity
             and overall efficiency count from the gas before it, as the standards do.
-        warming: a law of that rise, which rating points follow; `heating` is then where they begin.
+        warming: a law of that rise, which the periodic state closes; `heating` is then where that begins.
         plenums: between line and valve, in the order of the flow; each with its neck on the side of the
             line. Without any the valve sees the gas of the line.
 
@@ -86,9 +86,6 @@ class SuctionLine(Part):
         def at(temperature):
             return fluid.state(temperature, fluid.density(temperature, pressure))
 
-        if self.warming is not None:
-            bound = "absent outside of rating points; `heating` is the rise at a single one"
-            raise BadInput("gas.suction.warming", "given", bound)
         comes = at(temperature)
         return (comes if self.heating is None else at(temperature + self.heating)), comes
 
@@ -487,6 +484,11 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
         speed: [rad/s] mean speed of the crank.
         pace: how unevenly the revolution passes; constant speed if absent.
     """
+    if cylinder.suction.warming is not None:
+        bound = (
+            "absent for gas without its crank, whose losses warm it; `heating` is a constant rise"
+        )
+        raise BadInput("gas.suction.warming", "given", bound)
     suction, comes = cylinder.suction.states(cylinder.fluid)
     discharge, isentropic = cylinder.discharge.states(cylinder.fluid, suction)
     top, _ = mechanism.piston_extremes()

@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
+from ..fluid import GasState
 from ..valve import Side
 
 OF_WALL = 2  # states: temperature, and heat gained since the beginning of the revolution
@@ -253,12 +254,13 @@ def next_revolution(case, state: Float[Array, " n"]) -> Float[Array, " n"]:
 
 
 class SuctionWarming(Part):
-    r"""What the gas is warmed by on its way to the suction valve, by the losses and the discharge side.
+    r"""What warms the gas on its way to the suction valve: losses, and the gas that is delivered.
 
-    $$\Delta T = (T_2 - T_1)\left(1 - e^{-UA/(\dot m c_p)}\right)
-      + \varphi\frac{\dot W_{loss}}{\dot m c_p}$$
+    $$\dot m\,(h_s - h_1) = \dot m c_p (T_2 - T_1)\left(1 - e^{-UA/(\dot m c_p)}\right)
+      + \varphi\dot W_{loss}$$
 
-    It grows where little gas flows, which a constant rise does not.
+    The rise grows where little gas flows, which a constant one does not. The periodic state closes it:
+    flow, discharge temperature and losses are those at the rise that they cause.
 
     Args:
         discharge_conductance: [W/K] UA to the gas that is delivered.
@@ -274,8 +276,8 @@ class SuctionWarming(Part):
         "", Bound(0.0, 1.0), default=0.0, doc="of motor and friction losses, into the gas"
     )
 
-    def rise(self, comes, discharge_temperature, mass_flow, loss) -> Float[Array, ""]:
-        """[K] of the gas before the suction valve.
+    def heat(self, comes: GasState, discharge_temperature, mass_flow, loss) -> Float[Array, ""]:
+        """[W] Into the gas before the suction valve.
 
         Args:
             comes: the gas as it comes to the compressor.
@@ -285,7 +287,7 @@ class SuctionWarming(Part):
         """
         flow = mass_flow * comes.c_p
         share = -jnp.expm1(-self.discharge_conductance / flow)
-        return (discharge_temperature - comes.T) * share + self.loss_share * loss / flow
+        return flow * (discharge_temperature - comes.T) * share + self.loss_share * loss
 
 
 class LaminarGap(Part):

@@ -157,13 +157,18 @@ def _pairs(found: Identification, name: str) -> Figure:
         angle = np.linspace(0, 2 * np.pi, 181)
         circle = np.stack([np.cos(angle), np.sin(angle)])
         line = (axes * np.sqrt(np.maximum(sizes, 0))) @ circle * _RADIUS * error[[i, j], None]
-        ax.plot(centre[0] + line[0], centre[1] + line[1], color=_FITTED)
-        ax.plot(*centre, "o", color=_FITTED, markersize=4)
+        looks = [shown(found.parameters[n], found.units[n], found.estimate[n]) for n in (i, j)]
+        size, zero = (np.array([getattr(one, key) for one in looks]) for key in ("factor", "zero"))
+        shift = centre * size + zero
+        ax.plot(*(line * size[:, None] + shift[:, None]), color=_FITTED)
+        ax.plot(*shift, "o", color=_FITTED, markersize=4)
         style.heading(ax, f"Correlation {correlation[i, j]:.3f}")
-        ax.set(
-            xlabel=f"{found.parameters[i]} {found.units[i]}".strip(),
-            ylabel=f"{found.parameters[j]} {found.units[j]}".strip(),
+        names = (found.parameters[i], found.parameters[j])
+        labels = (
+            f"{name}, {look.unit}" if look.unit else name
+            for name, look in zip(names, looks, strict=True)
         )
+        ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
         ax.xaxis.label.set_size(8)
         ax.yaxis.label.set_size(8)
     return figure

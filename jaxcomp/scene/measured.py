@@ -3,7 +3,8 @@
 - `evaporating`, or `quantity,unit,C1,...`, or a map in a text of EnergyPlus or TESPy: rated points, see
   `jaxcomp.scene.readings`.
 - `crank_angle`, with `pressure`, `suction_lift`, `discharge_lift`, `speed`: readings over a revolution.
-- `frequency`, with `mode` and columns NODE.AXIS of the shapes; or UFF files with data set 55: modal test.
+- `frequency`, with `mode` and columns NODE.AXIS of the shapes; or UFF files: modal test, see
+  `jaxcomp.scene._universal`.
 - `target`, `axis`, `speed`, `amplitude`, perhaps `phase`: vibration.
 - Names of quantities (`loss_power.main_journal [W]`) and paths of what was set (`motor.mean_speed
   [rpm]`): a table.
@@ -33,6 +34,7 @@ from ..study import (
 )
 from ._text import SceneError, read_cells, reading
 from ._units import ZEROS, factor, to_si
+from ._universal import read_universal
 from .readings import cell_number, read_readings, split_metadata
 
 _UFF = (".uff", ".unv", ".uf")
@@ -72,7 +74,7 @@ def read_measurement(
     name = os.path.basename(os.fspath(path))
     if Path(path).suffix.lower() in _UFF:
         with reading(os.fspath(path)):
-            return _uff(path, name)
+            return read_universal(path, name)
     if Path(path).suffix.lower() in (".idf", ".json"):
         return read_readings(path, evaporating, condensing, speed)
     with reading(os.fspath(path)):
@@ -296,38 +298,3 @@ def _is(heads, name: str, si: str) -> bool:
         return bool(unit) and factor(unit, si) > 0
     except SceneError:
         return False
-
-
-def _uff(path, name: str) -> ModalTest:
-    """Normal modes of a universal file, data set 55."""
-    try:
-        import pyuff
-    except ImportError:
-        raise SceneError("", 'needs pyuff: pip install "jaxcomp[modal]"') from None
-    sets = pyuff.UFF(str(path)).read_sets()
-    modes = [one for one in (sets if isinstance(sets, list) else [sets]) if one["type"] == 55]
-    modes = [one for one in modes if one["analysis_type"] == 2]
-    if not modes:
-        found = sorted({one["type"] for one in (sets if isinstance(sets, list) else [sets])})
-        raise SceneError("", f"has no normal modes (data set 55, analysis type 2), but {found}")
-    modes.sort(key=lambda one: one["freq"])
-    nodes = sorted({int(node) for one in modes for node in one["node_nums"]})
-    pairs = [(node, axis) for node in nodes for axis in ("ux", "uy", "uz")]
-    shape = np.full((len(modes), len(pairs)), np.nan)
-    for row, one in enumerate(modes):
-        for n, node in enumerate(one["node_nums"]):
-            for k, axis in enumerate(("ux", "uy", "uz"), 1):
-                values = one.get(f"r{k}")
-                if values is not None:
-                    shape[row, pairs.index((int(node), axis))] = np.real(values[n])
-    moving = np.nan_to_num(np.abs(shape)).max(axis=0) > 0
-    kept = [pair for pair, moves in zip(pairs, moving, strict=True) if moves]
-    return ModalTest(
-        name,
-        2 * np.pi * np.array([one["freq"] for one in modes]),
-        tuple(range(1, len(modes) + 1)),
-        True,
-        tuple(node for node, _ in kept),
-        tuple(axis for _, axis in kept),
-        shape[:, moving],
-    )

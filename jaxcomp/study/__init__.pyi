@@ -46,6 +46,7 @@ from ._problem import value_of as value_of
 from ._readings import MEASURED as MEASURED
 from ._readings import Readings as Readings
 from ._readings import terms_of as terms_of
+from ._readings import with_own_factors as with_own_factors
 from ._recipe import RECIPE as RECIPE
 from ._recipe import Recipe as Recipe
 from ._recipe import map_recipe as map_recipe

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..machine import Machine, machine_of
@@ -24,6 +25,8 @@ from ._variables import Variable, matching, variable
 _SAY_NOTHING = 0.9
 # p-values below which a model is rejected, and above which the deviations were too large.
 _REJECTED, _TOO_GOOD = 0.01, 0.99
+# Spread of the mean residuals of two speeds, in their deviations, beyond which their law does not fit.
+_TOGETHER = 4.0
 # Weight that a robust loss leaves to a reading, below which it is named.
 _LITTLE = 0.5
 
@@ -236,10 +239,19 @@ class Identification(Result, eqx.Module):
         blocks = _Blocks(self.study.design, self.study.variables, [measurement], {})
         count = len(self.study.variables)
         at = np.asarray(self.estimate)[:count]
-        own = [one.start for one in measurement.nuisances]
+        # constants of the measurement as they were found, where it is of the same source
+        known = {name: n for n, name in enumerate(self.parameters)}
+        places = [known.get(one.name) for one in blocks.nuisances]
+        own = [
+            one.start if n is None else float(self.estimate[n])
+            for one, n in zip(blocks.nuisances, places, strict=True)
+        ]
         value, slope = blocks(np.concatenate([at, own]), range(blocks.count))
         whole = np.zeros((value.size, len(self.parameters)))
         whole[:, :count] = slope[:, :count]
+        for n, column in zip(places, slope[:, count:].T, strict=True):
+            if n is not None:
+                whole[:, n] = column
         return blocks.entries, self.fit.predict(value, whole, blocks.entries.sd)
 
 
@@ -381,7 +393,7 @@ def _parameters(
     return variables, parameters
 
 
-@eqx.filter_jit
+@kept_jit
 def _solve(measurement, design, variables, parameters, nuisances, point):
     """Values, slopes and status at one point; `measurement` and `variables` are static."""
 
@@ -401,6 +413,7 @@ class _Blocks:
         # without their ranges, which are no part of the program
         self.variables = tuple(one.bare for one in variables)
         self.design, self.measurements = design, measurements
+        self.programs = [one.bare for one in measurements]
         parts = [one.entries(sd) for one in measurements]
         self.points = [one.points(design) for one in measurements]
         sizes = [len(jax.tree.leaves(one)[0]) for one in self.points]
@@ -464,8 +477,7 @@ class _Blocks:
             n = int(np.searchsorted(self.first, number, side="right")) - 1
             point = jax.tree.map(lambda a: jnp.asarray(a[number - self.first[n]]), self.points[n])
             own = jnp.asarray(p[self.own[n]])
-            one = self.measurements[n]
-            found = _solve(one, self.design, self.variables, shared, own, point)
+            found = _solve(self.programs[n], self.design, self.variables, shared, own, point)
             return n, *map(np.asarray, found)
 
         def put(number: int, n: int, values, slopes, ok):
@@ -489,6 +501,29 @@ class _Blocks:
             for number, found in zip(later, pool.map(at, later), strict=True):
                 put(number, *found)
         return value, slope
+
+
+def _law_of_speed(found: Fit, entries: Entries) -> Iterator[str]:
+    """Whether readings at some speeds are off together, in words."""
+    turns = entries.conditions.get("speed", np.full(found.weight.size, np.nan)) / (2 * np.pi)
+    used, off = found.weight > 0, found.residual
+    for quantity in dict.fromkeys(entries.quantity):
+        mine = used & np.isfinite(turns) & (np.array(entries.quantity) == quantity)
+        speeds = np.unique(turns[mine].round(6))
+        if speeds.size < 2 or not entries.kinds[quantity].relative:
+            continue
+        groups = [mine & np.isclose(turns, speed, rtol=1e-4) for speed in speeds]
+        # means of n readings, in standard deviations of a mean
+        means = [float(off[one].mean() * np.sqrt(one.sum())) for one in groups]
+        if max(means) - min(means) > _TOGETHER:
+            said = (
+                f"{np.mean((found.value / found.measured)[one]) - 1:+.1%} at {speed:.4g} 1/s"
+                for speed, one in zip(speeds, groups, strict=True)
+            )
+            yield (
+                f"the law of speed does not fit: {quantity} is off by {', '.join(said)}; factors of "
+                "flow and power at each speed (`with_own_factors`, --own-factors) or one speed alone"
+            )
 
 
 def _notes(found: Fit, blocks: _Blocks, value: NDArray) -> Iterator[str]:
@@ -518,6 +553,7 @@ def _notes(found: Fit, blocks: _Blocks, value: NDArray) -> Iterator[str]:
             "the model does not explain the readings within the stated deviations: errors of the "
             f"parameters are too small; intervals of predictions are inflated by {found.scatter:.3g}"
         )
+        yield from _law_of_speed(found, entries)
     if found.p_value > _TOO_GOOD:
         yield "the readings fit better than their deviations allow: these are too large"
     for other in found.minima:

@@ -21,7 +21,7 @@ from ._fit import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, usual
 from ._problem import value_of
 from ._variables import variable
-from .rating import is_warmed, solve_rated, with_slopes
+from .rating import solve_rated
 
 _DEGREE = np.pi / 180
 # Samples over a revolution that count as independent: every five degrees.
@@ -131,37 +131,26 @@ class Trace(AbstractMeasurement):
         del machine
         return self.angle[None], tuple(np.array([value]) for value in self.settings)
 
-    def values(self, build, parameters, nuisances, point):
-        count, names = parameters.size, [one.name for one in self.nuisances]
+    def at(self, machine, nuisances, point):
         angles, settings = point
-
-        def compressor(p):
-            return _conditioned(build(p), self.paths, settings).as_compressor()
-
-        def law(both, rise):
-            own = dict(zip(names, both[count:], strict=True))
-            here = compressor(both[:count])
-            if isinstance(here.gas, Cylinder):
-                orbit, _, rise, ok = solve_rated(
-                    here, Collocation(reversals=0, estimate=False), rise
-                )
+        own = dict(zip([one.name for one in self.nuisances], nuisances, strict=True))
+        here = _conditioned(machine, self.paths, settings).as_compressor()
+        if isinstance(here.gas, Cylinder):
+            orbit = solve_rated(here, Collocation(reversals=0, estimate=False))
+        else:
+            orbit = solve_orbit(here, throw=False)
+        at, cycle = angles - own["top_dead_centre"], cast(Any, orbit.cycle)
+        out = []
+        for name in self.quantities:
+            if name == "speed":
+                out.append(orbit.speed_at(at))
+            elif name == "pressure":
+                gain, offset = own["pressure_gain"], own["pressure_offset"]
+                out.append(offset + gain * cycle.pressure_at(at))
             else:
-                orbit = solve_orbit(here, throw=False)
-                ok = orbit.converged
-            at, cycle = angles - own["top_dead_centre"], cast(Any, orbit.cycle)
-            out = []
-            for name in self.quantities:
-                if name == "speed":
-                    out.append(orbit.speed_at(at))
-                elif name == "pressure":
-                    gain, offset = own["pressure_gain"], own["pressure_offset"]
-                    out.append(offset + gain * cycle.pressure_at(at))
-                else:
-                    out.append(own["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
-            return jnp.concatenate(out), rise, ok
-
-        both = jnp.concatenate([parameters, nuisances])
-        return with_slopes(law, both, is_warmed(compressor(parameters)))
+                out.append(own["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
+        ok = orbit.converged if cycle is None else orbit.converged & cycle.converged
+        return jnp.concatenate(out), ok
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ that are equal in these share one compiled program.
 """
 
 import abc
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self, cast
 
 import jax
 import jax.numpy as jnp
@@ -77,6 +78,14 @@ class AbstractMeasurement(abc.ABC):
         """Raise `BadInput` for readings that cannot be, or a machine that does not suit them."""
 
     @property
+    def bare(self) -> Self:
+        """Without its data: what its program depends on, and what names that program where it is kept."""
+        if not dataclasses.is_dataclass(self):
+            return self
+        data = {one.name: None for one in dataclasses.fields(self) if not one.compare}
+        return cast(Self, dataclasses.replace(self, **data))
+
+    @property
     def nuisances(self) -> tuple[Parameter, ...]:
         """Constants of the measurement itself, such as the offset of a sensor, with their priors."""
         return ()
@@ -130,7 +139,7 @@ class AbstractMeasurement(abc.ABC):
         both = jnp.concatenate([parameters, nuisances])
         values, push, ok = jax.linearize(whole, both, has_aux=True)
         slopes = jax.vmap(push, out_axes=-1)(jnp.eye(both.size))
-        return values, slopes, ok
+        return values, slopes, ok & jnp.all(jnp.isfinite(values)) & jnp.all(jnp.isfinite(slopes))
 
 
 def usual(name: str, given: Mapping[str, float], default: float) -> float:

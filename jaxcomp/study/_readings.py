@@ -1,8 +1,8 @@
 """Rated points of a compressor as they were measured, or as the polynomials of a maker give them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from .._core.errors import BadInput
 from ..cylinder import Cylinder
 from ..fluid import RealGas
 from ..machine import Machine, assembled
+from ._fit import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind
 from .rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
 
@@ -28,7 +29,8 @@ MEASURED = {
 # Root mean square difference of capacity over flow from the rise of enthalpy, beyond which they
 # contradict each other.
 _CONTRADICTION = 0.03
-
+# Speeds closer together than this are one.
+_SAME_SPEED = 1e-3
 
 _OUT = {name: n for n, (name, *_) in enumerate(QUANTITIES)}
 
@@ -51,6 +53,7 @@ class Readings(AbstractMeasurement):
         polynomial: whether the points are those of a polynomial, and no readings.
         fluid: as the source names it; "" where it does not.
         bends: where a polynomial bends as no compressor does, in words.
+        factors: [rad/s] speeds at which flow and power have factors of their own.
     """
 
     source: str = field(compare=False)
@@ -65,6 +68,7 @@ class Readings(AbstractMeasurement):
     polynomial: bool = field(compare=False, default=False)
     fluid: str = field(compare=False, default="")
     bends: tuple[str, ...] = field(compare=False, default=())
+    factors: tuple[float, ...] = field(compare=False, default=())
 
     names_of_sd: ClassVar[tuple[str, ...]] = tuple(MEASURED)
 
@@ -125,10 +129,12 @@ class Readings(AbstractMeasurement):
             if self.liquid[n] > self.condensing[n] + 1e-9:
                 raise BadInput(f"{at}: liquid [C]", self.liquid[n] - ZERO, "at most condensing")
         rows = np.stack([self.evaporating, self.condensing, self.gas, np.nan_to_num(self.speed)])
-        _, count = np.unique(rows.round(6), axis=1, return_counts=True)
+        _, first, count = np.unique(rows.round(6), axis=1, return_index=True, return_counts=True)
         if (count > 1).any():
-            twice = len(self.names) - len(count)
-            raise BadInput(f"{self.source}: points", twice, "0 that are there twice; give means")
+            twice = ", ".join(self.names[n] for n in sorted(first[count > 1]))
+            raise BadInput(
+                f"{self.source}: points", twice, "there once; give the mean of repeated ones"
+            )
         if {"capacity", "mass_flow"} <= set(self.measured):
             self._check_capacity(fluid)
 
@@ -153,16 +159,35 @@ class Readings(AbstractMeasurement):
             {"evaporating": "K", "condensing": "K", "speed": "rad/s"},
         )
 
+    @property
+    def nuisances(self):
+        """Factors of flow and of power at each speed that has its own."""
+        return tuple(
+            Parameter(f"{kind}_factor at {speed / (2 * np.pi):.4g} 1/s", 0.5, 2.0, 1.0, 1.0, 0.1)
+            for speed in self.factors
+            for kind in ("flow", "power")
+        )
+
     def points(self, machine):
         nominal = float(machine.as_compressor().motor.speed_guess)
         speed = np.where(np.isfinite(self.speed), self.speed, nominal)
-        return RatingPoint(
+        own = np.zeros((speed.size, len(self.factors)))
+        for n, other in enumerate(self.factors):
+            own[:, n] = np.isclose(speed, other, rtol=_SAME_SPEED)
+        point = RatingPoint(
             self.evaporating, self.condensing, self.gas, self.liquid, self.useful, speed
         )
+        return point, own
 
-    def values(self, build, parameters, nuisances, point):
-        del nuisances
-        return rated(lambda p: build(p).as_compressor(), parameters, point)
+    def at(self, machine, nuisances, point):
+        where, own = point
+        values, ok = rated(machine.as_compressor(), where)
+        if not nuisances.size:
+            return values, ok
+        # none at the speeds without factors
+        flow, power = jnp.exp(own @ jnp.log(nuisances).reshape(-1, 2))
+        factor = {"capacity": flow, "mass_flow": flow, "power": power, "cop": flow / power}
+        return values * jnp.stack([factor.get(name, jnp.ones(())) for name in _OUT]), ok
 
     def warnings(self, used, beside):
         """Points held out that lie outside the hull of those used, and speeds that were not used."""
@@ -214,6 +239,35 @@ class Readings(AbstractMeasurement):
             f"{best} leave {pairs[best]:.1%}"
         )
         raise BadInput(f"{self.source}: capacity over mass flow", f"{own:.1%} off", bound)
+
+
+def with_own_factors(readings: Sequence[Any]) -> list[Any]:
+    """Measurements of which the points at further speeds have factors of flow and power of their own.
+
+    Makers publish maps that are one of a speed times a factor of speed, and no machine explains both.
+    The speed of the first point keeps its flow and power; every other one has two factors, 1 within 10 %
+    beforehand, which are fitted with the constants.
+
+    Args:
+        readings: of any kind; those without rated points stay as they are.
+
+    Raises:
+        BadInput: all points at one speed.
+    """
+    known: list[float] = []
+    for one in readings:
+        for speed in np.nan_to_num(one.speed).tolist() if isinstance(one, Readings) else ():
+            if not np.isclose(speed, known, rtol=_SAME_SPEED).any():
+                known.append(speed)
+    if len(known) < 2 or 0 in known:
+        raise BadInput("speeds", known, "two at least, all of them given, for factors of their own")
+    out = []
+    for one in readings:
+        if isinstance(one, Readings):
+            here = (s for s in known[1:] if np.isclose(one.speed, s, rtol=_SAME_SPEED).any())
+            one = replace(one, factors=tuple(here))
+        out.append(one)
+    return out
 
 
 def terms_of(count: int, evaporating, condensing, speed=0.0) -> NDArray:

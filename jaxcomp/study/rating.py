@@ -6,11 +6,10 @@ with evaporating and condensing dew temperatures S and D in degrees Celsius (AHR
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -19,12 +18,19 @@ from jaxtyping import Array, Bool, Float
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
-from .._core.fields import of_cylinder, replaced
+from .._core.fields import replaced
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..compressor import Compressor, compressor_of
-from ..crank import Collocation, Orbit, Performance, default_collocation, performance, solve_orbit
-from ..cylinder import CycleOptions, Cylinder, solve_cycle
+from ..crank import (
+    Collocation,
+    Orbit,
+    default_collocation,
+    orbit_at_constant_speed,
+    performance,
+    solve_orbit,
+)
+from ..cylinder import CycleOptions, Cylinder
 from ..fluid import RealGas
 from ..motor import ConstantSpeed
 
@@ -253,191 +259,69 @@ def capacity_rise(fluid: RealGas, evaporating, useful, liquid) -> Float[Array, "
     return gas.h - fluid.state(wet.T, wet.liquid).h
 
 
-def rated(
-    build: Callable[[Float[Array, " p"]], Compressor],
-    parameters: Float[Array, " p"],
-    point: RatingPoint,
-) -> tuple[Float[Array, " 8"], Float[Array, "8 p"], Bool[Array, ""]]:
-    """Quantities of a compressor with valves at a rating point, and their slopes over parameters.
+def rated(compressor: Compressor, point: RatingPoint) -> tuple[Float[Array, " 8"], Bool[Array, ""]]:
+    """Quantities of a compressor with valves at a rating point.
 
     The point is solved at its speed, which is taken as constant over the revolution.
 
     Args:
-        build: the compressor of some parameters.
-        parameters: (p,) where to evaluate.
+        compressor: whose lines and speed do not count.
         point: the conditions.
 
     Returns:
-        `QUANTITIES` in their order, their derivatives, and whether the point can be relied on.
+        `QUANTITIES` in their order, and whether the point can be relied on.
     """
-
     solver = Collocation(reversals=0, estimate=False, cycle=CycleOptions(panels=_PANELS))
-
-    def law(parameters, rise):
-        one = build(parameters)
-        motor = replaced(ConstantSpeed(1.0, losses=one.motor.losses), mean_speed=point.speed)
-        rating = Rating(point.gas, None, point.liquid, None)
-        here = at_rating(replaced(one, motor=motor), point.evaporating, point.condensing, rating)
-        values, new, ok = _at_point(here, solver, rise)
-        gas = here.gas
-        assert isinstance(gas, Cylinder)
-        assert isinstance(gas.fluid, RealGas)
-        worth = capacity_rise(gas.fluid, point.evaporating, point.useful, point.liquid)
-        capacity = values["mass_flow"] * worth
-        values |= {"capacity": capacity, "cop": capacity / values["power"]}
-        return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
-
-    return with_slopes(law, parameters, is_warmed(build(parameters)))
-
-
-def is_warmed(compressor: Compressor) -> bool:
-    """Whether a law gives the rise of the suction gas."""
-    gas = compressor.gas
-    return isinstance(gas, Cylinder) and gas.suction.warming is not None
+    motor = replaced(ConstantSpeed(1.0, losses=compressor.motor.losses), mean_speed=point.speed)
+    rating = Rating(point.gas, None, point.liquid, None)
+    here = replaced(compressor, motor=motor)
+    here = at_rating(here, point.evaporating, point.condensing, rating)
+    values, ok = _at_point(here, solver)
+    gas = here.gas
+    assert isinstance(gas, Cylinder)
+    assert isinstance(gas.fluid, RealGas)
+    worth = capacity_rise(gas.fluid, point.evaporating, point.useful, point.liquid)
+    capacity = values["mass_flow"] * worth
+    values |= {"capacity": capacity, "cop": capacity / values["power"]}
+    return jnp.stack([values[name] for name, *_ in QUANTITIES]), ok
 
 
 @kept_jit
 def _along(compressor: Compressor, rating: str, options, evaporating, condensing):
     """All points, one after the other: each takes as many steps as it needs."""
-    solver, gas = Collocation(reversals=compressor.load_reversals, cycle=options), compressor.gas
-    assert isinstance(gas, Cylinder)
+    solver = Collocation(reversals=compressor.load_reversals, cycle=options)
 
     def point(temperatures):
-        def law(_, rise):
-            here = at_rating(compressor, *temperatures, rating)
-            values, new, ok = _at_point(here, solver, rise)
-            return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
-
-        if gas.suction.warming is None:  # without slopes, which cost as much again
-            values, _, ok = law(None, None)
-        else:
-            values, _, ok = _warmed(law, jnp.zeros(0))
-        return {name: values[n] for n, (name, *_) in enumerate(QUANTITIES)}, ok
+        return _at_point(at_rating(compressor, *temperatures, rating), solver)
 
     return lax.map(point, (evaporating, condensing))
 
 
-class RatedState(NamedTuple):
-    """A compressor with valves that was solved at given conditions.
-
-    Attributes:
-        orbit: motion of the crank and cycle of the gas.
-        performance: its powers and efficiencies.
-        rise: [K] of the suction gas by its law; the given one where it has none.
-        ok: whether all of it can be relied on.
-    """
-
-    orbit: Orbit
-    performance: Performance
-    rise: Any
-    ok: Bool[Array, ""]
-
-
-def solve_rated(here: Compressor, solver: Collocation, rise) -> RatedState:
+def solve_rated(here: Compressor, solver: Collocation) -> Orbit:
     """Solve a compressor with valves as `rating_map` does.
 
     Args:
         here: the compressor at its conditions.
         solver: of the crank's motion under the pressure that was found.
-        rise: [K] of the suction gas where a law gives it.
     """
     assert isinstance(here.gas, Cylinder)
-    together = here.motor.closes == "torque" or not here.gas.inert or here.crankshaft.count > 1
-    warming = here.gas.suction.warming
-    if warming is not None:
-        suction = replaced(here.gas.suction, warming=None, heating=rise)
-        here = replaced(here, gas=replaced(here.gas, suction=suction))
-    if together:
-        orbit = solve_orbit(
-            here, replaced(default_collocation(here), cycle=solver.cycle), throw=False
-        )
-    else:
-        speed = here.motor.speed_guess
-        cycle = solve_cycle(here.gas, of_cylinder(here.mechanism), speed, solver.cycle, throw=False)
-        orbit = solver.solve(replaced(here, gas=cycle.gas()))
-        orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
-    cycle, result = orbit.cycle, performance(here, orbit)
+    if here.motor.closes == "torque" or not here.gas.inert or here.crankshaft.count > 1:
+        together = replaced(default_collocation(here), cycle=solver.cycle)
+        return solve_orbit(here, together, throw=False)
+    return orbit_at_constant_speed(here, solver)
+
+
+def _at_point(here: Compressor, solver: Collocation):
+    """Quantities at a point, and whether they hold."""
+    orbit = solve_rated(here, solver)
+    result, cycle = performance(here, orbit), orbit.cycle
     assert cycle is not None
-    if warming is not None:
-        loss = result.electric_power - orbit.gas_power
-        flow, hot = cycle.mass_flow, cycle.discharge_temperature
-        rise = warming.rise(cycle.case.comes, hot, flow, loss)
-    return RatedState(orbit, result, rise, cycle.converged & orbit.converged)
-
-
-def _at_point(here: Compressor, solver: Collocation, rise):
-    """Quantities at a point, the rise of the suction gas by its law, and whether both hold."""
-    orbit, result, new, ok = solve_rated(here, solver, rise)
     values = {
         "power": result.electric_power,
         "cop": result.cop,
         "overall_efficiency": result.overall_efficiency,
     }
     own = (name for name, *_ in QUANTITIES if name not in values)
-    values |= {name: getattr(orbit.cycle, name) for name in own}
-    return values, new, ok & jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
-
-
-def with_slopes(
-    law, parameters: Float[Array, " p"], warmed: bool
-) -> tuple[Float[Array, " n"], Float[Array, "n p"], Bool[Array, ""]]:
-    """Values, slopes and status of a law, at the rise of the suction gas that it gives back itself.
-
-    Args:
-        law: of parameters and a rise [K]: values (n,), the rise that follows, and whether they hold.
-        parameters: (p,)
-        warmed: whether there is such a rise; the law is handed `None` and its own is not looked at
-            otherwise.
-
-    Returns:
-        (n,), (n, p), and whether they hold and are numbers.
-    """
-    if warmed:
-        values, slopes, ok = _warmed(law, parameters)
-    else:
-
-        def whole(parameters):
-            values, _, ok = law(parameters, None)
-            return values, ok
-
-        values, push, ok = jax.linearize(whole, parameters, has_aux=True)
-        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(parameters.size))
-    return values, slopes, ok & jnp.all(jnp.isfinite(values)) & jnp.all(jnp.isfinite(slopes))
-
-
-# [K] Change of the suction gas's rise at which Newton's method stops; its last step squares it.
-_SETTLED, _FIRST, _STEPS = 1e-2, 15.0, 8
-
-
-def _warmed(law, parameters: Float[Array, " p"]):
-    """Values, slopes and status of a law at the rise of the suction gas that it gives back.
-
-    Values and slopes come from one linearisation, also over the rise; so nothing is traced twice.
-    """
-    count = parameters.size
-
-    def at(rise):
-        def whole(inputs):
-            values, new, ok = law(inputs[:count], inputs[count])
-            return jnp.append(values, new), ok
-
-        values, push, ok = jax.linearize(whole, jnp.append(parameters, rise), has_aux=True)
-        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(count + 1))
-        rest = values[-1] - rise
-        # a rise beyond all measure must not leave the range of the fluid
-        step = jnp.clip(rest / (1 - slopes[-1, -1]), -20.0, 20.0)
-        return jnp.maximum(rise + step, 0.0), rise, values, slopes, ok
-
-    def going_on(carry):
-        (new, rise, *_), steps = carry
-        return (jnp.abs(new - rise) > _SETTLED) & (steps < _STEPS)
-
-    nothing = jax.tree.map(
-        lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(at, jnp.asarray(_FIRST))
-    )
-    begin = (jnp.asarray(_FIRST), nothing[1] - 1.0, *nothing[2:]), 0
-    found, steps = lax.while_loop(going_on, lambda c: (at(c[0][0]), c[1] + 1), begin)
-    new, rise, values, slopes, ok = found
-    along = slopes[-1, :-1] / (1 - slopes[-1, -1])  # of the rise, over the parameters
-    total = slopes[:-1, :-1] + slopes[:-1, -1:] * along
-    return values[:-1] + slopes[:-1, -1] * (new - rise), total, ok & (steps < _STEPS)
+    values |= {name: getattr(cycle, name) for name in own}
+    finite = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
+    return values, cycle.converged & orbit.converged & finite

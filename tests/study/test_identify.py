@@ -1,6 +1,7 @@
 """Constants of a compressor from its rated points."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,13 +10,14 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load
 from jaxcomp.cli._app import app
-from jaxcomp.compressor import compressor_of
 from jaxcomp.cylinder import SuctionWarming
 from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
 from jaxcomp.scene.readings import identified_scene
-from jaxcomp.study import RECIPE, Readings, identify, map_recipe, varied
-from jaxcomp.study.rating import rating_map
+from jaxcomp.study import RECIPE, Readings, identify, map_recipe, varied, with_own_factors
+from jaxcomp.study._fit import Parameter, fit
+from jaxcomp.study._identify import _law_of_speed, _notes
+from jaxcomp.study.rating import QUANTITIES, rating_map
 
 ZERO = 273.15
 CLEARANCE, HEATING, FRICTION = (
@@ -87,19 +89,13 @@ def test_warming_by_losses_and_by_the_discharge_side():
     comes = gas.state(jnp.asarray(290.0), jnp.asarray(16.0))
     flow, loss = 0.05, 600.0
     capacity = flow * float(comes.c_p)
-    motor = SuctionWarming(0.0, 0.5).rise(comes, 370.0, flow, loss)
-    assert float(motor) == pytest.approx(300 / capacity, rel=1e-12)
+    motor = SuctionWarming(0.0, 0.5).heat(comes, 370.0, flow, loss)
+    assert float(motor) == pytest.approx(300, rel=1e-12)
     # much conductance warms to the discharge temperature, little in proportion
-    most = SuctionWarming(1e3 * capacity, 0.0).rise(comes, 370.0, flow, loss)
-    assert float(most) == pytest.approx(80, rel=1e-9)
-    least = SuctionWarming(1e-6 * capacity, 0.0).rise(comes, 370.0, flow, loss)
-    assert float(least) == pytest.approx(80e-6, rel=1e-5)
-
-
-def test_the_law_of_warming_is_refused_where_nothing_closes_it():
-    compressor = compressor_of(load("semi-hermetic-200cc"))
-    with pytest.raises(BadInput, match="absent outside of rating points"):
-        compressor.gas.suction.states(compressor.gas.fluid)
+    most = SuctionWarming(1e3 * capacity, 0.0).heat(comes, 370.0, flow, loss)
+    assert float(most) == pytest.approx(80 * capacity, rel=1e-9)
+    least = SuctionWarming(1e-6 * capacity, 0.0).heat(comes, 370.0, flow, loss)
+    assert float(least) == pytest.approx(80e-6 * capacity, rel=1e-5)
 
 
 def test_a_template_gets_the_size_that_the_flow_wants():
@@ -184,3 +180,70 @@ def test_a_machine_is_found_again_from_its_own_map(machine):
     assert "identified from made.csv" in again.text or "identified from made.csv" in str(
         again.document
     )
+
+
+def at_speeds(speeds, **values):
+    count = len(speeds)
+    S, D, gas = (np.full(count, t) + np.arange(count) for t in (250.0, 313.0, 305.35))
+    return Readings("map", S, D, gas, D, gas, np.array(speeds, float), values, fluid="R600a")
+
+
+def test_flow_and_power_have_factors_of_their_own_at_further_speeds(machine, monkeypatch):
+    first, second = with_own_factors([
+        at_speeds([300.0, 300.0], power=np.ones(2)), at_speeds([300.0, 450.0], power=np.ones(2)),
+    ])  # fmt: skip
+    assert first.nuisances == ()
+    assert [one.name for one in second.nuisances] == [
+        "flow_factor at 71.62 1/s", "power_factor at 71.62 1/s",
+    ]  # fmt: skip
+    plain = dict.fromkeys(("capacity", "power", "mass_flow", "cop", "discharge_temperature"), 10.0)
+    row = jnp.array([plain.get(name, 1.0) for name, *_ in QUANTITIES])
+    monkeypatch.setattr("jaxcomp.study._readings.rated", lambda *_: (row, jnp.asarray(True)))
+    where, own = second.points(machine_of(machine))
+    for n, factors in enumerate([(1.0, 1.0), (1.1, 0.8)]):
+        point = type(where)(*(x[n] for x in where)), own[n]
+        values, ok = second.at(machine_of(machine), jnp.array([1.1, 0.8]), point)
+        said = dict(zip((name for name, *_ in QUANTITIES), values, strict=True))
+        assert ok
+        assert said["capacity"] == pytest.approx(10 * factors[0])
+        assert said["mass_flow"] == pytest.approx(10 * factors[0])
+        assert said["power"] == pytest.approx(10 * factors[1])
+        assert said["cop"] == pytest.approx(10 * factors[0] / factors[1])
+        assert said["discharge_temperature"] == 10
+    with pytest.raises(BadInput, match="two at least"):
+        with_own_factors([at_speeds([300.0, 300.0], power=np.ones(2))])
+
+
+def test_a_law_of_speed_that_does_not_fit_is_said():
+    """Flow over the speed by a law without its exponent: off by as much at either end."""
+    speeds = np.repeat([200.0, 300.0, 400.0], 3)
+    given = at_speeds(speeds, power=(speeds / 300) ** 1.2)
+    entries = given.entries({})
+
+    def said(exponent):
+        def model(p):
+            value = p[0] * (speeds / 300) ** exponent
+            return value, value[:, None] / p[0]
+
+        found = fit(model, [Parameter("size", 0.5, 2.0, 1.0)], entries.measured, entries.sd)
+        return list(_law_of_speed(found, entries))
+
+    (words,) = said(1.0)
+    assert words.startswith("the law of speed does not fit: power is off by +")
+    assert "at 31.83 1/s" in words
+    assert said(1.2) == []
+
+
+def test_a_constant_that_touches_nothing_measured_is_named():
+    given = at_speeds([300.0, 300.0, 300.0], power=np.full(3, 2.0))
+
+    def model(p):
+        return np.full(3, p[0]), np.stack([np.ones(3), np.zeros(3)], axis=-1)
+
+    entries = given.entries({})
+    parameters = [Parameter("size", 0.5, 5.0, 1.0), Parameter("spring", 0.5, 2.0, 1.0, 1.0, 0.1)]
+    found = fit(model, parameters, entries.measured, entries.sd)
+    blocks = SimpleNamespace(entries=entries, measurements=[given])
+    words = list(_notes(found, blocks, found.value))
+    assert "spring touches nothing that was measured" in words
+    assert not any(one.startswith("size touches") for one in words)

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from benchmarks.identify import coverage
 from helpers import read_json
 from typer.testing import CliRunner
 
@@ -309,3 +310,16 @@ def test_vibration_at_targets_tells_an_unbalance_and_the_gain_of_a_sensor():
     assert float(result.estimate[0]) == pytest.approx(truth, rel=0.02)
     assert float(result.estimate[2]) == pytest.approx(0.01, abs=0.003)
     assert float(result.chi_square) < 1
+
+
+@pytest.mark.slow  # two minutes, one of compilation
+def test_intervals_of_eight_constants_hold_the_truth():
+    """Flow, power, discharge temperature and an indicator diagram with noise, ten times.
+
+    A hundred repetitions hold each of the eight in 90 to 95 %, all together in 93.1 %
+    (`tests/benchmarks/identify.py`).
+    """
+    names, shares, _ = coverage(10)
+    assert len(names) == 8
+    # 80 draws of 95 %, of which those of a repetition are correlated: 2.4 % about the mean, four times
+    assert 0.85 <= shares.mean() <= 1.0

@@ -11,6 +11,7 @@ from jaxcomp import BadInput, load
 from jaxcomp.machine import Machine
 from jaxcomp.rotor import Disks, RotorModel, shaft_line, undamped_modes
 from jaxcomp.scene import SceneError
+from jaxcomp.scene._universal import modes_of_responses
 from jaxcomp.scene.measured import read_measurement
 from jaxcomp.study import ModalTest, identify
 
@@ -195,6 +196,80 @@ def test_universal_files(tmp_path):
     np.testing.assert_allclose(test.frequency, 2 * np.pi * np.array([80, 120]))
     assert (test.nodes, test.axes, test.modes) == ((3, 12), ("ux", "ux"), (1, 2))
     np.testing.assert_allclose(test.shape, [[0.2, -1.0], [1.0, 0.5]])
+
+
+def write_responses(file, responses, hertz, places, kind=4):
+    """Data set 58 of several places to one force at node 3."""
+    import pyuff
+
+    writer = pyuff.UFF(str(file))
+    for (node, direction), values in zip(places, responses, strict=True):
+        writer.write_sets(
+            pyuff.prepare_58(
+                func_type=kind, rsp_node=node, rsp_dir=direction, ref_node=3, ref_dir=1,
+                data=values, x=hertz, binary=0, id1="made", rsp_ent_name="r", ref_ent_name="f",
+                abscissa_spacing=1, ordinate_spec_data_type=12, orddenom_spec_data_type=13,
+            ),
+            mode="add",
+        )  # fmt: skip
+
+
+HERTZ = np.linspace(50.0, 150.0, 801)
+POLES, SHAPES = np.array([80.0, 120.0]), np.array([[0.2, -1.0], [1.0, 0.5]])
+
+
+def accelerations(damping=0.005, noise=0.0):
+    """(places, frequencies) of two modes to a force at the first place, with noise."""
+    s, own = 2j * np.pi * HERTZ, 2 * np.pi * POLES[:, None]
+    gain = s**2 / (own**2 + 2 * damping * own * s + s**2)
+    out = np.einsum("mn,mk->kn", gain * SHAPES[:, :1], SHAPES)
+    rng = np.random.default_rng(0)
+    return out + noise * (rng.standard_normal(out.shape) + 1j * rng.standard_normal(out.shape))
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+def test_responses_in_universal_files(tmp_path):
+    file = tmp_path / "responses.uff"
+    # the second sensor looks along -x
+    write_responses(file, accelerations() * [[1], [-1]], HERTZ, [(3, 1), (12, -1)])
+    test = read_measurement(file, machine(crankshaft()))
+    assert isinstance(test, ModalTest)
+    assert (test.nodes, test.axes, test.modes) == ((3, 12), ("ux", "ux"), (1, 2))
+    # one mode near its peak leaves 1e-5 of the frequency and 1 % of the shape to the other one
+    np.testing.assert_allclose(test.frequency, 2 * np.pi * POLES, rtol=2e-5)
+    np.testing.assert_allclose(test.shape[0] / test.shape[0, 1], [-0.2, 1], atol=0.01)
+    np.testing.assert_allclose(test.shape[1] / test.shape[1, 0], [1, 0.5], atol=0.01)
+
+
+def test_noise_makes_no_modes():
+    """Noise of 5 % of the lower peak: the same two modes, to a hundredth of the width of a peak."""
+    frequency, _ = modes_of_responses(HERTZ, accelerations(noise=0.2))
+    np.testing.assert_allclose(frequency, POLES, atol=0.01 * 2 * 0.005 * 120)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+@pytest.mark.parametrize(
+    ("places", "kind", "change", "message"),
+    [
+        ([(3, 1), (12, 1)], 1, 1.0, "functions of type 1, where 4"),
+        ([(3, 1), (3, 1)], 4, 1.0, "node 3, direction 1 twice"),
+        ([(3, 1), (12, 4)], 4, 1.0, "direction 4, where 1, 2 and 3"),
+        ([(3, 1), (12, 1)], 4, 0.0, "without a peak"),
+    ],
+)
+def test_universal_files_that_cannot_be_read(tmp_path, places, kind, change, message):
+    file = tmp_path / "responses.uff"
+    write_responses(file, change * accelerations(), HERTZ, places, kind)
+    with pytest.raises(SceneError, match=message):
+        read_measurement(file, machine(crankshaft()))
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+def test_a_file_that_is_no_universal_one(tmp_path):
+    file = tmp_path / "other.uff"
+    file.write_text("no set at all\n")
+    with pytest.raises(SceneError, match=r"universal file|has no normal modes"):
+        read_measurement(file, machine(crankshaft()))
 
 
 @pytest.mark.slow

@@ -52,6 +52,7 @@ def test_a_polynomial_at_the_points_of_its_maker(tmp_path):
         found.measured["power"][[first, last]], [3336.41, 4500.15], rtol=3e-6
     )
     assert found.polynomial
+    assert found.bends == ()
     assert found.fluid == "R22"
     np.testing.assert_allclose(found.gas, ZERO + 18.3)
     np.testing.assert_allclose(found.liquid, found.condensing)
@@ -83,6 +84,15 @@ def test_terms_are_a_cubic_of_full_rank(count):
         assert np.abs(left).max() < 1e-6 * np.abs(one).max()  # rounding of a cubic fit
     with pytest.raises(BadInput, match="10, 20 or 30"):
         terms_of(11, 250.0, 300.0)
+
+
+def test_a_polynomial_that_bends_the_wrong_way_is_told(tmp_path):
+    wrong = MAP.replace("920.4,-228.5", "-920.4,228.5")
+    grid = {"evaporating": [ZERO - 15, ZERO + 4], "condensing": [ZERO + 40, ZERO + 45]}
+    falls, rises = read(tmp_path, wrong, **grid).bends
+    assert "capacity falls with the evaporating temperature at " in falls
+    assert "capacity rises with the condensing temperature at " in rises
+    assert "bends the wrong way" in falls
 
 
 def test_readings_with_units_and_gaps(tmp_path):
@@ -150,7 +160,7 @@ def test_points_that_cannot_be(tmp_path):
         for name in ("evaporating", "condensing", "gas", "liquid", "useful", "speed")
     }
     twice = dataclasses.replace(good, **doubled)
-    with pytest.raises(BadInput, match="there twice"):
+    with pytest.raises(BadInput, match="there once"):
         twice.check_points(RealGas("R22"))
 
 
