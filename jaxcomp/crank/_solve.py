@@ -26,7 +26,6 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._core.each import stacked
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, is_traced, listed, of_cylinder, replaced
@@ -34,15 +33,15 @@ from .._core.polynomials import gauss
 from .._core.roots import frozen, settle, zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of
-from ..cylinder import Cycle, Cylinder, Pace, SeveralCycles, solve_cycle
+from ..cylinder import Cycle, Cylinder, Pace, SeveralCycles
 from ..cylinder.interface import (
-    START,
     CycleSolution,
-    follow_cycle,
     follow_cycles,
     no_solution,
+    pace_of,
     solution_of,
     solve_cycles,
+    unsolved,
 )
 from ..motor import ConstantSpeed
 from ._collocation import Collocation, default_collocation
@@ -225,7 +224,7 @@ def _with_cylinder(compressor: Compressor, solver, even: bool) -> Orbit:
         raise BadInput("gas.suction.warming", "given", bound)
     if (even and not warmed) or not compressor.gas.inert:
         # a marched cycle has no panels to start from: its speed is the mean one
-        cycle = _at_constant_speed(compressor, solver)
+        cycle = _cycles(compressor, solver, compressor.motor.speed_guess)
         settled = jnp.asarray(True)
         orbit = _orbit_of(compressor, cycle, solver)
     else:
@@ -259,21 +258,14 @@ def _coupled(compressor: Compressor, solver, even: bool):
     The unknowns are those of `_Motion`; `even` leaves out how the crank's speed fluctuates.
     """
     compressor = frozen(compressor)
-    count = compressor.crankshaft.count
     # nothing is known of a cycle and an orbit before the first iteration
-    nothing = no_solution(compressor.gas, count, solver.cycle)
-    panels = nothing.mesh.event.shape
-    edges = START + 2 * jnp.pi * jnp.linspace(0.0, 1.0, panels[-1] + 1)
-    edges = jnp.broadcast_to(edges, (*panels[:-1], edges.size))
-    steady = None if even else Pace(edges, jnp.zeros((*panels, solver.cycle.nodes)))
+    nothing = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
+    steady = pace_of(nothing, jnp.zeros_like, compressor.crankshaft.distinct_phase)
     rise = first_rise(compressor)
     rise = None if rise is None else rise / _KELVINS
-    still = _Motion(jnp.zeros(()), steady, rise)
-    _, beside = zeros_of(_iteration, compressor, solver, still, nothing)
-    none = Status.not_converged
-    if count > 1:
-        none = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), none)
-    beside = eqx.tree_at(lambda found: _cycles(found[0]).status, beside, none)
+    still = _Motion(jnp.zeros(()), None if even else steady, rise)
+    _, (cycle, orbit) = zeros_of(_iteration, compressor, solver, still, nothing)
+    beside = unsolved(cycle), orbit
 
     def step(motion, last):
         return _iteration(compressor, solver, motion, solution_of(last[0]))
@@ -290,7 +282,7 @@ def _iteration(compressor: Compressor, solver, motion, start: CycleSolution):
     """
 
     def cycle_of(here, speed):
-        return _cycle(here, solver, speed, motion.pace, start)
+        return _cycles(here, solver, speed, motion.pace, start)
 
     return _iterated(compressor, solver, motion, cycle_of)
 
@@ -318,9 +310,7 @@ def _coupled_jvp(primals, tangents):
     def iteration(numbers, motion):
         def cycle_of(here, speed):
             given = speed, solver.cycle, motion.pace, frozen(cycle)
-            if isinstance(cycle, SeveralCycles):
-                return follow_cycles(here.gas, *_cylinders(here), *given)
-            return follow_cycle(here.gas, of_cylinder(here.mechanism), *given)
+            return follow_cycles(here.gas, *_cylinders(here), *given)
 
         made = _iterated(eqx.combine(numbers, rest), solver, motion, cycle_of)
         return eqx.filter(made, eqx.is_inexact_array)
@@ -348,34 +338,18 @@ def _coupled_jvp(primals, tangents):
     return out, (found, moved, None)
 
 
-def _cycle(compressor: Compressor, solver, speed, pace=None, start=None) -> Cycle | SeveralCycles:
+def _cycles(compressor: Compressor, solver, speed, pace=None, start=None) -> Cycle | SeveralCycles:
     """The cycle of the cylinder, or of all, at a given motion of the crank."""
-    gas, options = compressor.gas, solver.cycle
-    if compressor.crankshaft.count > 1:
-        return solve_cycles(gas, *_cylinders(compressor), speed, options, pace, start)
-    own = of_cylinder(compressor.mechanism)
-    return solve_cycle(gas, own, speed, options, pace=pace, start=start, throw=False)
+    given = speed, solver.cycle, pace, start
+    return solve_cycles(compressor.gas, *_cylinders(compressor), *given)
 
 
 def _cylinders(compressor: Compressor):
-    """The mechanisms of several cylinders with an axis of them, and their phases [rad]."""
+    """The mechanism of every cylinder, and their phases [rad]."""
     count = compressor.crankshaft.count
-    mechanisms = stacked([of_cylinder(compressor.mechanism, i + 1) for i in range(count)])
-    return mechanisms, compressor.crankshaft.distinct_phase
-
-
-def _at_constant_speed(compressor: Compressor, solver) -> Cycle | SeveralCycles:
-    count, speed = compressor.crankshaft.count, compressor.motor.speed_guess
-    if count == 1 or listed(compressor.mechanism) or compressor.gas.plenums:
-        return _cycle(compressor, solver, speed)
-    # cylinders that are alike have one cycle
-    alike = solve_cycle(compressor.gas, compressor.mechanism, speed, solver.cycle, throw=False)
-    return SeveralCycles(jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), alike))
-
-
-def _cycles(cycle: Cycle | SeveralCycles) -> Cycle:
-    """One, or all of several stacked."""
-    return cycle.each if isinstance(cycle, SeveralCycles) else cycle
+    alike = not listed(compressor.mechanism)
+    each = [of_cylinder(compressor.mechanism, i + 1) for i in range(1 if alike else count)]
+    return each * (count // len(each)), compressor.crankshaft.distinct_phase
 
 
 def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
@@ -394,18 +368,6 @@ def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit):
     edges = jnp.append(left, left[0] + 2 * jnp.pi)
     own = Pace(edges, orbit.mean_speed / speed - 1)
 
-    def on_panels(edges, phase):
-        angle = edges[:-1, None] + jnp.diff(edges)[:, None] * places
-        return Pace(edges, jax.vmap(jax.vmap(own.at))(angle - phase))
-
-    together = cycle.together if isinstance(cycle, SeveralCycles) else None
-    found = _cycles(cycle).raw[1] if together is None else together.z
-    edges, places = found.edges, gauss(found.points.shape[-2] - 1).nodes
     phase = compressor.crankshaft.distinct_phase
-    if together is not None:
-        pace = on_panels(edges, jnp.zeros(()))
-    elif isinstance(cycle, SeveralCycles):
-        pace = jax.vmap(on_panels)(edges, phase)
-    else:
-        pace = on_panels(edges, phase[0])
+    pace = pace_of(solution_of(cycle, followed=True), own.at, phase)
     return jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace

@@ -1,6 +1,7 @@
 """`solve_cycle`: the periodic cycle at a given motion of the crank."""
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Literal, NamedTuple
 
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.each import stacked
 from .._core.fields import admissible, clipped, is_traced
 from .._core.polynomials import gauss
 from .._core.roots import root
@@ -152,50 +154,94 @@ def solve_cycle(
 
 def solve_cycles(
     cylinder: Cylinder,
-    mechanisms: AbstractMechanism,
+    mechanisms: Sequence[AbstractMechanism],
     phase: Float[Array, " k"],
     speed: float | Float[Array, ""],
     options: CycleOptions,
     pace: Pace | None = None,
     start: CycleSolution | None = None,
-) -> SeveralCycles:
-    """The periodic cycles of several cylinders between the same lines.
+) -> Cycle | SeveralCycles:
+    """The periodic cycles of the cylinders of a crankshaft, between the same lines.
 
     With plenums these are shared, and the cylinders are solved together, with panels for each of them;
-    without any every cylinder is solved by itself.
+    without any every cylinder is solved by itself, and cylinders that are the same once.
 
     Args:
         cylinder: gas, valves and lines of every cylinder.
-        mechanisms: the pistons' motions, with an axis of k.
+        mechanisms: the piston's motion in each of k cylinders.
         phase: [rad] own crank angle of each less that of the crank.
         speed: [rad/s] mean speed of the crank.
         options: of the solver.
-        pace: of the crank; with plenums over its own angle, else over that of every cylinder, with an
-            axis of k.
-        start: as in `solve_cycle`; without plenums with an axis of k.
+        pace: as `pace_of` gives it; constant speed if absent.
+        start: as `solution_of` or `no_solution` give it.
     """
+    if len(mechanisms) == 1:
+        return _solved(cylinder, mechanisms[0], speed, options, pace, start)
     if cylinder.plenums:
-        return _solved_together(cylinder, mechanisms, phase, speed, options, pace, start)
+        return _solved_together(cylinder, stacked(mechanisms), phase, speed, options, pace, start)
 
     def one(mechanism, pace, start):
         return _solved(cylinder, mechanism, speed, options, pace, start)
 
-    return SeveralCycles(eqx.filter_vmap(one)(mechanisms, pace, start))
+    if pace is None and start is None and all(other is mechanisms[0] for other in mechanisms):
+        return SeveralCycles(over_cylinders(one(mechanisms[0], None, None), len(mechanisms)))
+    return SeveralCycles(eqx.filter_vmap(one)(stacked(mechanisms), pace, start))
 
 
 def follow_cycles(
-    cylinder: Cylinder, mechanisms, phase, speed, options, pace, found: SeveralCycles
-) -> SeveralCycles:
-    """As `follow_cycle`, of several cylinders; arguments as in `solve_cycles`."""
-    if cylinder.plenums:
-        system, good = _together(cylinder, mechanisms, phase, speed, pace)
-        own = options.of_several(phase.shape[0])
-        return _results(system, good, solution_of(found), own, False)
+    cylinder: Cylinder, mechanisms, phase, speed, options, pace, found: Cycle | SeveralCycles
+) -> Cycle | SeveralCycles:
+    """Cycles that have been found, with their dependence on the machine; nothing is solved.
+
+    Args:
+        cylinder, mechanisms, phase, speed, options, pace: as in `solve_cycles`.
+        found: what it found, by collocation.
+    """
 
     def one(mechanism, pace, cycle):
-        return follow_cycle(cylinder, mechanism, speed, options, pace, cycle)
+        case, good = _admitted(cylinder, mechanism, speed, pace)
+        return _result(Cylinders(case, jnp.zeros(1)), good, solution_of(cycle), options, False)
 
-    return SeveralCycles(eqx.filter_vmap(one)(mechanisms, pace, found.each))
+    if isinstance(found, Cycle):
+        return one(mechanisms[0], pace, found)
+    if found.together is None:
+        return SeveralCycles(eqx.filter_vmap(one)(stacked(mechanisms), pace, found.each))
+    system, good = _together(cylinder, stacked(mechanisms), phase, speed, pace)
+    own = options.of_several(phase.shape[0])
+    return _results(system, good, solution_of(found), own, False)
+
+
+def over_cylinders(tree, count: int):
+    """A tree with an axis of so many cylinders that are alike."""
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), tree)
+
+
+def pace_of(
+    found: CycleSolution,
+    excess: Callable[[Float[Array, ""]], Float[Array, ""]],
+    phase: Float[Array, " k"],
+) -> Pace:
+    """How unevenly a crank turns, on the panels of cycles.
+
+    Args:
+        found: of the cycles, see `solution_of` and `no_solution`.
+        excess: [-] time that a crank angle takes, over its mean and less one.
+        phase: [rad] own crank angle of each cylinder less that of the crank.
+
+    Returns:
+        Over the angle of the crank where cylinders are solved together; else over that of every cylinder,
+        of several with an axis of them.
+    """
+
+    def on(edges, phase):
+        places = gauss(found.z.points.shape[-2] - 1).nodes
+        angle = edges[:-1, None] + jnp.diff(edges)[:, None] * places
+        return Pace(edges, jax.vmap(jax.vmap(excess))(angle - phase))
+
+    edges = found.z.edges
+    if edges.ndim > 1:
+        return jax.vmap(on)(edges, phase)
+    return on(edges, phase[0] if phase.size == 1 else jnp.zeros(()))
 
 
 @eqx.filter_jit
@@ -231,17 +277,15 @@ def _found(system: Cylinders, good, options: CycleOptions, start: CycleSolution 
     return system, good, found, options, marching
 
 
-def follow_cycle(
-    cylinder: Cylinder, mechanism: AbstractMechanism, speed, options, pace, cycle: Cycle
-) -> Cycle:
-    """A cycle that has been found, with its dependence on the machine; nothing is solved.
+def unsolved(cycle: Cycle | SeveralCycles) -> Cycle | SeveralCycles:
+    """A cycle of which nothing has been found."""
+    failed = jax.tree.map(jnp.full_like, of_each(cycle).status, Status.not_converged)
+    return eqx.tree_at(lambda cycle: of_each(cycle).status, cycle, failed)
 
-    Args:
-        cylinder, mechanism, speed, options, pace: as in `solve_cycle`.
-        cycle: what it found, by collocation.
-    """
-    case, good = _admitted(cylinder, mechanism, speed, pace)
-    return _result(Cylinders(case, jnp.zeros(1)), good, solution_of(cycle), options, False)
+
+def of_each(cycle: Cycle | SeveralCycles) -> Cycle:
+    """The cycle, or all of several with an axis of them."""
+    return cycle.each if isinstance(cycle, SeveralCycles) else cycle
 
 
 def is_solved(cycle: Cycle) -> Bool[Array, ""]:
@@ -347,14 +391,19 @@ def _after_newton(system, options: CycleOptions, mesh, z, totals, counts) -> Cyc
     return CycleSolution(mesh, new, z, totals, solved, report.size, report.steps, *counts)
 
 
-def solution_of(cycle: Cycle | SeveralCycles) -> CycleSolution:
-    """What was found of a cycle by collocation; of several alone, with an axis of them."""
+def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSolution:
+    """What was found of a cycle by collocation; of several alone, with an axis of them.
+
+    Args:
+        cycle: that of one cylinder, or those of several.
+        followed: with its dependence on the machine.
+    """
+    if isinstance(cycle, SeveralCycles) and cycle.together is None:
+        return jax.vmap(partial(solution_of, followed=followed))(cycle.each)
+    cycle = cycle if followed else lax.stop_gradient(cycle)
     if isinstance(cycle, SeveralCycles):
-        if cycle.together is None:
-            return jax.vmap(solution_of)(cycle.each)
-        found = lax.stop_gradient(cycle.together)
-        return found._replace(marched=found.z, solved=is_solved(cycle.each))
-    cycle = lax.stop_gradient(cycle)
+        together = cycle.together
+        return together._replace(marched=together.z, solved=is_solved(cycle.each))
     mesh, z, _ = cycle.raw
     totals = (jnp.stack(cycle.totals) / account_scales(cycle.case))[None]
     counts = cycle.iterations, cycle.revolutions, cycle.passes
@@ -407,8 +456,7 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
 def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleSolution:
     """What there is of `count` cylinders before the first round; without plenums, of each of them."""
     if count > 1 and not cylinder.plenums:
-        alone = no_solution(cylinder, 1, options)
-        return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), alone)
+        return over_cylinders(no_solution(cylinder, 1, options), count)
     own = STATES + (0 if cylinder.walls is None else OF_WALL)
     size = count * own + PER_PLENUM * len(cylinder.plenums)
     return _nothing(count, size, options if count == 1 else options.of_several(count))
@@ -418,7 +466,8 @@ def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
     p, s, none = options.panels, options.nodes, jnp.zeros((), int)
     flat = jnp.zeros(p, int)
     mesh = Mesh(jnp.zeros((p, FLAGS * count), int), flat, flat, jnp.asarray(False))
-    z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), jnp.zeros(p + 1))
+    edges = START + TURN * jnp.linspace(0.0, 1.0, p + 1)
+    z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), edges)
     totals, solved = jnp.zeros((count, len(Accounts._fields))), jnp.asarray(False)
     return CycleSolution(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
 

@@ -21,10 +21,11 @@ from ._plenum import chains as chains
 from ._plenum import first_states as first_states
 from ._solve import CycleSolution as CycleSolution
 from ._solve import account_scales as account_scales
-from ._solve import follow_cycle as follow_cycle
 from ._solve import follow_cycles as follow_cycles
 from ._solve import may_lack_panels as may_lack_panels
 from ._solve import no_solution as no_solution
+from ._solve import pace_of as pace_of
 from ._solve import solution_of as solution_of
 from ._solve import solve_cycles as solve_cycles
+from ._solve import unsolved as unsolved
 from ._system import Cylinders as Cylinders

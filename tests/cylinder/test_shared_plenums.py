@@ -124,7 +124,7 @@ def test_the_periodic_state_is_where_time_leads():
     machine = replaced(twin(np.pi), motor=SlipLine(0.05, 300.0))
     orbit = solve_orbit(machine, SOLVER)
     period, each = 2 * np.pi / float(orbit.mean_speed), orbit.cycle.each
-    options = TimeIntegration(tolerance=1e-9, max_steps=60_000)
+    options = TimeIntegration(tolerance=1e-9, max_steps=80_000)
     early, late = (
         simulate(machine, turns * period, speed=orbit.mean_speed, options=options).gas.totals
         for turns in (30, 31)
