@@ -33,7 +33,7 @@ from ..study import (
     variable,
 )
 from ._text import SceneError, read_cells, reading
-from ._units import scale, to_si
+from ._units import factor, scale, to_si
 from .readings import cell_number, read_readings, split_metadata
 
 _UFF = (".uff", ".unv", ".uf")
