@@ -3,7 +3,7 @@ r"""Numbers in the units in which people speak of them."""
 import math
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .registry import registered_quantity
 
@@ -58,22 +58,55 @@ class Shown(NamedTuple):
         unit: in which it is shown, "" for a pure number.
         factor: [-] from SI to that unit.
         zero: what the unit shows at zero in SI: of degrees, not of others.
+        celsius: whether values stand in degrees Celsius as well, beside kelvins.
     """
 
     words: str
     unit: str
     factor: float
     zero: float = 0.0
+    celsius: bool = False
+
+    @property
+    def units(self) -> str:
+        """The unit, or both, of `number`."""
+        return f"{self.unit} (°C)" if self.celsius else self.unit
 
     @property
     def label(self) -> str:
-        """Name and unit, for an axis."""
-        return f"{self.words}, {self.unit}" if self.unit else self.words
+        """Name and unit, for the head of a column."""
+        return f"{self.words}, {self.units}" if self.unit else self.words
+
+    @property
+    def level(self) -> bool:
+        """Whether values are temperatures, whose ratios mean nothing."""
+        return bool(self.zero) or self.celsius
+
+    @property
+    def drawn(self) -> "Shown":
+        """The same for an axis, which has one unit: that of temperatures is °C."""
+        if not self.celsius:
+            return self
+        return Shown(self.words, "°C", 1.0, -ZERO_CELSIUS)
+
+    def of(self, values: Any) -> Any:
+        """Values [SI] in the unit."""
+        # a zero has no sign
+        return values * self.factor + (self.zero + 0.0)
+
+    def number(self, value: float, digits: int = 5) -> str:
+        """A value [SI] without its unit, to so many `digits`."""
+        number = f"{self.of(value):.{digits}g}"
+        return f"{number} ({self.drawn.of(value):.{digits}g})" if self.celsius else number
 
     def text(self, value: float, digits: int = 5) -> str:
         """A value [SI] with its unit, to so many `digits`."""
-        # a zero has no sign
-        return f"{value * self.factor + self.zero + 0.0:.{digits}g} {self.unit}".strip()
+        beside = f" ({self.drawn.text(value, digits)})" if self.celsius else ""
+        return f"{self.of(value):.{digits}g} {self.unit}".strip() + beside
+
+    def difference(self, value: float, digits: int = 5) -> str:
+        """The difference of two values, such as a deviation, with its unit: it has no zero."""
+        return self._replace(zero=0.0, celsius=False).text(value, digits)
 
 
 def spelled(name: str) -> tuple[str, bool]:
@@ -102,10 +135,10 @@ def shown(name: str, unit: str, values, system: str = "SI") -> Shown:
     words, percent = spelled(name)
     if not unit:
         return Shown(words, "%" if percent else "", 100.0 if percent else 1.0)
-    if unit == "K" and system != "SI":
-        scale, letter = (1.8, "F") if system == "US" else (1.0, "C")
-        if is_temperature(name, unit):
-            return Shown(words, f"°{letter}", scale, -ZERO_CELSIUS * scale + 32 * (letter == "F"))
+    if is_temperature(name, unit):
+        kelvin = Shown(words, unit, 1.0, celsius=True)
+        fahrenheit = Shown(words, "°F", 1.8, 32 - 1.8 * ZERO_CELSIUS)
+        return {"SI": kelvin, "US": fahrenheit}.get(system, kelvin.drawn)
     units = _UNITS | _CUSTOMARY if system == "US" else _UNITS
     import numpy as np  # not before it is needed: help and completion start without it
 

@@ -470,9 +470,9 @@ def _lines(thing: Any, name: str, indent: str = "") -> Iterator[str]:
                     text = look.text(float(numbers.flat[0]))
                     text += f", each of {numbers.size}" if numbers.size > 1 else ""
                 else:
-                    scaled = numbers * look.factor
+                    scaled = look.drawn.of(numbers)
                     text = np.array2string(scaled, precision=5, threshold=12, separator=", ")
-                    text = f"{' '.join(text.split())} {look.unit}".rstrip()
+                    text = f"{' '.join(text.split())} {look.drawn.unit}".rstrip()
                 yield f"{indent}  {field.name}: {text}"
             elif value is not None and value != {} and value != ():
                 yield from _lines(value, field.name, f"{indent}  ")

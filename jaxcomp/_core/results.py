@@ -241,8 +241,8 @@ class Result:
             elif not values.ndim:
                 yield look.words, look.text(float(size))
             else:
-                low, high = (f"{end * look.factor:.5g}" for end in (good.min(), good.max()))
-                yield look.words, f"{low} to {high} {look.unit}".strip() + shape
+                low, high = (look.number(float(end)) for end in (good.min(), good.max()))
+                yield look.words, f"{low} to {high} {look.units}".strip() + shape
 
 
 class Plots:

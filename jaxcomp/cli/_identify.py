@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from .._core.display import shown
+from .._core.display import Shown, is_temperature, shown
 from ._arguments import assignments, changed_scene, si, speed_of
 from ._map import axis
 from ._options import AsJson, Machine, Out, Sets
 from ._output import Partial, hand_out, plain
 from ._start import CommandError, reports_errors, start_jax, waiting
+from ._sweep import number
 from ._tables import row_table
 
 Loss = Literal["linear", "soft_l1", "huber"]
@@ -71,7 +72,7 @@ def identify(
         prior (PATH=VALUE+-SD): What is known of a constant beforehand. Repeatable.
         sd (NAME=VALUE): Standard deviation of a quantity, power=1.5% or discharge_temperature=2K.
             Repeatable.
-        fit_at (E/C,E/C): Points to fit, degrees Celsius; all others are held out.
+        fit_at (E/C,E/C): Points to fit, in degrees Celsius or with a unit; all others are held out.
         hold_out (N): So many points, drawn at random, are held out.
         evaporating (FROM:TO:COUNT): Where to take polynomials, degrees Celsius, or a list.
         condensing (FROM:TO:COUNT): The same.
@@ -184,10 +185,14 @@ def identification_tables(found, name: str) -> Iterator[Any]:
     """Constants, readings, points held out, and what is not to be trusted."""
     shares = ("" if x != x else f"{x:.0%}" for x in found.prior_share.tolist())
     columns = (found.start, found.estimate, found.standard_error)
+    looks = [
+        shown(path, unit, 0.0) if is_temperature(path, unit) else Shown(path, unit, 1.0)
+        for path, unit in zip(found.parameters, found.units, strict=True)
+    ]
     rows = [
-        (path, unit, *(f"{x:.5g}" for x in numbers), share)
-        for path, unit, *numbers, share in zip(
-            found.parameters, found.units, *(c.tolist() for c in columns), shares, strict=True
+        (path, look.units, look.number(start), look.number(estimate), f"{error:.5g}", share)
+        for path, look, start, estimate, error, share in zip(
+            found.parameters, looks, *(c.tolist() for c in columns), shares, strict=True
         )
     ]
     heads = ("Constant", "Unit", "Before", "Identified", "Standard error", "Left of prior")
@@ -209,7 +214,7 @@ def identification_tables(found, name: str) -> Iterator[Any]:
             strict=True,
         )
         cells = [
-            (at, *(f"{x * look.factor:.5g}" for x in (m, c)),
+            (at, look.number(m), look.number(c),
              _error(e, unit, relative, look), f"{h * look.factor:.2g}", "fitted" if used else "predicted")
             for at, m, c, e, h, used in lines
         ]  # fmt: skip
@@ -257,7 +262,7 @@ def prediction_tables(entries, said) -> Iterator[Any]:
     rows = []
     for n, name in enumerate(entries.quantity):
         look = shown(name, entries.kinds[name].unit, said.value[n : n + 1])
-        cells = (f"{x * look.factor:.5g}" for x in (said.value[n], said.inflated[n]))
+        cells = (look.number(said.value[n]), look.difference(said.inflated[n]))
         rows.append((entries.names[n], look.label, *cells))
     yield row_table("Predicted", ("Point", "Quantity", "Value", "95 %, +-"), rows, texts=2)
 
@@ -343,7 +348,6 @@ def _named(data_sets: Sequence[Any], fit_at: str) -> Any:
     import numpy as np
 
     from ..study import Readings
-    from ..study.rating import ZERO
 
     maps = [one for one in data_sets if isinstance(one, Readings)]
     if not maps:
@@ -351,10 +355,13 @@ def _named(data_sets: Sequence[Any], fit_at: str) -> Any:
     used = []
     for text in fit_at.split(","):
         try:
-            s, d = (float(one) + ZERO for one in text.split("/"))
+            s, d = (
+                number(one, "K", f"--fit-at {side}", False, "degC")
+                for side, one in zip(("evaporating", "condensing"), text.split("/"), strict=True)
+            )
         except ValueError:
             raise CommandError(
-                f"--fit-at {text}: must be EVAPORATING/CONDENSING, as -5/30"
+                f"--fit-at {text}: must be EVAPORATING/CONDENSING, as -5/30 or 23F/86F"
             ) from None
         near = [np.hypot(one.evaporating - s, one.condensing - d) for one in maps]
         best = min(range(len(maps)), key=lambda n: near[n].min())

@@ -11,7 +11,8 @@ from .._core.display import shown
 from ._arguments import assignments, changed_scene, with_one_unit
 from ._options import AsJson, CycleOption, Machine, Out, Sets, cycle_of
 from ._output import hand_out, plain
-from ._start import CommandError, reports_errors, start_jax, waiting
+from ._start import CommandError, refuse, reports_errors, start_jax, waiting
+from ._sweep import axis_values
 from ._tables import row_table
 
 # Temperatures of a map on each side.
@@ -42,8 +43,9 @@ def rating_map(
     Example: [bold]jaxcomp map r134a-7cc --evaporating=-30:-10:5 --rating ashrae --out map[/bold]
 
     Args:
-        evaporating (FROM:TO:COUNT): Evaporating dew temperatures, degrees Celsius.
-        condensing (FROM:TO:COUNT): Condensing dew temperatures, degrees Celsius.
+        evaporating (FROM:TO:COUNT): Evaporating dew temperatures, in degrees Celsius or with a unit, as
+            -22degF:14degF:5.
+        condensing (FROM:TO:COUNT): Condensing dew temperatures, likewise.
         rating: Return gas and liquid: those of the file, ASHRAE (both 32.2 C), EN 12900 (return gas 20
             C or superheat 10 K), AHRI 540 (18.3 C) or CECOMAF (32 C).
         coefficients: Of the polynomial in coefficients.csv of --out; 20 and 30 are over --speeds as well.
@@ -52,8 +54,8 @@ def rating_map(
         form: Of the file of coefficients: CSV as in AHRI 540 and EN 12900, objects of EnergyPlus,
             or the polynomials of TESPy's PolynomialCompressor; `identify` reads all of them.
     """
-    over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
     start_jax()
+    over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
     from ..study import rating as ratings
 
     scene = changed_scene(machine, sets)
@@ -150,24 +152,14 @@ def _worst(found):
 
 
 def axis(text: str, name: str):
-    """Temperatures [K] from `FROM:TO:COUNT` or a list with commas."""
+    """Temperatures [K] from `FROM:TO:COUNT` or a list with commas, of numbers in degrees Celsius."""
     import numpy as np
 
     from ..study.rating import ZERO
 
-    first, last, *count = text.split(":") if text.count(":") == 2 else (text, "", "")
-    try:
-        if last:
-            if int(*count) > _MOST:
-                raise ValueError
-            values = np.linspace(float(first), float(last), int(*count))
-        else:
-            values = np.array([float(one) for one in text.split(",")])
-        if not values.size or not np.all((values > -150) & (values < 250)):
-            raise ValueError
-    except ValueError:
-        raise CommandError(
-            f"--{name} {text}: must be FROM:TO:COUNT (at most {_MOST}) or a list, in degrees "
-            "Celsius, as -30:-10:5"
-        ) from None
-    return values + ZERO
+    option = f"--{name}"
+    values = np.array(axis_values(text, "K", option, False, "degC"))
+    low, high = ZERO - 150, ZERO + 250
+    good = values.size <= _MOST and np.all((values > low) & (values < high))
+    refuse(not good, f"{option} {text}: must be at most {_MOST} temperatures from -150 to 250 degC")
+    return values

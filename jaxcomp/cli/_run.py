@@ -11,7 +11,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._core.display import RPM, SYSTEMS, axes_words, is_temperature, shown
+from .._core.display import RPM, axes_words, shown
 from .._core.registry import Quantity, registered
 from ._arguments import assignments, changed_scene
 from ._options import (
@@ -132,14 +132,15 @@ def _undelivered(orbit: jc.Orbit) -> Iterator[Any]:
         if cycle.status != Status.no_delivery:
             continue
         where = "Cylinder" if each is None else f"Cylinder {number}"
+        look = shown("temperature", "K", cycle.temperature)
         angle = (np.rad2deg(np.asarray(cycle.angle)) + 180) % 360 - 180
         every = [int(np.argmin(np.abs(angle - at))) for at in range(-180, 180, 20)]
         rows = (
             (f"{angle[i]:.0f}", f"{float(cycle.volume[i]) * 1e6:.4g}",
-             f"{float(cycle.pressure[i]) / 1e5:.4g}", f"{float(cycle.temperature[i]):.4g}")
+             f"{float(cycle.pressure[i]) / 1e5:.4g}", look.number(float(cycle.temperature[i]), 4))
             for i in every
         )  # fmt: skip
-        heads = ("Crank angle, degrees", "Volume, cm³", "Pressure, bar", "Temperature, K")
+        heads = ("Crank angle, degrees", "Volume, cm³", "Pressure, bar", look.label)
         yield row_table(f"{where}: no gas is delivered", heads, rows, texts=0)
         peak, behind = float(cycle.peak_pressure), float(cycle.case.discharge.p)
         leaks = float(cycle.totals.leakage / cycle.case.mass_scale)
@@ -371,8 +372,6 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
         name, text = look.words, f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
         if one.unit == "W" and one.name != "capacity":
             text, note = look.text(value, 4), f"{value * result['period']:.5g} J per revolution"
-        if is_temperature(one.name, one.unit):
-            note = f"{shown(one.name, one.unit, value, SYSTEMS[1]).text(value)}; {note}"
         if one.name == "mechanical_efficiency":
             text = Markup("[bold]none" if meaningless else f"[bold]{text}")
             name = Markup(f"[bold]{name}")

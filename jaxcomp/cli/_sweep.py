@@ -197,8 +197,8 @@ def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[
     return axes
 
 
-def axis_values(text: str, unit: str, option: str, sampled: bool):
-    """Values of a grid [SI], or the distribution of samples."""
+def axis_values(text: str, unit: str, option: str, sampled: bool, default_unit: str | None = None):
+    """Values of a grid [SI], or the distribution of samples; bare numbers have the default unit."""
     kind, colon, rest = (part.strip() for part in text.partition(":"))
     if colon and kind in ("log", "normal"):
         text = rest
@@ -209,7 +209,7 @@ def axis_values(text: str, unit: str, option: str, sampled: bool):
     def numbers(texts):
         # a deviation is a difference
         return [
-            _number(one, unit, option, kind == "normal" and place == 1)
+            number(one, unit, option, kind == "normal" and place == 1, default_unit)
             for place, one in enumerate(with_one_unit(texts))
         ]
 
@@ -237,12 +237,13 @@ def _made(kind, option, *numbers):
         raise CommandError(f"{option}: {error}") from None
 
 
-def _number(text: str, unit: str, option: str, difference: bool) -> float:
+def number(text: str, unit: str, option: str, difference: bool, default_unit: str | None) -> float:
+    """[SI] A number of an axis, as in `jaxcomp.scene.to_si`."""
     try:
         given: float | str = float(text)
     except ValueError:
         given = text
-    return float(jc.scene.to_si(given, unit, option, difference=difference))
+    return float(jc.scene.to_si(given, unit, option, default_unit, difference))
 
 
 def sweep_result(found, scene: str) -> dict[str, Any]:
@@ -369,4 +370,4 @@ def _numbers(looks, rows):
 
 def _cell(look, value) -> str:
     known = value is not None and math.isfinite(value)
-    return f"{value * look.factor:.5g}" if known else "failed"
+    return look.number(value) if known else "failed"

@@ -118,6 +118,8 @@ def _change(look: Shown, before: float | None, after: float | None) -> str:
         return ""
     if look.unit == "%":
         return f"{100 * (after - before):+.2f} points"
+    if look.level:
+        return f"{look.factor * (after - before):+.2f} {look.unit}"
     return f"{100 * (after / before - 1):+.2f} %" if before else ""
 
 

@@ -286,7 +286,7 @@ def tolerance_sentences(
             look = _look(found, name)
             yield (
                 f"{look.words}: {look.text(mean)} on average, with a standard deviation of "
-                f"{look.text(spread, 3)}. {_causes(found, name)}"
+                f"{look.difference(spread, 3)}. {_causes(found, name)}"
             )
     for one in result.get("permitted", ()):
         whose, factor = "all tolerances", one["factor"]
@@ -330,9 +330,14 @@ def tolerance_tables(found: jc.study.tolerance.Tolerances, result: dict[str, Any
         look, row = _look(found, name), result["quantities"][name]
         ends = (row["percentiles"][share] for share in ("5", "95"))
         numbers = (row["nominal"], row["mean"], row["deviation"], *ends)
-        sampled.append((look.label, *(_cell(x, look.factor) for x in numbers)))
+        cells = (_value(look, x, n == 2) for n, x in enumerate(numbers))
+        sampled.append((look.label, *cells))
         orders = (row["first_order"], row["second_order"] or nothing)
-        cells = (_cell(one[key], look.factor) for one in orders for key in ("mean", "deviation"))
+        cells = (
+            _value(look, one[key], key == "deviation")
+            for one in orders
+            for key in ("mean", "deviation")
+        )
         by_derivatives.append((look.label, *cells))
     yield row_table(title, ("Quantity", "Nominal", "Mean", "Deviation", "5 %", "95 %"), sampled)
     heads = ("By derivatives", "1st-order mean", "Deviation", "2nd-order mean", "Deviation")
@@ -356,14 +361,16 @@ def _contributors(found: jc.study.tolerance.Tolerances, name: str):
     ranking, rows = found.ranking(name), []
     for variable, share in ranking[:_ROWS]:
         swing = found.swings[:, found.variables.index(variable), place]
-        cells = (_cell(x, look.factor) for x in swing)
+        cells = (_value(look, x) for x in swing)
         rows.append((_label(found, variable), f"{100 * share:.1f} %", *cells))
     # a name is broken where it would leave the numbers no space in 80 columns
     narrow = max(len(row[0]) for row in rows) <= 45
     if len(ranking) > _ROWS:
         rest = sum(share for _, share in ranking[_ROWS:])
         rows.append((f"{len(ranking) - _ROWS} more", f"{100 * rest:.1f} %", "", ""))
-    ends = (f"Low limit, {look.unit}", f"High limit, {look.unit}") if look.unit else ("Low", "High")
+    ends = (
+        (f"Low limit, {look.units}", f"High limit, {look.units}") if look.unit else ("Low", "High")
+    )
     words = look.words
     if not words[:2].isupper():  # but for abbreviations, as COP
         words = words[:1].lower() + words[1:]
@@ -378,13 +385,13 @@ def _probabilities(found: jc.study.tolerance.Tolerances):
     for one in found.reliability:
         look, sign = _look(found, one.limit.quantity), "<=" if one.limit.above else ">="
         low, high = one.sampled_interval
-        near = _cell(one.near_points, 1, 3)
+        near = _cell(one.near_points, 3)
         rows.append(
             (
                 f"{look.words} {sign} {look.text(one.limit.bound)}",
-                _cell(one.beta, 1, 4),
-                _cell(one.first_order, 1, 3),
-                _cell(one.second_order, 1, 3),
+                _cell(one.beta, 4),
+                _cell(one.first_order, 3),
+                _cell(one.second_order, 3),
                 near and f"{near} ± {one.near_points_error:.1g}",
                 f"{one.sampled:.3g} ({low:.2g} to {high:.2g})",
             )
@@ -393,5 +400,11 @@ def _probabilities(found: jc.study.tolerance.Tolerances):
     return row_table("Probability of breaking a limit", heads, rows)
 
 
-def _cell(value, factor, digits: int = 5) -> str:
-    return "" if value is None or not math.isfinite(value) else f"{value * factor:.{digits}g}"
+def _value(look: Shown, value: float | None, difference: bool = False) -> str:
+    if difference:
+        look = look._replace(zero=0.0, celsius=False)
+    return "" if value is None or not math.isfinite(value) else look.number(value)
+
+
+def _cell(value: float | None, digits: int) -> str:
+    return "" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.each import mapped
@@ -437,21 +438,38 @@ def journal_orbit(
         speed: [rad/s] of the crank, > 0.
         journal, bush: [-] rates of rotation over that speed, numbers or functions of the crank angle.
         edges: [rad] within the period from the first one, where the load has kinks: they cut the even
-            panels that there are anyway, 48 of a revolution.
+            panels that there are anyway, 48 of a revolution. Beside a contact there are 48 more, first
+            even ones, then where the journal so moves fastest: surfaces let go within a few degrees.
         nodes: on every panel.
         period: [rad] after which load and rates come again.
     """
     edges = jnp.zeros(1) if edges is None else jnp.asarray(edges, float)
     count = math.ceil(_PANELS * max(period / (2 * math.pi), 1.0) - 1e-9)
-    even = edges[0] + jnp.linspace(0, period, count + 1)
-    edges = jnp.sort(jnp.concatenate([even, jnp.clip(edges[1:], even[0], even[-1])]))
-    grid = panels(edges, nodes)
-    angle, speed = grid.angle.ravel(), jnp.asarray(speed, float)
-    turns, holds = (
-        jnp.broadcast_to(r(angle) if callable(r) else r, angle.shape) for r in (journal, bush)
-    )
-    rates = jnp.stack([(turns - holds) * speed, (turns + holds) * speed])
-    return _solved_journal(bearing, load(angle), rates, speed, grid.edges, nodes)
+    even, speed = edges[0] + jnp.linspace(0, period, count + 1), jnp.asarray(speed, float)
+    edges = jnp.concatenate([even, jnp.clip(edges[1:], even[0], even[-1])])
+
+    def solved(edges) -> JournalOrbit:
+        grid = panels(jnp.sort(edges), nodes)
+        angle = grid.angle.ravel()
+        turns, holds = (
+            jnp.broadcast_to(r(angle) if callable(r) else r, angle.shape) for r in (journal, bush)
+        )
+        rates = jnp.stack([(turns - holds) * speed, (turns + holds) * speed])
+        return _solved_journal(bearing, load(angle), rates, speed, grid.edges, nodes)
+
+    if bearing.contact is None:
+        return solved(edges)
+    first = lax.stop_gradient(solved(jnp.concatenate([edges, 0.5 * (even[1:] + even[:-1])])))
+    return solved(jnp.concatenate([edges, _where_it_moves(first, count)]))
+
+
+def _where_it_moves(orbit: JournalOrbit, count: int) -> Float[Array, " count"]:
+    """[rad] Places between which a journal moves equally far."""
+    position = orbit.film.position
+    steps = jnp.hypot(*jnp.diff(position, axis=1, prepend=position[:, :1]))
+    way = jnp.cumsum(steps)
+    share = (jnp.arange(count) + 0.5) / count
+    return jnp.interp(share * way[-1], way, orbit.angle)
 
 
 @kept_jit
@@ -470,7 +488,7 @@ def _solved_journal(
         None if bearing.contact is None else speed * jnp.ones((1, 1, *grid.angle.shape)),
     )
     # surfaces that carry most of a load are met in many short steps
-    steps = 60 if bearing.contact is None else 120
+    steps = 60 if bearing.contact is None else 400
     position, (_, report) = fixed_point(_Periodic(grid, max_iterations=steps), drive)
     position = position[:, 0].reshape(2, -1)
 

@@ -464,7 +464,7 @@ class _Page:
             if pinned is not None:
                 before = float(pinned.quantities[name])
                 row["Pinned"] = look.text(before)
-                row["Difference"] = look._replace(zero=0.0).text(float(value) - before, 3)
+                row["Difference"] = look.difference(float(value) - before, 3)
             rows.append(row)
         return pd.DataFrame(rows)
 
@@ -511,7 +511,7 @@ class _Slider:
         return self._si(self.slider.start), self._si(self.slider.end)
 
     def _shown(self, value: float) -> float:
-        return value * self.look.factor + self.look.zero
+        return self.look.of(value)
 
     def _si(self, value: float) -> float:
         return (value - self.look.zero) / self.look.factor

@@ -53,6 +53,7 @@ from ._parts import NamedBearing as NamedBearing
 from ._parts import Oil as Oil
 from ._parts import check_oil as check_oil
 from ._parts import iso_vg_viscosity as iso_vg_viscosity
+from ._parts import oil_viscosity as oil_viscosity
 from ._placed import PlacedJournal as PlacedJournal
 from ._placed import shear_drag as shear_drag
 from ._reference import FilmSolution as FilmSolution

@@ -30,7 +30,7 @@ from ._film import (
     split,
 )
 from ._models import ExplicitFit, Guembel, LoadedPetroff, Ocvirk, Petroff
-from ._parts import AbstractJournal, check_oil, within
+from ._parts import AbstractJournal, check_oil, oil_viscosity, within
 from ._reynolds import GroovedReynolds, Reynolds
 from ._squeeze import AbstractSqueeze, OcvirkSqueeze, ReynoldsSqueeze
 
@@ -117,13 +117,7 @@ class JournalBearing(AbstractJournal):
     radial_clearance: Scalar = quantity(
         "m", POSITIVE, doc="bush radius minus journal radius", usual=(1e-6, 1e-3)
     )
-    dynamic_viscosity: Scalar | None = quantity(
-        "Pa s",
-        POSITIVE,
-        default=None,
-        doc="of the oil in the film; absent where oil names it",
-        usual=(1e-4, 2.0),
-    )
+    dynamic_viscosity: Scalar | None = oil_viscosity()
     film: Literal["reynolds", "grooved", "guembel", "short", "fit", "petroff", "loaded_petroff"] = (
         eqx.field(static=True, default="reynolds", converter=_word)  # pyright: ignore
     )

@@ -1,7 +1,7 @@
 r"""What bearings share: the oil, by viscosity or by grade and temperature, and the journal."""
 
 from abc import abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -122,6 +122,12 @@ class NamedBearing(AbstractJournal):
 
     def moment(self, load, rate):
         raise BadInput("bearing", self.name, "resolved by its machine, see `jaxcomp.Machine`")
+
+
+def oil_viscosity() -> Any:
+    """The field of a part's viscosity [Pa s], absent where `oil` names the oil; see `check_oil`."""
+    doc = "of the oil; absent where oil names it"
+    return quantity("Pa s", POSITIVE, default=None, doc=doc, usual=(1e-4, 2.0))
 
 
 def check_oil(part) -> None:

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from .._core.each import AbstractEach
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
-from ..film import AbstractJournal, check_oil
+from ..film import AbstractJournal, check_oil, oil_viscosity
 
 # Standard acceleration of free fall [m/s^2], exact by definition (CGPM 1901).
 STANDARD_GRAVITY = 9.80665
@@ -154,9 +154,7 @@ class PistonFilm(Part):
     for_each_cylinder: ClassVar[bool] = True
 
     radial_clearance: Float[Array, ""] = quantity("m", POSITIVE, usual=(1e-6, 1e-3))
-    dynamic_viscosity: Float[Array, ""] | None = quantity(
-        "Pa s", POSITIVE, default=None, doc="of the oil; absent where oil names it"
-    )
+    dynamic_viscosity: Float[Array, ""] | None = oil_viscosity()
     length: Float[Array, ""] | None = quantity(
         "m", POSITIVE, default=None, doc="wetted length, where the mechanism does not give it"
     )

@@ -26,7 +26,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import NONNEGATIVE, POSITIVE, quantity
 from .._core.roots import AbstractRoot, root
-from ..film import AsperityContact, check_oil
+from ..film import AsperityContact, check_oil, oil_viscosity
 from ._laws import AbstractDrag, AbstractSlide
 
 # [-] Thickness over roughness, up to which surfaces touch, and the least one.
@@ -177,13 +177,7 @@ class MixedSlide(AbstractSlide):
     radial_clearance: Float[Array, ""] = quantity(
         "m", POSITIVE, doc="the most that the slide floats off", usual=(1e-6, 1e-3)
     )
-    dynamic_viscosity: Float[Array, ""] | None = quantity(
-        "Pa s",
-        POSITIVE,
-        default=None,
-        doc="of the oil; absent where oil names it",
-        usual=(1e-4, 2.0),
-    )
+    dynamic_viscosity: Float[Array, ""] | None = oil_viscosity()
     oil: str | None = eqx.field(static=True, default=None)
 
     def __check_init__(self):
@@ -227,13 +221,7 @@ class MixedThrust(AbstractDrag):
     axial_clearance: Float[Array, ""] = quantity(
         "m", POSITIVE, doc="the most that the shaft floats off", usual=(1e-6, 2e-3)
     )
-    dynamic_viscosity: Float[Array, ""] | None = quantity(
-        "Pa s",
-        POSITIVE,
-        default=None,
-        doc="of the oil; absent where oil names it",
-        usual=(1e-4, 2.0),
-    )
+    dynamic_viscosity: Float[Array, ""] | None = oil_viscosity()
     oil: str | None = eqx.field(static=True, default=None)
     pads: int = eqx.field(static=True, default=6)
 

@@ -104,7 +104,7 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         title: of the picture.
     """
     place, look = _look(found, name)
-    values = found.sampled.values[found.sampled.ok, place] * look.factor
+    values = look.of(found.sampled.values[found.sampled.ok, place])
     title = f"{title}: {_small(look)} of {len(values):,} machines"
     figure, ax = style.single((6.8, 4.2), title)
     bars = int(np.clip(np.sqrt(len(values)) / 2, 12, 80))
@@ -114,7 +114,7 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
     # the samples, and the limits that do not lie far off
     low, high, room = edges[0], edges[-1], np.ptp(edges)
     for one in limits:
-        at = one.limit.bound * look.factor
+        at = look.of(one.limit.bound)
         if low - 0.5 * room < at < high + 0.5 * room:
             low, high = min(low, at), max(high, at)
     low, high = low - 0.04 * room, high + 0.04 * room
@@ -125,10 +125,10 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         (found.second_order, _SECOND, "--", "second order"),
     ):
         if moments is not None and moments.deviation[place] > 0:
-            mean, wide = (m[place] * look.factor for m in (moments.mean, moments.deviation))
+            mean, wide = look.of(moments.mean[place]), moments.deviation[place] * look.factor
             bell = stats.norm.pdf(x, mean, wide)
             ax.plot(x, bell, line, color=tint, linewidth=1.3, label=f"normal, {word}")
-    nominal = found.value[place] * look.factor
+    nominal = look.of(found.value[place])
     ax.axvline(nominal, color=style.INK, linewidth=1.0, linestyle=":", label="nominal")
     for share, side, shift in ((5, "right", -3), (95, "left", 3)):
         at = np.percentile(values, share)
@@ -137,7 +137,7 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
                     textcoords="offset points", color=style.INK)  # fmt: skip
     style.note(figure, "Short marks: 5 and 95 % of the machines lie below.")
     for one in limits:
-        at, text = one.limit.bound * look.factor, f"limit {look.text(one.limit.bound)}"
+        at, text = look.of(one.limit.bound), f"limit {look.text(one.limit.bound)}"
         ax.axvline(at, color=_LIMIT, linewidth=1.3)
         # beside the line on the side of what breaks it, where the samples are few
         side, shift = ("left", 4) if one.limit.above and at < high else ("right", -4)
@@ -162,8 +162,8 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
     rows = [found.variables.index(variable) for variable, _ in ranked]
     size, title = (7.6, 1.6 + 0.36 * len(rows)), f"{title}: what changes {_small(look)}"
     figure, ax = style.single(size, title)
-    mean = float(np.asarray(found.local.value)[place]) * look.factor
-    reach = np.nan_to_num(found.swings[:, rows, place] * look.factor - mean)
+    mean = look.of(float(np.asarray(found.local.value)[place]))
+    reach = np.nan_to_num(look.of(found.swings[:, rows, place]) - mean)
     for side, tint, word in ((0, _LOW, "low"), (1, _HIGH, "high")):
         at = np.arange(len(rows)) + 0.19 * (2 * side - 1)
         ax.barh(at, reach[side], 0.36, left=mean, color=tint, label=f"at the {word} limit")
@@ -190,4 +190,4 @@ def _small(look: Shown) -> str:
 def _look(found: Tolerances, name: str) -> tuple[int, Shown]:
     """Where a quantity stands among the others, and how it is shown."""
     place = found.names.index(name)
-    return place, shown(name, found.problem.units[place], found.value[place])
+    return place, shown(name, found.problem.units[place], found.value[place]).drawn

@@ -47,15 +47,15 @@ def _columns(found: Identification, quantity: str):
         np.asarray(getattr(found, key))[mine]
         for key in ("measured", "computed", "half_width", "used")
     )
-    look = shown(quantity, unit, measured)
+    look = shown(quantity, unit, measured).drawn
     error = found.error(quantity) * (100 if relative else look.factor if unit != "K" else 1)
     label = (
         "%" if relative else "K" if unit == "K" else look.label.rpartition(",")[2].strip() or "-"
     )
     return (
         look,
-        measured * look.factor,
-        computed * look.factor,
+        look.of(measured),
+        look.of(computed),
         half * look.factor,
         error,
         label,

@@ -46,11 +46,11 @@ def pareto_front(front: ParetoFront) -> Figure:
     names = [style.words(name).lower() for name in front.names]
     figure, ax = style.single((6.6, 4.8), f"Pareto front: {names[0]} and {names[1]}")
     rows = zip(front.names, front.units, front.objectives.T, strict=True)
-    looks = [shown(*row) for row in rows]
+    looks = [shown(*row).drawn for row in rows]
     # the second objective is the abscissa
-    scale = np.array([look.factor for look in looks])
+    scale = Shown("", "", *np.array([(one.factor, one.zero) for one in looks]).T)
     sample, points, present = (
-        (np.asarray(values) * scale)[..., ::-1]
+        scale.of(np.asarray(values))[..., ::-1]
         for values in (front.sample, front.objectives, front.present)
     )
     ax.plot(*sample.T, ".", color=_SAMPLE, markersize=4, alpha=0.6, label=f"{len(sample)} samples")
@@ -83,22 +83,22 @@ def _line(optimum: Optimum) -> Figure:
     (variable,), goal, sample = _variables(optimum), _objective(optimum), optimum.sample
     order = np.argsort(sample.values[:, 0])
     order = order[sample.ok[order]]
-    x, y = sample.values[order, 0] * variable.factor, sample.objective[order] * goal.factor
+    x, y = variable.of(sample.values[order, 0]), goal.of(sample.objective[order])
     above.plot(x, y, color=_SAMPLE, linewidth=1.4, label=f"{len(order)} samples")
     broken = ~sample.feasible[order]
     if broken.any():
         above.plot(x[broken], y[broken], ".", color=_BAD, markersize=5, label=_BREAKS)
     for number, start in enumerate(optimum.starts):
-        path, value = start.path[:, 0] * variable.factor, start.objectives * goal.factor
+        path, value = variable.of(start.path[:, 0]), goal.of(start.objectives)
         above.plot(path[:1], value[:1], "o", color=_path(number), markersize=5)
         below.plot(path, np.arange(1, len(path) + 1), "o-", color=_path(number), markersize=3.5,
                    linewidth=1.1)  # fmt: skip
     (best,) = optimum.values.values()
-    _best(above, optimum, best * variable.factor, optimum.objective * goal.factor)
+    _best(above, optimum, variable.of(best), goal.of(optimum.objective))
     present = np.asarray(optimum.problem.current)[0]
     near = np.flatnonzero(sample.values[:, 0] == present)
     if near.size and sample.ok[near[0]]:
-        _present(above, present * variable.factor, sample.objective[near[0]] * goal.factor)
+        _present(above, variable.of(present), goal.of(sample.objective[near[0]]))
     style.note(figure, "Each colour is one start; above its first design, below the best so far.")
     below.invert_yaxis()
     below.set(xlabel=variable.label, ylabel=_STEPS)
@@ -111,13 +111,13 @@ def _plane(optimum: Optimum) -> Figure:
     figure, ax = style.single((6.8, 5.0), _title(optimum))
     sample, ranges = optimum.sample, optimum.ranges
     looks, goal = _variables(optimum), _objective(optimum)
-    scale = np.array([look.factor for look in looks])
-    places = sample.values * scale
+    scale = Shown("", "", *np.array([(one.factor, one.zero) for one in looks]).T)
+    places = scale.of(sample.values)
     if sample.ok.sum() >= 4:
         # neighbours in shares of the ranges: in units of their own one variable dwarfs the other
         mesh = Triangulation(*ranges.shares(sample.values[sample.ok]).T)
         corners = Triangulation(*places[sample.ok].T, triangles=mesh.triangles)
-        filled = ax.tricontourf(corners, sample.objective[sample.ok] * goal.factor, 16,
+        filled = ax.tricontourf(corners, goal.of(sample.objective[sample.ok]), 16,
                                 cmap="Greys", alpha=0.75)  # fmt: skip
         style.colour_bar(ax, filled, goal.label)
     out = sample.ok & ~sample.feasible
@@ -126,14 +126,14 @@ def _plane(optimum: Optimum) -> Figure:
     if (~sample.ok).any():
         ax.plot(*places[~sample.ok].T, "x", color=_BAD, markersize=4, label="cannot be solved")
     for number, start in enumerate(optimum.starts):
-        path = (start.path * scale).T
+        path = scale.of(start.path).T
         ax.plot(*path, ".-", color=_path(number), linewidth=1.2, markersize=4)
         ax.plot(*path[:, 0], "o", color=_path(number), markersize=6, markeredgecolor="white")
     style.note(figure, "Each colour is one start, from its large dot; the shade is of the samples.")
-    _best(ax, optimum, *(np.array(list(optimum.values.values())) * scale))
+    _best(ax, optimum, *scale.of(np.array(list(optimum.values.values()))))
     now = np.asarray(optimum.problem.current)
     if ranges.contain(now[None])[0]:
-        _present(ax, *(now * scale))
+        _present(ax, *scale.of(now))
     ax.set(xlabel=looks[0].label, ylabel=looks[1].label)
     style.legend(ax, loc="upper left", bbox_to_anchor=(0, -0.12), ncols=3)
     return figure
@@ -147,9 +147,9 @@ def _strips(optimum: Optimum) -> Figure:
     for place, (ax, look) in enumerate(zip(axes, looks, strict=True)):
         for number, start in enumerate(optimum.starts):
             steps = np.arange(1, start.steps + 1)
-            ax.plot(steps, start.path[:, place] * look.factor, color=_path(number), linewidth=1.1)
-        ax.axhline(best[place] * look.factor, color=_BEST, linewidth=1, linestyle="--")
-        low, high = (end[place] * look.factor for end in ranges)
+            ax.plot(steps, look.of(start.path[:, place]), color=_path(number), linewidth=1.1)
+        ax.axhline(look.of(best[place]), color=_BEST, linewidth=1, linestyle="--")
+        low, high = (look.of(end[place]) for end in ranges)
         ax.set_ylim(low - 0.03 * (high - low), high + 0.03 * (high - low))
         ax.set_ylabel(look.label)
     axes[-1].set_xlabel(_STEPS)
@@ -176,12 +176,14 @@ def _objective(optimum: Optimum) -> Shown:
     problem = optimum.problem
     units = dict(zip(problem.names, problem.units, strict=True))
     name = optimum.objective_name
-    return shown(name, units.get(name, ""), optimum.sample.objective)
+    return shown(name, units.get(name, ""), optimum.sample.objective).drawn
 
 
 def _variables(optimum: Optimum) -> list[Shown]:
     variables, values = optimum.problem.variables, optimum.sample.values.T
-    return [shown(one.name, one.unit, row) for one, row in zip(variables, values, strict=True)]
+    return [
+        shown(one.name, one.unit, row).drawn for one, row in zip(variables, values, strict=True)
+    ]
 
 
 def _path(number: int) -> str:

@@ -10,6 +10,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from .._core.display import Shown
 from ..study.sweep import best_curve, best_design, shown_column
 from . import _style as style
 
@@ -32,7 +33,7 @@ def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
     """
     figures = {}
     for name in _quantities(found):
-        dims, words = found[name].dims, f"{title}: {shown_column(found, name).words.lower()}"
+        dims, words = found[name].dims, f"{title}: {_drawn(found, name).words.lower()}"
         if dims == ("sample",):
             figures[f"samples-{name}"] = sample_cloud(found, name, words)
         elif len(dims) == 1:
@@ -55,11 +56,11 @@ def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict
     """
     machines, figures = [str(one) for one in found[dimension].values], {}
     for name in _quantities(found):
-        look = shown_column(found, name)
+        look = _drawn(found, name)
         heading = f"{title}: {look.words.lower()}"
         figure, ax = style.single((7.2, 4.2), heading)
         values = found[name].transpose(dimension, ...).values.reshape(len(machines), -1)
-        for place, own in enumerate(values * look.factor):
+        for place, own in enumerate(look.of(values)):
             good = own[np.isfinite(own)]
             # as wide as a bar, in the order of the designs
             wide = np.linspace(-0.3, 0.3, good.size) if good.size > 1 else 0 * good
@@ -84,11 +85,11 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """
     found, at = _sliced(found, name, 2)
     along, across = found[name].dims
-    y, x, z = (shown_column(found, n) for n in (along, across, name))
-    values = np.ma.masked_invalid(np.asarray(found[name]) * z.factor)
+    y, x, z = (_drawn(found, n) for n in (along, across, name))
+    values = np.ma.masked_invalid(z.of(np.asarray(found[name])))
     figure, ax = style.single((7.2, 5.0), f"{title}{at}")
     ax.grid(False)
-    px, py = np.asarray(found[across]) * x.factor, np.asarray(found[along]) * y.factor
+    px, py = x.of(np.asarray(found[across])), y.of(np.asarray(found[along]))
     right, up = np.argsort(px), np.argsort(py)
     values, px, py = values[np.ix_(up, right)], px[right], py[up]
     if values.count() and min(values.shape) > 1:
@@ -108,10 +109,10 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
         order = np.argsort(top.across)
         inner = np.where(_inside(top.along, found[along]), top.between, np.nan)[order]
         words = f"best {y.words.lower()}"
-        ax.plot(px, inner * y.factor, color=_BEST, linewidth=2.0, label=words)
+        ax.plot(px, y.of(inner), color=_BEST, linewidth=2.0, label=words)
         best = best_design(found, name)
         if best is not None:
-            place = best[across] * x.factor, best[along] * y.factor
+            place = x.of(best[across]), y.of(best[along])
             ax.plot(*place, "o", color=_BEST, markeredgecolor="white", markersize=7,
                     clip_on=False, label=f"best of all, {z.text(best[name], 4)}")  # fmt: skip
     ax.set(xlabel=x.label, ylabel=y.label)
@@ -132,16 +133,16 @@ def sweep_curves(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """
     found, at = _sliced(found, name, 2)
     dims = found[name].dims
-    x, y = (shown_column(found, n) for n in (dims[0], name))
-    values = np.asarray(found[name]).reshape(found.sizes[dims[0]], -1) * y.factor
-    px = np.asarray(found[dims[0]]) * x.factor
+    x, y = (_drawn(found, n) for n in (dims[0], name))
+    values = y.of(np.asarray(found[name]).reshape(found.sizes[dims[0]], -1))
+    px = x.of(np.asarray(found[dims[0]]))
     order = np.argsort(px)
     px, values = px[order], values[order]
     figure, ax = style.single((7.2, 4.4), f"{title}{at}")
     count, judged = values.shape[1], _judged(found, name)
     chosen = np.unique(np.linspace(0, count - 1, min(count, _CURVES)).round().astype(int))
     tints = [_CURVE] if count == 1 else colormaps["viridis"](np.linspace(0, 0.9, len(chosen)))
-    second = shown_column(found, dims[1]) if len(dims) == 2 else None
+    second = _drawn(found, dims[1]) if len(dims) == 2 else None
     sign = -1.0 if found[name].attrs.get("better") == "less" else 1.0
     for tint, column in zip(tints, chosen, strict=True):
         label = None if second is None else second.text(float(found[dims[1]][column]), 4)
@@ -169,12 +170,12 @@ def optimum_curve(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """
     along, across = found[name].dims
     top = best_curve(found, name)
-    x, y, z = (shown_column(found, n) for n in (across, along, name))
+    x, y, z = (_drawn(found, n) for n in (across, along, name))
     figure, (above, below) = style.stacked(2, (7.2, 5.4), title)
     order = np.argsort(top.across)
-    px, value = top.across[order] * x.factor, top.value[order] * z.factor
+    px, value = x.of(top.across[order]), z.of(top.value[order])
     inner = _inside(top.along, found[along])[order]
-    best, between = top.along[order] * y.factor, top.between[order] * y.factor
+    best, between = y.of(top.along[order]), y.of(top.between[order])
     above.plot(px, np.where(inner, between, np.nan), color=_CURVE, linewidth=1.6,
                label="between the values tried (parabola)")  # fmt: skip
     above.plot(px, best, "o", color=_CURVE, markersize=3.5, label="of the values tried")
@@ -197,9 +198,9 @@ def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
         title: of the picture.
     """
     variables = [str(n) for n in found.coords if n != "sample"]
-    y = shown_column(found, name)
+    y = _drawn(found, name)
     every = -(-found.sizes["sample"] // _CLOUD)
-    values = np.asarray(found[name]) * y.factor
+    values = y.of(np.asarray(found[name]))
     good = values[np.isfinite(values)]
     rows, columns = style.grid_of(len(variables) + 1, 3)
     size = (3.4 * columns, 3.1 * rows)
@@ -213,13 +214,18 @@ def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
         style.heading(first, f"median {middle:.5g}, 5 to 95 %: {low:.5g} to {high:.5g}", 8)
     first.set(xlabel=y.label, ylabel="Designs")
     for ax, variable in zip(others, variables, strict=True):
-        x = shown_column(found, variable)
-        px = np.asarray(found[variable][::every]) * x.factor
+        x = _drawn(found, variable)
+        px = x.of(np.asarray(found[variable][::every]))
         size = 2.5 if px.size > 2000 else 5
         ax.scatter(px, values[::every], s=size, color=_CURVE, alpha=0.5, linewidths=0,
                    rasterized=True)  # fmt: skip
         ax.set(xlabel=x.label, ylabel=y.label)
     return figure
+
+
+def _drawn(found, name: str) -> Shown:
+    """How a variable or quantity of a sweep is drawn."""
+    return shown_column(found, name).drawn
 
 
 def _quantities(found) -> list[str]:
@@ -244,6 +250,6 @@ def _sliced(found, name, keep):
     for dim in rest:
         values = np.asarray(found[dim])
         at[dim] = values.size // 2 if best is None else int(np.argmin(abs(values - best[dim])))
-        look = shown_column(found, dim)
+        look = _drawn(found, dim)
         words.append(f"{look.words.lower()} {look.text(float(values[at[dim]]), 4)}")
     return found.isel(at), f", at {', '.join(words)}"

@@ -36,13 +36,9 @@ _GRADE = re.compile(
     re.IGNORECASE,
 )
 # Size and zero [K] of the degrees in which temperatures are given; differences have no zero.
-ZEROS = {
-    "degC": (1.0, ZERO_CELSIUS), "°C": (1.0, ZERO_CELSIUS), "C": (1.0, ZERO_CELSIUS), "K": (1.0, 0.0),
-    "degF": (5 / 9, 459.67 * 5 / 9), "°F": (5 / 9, 459.67 * 5 / 9), "F": (5 / 9, 459.67 * 5 / 9),
-}  # fmt: skip
-_LEVELS = {name.lower(): one for name, one in ZEROS.items() if one[1]}
-_LEVELS |= {"celsius": ZEROS["C"], "fahrenheit": ZEROS["F"]}
-_DEGREES = (*ZEROS, *_LEVELS, "kelvin")
+_LEVELS = dict.fromkeys(("degc", "°c", "c", "celsius"), (1.0, ZERO_CELSIUS))
+_LEVELS |= dict.fromkeys(("degf", "°f", "f", "fahrenheit"), (5 / 9, 459.67 * 5 / 9))
+_DEGREES = (*_LEVELS, "k", "kelvin")
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE)
 _EXAMPLES = {
     "m": "130 mm",
@@ -119,19 +115,39 @@ def _single(given: Any, unit: str, key: str, default_unit: str | None, level: bo
     given_unit = given_unit or default_unit or ""
     if not given_unit and unit:
         raise SceneError(key, f"lacks its unit; it must be {wanted}", given)
-    degrees = _LEVELS.get(given_unit.lower()) if unit == "K" else None
-    if degrees and not level:
-        raise SceneError(
-            key,
-            "is a temperature, where a difference of temperatures is needed; "
-            f'write "{number * degrees[0]:g} K"',
-            given,
-        )
-    size, zero = degrees or (factor(given_unit, unit, key, given), 0.0)
+    size, zero = scale(given_unit, unit, level, key, given)
     value = number * size + zero
     if not math.isfinite(value):
         raise SceneError(key, "must be finite", given)
     return value
+
+
+def scale(
+    given_unit: str, unit: str, level: bool, key: str = "", given: Any = None
+) -> tuple[float, float]:
+    """Size of one `given_unit` in `unit`, and its zero.
+
+    Args:
+        given_unit: of the number.
+        unit: SI unit.
+        level: whether a temperature is meant, and no difference of temperatures.
+        key, given: of the entry, for the message.
+
+    Raises:
+        SceneError: as `factor`, and a unit of temperatures for a difference of them.
+    """
+    degrees = _LEVELS.get(given_unit.lower()) if unit == "K" else None
+    if degrees and not level:
+        match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
+        size = (
+            f'write "{float(match[1]) * degrees[0]:g} K"'
+            if match
+            else "its unit is K or delta_degF"
+        )
+        raise SceneError(
+            key, f"is a temperature, where a difference of temperatures is needed; {size}", given
+        )
+    return degrees or (factor(given_unit, unit, key, given), 0.0)
 
 
 def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> float:
@@ -172,7 +188,7 @@ def _advice(given_unit: str, unit: str, given: Any) -> str:
     number = float(match[1])
     if unit == "rad/s" and given_unit in ("Hz", "hertz"):
         return f'is a frequency, where a speed of rotation is needed; write "{60 * number:g} rpm"'
-    if given_unit.lower() not in map(str.lower, _DEGREES):
+    if given_unit.lower() not in _DEGREES:
         return ""
     if unit == "Pa":
         return (
@@ -191,7 +207,7 @@ def _oil(grade: re.Match, key: str, given: str) -> float:
     """[Pa s] Viscosity of an oil by its grade and temperature."""
     from ..film import iso_vg_viscosity
 
-    size, zero = _LEVELS.get(grade[3].lower(), ZEROS["K"])
+    size, zero = _LEVELS.get(grade[3].lower(), (1.0, 0.0))
     kelvin = float(grade[2]) * size + zero
     try:
         return float(iso_vg_viscosity(float(grade[1]), kelvin))
@@ -216,8 +232,7 @@ def as_text(value: Any, unit: str, given: Any = None) -> Any:
         return float(value)
     match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
     if match and match[2]:
-        degrees = _LEVELS.get(match[2].lower()) if unit == "K" else None
-        size, zero = degrees or (factor(match[2], unit), 0.0)
+        size, zero = scale(match[2], unit, True)
         for digits in (12, 15, 17):
             text = f"{(float(value) - zero) / size:.{digits}g}"
             if float(text) * size + zero == value:

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from .._core.display import is_temperature
 from .._core.errors import BadInput
 from .._core.words import did_you_mean
 from ..machine import Machine
@@ -33,7 +34,7 @@ from ..study import (
     variable,
 )
 from ._text import SceneError, read_cells, reading
-from ._units import ZEROS, factor, to_si
+from ._units import factor, scale, to_si
 from ._universal import read_universal
 from .readings import cell_number, read_readings, split_metadata
 
@@ -120,25 +121,23 @@ def _head(cell: str) -> tuple[str, str]:
 
 def _number(text: str, unit: str, si: str, key: str) -> float:
     value = cell_number(text, key)
-    if si == "K" and unit in ZEROS:
-        size, zero = ZEROS[unit]
-        return value * size + zero
     if si == "rad/s" and unit.lower() in ("hz", "1/s"):
         return value * 2 * np.pi
-    return value * _factor(unit, si, key)
+    size, zero = _scale(unit, si, key, is_temperature(key, si))
+    return value * size + zero
 
 
-def _factor(unit: str, si: str, key: str) -> float:
+def _scale(unit: str, si: str, key: str, level: bool) -> tuple[float, float]:
     if si and not unit:
         raise SceneError(key, f'needs its unit in the head, as in "{key} [{si}]"')
-    return factor(unit, si, key, unit) if unit else 1.0
+    return scale(unit, si, level, key, unit) if unit else (1.0, 0.0)
 
 
 def _column(heads, lines, name: str, si: str) -> np.ndarray:
     n = [head for head, _ in heads].index(name)
     unit = heads[n][1]
-    if (si == "rad/s" and unit.lower() not in ("hz", "1/s")) or si not in ("K", "rad/s"):
-        _factor(unit, si, name)
+    if si != "rad/s" or unit.lower() not in ("hz", "1/s"):
+        _scale(unit, si, name, is_temperature(name, si))
     rows = enumerate(lines, 2)
     return np.array([_number(line[n], unit, si, f"line {k}.{name}") for k, line in rows])
 
@@ -155,7 +154,7 @@ def _deviation(heads, lines, name: str, si: str, values: np.ndarray) -> np.ndarr
         return cells / 100 * np.abs(values)
     if si == "rad/s" and unit.lower() in ("hz", "1/s"):
         return cells * 2 * np.pi
-    return cells * (1.0 if si == "K" and unit == "K" else _factor(unit, si, f"sd({name})"))
+    return cells * _scale(unit, si, f"sd({name})", False)[0]
 
 
 def _known(heads, names, needed) -> None:

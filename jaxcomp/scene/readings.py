@@ -40,14 +40,13 @@ from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap
 from ._change import with_machine
 from ._scene import Scene
 from ._text import SceneError, header_cell, read_cells, reading
-from ._units import ZEROS, factor
+from ._units import factor, scale
 from .map_formats import energyplus_text, read_energyplus, read_tespy, tespy_text
 
 # Temperatures, and differences of temperatures, which no zero point shifts.
 _LEVELS = ("evaporating", "condensing", "return_gas", "liquid")
 _DIFFERENCES = ("superheat", "subcooling", "useful_superheat")
 _CONDITIONS = (*_LEVELS, *_DIFFERENCES, "speed")
-_STEPS = {"K": 1.0, "degF": 5 / 9, "delta_degC": 1.0, "delta_degF": 5 / 9}
 _VALUE = re.compile(r"\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([^\s;,(]*)")
 _RANGE = re.compile(r"\s*([-+]?[\d.]+)\s*to\s*([-+]?[\d.]+)\s*([^\s;,(]*)")
 _SD = re.compile(r"\s*sd\((\w+)\)\s*\[(.*)\]\s*")
@@ -147,8 +146,7 @@ def _head(cell: str) -> tuple[str, tuple[float, float, bool]]:
         if unit == "%":
             return f"sd {what}", (0.01, 0.0, True)
         si = MEASURED[what][0]
-        size = _STEPS[unit] if si == "K" and unit in _STEPS else factor(unit, si, what, unit)
-        return f"sd {what}", (size, 0.0, False)
+        return f"sd {what}", (*scale(unit, si, False, f"sd({what})", unit), False)
     known = header_cell(cell)
     what, unit = (known[0], known[1]) if known else (cell.strip(), "")
     if what not in (*_CONDITIONS, *MEASURED):
@@ -167,15 +165,9 @@ def _usual(what: str) -> str:
 
 def _scale(what: str, unit: str) -> tuple[float, float]:
     """Size of a unit in SI, and its zero."""
-    if what in _LEVELS or what == "discharge_temperature":
-        if unit not in ZEROS:
-            raise SceneError(what, f"has the unit {unit}; it must be degC, K or degF")
-        return ZEROS[unit]
-    if what in _DIFFERENCES:
-        if unit not in _STEPS:
-            bound = f"is a difference of temperatures and not one in {unit}; it must be in K"
-            raise SceneError(what, bound)
-        return _STEPS[unit], 0.0
+    level = what in _LEVELS or what == "discharge_temperature"
+    if level or what in _DIFFERENCES:
+        return scale(unit, "K", level, what, unit)
     if what == "speed":
         turns = unit.lower() in ("hz", "1/s")
         return (2 * np.pi if turns else factor(unit, "rad/s", what, unit)), 0.0

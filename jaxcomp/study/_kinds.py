@@ -210,7 +210,7 @@ class Table(AbstractMeasurement):
 
         def label(row):
             pairs = zip(row, looks, strict=True)
-            return ", ".join(f"{x * one.factor:.5g} {one.unit}".strip() for x, one in pairs)
+            return ", ".join(one.drawn.text(x) for x, one in pairs)
 
         labels = [label(row) or "the machine" for row in self.settings]
         return Entries(

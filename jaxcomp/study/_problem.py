@@ -264,7 +264,10 @@ def with_more_panels(problem: Problem) -> Problem | None:
 
 
 def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8) -> Solved:
-    """Solve designs with their derivatives, in batches of one size and so by one program."""
+    """Solve designs with their derivatives, in batches of one size and so by one program.
+
+    Those that lack panels of the cycle are solved again on twice as many.
+    """
     rows, parts = np.asarray(points), []
     # what `of_each` takes in turns is not filled up
     batch = 1 if solves_gas(problem) else batch
@@ -272,7 +275,12 @@ def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8
         some = rows[first : first + batch]
         filled = np.concatenate([some, np.repeat(some[-1:], batch - len(some), 0)])
         parts.append([a[: len(some)] for a in _answers(problem, jnp.asarray(filled))])
-    return Solved(*(jnp.concatenate(column) for column in zip(*parts, strict=True)))
+    *found, short = (jnp.concatenate(column) for column in zip(*parts, strict=True))
+    finer = with_more_panels(problem) if np.any(short) else None
+    if finer is not None:
+        again = solved(finer, rows[short], batch)
+        found = [whole.at[short].set(part) for whole, part in zip(found, again, strict=True)]
+    return Solved(*found)
 
 
 @eqx.filter_jit
@@ -293,7 +301,7 @@ def _answers(problem: Problem, points):
             # not `jacfwd`, where an iterative rule of a derivative gives `ok` an axis of directions
             _, forward, answer = jax.linearize(values, point, has_aux=True)
             slope = jax.vmap(forward, out_axes=1)(jnp.eye(point.size))
-        return answer.values, answer.ok & jnp.all(jnp.isfinite(slope)), slope
+        return answer.values, answer.ok & jnp.all(jnp.isfinite(slope)), slope, answer.short
 
     return of_each(one, problem, points)
 

@@ -156,6 +156,8 @@ class Influence(NamedTuple):
     @property
     def rise(self) -> float:
         """The number in `change`: per cent per per cent, or in the unit of the quantity."""
+        if self.relative and self.quantity.level:
+            return self.derivative * self.present * self.quantity.factor / 100
         if self.relative:
             return self.elasticity
         return self.derivative / small_unit(self.unit)[1] * self.quantity.factor
@@ -164,7 +166,7 @@ class Influence(NamedTuple):
     def change(self) -> str:
         """What a rise of the number by 1 %, or by one unit, changes."""
         if self.relative:
-            return f"{self.rise:+.3g} % per %"
+            return f"{self.rise:+.3g} {self.quantity.unit if self.quantity.level else '%'} per %"
         rise = f"{self.rise:+.3g} {self.quantity.unit}"
         return f"{rise.rstrip()} per {small_unit(self.unit)[0] or 'unit'}"
 

@@ -81,7 +81,7 @@ def scattered(count: int) -> None:
 def mapped(machine: str) -> None:
     """Two hundred points."""
     loaded = jaxcomp.load(machine)
-    S, D = np.linspace(243.15, 268.15, 10), np.linspace(303.15, 333.15, 20)
+    S, D = np.linspace(243.15, 268.15, 10), np.linspace(308.15, 333.15, 20)
     first, seconds = least(lambda: rating_map(loaded, S, D).values, calls=3)
     print(f"map of 200 points of {machine}: {seconds:.2f} s (first call {first:.0f} s)")
 

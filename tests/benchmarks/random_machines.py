@@ -5,12 +5,16 @@ collocation, their volumetric efficiency and work against the march with located
 crank pin moves in its film by collocation, efficiency and losses against shooting with diffrax. Of every
 `converged` one the error must lie within what the result states: the resolution of the cycle, the errors
 of efficiency and losses of the crank. Prints how many do, how careful the statements are, and those that
-are wrong; exits with 1 if there are any. A thousand machines take some minutes of one core.
+are wrong; exits with 1 if there are any. With `--keep FILE.csv` what is done stays there, batch by batch,
+and the same command goes on with the next one. Of one core 2,000 machines with valves take two minutes,
+with journals ten.
 """
 
 import argparse
+import dataclasses
 import operator
 import sys
+import time
 from pathlib import Path
 
 import equinox as eqx
@@ -26,54 +30,64 @@ from jaxcomp import Collocation, Shooting, load, solve_orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.scene import with_value
 
-# What the references are good for: the march at 1e-9, and shooting at 1e-9.
+# What the references are good for: the march at 1e-9, and shooting at 1e-8.
 FLOOR = {"valves": 2e-7, "journals": 3e-9}
-MARCH = CycleOptions(
-    method="march", panels=160, value_tolerance=1e-9, max_passes=60_000, capacity=8192
-)
+MARCH = CycleOptions(method="march", panels=160, max_passes=60_000, capacity=8192)
+NAMES = "seed", "machine", "converged", "reference", "stated", "true", "margin"
 
 
-def mapped(function, rows):
-    return jax.tree.map(np.asarray, jax.jit(lambda rows: jax.lax.map(function, rows))(rows))
+def mapped(function):
+    """One program for all rows, one after the other: in lanes all would wait for the slowest."""
+    program = jax.jit(lambda rows: jax.lax.map(function, rows))
+    return lambda rows: jax.tree.map(np.asarray, program(rows))
 
 
-def valves(count: int, seed: int):
-    """Stated and true errors of machines with valves, and which have both."""
+def valves():
+    """What gives stated and true errors of so many machines with valves, and which have both."""
     base = inertial()
-    rng = np.random.default_rng(seed)
-    numbers = jnp.asarray(2.0 ** rng.uniform(-1, 1, (count, len(SCATTERED) + 1)))
-    bounce = jnp.asarray(rng.choice([0.0, 1.0], (count, 1)) * rng.uniform(0, 0.5, (count, 2)))
 
     def get(cylinder):
         return operator.attrgetter(*SCATTERED)(cylinder)
 
     def solver(options):
         def one(row):
-            factors, bounce = row
+            factors, bounce, tolerance = row
             made = tuple(x * f for x, f in zip(get(base), factors, strict=False))
+            own = dataclasses.replace(options, value_tolerance=tolerance)
             cylinder = eqx.tree_at(get, base, made)
             cylinder = eqx.tree_at(restitutions, cylinder, list(bounce))
-            cycle = solve_cycle(cylinder, mechanism(), SPEED * factors[-1], options, throw=False)
+            cycle = solve_cycle(cylinder, mechanism(), SPEED * factors[-1], own, throw=False)
             values = jnp.stack([cycle.volumetric_efficiency, cycle.indicated_work])
             margins = jnp.stack([*cycle.turning_margins.values()])
             return cycle.converged, values, cycle.resolution, jnp.min(jnp.abs(margins))
 
         return one
 
-    rows = numbers, bounce
-    ok, found, stated, margin = mapped(solver(CycleOptions(panels=96, nodes=8)), rows)
-    sure, known, *_ = mapped(solver(MARCH), rows)
-    error = np.max(np.abs(found / known - 1), axis=1)
-    print(f"{np.sum(ok)} converged by collocation, {np.sum(sure)} by the march")
-    return stated, error, ok & sure, [f"margin {m:.1e}" for m in margin]
+    collocate, march = mapped(solver(CycleOptions(panels=96, nodes=8))), mapped(solver(MARCH))
+
+    def make(count, seed):
+        rng = np.random.default_rng(seed)
+        numbers = jnp.asarray(2.0 ** rng.uniform(-1, 1, (count, len(SCATTERED) + 1)))
+        bounce = jnp.asarray(rng.choice([0.0, 1.0], (count, 1)) * rng.uniform(0, 0.5, (count, 2)))
+        ok, found, stated, margin = collocate((numbers, bounce, jnp.zeros(count)))
+        tolerance = np.full(count, 1e-9)
+        sure, known, *_ = march((numbers, bounce, jnp.asarray(tolerance)))
+        error = np.max(np.abs(found / known - 1), axis=1)
+        wrong = error > stated + FLOOR["valves"]
+        if np.any(wrong):
+            # a march may miss a bounce: it counts where a finer one agrees
+            tolerance[wrong] = 1e-10
+            sure, known, *_ = march((numbers, bounce, jnp.asarray(tolerance)))
+            error = np.max(np.abs(found / known - 1), axis=1)
+        return ok, sure, stated, error, margin
+
+    return make
 
 
-def journals(count: int, seed: int):
-    """The same of machines whose crank pin moves in a short film."""
+def journals():
+    """The same of machines whose crank pin moves in a short film; without margins."""
     base = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN | {"film": "short"})
     base = base.as_compressor()
-    rng = np.random.default_rng(seed)
-    rows = jnp.asarray(2.0 ** rng.uniform(-1, 1, (count, 8)))
 
     def get(c):
         film = c.friction.crank_pin
@@ -90,10 +104,16 @@ def journals(count: int, seed: int):
 
         return one
 
-    ok, found, stated = mapped(solver(Collocation(reversals=base.load_reversals)), rows)
-    sure, known, _ = mapped(solver(Shooting(tolerance=1e-8, max_steps=16_384)), rows)
-    print(f"{np.sum(ok)} converged by collocation, {np.sum(sure)} by shooting")
-    return stated, np.abs(found - known), ok & sure, [""] * count
+    collocate = mapped(solver(Collocation(reversals=base.load_reversals)))
+    shoot = mapped(solver(Shooting(tolerance=1e-8, max_steps=16_384)))
+
+    def make(count, seed):
+        rows = jnp.asarray(2.0 ** np.random.default_rng(seed).uniform(-1, 1, (count, 8)))
+        ok, found, stated = collocate(rows)
+        sure, known, _ = shoot(rows)
+        return ok, sure, stated, np.abs(found - known), np.full(count, np.nan)
+
+    return make
 
 
 def main() -> int:
@@ -101,30 +121,39 @@ def main() -> int:
     parser.add_argument("kind", choices=("valves", "journals"))
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--batch", type=int, default=500)
+    parser.add_argument("--batch", type=int, default=50)
+    parser.add_argument("--keep", type=Path)
     given = parser.parse_args()
-    make, wrong, ratios, total = globals()[given.kind], 0, [], 0
-    floor = FLOOR[given.kind]
-    for number, first in enumerate(range(0, given.count, given.batch)):
-        count = min(given.batch, given.count - first)
-        stated, error, both, notes = make(count, given.seed + number)
-        total += int(np.sum(both))
-        bad = both & ~(error <= stated + floor)
-        seen = both & (error > floor)
-        ratios += list(stated[seen] / error[seen])
-        for which in np.flatnonzero(bad):
-            print(
-                f"seed {given.seed + number}, machine {which}: stated {stated[which]:.1e}, true "
-                f"{error[which]:.1e} {notes[which]}"
-            )
-        wrong += int(np.sum(bad))
-    print(f"{total} converged by both methods, {wrong} of them beyond their stated error")
-    if ratios:
+    floor, make, rows = FLOOR[given.kind], None, np.empty((0, 7))
+    if given.keep and given.keep.exists():
+        rows = np.loadtxt(given.keep, delimiter=",", skiprows=1, ndmin=2)
+    began = time.process_time()
+    for first in range(len(rows), given.count, given.batch):
+        count, seed = min(given.batch, given.count - first), given.seed + first // given.batch
+        make = make or globals()[given.kind]()
+        new = np.stack([np.full(count, seed), np.arange(count), *make(count, seed)], axis=1)
+        rows = np.concatenate([rows, new])
+        if given.keep:
+            np.savetxt(given.keep, rows, delimiter=",", header=",".join(NAMES), comments="")
+        spent = time.process_time() - began
+        print(f"{len(rows)} of {given.count}, {spent:.0f} s of processor time", flush=True)
+    seeds, numbers, ok, sure, stated, error, margin = rows[: given.count].T
+    both = (ok > 0) & (sure > 0)
+    bad, seen = both & ~(error <= stated + floor), both & (error > floor)
+    for n in np.flatnonzero(bad):
+        print(f"seed {seeds[n]:.0f}, machine {numbers[n]:.0f}: stated {stated[n]:.1e}, true "
+              f"{error[n]:.1e}, margin {margin[n]:.1e}")  # fmt: skip
+    print(f"{len(ok)} machines: {np.sum(ok):.0f} converged, {np.sum(sure):.0f} of the references")
+    print(
+        f"{np.sum(both)} converged by both methods, {np.sum(bad)} of them beyond their stated error"
+    )
+    if seen.any():
+        ratios = stated[seen] / error[seen]
         least, middle = np.min(ratios), np.median(ratios)
         print(
             f"stated over true, where that is above {floor:g}: {least:.2g} least, {middle:.2g} median"
         )
-    return wrong > 0
+    return bool(bad.any())
 
 
 if __name__ == "__main__":

@@ -25,13 +25,9 @@ def pulsing(angle):
     return jnp.stack([600 * jnp.cos(angle) + pulse, 300 + 400 * jnp.sin(angle) - 0.5 * pulse])
 
 
-# Panels of half the usual width: the journal crosses its clearance within a few degrees.
-HALVES = np.append(0.0, 2 * np.pi * (np.arange(48) + 0.5) / 48)
-
-
 def orbit_of(bearing):
     rates = {"journal": SHARES[0], "bush": SHARES[1]}
-    return journal_orbit(bearing, pulsing, SPEED, edges=jnp.asarray(HALVES), **rates)
+    return journal_orbit(bearing, pulsing, SPEED, **rates)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +62,7 @@ def test_an_orbit_in_contact_is_that_of_a_march_by_scipy(orbit):
         jac=lambda t, e: np.asarray(slopes(t, e)), t_eval=[*nodes, first + 2 * np.pi],
         rtol=1e-8, atol=1e-10,
     )  # fmt: skip
-    # 1e-4 where the journal crosses the clearance, on 48 panels; the series of the ring leaves 1e-6
+    # the series of the ring leaves 1e-6
     np.testing.assert_allclose(found.y[:, -1], found.y[:, 0], atol=1e-5)
     there = np.asarray(orbit.film.position)[:, :: orbit.angle.size // 24]
     np.testing.assert_allclose(found.y[:, :-1], there, atol=1e-5)
@@ -126,10 +122,30 @@ def test_out_of_touch_the_orbit_is_that_of_smooth_surfaces():
     oil = dc.replace(BEARING, dynamic_viscosity=jnp.asarray(2e-2))
     smooth, rough = (orbit_of(one) for one in (dc.replace(oil, contact=None), oil))
     assert float(smooth.film.minimum_film) > 8 * 0.5e-6
-    # two programs of the same numbers: their rounding differs
-    np.testing.assert_allclose(rough.film.position, smooth.film.position, atol=1e-12)
     assert float(rough.film.mean_contact_loss) == 0
-    assert int(rough.iterations) == int(smooth.iterations)
+    for name in ("minimum_film", "mean_shear_loss", "mean_squeeze_loss"):
+        # of other panels beside a contact; 48 even ones leave 4e-7 in the film of the smooth journal
+        own, other = (float(getattr(one.film, name)) for one in (rough, smooth))
+        assert own == pytest.approx(other, rel=1e-6), name
+
+
+@pytest.mark.parametrize(("viscosity", "most"), [(1e-4, 0.98), (1e-5, 0.999)])
+def test_contacts_that_carry_nearly_all_converge(viscosity, most):
+    """By default: letting go within a degree takes panels there. Against four times as many panels."""
+
+    def pounding(angle):
+        pulse = 8000 * jnp.exp(-(((jnp.mod(angle, 2 * np.pi) - 3.3) / 0.35) ** 2))
+        return jnp.stack([3000 * jnp.cos(angle) + pulse, 800 * jnp.sin(angle)])
+
+    rough = dc.replace(BEARING, dynamic_viscosity=jnp.asarray(viscosity), contact=ROUGH)
+    found = journal_orbit(rough, pounding, 100.0)
+    assert found.status == Status.converged
+    assert float(jnp.max(found.film.contact_load / jnp.hypot(*found.film.load))) > most
+    edges = jnp.linspace(0, 2 * np.pi, 4 * 48 + 1)[:-1]
+    finer = journal_orbit(rough, pounding, 100.0, edges=edges)
+    error = abs(float(found.film.minimum_film - finer.film.minimum_film))
+    # and the tolerance of the iteration, of the clearance
+    assert error < 30 * (float(found.film.film_error) + 1e-13 * 30e-6)
 
 
 PIN = {"type": "film", "film": "short", "diameter": "90 mm", "length": "45 mm",

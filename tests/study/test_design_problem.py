@@ -1,5 +1,7 @@
 """A design problem: variables and quantities by name, and derivatives through the whole chain."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,6 +12,7 @@ from jaxcomp import BadInput, Collocation, crank_forces, load, solve_orbit
 from jaxcomp._core.fields import replaced
 from jaxcomp.balancing import least_squares, machine_influence
 from jaxcomp.compressor import at_speed
+from jaxcomp.crank import default_collocation
 from jaxcomp.machine import assembled, machine_of
 from jaxcomp.scene import with_value, with_values
 from jaxcomp.study import (
@@ -20,6 +23,7 @@ from jaxcomp.study import (
     variable_names,
     with_bore,
 )
+from jaxcomp.study._problem import _answers, solved
 from jaxcomp.vibration import crank_loads, running_rotor
 
 FAST = Collocation(nodes=8, reversals=0, tolerance=1e-11)
@@ -342,3 +346,23 @@ def test_crank_influence_at_each_speed_is_its_own(scene):
     rows = len(alone.rows)
     np.testing.assert_allclose(together.matrix[rows:], alone.matrix, rtol=1e-9)
     np.testing.assert_allclose(together.initial[rows:], alone.initial, rtol=1e-9)
+
+
+@pytest.mark.slow  # two programs of a machine with valves and its derivatives
+def test_designs_with_derivatives_take_the_panels_that_their_events_need():
+    """Eight panels hold fewer events than the valves have."""
+    scene = load("r134a-7cc")
+    quantity, ranges = ["volumetric_efficiency"], {"gas.clearance_ratio": (0.01, 0.05)}
+
+    def made(panels):
+        solver = default_collocation(scene.as_compressor())
+        cycle = dataclasses.replace(solver.cycle, panels=panels, nodes=8)
+        options = AnalysisOptions(dataclasses.replace(solver, cycle=cycle))
+        return problem(scene, ranges, quantity, options=options)
+
+    few, many = made(8), made(16)
+    assert bool(_answers(few, few.current[None])[-1])
+    own, wanted = (solved(one, one.current[None]) for one in (few, many))
+    assert own.ok.all()
+    np.testing.assert_allclose(own.values, wanted.values, rtol=1e-12)
+    np.testing.assert_allclose(own.slope, wanted.slope, rtol=1e-9)

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from jaxcomp import load, solve_orbit
-from jaxcomp._core.display import shown
 from jaxcomp.desk import Desk, serve
 from jaxcomp.desk._page import _is_fault, _Page
 from jaxcomp.scene import SceneError, loads
@@ -202,12 +201,6 @@ def test_units_are_chosen_on_the_page(scene):
     row = list(page.table.value["name"]).index(BORE)
     page._entered(SimpleNamespace(column="Value", row=row, value="5 in"))
     assert page.desk.values[BORE] == pytest.approx(0.127, rel=1e-15)
-
-
-def test_temperatures_are_shown_in_degrees_and_differences_in_kelvins():
-    for system, text in (("SI", "249.85 K"), ("SI with °C", "-23.3 °C"), ("US", "-9.94 °F")):
-        assert shown("gas.evaporating", "K", 249.85, system).text(249.85) == text
-        assert shown("gas.superheat", "K", 10.0, system).text(10.0) == "10 K"
 
 
 def test_a_page_does_not_wait_for_gains_that_are_still_compiled(scene, monkeypatch):

@@ -264,6 +264,7 @@ def _disagreements(found: Tolerances, place: int, name: str) -> list[str]:
             given, right = getattr(order, field)[place], getattr(truth, field)[place]
             error = getattr(truth, f"{field}_error")[place]
             if not abs(given - right) <= max(allowed, 4 * error):
-                texts = f"{look.text(given)} against {look.text(right)} by the samples"
+                said = look.text if field == "mean" else look.difference
+                texts = f"{said(given)} against {said(right)} by the samples"
                 out.append(f"{look.words}: {word}-order {field} {texts}")
     return out
