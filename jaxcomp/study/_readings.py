@@ -132,7 +132,9 @@ class Readings(AbstractMeasurement):
         _, first, count = np.unique(rows.round(6), axis=1, return_index=True, return_counts=True)
         if (count > 1).any():
             twice = ", ".join(self.names[n] for n in sorted(first[count > 1]))
-            raise BadInput(f"{self.source}: points", twice, "there once; give the mean of repeated ones")
+            raise BadInput(
+                f"{self.source}: points", twice, "there once; give the mean of repeated ones"
+            )
         if {"capacity", "mass_flow"} <= set(self.measured):
             self._check_capacity(fluid)
 
