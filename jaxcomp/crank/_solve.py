@@ -47,7 +47,7 @@ from ..motor import ConstantSpeed
 from ._collocation import Collocation, default_collocation
 from ._films import has_thin_film
 from ._orbit import Orbit, Verification
-from ._warming import LARGEST_RISE, at_rise, first_rise, law_of, next_rise
+from ._warming import LARGEST_RISE, at_rise, first_rise, law_of, rise_after, secant
 
 if TYPE_CHECKING:
     from ._shooting import Shooting
@@ -268,9 +268,15 @@ def _coupled(compressor: Compressor, solver, even: bool):
     beside = unsolved(cycle), orbit
 
     def step(motion, last):
-        return _iteration(compressor, solver, motion, solution_of(last[0]))
+        (cycle, _), before = last
+        new, found = _iteration(compressor, solver, motion, solution_of(cycle))
+        now = motion.rise, new.rise
+        if rise is not None:
+            new = new._replace(rise=secant(before, now))
+        return new, (found, now)
 
-    motion, found, report = settle(step, still, beside, _TOLERANCE, _MAX_ITERATIONS)
+    beside = beside, (still.rise, still.rise)
+    motion, (found, _), report = settle(step, still, beside, _TOLERANCE, _MAX_ITERATIONS)
     return found, motion, report.settled
 
 
@@ -293,7 +299,7 @@ def _iterated(compressor: Compressor, solver, motion: _Motion, cycle_of):
     here = at_rise(compressor, rise)
     cycle = cycle_of(here, compressor.motor.speed_guess * jnp.exp(motion.level))
     orbit = _orbit_of(here, cycle, solver)
-    new = next_rise(compressor, _with_cycle(orbit, cycle), rise)
+    new = rise_after(compressor, _with_cycle(orbit, cycle), rise)
     level, pace = motion.level, None
     if motion.pace is not None:
         level, pace = _motion(compressor, cycle, orbit)
@@ -322,9 +328,16 @@ def _coupled_jvp(primals, tangents):
     directly, beside = linear(given, still)
     _, across = jax.linearize(lambda motion: linear(none, motion), still)
 
+    share = None  # of the rise that a degree more of it adds to itself
+    if motion.rise is not None:
+        share = across(still._replace(rise=jnp.ones_like(motion.rise)))[0].rise
+
     def solve(matvec, right_side):
         def closer(_, value):
-            return jax.tree.map(lambda v, r, m: v + r - m, value, right_side, matvec(value))
+            rest = jax.tree.map(jnp.subtract, right_side, matvec(value))
+            if share is not None:
+                rest = rest._replace(rise=rest.rise / (1 - share))
+            return jax.tree.map(jnp.add, value, rest)
 
         return lax.fori_loop(0, _TANGENT_ITERATIONS, closer, right_side)
 

@@ -1,11 +1,10 @@
 """Suction gas that a law warms: its rise follows from flow, heat and losses, and they from it.
 
 The rise is one more unknown beside the motion of the crank. Repeated as it comes it would contract by
-what a degree more of it adds to itself, 0.1 to 0.5; divided by that it contracts by 0.05 at most.
+what a degree more of it adds to itself, 0.1 to 0.6; secants make that a few iterations.
 """
 
 import jax.numpy as jnp
-from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.fields import replaced
@@ -17,6 +16,8 @@ from ._orbit import Orbit, performance
 _FIRST = 15.0
 # [K] Most that a law may give, within the range of the fluids; there nothing counts as solved.
 LARGEST_RISE = 200.0
+# Slope of a rise over itself before two are known, and the distance of two whose slope is no rounding.
+_USUAL, _APART = 0.25, 1e-7
 
 
 def law_of(compressor: Compressor) -> SuctionWarming | None:
@@ -42,8 +43,8 @@ def at_rise(compressor: Compressor, rise: Float[Array, ""] | None) -> Compressor
     return replaced(compressor, gas=replaced(gas, suction=suction))
 
 
-def next_rise(compressor: Compressor, orbit: Orbit, rise):
-    """[K] Nearer to the rise that follows from itself, which it leaves as it is.
+def rise_after(compressor: Compressor, orbit: Orbit, rise):
+    """[K] The rise that follows from the periodic state at another one; `None` without a law.
 
     Args:
         compressor: with the law, or without.
@@ -56,14 +57,22 @@ def next_rise(compressor: Compressor, orbit: Orbit, rise):
     here = at_rise(compressor, rise)
     gas = here.gas
     assert isinstance(gas, Cylinder)
-    comes, hot = cycle.case.comes, cycle.discharge_temperature
+    comes = cycle.case.comes
     flow = jnp.maximum(cycle.mass_flow, 1e-9 * cycle.case.mass_scale)
     loss = performance(here, orbit).electric_power - orbit.gas_power
-    heat = law.heat(comes, hot, flow, loss)
+    heat = law.heat(comes, cycle.discharge_temperature, flow, loss)
     heat = jnp.clip(heat, 0.0, LARGEST_RISE * flow * comes.c_p)
-    new = gas.fluid.at_enthalpy(comes.p, comes.h + heat / flow, comes).T - comes.T
-    # compression multiplies temperatures, and the flow goes with one over that at the valve
-    warm = comes.T + rise
-    own = (law.heat(comes, hot, flow, 0.0) / (hot - comes.T) * hot + heat) / (flow * comes.c_p)
-    slope = lax.stop_gradient(jnp.clip(own / warm, 0.0, 0.8))
-    return jnp.clip(rise + (new - rise) / (1 - slope), 0.0, LARGEST_RISE)
+    return gas.fluid.at_enthalpy(comes.p, comes.h + heat / flow, comes).T - comes.T
+
+
+def secant(before, now):
+    """The unknown at which a function gives it back, by two pairs of unknown and value.
+
+    Where both pairs are one the usual slope stands for the secant.
+    """
+    (x0, y0), (x, y) = before, now
+    moved = x - x0
+    apart = jnp.abs(moved) > _APART
+    slope = jnp.where(apart, (y - y0) / jnp.where(apart, moved, 1.0), _USUAL)
+    # outside of these it comes from a change of the valves' events, and would lead away
+    return jnp.maximum(x + (y - x) / (1 - jnp.clip(slope, -1.0, 0.8)), 0.0)

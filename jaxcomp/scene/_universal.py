@@ -165,8 +165,10 @@ def _one_mode(hertz: NDArray, responses: NDArray) -> tuple[float, NDArray]:
     matrix, wanted = np.concatenate(rows), np.concatenate(right)
     # the first two real, the others complex
     whole = np.concatenate([matrix[:, :2], matrix[:, 2:], 1j * matrix[:, 2:]], axis=1)
-    both = np.concatenate([whole.real, whole.imag])
-    found, *_ = np.linalg.lstsq(both, np.concatenate([wanted.real, wanted.imag]), rcond=None)
+    both = np.concatenate([np.real(whole), np.imag(whole)])
+    found, *_ = np.linalg.lstsq(
+        both, np.concatenate([np.real(wanted), np.imag(wanted)]), rcond=None
+    )
     d0, d1 = found[:2]
     if not d0 > d1**2 / 4:
         raise SceneError("", f"has a peak at {scale:.4g} Hz that is no mode with little damping")

@@ -2,9 +2,10 @@
 
     python tests/benchmarks/measured.py [ROW ...]
 
-Rows are 06dm313, 3db3, crk3, vtz-4, vtz-9, vtz-speeds, vtz-factors, 06dr316; all of them take a quarter of
-an hour of processor time. Printed are, for capacity and power, root mean square and largest error of the
-points that were not fitted, and the share of them within the 95 % intervals; then chi-square and time.
+Rows are 06dm313, 3db3, crk3, vtz-4, vtz-9, vtz-speeds, vtz-factors, 06dr316; all of them take a quarter
+of an hour of processor time. Printed are, for capacity and power, root mean square and largest error of
+the points that were not fitted, and the share of them within the 95 % intervals; then chi-square and
+time.
 """
 
 import dataclasses
@@ -91,7 +92,7 @@ def show(label, found, seconds):
     chi = f"chi-square {float(found.chi_square):.3g} on {int(found.freedom)}"
     print(f"{label:12s} {'; '.join(cells)}; {chi}; {seconds:.0f} s", flush=True)
     for note in found.notes:
-        if "law of speed" in note or "bound" in note:
+        if "law of speed" in note or "bound" in note or "no solution" in note:
             print(f"{'':12s} {note}", flush=True)
 
 
