@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -65,6 +65,7 @@ class Readings(AbstractMeasurement):
     polynomial: bool = field(compare=False, default=False)
     fluid: str = field(compare=False, default="")
     bends: tuple[str, ...] = field(compare=False, default=())
+    solver: Any = None
 
     names_of_sd: ClassVar[tuple[str, ...]] = tuple(MEASURED)
 
@@ -162,7 +163,7 @@ class Readings(AbstractMeasurement):
 
     def values(self, build, parameters, nuisances, point):
         del nuisances
-        return rated(lambda p: build(p).as_compressor(), parameters, point)
+        return rated(lambda p: build(p).as_compressor(), parameters, point, self.solver)
 
     def warnings(self, used, beside):
         """Points held out that lie outside the hull of those used, and speeds that were not used."""

@@ -7,7 +7,7 @@ with evaporating and condensing dew temperatures S and D in degrees Celsius (AHR
 
 import dataclasses as dc
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -27,6 +27,9 @@ from ..crank import Collocation, Orbit, Performance, default_collocation, perfor
 from ..cylinder import CycleOptions, Cylinder, solve_cycle
 from ..fluid import RealGas
 from ..motor import ConstantSpeed
+
+if TYPE_CHECKING:
+    from ..crank import Shooting
 
 ZERO = ZERO_CELSIUS
 # Of the cycle where 48 do not find all events: of two maps of light valves 1 and 3 of 12 points.
@@ -168,6 +171,7 @@ def rating_map(
     condensing: Sequence[float] | Float[Array, " m"],
     rating: str = "file",
     options: CycleOptions | None = None,
+    solver: "Collocation | Shooting | None" = None,
 ) -> RatingMap:
     """Capacity, power, flow and efficiencies over evaporating and condensing temperature.
 
@@ -180,6 +184,7 @@ def rating_map(
         evaporating, condensing: [K] dew temperatures.
         rating: of `RATINGS`.
         options: how the cycles are solved.
+        solver: of the motion of the crank; absent: as `solve_orbit`.
 
     Raises:
         BadInput: as `at_rating`, of any point.
@@ -191,9 +196,10 @@ def rating_map(
         at_rating(compressor, *ends, rating)
     shape = S.size, D.size
     points = jnp.repeat(S, D.size), jnp.tile(D, S.size)
-    found, ok = _along(compressor, rating, options, *points)
+    found, ok = _along(compressor, rating, options, solver, *points)
     if not np.all(ok) and options.panels < _PANELS:
-        found, ok = _along(compressor, rating, dc.replace(options, panels=_PANELS), *points)
+        finer = dc.replace(options, panels=_PANELS)
+        found, ok = _along(compressor, rating, finer, solver, *points)
     ok = np.asarray(ok).reshape(shape)
     values = {
         name: np.where(ok, np.asarray(found[name]).reshape(shape), np.nan)
@@ -257,6 +263,7 @@ def rated(
     build: Callable[[Float[Array, " p"]], Compressor],
     parameters: Float[Array, " p"],
     point: RatingPoint,
+    solver: "Collocation | Shooting | None" = None,
 ) -> tuple[Float[Array, " 8"], Float[Array, "8 p"], Bool[Array, ""]]:
     """Quantities of a compressor with valves at a rating point, and their slopes over parameters.
 
@@ -266,19 +273,20 @@ def rated(
         build: the compressor of some parameters.
         parameters: (p,) where to evaluate.
         point: the conditions.
+        solver: of the motion of the crank; absent: collocation that estimates no errors.
 
     Returns:
         `QUANTITIES` in their order, their derivatives, and whether the point can be relied on.
     """
 
-    solver = Collocation(reversals=0, estimate=False, cycle=CycleOptions(panels=_PANELS))
+    quick = Collocation(reversals=0, estimate=False, cycle=CycleOptions(panels=_PANELS))
 
     def law(parameters, rise):
         one = build(parameters)
         motor = replaced(ConstantSpeed(1.0, losses=one.motor.losses), mean_speed=point.speed)
         rating = Rating(point.gas, None, point.liquid, None)
         here = at_rating(replaced(one, motor=motor), point.evaporating, point.condensing, rating)
-        values, new, ok = _at_point(here, solver, rise)
+        values, new, ok = _at_point(here, quick, rise, solver)
         gas = here.gas
         assert isinstance(gas, Cylinder)
         assert isinstance(gas.fluid, RealGas)
@@ -297,15 +305,15 @@ def is_warmed(compressor: Compressor) -> bool:
 
 
 @kept_jit
-def _along(compressor: Compressor, rating: str, options, evaporating, condensing):
+def _along(compressor: Compressor, rating: str, options, solver, evaporating, condensing):
     """All points, one after the other: each takes as many steps as it needs."""
-    solver, gas = Collocation(reversals=compressor.load_reversals, cycle=options), compressor.gas
+    plain, gas = Collocation(reversals=compressor.load_reversals, cycle=options), compressor.gas
     assert isinstance(gas, Cylinder)
 
     def point(temperatures):
         def law(_, rise):
             here = at_rating(compressor, *temperatures, rating)
-            values, new, ok = _at_point(here, solver, rise)
+            values, new, ok = _at_point(here, plain, rise, solver)
             return jnp.stack([values[name] for name, *_ in QUANTITIES]), new, ok
 
         if gas.suction.warming is None:  # without slopes, which cost as much again
@@ -333,13 +341,19 @@ class RatedState(NamedTuple):
     ok: Bool[Array, ""]
 
 
-def solve_rated(here: Compressor, solver: Collocation, rise) -> RatedState:
+def solve_rated(
+    here: Compressor,
+    plain: Collocation,
+    rise,
+    solver: "Collocation | Shooting | None" = None,
+) -> RatedState:
     """Solve a compressor with valves as `rating_map` does.
 
     Args:
         here: the compressor at its conditions.
-        solver: of the crank's motion under the pressure that was found.
+        plain: of the crank's motion under the pressure that was found, and how that is found.
         rise: [K] of the suction gas where a law gives it.
+        solver: of the crank's motion in any case, in the place of the usual ones.
     """
     assert isinstance(here.gas, Cylinder)
     together = here.motor.closes == "torque" or not here.gas.inert or here.crankshaft.count > 1
@@ -348,13 +362,12 @@ def solve_rated(here: Compressor, solver: Collocation, rise) -> RatedState:
         suction = replaced(here.gas.suction, warming=None, heating=rise)
         here = replaced(here, gas=replaced(here.gas, suction=suction))
     if together:
-        orbit = solve_orbit(
-            here, replaced(default_collocation(here), cycle=solver.cycle), throw=False
-        )
+        solver = default_collocation(here) if solver is None else solver
+        orbit = solve_orbit(here, replaced(solver, cycle=plain.cycle), throw=False)
     else:
         speed = here.motor.speed_guess
-        cycle = solve_cycle(here.gas, of_cylinder(here.mechanism), speed, solver.cycle, throw=False)
-        orbit = solver.solve(replaced(here, gas=cycle.gas()))
+        cycle = solve_cycle(here.gas, of_cylinder(here.mechanism), speed, plain.cycle, throw=False)
+        orbit = (plain if solver is None else solver).solve(replaced(here, gas=cycle.gas()))
         orbit = eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=lambda x: x is None)
     cycle, result = orbit.cycle, performance(here, orbit)
     assert cycle is not None
@@ -365,9 +378,9 @@ def solve_rated(here: Compressor, solver: Collocation, rise) -> RatedState:
     return RatedState(orbit, result, rise, cycle.converged & orbit.converged)
 
 
-def _at_point(here: Compressor, solver: Collocation, rise):
+def _at_point(here: Compressor, plain: Collocation, rise, solver=None):
     """Quantities at a point, the rise of the suction gas by its law, and whether both hold."""
-    orbit, result, new, ok = solve_rated(here, solver, rise)
+    orbit, result, new, ok = solve_rated(here, plain, rise, solver)
     values = {
         "power": result.electric_power,
         "cop": result.cop,
