@@ -1,11 +1,14 @@
-"""Random machines against another method: `python tests/benchmarks/random_machines.py valves|journals`.
+"""Random machines against another method.
+
+`python tests/benchmarks/random_machines.py valves|journals|cylinders`
 
 Machines with valves (every number at half to twice the golden machine's, a restitution of up to 0.5) by
 collocation, their volumetric efficiency and work against the march with located events; machines whose
-crank pin moves in its film by collocation, efficiency and losses against shooting with diffrax. Of every
-`converged` one the error must lie within what the result states: the resolution of the cycle, the errors
-of efficiency and losses of the crank. Prints how many do, how careful the statements are, and those that
-are wrong; exits with 1 if there are any. A thousand machines take some minutes of one core.
+crank pin moves in its film, and machines of four cylinders, by collocation, efficiency and losses
+against shooting with diffrax. Of every `converged` one the error must lie within what the result states:
+the resolution of the cycle, the errors of efficiency and losses of the crank. Prints how many do, how
+careful the statements are, and those that are wrong; exits with 1 if there are any. A thousand machines
+take some minutes of one core.
 """
 
 import argparse
@@ -23,11 +26,12 @@ from crank.test_journal_orbits import PIN
 from cylinder.test_cylinder import SCATTERED, SPEED, inertial, mechanism, restitutions
 
 from jaxcomp import Collocation, Shooting, load, solve_orbit
+from jaxcomp.crank import default_collocation
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.scene import with_value
 
 # What the references are good for: the march at 1e-9, and shooting at 1e-9.
-FLOOR = {"valves": 2e-7, "journals": 3e-9}
+FLOOR = {"valves": 2e-7, "journals": 3e-9, "cylinders": 3e-9}
 MARCH = CycleOptions(
     method="march", panels=160, value_tolerance=1e-9, max_passes=60_000, capacity=8192
 )
@@ -72,14 +76,32 @@ def journals(count: int, seed: int):
     """The same of machines whose crank pin moves in a short film."""
     base = with_value(load("mayekawa-wbhe"), "friction.crank_pin", PIN | {"film": "short"})
     base = base.as_compressor()
-    rng = np.random.default_rng(seed)
-    rows = jnp.asarray(2.0 ** rng.uniform(-1, 1, (count, 8)))
 
     def get(c):
         film = c.friction.crank_pin
         return (film.dynamic_viscosity, film.radial_clearance, film.length, c.motor.mean_speed,
                 c.crankshaft.inertia, c.mechanism.piston_mass, c.mechanism.conrod_mass,
                 c.friction.wall.coefficient)  # fmt: skip
+
+    return beside_shooting(base, get, Collocation(reversals=base.load_reversals), count, seed)
+
+
+def cylinders(count: int, seed: int):
+    """The same of machines with four cylinders on two throws."""
+    base = load("mayekawa-4wbhe").as_compressor()
+
+    def get(c):
+        return (c.mechanism.bore, c.mechanism.conrod_length, c.mechanism.piston_mass,
+                c.mechanism.conrod_mass, c.motor.mean_speed, c.crankshaft.inertia,
+                c.gas.suction_pressure, c.friction.wall.coefficient)  # fmt: skip
+
+    return beside_shooting(base, get, default_collocation(base), count, seed)
+
+
+def beside_shooting(base, get, collocation, count, seed):
+    """Machines with some numbers at half to twice those of another, by collocation and by shooting."""
+    numbers = len(get(base))
+    rows = jnp.asarray(2.0 ** np.random.default_rng(seed).uniform(-1, 1, (count, numbers)))
 
     def solver(method):
         def one(factors):
@@ -90,7 +112,7 @@ def journals(count: int, seed: int):
 
         return one
 
-    ok, found, stated = mapped(solver(Collocation(reversals=base.load_reversals)), rows)
+    ok, found, stated = mapped(solver(collocation), rows)
     sure, known, _ = mapped(solver(Shooting(tolerance=1e-8, max_steps=16_384)), rows)
     print(f"{np.sum(ok)} converged by collocation, {np.sum(sure)} by shooting")
     return stated, np.abs(found - known), ok & sure, [""] * count
@@ -98,7 +120,7 @@ def journals(count: int, seed: int):
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kind", choices=("valves", "journals"))
+    parser.add_argument("kind", choices=("valves", "journals", "cylinders"))
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--batch", type=int, default=500)
