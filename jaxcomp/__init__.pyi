@@ -90,4 +90,4 @@ from .vibration import damped_modes as damped_modes
 from .vibration import respond as respond
 from .vibration import rotor_at as rotor_at
 from .vibration import undamped_modes as undamped_modes
-from .vibration import with_films_linearised as with_films_linearised
+from .vibration import with_film_linearisation as with_film_linearisation

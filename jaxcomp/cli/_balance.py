@@ -104,7 +104,7 @@ def balance(
     )
     refuse(
         method == "min-max" and (tikhonov or largest),
-        "--method min-max: takes neither --tikhonov nor --largest",
+        "--method min-max cannot be combined with --tikhonov or --largest",
     )
     refuse(tikhonov and largest, "--largest: takes no --tikhonov beside it")
     refuse(

@@ -215,7 +215,7 @@ def linearised_result(
 
     result = {}
     for place in ("mean_load", "orbit"):
-        machine = jc.with_films_linearised(scene.machine, place)
+        machine = jc.with_film_linearisation(scene.machine, place)
         model: Any = jc.rotor_at(machine, speeds)
         found = respond_result(scene, model, answer(machine, speeds), speeds, orders, watched)
         films = {}

@@ -58,7 +58,7 @@ def simulate(
             transition of friction. Machines with valves have a method of their own.
         tolerance: Relative and absolute tolerance of a step.
         samples: Number of instants listed; 501 if absent, with valves some 200 for each revolution.
-        swing_back: Go on where the crank comes to rest or turns back.
+        swing_back: Go on where the crank stops or turns back.
     """
     refuse(not 0 < tolerance < 1, f"--tolerance {tolerance:g}: must be > 0 and < 1")
     import diffrax

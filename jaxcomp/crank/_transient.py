@@ -154,7 +154,7 @@ def simulate(
         angle: [rad] crank angle at the start.
         speed: [rad/s] speed at the start; zero starts from rest.
         power_off: [s] instant at which the motor is switched off, if any.
-        until_rest: end where the crank comes to rest. Coulomb friction has no meaning beyond; a
+        until_rest: end where the crank stops. Coulomb friction has no meaning beyond; a
             regularised law creeps on, or swings back under the gas, if this is false.
         options: the integrator, `TimeIntegration()` if absent.
         throw: raise if the end is not reached (not within `jit` or `vmap`; see `status` there).

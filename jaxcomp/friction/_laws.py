@@ -173,7 +173,7 @@ class PistonFilm(Part):
 
 
 class EachSlide(AbstractEach, AbstractSlide):
-    """A law of another kind for the slides of some of several cylinders.
+    """A law of another kind for the slides of single cylinders.
 
     Args:
         laws: the kinds.
@@ -192,7 +192,7 @@ class EachSlide(AbstractEach, AbstractSlide):
 
 
 class EachJournal(AbstractEach, AbstractJournal):
-    """A law of another kind for the journals of some of several cylinders, such as a film for one.
+    """A law of another kind for the journals of single cylinders, such as a film for one.
 
     A bearing whose journal moves in its film counts here as the same bearing under a steady load.
 

@@ -62,7 +62,7 @@ class AbstractGas(Part):
 
 
 class EachGas(AbstractEach, AbstractGas):
-    """A gas of another kind for some of several cylinders, such as one with a measured curve.
+    """A gas of another kind for single cylinders of several, such as one with a measured curve.
 
     Args:
         laws: the kinds.

@@ -180,7 +180,7 @@ class AbstractMechanism(Part):
 
 def swing_at(cosine: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """[rad] arccos, and its value at the nearer end beyond -1 or 1."""
-    # double where: arccos has an infinite slope at its ends, where the piston stands still
+    # double where: arccos has an infinite slope at its ends, where the piston turns
     inside = jnp.abs(cosine) < 1
     swing = jnp.arccos(jnp.where(inside, cosine, 0.0))
     return jnp.where(inside, swing, jnp.where(cosine > 0, 0.0, jnp.pi))

@@ -93,7 +93,7 @@ def coordinates(dof: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def whirl(dof: int, transpose: bool) -> np.ndarray:
-    """(lanes, planes) Unitary matrix from planes to lanes; its conjugate exchanges p and q.
+    """(components, planes) Unitary matrix from planes to components; its conjugate exchanges p and q.
 
     Z^T has them exchanged, because its gyroscopic part changes sign.
     """

@@ -1,22 +1,22 @@
 r"""Exact elimination along the lines of nodes, and a small border solved in full.
 
-In the whirl coordinates of `_conventions` a circular shaft uncouples into "lanes": forward (p),
-backward (q) and, with 6 degrees of freedom, axial-torsional. In each of them a node has two
+In the whirl coordinates of `_conventions` a circular shaft uncouples into "whirl components": forward
+(p), backward (q) and, with 6 degrees of freedom, axial-torsional. In each of them a node has two
 coordinates, and a segment between two border nodes is a block tridiagonal matrix of symmetric
-2 x 2 blocks, real unless the shaft itself is damped. Columns of segments, lanes and speeds are
+2 x 2 blocks, real unless the shaft itself is damped. Columns of segments, components and speeds are
 eliminated side by side; only the place along the column is sequential:
 
     D_j' = D_j - N_j^T W_j,      W_j = D_{j-1}'^{-1} N_j,
     X_j  = E_j - W_j^T X_{j-1},                                 (coupling to the left border node)
 
 with D the diagonal blocks and N_j = Z_{j-1,j}. The border keeps what the segments leave on it. Its
-coordinates without links (slopes, mostly) are eliminated in the lanes too, and what remains, joined
+coordinates without links (slopes, mostly) are eliminated in the components too, and what remains, joined
 by links and bodies, is solved by a dense factorisation with pivoting.
 
-Z^T has the lanes p and q exchanged, because its gyroscopic part changes sign.
+Z^T has the components p and q exchanged, because its gyroscopic part changes sign.
 
 Blocks are kept by components, (a, b, c, d) for [[a, b], [c, d]], (a, b, d) for a symmetric one and
-(u, v) for a vector, so that every line of algebra is elementwise over segments, lanes and speeds:
+(u, v) for a vector, so that every line of algebra is elementwise over segments, components and speeds:
 this is what XLA turns into vector instructions, where small matrix products become one library call
 each.
 """
@@ -41,11 +41,11 @@ class Factor(NamedTuple):
     """What the elimination of a model at one speed leaves.
 
     Attributes:
-        segment: (m, 14, c, lanes) D^{-1}, W, Y = D^{-1} X, and X^T Y summed up on the left border.
-        last: (s, 4, lanes) W of the right border node.
-        inner: LU of the untouched border coordinates, per kind of lane.
-        cross: their coupling to the touched ones, per kind of lane.
-        reach: their response to the touched ones, per kind of lane.
+        segment: (m, 14, c, components) D^{-1}, W, Y = D^{-1} X, and X^T Y summed up on the left border.
+        last: (s, 4, components) W of the right border node.
+        inner: LU of the untouched border coordinates, per kind of component.
+        cross: their coupling to the touched ones, per kind of component.
+        reach: their response to the touched ones, per kind of component.
         border: LU of the touched border coordinates.
         motion: (touched, free) touched border coordinates from the independent ones, or None for all.
         weight: (free,) scaling of the border matrix.
@@ -68,11 +68,11 @@ def factorise(z: Operator) -> Factor:
     places = at_speed(layout, z.system.places, z.coefficients)
     segment, last, border = _eliminate(layout, places, _magnetic_pulls(layout, z))
     inner, cross, reach, kept = [], [], [], []
-    for lane, (free, keep) in _kinds(layout):
+    for component, (free, keep) in _kinds(layout):
         order, f = np.concatenate([free, keep]), len(free)
         row, column = order[:, None], order
         entry = 4 * (row // 2 * b + column // 2) + row % 2 * 2 + column % 2
-        a = jnp.moveaxis(take(border.reshape(4 * b * b, -1), entry)[..., lane], -1, 0)
+        a = jnp.moveaxis(take(border.reshape(4 * b * b, -1), entry)[..., component], -1, 0)
         lu, coupling = lu_factor(a[:, :f, :f]), a[:, :f, f:]
         response = lu_solve(lu, coupling)
         inner.append(lu)
@@ -92,13 +92,13 @@ def solve_factored(
     layout: Layout, factor: Factor, load: Complex[Array, "n p 2"], *, transpose: bool
 ) -> Complex[Array, "n p 2"]:
     """Z^{-1} f or Z^{-T} f from the factors, without refinement."""
-    moving, to_lanes = jnp.asarray(layout.moving), whirl(layout.dof, transpose)
-    lanes = jnp.einsum("lp,npk->nkl", to_lanes, jnp.where(moving, load, 0.0))
-    g, (m, c), b = take(lanes, layout.border), layout.segment.shape, len(layout.border)
+    moving, to_components = jnp.asarray(layout.moving), whirl(layout.dof, transpose)
+    components = jnp.einsum("lp,npk->nkl", to_components, jnp.where(moving, load, 0.0))
+    g, (m, c), b = take(components, layout.border), layout.segment.shape, len(layout.border)
     if not m:
-        return _planes(layout, to_lanes, _solve_border(layout, factor, g, transpose), load)
-    lanes = jnp.concatenate([lanes, jnp.zeros_like(lanes[:1])])  # the dummy node
-    r = jnp.moveaxis(take(lanes, layout.segment), 2, 1)  # (m, 2, c, lanes)
+        return _planes(layout, to_components, _solve_border(layout, factor, g, transpose), load)
+    components = jnp.concatenate([components, jnp.zeros_like(components[:1])])  # the dummy node
+    r = jnp.moveaxis(take(components, layout.segment), 2, 1)  # (m, 2, c, components)
     r, on_left = _forward(layout, factor, r)
     (left, far), last = layout.ends, tuple(jnp.moveaxis(factor.last, 1, 0))
     to_far = times_t(last, tuple(_at_ends(layout, r).swapaxes(0, 1)))
@@ -111,20 +111,20 @@ def solve_factored(
     inside = layout.segment < layout.n
     where[layout.segment[inside]] = b + np.flatnonzero(inside)
     x = jnp.concatenate([y, jnp.moveaxis(x, 1, 2).reshape(m * c, 2, -1)])
-    return _planes(layout, to_lanes, take(x, where), load)
+    return _planes(layout, to_components, take(x, where), load)
 
 
-def _planes(layout: Layout, to_lanes, lanes: Array, load: Array) -> Array:
-    """From lanes to planes; coordinates that do not move take the load as it is."""
-    x = jnp.einsum("lp,nkl->npk", to_lanes.conj(), lanes)
+def _planes(layout: Layout, to_components, components: Array, load: Array) -> Array:
+    """From components to planes; coordinates that do not move take the load as it is."""
+    x = jnp.einsum("lp,nkl->npk", to_components.conj(), components)
     return jnp.where(jnp.asarray(layout.moving), x, load)
 
 
 def _at_ends(layout, x):
-    """Values (m, k, c, lanes) at the last nodes of the segments, (s, k, lanes)."""
-    m, k, c, lanes = x.shape
+    """Values (m, k, c, components) at the last nodes of the segments, (s, k, components)."""
+    m, k, c, components = x.shape
     rows = layout.last[0] * c + layout.last[1]
-    return take(jnp.moveaxis(x, 1, 2).reshape(m * c, k, lanes), rows)
+    return take(jnp.moveaxis(x, 1, 2).reshape(m * c, k, components), rows)
 
 
 def _eliminate(layout, places, more):
@@ -172,7 +172,7 @@ def _eliminate(layout, places, more):
 
 
 def _held(layout):
-    """(b * b, 4, lanes) A stiffness of one for the coordinates that nothing acts on."""
+    """(b * b, 4, components) A stiffness of one for the coordinates that nothing acts on."""
     b = len(layout.border)
     out = np.zeros((b, b, 4, 2 if layout.dof == 4 else 3))
     at = np.arange(b)
@@ -184,7 +184,7 @@ def _held(layout):
 
 
 def _magnetic_pulls(layout, z):
-    """Border rows and blocks of the magnetic pulls, which are isotropic and so stay within the lanes."""
+    """Border rows and blocks of the magnetic pulls, which are isotropic and stay within components."""
     b, count = len(layout.border), len(z.system.model.links)
     place = np.full(layout.n + 1, -1)
     place[layout.border] = np.arange(b)
@@ -192,9 +192,9 @@ def _magnetic_pulls(layout, z):
     rows = [np.where((i < 0) | (j < 0), b * b, p * b + q) for p, q in ((i, j), (j, i))]
     rows = [np.where(p < 0, b * b, p * (b + 1)) for p in (i, j)] + rows
     k = z.stiffness[count:, 0, 0]
-    lanes = np.zeros((4, 2 if layout.dof == 4 else 3))
-    lanes[0, :2] = 1.0
-    return np.concatenate(rows), jnp.concatenate([k, k, -k, -k])[:, None, None] * lanes
+    components = np.zeros((4, 2 if layout.dof == 4 else 3))
+    components[0, :2] = 1.0
+    return np.concatenate(rows), jnp.concatenate([k, k, -k, -k])[:, None, None] * components
 
 
 def _forward(layout, factor, r):
@@ -215,12 +215,12 @@ def _forward(layout, factor, r):
 def _backward(layout, factor, r, y):
     m, c = layout.segment.shape
     ground = jnp.concatenate([y, jnp.zeros_like(y[:1])])
-    left = jnp.moveaxis(take(ground, layout.left_of), 2, 0)  # (2, m, c, lanes)
+    left = jnp.moveaxis(take(ground, layout.left_of), 2, 0)  # (2, m, c, components)
     far = take(ground, layout.ends[1]).swapaxes(0, 1)
     blocks = jnp.moveaxis(factor.segment, 1, 0)
     a, b, d = blocks[_PIVOT]
     own = _minus(times((a, b, b, d), jnp.moveaxis(r, 1, 0)), times(blocks[_BACK], left))
-    end = jnp.stack(times(factor.last.swapaxes(0, 1), far), 1)  # (s, 2, lanes)
+    end = jnp.stack(times(factor.last.swapaxes(0, 1), far), 1)  # (s, 2, components)
     rows = layout.last[0] * c + layout.last[1]
     own = add(jnp.stack(own, 2).reshape(m * c, 2, -1), rows, -end).reshape(m, c, 2, -1)
 
@@ -236,26 +236,26 @@ def _backward(layout, factor, r, y):
 
 
 def _solve_border(layout, factor, g, transpose):
-    """Motion (b, 2, lanes) of the border nodes."""
-    b, to_lanes = len(layout.border), whirl(layout.dof, transpose)
-    flat = jnp.moveaxis(g.reshape(2 * b, -1), -1, 0)  # (lanes, 2 b)
+    """Motion (b, 2, components) of the border nodes."""
+    b, to_components = len(layout.border), whirl(layout.dof, transpose)
+    flat = jnp.moveaxis(g.reshape(2 * b, -1), -1, 0)  # (components, 2 b)
     kept, inside, kinds = [], [], _kinds(layout)
-    for k, (lane, (free, keep)) in enumerate(kinds):
-        own = take(flat[lane].T, np.concatenate([free, keep])).T
+    for k, (component, (free, keep)) in enumerate(kinds):
+        own = take(flat[component].T, np.concatenate([free, keep])).T
         x = lu_solve(factor.inner[k], own[:, : len(free), None])[..., 0]
         kept.append(own[:, len(free) :] - jnp.einsum("afk,af->ak", factor.cross[k], x))
         inside.append(x)
-    planes = [to_lanes[:2, :2].conj().T @ kept[0], *kept[1:]]
+    planes = [to_components[:2, :2].conj().T @ kept[0], *kept[1:]]
     rhs = jnp.concatenate([p.reshape(-1) for p in planes])
     rhs = rhs if factor.motion is None else factor.motion.T @ rhs
     y = lu_solve(factor.border, (factor.weight * rhs)[:, None], transpose)[:, 0]
     y = factor.weight * y
     y = y if factor.motion is None else factor.motion @ y
     out, used = [], 0
-    for k, (lane, (free, keep)) in enumerate(kinds):
-        own = y[used : used + len(lane) * len(keep)].reshape(len(lane), -1)
+    for k, (component, (free, keep)) in enumerate(kinds):
+        own = y[used : used + len(component) * len(keep)].reshape(len(component), -1)
         used += own.size
-        own = to_lanes[:2, :2] @ own if k == 0 else own
+        own = to_components[:2, :2] @ own if k == 0 else own
         rest = inside[k] - jnp.einsum("afk,ak->af", factor.reach[k], own)
         order = np.argsort(np.concatenate([free, keep]))
         out.append(take(jnp.concatenate([rest, own], 1).T, order))
@@ -294,12 +294,13 @@ def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
 
 
 def _kinds(layout):
-    """Lanes of one kind (whirl, axial), with their untouched and touched border coordinates."""
+    """Components of one kind (whirl, axial), with their untouched and touched border coordinates."""
     lateral = layout.touched[:, 0] | layout.touched[:, 1]
     kinds = [(np.array([0, 1]), lateral)]
     kinds += [(np.array([2]), layout.touched[:, 2])] if layout.dof == 6 else []
     return [
-        (lane, (np.flatnonzero(~t.reshape(-1)), np.flatnonzero(t.reshape(-1)))) for lane, t in kinds
+        (component, (np.flatnonzero(~t.reshape(-1)), np.flatnonzero(t.reshape(-1))))
+        for component, t in kinds
     ]
 
 
@@ -346,7 +347,7 @@ def _scattered(layout, matrix, rows, columns, blocks):
 
 
 def _unlane(kept):
-    """From lanes to planes: S_xx = S_yy = (S_p + S_q)/2, S_xy = -S_yx = i (S_p - S_q)/2."""
+    """From components to planes: S_xx = S_yy = (S_p + S_q)/2, S_xy = -S_yx = i (S_p - S_q)/2."""
     p, q = kept[0]
     mean, half = (p + q) / 2, 0.5j * (p - q)
     out = jnp.block([[mean, half], [-half, mean]])

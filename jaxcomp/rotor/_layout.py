@@ -47,7 +47,7 @@ class Layout:
         moving: (n, planes, 2) the same in the order of the planes.
         border: the border nodes.
         touched: (b, planes, 2) whether links or bodies act on that coordinate; a magnetic pull does not
-            count, because it is isotropic and stays within the whirl lanes.
+            count, because it is isotropic and stays within the whirl components.
         loose: (b, planes, 2) coordinates without any stiffness and inertia by construction.
         segment: (m, c) interior nodes.
         opening: (m, c) whether a segment begins there.

@@ -14,7 +14,7 @@ TURNED, _SYMMETRIC = np.array([0, 2, 1, 3]), np.array([0, 1, 3])
 
 
 class Places(NamedTuple):
-    """Blocks of one plane in their places; the last axis is over terms or over lanes.
+    """Blocks of one plane in their places; the last axis is over terms or over components.
 
     Attributes:
         segment: (m, 11, c, .) diagonal, Z_{j-1,j}, and coupling to the left border node.
@@ -58,7 +58,7 @@ def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
 
 
 def at_speed(layout: Layout, places: Places, coefficients: Array) -> Places:
-    """The dynamic stiffness in its places, for the factors (terms, lanes) of the terms."""
+    """The dynamic stiffness in its places, for the factors (terms, components) of the terms."""
     sizes = [int(np.prod(p.shape[:-1])) for p in places]
     flat = jnp.concatenate([p.reshape(-1, p.shape[-1]) for p in places]) @ coefficients
     parts = jnp.split(flat, np.cumsum(sizes)[:-1])

@@ -5,7 +5,7 @@ verbs take in place of the model. Products go element by element (`apply`), whic
 than an assembled matrix; the full matrices of `matrices` serve the modes.
 
 In here motions and forces are in the order of the planes of `_conventions`, (n, planes, 2), and the
-numbers of a node in that order are its *coordinates*. Shafts, disks and masses act in whirl *lanes*,
+numbers of a node in that order are its *coordinates*. Shafts, disks and masses act in whirl *components*,
 forward (p), backward (q) and, with 6 degrees of freedom, axial-torsional. There the dynamic
 stiffness is a combination of `TERMS` with coefficients that depend on speed and frequency.
 """
@@ -37,13 +37,13 @@ class System(eqx.Module):
 
     It stands for its model in every verb of `jaxcomp.rotor`, so that several of them share the
     preparation. Derivatives go through it to the numbers of the model. The arrays have q terms, 3 or
-    with 6 degrees of freedom 5, see `TERMS`, and l lanes, 2 or 3.
+    with 6 degrees of freedom 5, see `TERMS`, and l components, 2 or 3.
 
     Attributes:
         model: the rotor model.
         layout: which node is connected to which; static.
         strain: (e, l, 4, 2) forces on an element by its deformation, J^T S.
-        half: [m] (e, l) half the length of an element, zero in the axial lane.
+        half: [m] (e, l) half the length of an element, zero in the axial component.
         elements: (e, 4, 4, q) matrices of the elements.
         inertia: (n, 2, 2, q) those of disks and masses.
         arms: (t, dof, dof) motion of nodes that follow others, in coordinates, see `Layout.ties`.
@@ -124,13 +124,17 @@ def undamped(system: System) -> System:
 
 def _elements(model, layout):
     """`strain`, `half` and `elements` of a `System`."""
-    lanes, terms = (2, 3) if layout.dof == 4 else (3, 5)
+    components, terms = (2, 3) if layout.dof == 4 else (3, 5)
     if not model.shafts:
-        return jnp.zeros((0, lanes, 4, 2)), jnp.zeros((0, lanes)), jnp.zeros((0, 4, 4, terms))
+        return (
+            jnp.zeros((0, components, 4, 2)),
+            jnp.zeros((0, components)),
+            jnp.zeros((0, 4, 4, terms)),
+        )
     el = element_matrices(model.shafts)
     strain, half = jnp.einsum("eki,ekl->eil", el.shape, el.lateral), el.length / 2
     bend = jnp.einsum("eik,ekj->eij", strain, el.shape)
-    if lanes == 2:
+    if components == 2:
         full = jnp.stack([bend, el.mass, el.polar], -1)
         return jnp.stack([strain] * 2, 1), jnp.stack([half] * 2, 1), full
     bars = el.axial[:, ::-1, None] * _BAR  # torsion first, as the rotation among the deformations
@@ -279,7 +283,7 @@ class Operator(NamedTuple):
 
     @property
     def coefficients(self) -> Array:
-        """(q, l) Factors of the terms in the lanes: stiffness, -w^2 of inertia, +-w W of polar.
+        """(q, l) Factors of the terms in the components: stiffness, -w^2 of inertia, +-w W of polar.
 
         Real unless the structure itself is damped.
         """
@@ -330,15 +334,15 @@ def _node_forces(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
 
 
 def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
-    """Forces of shafts, disks and masses, in lanes and back."""
+    """Forces of shafts, disks and masses, in components and back."""
     system = z.system
-    pairs, to_lanes = system.layout.pairs, whirl(system.dof, transpose)
-    lanes = jnp.einsum("lp,npk->nlk", to_lanes, x)
+    pairs, to_components = system.layout.pairs, whirl(system.dof, transpose)
+    components = jnp.einsum("lp,npk->nlk", to_components, x)
     terms = z.coefficients
     node = jnp.einsum("nijq,ql->nijl", system.inertia[..., 1:], terms[1:])
-    f = jnp.einsum("nijl,nlj->nli", node, lanes)
+    f = jnp.einsum("nijl,nlj->nli", node, components)
     if len(pairs):
-        ends = take(lanes, pairs)  # (e, 2, l, 2)
+        ends = take(components, pairs)  # (e, 2, l, 2)
         # Relative rotation and transverse deformation, subtracted before anything else.
         difference, turn = ends[:, 1] - ends[:, 0], ends[:, 0, :, 1] + ends[:, 1, :, 1]
         bent = jnp.stack([difference[..., 1], difference[..., 0] - system.half * turn], -1)
@@ -350,7 +354,7 @@ def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
         at = jnp.moveaxis(ends, 1, 2).reshape(len(pairs), -1, 4)
         load = load + jnp.einsum("eijl,elj->eli", dynamic, at)
         f = add(f, pairs, jnp.moveaxis(load.reshape(*at.shape[:2], 2, 2), 2, 1))
-    return jnp.einsum("lp,nlk->npk", to_lanes.conj(), f)
+    return jnp.einsum("lp,nlk->npk", to_components.conj(), f)
 
 
 def add_links(layout: Layout, f: Array, links: Array, x: Array) -> Array:

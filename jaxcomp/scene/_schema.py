@@ -268,7 +268,7 @@ def _entry(field: dataclasses.Field, hint: Any, each: bool) -> Entry:
 
 def _descendants(base: type):
     yield base
-    # what stands for some of several cylinders comes behind what stands for all
+    # what holds for single cylinders comes behind what holds for all
     for child in sorted(base.__subclasses__(), key=lambda one: issubclass(one, AbstractEach)):
         yield from _descendants(child)
 

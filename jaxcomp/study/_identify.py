@@ -274,7 +274,7 @@ def identify(
         loss: as in `fit`.
         starts: as in `fit`.
         seed: as in `fit`.
-        progress: is told what is found on the way.
+        progress: is told every better fit on the way.
         keep: is given the best values and their chi-square whenever there are better ones.
 
     Raises:

@@ -17,7 +17,7 @@ from ._coupling import film_loads as film_loads
 from ._coupling import loaded_rotor as loaded_rotor
 from ._coupling import open_films as open_films
 from ._coupling import running_rotor as running_rotor
-from ._coupling import with_films_linearised as with_films_linearised
+from ._coupling import with_film_linearisation as with_film_linearisation
 from ._coupling import without as without
 from ._machine import damped_modes as damped_modes
 from ._machine import excited_orders as excited_orders

@@ -52,7 +52,7 @@ class Harmonics(Result, eqx.Module):
     def rms(self) -> Float[Array, " m"]:
         """[SI] Root of the mean square of every quantity, in its unit."""
         power = jnp.sum(jnp.abs(self.amplitude) ** 2, axis=1) / 2
-        # double where: a quantity that stands still has no slope of its root
+        # double where: the root of a quantity that is zero has no slope
         return jnp.where(power > 0, jnp.sqrt(jnp.where(power > 0, power, 1.0)), 0.0)
 
     def at(self, time: Float[Array, " t"]) -> Float[Array, "m t"]:

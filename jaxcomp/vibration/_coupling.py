@@ -211,11 +211,11 @@ def film_coefficients(
             for i, name in names.items() if name is not None}  # fmt: skip
 
 
-def with_films_linearised(machine: Machine, place: Literal["mean_load", "orbit"]) -> Machine:
+def with_film_linearisation(machine: Machine, place: Literal["mean_load", "orbit"]) -> Machine:
     """The machine with the films of its rotor linearised at the mean load or along the orbit.
 
     Of the films of named bearings that take their load from the crank. The difference in vibration
-    tells how much the choice matters: `respond(with_films_linearised(machine, "orbit"))` beside
+    tells how much the choice matters: `respond(with_film_linearisation(machine, "orbit"))` beside
     `respond(machine)`.
 
     Args:

@@ -217,7 +217,7 @@ REFUSED = {
     "bound of a length": (["--measured", "FILE", "--largest", "3 mm"], "--largest"),
     "two methods": (
         ["--measured", "FILE", "--method", "min-max", "--tikhonov", "1"],
-        "takes neither",
+        "cannot be combined",
     ),
     "two penalties": (
         ["--measured", "FILE", "--largest", "3 g mm", "--tikhonov", "1"],

@@ -154,3 +154,17 @@ def test_the_answer_begins_with_a_sentence_and_offers_the_inverse():
     assert "of the machines exceed 1330 cm³" in text
     assert f"With all tolerances tightened to {one['factor']:.3g} times what they are" in text
     assert "--limit" in run(*VOLUME, *VARY, "--rejects", "1%").output
+
+
+def test_each_cylinder_has_a_deviation_of_its_own():
+    """A number given once for all cylinders: `.*` is a tolerance of each."""
+    words = ["--vary", f"{BORE}.*=+-20 um", *VOLUME, "--samples", "64", "--json"]
+    result = RUNNER.invoke(app, ["tolerance", "refrigeration-twin", *words])
+    assert result.exit_code == 0, result.output
+    found = read_json(result.stdout)
+    assert list(found["variables"]) == [f"{BORE}.0", f"{BORE}.1"]
+    entry = found["quantities"]["swept_volume"]  # that of the first cylinder
+    wanted = 2 * 20e-6 / 3 / 60e-3 * entry["nominal"]  # V goes with the square of the bore
+    assert entry["first_order"]["deviation"] == pytest.approx(wanted, rel=1e-9)
+    shares = {row["variable"]: row["share"] for row in entry["contributors"]}
+    assert shares == pytest.approx({f"{BORE}.0": 1.0, f"{BORE}.1": 0.0}, abs=1e-12)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from jaxcomp import BadInput, assembled, load, loads, solve_orbit, with_films_linearised
+from jaxcomp import BadInput, assembled, load, loads, solve_orbit, with_film_linearisation
 from jaxcomp.cli import app
 from jaxcomp.compressor import at_speed
 from jaxcomp.crank import Collocation, journal_films
@@ -68,9 +68,9 @@ def test_what_cannot_be_linearised_along_an_orbit_is_named():
 
 def test_the_films_of_a_machine_are_linearised_either_way():
     machine = loads(moving_text()).machine
-    laws = [link.law for link in with_films_linearised(machine, "orbit").parts["rotor"].links[:4]]
+    laws = [link.law for link in with_film_linearisation(machine, "orbit").parts["rotor"].links[:4]]
     assert [getattr(law, "name", None) for law in laws] == ["upper-end", "upper", "lower", None]
-    back = with_films_linearised(with_films_linearised(machine, "orbit"), "mean_load")
+    back = with_film_linearisation(with_film_linearisation(machine, "orbit"), "mean_load")
     assert {law.linearised for law in (link.law for link in back.parts["rotor"].links[:3])} == {
         "mean_load"
     }
@@ -84,7 +84,7 @@ def test_the_films_of_a_machine_are_linearised_either_way():
 
 @pytest.mark.slow
 def test_the_rotor_has_the_means_along_the_orbits_and_shows_the_difference(tmp_path: Path):
-    machine = with_films_linearised(loads(moving_text()).machine, "orbit")
+    machine = with_film_linearisation(loads(moving_text()).machine, "orbit")
     made, speeds = assembled(machine), jnp.array([300.0, 350.0])
     model = loaded_rotor(made, speeds)
     compressor = at_speed(made.compressor, speeds[1])

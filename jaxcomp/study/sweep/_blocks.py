@@ -139,9 +139,9 @@ def _once(problem: Problem, width: int, devices: Sequence[Device]):
 
 @eqx.filter_jit
 def _work(problem: Problem, groups, count) -> Answer:
-    def step(lane, done):
-        answer = of_each(problem, problem, groups[lane])
-        return jax.tree.map(lambda whole, new: whole.at[lane].set(new), done, answer)
+    def step(row, done):
+        answer = of_each(problem, problem, groups[row])
+        return jax.tree.map(lambda whole, new: whole.at[row].set(new), done, answer)
 
     shape = groups.shape[:-1]
     no = jnp.zeros(shape, bool)

@@ -220,7 +220,7 @@ def tolerance(
 
 
 def _check(made: Problem, scatter: Scatter, nominal) -> None:
-    """Refuse shares of nothing, and tolerances that lead out of bounds."""
+    """Refuse tolerances in per cent of a value of zero, and tolerances that lead out of bounds."""
     for (name, one), value in zip(scatter.tolerances.items(), nominal, strict=True):
         if one.relative and value == 0:
             raise BadInput(name, 0.0, "different from zero for a relative tolerance")
