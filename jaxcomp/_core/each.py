@@ -80,7 +80,9 @@ class AbstractEach(Part):
             object.__setattr__(self, "of_cylinder", tuple(range(1, len(self.laws) + 1)))
 
     def __check_init__(self):
-        if not self.laws or set(self.of_cylinder) != set(range(1, len(self.laws) + 1)):
+        if not self.laws:
+            raise BadInput("laws", "[]", "one law at least")
+        if set(self.of_cylinder) != set(range(1, len(self.laws) + 1)):
             bound = f"numbers from 1 to {len(self.laws)}, each of them at least once"
             raise BadInput("of_cylinder", str(self.of_cylinder), bound)
         for number, law in enumerate(self.laws):

@@ -34,6 +34,18 @@ class Rule(NamedTuple):
         return between * jnp.prod(jnp.where(own, 1.0, away), axis=-1)
 
     @property
+    def damping(self) -> np.ndarray:
+        """What makes `integral` that of Radau's method IIA: errors of a stiff equation die in one panel.
+
+        By it the highest Legendre polynomial of the integral, which vanishes at the nodes, is replaced
+        by the one below, of the same value at the right end (Hairer and Wanner 1996, Solving Ordinary
+        Differential Equations II, section IV.5, W-transformation).
+        """
+        count = self.nodes.size
+        below = legendre.legvander(2 * self.nodes - 1, count - 1)[:, -1]
+        return np.outer(below, self.to_legendre[-1]) / (4 * count - 2)
+
+    @property
     def derivative(self) -> np.ndarray:
         """From values at the nodes to the slopes there, per width of the panel."""
         slopes = legendre.legder(self.to_legendre)

@@ -22,8 +22,8 @@ from ._options import (
     Out,
     Sets,
     Solver,
+    chosen_solver,
     complete_machine,
-    solver_of,
 )
 from ._output import hand_out, plain
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
@@ -127,11 +127,12 @@ def balance(
             left_out = tuple(names_of(without) or ())
             at, places, case = _speeds_planes_loads(scene, speeds)
             radius = {p.name: float(p.radius) for p in places.planes if p.radius is not None}
-            method_of_crank = None
-            if solver != "collocation":
-                method_of_crank = solver_of(solver, scene.as_compressor())
             influence = jc.balancing.machine_influence(
-                scene, at, method_of_crank, crank=shaken_by == "crank", left_out=left_out
+                scene,
+                at,
+                chosen_solver(solver, scene),
+                crank=shaken_by == "crank",
+                left_out=left_out,
             )
         chosen = {"planes": names_of(planes), "targets": names_of(targets)}
         part = _weighted(jc.balancing.select(influence, **chosen), weights)

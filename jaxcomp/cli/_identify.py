@@ -12,7 +12,7 @@ import typer
 from .._core.display import Shown, is_temperature, shown
 from ._arguments import assignments, changed_scene, si, speed_of
 from ._map import axis
-from ._options import AsJson, Machine, Out, Sets
+from ._options import AsJson, Machine, Out, Sets, Solver, chosen_solver
 from ._output import Partial, hand_out, plain
 from ._start import CommandError, reports_errors, start_jax, waiting
 from ._sweep import number
@@ -42,6 +42,7 @@ def identify(
     loss: Loss = "linear",
     starts: int = 3,
     seed: int = 0,
+    solver: Solver = "collocation",
     sets: Sets = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -97,8 +98,11 @@ def identify(
 
     scene = changed_scene(machine, sets, varied=vary or ())
     speeds = [None] if speed is None else [speed_of(one, "--speed") for one in speed.split(",")]
+    method = chosen_solver(solver, scene)
     data_sets = [
-        read_measurement(one, scene.machine, *over, turning) for one in data for turning in speeds
+        read_measurement(one, scene.machine, *over, turning).solved_by(method)
+        for one in data
+        for turning in speeds
     ]
     if own_factors:
         data_sets = with_own_factors(data_sets)
@@ -107,7 +111,9 @@ def identify(
         scene, bounds, known = _by_recipe(scene, data_sets)
     known |= _priors(scene, prior)
     held = _held_out(data_sets, fit_at, hold_out, seed)
-    ahead = None if predict is None else read_measurement(predict, scene.machine, *over, speeds[0])
+    ahead = None
+    if predict is not None:
+        ahead = read_measurement(predict, scene.machine, *over, speeds[0]).solved_by(method)
     partial = Partial(out, "evaluations")
 
     def keep(estimate, chi_square):

@@ -9,7 +9,7 @@ import typer
 
 from .._core.display import shown
 from ._arguments import assignments, changed_scene, with_one_unit
-from ._options import AsJson, CycleOption, Machine, Out, Sets, cycle_of
+from ._options import AsJson, CycleOption, Machine, Out, Sets, Solver, chosen_solver, cycle_of
 from ._output import hand_out, plain
 from ._start import CommandError, refuse, reports_errors, start_jax, waiting
 from ._sweep import axis_values
@@ -30,6 +30,7 @@ def rating_map(
     rating: Standard = "file",
     coefficients: Literal["10", "20", "30"] = "10",
     speeds: str | None = None,
+    solver: Solver = "collocation",
     cycle: CycleOption = None,
     form: Annotated[Form, typer.Option("--format")] = "csv",
     sets: Sets = None,
@@ -72,9 +73,10 @@ def rating_map(
     from ..cylinder import CycleOptions
 
     options = CycleOptions() if cycle is None else cycle_of(CycleOptions(), cycle)
+    method = chosen_solver(solver, scene)
     with waiting("Solving the points (the first time they are compiled as well) ..."):
         maps = {
-            n / (2 * pi): ratings.rating_map(one, *over, rating, options)
+            n / (2 * pi): ratings.rating_map(one, *over, rating, options, method)
             for n, one in scenes.items()
         }
     found = next(iter(maps.values()))

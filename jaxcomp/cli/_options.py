@@ -149,6 +149,13 @@ def solver_of(text: str, compressor: jc.Compressor) -> Any:
         ) from None
 
 
+def chosen_solver(text: str, scene: jc.scene.Scene) -> Any:
+    """The solver of `--solver` for a scene; `None` for the default, or where nothing is solved by it."""
+    if text == "collocation" or scene.machine.compressor is None:
+        return None
+    return solver_of(text, scene.as_compressor())
+
+
 def with_cycle(method: Any, text: str | None) -> Any:
     """A solver of the crank with the options of the cycle that `--cycle` gives."""
     return method if text is None else replace(method, cycle=cycle_of(method.cycle, text))

@@ -10,7 +10,17 @@ import jaxcomp as jc
 
 from .._core.display import RPM
 from ._arguments import assignments, changed_scene
-from ._options import AsJson, ExcitationOption, Machine, Out, Sets, Speed, Speeds
+from ._options import (
+    AsJson,
+    ExcitationOption,
+    Machine,
+    Out,
+    Sets,
+    Solver,
+    Speed,
+    Speeds,
+    chosen_solver,
+)
 from ._output import hand_out, plain
 from ._rotor import chosen_excitation, header, points_and_range, pull_row, rotor_of, whirl
 from ._start import CommandError, refuse_unknown, reports_errors, start_jax, waiting
@@ -39,6 +49,7 @@ def respond(
     orders: str | None = None,
     node: list[str] | None = None,
     excitation: ExcitationOption = None,
+    solver: Solver = "collocation",
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
@@ -61,10 +72,17 @@ def respond(
         raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
     wanted = whole_orders(orders, None if by_crank else case.loads)
     points, range_ = points_and_range(scene, speed, speeds)
+    crank_solver = chosen_solver(solver, scene)
     model = rotor_of(scene, points, range_)
 
     def answer(machine, speeds):
-        return jc.respond(machine, spin_speeds=speeds, orders=wanted, excitation=shaken_by)
+        return jc.respond(
+            machine,
+            spin_speeds=speeds,
+            orders=wanted,
+            excitation=shaken_by,
+            crank_solver=crank_solver,
+        )
 
     with waiting():
         response = answer(scene, points)

@@ -39,9 +39,10 @@ from ._panels import NO_WIDTH, Panels, panels
 
 # Kinetic energy over its mean below which the crank counts as stalled.
 ENERGY_FLOOR = 1e-6
-# [-] What rounding leaves of the kinetic energy over its mean, with room: a slope of 13,000 over it left
-# changes of 2e-8 in the acceleration, one of 130,000 of 3e-7.
-_ENERGY_NOISE = 4e-12
+# [-] What rounding leaves of the kinetic energy over its mean: a slip that is a millionth of the pull-out
+# slip of 1e-6 left changes of 9e-8 in the acceleration at a slope of 1.4e9 over it. With room for laws
+# that know no small change of the speed.
+_ENERGY_NOISE = 1e-14
 # [rad] Of the places of load reversals in the unknowns. What a place is off by counts squared in the
 # losses and their derivatives, since they are continuous there: it need not be known as closely as the
 # motion.
@@ -75,6 +76,9 @@ class Scales(NamedTuple):
     speed: Float[Array, ""]
     energy: Float[Array, ""]
     force: Float[Array, ""]
+    # [rad/s] The unknown is the kinetic energy less that at this speed. Of a motor with a torque curve it
+    # is the guess: no digits of a small slip are lost, and no polynomial follows the inertia's swing.
+    base: Float[Array, ""]
 
 
 class Known(eqx.Module):
@@ -89,7 +93,8 @@ class Known(eqx.Module):
 class Motion(eqx.Module):
     """The unknowns, of order one."""
 
-    energy: Float[Array, "p s"]  # [-] kinetic energy at the nodes over its scale
+    # [-] kinetic energy at the nodes, less that at the base speed, over its scale
+    energy: Float[Array, "p s"]
     # [-] crank acceleration at the nodes over the square of the speed scale
     acceleration: Float[Array, "p s"]
     first_energy: Float[Array, ""]  # [-] kinetic energy at the first edge
@@ -122,7 +127,9 @@ def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> Known:
     force = jnp.max(jnp.abs(at.gas_force))
     stroke = lax.stop_gradient(compressor.mechanism.stroke / 2)
     force += energy / jnp.min(stroke)
-    return Known(compressor, edges, Scales(speed, energy, force))
+    curve = closure_of(compressor.motor).needs_steepness
+    base = speed if curve else jnp.zeros_like(speed)
+    return Known(compressor, edges, Scales(speed, energy, force, base))
 
 
 def revolution_edges(kinks: Float[Array, " k"]) -> Float[Array, " k_plus_1"]:
@@ -135,11 +142,7 @@ def initial_motion(known: Known, resolution: Resolution) -> Motion:
     places = jnp.full(2 * resolution.reversals, known.edges[0])
     grid = resolution.panels_between(known.edges, places)
     friction = not known.compressor.frictionless
-    energy = jnp.ones_like(grid.angle)
-    if closure_of(known.compressor.motor).needs_steepness:
-        # a steep torque curve bends within the swing of the speed that a constant energy has
-        inertia = instants(known.compressor, grid.angle).inertia
-        energy = 0.5 * inertia * known.scales.speed**2 / known.scales.energy
+    energy = jnp.where(known.scales.base > 0, 0.0, jnp.ones_like(grid.angle))
     count = known.compressor.crankshaft.count
     joints = jnp.zeros((count, energy.size + places.size if friction else 0))
     journals = len(moving(known.compressor))
@@ -148,11 +151,22 @@ def initial_motion(known: Known, resolution: Resolution) -> Motion:
     return Motion(energy, none, jnp.ones(()), joints, places / PLACE_UNIT, centred)
 
 
-def state_of(at: Instants, scales: Scales, energy, acceleration) -> CrankState:
-    """Crank angle, speed and acceleration of the unknowns."""
-    # A motion that comes to a halt is reported; the floor keeps its numbers finite.
-    floored = jnp.maximum(energy, ENERGY_FLOOR) * scales.energy
-    return CrankState(at.angle, jnp.sqrt(2 * floored / at.inertia), acceleration * scales.speed**2)
+def floored_energy(inertia, scales: Scales, energy):
+    """[J] Kinetic energy less that at the base speed, and in all: at least a floor.
+
+    A motion that comes to a halt is reported; the floor keeps its numbers finite.
+    """
+    base = 0.5 * inertia * scales.base**2
+    counted = jnp.maximum(energy * scales.energy, ENERGY_FLOOR * scales.energy - base)
+    return counted, counted + base
+
+
+def state_of(at: Instants, scales: Scales, energy, acceleration) -> tuple[CrankState, Array]:
+    """Crank angle, speed and acceleration of the unknowns, and the change of the base speed [rad/s]."""
+    counted, whole = floored_energy(at.inertia, scales, energy)
+    speed = jnp.sqrt(2 * whole / at.inertia)
+    change = 2 * counted / (at.inertia * (speed + scales.base))
+    return CrankState(at.angle, speed, acceleration * scales.speed**2), change
 
 
 def joints_of(loop: MachineLoops, scales: Scales, unknown) -> Float[Array, "cylinders m"]:
@@ -184,8 +198,8 @@ def steepness(
     """
 
     def torques(energy, acceleration, force):
-        state = state_of(at, scales, energy, acceleration)
-        motor = compressor.motor.torque(state.speed)
+        state, change = state_of(at, scales, energy, acceleration)
+        motor = compressor.motor.torque_near(scales.base, change)
         if compressor.frictionless:
             return motor, jnp.zeros_like(motor)
         loop = loop_of(compressor, state, at.gas_force, at.kinematics)
@@ -194,7 +208,7 @@ def steepness(
 
     force, each = jnp.zeros_like(energy), jnp.ones_like(energy)[None]
     if not compressor.frictionless:
-        state = state_of(at, scales, energy, acceleration)
+        state, _ = state_of(at, scales, energy, acceleration)
         loop = loop_of(compressor, state, at.gas_force, at.kinematics)
         force = joints_of(loop, scales, unknown)
         each = loop.directions(force)
@@ -212,13 +226,18 @@ def steepness(
     return (net[0] + jnp.sum(follows * net[1:], axis=0)) / scales.energy
 
 
-def rounding_of(known: Known) -> Float[Array, ""]:
-    """[-] What the rounding of the energy leaves of the acceleration, by the slope of a torque curve."""
-    motor, speed = known.compressor.motor, known.scales.speed
+def motor_steepness(known: Known) -> Float[Array, ""]:
+    """[1/rad] Slope of a torque curve over the kinetic energy, without derivatives, at the guess."""
+    motor, speed = frozen(known.compressor.motor), known.scales.speed
     if not closure_of(motor).needs_steepness:
         return jnp.zeros(())
     _, slope = jax.jvp(motor.torque, (speed,), (jnp.ones_like(speed),))
-    return _ENERGY_NOISE * jnp.abs(slope) * speed / known.scales.energy
+    return jnp.abs(slope) * speed / (2 * known.scales.energy)
+
+
+def rounding_of(known: Known) -> Float[Array, ""]:
+    """[-] What the rounding of the energy leaves of the acceleration, by the slope of a torque curve."""
+    return _ENERGY_NOISE * motor_steepness(known)
 
 
 def revolution(
@@ -259,7 +278,7 @@ def improve(
         return values[..., :count].reshape(*values.shape[:-1], *shape)
 
     energy, acceleration = everywhere(motion.energy), everywhere(motion.acceleration)
-    state = state_of(at, scales, energy, acceleration)
+    state, change = state_of(at, scales, energy, acceleration)
     joints, loss, rows, journals = motion.joints, jnp.zeros_like(energy), (), motion.journals
     film_loss = None
     if journals is not None:
@@ -282,18 +301,19 @@ def improve(
         grid,
         scales.speed,
         scales.energy,
+        scales.base,
         nodes(at.inertia),
         nodes(at.inertia_1),
         nodes(at.conservative),
-        nodes(closure.law(compressor.motor, state.speed)),
+        nodes(closure.law(compressor.motor, scales.base, change)),
         nodes(loss) if film_loss is None else nodes(loss) + film_loss,
         nodes(state.speed),
         motion.energy,
         motion.first_energy,
     )
     energy, slope, first = closure.improve(compressor.motor, now, steep)
-    floored = jnp.maximum(energy, ENERGY_FLOOR) * scales.energy
-    acceleration = (slope - now.inertia_1 * floored / now.inertia) / now.inertia
+    counted, _ = floored_energy(now.inertia, scales, energy)
+    acceleration = (slope - now.inertia_1 * counted / now.inertia) / now.inertia
     marks = [nodes(mark) for mark in rows]
     value = jnp.zeros_like(places)
     if places.size:

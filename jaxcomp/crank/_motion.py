@@ -31,6 +31,9 @@ from ._panels import Panels
 # Newton steps from the frictionless acceleration. They end at rounding on the machine of Tsuji et al.
 # after three, near self-locking after one or two more.
 _NEWTON_STEPS = 5
+# [-] Steepness times width of a panel about which Gauss's rule, which damps nothing that is stiffer,
+# turns into Radau's: ordinary motors are far below, and keep an order more.
+_STIFF = 30.0
 
 
 class Instantaneous(NamedTuple):
@@ -154,6 +157,7 @@ class Instant(NamedTuple):
     grid: Panels
     speed_scale: Float[Array, ""]  # [rad/s]
     energy_scale: Float[Array, ""]  # [J]
+    base: Float[Array, ""]  # [rad/s] speed from whose kinetic energy that of the motion is counted
     inertia: Float[Array, "p s"]  # [kg m^2] J
     inertia_1: Float[Array, "p s"]  # [kg m^2/rad] J'
     conservative: Float[Array, "p s"]  # [N m] of gas and weights
@@ -161,8 +165,16 @@ class Instant(NamedTuple):
     motor: Float[Array, "p s"]
     loss: Float[Array, "p s"]  # [N m] of all joints
     speed: Float[Array, "p s"]  # [rad/s]
-    energy: Float[Array, "p s"]  # [-] kinetic energy of the last motion
+    energy: Float[Array, "p s"]  # [-] kinetic energy of the last motion, from that of the base
     first_energy: Float[Array, ""]  # [-] at the first edge
+
+    @property
+    def closed_inertia_1(self) -> Float[Array, "p s"]:
+        """[kg m^2/rad] J' whose sum over the revolution vanishes as its integral does.
+
+        Else the inertia would take work at constant speed, as much as the quadrature is off.
+        """
+        return self.inertia_1 - self.grid.total(self.inertia_1) / (2 * jnp.pi)
 
 
 class AbstractClosure(eqx.Module):
@@ -175,9 +187,11 @@ class AbstractClosure(eqx.Module):
     # Whether shooting has the level of the motor torque as its second unknown.
     level_is_unknown: ClassVar[bool] = False
 
-    def law(self, motor: AbstractMotor, speed: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """[N m] by the motor's law at a speed [rad/s]."""
-        return motor.torque(speed)
+    def law(
+        self, motor: AbstractMotor, base: Float[Array, ""], change: Float[Array, "*n"]
+    ) -> Float[Array, "*n"]:
+        """[N m] by the motor's law at a base speed and a change of it [rad/s]."""
+        return motor.torque_near(base, change)
 
     @abstractmethod
     def improve(
@@ -255,17 +269,15 @@ class _TorqueCurve(AbstractClosure):
         del motor
         assert steepness is not None
         grid, scale = now.grid, now.energy_scale
-        slope = now.motor + now.conservative - now.loss
+        slope = now.motor + now.conservative - now.loss - 0.5 * now.closed_inertia_1 * now.base**2
         # dE/dtheta = slope + steep (E - E_last), all over `scale`, panel by panel
         rest = slope / scale - steepness * now.energy
         count = grid.rule.nodes.size
-        matrix = (
-            jnp.eye(count)
-            - grid.width[:, None, None] * grid.rule.integral * (steepness[:, None, :])
-        )
-        right = jnp.stack(
-            [jnp.ones_like(rest), grid.width[:, None] * (rest @ grid.rule.integral.T)], axis=-1
-        )
+        stiff = (grid.width * jnp.max(jnp.abs(steepness), axis=1)) ** 2
+        damped = (stiff / (stiff + _STIFF**2))[:, None, None] * grid.rule.damping
+        integral = grid.width[:, None, None] * (grid.rule.integral + damped)
+        matrix = jnp.eye(count) - integral * steepness[:, None, :]
+        right = jnp.stack([jnp.ones_like(rest), jnp.einsum("pij,pj->pi", integral, rest)], axis=-1)
         answer = solve_small(matrix, right)  # E at the nodes = answer[0] E_left + answer[1]
         factor = 1 + jnp.sum(grid.weight * steepness * answer[..., 0], axis=1)
         shift = jnp.sum(grid.weight * (rest + steepness * answer[..., 1]), axis=1)
@@ -289,13 +301,13 @@ class _TorqueCurve(AbstractClosure):
 class _GivenSpeed(AbstractClosure):
     integrates: ClassVar[bool] = False
 
-    def law(self, motor, speed):
-        del motor
-        return jnp.zeros_like(speed)
+    def law(self, motor, base, change):
+        del motor, base
+        return jnp.zeros_like(change)
 
     def torque(self, now):
         r"""$M_D = \tfrac12 J'(\theta)\,\omega^2 - M_{gas} + M_{loss}(\theta,\omega,0)$."""
-        return 0.5 * now.inertia_1 * now.speed**2 - now.conservative + now.loss
+        return 0.5 * now.closed_inertia_1 * now.speed**2 - now.conservative + now.loss
 
     def improve(self, motor, now, steepness):
         del steepness

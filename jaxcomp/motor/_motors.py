@@ -78,6 +78,15 @@ class AbstractMotor(Part):
     def torque(self, speed: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """[N m] on the crank at a speed [rad/s]."""
 
+    def torque_near(
+        self, speed: Float[Array, ""], change: Float[Array, "*n"]
+    ) -> Float[Array, "*n"]:
+        """[N m] at a speed [rad/s] and a change of it [rad/s].
+
+        A stiff law is told more exactly of a small change than by the sum.
+        """
+        return self.torque(speed + change)
+
     @property
     @abstractmethod
     def speed_guess(self) -> Float[Array, ""]:
@@ -191,6 +200,9 @@ class SlipLine(AbstractMotor):
     def torque(self, speed):
         return self.slope * (self.synchronous_speed - speed)
 
+    def torque_near(self, speed, change):
+        return self.torque(speed) - self.slope * change
+
     @property
     def speed_guess(self):
         return self.synchronous_speed
@@ -213,7 +225,10 @@ class Kloss(AbstractMotor):
     synchronous_speed: Float[Array, ""] = quantity("rad/s", POSITIVE, usual=(6.0, 3200.0))
 
     def torque(self, speed):
-        slip = 1 - speed / self.synchronous_speed
+        return self.torque_near(speed, 0.0)
+
+    def torque_near(self, speed, change):
+        slip = (self.synchronous_speed - speed - change) / self.synchronous_speed
         return (
             2 * self.pull_out_torque * slip * self.pull_out_slip / (slip**2 + self.pull_out_slip**2)
         )

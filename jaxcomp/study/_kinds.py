@@ -68,6 +68,7 @@ class Trace(AbstractMeasurement):
     settings: tuple[float, ...] = field(compare=False, default=())
     sd: NDArray | None = field(compare=False, default=None)
     independent: int = field(compare=False, default=_INDEPENDENT)
+    solver: Any = None
     polynomial: ClassVar[bool] = False
 
     def check(self, machine):
@@ -136,9 +137,9 @@ class Trace(AbstractMeasurement):
         own = dict(zip([one.name for one in self.nuisances], nuisances, strict=True))
         here = _conditioned(machine, self.paths, settings).as_compressor()
         if isinstance(here.gas, Cylinder):
-            orbit = solve_rated(here, Collocation(reversals=0, estimate=False))
+            orbit = solve_rated(here, Collocation(reversals=0, estimate=False), self.solver)
         else:
-            orbit = solve_orbit(here, throw=False)
+            orbit = solve_orbit(here, self.solver, throw=False)
         at, cycle = angles - own["top_dead_centre"], cast(Any, orbit.cycle)
         out = []
         for name in self.quantities:
@@ -175,6 +176,7 @@ class Table(AbstractMeasurement):
     settings: NDArray = field(compare=False, default_factory=lambda: np.zeros((1, 0)))
     sd: NDArray | None = field(compare=False, default=None)
     units: tuple[str, ...] = field(compare=False, default=())
+    solver: Any = None
     polynomial: ClassVar[bool] = False
 
     @property
@@ -231,7 +233,8 @@ class Table(AbstractMeasurement):
 
     def at(self, machine, nuisances, point):
         del nuisances
-        found = DesignResult(_conditioned(machine, self.paths, point), AnalysisOptions())
+        options = AnalysisOptions(self.solver)
+        found = DesignResult(_conditioned(machine, self.paths, point), options)
         values = jnp.stack([jnp.asarray(value_of(name, found), float) for name in self.quantities])
         return values, found.ok & jnp.all(jnp.isfinite(values))
 

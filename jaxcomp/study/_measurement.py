@@ -67,15 +67,22 @@ class AbstractMeasurement(abc.ABC):
         source: name of the file, for messages and for the sources of the machine's values.
         polynomial: whether the values are those of a polynomial, and no readings.
         names_of_sd: quantities whose usual standard deviation may be replaced.
+        solver: of the periodic states that the readings follow from, where they do; `None`: the usual.
     """
 
     source: str
     polynomial: bool = False
     names_of_sd: ClassVar[tuple[str, ...]] = ()
+    solver: Any = None
 
     @abc.abstractmethod
     def check(self, machine: Machine) -> None:
         """Raise `BadInput` for readings that cannot be, or a machine that does not suit them."""
+
+    def solved_by(self, solver: Any) -> Self:
+        """The same readings; the periodic states that they follow from are found by another solver."""
+        own = any(one.name == "solver" for one in dataclasses.fields(cast(Any, self)))
+        return dataclasses.replace(cast(Any, self), solver=solver) if own else self
 
     @property
     def bare(self) -> Self:

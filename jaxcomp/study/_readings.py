@@ -69,6 +69,7 @@ class Readings(AbstractMeasurement):
     fluid: str = field(compare=False, default="")
     bends: tuple[str, ...] = field(compare=False, default=())
     factors: tuple[float, ...] = field(compare=False, default=())
+    solver: Any = None
 
     names_of_sd: ClassVar[tuple[str, ...]] = tuple(MEASURED)
 
@@ -181,7 +182,7 @@ class Readings(AbstractMeasurement):
 
     def at(self, machine, nuisances, point):
         where, own = point
-        values, ok = rated(machine.as_compressor(), where)
+        values, ok = rated(machine.as_compressor(), where, self.solver)
         if not nuisances.size:
             return values, ok
         # none at the speeds without factors

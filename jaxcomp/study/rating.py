@@ -7,7 +7,7 @@ with evaporating and condensing dew temperatures S and D in degrees Celsius (AHR
 
 import dataclasses as dc
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -33,6 +33,9 @@ from ..crank import (
 from ..cylinder import CycleOptions, Cylinder
 from ..fluid import RealGas
 from ..motor import ConstantSpeed
+
+if TYPE_CHECKING:
+    from ..crank import Shooting
 
 ZERO = ZERO_CELSIUS
 # Of the cycle where 48 do not find all events: of two maps of light valves 1 and 3 of 12 points.
@@ -174,6 +177,7 @@ def rating_map(
     condensing: Sequence[float] | Float[Array, " m"],
     rating: str = "file",
     options: CycleOptions | None = None,
+    solver: "Collocation | Shooting | None" = None,
 ) -> RatingMap:
     """Capacity, power, flow and efficiencies over evaporating and condensing temperature.
 
@@ -186,6 +190,7 @@ def rating_map(
         evaporating, condensing: [K] dew temperatures.
         rating: of `RATINGS`.
         options: how the cycles are solved.
+        solver: of the motion of the crank; absent: as `solve_orbit`.
 
     Raises:
         BadInput: as `at_rating`, of any point.
@@ -197,9 +202,10 @@ def rating_map(
         at_rating(compressor, *ends, rating)
     shape = S.size, D.size
     points = jnp.repeat(S, D.size), jnp.tile(D, S.size)
-    found, ok = _along(compressor, rating, options, *points)
+    found, ok = _along(compressor, rating, options, solver, *points)
     if not np.all(ok) and options.panels < _PANELS:
-        found, ok = _along(compressor, rating, dc.replace(options, panels=_PANELS), *points)
+        finer = dc.replace(options, panels=_PANELS)
+        found, ok = _along(compressor, rating, finer, solver, *points)
     ok = np.asarray(ok).reshape(shape)
     values = {
         name: np.where(ok, np.asarray(found[name]).reshape(shape), np.nan)
@@ -259,7 +265,9 @@ def capacity_rise(fluid: RealGas, evaporating, useful, liquid) -> Float[Array, "
     return gas.h - fluid.state(wet.T, wet.liquid).h
 
 
-def rated(compressor: Compressor, point: RatingPoint) -> tuple[Float[Array, " 8"], Bool[Array, ""]]:
+def rated(
+    compressor: Compressor, point: RatingPoint, solver: "Collocation | Shooting | None" = None
+) -> tuple[Float[Array, " 8"], Bool[Array, ""]]:
     """Quantities of a compressor with valves at a rating point.
 
     The point is solved at its speed, which is taken as constant over the revolution.
@@ -267,16 +275,17 @@ def rated(compressor: Compressor, point: RatingPoint) -> tuple[Float[Array, " 8"
     Args:
         compressor: whose lines and speed do not count.
         point: the conditions.
+        solver: of the motion of the crank; absent: collocation that estimates no errors.
 
     Returns:
         `QUANTITIES` in their order, and whether the point can be relied on.
     """
-    solver = Collocation(reversals=0, estimate=False, cycle=CycleOptions(panels=_PANELS))
+    quick = Collocation(reversals=0, estimate=False, cycle=CycleOptions(panels=_PANELS))
     motor = replaced(ConstantSpeed(1.0, losses=compressor.motor.losses), mean_speed=point.speed)
     rating = Rating(point.gas, None, point.liquid, None)
     here = replaced(compressor, motor=motor)
     here = at_rating(here, point.evaporating, point.condensing, rating)
-    values, ok = _at_point(here, solver)
+    values, ok = _at_point(here, quick, solver)
     gas = here.gas
     assert isinstance(gas, Cylinder)
     assert isinstance(gas.fluid, RealGas)
@@ -287,33 +296,37 @@ def rated(compressor: Compressor, point: RatingPoint) -> tuple[Float[Array, " 8"
 
 
 @kept_jit
-def _along(compressor: Compressor, rating: str, options, evaporating, condensing):
+def _along(compressor: Compressor, rating: str, options, solver, evaporating, condensing):
     """All points, one after the other: each takes as many steps as it needs."""
-    solver = Collocation(reversals=compressor.load_reversals, cycle=options)
+    plain = Collocation(reversals=compressor.load_reversals, cycle=options)
 
     def point(temperatures):
-        return _at_point(at_rating(compressor, *temperatures, rating), solver)
+        return _at_point(at_rating(compressor, *temperatures, rating), plain, solver)
 
     return lax.map(point, (evaporating, condensing))
 
 
-def solve_rated(here: Compressor, solver: Collocation) -> Orbit:
+def solve_rated(
+    here: Compressor, plain: Collocation, solver: "Collocation | Shooting | None" = None
+) -> Orbit:
     """Solve a compressor with valves as `rating_map` does.
 
     Args:
         here: the compressor at its conditions.
-        solver: of the crank's motion under the pressure that was found.
+        plain: of the crank's motion under the pressure that was found, and how that is found.
+        solver: of the crank's motion in any case, in the place of the usual ones.
     """
     assert isinstance(here.gas, Cylinder)
+    chosen = None if solver is None else replaced(solver, cycle=plain.cycle)
     if here.motor.closes == "torque" or not here.gas.inert or here.crankshaft.count > 1:
-        together = replaced(default_collocation(here), cycle=solver.cycle)
-        return solve_orbit(here, together, throw=False)
-    return orbit_at_constant_speed(here, solver)
+        together = replaced(default_collocation(here), cycle=plain.cycle)
+        return solve_orbit(here, chosen or together, throw=False)
+    return orbit_at_constant_speed(here, chosen or plain)
 
 
-def _at_point(here: Compressor, solver: Collocation):
+def _at_point(here: Compressor, plain: Collocation, solver=None):
     """Quantities at a point, and whether they hold."""
-    orbit = solve_rated(here, solver)
+    orbit = solve_rated(here, plain, solver)
     result, cycle = performance(here, orbit), orbit.cycle
     assert cycle is not None
     values = {

@@ -4,7 +4,7 @@ Each takes a scene or a machine, as `solve_orbit` does, or a rotor model (a `Sys
 then has to know the static load of every film itself.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -16,6 +16,9 @@ from .._core.errors import BadInput
 from ..machine import Assembly, assembled, machine_of
 from ..rotor import NO_CRANK, Loads, Modes, PeriodicForce, Response, RotorModel, System
 from ._coupling import crank_loads, loaded_rotor, running_rotor
+
+if TYPE_CHECKING:
+    from ..crank import Collocation, Shooting
 
 
 def rotor_at(machine: Any, spin_speeds=()) -> RotorModel | System:
@@ -49,6 +52,7 @@ def respond(
     orders: tuple[int, ...] | None = None,
     *,
     excitation: str | None = None,
+    crank_solver: "Collocation | Shooting | None" = None,
     **options: Any,
 ) -> Response:
     """Response of a machine to unbalances and periodic forces at many speeds and orders.
@@ -60,6 +64,8 @@ def respond(
         orders: orders n of the spin speed; absent: all that are loaded.
         excitation: "file" for the forces that the scene gives, "crank" for those of its crank, which is
             solved at each speed; absent: the scene's if it has any. Without effect beside `loads`.
+        crank_solver: of the periodic states that load films and excite the rotor; absent: as in
+            `crank_loads`.
         options: `nodes`, `solver` and `batch_size` of `jaxcomp.rotor.respond`.
 
     Returns:
@@ -89,17 +95,17 @@ def respond(
     speeds = jnp.asarray(spin_speeds, float)
     own = made.given_loads
     if loads is None and made.excitation(excitation) == "crank":
-        return _shaken_by_crank(made, speeds, orders or (1,), options)
+        return _shaken_by_crank(made, speeds, orders or (1,), crank_solver, options)
     loads = own if loads is None else loads
     if not loads:
         raise BadInput("loads", "absent", "given: nothing excites this rotor")
-    model = loaded_rotor(made, speeds)
+    model = loaded_rotor(made, speeds, crank_solver)
     return rotor.respond(model, loads, speeds, orders or excited_orders(loads), **options)
 
 
-def _shaken_by_crank(made: Assembly, speeds, orders, options) -> Response:
+def _shaken_by_crank(made: Assembly, speeds, orders, solver, options) -> Response:
     def at(speed):
-        crank = crank_loads(made, speed, orders)
+        crank = crank_loads(made, speed, orders, solver)
         model, loads = running_rotor(made, crank)
         found = rotor.respond(model, loads, speed[None], orders, **options)
         trusted = jnp.where(crank.ok, found.status, NO_CRANK)

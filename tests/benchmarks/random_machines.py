@@ -1,13 +1,15 @@
-"""Random machines against another method: `python tests/benchmarks/random_machines.py valves|journals`.
+"""Random machines against another method.
+
+`python tests/benchmarks/random_machines.py valves|journals|cylinders`
 
 Machines with valves (every number at half to twice the golden machine's, a restitution of up to 0.5) by
 collocation, their volumetric efficiency and work against the march with located events; machines whose
-crank pin moves in its film by collocation, efficiency and losses against shooting with diffrax. Of every
-`converged` one the error must lie within what the result states: the resolution of the cycle, the errors
-of efficiency and losses of the crank. Prints how many do, how careful the statements are, and those that
-are wrong; exits with 1 if there are any. With `--keep FILE.csv` what is done stays there, batch by batch,
-and the same command goes on with the next one. Of one core 2,000 machines with valves take two minutes,
-with journals ten.
+crank pin moves in its film, and machines of four cylinders, by collocation, efficiency and losses
+against shooting with diffrax. Of every `converged` one the error must lie within what the result states:
+the resolution of the cycle, the errors of efficiency and losses of the crank. Prints how many do, how
+careful the statements are, and those that are wrong; exits with 1 if there are any. With `--keep FILE.csv`
+what is done stays there, batch by batch, and the same command goes on with the next one. Of one core
+2,000 machines with valves take two minutes, with journals ten.
 """
 
 import argparse
@@ -27,11 +29,12 @@ from crank.test_journal_orbits import PIN
 from cylinder.test_cylinder import SCATTERED, SPEED, inertial, mechanism, restitutions
 
 from jaxcomp import Collocation, Shooting, load, solve_orbit
+from jaxcomp.crank import default_collocation
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.scene import with_value
 
 # What the references are good for: the march at 1e-9, and shooting at 1e-8.
-FLOOR = {"valves": 2e-7, "journals": 3e-9}
+FLOOR = {"valves": 2e-7, "journals": 3e-9, "cylinders": 3e-9}
 MARCH = CycleOptions(method="march", panels=160, max_passes=60_000, capacity=8192)
 NAMES = "seed", "machine", "converged", "reference", "stated", "true", "margin"
 
@@ -95,6 +98,25 @@ def journals():
                 c.crankshaft.inertia, c.mechanism.piston_mass, c.mechanism.conrod_mass,
                 c.friction.wall.coefficient)  # fmt: skip
 
+    return beside_shooting(base, get, Collocation(reversals=base.load_reversals))
+
+
+def cylinders():
+    """The same of machines with four cylinders on two throws; without margins."""
+    base = load("mayekawa-4wbhe").as_compressor()
+
+    def get(c):
+        return (c.mechanism.bore, c.mechanism.conrod_length, c.mechanism.piston_mass,
+                c.mechanism.conrod_mass, c.motor.mean_speed, c.crankshaft.inertia,
+                c.gas.suction_pressure, c.friction.wall.coefficient)  # fmt: skip
+
+    return beside_shooting(base, get, default_collocation(base))
+
+
+def beside_shooting(base, get, collocation):
+    """Machines with some numbers at half to twice those of another, by collocation and by shooting."""
+    numbers = len(get(base))
+
     def solver(method):
         def one(factors):
             made = tuple(x * f for x, f in zip(get(base), factors, strict=True))
@@ -104,11 +126,11 @@ def journals():
 
         return one
 
-    collocate = mapped(solver(Collocation(reversals=base.load_reversals)))
+    collocate = mapped(solver(collocation))
     shoot = mapped(solver(Shooting(tolerance=1e-8, max_steps=16_384)))
 
     def make(count, seed):
-        rows = jnp.asarray(2.0 ** np.random.default_rng(seed).uniform(-1, 1, (count, 8)))
+        rows = jnp.asarray(2.0 ** np.random.default_rng(seed).uniform(-1, 1, (count, numbers)))
         ok, found, stated = collocate(rows)
         sure, known, _ = shoot(rows)
         return ok, sure, stated, np.abs(found - known), np.full(count, np.nan)
@@ -118,7 +140,7 @@ def journals():
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kind", choices=("valves", "journals"))
+    parser.add_argument("kind", choices=("valves", "journals", "cylinders"))
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--batch", type=int, default=50)

@@ -7,7 +7,9 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
+from jaxcomp.cli._run import _power
 from jaxcomp.cli._tables import fitted, row_table
+from jaxcomp.crank import POWER
 
 ROWS = (
     ("Main journal of the crankshaft", "0.57013", "28.031", "68.2 %", "of all losses"),
@@ -72,3 +74,13 @@ def test_rows_that_become_lines_say_what_they_belong_to():
     rows = (("Efficiency", "92.2 %", "93.1 %"), ("Shaft power", "4.474 kW", "4.470 kW"))
     table = row_table(None, heads, rows)
     assert fitted(table, 20).count("Losses, forces") == 1
+
+
+def test_what_rounding_leaves_of_a_use_of_power_is_no_row():
+    power = dict.fromkeys(POWER, 0.0) | {"isentropic": 50.0, "friction": -4e-14}
+    console = Console(file=io.StringIO(), width=100)
+    console.print(_power({"power_use": power, "volume_use": {}}))
+    text = console.file.getvalue()
+    assert "Isentropic" in text
+    assert "Friction" not in text
+    assert "Total" in text

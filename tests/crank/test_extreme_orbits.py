@@ -159,13 +159,11 @@ def on_slip_lines():
 
 def test_slip_lines_from_soft_to_stiff(on_slip_lines):
     *results, soft, stiff = on_slip_lines
-    for orbit in results:
+    for orbit in (*results, stiff):
         assert status_of(orbit) == "converged"
-        # the slope amplifies the rounding of the speed: 1e-16 times 1e5 N m s of 60 N m
         assert abs(float(orbit.energy.residual)) < 1e-10
     # a motor of 31 N m at rest does not turn a machine that asks for 59 N m
     assert status_of(soft) in ("stalled", "no_periodic_state", "not_converged")
-    assert status_of(stiff) == "not_converged"
     assert every_leaf_finite(on_slip_lines)
     # The softest one's speed swings by half the mean, and the stiff ones' with one over the slope.
     fluctuation = np.array([float(orbit.speed_fluctuation) for orbit in results])
@@ -316,7 +314,7 @@ KLOSS = {
     (150.0, 1e-3): {"stalled", "not_converged", "no_periodic_state"},
     (10.0, 0.1): {"stalled", "not_converged", "no_periodic_state"},
     (1e4, 1e-3): {"converged"},
-    (1e3, 1e-6): {"stalled", "not_converged", "no_periodic_state"},
+    (1e3, 1e-6): {"converged"},
 }
 
 

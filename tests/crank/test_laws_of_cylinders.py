@@ -210,6 +210,8 @@ def test_what_does_not_go_together_is_named(scene):
         dataclasses.replace(made, gas=EachGas((gas, gas, gas)))
     with pytest.raises(BadInput, match=r"of_cylinder.*numbers from 1 to 2"):
         EachGas((gas, gas), (1, 3))
+    with pytest.raises(BadInput, match=r"laws.*one law at least"):
+        EachGas(())
     with pytest.raises(BadInput, match=r"laws.1.exponent.*a law of their own"):
         EachGas((gas, dataclasses.replace(gas, exponent=[1.1, 1.2])))
     staged = StagedCycle((1, 2), 1e5, 9e5, 1.3, 0.1)

@@ -63,8 +63,7 @@ def test_slip_line_turns_a_machine_without_friction():
     np.testing.assert_allclose(found.mean_speed, marched.mean_speed, rtol=1e-7)
 
 
-# below, rounding decides whether the iteration converges: it says so where it does not
-@pytest.mark.parametrize("slip", [1e-3, 3e-4])
+@pytest.mark.parametrize("slip", [1e-3, 1e-6])
 def test_a_stiff_motor_is_the_limit_of_constant_speed(slip):
     """A torque curve that leaves the speed no room solves as the given speed does."""
     kloss = {"type": "kloss", "pull_out_torque": "2000 N m", "pull_out_slip": slip}
