@@ -7,7 +7,7 @@ collocation, their volumetric efficiency and work against the march with located
 crank pin moves in its film, and machines of four cylinders, by collocation, efficiency and losses
 against shooting with diffrax. Of every `converged` one the error must lie within what the result states:
 the resolution of the cycle, the errors of efficiency and losses of the crank. Prints how many do, how
-careful the statements are, and those that are wrong; exits with 1 if there are any. With `--keep FILE.csv`
+careful the statements are, and those that are wrong; exits with 1 if there are any. With `--keep FILE`
 what is done stays there, batch by batch, and the same command goes on with the next one. Of one core
 2,000 machines with valves take two minutes, with journals ten.
 """
