@@ -4,6 +4,8 @@ There is one vector of states, one of branches and one row of events, so that ma
 not know how many cylinders there are.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -64,7 +66,7 @@ class Cylinders(eqx.Module):
         first = jax.tree.map(lambda leaf: leaf[0], self.cases)
         return eqx.tree_at(lambda case: case.swept, first, jnp.sum(self.cases.swept))
 
-    def each(self, function, *given):
+    def each(self, function, *given) -> Any:
         """What a function of a case and of arrays that have an axis of k gives, with that axis."""
         if self.count > 1:
             return jax.vmap(function)(self.cases, *given)
