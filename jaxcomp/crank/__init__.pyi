@@ -8,6 +8,8 @@ from ._films import journal_films as journal_films
 from ._films import journal_orbit as journal_orbit
 from ._films import journal_rates as journal_rates
 from ._films import moved_films as moved_films
+from ._integration import MOST_STEPS as MOST_STEPS
+from ._integration import TimeIntegration as TimeIntegration
 from ._journals import moving as moving
 from ._journals import with_journals as with_journals
 from ._load_table import LoadedJournal as LoadedJournal
@@ -33,7 +35,5 @@ from ._torsion import throw_inertias as throw_inertias
 from ._torsion import throw_torques as throw_torques
 from ._torsion import train_over_speed as train_over_speed
 from ._torsion import train_torques as train_torques
-from ._transient import MOST_STEPS as MOST_STEPS
-from ._transient import TimeIntegration as TimeIntegration
 from ._transient import Transient as Transient
 from ._transient import simulate as simulate

@@ -50,8 +50,8 @@ from ._orbit import Orbit, Verification
 from ._warming import LARGEST_RISE, at_rise, first_rise, law_of, rise_after, secant
 
 if TYPE_CHECKING:
+    from ._integration import TimeIntegration
     from ._shooting import Shooting
-    from ._transient import TimeIntegration
 
 # [-] Resolution beyond which a revolution is not resolved. Seen at a conrod ratio of 0.95 without
 # edges at the load reversals: 0.21 with 5 nodes on a panel, the fluctuation 3.9 % off; 0.06 with 8,

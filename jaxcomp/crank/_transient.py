@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
-from .._core.fields import admissible, clipped, counted, is_traced, replaced
+from .._core.fields import admissible, clipped, is_traced, replaced
 from .._core.results import Data, Result
 from .._core.roots import zeros_of
 from .._core.status import SolveFailed, Status
@@ -20,43 +20,13 @@ from ..compressor import Compressor, compressor_of, instants
 from ..cylinder import Cylinder
 from ..cylinder.interface import values_only
 from ..mechanism import CrankState
+from ._integration import TimeIntegration
 from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration
 from ._orbit import Energy
 from ._solve import solve_orbit
 from ._transient_gas import DenseSteps, GasCourse, march_with_gas
 from ._warming import at_rise, law_of
-
-# Their course is kept: some hundred bytes a step.
-MOST_STEPS = 2**22
-
-
-class TimeIntegration(eqx.Module):
-    """Options of the time integration.
-
-    Attributes:
-        solver: any solver of diffrax; an implicit one (`diffrax.Kvaerno5()`) for a regularised law
-            with a narrow transition, a stiff motor or journals that move in their films. Cylinders with
-            valves are always marched by Dormand and Prince's method, with located events.
-        tolerance: [-] relative and absolute tolerance of a step, in units of the motor's running
-            speed and of the kinetic energy there; a radian for the angle. Given as an array, all
-            tolerances share one compiled program.
-        max_steps: steps after which the result is marked as not converged.
-        samples: instants at which the result is listed; `Transient.at` gives any other.
-        progress: show a progress bar on the terminal.
-        adjoint: how diffrax differentiates.
-    """
-
-    solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
-    tolerance: float | Float[Array, ""] = 1e-8
-    max_steps: int = eqx.field(static=True, default=65536)
-    samples: int = eqx.field(static=True, default=2001)
-    progress: bool = eqx.field(static=True, default=False)
-    adjoint: diffrax.AbstractAdjoint = eqx.field(default_factory=diffrax.RecursiveCheckpointAdjoint)
-
-    def __check_init__(self):
-        counted("max_steps", self.max_steps, high=MOST_STEPS)
-        counted("samples", self.samples, 2, 10**7)
 
 
 class Transient(Result, eqx.Module):
@@ -164,8 +134,7 @@ def simulate(
     Suction gas that a law of warming heats has the rise of the periodic state throughout.
 
     Raises:
-        BadInput: if the motor holds a speed, since that is no torque law; or journals that move in
-            their films beside cylinders with valves.
+        BadInput: if the motor holds a speed, since that is no torque law.
         SolveFailed: if `throw` and the integration did not reach its end.
 
     >>> from jaxcomp import load
@@ -184,9 +153,6 @@ def simulate(
             "a torque law over speed (ConstantTorque, SlipLine, Kloss)",
         )
     valves = isinstance(compressor.gas, Cylinder)
-    if valves and moving(compressor):
-        bound = "a film that carries a steady load, beside cylinders with valves, in time"
-        raise BadInput("motion", "orbit", bound)
     options = TimeIntegration() if options is None else options
     if isinstance(duration, (int, float)) and not duration > 0:
         raise BadInput("duration", duration, "> 0")
@@ -277,7 +243,7 @@ def _simulate(
         stopped=stopped,
         end_time=end,
         steps=solution.stats["num_steps"],
-        positions={one.joint: ys["journals"][..., i].T for i, one in enumerate(journals)},
+        positions=_positions(compressor, ys),
         _dense=solution,
     )
 
@@ -303,10 +269,16 @@ def _simulate_gas(
         stopped=marched.flags[-1] > 0,
         end_time=end,
         steps=marched.steps,
-        positions={},
+        positions=_positions(compressor, ys),
         _dense=dense,
         gas=gas,
     )
+
+
+def _positions(compressor: Compressor, ys) -> dict[str, Float[Array, "2 n"]]:
+    """[-] Of the journals that move, by joint."""
+    journals = enumerate(moving(compressor))
+    return {one.joint: ys["journals"][..., i].T for i, one in journals}
 
 
 def _listed(compressor: Compressor, good, motion, reached, scales, **others) -> Transient:

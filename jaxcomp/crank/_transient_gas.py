@@ -41,6 +41,8 @@ from ..cylinder.interface import (
     within_steps,
 )
 from ..gas import AbstractGas
+from ..mechanism import CrankState
+from ._journals import journal_drive, moving, with_journals
 from ._motion import acceleration
 
 _LONGEST_TRIES = 8  # passes for a step that is kept, on the average, after which to give up
@@ -117,7 +119,7 @@ class CrankAndGas(AbstractLaw):
         static=True
     )  # whether the march ends where the crank comes to rest
     kept: int = eqx.field(static=True)
-    # angle, speed, gas with plenums, and works from the vector of the states that are kept
+    # angle, speed, gas with plenums, works and journals from the vector of the states that are kept
     unravel: Any = eqx.field(static=True)
 
     @property
@@ -132,12 +134,13 @@ class CrankAndGas(AbstractLaw):
     def rates(self, angle, state, flags):
         at = self.unravel(state[: self.kept])
         found = self.gases(at, flags)
-        rise, torques = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
+        rise, torques, journals = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
         rate = {
             "angle": at["speed"],
             "speed": rise / self.pace**2,
             "gas": found.state,
             "work": jax.tree.map(lambda m: m * at["speed"] / self.energy_scale, torques),
+            **{name: rates / self.pace for name, rates in journals.items()},
         }
         slopes = jnp.concatenate([ravel_pytree(rate)[0], found.accounts.ravel()])
         rest = at["speed"] if self.until_rest else jnp.ones(())
@@ -186,7 +189,7 @@ class CrankAndGas(AbstractLaw):
             own, plenums = system.parted(at["gas"])
             T, mass, lift, scale = system.each(one, system.own_angle(at["angle"]), own)
             flow = found.accounts[:, 1:3] * scale[:, None]
-            rise, _ = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
+            rise, *_ = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
             pair = chains(system.shared, plenums) if some else ()
             of_plenums = jnp.stack([gas.p for one in pair for gas in one.gases]) if some else None
             return (found.pressure, T, mass, lift, flow), of_plenums, rise
@@ -218,6 +221,8 @@ def march_with_gas(
     gas = system.each(_at_suction, system.own_angle(angle)).ravel()
     gas = jnp.concatenate([gas, first_states(system.shared, rest=True)])
     first = {"angle": angle, "speed": speed / pace, "gas": gas}
+    if journals := moving(compressor):
+        first["journals"] = jnp.zeros((2, len(journals)))
     first["work"] = zeros_of(_crank, compressor, first, jnp.zeros(system.count), True)[1]
     start, unravel = ravel_pytree(first)
     energy_scale = instants(_held(compressor), angle).inertia * pace**2
@@ -238,12 +243,17 @@ def march_with_gas(
 
 
 def _crank(compressor: Compressor, at, pressure, motor_on):
-    """Acceleration [rad/s^2], and the torques whose works are counted [N m]."""
+    """Acceleration [rad/s^2], torques whose works are counted [N m], and rates of journals' positions."""
     now = at["speed"] * compressor.motor.speed_guess
     motor = jnp.where(motor_on, compressor.motor.torque(now), 0.0)
-    held = _held(compressor, pressure)
-    rise, conservative, loads = acceleration(held, at["angle"], now, motor)
-    return rise, {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
+    held, journals = _held(compressor, pressure), {}
+    placed = with_journals(held, at.get("journals"))
+    rise, conservative, loads = acceleration(placed, at["angle"], now, motor)
+    if "journals" in at:
+        state = CrankState(at["angle"], now, rise)
+        drive = journal_drive(held, loads.forces, state, in_time=True)
+        journals["journals"] = drive.rate(at["journals"])
+    return rise, {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}, journals
 
 
 def _system(compressor: Compressor) -> Cylinders:

@@ -20,10 +20,10 @@ from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..friction import magnitude
 from ..mechanism import CrankState
+from ._integration import TimeIntegration
 from ._journals import journal_drive, moving, with_journals
 from ._motion import Instantaneous, closure_of, solve_motion
 from ._orbit import Energy, Orbit, Verification
-from ._transient import TimeIntegration
 
 
 def march_options() -> TimeIntegration:

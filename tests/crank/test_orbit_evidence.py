@@ -129,14 +129,14 @@ def test_a_given_speed_is_checked_like_any_other(solver):
     assert status_of(solve_orbit(locked, solver, throw=False)) == "self_locking"
 
 
-def test_an_open_account_is_not_converged():
-    """At a given speed the torque is that of the motion, whose work the quadrature knows by itself."""
+def test_a_coarse_revolution_at_a_given_speed_is_unresolved():
+    """Its account closes by itself, as the torque is that of the motion; the estimated errors tell."""
     steep = machine(motor=ConstantSpeed(1000 * RPM), conrod_length=0.05 / 0.93)
     coarse = solve_orbit(steep, Collocation(nodes=4, reversals=0), throw=False)
-    assert abs(float(coarse.energy.residual)) > 1e-5
     assert status_of(coarse) == "unresolved"
+    assert float(coarse.efficiency_error) > 1e-2
     fine = solve_orbit(steep, Collocation(nodes=24), throw=False)
-    assert abs(float(fine.energy.residual)) < 1e-6
+    assert float(fine.efficiency_error) < 1e-6
     assert status_of(fine) == "converged"
 
 
@@ -162,12 +162,12 @@ def efficiency(design):
 def test_programs_are_small():
     """Lines of StableHLO of the default orbit: compiling takes about a second a thousand.
 
-    The bounds are a few per cent above what was counted: 3,999, 9,536 and 6,987. Until banks and throws
-    were turned for one cylinder as for sixteen they were 3,634, 8,685 and 6,400.
+    The bounds are a per cent above what was counted: 4,112, 9,839 and 7,100. Until motors of any stiffness
+    solved they were 3,999, 9,536 and 6,987.
     """
     design = load("mayekawa-wbhe").machine.compressor
-    assert lines(efficiency, design) < 4_100
-    assert lines(jax.value_and_grad(efficiency), design) < 9_800
+    assert lines(efficiency, design) < 4_150
+    assert lines(jax.value_and_grad(efficiency), design) < 9_950
     assert lines(efficiency, with_films(design)) < 7_200
 
 

@@ -8,7 +8,18 @@ import pytest
 from cylinder.test_cylinder import SPEED, golden, mechanism
 from reference_valves import Reference
 
-from jaxcomp import BadInput, Compressor, SliderCrank, Status, load, plot, simulate
+from jaxcomp import (
+    BadInput,
+    Compressor,
+    JournalBearing,
+    SliderCrank,
+    SliderCrankFriction,
+    Status,
+    load,
+    plot,
+    simulate,
+    solve_orbit,
+)
 from jaxcomp.crank import TimeIntegration
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.cylinder import CycleOptions, Plenum, solve_cycle
@@ -223,3 +234,29 @@ def test_pictures_show_the_pressure_and_the_end():
         1.2 < lift.max() <= 1.5
     )  # mm: the suction valve's stop, between the instants that are listed
     assert lift.size < 101
+
+
+@pytest.mark.slow  # two programs with valves and a moving journal to compile
+def test_a_journal_that_moves_beside_valves_ends_in_its_periodic_orbit():
+    """A flywheel, so that heat transfer sees one speed; the pin as the collocation has it."""
+    pin = JournalBearing(
+        film="short", motion="orbit", diameter=12e-3, length=10e-3, radial_clearance=10e-6,
+        dynamic_viscosity=0.01,
+    )  # fmt: skip
+    machine = Compressor(
+        light_rod(), Crankshaft(0.02), SlipLine(2.0, 310.0), golden("D"),
+        friction=SliderCrankFriction(crank_pin=pin),
+    )  # fmt: skip
+    orbit = solve_orbit(machine)
+    options = TimeIntegration(tolerance=1e-7, max_steps=40_000)
+    found = simulate(
+        machine, 12 * 2 * np.pi / orbit.mean_speed, speed=orbit.mean_speed, options=options
+    )
+    angle = np.asarray(found.state.angle)
+    last = angle > angle[-1] - 2 * np.pi
+    nodes = np.asarray(orbit.state.angle)
+    at = nodes[0] + np.mod(angle[last] - nodes[0], 2 * np.pi)
+    for x, wanted in zip(found.positions["crank_pin"], orbit.positions["crank_pin"], strict=True):
+        around = np.interp(at, np.append(nodes, nodes[0] + 2 * np.pi), np.append(wanted, wanted[0]))
+        # straight lines between the nodes leave 2e-4
+        np.testing.assert_allclose(np.asarray(x)[last], around, atol=1e-3)
