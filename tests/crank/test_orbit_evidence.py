@@ -162,13 +162,13 @@ def efficiency(design):
 def test_programs_are_small():
     """Lines of StableHLO of the default orbit: compiling takes about a second a thousand.
 
-    The bounds are a per cent above what was counted: 4,112, 9,839 and 7,100. Until motors of any stiffness
+    The bounds are a per cent above what was counted: 4,112, 9,839 and 7,236. Until motors of any stiffness
     solved they were 3,999, 9,536 and 6,987.
     """
     design = load("mayekawa-wbhe").machine.compressor
     assert lines(efficiency, design) < 4_150
     assert lines(jax.value_and_grad(efficiency), design) < 9_950
-    assert lines(efficiency, with_films(design)) < 7_200
+    assert lines(efficiency, with_films(design)) < 7_300
 
 
 def test_cosine_and_sine_of_the_crank_are_not_computed_in_every_loop():
