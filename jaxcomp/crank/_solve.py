@@ -300,7 +300,7 @@ def _iterated(compressor: Compressor, solver, motion: _Motion, cycle_of):
     cycle = cycle_of(here, compressor.motor.speed_guess * jnp.exp(motion.level))
     orbit = _orbit_of(here, cycle, solver)
     new = rise_after(compressor, _with_cycle(orbit, cycle), rise)
-    level, pace = motion.level, None
+    level, pace = jnp.zeros(()), None  # the motor holds its speed
     if motion.pace is not None:
         level, pace = _motion(compressor, cycle, orbit)
     return _Motion(level, pace, None if new is None else new / _KELVINS), (cycle, orbit)
@@ -326,6 +326,9 @@ def _coupled_jvp(primals, tangents):
 
     none, still = jax.tree.map(jnp.zeros_like, (numbers, motion))
     directly, beside = linear(given, still)
+    # reverse mode wants each right side to depend on the tangents
+    nothing = 0 * sum(leaf.ravel()[0] for leaf in jax.tree.leaves(given) if leaf.size)
+    directly = jax.tree.map(lambda x: x + nothing, directly)
     _, across = jax.linearize(lambda motion: linear(none, motion), still)
 
     share = None  # of the rise that a degree more of it adds to itself
