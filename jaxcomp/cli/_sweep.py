@@ -225,7 +225,9 @@ def axis_values(text: str, unit: str, option: str, sampled: bool, default_unit: 
         refuse(len(set(values)) < len(values), f"{option}: must not repeat a value")
         return values
     forms = "from:to:count, log:from:to:count or a,b,c"
-    refuse(len(parts) != 3 or not parts[2].isdigit(), f"{option}: must have the form {forms}")
+    counted = len(parts) == 3 and parts[2].isdigit()
+    given = text if len(parts) != 2 else f"{text} lacks a count, as in {text}:5;"
+    refuse(not counted, f"{option}: {given} must have the form {forms}")
     made = jc.study.sweep.log_grid if kind else jc.study.sweep.grid
     return _made(made, option, *numbers(parts[:2]), int(parts[2]))
 
