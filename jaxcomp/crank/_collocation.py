@@ -152,15 +152,19 @@ def _with_layers(known: Known) -> Known:
     """With an edge behind every kink: there the slip of a stiff motor follows a jump of the load.
 
     It does so within an angle of one over the steepness. With a panel twice as wide the fluctuation of
-    the speed is known as well as without jumps, to 3e-5; without, to 4e-3. Soft motors have half of the
-    panel. Of several cylinders the panels are many, and none is added.
+    the speed is known as well as without jumps, to 3e-5; without, to 4e-3. Behind the jumps of soft motors
+    the panel has no width: a cut of it would make estimates smaller, and errors at load reversals not.
+    Of several cylinders the panels are many, and none is added.
     """
     if known.compressor.crankshaft.count > 1:
         return known
     kinks, width = known.edges[:-1], jnp.diff(known.edges)
     # in much narrower panels the rounding of their angles would count
     layer = jnp.maximum(2 / jnp.maximum(motor_steepness(known), 1e-3), 1e-4)
-    kinks = jnp.sort(jnp.concatenate([kinks, kinks + jnp.minimum(layer, 0.5 * width)]))
+    # continuous in the stiffness: wider with the layer, then narrower again
+    layer = jnp.clip(jnp.minimum(layer, 0.75 * width - layer), 0.0, None)
+    layer = jnp.where(layer < 1e-4, 0.0, layer)
+    kinks = jnp.sort(jnp.concatenate([kinks, kinks + layer]))
     return eqx.tree_at(lambda k: k.edges, known, revolution_edges(kinks))
 
 
