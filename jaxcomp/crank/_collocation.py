@@ -152,8 +152,8 @@ def _with_layers(known: Known) -> Known:
     """With an edge behind every kink: there the slip of a stiff motor follows a jump of the load.
 
     It does so within an angle of one over the steepness. With a panel twice as wide the fluctuation of
-    the speed is known as well as without jumps, to 3e-5; without, to 4e-3. Behind the jumps of soft motors
-    the panel has no width: a cut of it would make estimates smaller, and errors at load reversals not.
+    the speed is known as well as without jumps, to 3e-5; without, to 4e-3. Behind the jumps of a soft
+    motor the panel has no width: a cut would make estimates smaller, and errors at load reversals not.
     Of several cylinders the panels are many, and none is added.
     """
     if known.compressor.crankshaft.count > 1:

@@ -162,8 +162,8 @@ def efficiency(design):
 def test_programs_are_small():
     """Lines of StableHLO of the default orbit: compiling takes about a second a thousand.
 
-    The bounds are a per cent above what was counted: 4,112, 9,839 and 7,236. Until motors of any stiffness
-    solved they were 3,999, 9,536 and 6,987.
+    The bounds are a per cent above what was counted: 4,112, 9,839 and 7,236. Until motors of any
+    stiffness solved they were 3,999, 9,536 and 6,987.
     """
     design = load("mayekawa-wbhe").machine.compressor
     assert lines(efficiency, design) < 4_150
