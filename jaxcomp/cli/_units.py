@@ -48,6 +48,7 @@ _RUN: Table = {
     "period": "s",
     "stroke": "m",
     **_pure("energy_residual", "residual", "resolution", "loss_share", "iterations", "tolerance"),
+    **_pure("cycle_resolution"),
     "rod_load_reversal": {"*": {"angle": "rad", "share": ""}},
     "verification": _pure(
         "speed", "period", "mechanical_efficiency", "losses", "peak_forces", "closure", "steps"
