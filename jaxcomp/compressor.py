@@ -355,6 +355,13 @@ def loop_of(
     )
 
 
+def mechanisms_of(compressor: Compressor) -> list[AbstractMechanism]:
+    """The mechanism of every cylinder; cylinders that are alike have one and the same."""
+    mechanism, count = compressor.mechanism, compressor.crankshaft.count
+    each = [of_cylinder(mechanism, i + 1) for i in range(count if listed(mechanism) else 1)]
+    return each * (count // len(each))
+
+
 def first_top(compressor: Compressor) -> Float[Array, ""]:
     """[rad] Crank angle of the top dead centre of the first cylinder, where the revolution begins."""
     top, _ = compressor.mechanism.dead_centres()

@@ -104,9 +104,14 @@ class Shown(NamedTuple):
         beside = f" ({self.drawn.text(value, digits)})" if self.celsius else ""
         return f"{self.of(value):.{digits}g} {self.unit}".strip() + beside
 
+    @property
+    def differences(self) -> "Shown":
+        """The same for differences of values, such as deviations: they have no zero."""
+        return self._replace(zero=0.0, celsius=False)
+
     def difference(self, value: float, digits: int = 5) -> str:
-        """The difference of two values, such as a deviation, with its unit: it has no zero."""
-        return self._replace(zero=0.0, celsius=False).text(value, digits)
+        """The difference of two values [SI] with its unit, to so many `digits`."""
+        return self.differences.text(value, digits)
 
 
 def spelled(name: str) -> tuple[str, bool]:

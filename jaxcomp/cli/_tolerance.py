@@ -330,13 +330,13 @@ def tolerance_tables(found: jc.study.tolerance.Tolerances, result: dict[str, Any
         look, row = _look(found, name), result["quantities"][name]
         ends = (row["percentiles"][share] for share in ("5", "95"))
         numbers = (row["nominal"], row["mean"], row["deviation"], *ends)
-        cells = (_value(look, x, n == 2) for n, x in enumerate(numbers))
+        cells = (_value(look.differences if n == 2 else look, x) for n, x in enumerate(numbers))
         sampled.append((look.label, *cells))
         orders = (row["first_order"], row["second_order"] or nothing)
         cells = (
-            _value(look, one[key], key == "deviation")
+            _value(kind, one[key])
             for one in orders
-            for key in ("mean", "deviation")
+            for key, kind in (("mean", look), ("deviation", look.differences))
         )
         by_derivatives.append((look.label, *cells))
     yield row_table(title, ("Quantity", "Nominal", "Mean", "Deviation", "5 %", "95 %"), sampled)
@@ -400,9 +400,7 @@ def _probabilities(found: jc.study.tolerance.Tolerances):
     return row_table("Probability of breaking a limit", heads, rows)
 
 
-def _value(look: Shown, value: float | None, difference: bool = False) -> str:
-    if difference:
-        look = look._replace(zero=0.0, celsius=False)
+def _value(look: Shown, value: float | None) -> str:
     return "" if value is None or not math.isfinite(value) else look.number(value)
 
 

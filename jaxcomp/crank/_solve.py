@@ -28,11 +28,11 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
-from .._core.fields import admissible, clipped, is_traced, listed, of_cylinder, replaced
+from .._core.fields import admissible, clipped, is_traced, replaced
 from .._core.polynomials import gauss
 from .._core.roots import frozen, settle, zeros_of
 from .._core.status import SolveFailed, Status
-from ..compressor import Compressor, compressor_of
+from ..compressor import Compressor, compressor_of, mechanisms_of
 from ..cylinder import Cycle, Cylinder, Pace, SeveralCycles
 from ..cylinder.interface import (
     CycleSolution,
@@ -260,10 +260,11 @@ def _coupled(compressor: Compressor, solver, even: bool):
     compressor = frozen(compressor)
     # nothing is known of a cycle and an orbit before the first iteration
     nothing = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
-    steady = pace_of(nothing, jnp.zeros_like, compressor.crankshaft.distinct_phase)
+    phase = compressor.crankshaft.distinct_phase
+    steady = None if even else pace_of(nothing, jnp.zeros_like, phase)
     rise = first_rise(compressor)
     rise = None if rise is None else rise / _KELVINS
-    still = _Motion(jnp.zeros(()), None if even else steady, rise)
+    still = _Motion(jnp.zeros(()), steady, rise)
     _, (cycle, orbit) = zeros_of(_iteration, compressor, solver, still, nothing)
     beside = unsolved(cycle), orbit
 
@@ -362,10 +363,7 @@ def _cycles(compressor: Compressor, solver, speed, pace=None, start=None) -> Cyc
 
 def _cylinders(compressor: Compressor):
     """The mechanism of every cylinder, and their phases [rad]."""
-    count = compressor.crankshaft.count
-    alike = not listed(compressor.mechanism)
-    each = [of_cylinder(compressor.mechanism, i + 1) for i in range(1 if alike else count)]
-    return each * (count // len(each)), compressor.crankshaft.distinct_phase
+    return mechanisms_of(compressor), compressor.crankshaft.distinct_phase
 
 
 def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:

@@ -21,11 +21,10 @@ from ..cylinder import Cylinder
 from ..cylinder.interface import values_only
 from ..mechanism import CrankState
 from ._integration import TimeIntegration
-from ._journals import journal_drive, moving, with_journals
-from ._motion import acceleration
+from ._journals import moving
 from ._orbit import Energy
 from ._solve import solve_orbit
-from ._transient_gas import DenseSteps, GasCourse, march_with_gas
+from ._transient_gas import DenseSteps, GasCourse, crank_rates, march_with_gas
 from ._warming import at_rise, law_of
 
 
@@ -184,23 +183,12 @@ def _simulate(
     speed_scale = compressor.motor.speed_guess
     energy_scale = instants(compressor, angle).inertia * speed_scale**2
 
-    def evaluate(t, y):
-        now = y["speed"] * speed_scale
-        motor = jnp.where(t < off, compressor.motor.torque(now), 0.0)
-        placed = with_journals(compressor, y.get("journals"))
-        return now, motor, *acceleration(placed, y["angle"], now, motor)
-
     def rate(t, y, args):
         del args
-        now, motor, rise, conservative, loads = evaluate(t, y)
-        torques = {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}
+        rise, torques, others = crank_rates(compressor, y, t < off)
+        now = y["speed"] * speed_scale
         work = jax.tree.map(lambda torque: torque * now / energy_scale, torques)
-        rates = {"angle": now, "speed": rise / speed_scale, "work": work}
-        if "journals" in y:
-            state = CrankState(y["angle"], now, rise)
-            drive = journal_drive(compressor, loads.forces, state, in_time=True)
-            rates["journals"] = drive.rate(y["journals"])
-        return rates
+        return {"angle": now, "speed": rise / speed_scale, "work": work, **others}
 
     y0 = {"angle": angle, "speed": speed / speed_scale}
     journals = moving(compressor)
@@ -237,7 +225,7 @@ def _simulate(
     return _listed(
         compressor,
         good,
-        (time, ys, jax.vmap(evaluate)(time, ys)[2]),
+        (time, ys, jax.vmap(lambda t, y: crank_rates(compressor, y, t < off)[0])(time, ys)),
         reached,
         (speed_scale, energy_scale),
         stopped=stopped,

@@ -17,9 +17,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from .._core.each import stacked
-from .._core.fields import ANY, of_cylinder, quantity, replaced
+from .._core.fields import ANY, quantity, replaced
 from .._core.roots import zeros_of
-from ..compressor import Compressor, instants
+from ..compressor import Compressor, instants, mechanisms_of
 from ..cylinder import Cylinder
 from ..cylinder.interface import (
     EVENTS,
@@ -108,16 +108,14 @@ class DenseSteps(eqx.Module):
 class CrankAndGas(AbstractLaw):
     """A machine over time in radians of its motor's speed.
 
-    The flags are those of the cylinders, whether the motor is on, and whether the crank has come to rest.
+    The flags are those of the cylinders, whether the motor is on, and whether the crank has stopped.
     """
 
     compressor: Compressor  # whose gas is a `Cylinder`, for each of several cylinders
     system: Cylinders  # with their lines and plenums
     energy_scale: Float[Array, ""]  # [J] unit of the works
     off: Float[Array, ""]  # [s] at which the motor is switched off
-    until_rest: bool = eqx.field(
-        static=True
-    )  # whether the march ends where the crank comes to rest
+    until_rest: bool = eqx.field(static=True)  # whether the march ends where the crank stops
     kept: int = eqx.field(static=True)
     # angle, speed, gas with plenums, works and journals from the vector of the states that are kept
     unravel: Any = eqx.field(static=True)
@@ -134,13 +132,13 @@ class CrankAndGas(AbstractLaw):
     def rates(self, angle, state, flags):
         at = self.unravel(state[: self.kept])
         found = self.gases(at, flags)
-        rise, torques, journals = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
+        rise, torques, others = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
         rate = {
             "angle": at["speed"],
             "speed": rise / self.pace**2,
             "gas": found.state,
             "work": jax.tree.map(lambda m: m * at["speed"] / self.energy_scale, torques),
-            **{name: rates / self.pace for name, rates in journals.items()},
+            **{name: rates / self.pace for name, rates in others.items()},
         }
         slopes = jnp.concatenate([ravel_pytree(rate)[0], found.accounts.ravel()])
         rest = at["speed"] if self.until_rest else jnp.ones(())
@@ -211,7 +209,7 @@ def march_with_gas(
     Args:
         compressor: whose gas is a `Cylinder`, for each of several cylinders.
         options: `TimeIntegration`; tolerance and greatest number of steps.
-        until_rest: end where the crank comes to rest.
+        until_rest: end where the crank stops.
         duration: [s]
         angle: [rad] at the start.
         speed: [rad/s] at the start.
@@ -242,26 +240,43 @@ def march_with_gas(
     return law, marched
 
 
-def _crank(compressor: Compressor, at, pressure, motor_on):
-    """Acceleration [rad/s^2], torques whose works are counted [N m], and rates of journals' positions."""
+def crank_rates(compressor: Compressor, at, motor_on):
+    """The crank in time, at states of which those of the gas are no part.
+
+    Args:
+        compressor: whose gas has a pressure at every crank angle.
+        at: angle [rad], speed over the motor's guess and, where journals move, their positions.
+        motor_on: whether the motor is on.
+
+    Returns:
+        Acceleration [rad/s^2], the torques whose works are counted [N m], and the rates [1/s] of what
+        moves besides, by its name in `at`.
+    """
     now = at["speed"] * compressor.motor.speed_guess
     motor = jnp.where(motor_on, compressor.motor.torque(now), 0.0)
-    held, journals = _held(compressor, pressure), {}
-    placed = with_journals(held, at.get("journals"))
+    placed, others = with_journals(compressor, at.get("journals")), {}
     rise, conservative, loads = acceleration(placed, at["angle"], now, motor)
     if "journals" in at:
         state = CrankState(at["angle"], now, rise)
-        drive = journal_drive(held, loads.forces, state, in_time=True)
-        journals["journals"] = drive.rate(at["journals"])
-    return rise, {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}, journals
+        drive = journal_drive(compressor, loads.forces, state, in_time=True)
+        others["journals"] = drive.rate(at["journals"])
+    return rise, {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}, others
+
+
+def _crank(compressor: Compressor, at, pressure, motor_on):
+    """`crank_rates` under given pressures in the cylinders."""
+    return crank_rates(_held(compressor, pressure), at, motor_on)
 
 
 def _system(compressor: Compressor) -> Cylinders:
     gas: Any = compressor.gas
     assert isinstance(gas, Cylinder)
-    count, speed = compressor.crankshaft.count, compressor.motor.speed_guess
-    each = [prepare(gas, of_cylinder(compressor.mechanism, i + 1), speed) for i in range(count)]
-    cases = stacked(each) if count > 1 else each[0]
+    mechanisms, speed = mechanisms_of(compressor), compressor.motor.speed_guess
+
+    def one(mechanism):
+        return prepare(gas, mechanism, speed)
+
+    cases = jax.vmap(one)(stacked(mechanisms)) if len(mechanisms) > 1 else one(mechanisms[0])
     return Cylinders(cases, compressor.crankshaft.distinct_phase, in_time=True)
 
 

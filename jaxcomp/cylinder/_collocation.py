@@ -39,7 +39,7 @@ _FAST, _MOST_WITH_ONE = 0.1, 6
 
 
 class Mesh(NamedTuple):
-    """What happens on p panels."""
+    """Branches and events of p panels."""
 
     flags: Int[Array, "p f"]  # branches, six of each cylinder
     event: Int[Array, " p"]  # at the end, -1 for none

@@ -19,7 +19,7 @@ def jump(case: Case, event: Int[Array, ""], code: Int[Array, ""], state: Float[A
     Args:
         case: cylinder and lines.
         event: which; -1 for none.
-        code: 0 nothing jumps, 1 onto or off the seat, 2 comes to rest, 3 bounces.
+        code: 0 nothing jumps, 1 onto or off the seat, 2 stops, 3 bounces.
     """
     parts = [state[:2]]
     for which, valve in enumerate(case.cylinder.valves):

@@ -170,13 +170,11 @@ class Cylinders(eqx.Module):
 
     def jump(self, event, code, state) -> Float[Array, " n"]:
         """The states after an event; see `_events.jump`."""
-        own, plenums = self.parted(state)
-        if self.count == 1:
-            return self._joined(jump(self.cases, event, code, own[0]), plenums)
 
         def one(case, place, state):
             return jump(case, event - EVENTS * place, code, state)
 
+        own, plenums = self.parted(state)
         return self._joined(self.each(one, jnp.arange(self.count), own), plenums)
 
     def after(self, event, state, flags, force) -> tuple[Int[Array, ""], Int[Array, " f"]]:

@@ -1,5 +1,7 @@
 """Pictures of an optimisation: the paths of all starts, their convergence, the Pareto front."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
@@ -48,7 +50,7 @@ def pareto_front(front: ParetoFront) -> Figure:
     rows = zip(front.names, front.units, front.objectives.T, strict=True)
     looks = [shown(*row).drawn for row in rows]
     # the second objective is the abscissa
-    scale = Shown("", "", *np.array([(one.factor, one.zero) for one in looks]).T)
+    scale = _columns(looks)
     sample, points, present = (
         scale.of(np.asarray(values))[..., ::-1]
         for values in (front.sample, front.objectives, front.present)
@@ -76,6 +78,11 @@ def pareto_front(front: ParetoFront) -> Figure:
     ax.set(xlim=(left, right), ylim=(bottom, top), xlabel=looks[1].label, ylabel=looks[0].label)
     style.legend(ax, loc="best")
     return figure
+
+
+def _columns(looks: Sequence[Shown]) -> Shown:
+    """How the columns of a table of numbers are shown."""
+    return Shown("", "", *np.array([(one.factor, one.zero) for one in looks]).T)
 
 
 def _line(optimum: Optimum) -> Figure:
@@ -111,7 +118,7 @@ def _plane(optimum: Optimum) -> Figure:
     figure, ax = style.single((6.8, 5.0), _title(optimum))
     sample, ranges = optimum.sample, optimum.ranges
     looks, goal = _variables(optimum), _objective(optimum)
-    scale = Shown("", "", *np.array([(one.factor, one.zero) for one in looks]).T)
+    scale = _columns(looks)
     places = scale.of(sample.values)
     if sample.ok.sum() >= 4:
         # neighbours in shares of the ranges: in units of their own one variable dwarfs the other
