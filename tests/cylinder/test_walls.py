@@ -72,10 +72,10 @@ def test_the_wall_heats_the_suction_plenum_and_cools_the_discharge_plenum():
     cycle = solve_cycle(tied, light_rod(), SPEED, COLLOCATION)
     state, scale = cycle.raw[1].points, cycle.case.suction.T
     weight = np.asarray(cycle.weight)
-    # mean temperatures of the plenums, which are states 9 and 12
+    # mean temperatures of the plenums, whose states (mass, temperature, flow) stand last
     before, behind = (
         float(weight @ np.asarray(state[:, :-1, i]).reshape(-1) * scale) / (2 * np.pi)
-        for i in (9, 12)
+        for i in (-5, -2)
     )
     wall = float(cycle.wall_temperature)
     assert 300 < before < wall < behind
