@@ -101,17 +101,23 @@ def _readings(found: Identification, name: str, quantity: str) -> Figure:
 def _trace(found: Identification, name: str, quantity: str) -> Figure:
     """Readings and model over the crank angle, and what is left in standard deviations."""
     look, measured, computed, *_ = _columns(found, quantity)
+    mine = found.of(quantity)
     angle = np.degrees(_condition(found, "crank_angle", quantity))
-    left = np.asarray((found.computed - found.measured) / found.sd)[found.of(quantity)]
-    order = np.argsort(angle)
+    left = np.asarray((found.computed - found.measured) / found.sd)[mine]
     figure, (ax, off) = style.stacked(2, (7.2, 5.4), f"{name}: {look.label}")
-    ax.plot(angle, measured, ".", color=_PREDICTED, markersize=3, label="measured")
-    ax.plot(angle[order], computed[order], color=_FITTED, linewidth=1.4, label="computed")
-    off.plot(angle, left, ".", color=_FITTED, markersize=3)
+    points = np.asarray(found.point)[mine]
+    # each file is a line of its own
+    for number, point in enumerate(dict.fromkeys(points.tolist())):
+        at = np.flatnonzero(points == point)
+        at = at[np.argsort(angle[at])]
+        tint, which = style.tint(number), f", {number + 1}" if np.ptp(points) else ""
+        ax.plot(angle[at], measured[at], ".", color=tint, markersize=4, label=f"measured{which}")
+        ax.plot(angle[at], computed[at], color=tint, linewidth=1.2, label=f"computed{which}")
+        off.plot(angle[at], left[at], ".", color=tint, markersize=3)
     style.zero_line(off)
     ax.set(ylabel=look.label)
     off.set(xlabel="Crank angle, degrees", ylabel="Difference, standard deviations")
-    style.legend(ax)
+    style.legend_above(ax)
     return figure
 
 

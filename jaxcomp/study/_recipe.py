@@ -29,6 +29,9 @@ RECIPE: dict[str, tuple[float, float, float | None]] = {
     "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.0),
     "gas.leakage.gap": (0.1, 4.0, 0.5),
     "gas.suction_valve.flow_coefficient": (0.35, 1.8, 0.35),
+    # A stiff valve opens late and shuts early where the gas is thin, a soft one shuts late where it is
+    # dense: flow and power over the evaporating pressure. Of an unknown one not even the size is known.
+    "gas.suction_valve.stiffness": (0.05, 20.0, 1.5),
     "gas.discharge_valve.flow_coefficient": (0.35, 1.8, 0.35),
 }
 # [-] Volumetric efficiency by which the machine gets its size, before anything is fitted.

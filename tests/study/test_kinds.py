@@ -1,5 +1,6 @@
 """Constants from readings over the crank angle, tables of quantities and vibration, and all at once."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from jaxcomp import BadInput, load, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.machine import machine_of
+from jaxcomp.plot import identification_figures
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.measured import read_measurement
 from jaxcomp.scene.tolerances import identified_tolerances, read_tolerance_file, tolerances_of
@@ -104,6 +106,14 @@ def test_losses_and_a_speed_over_the_revolution_in_one_fit(machine, truth, table
     # losses alone say nothing of the inertia
     alone = identify(machine, table, vary, starts=1)
     assert any(INERTIA in words for words in alone.weak)
+    # every file is a line of its own in the picture
+    speed = np.flatnonzero(found.of("speed"))
+    apart = found.point.at[speed[::2]].add(1)
+    for point, files in ((found.point, 1), (apart, 2)):
+        figure = identification_figures(eqx.tree_at(lambda f: f.point, found, point), "m")
+        lines = [line.get_xdata() for line in figure["identified_speed"].axes[0].lines]
+        assert [len(line) for line in lines] == [speed.size // files] * (2 * files)
+        assert all((np.diff(line) > 0).all() for line in lines)
 
 
 def test_tolerances_of_what_was_identified(machine, table, tmp_path):
