@@ -29,9 +29,6 @@ RECIPE: dict[str, tuple[float, float, float | None]] = {
     "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.0),
     "gas.leakage.gap": (0.1, 4.0, 0.5),
     "gas.suction_valve.flow_coefficient": (0.35, 1.8, 0.35),
-    # A stiff valve opens late and shuts early where the gas is thin, a soft one shuts late where it is
-    # dense: flow and power over the evaporating pressure. Of an unknown one not even the size is known.
-    "gas.suction_valve.stiffness": (0.05, 20.0, 1.5),
     "gas.discharge_valve.flow_coefficient": (0.35, 1.8, 0.35),
 }
 # [-] Volumetric efficiency by which the machine gets its size, before anything is fitted.
@@ -81,8 +78,9 @@ def map_recipe(machine: Any, readings: Readings | Sequence[Readings]) -> Recipe:
             continue
         now = float(one.current(design))
         if now > 0:
-            most = min(high * now, one.high if isinstance(one, CommonFactor) else one.bound.high)
-            vary[name] = (low * now, float(most))
+            each = one.each if isinstance(one, CommonFactor) else (one,)
+            most = min(now * one.bound.high / float(one.current(design)) for one in each)
+            vary[name] = (low * now, min(high * now, most))
             if width is not None:
                 prior[name] = (now, width * now)
     return Recipe(design, vary, prior)
