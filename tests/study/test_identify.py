@@ -123,6 +123,8 @@ def test_a_template_gets_the_size_that_the_flow_wants():
     assert made.prior["motor.losses.fixed_power"][0] == pytest.approx(500 * share)
     low, high = made.vary["motor.losses.efficiency"]
     assert (low, high * 0.92 <= 1) == (0.7, True)
+    # a common factor reaches as far as the recipe says
+    assert made.vary["friction.*.coefficient"] == (0.05, 20.0)
     # a machine without the law of warming has one constant of it less
     plain = map_recipe(load("r600a-8cc"), Readings("map", *conditions, {"mass_flow": flow}))
     assert "gas.suction.warming.loss_share" not in plain.vary
