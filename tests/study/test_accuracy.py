@@ -639,6 +639,8 @@ ALLOWED = {
     "thin_film_share": COUNTED,
     "shaking": HARMONICS,
 }
+
+
 @pytest.mark.slow  # a minute of compilation each
 @pytest.mark.parametrize(
     ("name", "part"), [*((name, "crank") for name in MACHINES), (MACHINES[2], "rotor")]
