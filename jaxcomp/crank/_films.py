@@ -400,7 +400,7 @@ class _Periodic(AbstractFixedPoint):
     """The periodic orbit of a journal on fixed panels; the parameters are its `Drive`."""
 
     grid: Panels
-    tolerance: float = 1e-13
+    tolerance: float | Float[Array, ""] = 1e-13
     max_iterations: int = eqx.field(static=True, default=60)
 
     def step(self, parameters, data, unknowns):

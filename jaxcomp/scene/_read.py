@@ -116,6 +116,7 @@ class Reader:
         try:
             found = read(*arguments)
         except SceneError as error:
+            found = None
             self.problems.append(error)
         return found if len(self.problems) == before else None
 
