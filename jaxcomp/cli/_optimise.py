@@ -140,7 +140,7 @@ def optimise(
     with progress_of("Compiling and sampling") as progress:
 
         def callback(stage: str, done: int, total: int) -> None:
-            words = "Sampling the ranges" if stage == "sample" else "Searching, designs a start"
+            words = "Sampling the ranges" if stage == "sample" else "Searching, designs"
             progress.at(done, total, words)
 
         partial = Partial(out, "designs")
