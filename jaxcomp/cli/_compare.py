@@ -57,32 +57,24 @@ def compare(
     if len(machines) + len(variants or ()) < 2:
         raise CommandError("compare: needs a second machine, or a variant by --with NAME=VALUE")
     refuse(variants and len(machines) > 1, "--with: is for one machine alone")
-    from .._core.status import SolveFailed
-
     start_jax(once=True)
-    scenes, orbits = _scenes(machines, variants or (), sets or ()), []
+    scenes = _scenes(machines, variants or (), sets or ())
     with waiting("Solving the periodic states (the first time they are compiled as well) ..."):
-        for label, scene in scenes.items():
-            try:
-                orbits.append(jc.solve_orbit(scene.as_compressor()))
-            except SolveFailed as error:
-                raise CommandError(f"{label}: {error}") from None
-    designs, labels = [one.machine for one in scenes.values()], list(scenes)
-    rows = [one._asdict() for one in jc.study.compared_designs(designs, orbits)]
+        found = jc.study.compare(scenes)
     result: dict[str, Any] = {
         "machines": [
             {"label": label, "machine": scene.name, "file": scene.file}
             for label, scene in scenes.items()
         ],
         "set": list(sets or ()),
-        "figures": rows,
+        "figures": [one._asdict() for one in found.rows],
     }
 
     def figures():
-        return {"losses": jc.plot.compared_losses(rows, labels)}
+        return {"losses": jc.plot.compared_losses(found)}
 
-    tables, written = [beside_table(rows, labels)], "Report, picture and result"
-    hand_out(result, tables, as_json, out, figures, written=written)
+    written = "Report, picture and result"
+    hand_out(result, [beside_table(found)], as_json, out, figures, written=written)
 
 
 def _scenes(

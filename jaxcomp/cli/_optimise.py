@@ -176,9 +176,13 @@ def optimise(
     else:
         result = optimum_result(scene, asked, found, seconds)
         with waiting("Comparing with the present design ..."):
-            result["comparison"] = comparison(found)
+            beside = comparison(found)
+        result["comparison"] = [
+            {"name": name, "unit": unit, "present": values[0], "optimum": values[1]}
+            for name, unit, values in (beside.rows if beside else ())
+        ]
         scene, result["not_in_scene"] = optimised_scene(scene, found)
-        tables, files = optimum_tables(result), "designs"
+        tables, files = optimum_tables(result, beside), "designs"
         written = "Report, pictures, designs, result and optimised scene"
 
     def figures():
@@ -304,8 +308,8 @@ def optimum_result(
     return plain(result)
 
 
-def comparison(found: jc.study.Optimum) -> list[dict[str, Any]]:
-    """Losses, forces and dimensions of the present design beside the optimum, where there is a crank.
+def comparison(found: jc.study.Optimum) -> jc.study.Comparison | None:
+    """The present design beside the optimum, where there is a crank.
 
     Objectives that need no periodic state are compared by themselves.
     """
@@ -315,21 +319,12 @@ def comparison(found: jc.study.Optimum) -> list[dict[str, Any]]:
         for q in problem.quantities
     )
     if problem.design.compressor is None or not any(crank):
-        return []
-    designs = problem.design, found.design
-    orbits = [
-        jc.crank.solve_orbit(
-            jc.machine.assembled(one).compressor, problem.options.solver, throw=False
-        )
-        for one in designs
-    ]
-    return [
-        {"name": one.name, "unit": one.unit, "present": one.values[0], "optimum": one.values[1]}
-        for one in jc.study.compared_designs(designs, orbits)
-    ]
+        return None
+    designs = {"Present": problem.design, "Optimum": found.design}
+    return jc.study.compare(designs, problem.options.solver, throw=False)
 
 
-def optimum_tables(result: dict[str, Any]) -> Iterator[Table]:
+def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -> Iterator[Table]:
     """Variables and objective, comparison with the present design, constraints, starts, search."""
     goal, variables = result["objective"], result["variables"]
     way = "highest" if goal["maximised"] else "lowest"
@@ -349,9 +344,8 @@ def optimum_tables(result: dict[str, Any]) -> Iterator[Table]:
     rows += [(), (name, _text(goal, goal["present"], 6), best, "", "")]
     title = f"{result['machine']}: {way} {name.lower()}"
     yield row_table(title, ("", "Present", "Optimum", "Range", ""), rows)
-    if result.get("comparison"):
-        rows = [{**one, "values": [one["present"], one["optimum"]]} for one in result["comparison"]]
-        yield beside_table(rows, ["Present", "Optimum"])
+    if beside is not None:
+        yield beside_table(beside)
     if result["constraints"]:
         signs = {"upper": "<=", "lower": ">=", "equal": "="}
         rows = [
