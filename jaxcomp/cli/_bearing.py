@@ -13,7 +13,7 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM
-from ._options import AsJson, OutWithoutScene
+from . import _options as opt
 from ._output import hand_out, plain
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import row_table
@@ -55,8 +55,8 @@ def bearing(
     frame: Literal["fixed", "journal", "bush"] = "fixed",
     between: Literal["spline", "lines"] = "spline",
     period: str | None = None,
-    as_json: AsJson = False,
-    out: OutWithoutScene = None,
+    as_json: opt.AsJson = False,
+    out: opt.OutWithoutScene = None,
 ) -> None:
     """Run a journal bearing under a steady load, or under loads from a table over the crank angle.
 

@@ -10,23 +10,8 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import shown
+from . import _options as opt
 from ._arguments import assignments, changed_scene
-from ._options import (
-    AccuracyOption,
-    AsJson,
-    CycleOption,
-    Designs,
-    ExcitationOption,
-    Machine,
-    Out,
-    OutWithoutScene,
-    Quantities,
-    Sets,
-    Solver,
-    analysis_options,
-    complete_machine,
-    complete_variable,
-)
 from ._output import hand_out
 from ._start import CommandError, refuse, reports_errors, start_jax, waiting
 from ._sweep import default_quantities
@@ -35,13 +20,13 @@ from ._tables import beside_table, row_table
 
 @reports_errors
 def compare(
-    machines: Annotated[list[str], typer.Argument(autocompletion=complete_machine)],
+    machines: Annotated[list[str], typer.Argument(autocompletion=opt.complete_machine)],
     variants: Annotated[
-        list[str] | None, typer.Option("--with", autocompletion=complete_variable)
+        list[str] | None, typer.Option("--with", autocompletion=opt.complete_variable)
     ] = None,
-    sets: Sets = None,
-    as_json: AsJson = False,
-    out: OutWithoutScene = None,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
+    out: opt.OutWithoutScene = None,
 ) -> None:
     """Show efficiency, power, losses, forces and dimensions of designs beside each other.
 
@@ -96,17 +81,17 @@ def _scenes(
 
 @reports_errors
 def sensitivity(
-    machine: Machine,
-    quantity: Quantities = None,
-    sets: Sets = None,
-    designs: Designs = None,
-    excitation: ExcitationOption = None,
-    accuracy: AccuracyOption = "fast",
-    solver: Solver = "collocation",
-    cycle: CycleOption = None,
+    machine: opt.Machine,
+    quantity: opt.Quantities = None,
+    sets: opt.Sets = None,
+    designs: opt.Designs = None,
+    excitation: opt.ExcitationOption = None,
+    accuracy: opt.AccuracyOption = "fast",
+    solver: opt.Solver = "collocation",
+    cycle: opt.CycleOption = None,
     rows: Annotated[int, typer.Option(min=1)] = 20,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Show by how many per cent quantities change when each number of the machine rises by 1 %.
 
@@ -124,7 +109,7 @@ def sensitivity(
     scene = changed_scene(machine, sets, designs)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():
-        options = analysis_options(scene, accuracy, solver, cycle, excitation)
+        options = opt.analysis_options(scene, accuracy, solver, cycle, excitation)
         found = jc.study.sensitivity(scene, names, options=options)
     if not found.ok:
         raise CommandError(

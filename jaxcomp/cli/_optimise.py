@@ -12,19 +12,8 @@ from rich.table import Table
 import jaxcomp as jc
 
 from .._core.display import shown
+from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
-from ._options import (
-    AccuracyOption,
-    AsJson,
-    CycleOption,
-    Machine,
-    Out,
-    Quantity,
-    Sets,
-    Solver,
-    analysis_options,
-    complete_variable,
-)
 from ._output import Partial, hand_out, plain
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import beside_table, bold, row_table
@@ -34,31 +23,31 @@ Method = Literal["slsqp", "least-squares", "adam"]
 
 @reports_errors
 def optimise(
-    machine: Machine,
+    machine: opt.Machine,
     variables: Annotated[
-        list[str] | None, typer.Option("--variable", autocompletion=complete_variable)
+        list[str] | None, typer.Option("--variable", autocompletion=opt.complete_variable)
     ] = None,
-    objective: Quantity = None,
+    objective: opt.Quantity = None,
     targets: Annotated[list[str] | None, typer.Option("--target")] = None,
     maximise: Annotated[bool | None, typer.Option("--maximise/--minimise")] = None,
     constraints: Annotated[list[str] | None, typer.Option("--constraint")] = None,
-    pareto: Quantity = None,
+    pareto: opt.Quantity = None,
     points: int = 12,
     scatter: list[str] | None = None,
     sigmas: float | None = None,
     quantile: float | None = None,
-    sets: Sets = None,
+    sets: opt.Sets = None,
     method: Method | None = None,
     starts: int = 8,
     max_steps: Annotated[int, typer.Option("--steps")] = 100,
     tolerance: float = 1e-5,
     samples: int = 256,
     seed: int = 0,
-    accuracy: AccuracyOption = "fine",
-    solver: Solver = "collocation",
-    cycle: CycleOption = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    accuracy: opt.AccuracyOption = "fine",
+    solver: opt.Solver = "collocation",
+    cycle: opt.CycleOption = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Find the best design by gradients, from several starts, and compare it with a coarse sweep.
 
@@ -133,7 +122,7 @@ def optimise(
     }
     begun = time.perf_counter()
     scene = changed_scene(machine, sets, (), [*asked["variables"], *asked["scatter"]])
-    options = analysis_options(scene, accuracy, solver, cycle)
+    options = opt.analysis_options(scene, accuracy, solver, cycle)
     made = _problem(asked, jc.machine.machine_of(scene), options)
     options = {key: asked[key] for key in ("starts", "max_steps", "tolerance", "samples", "seed")}
     options["constraints"] = bounds_of(constraints, "--constraint")

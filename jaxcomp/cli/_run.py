@@ -13,18 +13,8 @@ import jaxcomp as jc
 
 from .._core.display import RPM, axes_words, shown
 from .._core.registry import Quantity, registered
+from . import _options as opt
 from ._arguments import assignments, changed_scene
-from ._options import (
-    AsJson,
-    CycleOption,
-    Designs,
-    Machine,
-    Out,
-    Sets,
-    Solver,
-    solver_of,
-    with_cycle,
-)
 from ._output import hand_out, plain, show_results
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import Markup, row_table, words
@@ -42,16 +32,16 @@ _REVERSAL, _REVERSED = math.radians(15), 0.03
 
 @reports_errors
 def run(
-    machine: Machine,
-    sets: Sets = None,
-    designs: Designs = None,
-    solver: Solver = "collocation",
+    machine: opt.Machine,
+    sets: opt.Sets = None,
+    designs: opt.Designs = None,
+    solver: opt.Solver = "collocation",
     tolerance: float | None = None,
-    cycle: CycleOption = None,
+    cycle: opt.CycleOption = None,
     verify: bool = False,
     moving_films: bool = False,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Find the periodic state of a machine and print efficiency, losses and forces.
 
@@ -69,7 +59,7 @@ def run(
     start_jax(once=True)
     scene = changed_scene(machine, sets, designs)
     compressor = scene.as_compressor()
-    method = with_cycle(solver_of(solver, compressor), cycle)
+    method = opt.with_cycle(opt.solver_of(solver, compressor), cycle)
     if tolerance is not None:
         method = dataclasses.replace(method, tolerance=tolerance)
     with waiting("Solving the periodic state (the first time it is compiled as well) ..."):
