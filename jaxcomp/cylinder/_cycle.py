@@ -16,7 +16,7 @@ from ._collocation import SolvedPressure, over_panels, resolution, turning_margi
 from ._cylinder import Case
 
 VALVES = ("suction", "discharge")
-# [-] of the stop: a turn as near to it as tolerances of production
+# [-] of the stop: a valve that reverses as near to it as production tolerances
 GRAZING = 0.01
 
 
