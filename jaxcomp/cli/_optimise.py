@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
@@ -84,6 +85,7 @@ def optimise(
         samples: Designs of the coarse sweep that the optimum is compared with.
         seed: Of starts and samples.
     """
+    asked = {name: given for name, given in locals().items() if name not in ("as_json", "out")}
     refuse(not variables, "--variable: is missing; e.g. --variable bore=100mm:160mm")
     two = targets and (objective or maximise is not None)
     refuse(two, "--target: cannot be combined with --objective or --maximise")
@@ -94,69 +96,13 @@ def optimise(
     refuse(unscattered, "--sigmas and --quantile: need --scatter")
     both = sigmas is not None and quantile is not None
     refuse(both, "--sigmas: takes no --quantile beside it")
-    from .._core.progress import progress_of
-
     start_jax()
-    asked: dict[str, Any] = {
-        "machine": machine,
-        "sets": sets or [],
-        "variables": variables,
-        "objective": None if targets else (objective or "mechanical_efficiency"),
-        "targets": targets or [],
-        "maximise": maximise,
-        "constraints": constraints or [],
-        "pareto": pareto,
-        "points": points,
-        "scatter": scatter or [],
-        "sigmas": sigmas,
-        "quantile": quantile,
-        "method": method,
-        "starts": starts,
-        "max_steps": max_steps,
-        "tolerance": tolerance,
-        "samples": samples,
-        "seed": seed,
-        "accuracy": accuracy,
-        "solver": solver,
-        "cycle": cycle,
-    }
+    asked |= {name: asked[name] or [] for name in ("sets", "targets", "constraints", "scatter")}
+    asked["objective"] = None if targets else objective or "mechanical_efficiency"
     begun = time.perf_counter()
     scene = changed_scene(machine, sets, (), [*asked["variables"], *asked["scatter"]])
     options = opt.analysis_options(scene, accuracy, solver, cycle)
-    made = _problem(asked, jc.machine.machine_of(scene), options)
-    options = {key: asked[key] for key in ("starts", "max_steps", "tolerance", "samples", "seed")}
-    options["constraints"] = bounds_of(constraints, "--constraint")
-    with progress_of("Compiling and sampling") as progress:
-
-        def callback(stage: str, done: int, total: int) -> None:
-            words = "Sampling the ranges" if stage == "sample" else "Searching, designs"
-            progress.at(done, total, words)
-
-        partial = Partial(out, "designs")
-        solved: list[tuple[Any, Any, Any]] = []
-
-        def keep(problem, designs, found) -> None:
-            import numpy as np
-
-            solved.append((designs, found.values, found.ok))
-            points, values, ok = map(np.concatenate, zip(*solved, strict=True))
-            columns = {f"{data.name} [{data.unit}]" if data.unit else data.name: data.values
-                       for data in problem.columns(points, values)}  # fmt: skip
-            partial.keep(columns | {"solved": ok})
-
-        options |= {"callback": callback, "keep": keep}
-        goal, way = made.quantities[0], _maximise(asked)
-        if pareto:
-            options |= {"maximise": (way, None), "points": points}
-            found = jc.study.pareto(made, (goal, pareto), **options)
-        else:
-            wanted = {
-                name: value_of(name, text, f"--target {name}")
-                for name, text in assignments(targets, "--target").items()
-            }
-            options |= {"maximise": way, "method": asked["method"]}
-            found = jc.study.optimise(made, wanted or goal, **options)
-    partial.done()
+    found = _searched(asked, _problem(asked, jc.machine.machine_of(scene), options), out)
     seconds = time.perf_counter() - begun
     if isinstance(found, jc.study.ParetoFront):
         result = front_result(scene, asked, found, seconds)
@@ -202,6 +148,45 @@ def _problem(
         quantities = list(assignments(asked["targets"], "--target"))
     quantities += [asked["pareto"]] if asked["pareto"] else []
     return jc.study.problem(design, ranges, quantities, options)
+
+
+def _searched(
+    asked: dict[str, Any], problem: jc.study.Problem, out: Path | None
+) -> jc.study.Optimum | jc.study.ParetoFront:
+    """What is found for a problem, with progress and what is solved so far kept meanwhile."""
+    import numpy as np
+
+    from .._core.progress import progress_of
+
+    partial, solved = Partial(out, "designs"), []
+    options = {key: asked[key] for key in ("starts", "max_steps", "tolerance", "samples", "seed")}
+    options["constraints"] = bounds_of(asked["constraints"], "--constraint")
+    wanted = {
+        name: value_of(name, text, f"--target {name}")
+        for name, text in assignments(asked["targets"], "--target").items()
+    }
+    goal, way = problem.quantities[0], _maximise(asked)
+    with progress_of("Compiling and sampling") as progress:
+
+        def callback(stage: str, done: int, total: int) -> None:
+            words = "Sampling the ranges" if stage == "sample" else "Searching, designs"
+            progress.at(done, total, words)
+
+        def keep(problem, designs, found) -> None:
+            solved.append((designs, found.values, found.ok))
+            points, values, ok = map(np.concatenate, zip(*solved, strict=True))
+            columns = {one.header: one.values for one in problem.columns(points, values)}
+            partial.keep(columns | {"solved": ok})
+
+        options |= {"callback": callback, "keep": keep}
+        if asked["pareto"]:
+            options |= {"maximise": (way, None), "points": asked["points"]}
+            found = jc.study.pareto(problem, (goal, asked["pareto"]), **options)
+        else:
+            options |= {"maximise": way, "method": asked["method"]}
+            found = jc.study.optimise(problem, wanted or goal, **options)
+    partial.done()
+    return found
 
 
 def _maximise(asked: dict[str, Any]) -> bool | None:
