@@ -58,7 +58,7 @@ def bearing(
     as_json: opt.AsJson = False,
     out: opt.OutWithoutScene = None,
 ) -> None:
-    """Run a journal bearing under a steady load, or under loads from a table over the crank angle.
+    r"""Run a journal bearing under a steady load, or under loads from a table over the crank angle.
 
     A steady load: position, friction, stiffness and damping; with --over speed=FROM:TO:COUNT the
     friction over the speed (Stribeck's curve), to which rough surfaces in contact belong. A table: the
@@ -74,8 +74,8 @@ def bearing(
         viscosity: Dynamic viscosity such as '5 mPa*s', or a grade as 'VG 46 at 60 degC'.
         speed: Speed of the journal, such as 3000rpm; with --loads, of the crank; not beside --over.
         load: Steady load on the journal, such as '2 kN'.
-        loads (FILE.csv): Loads on the journal instead of --load: columns angle [deg], W_x [N] and
-            W_y [N] over one period. Further columns journal_speed [rpm] and bush_speed [rpm] for a rod
+        loads (FILE.csv): Loads on the journal instead of --load: columns angle \[deg], W_x [N] and
+            W_y [N] over one period. Further columns journal_speed \[rpm] and bush_speed \[rpm] for a rod
             or a pin that swings.
         over (speed=FROM:TO:COUNT): Speeds instead of --speed, such as speed=log:50rpm:3000rpm:60.
         model: Film model; the output states its limits. Journals move in reynolds and ocvirk.

@@ -227,6 +227,6 @@ def _follows(scene: jc.scene.Scene):
             yield f"Subset {name}", nodes if len(nodes) <= 60 else f"{nodes[:57]}...", "nodes"
     block = scene.parts.get("suspension")
     if isinstance(block, jc.vibration.Suspension):
-        hertz = jc.vibration.natural_frequencies(block) / (2 * math.pi)
+        hertz = jc.rotor.undamped_modes(block.rotor, 6).frequency / (2 * math.pi)
         text = ", ".join(f"{f:.3g}" for f in hertz)
         yield "Block on its springs, 6 degrees of freedom", text, "Hz"

@@ -118,10 +118,10 @@ def desk(
     port: int = 0,
     browser: bool = True,
 ) -> None:
-    """Open a page in the browser on which results follow while numbers of the machine are dragged.
+    r"""Open a page in the browser on which results follow while numbers of the machine are dragged.
 
     Nothing leaves this computer: the page is served on the loopback address alone. Ctrl+C ends it.
-    Needs Panel: [bold]pip install '.[desk]'[/bold] in the folder of jaxcomp.
+    Needs Panel: [bold]pip install '.\[desk]'[/bold] in the folder of jaxcomp.
 
     Example: [bold]jaxcomp desk mayekawa-wbhe[/bold]
 

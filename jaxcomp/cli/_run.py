@@ -563,7 +563,7 @@ def _vibrations(compressor, orbit: jc.Orbit, suspension, points) -> dict[str, An
         }
 
     return {
-        "natural_frequencies": shaking.natural_frequencies(suspension),
+        "natural_frequencies": jc.rotor.undamped_modes(suspension.rotor, 6).frequency,
         "block_amplitude": jnp.abs(block.amplitude[:, 0]),
         "block_rms": block.rms,
         **jax.vmap(at)(points),

@@ -312,6 +312,7 @@ def _nonzero(value):
     return value + (value == 0)
 
 
+@kept_jit
 def rod_load_reversal(
     orbit: Orbit,
 ) -> dict[str, tuple[Float[Array, ""], Float[Array, ""]]]:

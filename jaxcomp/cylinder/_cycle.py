@@ -243,19 +243,20 @@ class Cycle(Result, eqx.Module):
     def volume_losses(self) -> dict[str, Float[Array, ""]]:
         """[-] Where the swept volume goes, by name; the values add up to 1.
 
-        The suction valve's share is what the full cylinder's pressure is below that of the line.
+        The suction valve's share is what the pressure at the bottom dead centre is below the line's.
         """
         case, t = self.case, self.totals
         c = case.cylinder.clearance_ratio
         expanded = case.cylinder.fluid.at_entropy(case.suction.p, case.discharge.s, case.discharge)
         clearance = c * (case.discharge.rho / expanded.rho - 1)
+        _, bottom = case.mechanism.dead_centres()
+        full = self.pressure_at(bottom)
         named = {
             "delivered": self.volumetric_efficiency,
             "clearance": clearance,
             "leakage": t.leakage / case.mass_scale,
             "back flow": (t.suction_back + t.discharge_back) / case.mass_scale,
-            "suction valve": (1 + c)
-            * (1 - self.pressure[jnp.argmax(self.volume)] / case.suction.p),
+            "suction valve": (1 + c) * (1 - full / case.suction.p),
         }
         rest = 1 - sum(named.values(), start=jnp.zeros(()))
         return {**named, "heating": rest}

@@ -28,10 +28,6 @@ from ._machine import undamped_modes as undamped_modes
 from ._suspension import Spring as Spring
 from ._suspension import Suspension as Suspension
 from ._suspension import block_points as block_points
-from ._suspension import damping_matrix as damping_matrix
-from ._suspension import mass_matrix as mass_matrix
-from ._suspension import natural_frequencies as natural_frequencies
-from ._suspension import stiffness_matrix as stiffness_matrix
 from ._suspension import viscous_damping as viscous_damping
 from ._suspension import with_scaled_frequencies as with_scaled_frequencies
 from ._wrench import Wrench as Wrench

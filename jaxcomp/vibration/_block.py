@@ -12,13 +12,15 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .._core.results import Data, Result
 from ..compressor import Compressor
 from ..crank import Orbit, time_harmonics
-from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
+from ..rotor import harmonic_response
+from ._suspension import Suspension, motion_at
 from ._wrench import Wrench, shaking_wrench, wrench_about
 
 
@@ -113,20 +115,21 @@ def block_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     Returns:
         Displacement [m] and rotation [rad] of the block, shape (6, n).
     """
-    w = load.frequency[:, None, None]
-    dynamic = (
-        stiffness_matrix(suspension)
-        - w**2 * mass_matrix(suspension)
-        + 1j * w * damping_matrix(suspension)
-    )
-    answer = jnp.linalg.solve(dynamic, load.amplitude.T[..., None])
-    return Harmonics(answer[..., 0].T, load.speed)
+    block, still = suspension.rotor, jnp.zeros(())
+
+    def at(force, frequency):
+        # the centre is the first node, those of the springs follow it
+        forces = jnp.zeros((1 + len(suspension.springs), 6), complex).at[0].set(force)
+        return harmonic_response(block, forces, still, frequency).displacement[0]
+
+    return Harmonics(jax.vmap(at)(load.amplitude.T, load.frequency).T, load.speed)
 
 
 def free_body_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     r"""The same far above the suspension frequencies, $\ddot X = M^{-1}F$ (Eq. 43)."""
-    inverse = 1 / jnp.diag(mass_matrix(suspension))
-    amplitude = -inverse[:, None] * load.amplitude / load.frequency**2
+    inertias = suspension.inertia_x, suspension.inertia_y, suspension.inertia_z
+    mass = jnp.stack([*(suspension.mass,) * 3, *inertias])
+    amplitude = -load.amplitude / mass[:, None] / load.frequency**2
     return Harmonics(amplitude, load.speed)
 
 
