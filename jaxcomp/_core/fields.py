@@ -363,10 +363,10 @@ def at(tree: Any, path: str | Sequence[str]) -> Any:
         several = isinstance(tree, tuple | list) or (eqx.is_array(tree) and tree.ndim)
         if isinstance(tree, Mapping):
             tree = tree[step]
-        elif isinstance(tree, Part) and any(f.name == step for f in dataclasses.fields(tree)):
-            tree = getattr(tree, step)
         elif several and step.isdigit() and int(step) < len(tree):
             tree = tree[int(step)]
+        elif isinstance(tree, Part) and any(f.name == step for f in dataclasses.fields(tree)):
+            tree = getattr(tree, step)
         else:
             raise LookupError(step)
     return tree

@@ -59,6 +59,7 @@ class JournalFilm(Result, eqx.Module):
     """The film of one journal at the n nodes of an orbit.
 
     Attributes:
+        moving: whether the orbit was solved.
         position: [-] (2, n) centre of the journal over the clearance, in the axes of the joint's force.
         load: [N] (2, n) on the journal.
         thickness: [m] (n,) smallest round the ring.
@@ -85,9 +86,9 @@ class JournalFilm(Result, eqx.Module):
         contact_loss: [W] (n,) by their rubbing, beside the losses of the film.
         duration: [s] (n,) quadrature weights over the revolution.
         mean_contact_loss: [W]
-        moving: whether the orbit was solved.
     """
 
+    moving: bool = eqx.field(static=True)
     position: Float[Array, "2 n"] = reading("", "axis", "node")
     load: Float[Array, "2 n"] = reading("N", "axis", "node")
     thickness: Float[Array, " n"] = reading("m", "node")
@@ -112,7 +113,6 @@ class JournalFilm(Result, eqx.Module):
     contact_load: Float[Array, " n"] = reading("N", "node")
     contact_loss: Float[Array, " n"] = reading("W", "node")
     mean_contact_loss: Float[Array, ""] = reading("W")
-    moving: bool = eqx.field(static=True)
 
     table_dims: ClassVar[tuple[str, ...]] = ("node",)
 
@@ -125,16 +125,16 @@ class JournalOrbit(Result, eqx.Module):
     """A periodic orbit of one journal.
 
     Attributes:
-        angle: [rad] (n,) of the nodes.
         film: what is read off the orbit.
         status: `Status.film_collapse` where the film closes.
+        angle: [rad] (n,) of the nodes.
         residual: [-] last change of the positions.
         iterations: steps of Newton's method.
     """
 
-    angle: Float[Array, " n"] = reading("rad", "node")
     film: JournalFilm
     status: Status
+    angle: Float[Array, " n"] = reading("rad", "node")
     residual: Float[Array, ""] = reading("")
     iterations: Int[Array, ""] = reading("")
 
@@ -508,4 +508,4 @@ def _solved_journal(
     )
     status = Status.where(report.settled, Status.converged, Status.not_converged)
     status = orbit_status(grid.rule, drive, of_panels(position)[:, None], status)
-    return JournalOrbit(grid.angle.ravel(), read, status, report.change, report.steps)
+    return JournalOrbit(read, status, grid.angle.ravel(), report.change, report.steps)
