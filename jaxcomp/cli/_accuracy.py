@@ -220,18 +220,20 @@ def accuracy_tables(report: jc.study.accuracy.Report, error: float) -> Iterator[
         whole=(1,),
     )
     yield _tight(table)
-    largest = [
-        max((row for row in rows if row.method == method),
-            key=lambda row: (row.lines or 0, row.flops or 0, row.compile_seconds))
-        for method in report.methods
-    ]  # fmt: skip
+    programs: dict[tuple, list[str]] = {}
+    for method in report.methods:
+        sizes = ((row.lines or 0, row.flops or 0, row.compile_seconds)
+                 for row in rows if row.method == method)  # fmt: skip
+        programs.setdefault(max(sizes), []).append(method)
+    # all quantities come from one program
+    few = (names if len(names) < 4 else [f"all {len(names)}"] for names in programs.values())
     yield column_table(
         "Largest program of each method",
         {
-            "Method": report.methods,
-            "Compiling": [_duration(row.compile_seconds) for row in largest],
-            "Lines": [_count(row.lines) for row in largest],
-            "Operations": [_count(row.flops) for row in largest],
+            "Method": [", ".join(names) for names in few],
+            "Compiling": [_duration(seconds) for _, _, seconds in programs],
+            "Lines": [_count(lines or None) for lines, _, _ in programs],
+            "Operations": [_count(flops or None) for _, flops, _ in programs],
         },
         keep=True,
     )

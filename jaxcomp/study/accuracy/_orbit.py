@@ -66,6 +66,8 @@ from ._study import (
 OTHER_NODES = 37
 # [-] Two values that differ by less are the same number: of one program, and of two methods.
 _ROUNDING, _ROUNDINGS = 1e-15, 1e-12
+# [-] A harmonic or a share that is smaller than this part of the largest of its kind is rounding.
+_CANCELLED = 1e-12
 # The two methods of a reference.
 METHODS = f"collocation, {FINE_NODES} nodes", f"shooting, Dopri8 at {TIGHT_TOLERANCE:g}"
 
@@ -313,8 +315,12 @@ def quantities_study(question: Question, thorough: bool) -> Study:
 
     @cache
     def values():
-        """By the fine solver, and by the second method."""
-        return fine.value(FINE_TOLERANCE), other.value(tolerance)
+        """By the fine solver, and by the second method; what cancels in a balanced machine is zero."""
+        found = np.array([fine.value(FINE_TOLERANCE), other.value(tolerance)])
+        families = np.array([name.partition(".")[0] for name in names])
+        largest = np.array([np.abs(found[0, families == family]).max() for family in families])
+        found[0, np.abs(found[0]) < _CANCELLED * largest] = 0.0
+        return found
 
     def reference(place):
         return Reference(*(row[place] for row in values()), (METHODS[0], second))
