@@ -153,7 +153,7 @@ def _problem(
 def _searched(
     asked: dict[str, Any], problem: jc.study.Problem, out: Path | None
 ) -> jc.study.Optimum | jc.study.ParetoFront:
-    """What is found for a problem, with progress and what is solved so far kept meanwhile."""
+    """Search for the best designs of a problem; progress is shown, and solved designs are kept."""
     import numpy as np
 
     from .._core.progress import progress_of

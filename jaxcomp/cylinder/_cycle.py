@@ -45,12 +45,6 @@ class Events(eqx.Module):
         here = self.meets & (self.which == 4 * valve + stop)
         return jnp.max(jnp.where(here, jnp.abs(self.speed), 0.0))
 
-    def opening_angle(self, valve: int) -> Float[Array, ""]:
-        """Crank angle [rad] at which a valve opens for the first time; 0 if it never does."""
-        here = self.opens & (self.which == 4 * valve)
-        first = jnp.argmin(jnp.where(here, self.angle, jnp.inf))
-        return jnp.where(jnp.any(here), self.angle[first], 0.0)
-
     def closing_angle(self, valve: int) -> Float[Array, ""]:
         """Crank angle [rad] at which a valve shuts for the last time; 0 if it never does."""
         here = self.shuts & (self.which == 4 * valve)
