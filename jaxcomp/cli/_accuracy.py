@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 import jaxcomp as jc
 
+from . import _options as opt
 from ._arguments import changed_scene
-from ._options import AsJson, ExcitationOption, Machine, Out, Quantity, Sets
 from ._output import Partial, hand_out, plain
 from ._start import quick_compiles, refuse, reports_errors
 from ._tables import Markup, column_table, row_table
@@ -32,16 +32,16 @@ _DECADES = tuple(10.0**-n for n in range(2, 13))
 
 @reports_errors
 def accuracy(
-    machine: Machine,
+    machine: opt.Machine,
     study: Study = "orbit",
-    quantity: Quantity = None,
+    quantity: opt.Quantity = None,
     variable: str | None = None,
-    excitation: ExcitationOption = None,
+    excitation: opt.ExcitationOption = None,
     error: float = 1e-6,
-    sets: Sets = None,
+    sets: opt.Sets = None,
     thorough: bool = False,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Measure error against run time and name the cheapest setting for an error.
 

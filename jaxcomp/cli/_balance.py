@@ -15,16 +15,8 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, rounded, small_unit
+from . import _options as opt
 from ._arguments import assignments, changed_scene, names_of, si, speeds_of
-from ._options import (
-    AsJson,
-    ExcitationOption,
-    Out,
-    Sets,
-    Solver,
-    chosen_solver,
-    complete_machine,
-)
 from ._output import hand_out, plain
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
 from ._start import CommandError, refuse, refuse_unknown, reports_errors, start_jax, waiting
@@ -41,8 +33,8 @@ Method = Literal["least-squares", "min-max", "classical"]
 
 @reports_errors
 def balance(
-    machine: Annotated[str | None, typer.Argument(autocompletion=complete_machine)] = None,
-    sets: Sets = None,
+    machine: Annotated[str | None, typer.Argument(autocompletion=opt.complete_machine)] = None,
+    sets: opt.Sets = None,
     planes: str | None = None,
     targets: str | None = None,
     speeds: str | None = None,
@@ -51,12 +43,12 @@ def balance(
     largest: str | None = None,
     limit: str | None = None,
     weights: Annotated[list[str] | None, typer.Option("--weight")] = None,
-    excitation: ExcitationOption = None,
-    solver: Solver = "collocation",
+    excitation: opt.ExcitationOption = None,
+    solver: opt.Solver = "collocation",
     without: str | None = None,
     measured: Path | None = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     r"""Find the masses that balance a machine at its target planes.
 
@@ -130,7 +122,7 @@ def balance(
             influence = jc.balancing.machine_influence(
                 scene,
                 at,
-                chosen_solver(solver, scene),
+                opt.chosen_solver(solver, scene),
                 crank=shaken_by == "crank",
                 left_out=left_out,
             )

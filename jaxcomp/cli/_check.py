@@ -12,8 +12,8 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, axes_words
+from . import _options as opt
 from ._arguments import changed_scene
-from ._options import AsJson, Machine, Sets
 from ._output import print_json, show_results
 from ._start import reports_errors, show_error, start_jax
 from ._tables import row_table
@@ -21,9 +21,9 @@ from ._tables import row_table
 
 @reports_errors
 def check(
-    machine: Machine,
-    sets: Sets = None,
-    as_json: AsJson = False,
+    machine: opt.Machine,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
 ) -> None:
     """Read a scene file: show its parts and what follows from them, or all its errors.
 

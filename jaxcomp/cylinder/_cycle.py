@@ -16,7 +16,7 @@ from ._collocation import SolvedPressure, over_panels, resolution, turning_margi
 from ._cylinder import Case
 
 VALVES = ("suction", "discharge")
-# [-] of the stop: a turn as near to it as tolerances of production
+# [-] of the stop: a valve that reverses as near to it as production tolerances
 GRAZING = 0.01
 
 
@@ -44,12 +44,6 @@ class Events(eqx.Module):
         """Highest speed [m/s] at which a valve (0 suction, 1 discharge) meets its stop or its seat."""
         here = self.meets & (self.which == 4 * valve + stop)
         return jnp.max(jnp.where(here, jnp.abs(self.speed), 0.0))
-
-    def opening_angle(self, valve: int) -> Float[Array, ""]:
-        """Crank angle [rad] at which a valve opens for the first time; 0 if it never does."""
-        here = self.opens & (self.which == 4 * valve)
-        first = jnp.argmin(jnp.where(here, self.angle, jnp.inf))
-        return jnp.where(jnp.any(here), self.angle[first], 0.0)
 
     def closing_angle(self, valve: int) -> Float[Array, ""]:
         """Crank angle [rad] at which a valve shuts for the last time; 0 if it never does."""

@@ -1,6 +1,8 @@
 from ._block import BlockMotion as BlockMotion
+from ._block import BlockVibration as BlockVibration
 from ._block import Harmonics as Harmonics
 from ._block import block_response as block_response
+from ._block import block_vibration as block_vibration
 from ._block import free_body_error as free_body_error
 from ._block import free_body_response as free_body_response
 from ._block import harmonics as harmonics

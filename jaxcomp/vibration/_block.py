@@ -14,14 +14,19 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._core.results import Data, Result
+from .._core.exported import kept_jit
+from .._core.results import Data, Result, reading
 from ..compressor import Compressor
 from ..crank import Orbit, time_harmonics
-from ..rotor import harmonic_response
-from ._suspension import Suspension, motion_at
+from ..rotor import harmonic_response, undamped_modes
+from ._suspension import Suspension, block_points, motion_at
 from ._wrench import Wrench, shaking_wrench, wrench_about
+
+# Instants of a revolution at which the peak is looked for.
+_INSTANTS = 360
 
 
 class Harmonics(Result, eqx.Module):
@@ -187,3 +192,84 @@ def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
     """
     rate = Harmonics(1j * response.frequency * response.amplitude, response.speed)
     return BlockMotion(response.at(time).T, rate.at(time).T)
+
+
+class BlockVibration(Result, eqx.Module):
+    """Settled vibration of the block and of points of it; amplitudes are those of the first harmonic.
+
+    Attributes:
+        points: their names.
+        natural_frequencies: [rad/s] of the block on its springs.
+        block_amplitude: [m, rad] of the six degrees of freedom.
+        block_rms: [m, rad] root mean square of these.
+        position: [m] (p, 3) of the points, from the mechanism's origin.
+        amplitude: [m] (p, 3)
+        rms, peak: [m] (p,) of the size of the displacement.
+        free_body: [m] (p, 3) amplitude of the approximation without springs.
+        free_body_error: [-] (p,) its error over the amplitude.
+    """
+
+    points: tuple[str, ...] = eqx.field(static=True)
+    natural_frequencies: Float[Array, "6"] = reading("rad/s", "mode")
+    block_amplitude: Float[Array, "6"] = reading(
+        "", "freedom", doc="in m along, in rad about x, y, z"
+    )
+    block_rms: Float[Array, "6"] = reading("", "freedom", doc="in m along, in rad about x, y, z")
+    position: Float[Array, "p 3"] = reading("m", "point", "axis")
+    amplitude: Float[Array, "p 3"] = reading("m", "point", "axis")
+    rms: Float[Array, " p"] = reading("m", "point")
+    peak: Float[Array, " p"] = reading("m", "point")
+    free_body: Float[Array, "p 3"] = reading("m", "point", "axis")
+    free_body_error: Float[Array, " p"] = reading("", "point")
+
+    table_dims: ClassVar[tuple[str, ...]] = ("point", "axis")
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has a row for each point and axis."""
+        yield Data("point", "", np.array(self.points), ("point",))
+        yield Data("axis", "", np.array(["x", "y", "z"]), ("axis",))
+        yield from super().described()
+
+
+def block_vibration(
+    compressor: Compressor, orbit: Orbit, suspension: Suspension, count: int = 12
+) -> BlockVibration:
+    """Settled vibration of the block, its springs' ends and its other points under a periodic state.
+
+    Args:
+        compressor: that the orbit was found for.
+        orbit: the periodic state.
+        suspension: the block and its springs.
+        count: number of harmonics.
+    """
+    places = block_points(suspension)
+    points = jnp.stack(list(places.values()))
+    return _block_vibration(compressor, orbit, suspension, points, tuple(places), count)
+
+
+@kept_jit
+def _block_vibration(
+    compressor: Compressor, orbit: Orbit, suspension: Suspension, points, names, count: int
+) -> BlockVibration:
+    load = orbit_load(compressor, orbit, suspension, count)
+    block, free = block_response(suspension, load), free_body_response(suspension, load)
+    time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
+
+    def at(point):
+        motion, unsprung = (point_motion(suspension, one, point) for one in (block, free))
+        return {
+            "position": point,
+            "amplitude": jnp.abs(motion.amplitude[:, 0]),
+            "rms": jnp.linalg.norm(motion.rms),
+            "peak": jnp.max(jnp.linalg.norm(motion.at(time), axis=0)),
+            "free_body": jnp.abs(unsprung.amplitude[:, 0]),
+            "free_body_error": free_body_error(suspension, load, point)[0],
+        }
+
+    return BlockVibration(
+        points=names,
+        natural_frequencies=undamped_modes(suspension.rotor, 6).frequency,
+        block_amplitude=jnp.abs(block.amplitude[:, 0]),
+        block_rms=block.rms,
+        **jax.vmap(at)(points),
+    )

@@ -1,5 +1,6 @@
 """Error against run time: what the reports say, observed orders, and the solvers side by side."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -83,10 +84,10 @@ def test_a_lucky_loose_setting_is_not_recommended():
     assert lucky.cheapest(1e-5, "a").setting == "2"
     assert lucky.cheapest(1e-8).setting == "3"
     # a tighter one that failed says so itself
-    failed = lucky._replace(rows=settings(1e-7, np.inf))
+    failed = replace(lucky, rows=settings(1e-7, np.inf))
     assert failed.cheapest(1e-6).setting == "0"
     # another family of the same method does not count against it
-    mixed = lucky._replace(rows=settings(1e-7) + settings(1e-2, 1e-2, family="c"))
+    mixed = replace(lucky, rows=settings(1e-7) + settings(1e-2, 1e-2, family="c"))
     assert mixed.cheapest(1e-6).setting == "0"
 
 
