@@ -92,9 +92,17 @@ def accuracy(
         if study == "scenes":
             costs = work_precision.scene_costs(work_precision.lean_scenes(scene), progress)
             result, tables = rows_result("scenes", name, costs), costs_tables(costs, name)
+
+            def figures():
+                return {"scenes": jc.plot.scene_cost_bars(costs, name)}
+
         elif study == "extremes":
             cases = work_precision.extremes(scene, None, progress)
             result, tables = rows_result("extremes", name, cases), extremes_tables(cases, name)
+
+            def figures():
+                return {"extremes": jc.plot.extreme_errors(cases, name)}
+
         else:
             if variable is None and study == "gradient" and quantity not in _FILM:
                 variable = _VARIABLE
@@ -110,15 +118,10 @@ def accuracy(
             )
             result, tables = accuracy_result(report, error), accuracy_tables(report, error)
 
+            def figures():
+                return jc.plot.accuracy_figures(report, error)
+
     partial.done()
-
-    def figures():
-        if study == "scenes":
-            return {"scenes": jc.plot.scene_cost_bars(costs, name)}
-        if study == "extremes":
-            return {"extremes": jc.plot.extreme_errors(cases, name)}
-        return jc.plot.accuracy_figures(report, error)
-
     hand_out(result, tables, as_json, out, figures, scene)
 
 

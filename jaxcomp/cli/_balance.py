@@ -107,7 +107,7 @@ def balance(
 
     start_jax(once=True)
     with waiting():
-        scene, radius = None, {}
+        scene, radius, alone = None, {}, ()
         if measured is not None:
             from ..scene.measurements import read_measurements
 
@@ -126,14 +126,15 @@ def balance(
                 crank=shaken_by == "crank",
                 left_out=left_out,
             )
+            if method == "classical":
+                # a ring stands for a load that acts: the file's forces are without the inertia of the rod
+                ringed = shaken_by == "crank" and "inertia" not in left_out
+                ring = jc.balancing.rod_ring(scene.assembly) if ringed else None
+                alone = rotor_of(scene), places, case, float(at.max()), ring
         chosen = {"planes": names_of(planes), "targets": names_of(targets)}
         part = _weighted(jc.balancing.select(influence, **chosen), weights)
-        if method == "classical":
-            # a ring stands for a load that acts: the file's forces are without the inertia of the rod
-            ringed = shaken_by == "crank" and "inertia" not in left_out
-            assert scene is not None
-            ring = jc.balancing.rod_ring(scene.assembly) if ringed else None
-            found = _rotor_alone(part, rotor_of(scene), places, case, float(at.max()), ring)
+        if alone:
+            found = _rotor_alone(part, *alone)
         else:
             found = _balanced(part, radius, method, tikhonov, largest, limit)
         if not bool(found.converged):
