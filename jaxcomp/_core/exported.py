@@ -22,6 +22,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import export
 
@@ -61,7 +62,15 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
     @functools.wraps(function)
     def call(*arguments, **named):
         leaves, structure = jax.tree.flatten((arguments, named))
-        if any(is_traced(leaf) for leaf in leaves) or not (enabled and programs.keeps()):
+        if any(is_traced(leaf) for leaf in leaves):
+            return compiled(*arguments, **named)
+        if any(getattr(leaf, "weak_type", False) for leaf in leaves):
+            # `jnp.asarray(0.04)` in a field would have the whole solution compiled once more
+            leaves = [
+                jnp.asarray(x, x.dtype) if getattr(x, "weak_type", False) else x for x in leaves
+            ]
+            arguments, named = structure.unflatten(leaves)
+        if not (enabled and programs.keeps()):
             return compiled(*arguments, **named)
         rest = tuple(_hole(leaf) or leaf for leaf in leaves)
         key = (structure, rest, _settings())
