@@ -122,7 +122,7 @@ def test_gradient_near_a_resonance():
         x = harmonic_response(model, force, jnp.asarray(SPEED), w).displacement
         return jnp.sum(jnp.log(jnp.abs(x[jnp.array([2, 5])])))
 
-    slope, h = jax.jit(jax.grad(amplitude))(w), 1e-4 * w
+    slope, h = jax.grad(amplitude)(w), 1e-4 * w
     difference = 8 * (amplitude(w + h) - amplitude(w - h))
     difference = (difference - (amplitude(w + 2 * h) - amplitude(w - 2 * h))) / (12 * h)
     # Damping ratio 1e-2: truncation (h/(zeta w))^4 = 1e-8.
@@ -219,7 +219,7 @@ def test_eigenvector_derivatives():
         picked = modes.shape[5]
         return jnp.sum(jnp.square(picked[3])) / jnp.sum(jnp.square(picked[7]))
 
-    g, h = jax.jit(jax.grad(shape))(value), 1e-3
+    g, h = jax.grad(shape)(value), 1e-3
     at = lambda t: shape(value.at[2].mul(1 + t))  # noqa: E731
     difference = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h * value[2])
     # Eigenvectors carry 1e-9 of rounding (the ratio of the highest to this eigenvalue), 1e-6 after
@@ -240,7 +240,7 @@ def test_damped_eigenvalues_and_vectors():
             [modes.eigenvalue[6].real, modes.eigenvalue[7].imag, modes.growth, form, modes.whirl[5]]
         )
 
-    slopes, h = jax.jit(jax.jacrev(figures))(value), 1e-4
+    slopes, h = jax.jacrev(figures)(value), 1e-4
     direction = value * jnp.array([1.0, -0.5, 0.7, 1.0, 0.3, -1.0, 0.4, 0.6])
     at = lambda t: figures(value + t * direction)  # noqa: E731
     difference = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
@@ -255,8 +255,7 @@ def test_magnetic_pull_limit_is_where_the_stiffness_becomes_singular():
     for factor, held in ((0.999, True), (1.001, False)):
         square = undamped_modes(eqx.tree_at(pull, model, pull(model) * limit * factor), 2).square
         assert bool(square[0] > 0) == held
-    limit_of = lambda k: magnetic_pull_limit(eqx.tree_at(pull, model, k))  # noqa: E731
-    slope = jax.jit(jax.grad(limit_of))(pull(model))
+    slope = jax.grad(lambda k: magnetic_pull_limit(eqx.tree_at(pull, model, k)))(pull(model))
     # The limit on the whole pull is fixed, so that the factor goes with its inverse.
     assert float(slope) == pytest.approx(-float(limit / pull(model)), rel=1e-9)
 
@@ -267,7 +266,7 @@ def test_critical_speeds():
     stiffness = lambda m: m.links[0].law.stiffness  # noqa: E731
     at = lambda k: critical_speeds(eqx.tree_at(stiffness, model, k), 3).speed  # noqa: E731
     value = stiffness(model)
-    slope, h = jax.jit(jax.jacrev(at))(value)[:, 0, 0], 1e-4 * value[0, 0]
+    slope, h = jax.jacrev(at)(value)[:, 0, 0], 1e-4 * value[0, 0]
     step = jnp.zeros((2, 2)).at[0, 0].set(h)
     difference = (at(value + step) - at(value - step)) / (2 * h)
     # Truncation (1e-4)^2, rounding 1e-12/1e-4.
