@@ -22,12 +22,11 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax import export
 
 from . import programs
-from .fields import is_traced
+from .fields import is_traced, strongly_typed
 
 # Whether traced programs are kept where compiled ones are.
 enabled = True
@@ -65,10 +64,7 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         if any(is_traced(leaf) for leaf in leaves):
             return compiled(*arguments, **named)
         if any(getattr(leaf, "weak_type", False) for leaf in leaves):
-            # `jnp.asarray(0.04)` in a field would have the whole solution compiled once more
-            leaves = [
-                jnp.asarray(x, x.dtype) if getattr(x, "weak_type", False) else x for x in leaves
-            ]
+            leaves = [*map(strongly_typed, leaves)]
             arguments, named = structure.unflatten(leaves)
         if not (enabled and programs.keeps()):
             return compiled(*arguments, **named)

@@ -155,6 +155,17 @@ def test_collocation_meets_the_golden_machines(name):
     np.testing.assert_allclose(sum(cycle.volume_losses.values()), 1.0, rtol=1e-12)
 
 
+def test_another_speed_or_number_is_no_other_program(monkeypatch):
+    solve_cycle(golden("D"), mechanism(), SPEED, COLLOCATION)
+
+    def traced_again(*_):
+        raise AssertionError("traced again")
+
+    monkeypatch.setattr("jaxcomp.cylinder._solve._admitted", traced_again)
+    other = with_values(golden("D"), clearance_ratio=0.0251)
+    assert bool(solve_cycle(other, mechanism(), 0.99 * SPEED, COLLOCATION).converged)
+
+
 def test_pictures_show_the_cycle():
     cycle = solve_cycle(golden("D"), mechanism(), SPEED, COLLOCATION)
     figures = cylinder_figures(cycle)
@@ -496,9 +507,9 @@ SCATTERED = [
 def test_bouncing_valves_rest_by_the_scales_of_their_plates():
     """The last bounces that count are of 1 mm/s; those down to 0.4 mm/s add 1e-9 of the flow."""
     bouncing = eqx.tree_at(restitutions, inertial(), [jnp.asarray(0.2)] * 2)
-    default = solve_cycle(bouncing, mechanism(), SPEED, CycleOptions(nodes=8, panels=64))
+    default = solve_cycle(bouncing, mechanism(), SPEED, COLLOCATION)
     lower = eqx.tree_at(sticking_speeds, bouncing, [jnp.asarray(4e-4)] * 2, is_leaf=_absent)
-    finer = solve_cycle(lower, mechanism(), SPEED, CycleOptions(nodes=8, panels=64))
+    finer = solve_cycle(lower, mechanism(), SPEED, COLLOCATION)  # the program of the golden machine
     np.testing.assert_allclose(
         default.volumetric_efficiency, finer.volumetric_efficiency, rtol=1e-8
     )
