@@ -7,7 +7,7 @@ units), the solvers (which mark a traced design outside its bounds) and the prin
 """
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -351,6 +351,25 @@ def subparts(tree: Any) -> Iterator[tuple[str, Part]]:
     for name, child in children:
         for path, part in subparts(child):
             yield f"{name}.{path}" if path else name, part
+
+
+def at(tree: Any, path: str | Sequence[str]) -> Any:
+    """What stands at the end of a path, dotted or in steps, through parts, tables and lists.
+
+    Raises:
+        LookupError: a step leads nowhere.
+    """
+    for step in path.split(".") if isinstance(path, str) else path:
+        several = isinstance(tree, tuple | list) or (eqx.is_array(tree) and tree.ndim)
+        if isinstance(tree, Mapping):
+            tree = tree[step]
+        elif several and step.isdigit() and int(step) < len(tree):
+            tree = tree[int(step)]
+        elif isinstance(tree, Part) and any(f.name == step for f in dataclasses.fields(tree)):
+            tree = getattr(tree, step)
+        else:
+            raise LookupError(step)
+    return tree
 
 
 def admissible(tree: Part) -> Bool[Array, ""]:

@@ -81,6 +81,22 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
+def reading(unit: str, *dims: str, doc: str = "", **options: Any) -> Any:
+    """Declare a field of a result, which `Result.described` has with this unit and these dimensions.
+
+    Args:
+        unit, dims, doc: as in `Data`.
+        options: of `equinox.field`, such as a `default`.
+    """
+    return eqx.field(metadata={"reading": (unit, dims, doc)}, **options)
+
+
+def units_of(kind: type) -> dict[str, str]:
+    """SI unit by name of the fields that a result declares by `reading`."""
+    fields = dataclasses.fields(kind)
+    return {one.name: one.metadata["reading"][0] for one in fields if "reading" in one.metadata}
+
+
 class Result:
     """What every result can do beside holding its numbers."""
 
@@ -91,8 +107,12 @@ class Result:
     not_saved: ClassVar[tuple[str, ...]] = ()
 
     def described(self) -> Iterator[Data]:
-        """The quantities of this result in SI units."""
-        raise NotImplementedError
+        """The quantities of this result in SI units: of the fields that `reading` declares."""
+        for field in dataclasses.fields(self):  # pyright: ignore[reportArgumentType]
+            values = getattr(self, field.name)
+            if "reading" in field.metadata and values is not None:
+                unit, dims, doc = field.metadata["reading"]
+                yield Data(field.name, unit, values, dims, doc)
 
     def columns(self) -> dict[str, np.ndarray]:
         """The curves or rows of this result by name and SI unit, each with shape (rows,).

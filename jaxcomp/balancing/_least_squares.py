@@ -251,7 +251,7 @@ def bounded(
         right = [-(a @ x + b), jnp.zeros(2 * count), -target / jnp.sqrt(multiplier * room)]
         step = _solved(jnp.vstack(rows), jnp.concatenate(right))
         change = (target + multiplier * dot(x, step)) / room - multiplier
-        # The steps that would use up the room of a plane, or a multiplier.
+        # The shares of the step at which a plane reaches its bound, or a multiplier zero.
         along, across = dot(x, step), dot(step, step)
         ends = 2 * room / (along + jnp.sqrt(along**2 + 2 * across * room) + 1e-300)
         ends = jnp.append(ends, jnp.where(change < 0, -multiplier / change, jnp.inf))

@@ -140,14 +140,16 @@ def least_masses(
     cuts, right = tangents(np.repeat(np.arange(len(a)), _TANGENTS), np.tile(angles, len(a)))
     objective = np.concatenate([np.zeros(2 * planes), weight / unit])
     ends = [(None, None)] * (2 * planes) + [(0, None)] * planes
-    for _ in range(_STEPS):
+    step = 0
+    while True:
+        step += 1
         solved = linprog(objective, cuts, right, bounds=ends, options=_TIGHT)
         if solved.x is None:
             _refuse(influence, limits, bounds)
         x = solved.x[:planes] + 1j * solved.x[planes : 2 * planes]
         value, radius = a @ x + b, fixed + t @ solved.x[2 * planes :]
         outside = np.flatnonzero(np.abs(value) > radius + _OUTSIDE)
-        if not outside.size:
+        if not outside.size or step == _STEPS:
             break
         more = tangents(outside, np.angle(value[outside]))
         cuts, right = np.vstack([cuts, more[0]]), np.append(right, more[1])

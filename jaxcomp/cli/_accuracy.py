@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 import jaxcomp as jc
 
+from . import _options as opt
 from ._arguments import changed_scene
-from ._options import AsJson, ExcitationOption, Machine, Out, Quantity, Sets
 from ._output import Partial, hand_out, plain
 from ._start import quick_compiles, refuse, reports_errors
 from ._tables import Markup, column_table, row_table
@@ -32,16 +32,16 @@ _DECADES = tuple(10.0**-n for n in range(2, 13))
 
 @reports_errors
 def accuracy(
-    machine: Machine,
+    machine: opt.Machine,
     study: Study = "orbit",
-    quantity: Quantity = None,
+    quantity: opt.Quantity = None,
     variable: str | None = None,
-    excitation: ExcitationOption = None,
+    excitation: opt.ExcitationOption = None,
     error: float = 1e-6,
-    sets: Sets = None,
+    sets: opt.Sets = None,
     thorough: bool = False,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Measure error against run time and name the cheapest setting for an error.
 
@@ -92,9 +92,17 @@ def accuracy(
         if study == "scenes":
             costs = work_precision.scene_costs(work_precision.lean_scenes(scene), progress)
             result, tables = rows_result("scenes", name, costs), costs_tables(costs, name)
+
+            def figures():
+                return {"scenes": jc.plot.scene_cost_bars(costs, name)}
+
         elif study == "extremes":
             cases = work_precision.extremes(scene, None, progress)
             result, tables = rows_result("extremes", name, cases), extremes_tables(cases, name)
+
+            def figures():
+                return {"extremes": jc.plot.extreme_errors(cases, name)}
+
         else:
             if variable is None and study == "gradient" and quantity not in _FILM:
                 variable = _VARIABLE
@@ -110,15 +118,10 @@ def accuracy(
             )
             result, tables = accuracy_result(report, error), accuracy_tables(report, error)
 
+            def figures():
+                return jc.plot.accuracy_figures(report, error)
+
     partial.done()
-
-    def figures():
-        if study == "scenes":
-            return {"scenes": jc.plot.scene_cost_bars(costs, name)}
-        if study == "extremes":
-            return {"extremes": jc.plot.extreme_errors(cases, name)}
-        return jc.plot.accuracy_figures(report, error)
-
     hand_out(result, tables, as_json, out, figures, scene)
 
 
@@ -220,18 +223,20 @@ def accuracy_tables(report: jc.study.accuracy.Report, error: float) -> Iterator[
         whole=(1,),
     )
     yield _tight(table)
-    largest = [
-        max((row for row in rows if row.method == method),
-            key=lambda row: (row.lines or 0, row.flops or 0, row.compile_seconds))
-        for method in report.methods
-    ]  # fmt: skip
+    programs: dict[tuple, list[str]] = {}
+    for method in report.methods:
+        sizes = ((row.lines or 0, row.flops or 0, row.compile_seconds)
+                 for row in rows if row.method == method)  # fmt: skip
+        programs.setdefault(max(sizes), []).append(method)
+    # all quantities come from one program
+    few = (names if len(names) < 4 else [f"all {len(names)}"] for names in programs.values())
     yield column_table(
         "Largest program of each method",
         {
-            "Method": report.methods,
-            "Compiling": [_duration(row.compile_seconds) for row in largest],
-            "Lines": [_count(row.lines) for row in largest],
-            "Operations": [_count(row.flops) for row in largest],
+            "Method": [", ".join(names) for names in few],
+            "Compiling": [_duration(seconds) for _, _, seconds in programs],
+            "Lines": [_count(lines or None) for lines, _, _ in programs],
+            "Operations": [_count(flops or None) for _, flops, _ in programs],
         },
         keep=True,
     )

@@ -15,16 +15,8 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, rounded, small_unit
+from . import _options as opt
 from ._arguments import assignments, changed_scene, names_of, si, speeds_of
-from ._options import (
-    AsJson,
-    ExcitationOption,
-    Out,
-    Sets,
-    Solver,
-    chosen_solver,
-    complete_machine,
-)
 from ._output import hand_out, plain
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
 from ._start import CommandError, refuse, refuse_unknown, reports_errors, start_jax, waiting
@@ -41,8 +33,8 @@ Method = Literal["least-squares", "min-max", "classical"]
 
 @reports_errors
 def balance(
-    machine: Annotated[str | None, typer.Argument(autocompletion=complete_machine)] = None,
-    sets: Sets = None,
+    machine: Annotated[str | None, typer.Argument(autocompletion=opt.complete_machine)] = None,
+    sets: opt.Sets = None,
     planes: str | None = None,
     targets: str | None = None,
     speeds: str | None = None,
@@ -51,12 +43,12 @@ def balance(
     largest: str | None = None,
     limit: str | None = None,
     weights: Annotated[list[str] | None, typer.Option("--weight")] = None,
-    excitation: ExcitationOption = None,
-    solver: Solver = "collocation",
+    excitation: opt.ExcitationOption = None,
+    solver: opt.Solver = "collocation",
     without: str | None = None,
     measured: Path | None = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     r"""Find the masses that balance a machine at its target planes.
 
@@ -115,7 +107,7 @@ def balance(
 
     start_jax(once=True)
     with waiting():
-        scene, radius = None, {}
+        scene, radius, alone = None, {}, ()
         if measured is not None:
             from ..scene.measurements import read_measurements
 
@@ -130,18 +122,19 @@ def balance(
             influence = jc.balancing.machine_influence(
                 scene,
                 at,
-                chosen_solver(solver, scene),
+                opt.chosen_solver(solver, scene),
                 crank=shaken_by == "crank",
                 left_out=left_out,
             )
+            if method == "classical":
+                # a ring stands for a load that acts: the file's forces are without the inertia of the rod
+                ringed = shaken_by == "crank" and "inertia" not in left_out
+                ring = jc.balancing.rod_ring(scene.assembly) if ringed else None
+                alone = rotor_of(scene), places, case, float(at.max()), ring
         chosen = {"planes": names_of(planes), "targets": names_of(targets)}
         part = _weighted(jc.balancing.select(influence, **chosen), weights)
-        if method == "classical":
-            # a ring stands for a load that acts: the file's forces are without the inertia of the rod
-            ringed = shaken_by == "crank" and "inertia" not in left_out
-            assert scene is not None
-            ring = jc.balancing.rod_ring(scene.assembly) if ringed else None
-            found = _rotor_alone(part, rotor_of(scene), places, case, float(at.max()), ring)
+        if alone:
+            found = _rotor_alone(part, *alone)
         else:
             found = _balanced(part, radius, method, tikhonov, largest, limit)
         if not bool(found.converged):

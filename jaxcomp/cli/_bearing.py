@@ -13,7 +13,7 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM
-from ._options import AsJson, OutWithoutScene
+from . import _options as opt
 from ._output import hand_out, plain
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import row_table
@@ -55,10 +55,10 @@ def bearing(
     frame: Literal["fixed", "journal", "bush"] = "fixed",
     between: Literal["spline", "lines"] = "spline",
     period: str | None = None,
-    as_json: AsJson = False,
-    out: OutWithoutScene = None,
+    as_json: opt.AsJson = False,
+    out: opt.OutWithoutScene = None,
 ) -> None:
-    """Run a journal bearing under a steady load, or under loads from a table over the crank angle.
+    r"""Run a journal bearing under a steady load, or under loads from a table over the crank angle.
 
     A steady load: position, friction, stiffness and damping; with --over speed=FROM:TO:COUNT the
     friction over the speed (Stribeck's curve), to which rough surfaces in contact belong. A table: the
@@ -74,8 +74,8 @@ def bearing(
         viscosity: Dynamic viscosity such as '5 mPa*s', or a grade as 'VG 46 at 60 degC'.
         speed: Speed of the journal, such as 3000rpm; with --loads, of the crank; not beside --over.
         load: Steady load on the journal, such as '2 kN'.
-        loads (FILE.csv): Loads on the journal instead of --load: columns angle [deg], W_x [N] and
-            W_y [N] over one period. Further columns journal_speed [rpm] and bush_speed [rpm] for a rod
+        loads (FILE.csv): Loads on the journal instead of --load: columns angle \[deg], W_x [N] and
+            W_y [N] over one period. Further columns journal_speed \[rpm] and bush_speed \[rpm] for a rod
             or a pin that swings.
         over (speed=FROM:TO:COUNT): Speeds instead of --speed, such as speed=log:50rpm:3000rpm:60.
         model: Film model; the output states its limits. Journals move in reynolds and ocvirk.
@@ -335,10 +335,13 @@ def bearing_result(part, model: str, given: dict[str, float]) -> tuple[dict[str,
     import equinox as eqx
     import numpy as np
 
+    from .._core.results import units_of
+
     speed, sign = abs(given["speed"]), math.copysign(1.0, given["speed"])
     solved = eqx.filter_jit(jc.film.operating_point)
     found = solved(part, np.float64(given["load"]), np.float64(speed))
-    field, point = jc.film.pressure_field(part, found, speed), plain(found)
+    field = jc.film.pressure_field(part, found, speed)
+    point = {name: plain(getattr(found, name)) for name in units_of(type(found))}
     friction, bush = point.pop("friction_torque"), point.pop("bush_torque")
     state = ("eccentricity_ratio", "attitude_angle", "sommerfeld_number", "phi_p", "phi_t")
     result = {

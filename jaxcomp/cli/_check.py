@@ -12,8 +12,8 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, axes_words
+from . import _options as opt
 from ._arguments import changed_scene
-from ._options import AsJson, Machine, Sets
 from ._output import print_json, show_results
 from ._start import reports_errors, show_error, start_jax
 from ._tables import row_table
@@ -21,9 +21,9 @@ from ._tables import row_table
 
 @reports_errors
 def check(
-    machine: Machine,
-    sets: Sets = None,
-    as_json: AsJson = False,
+    machine: opt.Machine,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
 ) -> None:
     """Read a scene file: show its parts and what follows from them, or all its errors.
 
@@ -227,6 +227,6 @@ def _follows(scene: jc.scene.Scene):
             yield f"Subset {name}", nodes if len(nodes) <= 60 else f"{nodes[:57]}...", "nodes"
     block = scene.parts.get("suspension")
     if isinstance(block, jc.vibration.Suspension):
-        hertz = jc.vibration.natural_frequencies(block) / (2 * math.pi)
+        hertz = jc.rotor.undamped_modes(block.rotor, 6).frequency / (2 * math.pi)
         text = ", ".join(f"{f:.3g}" for f in hertz)
         yield "Block on its springs, 6 degrees of freedom", text, "Hz"

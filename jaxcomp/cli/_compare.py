@@ -10,23 +10,8 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import shown
+from . import _options as opt
 from ._arguments import assignments, changed_scene
-from ._options import (
-    AccuracyOption,
-    AsJson,
-    CycleOption,
-    Designs,
-    ExcitationOption,
-    Machine,
-    Out,
-    OutWithoutScene,
-    Quantities,
-    Sets,
-    Solver,
-    analysis_options,
-    complete_machine,
-    complete_variable,
-)
 from ._output import hand_out
 from ._start import CommandError, refuse, reports_errors, start_jax, waiting
 from ._sweep import default_quantities
@@ -35,13 +20,13 @@ from ._tables import beside_table, row_table
 
 @reports_errors
 def compare(
-    machines: Annotated[list[str], typer.Argument(autocompletion=complete_machine)],
+    machines: Annotated[list[str], typer.Argument(autocompletion=opt.complete_machine)],
     variants: Annotated[
-        list[str] | None, typer.Option("--with", autocompletion=complete_variable)
+        list[str] | None, typer.Option("--with", autocompletion=opt.complete_variable)
     ] = None,
-    sets: Sets = None,
-    as_json: AsJson = False,
-    out: OutWithoutScene = None,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
+    out: opt.OutWithoutScene = None,
 ) -> None:
     """Show efficiency, power, losses, forces and dimensions of designs beside each other.
 
@@ -57,32 +42,24 @@ def compare(
     if len(machines) + len(variants or ()) < 2:
         raise CommandError("compare: needs a second machine, or a variant by --with NAME=VALUE")
     refuse(variants and len(machines) > 1, "--with: is for one machine alone")
-    from .._core.status import SolveFailed
-
     start_jax(once=True)
-    scenes, orbits = _scenes(machines, variants or (), sets or ()), []
+    scenes = _scenes(machines, variants or (), sets or ())
     with waiting("Solving the periodic states (the first time they are compiled as well) ..."):
-        for label, scene in scenes.items():
-            try:
-                orbits.append(jc.solve_orbit(scene.as_compressor()))
-            except SolveFailed as error:
-                raise CommandError(f"{label}: {error}") from None
-    designs, labels = [one.machine for one in scenes.values()], list(scenes)
-    rows = [one._asdict() for one in jc.study.compared_designs(designs, orbits)]
+        found = jc.study.compare(scenes)
     result: dict[str, Any] = {
         "machines": [
             {"label": label, "machine": scene.name, "file": scene.file}
             for label, scene in scenes.items()
         ],
         "set": list(sets or ()),
-        "figures": rows,
+        "figures": [one._asdict() for one in found.rows],
     }
 
     def figures():
-        return {"losses": jc.plot.compared_losses(rows, labels)}
+        return {"losses": jc.plot.compared_losses(found)}
 
-    tables, written = [beside_table(rows, labels)], "Report, picture and result"
-    hand_out(result, tables, as_json, out, figures, written=written)
+    written = "Report, picture and result"
+    hand_out(result, [beside_table(found)], as_json, out, figures, written=written)
 
 
 def _scenes(
@@ -104,17 +81,17 @@ def _scenes(
 
 @reports_errors
 def sensitivity(
-    machine: Machine,
-    quantity: Quantities = None,
-    sets: Sets = None,
-    designs: Designs = None,
-    excitation: ExcitationOption = None,
-    accuracy: AccuracyOption = "fast",
-    solver: Solver = "collocation",
-    cycle: CycleOption = None,
+    machine: opt.Machine,
+    quantity: opt.Quantities = None,
+    sets: opt.Sets = None,
+    designs: opt.Designs = None,
+    excitation: opt.ExcitationOption = None,
+    accuracy: opt.AccuracyOption = "fast",
+    solver: opt.Solver = "collocation",
+    cycle: opt.CycleOption = None,
     rows: Annotated[int, typer.Option(min=1)] = 20,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Show by how many per cent quantities change when each number of the machine rises by 1 %.
 
@@ -132,7 +109,7 @@ def sensitivity(
     scene = changed_scene(machine, sets, designs)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():
-        options = analysis_options(scene, accuracy, solver, cycle, excitation)
+        options = opt.analysis_options(scene, accuracy, solver, cycle, excitation)
         found = jc.study.sensitivity(scene, names, options=options)
     if not found.ok:
         raise CommandError(

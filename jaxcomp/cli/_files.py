@@ -15,7 +15,7 @@ import jaxcomp as jc
 
 from .._core.display import shown, units_of
 from .._core.registry import DESIGN_RULES, Quantity, registered
-from ._options import AsJson, complete_machine
+from . import _options as opt
 from ._output import plain, show_results
 from ._start import CommandError, refuse, reports_errors, start_jax
 from ._tables import bold, row_table
@@ -40,7 +40,9 @@ Kind = Literal["slider-crank", "v-twin", "slider-link", "refrigeration", "semi-h
 def new(
     file: Annotated[Path, typer.Argument()] = Path("my-machine.toml"),
     kind: Kind = "slider-crank",
-    machine: Annotated[str | None, typer.Option("--from", autocompletion=complete_machine)] = None,
+    machine: Annotated[
+        str | None, typer.Option("--from", autocompletion=opt.complete_machine)
+    ] = None,
     force: bool = False,
 ) -> None:
     """Write a scene file to start from, with a comment on every entry.
@@ -113,7 +115,7 @@ def upgrade(
 @reports_errors
 def cache(
     empty: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
     """Show where compiled programs are kept for the next start, and how large they are.
 
@@ -141,7 +143,7 @@ def cache(
 # ------------------------------------------------------------------- list
 @reports_errors
 def list_machines(
-    machine: Annotated[str | None, typer.Argument(autocompletion=complete_machine)] = None,
+    machine: Annotated[str | None, typer.Argument(autocompletion=opt.complete_machine)] = None,
     quantities: bool = False,
     variables: bool = False,
     as_json: Annotated[bool, typer.Option("--json")] = False,
@@ -272,7 +274,7 @@ def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
 @reports_errors
 def explain(
     part: Annotated[str | None, typer.Argument()] = None,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
     """Explain a part of a machine file: its entries, units, bounds, defaults, and where it may stand.
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from .._core.display import shown
+from . import _options as opt
 from ._arguments import assignments, changed_scene, with_one_unit
-from ._options import AsJson, CycleOption, Machine, Out, Sets, Solver, chosen_solver, cycle_of
 from ._output import hand_out, plain
 from ._start import CommandError, refuse, reports_errors, start_jax, waiting
 from ._sweep import axis_values
@@ -24,18 +24,18 @@ Form = Literal["csv", "energyplus", "tespy"]
 
 @reports_errors
 def rating_map(
-    machine: Machine,
+    machine: opt.Machine,
     evaporating: str = "-30:-10:5",
     condensing: str = "35:55:5",
     rating: Standard = "file",
     coefficients: Literal["10", "20", "30"] = "10",
     speeds: str | None = None,
-    solver: Solver = "collocation",
-    cycle: CycleOption = None,
+    solver: opt.Solver = "collocation",
+    cycle: opt.CycleOption = None,
     form: Annotated[Form, typer.Option("--format")] = "csv",
-    sets: Sets = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Map a refrigeration compressor with valves over evaporating and condensing temperature.
 
@@ -72,8 +72,8 @@ def rating_map(
         raise CommandError(f"--coefficients {coefficients}: needs --speeds, at least three")
     from ..cylinder import CycleOptions
 
-    options = CycleOptions() if cycle is None else cycle_of(CycleOptions(), cycle)
-    method = chosen_solver(solver, scene)
+    options = CycleOptions() if cycle is None else opt.cycle_of(CycleOptions(), cycle)
+    method = opt.chosen_solver(solver, scene)
     with waiting("Solving the points (the first time they are compiled as well) ..."):
         maps = {
             n / (2 * pi): ratings.rating_map(one, *over, rating, options, method)

@@ -14,8 +14,8 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import RPM, rounded
+from . import _options as opt
 from ._arguments import assignments, changed_scene
-from ._options import AsJson, Machine, Out, Sets, Speed, Speeds
 from ._output import hand_out, plain
 from ._rotor import header, points_and_range, pull_row, rotor_of, whirl
 from ._start import CommandError, reports_errors, start_jax, waiting
@@ -31,16 +31,16 @@ _NO_PEAK = math.sqrt(0.5)
 
 @reports_errors
 def modes(
-    machine: Machine,
-    sets: Sets = None,
-    speed: Speed = None,
-    speeds: Speeds = None,
+    machine: opt.Machine,
+    sets: opt.Sets = None,
+    speed: opt.Speed = None,
+    speeds: opt.Speeds = None,
     count: int = 12,
     free: bool = False,
     overdamped: bool = False,
     undamped: bool = False,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Find the modes of a rotor with its crankcase and housing.
 
@@ -224,15 +224,15 @@ def _leading_subset(model, modes):
 # ------------------------------------------------------------------- update
 @reports_errors
 def update(
-    machine: Machine,
+    machine: opt.Machine,
     measured: Path,
     variable: Annotated[list[str], typer.Option()],
-    sets: Sets = None,
+    sets: opt.Sets = None,
     within: Annotated[str, typer.Option("--range")] = "0.5:2",
     held: bool = False,
     regularisation: float = 0.0,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Fit numbers of a rotor to a modal test; `identify` does it with any other measurements as well.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
@@ -12,19 +13,8 @@ from rich.table import Table
 import jaxcomp as jc
 
 from .._core.display import shown
+from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
-from ._options import (
-    AccuracyOption,
-    AsJson,
-    CycleOption,
-    Machine,
-    Out,
-    Quantity,
-    Sets,
-    Solver,
-    analysis_options,
-    complete_variable,
-)
 from ._output import Partial, hand_out, plain
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import beside_table, bold, row_table
@@ -34,31 +24,31 @@ Method = Literal["slsqp", "least-squares", "adam"]
 
 @reports_errors
 def optimise(
-    machine: Machine,
+    machine: opt.Machine,
     variables: Annotated[
-        list[str] | None, typer.Option("--variable", autocompletion=complete_variable)
+        list[str] | None, typer.Option("--variable", autocompletion=opt.complete_variable)
     ] = None,
-    objective: Quantity = None,
+    objective: opt.Quantity = None,
     targets: Annotated[list[str] | None, typer.Option("--target")] = None,
     maximise: Annotated[bool | None, typer.Option("--maximise/--minimise")] = None,
     constraints: Annotated[list[str] | None, typer.Option("--constraint")] = None,
-    pareto: Quantity = None,
+    pareto: opt.Quantity = None,
     points: int = 12,
     scatter: list[str] | None = None,
     sigmas: float | None = None,
     quantile: float | None = None,
-    sets: Sets = None,
+    sets: opt.Sets = None,
     method: Method | None = None,
     starts: int = 8,
     max_steps: Annotated[int, typer.Option("--steps")] = 100,
     tolerance: float = 1e-5,
     samples: int = 256,
     seed: int = 0,
-    accuracy: AccuracyOption = "fine",
-    solver: Solver = "collocation",
-    cycle: CycleOption = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    accuracy: opt.AccuracyOption = "fine",
+    solver: opt.Solver = "collocation",
+    cycle: opt.CycleOption = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Find the best design by gradients, from several starts, and compare it with a coarse sweep.
 
@@ -95,6 +85,7 @@ def optimise(
         samples: Designs of the coarse sweep that the optimum is compared with.
         seed: Of starts and samples.
     """
+    asked = {name: given for name, given in locals().items() if name not in ("as_json", "out")}
     refuse(not variables, "--variable: is missing; e.g. --variable bore=100mm:160mm")
     two = targets and (objective or maximise is not None)
     refuse(two, "--target: cannot be combined with --objective or --maximise")
@@ -105,69 +96,13 @@ def optimise(
     refuse(unscattered, "--sigmas and --quantile: need --scatter")
     both = sigmas is not None and quantile is not None
     refuse(both, "--sigmas: takes no --quantile beside it")
-    from .._core.progress import progress_of
-
     start_jax()
-    asked: dict[str, Any] = {
-        "machine": machine,
-        "sets": sets or [],
-        "variables": variables,
-        "objective": None if targets else (objective or "mechanical_efficiency"),
-        "targets": targets or [],
-        "maximise": maximise,
-        "constraints": constraints or [],
-        "pareto": pareto,
-        "points": points,
-        "scatter": scatter or [],
-        "sigmas": sigmas,
-        "quantile": quantile,
-        "method": method,
-        "starts": starts,
-        "max_steps": max_steps,
-        "tolerance": tolerance,
-        "samples": samples,
-        "seed": seed,
-        "accuracy": accuracy,
-        "solver": solver,
-        "cycle": cycle,
-    }
+    asked |= {name: asked[name] or [] for name in ("sets", "targets", "constraints", "scatter")}
+    asked["objective"] = None if targets else objective or "mechanical_efficiency"
     begun = time.perf_counter()
     scene = changed_scene(machine, sets, (), [*asked["variables"], *asked["scatter"]])
-    options = analysis_options(scene, accuracy, solver, cycle)
-    made = _problem(asked, jc.machine.machine_of(scene), options)
-    options = {key: asked[key] for key in ("starts", "max_steps", "tolerance", "samples", "seed")}
-    options["constraints"] = bounds_of(constraints, "--constraint")
-    with progress_of("Compiling and sampling") as progress:
-
-        def callback(stage: str, done: int, total: int) -> None:
-            words = "Sampling the ranges" if stage == "sample" else "Searching, designs a start"
-            progress.at(done, total, words)
-
-        partial = Partial(out, "designs")
-        solved: list[tuple[Any, Any, Any]] = []
-
-        def keep(problem, designs, found) -> None:
-            import numpy as np
-
-            solved.append((designs, found.values, found.ok))
-            points, values, ok = map(np.concatenate, zip(*solved, strict=True))
-            columns = {f"{data.name} [{data.unit}]" if data.unit else data.name: data.values
-                       for data in problem.columns(points, values)}  # fmt: skip
-            partial.keep(columns | {"solved": ok})
-
-        options |= {"callback": callback, "keep": keep}
-        goal, way = made.quantities[0], _maximise(asked)
-        if pareto:
-            options |= {"maximise": (way, None), "points": points}
-            found = jc.study.pareto(made, (goal, pareto), **options)
-        else:
-            wanted = {
-                name: value_of(name, text, f"--target {name}")
-                for name, text in assignments(targets, "--target").items()
-            }
-            options |= {"maximise": way, "method": asked["method"]}
-            found = jc.study.optimise(made, wanted or goal, **options)
-    partial.done()
+    options = opt.analysis_options(scene, accuracy, solver, cycle)
+    found = _searched(asked, _problem(asked, jc.machine.machine_of(scene), options), out)
     seconds = time.perf_counter() - begun
     if isinstance(found, jc.study.ParetoFront):
         result = front_result(scene, asked, found, seconds)
@@ -176,9 +111,13 @@ def optimise(
     else:
         result = optimum_result(scene, asked, found, seconds)
         with waiting("Comparing with the present design ..."):
-            result["comparison"] = comparison(found)
+            beside = comparison(found)
+        result["comparison"] = [
+            {"name": name, "unit": unit, "present": values[0], "optimum": values[1]}
+            for name, unit, values in (beside.rows if beside else ())
+        ]
         scene, result["not_in_scene"] = optimised_scene(scene, found)
-        tables, files = optimum_tables(result), "designs"
+        tables, files = optimum_tables(result, beside), "designs"
         written = "Report, pictures, designs, result and optimised scene"
 
     def figures():
@@ -209,6 +148,45 @@ def _problem(
         quantities = list(assignments(asked["targets"], "--target"))
     quantities += [asked["pareto"]] if asked["pareto"] else []
     return jc.study.problem(design, ranges, quantities, options)
+
+
+def _searched(
+    asked: dict[str, Any], problem: jc.study.Problem, out: Path | None
+) -> jc.study.Optimum | jc.study.ParetoFront:
+    """Search for the best designs of a problem; progress is shown, and solved designs are kept."""
+    import numpy as np
+
+    from .._core.progress import progress_of
+
+    partial, solved = Partial(out, "designs"), []
+    options = {key: asked[key] for key in ("starts", "max_steps", "tolerance", "samples", "seed")}
+    options["constraints"] = bounds_of(asked["constraints"], "--constraint")
+    wanted = {
+        name: value_of(name, text, f"--target {name}")
+        for name, text in assignments(asked["targets"], "--target").items()
+    }
+    goal, way = problem.quantities[0], _maximise(asked)
+    with progress_of("Compiling and sampling") as progress:
+
+        def callback(stage: str, done: int, total: int) -> None:
+            words = "Sampling the ranges" if stage == "sample" else "Searching, designs"
+            progress.at(done, total, words)
+
+        def keep(problem, designs, found) -> None:
+            solved.append((designs, found.values, found.ok))
+            points, values, ok = map(np.concatenate, zip(*solved, strict=True))
+            columns = {one.header: one.values for one in problem.columns(points, values)}
+            partial.keep(columns | {"solved": ok})
+
+        options |= {"callback": callback, "keep": keep}
+        if asked["pareto"]:
+            options |= {"maximise": (way, None), "points": asked["points"]}
+            found = jc.study.pareto(problem, (goal, asked["pareto"]), **options)
+        else:
+            options |= {"maximise": way, "method": asked["method"]}
+            found = jc.study.optimise(problem, wanted or goal, **options)
+    partial.done()
+    return found
 
 
 def _maximise(asked: dict[str, Any]) -> bool | None:
@@ -304,8 +282,8 @@ def optimum_result(
     return plain(result)
 
 
-def comparison(found: jc.study.Optimum) -> list[dict[str, Any]]:
-    """Losses, forces and dimensions of the present design beside the optimum, where there is a crank.
+def comparison(found: jc.study.Optimum) -> jc.study.Comparison | None:
+    """The present design beside the optimum, where there is a crank.
 
     Objectives that need no periodic state are compared by themselves.
     """
@@ -315,21 +293,12 @@ def comparison(found: jc.study.Optimum) -> list[dict[str, Any]]:
         for q in problem.quantities
     )
     if problem.design.compressor is None or not any(crank):
-        return []
-    designs = problem.design, found.design
-    orbits = [
-        jc.crank.solve_orbit(
-            jc.machine.assembled(one).compressor, problem.options.solver, throw=False
-        )
-        for one in designs
-    ]
-    return [
-        {"name": one.name, "unit": one.unit, "present": one.values[0], "optimum": one.values[1]}
-        for one in jc.study.compared_designs(designs, orbits)
-    ]
+        return None
+    designs = {"Present": problem.design, "Optimum": found.design}
+    return jc.study.compare(designs, problem.options.solver, throw=False)
 
 
-def optimum_tables(result: dict[str, Any]) -> Iterator[Table]:
+def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -> Iterator[Table]:
     """Variables and objective, comparison with the present design, constraints, starts, search."""
     goal, variables = result["objective"], result["variables"]
     way = "highest" if goal["maximised"] else "lowest"
@@ -349,9 +318,8 @@ def optimum_tables(result: dict[str, Any]) -> Iterator[Table]:
     rows += [(), (name, _text(goal, goal["present"], 6), best, "", "")]
     title = f"{result['machine']}: {way} {name.lower()}"
     yield row_table(title, ("", "Present", "Optimum", "Range", ""), rows)
-    if result.get("comparison"):
-        rows = [{**one, "values": [one["present"], one["optimum"]]} for one in result["comparison"]]
-        yield beside_table(rows, ["Present", "Optimum"])
+    if beside is not None:
+        yield beside_table(beside)
     if result["constraints"]:
         signs = {"upper": "<=", "lower": ">=", "equal": "="}
         rows = [

@@ -10,8 +10,8 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import RPM
+from . import _options as opt
 from ._arguments import changed_scene
-from ._options import Designs, Machine, Sets, folder
 from ._output import hand_out
 from ._rotor import points_and_range, rotor_of
 from ._start import CommandError, refuse, reports_errors, start_jax, waiting
@@ -20,9 +20,9 @@ from ._tables import row_table
 
 @reports_errors
 def animate(
-    machine: Machine,
-    out: Annotated[Path, typer.Option(callback=folder)],
-    sets: Sets = None,
+    machine: opt.Machine,
+    out: Annotated[Path, typer.Option(callback=opt.folder)],
+    sets: opt.Sets = None,
     speed: str | None = None,
     frames: int = 48,
 ) -> None:
@@ -112,16 +112,16 @@ def animate_tables(result: dict[str, Any]):
 
 @reports_errors
 def desk(
-    machine: Machine,
-    sets: Sets = None,
-    designs: Designs = None,
+    machine: opt.Machine,
+    sets: opt.Sets = None,
+    designs: opt.Designs = None,
     port: int = 0,
     browser: bool = True,
 ) -> None:
-    """Open a page in the browser on which results follow while numbers of the machine are dragged.
+    r"""Open a page in the browser on which results follow while numbers of the machine are dragged.
 
     Nothing leaves this computer: the page is served on the loopback address alone. Ctrl+C ends it.
-    Needs Panel: [bold]pip install '.[desk]'[/bold] in the folder of jaxcomp.
+    Needs Panel: [bold]pip install '.\[desk]'[/bold] in the folder of jaxcomp.
 
     Example: [bold]jaxcomp desk mayekawa-wbhe[/bold]
 

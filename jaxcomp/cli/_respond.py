@@ -9,18 +9,8 @@ from typing import TYPE_CHECKING, Any
 import jaxcomp as jc
 
 from .._core.display import RPM
+from . import _options as opt
 from ._arguments import assignments, changed_scene
-from ._options import (
-    AsJson,
-    ExcitationOption,
-    Machine,
-    Out,
-    Sets,
-    Solver,
-    Speed,
-    Speeds,
-    chosen_solver,
-)
 from ._output import hand_out, plain
 from ._rotor import chosen_excitation, header, points_and_range, pull_row, rotor_of, whirl
 from ._start import CommandError, refuse_unknown, reports_errors, start_jax, waiting
@@ -42,16 +32,16 @@ _EXCITED = {
 
 @reports_errors
 def respond(
-    machine: Machine,
-    sets: Sets = None,
-    speed: Speed = None,
-    speeds: Speeds = None,
+    machine: opt.Machine,
+    sets: opt.Sets = None,
+    speed: opt.Speed = None,
+    speeds: opt.Speeds = None,
     orders: str | None = None,
     node: list[str] | None = None,
-    excitation: ExcitationOption = None,
-    solver: Solver = "collocation",
-    as_json: AsJson = False,
-    out: Out = None,
+    excitation: opt.ExcitationOption = None,
+    solver: opt.Solver = "collocation",
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Find the vibration of a rotor with its crankcase and housing.
 
@@ -72,7 +62,7 @@ def respond(
         raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
     wanted = whole_orders(orders, None if by_crank else case.loads)
     points, range_ = points_and_range(scene, speed, speeds)
-    crank_solver = chosen_solver(solver, scene)
+    crank_solver = opt.chosen_solver(solver, scene)
     model = rotor_of(scene, points, range_)
 
     def answer(machine, speeds):

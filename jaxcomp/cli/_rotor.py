@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import jaxcomp as jc
 
+from . import _options as opt
 from ._arguments import speed_of, speeds_of
-from ._options import Excitation
 from ._start import CommandError, command_name, refuse
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def rotor_of(scene: jc.scene.Scene, *speeds: np.ndarray | None) -> jc.rotor.Roto
     return model
 
 
-def chosen_excitation(scene: jc.scene.Scene, given: Excitation | None) -> Excitation:
+def chosen_excitation(scene: jc.scene.Scene, given: opt.Excitation | None) -> opt.Excitation:
     """What shakes the rotor of a scene: of `--excitation`, or by the rule of `Assembly.excitation`."""
     try:
         return scene.assembly.excitation(given)

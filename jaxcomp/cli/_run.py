@@ -13,18 +13,8 @@ import jaxcomp as jc
 
 from .._core.display import RPM, axes_words, shown
 from .._core.registry import Quantity, registered
+from . import _options as opt
 from ._arguments import assignments, changed_scene
-from ._options import (
-    AsJson,
-    CycleOption,
-    Designs,
-    Machine,
-    Out,
-    Sets,
-    Solver,
-    solver_of,
-    with_cycle,
-)
 from ._output import hand_out, plain, show_results
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import Markup, row_table, words
@@ -33,8 +23,8 @@ from ._tables import Markup, row_table, words
 _KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
 # Quantities that the other tables of a run have.
 _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
-# Harmonics of the vibration, and instants of a revolution at which its peak is looked for.
-_HARMONICS, _INSTANTS = 12, 360
+# Harmonics of the vibration.
+_HARMONICS = 12
 # What API 618 asks of the load of a crosshead pin: crank angle, and share of the larger side as it is
 # usually quoted.
 _REVERSAL, _REVERSED = math.radians(15), 0.03
@@ -42,16 +32,16 @@ _REVERSAL, _REVERSED = math.radians(15), 0.03
 
 @reports_errors
 def run(
-    machine: Machine,
-    sets: Sets = None,
-    designs: Designs = None,
-    solver: Solver = "collocation",
+    machine: opt.Machine,
+    sets: opt.Sets = None,
+    designs: opt.Designs = None,
+    solver: opt.Solver = "collocation",
     tolerance: float | None = None,
-    cycle: CycleOption = None,
+    cycle: opt.CycleOption = None,
     verify: bool = False,
     moving_films: bool = False,
-    as_json: AsJson = False,
-    out: Out = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Find the periodic state of a machine and print efficiency, losses and forces.
 
@@ -69,7 +59,7 @@ def run(
     start_jax(once=True)
     scene = changed_scene(machine, sets, designs)
     compressor = scene.as_compressor()
-    method = with_cycle(solver_of(solver, compressor), cycle)
+    method = opt.with_cycle(opt.solver_of(solver, compressor), cycle)
     if tolerance is not None:
         method = dataclasses.replace(method, tolerance=tolerance)
     with waiting("Solving the periodic state (the first time it is compiled as well) ..."):
@@ -86,7 +76,9 @@ def run(
                 for name, film in jc.crank.moved_films(compressor, orbit).items()
             }
         if "suspension" in scene.parts:
-            result["vibration"] = vibration_result(scene, orbit)
+            suspension: Any = scene.parts["suspension"]
+            block = jc.vibration.block_vibration(compressor, orbit, suspension, _HARMONICS)
+            result["vibration"] = vibration_result(block)
         if "torsion" in scene.parts:
             result["torsion"] = torsion_result(scene, orbit)
     result["tolerance"] = method.tolerance
@@ -526,58 +518,16 @@ def _verified(result: dict[str, Any], march: dict[str, Any]):
 
 
 # ------------------------------------------------------------------- vibration and torsion
-def vibration_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
-    """Settled vibration in SI units; lists run over x, y, z or the six degrees of freedom.
+def vibration_result(found: jc.vibration.BlockVibration) -> dict[str, Any]:
+    """Settled vibration in SI units; lists run over x, y, z or the six degrees of freedom."""
+    from .._core.results import units_of
 
-    Amplitudes are those of the first harmonic. `free_body` is the approximation without springs and
-    `free_body_error` its error over the amplitude.
-    """
-    import jax
-    import jax.numpy as jnp
-
-    from .._core.exported import kept_jit
-
-    suspension = scene.parts["suspension"]
-    assert isinstance(suspension, jc.vibration.Suspension)
-    places = jc.vibration.block_points(suspension)
-    points = jnp.stack(list(places.values()))
-    found = kept_jit(_vibrations)(scene.as_compressor(), orbit, suspension, points)
-    found = plain(jax.device_get(found))
+    numbers = {name: plain(getattr(found, name)) for name in units_of(type(found))}
     keys = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
-    of_block = ("natural_frequencies", "block_amplitude", "block_rms")
-    points = {name: {key: found[key][i] for key in keys} for i, name in enumerate(places)}
-    return {"harmonics": _HARMONICS, **{key: found[key] for key in of_block}, "points": points}
-
-
-def _vibrations(compressor, orbit: jc.Orbit, suspension, points) -> dict[str, Any]:
-    """Motion of the block, and of its points."""
-    import jax
-    import jax.numpy as jnp
-
-    shaking = jc.vibration
-    load = shaking.orbit_load(compressor, orbit, suspension, _HARMONICS)
-    block = shaking.block_response(suspension, load)
-    free = shaking.free_body_response(suspension, load)
-    time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
-
-    def at(point):
-        motion = shaking.point_motion(suspension, block, point)
-        unsprung = shaking.point_motion(suspension, free, point)
-        return {
-            "position": point,
-            "amplitude": jnp.abs(motion.amplitude[:, 0]),
-            "rms": jnp.linalg.norm(motion.rms),
-            "peak": jnp.max(jnp.linalg.norm(motion.at(time), axis=0)),
-            "free_body": jnp.abs(unsprung.amplitude[:, 0]),
-            "free_body_error": shaking.free_body_error(suspension, load, point)[0],
-        }
-
-    return {
-        "natural_frequencies": shaking.natural_frequencies(suspension),
-        "block_amplitude": jnp.abs(block.amplitude[:, 0]),
-        "block_rms": block.rms,
-        **jax.vmap(at)(points),
-    }
+    of_points = zip(*(numbers.pop(key) for key in keys), strict=True)
+    rows = (dict(zip(keys, row, strict=True)) for row in of_points)
+    points = dict(zip(found.points, rows, strict=True))
+    return {"harmonics": _HARMONICS, **numbers, "points": points}
 
 
 def _vibration(vibration: dict[str, Any], axes: str):

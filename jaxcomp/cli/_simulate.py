@@ -10,8 +10,8 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import RPM
+from . import _options as opt
 from ._arguments import assignments, changed_scene
-from ._options import AsJson, Designs, Machine, Out, Sets
 from ._output import hand_out, plain
 from ._start import refuse, reports_errors, start_jax, waiting
 from ._tables import row_table, words
@@ -26,7 +26,7 @@ Method = Literal["tsit5", "dopri8", "kvaerno3", "kvaerno5"]
 
 @reports_errors
 def simulate(
-    machine: Machine,
+    machine: opt.Machine,
     duration: Annotated[str, typer.Option()],
     speed: str = "0 rpm",
     angle: str = "0 deg",
@@ -35,10 +35,10 @@ def simulate(
     tolerance: float = 1e-8,
     samples: Annotated[int | None, typer.Option(min=2)] = None,
     swing_back: bool = False,
-    sets: Sets = None,
-    designs: Designs = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    sets: opt.Sets = None,
+    designs: opt.Designs = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Integrate the crank in time: run-up, running, power-off and stop.
 

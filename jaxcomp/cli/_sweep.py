@@ -12,22 +12,8 @@ import typer
 import jaxcomp as jc
 
 from .._core.interrupts import words_when_stopped
+from . import _options as opt
 from ._arguments import assignments, changed_scene, with_one_unit
-from ._options import (
-    AccuracyOption,
-    AsJson,
-    CycleOption,
-    Dask,
-    Designs,
-    Machine,
-    Out,
-    Quantities,
-    Sampling,
-    Sets,
-    Solver,
-    analysis_options,
-    complete_variable,
-)
 from ._output import hand_out, plain
 from ._start import CommandError, cluster, refuse, reports_errors, start_jax
 from ._tables import row_table
@@ -42,22 +28,22 @@ _LAYOUT = "crankshaft.layout"
 
 @reports_errors
 def sweep(
-    machine: Machine,
-    over: Annotated[list[str], typer.Option(autocompletion=complete_variable)],
-    quantity: Quantities = None,
-    sets: Sets = None,
-    designs: Designs = None,
+    machine: opt.Machine,
+    over: Annotated[list[str], typer.Option(autocompletion=opt.complete_variable)],
+    quantity: opt.Quantities = None,
+    sets: opt.Sets = None,
+    designs: opt.Designs = None,
     samples: int | None = None,
-    sampling: Sampling = "sobol",
+    sampling: opt.Sampling = "sobol",
     seed: int = 0,
-    accuracy: AccuracyOption = "fine",
-    solver: Solver = "collocation",
-    cycle: CycleOption = None,
+    accuracy: opt.AccuracyOption = "fine",
+    solver: opt.Solver = "collocation",
+    cycle: opt.CycleOption = None,
     batch: int | None = None,
     devices: int | None = None,
-    dask: Dask = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    dask: opt.Dask = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Solve all designs of a grid, or samples, and show the best ones.
 
@@ -101,7 +87,7 @@ def sweep(
             "samples": samples if axes else None,
             "sampling": sampling.replace("-", "_"),
             "seed": seed,
-            "options": analysis_options(scene, accuracy, solver, cycle),
+            "options": opt.analysis_options(scene, accuracy, solver, cycle),
             "out": store,
             "batch": batch,
             "devices": devices,

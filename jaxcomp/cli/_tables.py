@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.cells import cell_len
@@ -12,6 +12,9 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from .._core.display import Shown, behind, shown
+
+if TYPE_CHECKING:
+    from ..study import Comparison
 
 
 class Markup(str):
@@ -91,20 +94,15 @@ def column_table(
     return row_table(title, tuple(cells), zip(*cells.values(), strict=True), texts, whole=whole)
 
 
-def beside_table(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> Table:
-    """Losses, forces and dimensions of designs, and the change of each against the first.
-
-    Args:
-        rows: with `name`, `unit` and the `values` of all designs, `None` where one has none.
-        labels: of the designs.
-    """
-    first, *others = labels
+def beside_table(found: "Comparison") -> Table:
+    """Losses, forces and dimensions of designs, and the change of each against the first."""
+    first, *others = found.labels
     heads = ("Losses, forces, dimensions", first, *_alternating(others, ["Change"] * len(others)))
     cells = []
-    for one in rows:
-        look = shown(one["name"], one["unit"], [x for x in one["values"] if x is not None])
-        before, *after = (None if x is None else look.text(x) for x in one["values"])
-        changes = [_change(look, one["values"][0], x) for x in one["values"][1:]]
+    for name, unit, values in found.rows:
+        look = shown(name, unit, [x for x in values if x is not None])
+        before, *after = (None if x is None else look.text(x) for x in values)
+        changes = [_change(look, values[0], x) for x in values[1:]]
         cells.append((look.words, before, *_alternating(after, changes)))
     return row_table(None, heads, cells)
 

@@ -13,23 +13,8 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import Shown, shown
+from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si
-from ._options import (
-    AccuracyOption,
-    AsJson,
-    CycleOption,
-    Dask,
-    Designs,
-    ExcitationOption,
-    Machine,
-    Out,
-    Quantities,
-    Sampling,
-    Sets,
-    Solver,
-    analysis_options,
-    complete_variable,
-)
 from ._output import Partial, hand_out, plain
 from ._start import CommandError, cluster, refuse, reports_errors, start_jax, waiting
 from ._sweep import default_quantities, start_devices
@@ -47,27 +32,27 @@ Curvature = Literal["differences", "exact", "none"]
 
 @reports_errors
 def tolerance(
-    machine: Machine,
-    vary: Annotated[list[str] | None, typer.Option(autocompletion=complete_variable)] = None,
+    machine: opt.Machine,
+    vary: Annotated[list[str] | None, typer.Option(autocompletion=opt.complete_variable)] = None,
     tolerances: Path | None = None,
     correlate: list[str] | None = None,
-    quantity: Quantities = None,
+    quantity: opt.Quantities = None,
     limit: list[str] | None = None,
     rejects: str | None = None,
-    sets: Sets = None,
-    designs: Designs = None,
+    sets: opt.Sets = None,
+    designs: opt.Designs = None,
     balanced: bool = False,
-    excitation: ExcitationOption = None,
+    excitation: opt.ExcitationOption = None,
     samples: int | None = None,
-    sampling: Sampling = "sobol",
+    sampling: opt.Sampling = "sobol",
     seed: int = 0,
     curvature: Curvature = "differences",
-    accuracy: AccuracyOption = "fast",
-    solver: Solver = "collocation",
-    cycle: CycleOption = None,
-    dask: Dask = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    accuracy: opt.AccuracyOption = "fast",
+    solver: opt.Solver = "collocation",
+    cycle: opt.CycleOption = None,
+    dask: opt.Dask = None,
+    as_json: opt.AsJson = False,
+    out: opt.Out = None,
 ) -> None:
     """Find how efficiency, losses, loads and vibration vary with tolerances, and what causes most.
 
@@ -108,7 +93,7 @@ def tolerance(
     start_devices(None)
     start_jax()
     scene = changed_scene(machine, sets, designs, vary)
-    options = analysis_options(scene, accuracy, solver, cycle, excitation)
+    options = opt.analysis_options(scene, accuracy, solver, cycle, excitation)
     design = jc.machine.machine_of(scene)
     if balanced:
         refuse(not design.corrections, "--balanced: needs a scene with balancing planes")

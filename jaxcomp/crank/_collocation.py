@@ -298,8 +298,8 @@ def orbit_of_motion(
     motor = closure.torque(now)
     period = grid.total(1 / now.speed)
     status = Status.where(report.settled, Status.converged, Status.not_converged)
-    if estimate:
-        finer_now = instant(fine, finer)
+    finer_now = instant(fine, finer) if estimate else None
+    if finer_now is not None:
         resolved = jnp.abs(fine.total(1 / finer_now.speed) - period) < _PERIOD_ERROR * period
         status = Status.where(report.settled & ~resolved, Status.unresolved, status)
     growth = None
@@ -325,7 +325,7 @@ def orbit_of_motion(
     # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
     # force, change by as much as the large ones.
     error = dict.fromkeys(totals, jnp.full((), jnp.nan))
-    if estimate:
+    if finer_now is not None:
         moved = _energy_error(closure, finer_now, finer(state.acceleration), growth)
         moved *= 2 * lax.stop_gradient(account.total_loss)
         error = by_joint(

@@ -6,8 +6,8 @@ quickly, is left out.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -19,6 +19,7 @@ from .._core.each import mapped
 from .._core.exported import kept_jit
 from .._core.fields import of_cylinder, rebuilt
 from .._core.polynomials import Rule, gauss
+from .._core.results import Data, Result, reading
 from .._core.roots import AbstractFixedPoint, fixed_point, frozen, settle
 from .._core.status import Status
 from ..compressor import Compressor
@@ -54,10 +55,11 @@ ROUGHNESS = 1e-8
 _PANELS = 48  # of a revolution of a journal under a given load
 
 
-class JournalFilm(eqx.Module):
+class JournalFilm(Result, eqx.Module):
     """The film of one journal at the n nodes of an orbit.
 
     Attributes:
+        moving: whether the orbit was solved.
         position: [-] (2, n) centre of the journal over the clearance, in the axes of the joint's force.
         load: [N] (2, n) on the journal.
         thickness: [m] (n,) smallest round the ring.
@@ -82,57 +84,66 @@ class JournalFilm(eqx.Module):
         contact_load: [N] (n,) of the contact of rough surfaces, along the line of centres; the film has
             the rest. Zero without a contact, as the next ones.
         contact_loss: [W] (n,) by their rubbing, beside the losses of the film.
+        duration: [s] (n,) quadrature weights over the revolution.
         mean_contact_loss: [W]
-        moving: whether the orbit was solved.
     """
 
-    position: Float[Array, "2 n"]
-    load: Float[Array, "2 n"]
-    thickness: Float[Array, " n"]
-    pressure: Float[Array, " n"]
-    flow: Float[Array, " n"]
-    shear_loss: Float[Array, " n"]
-    squeeze_loss: Float[Array, " n"]
-    minimum_film: Float[Array, ""]
-    largest_pressure: Float[Array, ""]
-    largest_eccentricity: Float[Array, ""]
-    film_error: Float[Array, ""]
-    mean_flow: Float[Array, ""]
-    mean_shear_loss: Float[Array, ""]
-    mean_squeeze_loss: Float[Array, ""]
-    temperature_rise: Float[Array, ""]
-    stiffness: Float[Array, "2 2"]
-    damping: Float[Array, "2 2"]
-    thin_share: Float[Array, ""]
-    steady_film: Float[Array, ""]
-    steady_loss: Float[Array, ""]
-    duration: Float[Array, " n"]
-    contact_load: Float[Array, " n"]
-    contact_loss: Float[Array, " n"]
-    mean_contact_loss: Float[Array, ""]
     moving: bool = eqx.field(static=True)
+    position: Float[Array, "2 n"] = reading("", "axis", "node")
+    load: Float[Array, "2 n"] = reading("N", "axis", "node")
+    thickness: Float[Array, " n"] = reading("m", "node")
+    pressure: Float[Array, " n"] = reading("Pa", "node")
+    flow: Float[Array, " n"] = reading("m^3/s", "node")
+    shear_loss: Float[Array, " n"] = reading("W", "node")
+    squeeze_loss: Float[Array, " n"] = reading("W", "node")
+    minimum_film: Float[Array, ""] = reading("m")
+    largest_pressure: Float[Array, ""] = reading("Pa")
+    largest_eccentricity: Float[Array, ""] = reading("")
+    film_error: Float[Array, ""] = reading("m")
+    mean_flow: Float[Array, ""] = reading("m^3/s")
+    mean_shear_loss: Float[Array, ""] = reading("W")
+    mean_squeeze_loss: Float[Array, ""] = reading("W")
+    temperature_rise: Float[Array, ""] = reading("K")
+    stiffness: Float[Array, "2 2"] = reading("N/m", "force", "motion")
+    damping: Float[Array, "2 2"] = reading("N s/m", "force", "motion")
+    thin_share: Float[Array, ""] = reading("")
+    steady_film: Float[Array, ""] = reading("m")
+    steady_loss: Float[Array, ""] = reading("W")
+    duration: Float[Array, " n"] = reading("s", "node")
+    contact_load: Float[Array, " n"] = reading("N", "node")
+    contact_loss: Float[Array, " n"] = reading("W", "node")
+    mean_contact_loss: Float[Array, ""] = reading("W")
+
+    table_dims: ClassVar[tuple[str, ...]] = ("node",)
 
     def share_below(self, thickness: float | Float[Array, ""]) -> Float[Array, ""]:
         """[-] Share of the revolution's time in which the film is thinner than a thickness [m]."""
         return _share_below(self.thickness, self.duration, thickness)
 
 
-class JournalOrbit(NamedTuple):
+class JournalOrbit(Result, eqx.Module):
     """A periodic orbit of one journal.
 
     Attributes:
-        angle: [rad] (n,) of the nodes.
         film: what is read off the orbit.
         status: `Status.film_collapse` where the film closes.
+        angle: [rad] (n,) of the nodes.
         residual: [-] last change of the positions.
         iterations: steps of Newton's method.
     """
 
-    angle: Float[Array, " n"]
     film: JournalFilm
     status: Status
-    residual: Float[Array, ""]
-    iterations: Int[Array, ""]
+    angle: Float[Array, " n"] = reading("rad", "node")
+    residual: Float[Array, ""] = reading("")
+    iterations: Int[Array, ""] = reading("")
+
+    table_dims: ClassVar[tuple[str, ...]] = ("node",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units, with those of its film."""
+        yield from super().described()
+        yield from self.film.described()
 
 
 def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array, " n"]]:
@@ -400,7 +411,7 @@ class _Periodic(AbstractFixedPoint):
     """The periodic orbit of a journal on fixed panels; the parameters are its `Drive`."""
 
     grid: Panels
-    tolerance: float = 1e-13
+    tolerance: float | Float[Array, ""] = 1e-13
     max_iterations: int = eqx.field(static=True, default=60)
 
     def step(self, parameters, data, unknowns):
@@ -497,4 +508,4 @@ def _solved_journal(
     )
     status = Status.where(report.settled, Status.converged, Status.not_converged)
     status = orbit_status(grid.rule, drive, of_panels(position)[:, None], status)
-    return JournalOrbit(grid.angle.ravel(), read, status, report.change, report.steps)
+    return JournalOrbit(read, status, grid.angle.ravel(), report.change, report.steps)

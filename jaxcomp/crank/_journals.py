@@ -36,19 +36,19 @@ from ..film import (
 from ..mechanism import CrankState, SliderCrank, rod_motion
 from ._panels import Panels
 
-# The room that a step leaves between journal and bush, over that before it.
+# Clearance that a step leaves between journal and bush, over that before it.
 _ROOM_LEFT = 0.2
 # The same where surfaces touch, whose force grows within a third of the roughness: closer than so many
 # times the roughness.
 _ROOM_IN_CONTACT, _TOUCHING = 0.6, 3.0
-# A step below this share of the room between journal and bush has come near to the orbit.
+# A step below this share of the clearance between journal and bush has come near to the orbit.
 _NEAR = 0.3
 
 # Eccentricity ratio beyond which a film counts as closed: no oil film of a machine is that thin.
 CLOSED = 0.9999
 
-# [-] Estimated error of the smallest room between journal and bush, over that room, beyond which an orbit
-# is not resolved.
+# [-] Relative error, as estimated, of the smallest clearance between journal and bush beyond which an
+# orbit is not resolved.
 _COARSE = 0.3
 # Panels of the revolution below which thin films are not resolved: on the pin of a compressor, with 8
 # nodes, 18 leave 9 % of error in a film of 0.8 µm, 24 leave 1e-4 in one of 0.15 µm.

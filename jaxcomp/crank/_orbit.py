@@ -259,7 +259,7 @@ class Orbit(Result, eqx.Module):
     def margin(self) -> Float[Array, ""]:
         """[-] smallest slope of the joint loop over the revolution; joints lock where it reaches zero."""
         assert self.loads.margin is not None
-        return jnp.min(self.loads.margin)
+        return jnp.min(self.loads.margin, axis=(-2, -1))
 
     @property
     def weakest_cylinder(self) -> Int[Array, ""] | None:
@@ -312,6 +312,7 @@ def _nonzero(value):
     return value + (value == 0)
 
 
+@kept_jit
 def rod_load_reversal(
     orbit: Orbit,
 ) -> dict[str, tuple[Float[Array, ""], Float[Array, ""]]]:

@@ -17,6 +17,7 @@ from jax import lax
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import (
     NONNEGATIVE,
     POSITIVE,
@@ -63,7 +64,7 @@ class TorsionalChain(Part):
         if count < 2 or self.stiffness.shape != (count - 1,):
             raise BadInput("stiffness", self.stiffness, f"{max(count, 2) - 1} values, one a spring")
 
-    def _between(self, values: Float[Array, " s"]) -> Float[Array, "n n"]:
+    def between(self, values: Float[Array, " s"]) -> Float[Array, "n n"]:
         """The matrix of springs or dampers between neighbours."""
         ends = jnp.concatenate([jnp.zeros(1), values, jnp.zeros(1)])
         beside = jnp.diag(values, 1)
@@ -72,9 +73,7 @@ class TorsionalChain(Part):
     @property
     def natural_frequencies(self) -> Float[Array, " n"]:
         """[rad/s] in rising order; the first is the free rotation, 0."""
-        root = jnp.sqrt(self.inertia)
-        values = jnp.linalg.eigvalsh(self._between(self.stiffness) / root[:, None] / root)
-        return jnp.sqrt(jnp.maximum(values, 0.0)).at[0].set(0.0)
+        return _natural_frequencies(self)
 
     def response(
         self, torque: Complex[Array, "n h"], frequency: Float[Array, " h"]
@@ -87,9 +86,9 @@ class TorsionalChain(Part):
         """
         square = frequency[:, None, None] ** 2
         dynamic = (
-            self._between(self.stiffness)
+            self.between(self.stiffness)
             - square * jnp.diag(self.inertia)
-            + 1j * frequency[:, None, None] * self._between(self.damping)
+            + 1j * frequency[:, None, None] * self.between(self.damping)
         )
         return jnp.linalg.solve(dynamic, torque.T[..., None])[..., 0].T
 
@@ -199,9 +198,24 @@ def train_torques(
         train: its inertias and springs.
         count: harmonics; the orbit needs several nodes for a wave of the highest.
     """
-    chain, own = train.chain(compressor), throw_torques(compressor, orbit)
+    return _spring_torques(train.chain(compressor), compressor, orbit, count)
+
+
+@kept_jit
+def _natural_frequencies(chain: TorsionalChain) -> Float[Array, " n"]:
+    root = jnp.sqrt(chain.inertia)
+    values = jnp.linalg.eigvalsh(chain.between(chain.stiffness) / root[:, None] / root)
+    return jnp.sqrt(jnp.maximum(values, 0.0)).at[0].set(0.0)
+
+
+@kept_jit
+def _spring_torques(
+    chain: TorsionalChain, compressor: Compressor, orbit: Orbit, count: int
+) -> TrainTorques:
+    own = throw_torques(compressor, orbit)
     of_shaft = orbit.loads.total_loss_torque - jnp.sum(_own_losses(compressor, orbit), axis=0)
-    before = jnp.zeros((train.inertia.size, orbit.time.size)).at[0].set(orbit.motor_torque)
+    ahead = chain.inertia.size - own.shape[0]
+    before = jnp.zeros((ahead, orbit.time.size)).at[0].set(orbit.motor_torque)
     torque = jnp.concatenate([before, own - of_shaft / own.shape[0]])
     duration = orbit.weight / orbit.state.speed
     harmonic, frequency = time_harmonics(torque, orbit.time, duration, count)
@@ -258,6 +272,7 @@ def throw_torques(compressor: Compressor, orbit: Orbit) -> Float[Array, "t n"]:
     return compressor.crankshaft.of_throws(torque - _own_losses(compressor, orbit))
 
 
+@kept_jit
 def throw_inertias(compressor: Compressor) -> Float[Array, " t"]:
     """[kg m^2] Mean inertia of the rods and pistons of each throw, reduced to the crank."""
     return compressor.crankshaft.of_throws(_mean_inertia(compressor)[:, 0])

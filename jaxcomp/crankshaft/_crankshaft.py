@@ -402,7 +402,7 @@ def _layout(name: str) -> list[tuple[float, list[float]]]:
             times *= {"single": 1}.get(kind, count)
             banks = [[0.0], [180.0]] if kind == "boxer" else [[0.0]]
     else:
-        times = 0
+        times, banks = 0, [[0.0]]
     if times < 1 or times > _MOST:
         known = (
             '"single", "in-line-4", "boxer-2", "opposed", "radial-5", "V90", "W60", "VV45", "V90x2"'

@@ -16,7 +16,7 @@ from ._collocation import SolvedPressure, over_panels, resolution, turning_margi
 from ._cylinder import Case
 
 VALVES = ("suction", "discharge")
-# [-] of the stop: a turn as near to it as tolerances of production
+# [-] of the stop: a valve that reverses as near to it as production tolerances
 GRAZING = 0.01
 
 
@@ -44,12 +44,6 @@ class Events(eqx.Module):
         """Highest speed [m/s] at which a valve (0 suction, 1 discharge) meets its stop or its seat."""
         here = self.meets & (self.which == 4 * valve + stop)
         return jnp.max(jnp.where(here, jnp.abs(self.speed), 0.0))
-
-    def opening_angle(self, valve: int) -> Float[Array, ""]:
-        """Crank angle [rad] at which a valve opens for the first time; 0 if it never does."""
-        here = self.opens & (self.which == 4 * valve)
-        first = jnp.argmin(jnp.where(here, self.angle, jnp.inf))
-        return jnp.where(jnp.any(here), self.angle[first], 0.0)
 
     def closing_angle(self, valve: int) -> Float[Array, ""]:
         """Crank angle [rad] at which a valve shuts for the last time; 0 if it never does."""
@@ -243,19 +237,20 @@ class Cycle(Result, eqx.Module):
     def volume_losses(self) -> dict[str, Float[Array, ""]]:
         """[-] Where the swept volume goes, by name; the values add up to 1.
 
-        The suction valve's share is what the full cylinder's pressure is below that of the line.
+        The suction valve's share is what the pressure at the bottom dead centre is below the line's.
         """
         case, t = self.case, self.totals
         c = case.cylinder.clearance_ratio
         expanded = case.cylinder.fluid.at_entropy(case.suction.p, case.discharge.s, case.discharge)
         clearance = c * (case.discharge.rho / expanded.rho - 1)
+        _, bottom = case.mechanism.dead_centres()
+        full = self.pressure_at(bottom)
         named = {
             "delivered": self.volumetric_efficiency,
             "clearance": clearance,
             "leakage": t.leakage / case.mass_scale,
             "back flow": (t.suction_back + t.discharge_back) / case.mass_scale,
-            "suction valve": (1 + c)
-            * (1 - self.pressure[jnp.argmax(self.volume)] / case.suction.p),
+            "suction valve": (1 + c) * (1 - full / case.suction.p),
         }
         rest = 1 - sum(named.values(), start=jnp.zeros(()))
         return {**named, "heating": rest}

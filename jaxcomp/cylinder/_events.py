@@ -98,13 +98,15 @@ def passed(ends, slopes, width, flags, least):
         pace = (last - first) / change
         bends = slopes[0][v] * pace, slopes[1][v] * pace
         t = first / jnp.where(turns, first - last, 1.0)
-        for _ in range(3):  # by chords: an error of the turn counts with its square
+        for _ in range(
+            3
+        ):  # secant steps: an error of the instant of reversal counts with its square
             rate = cubic_step(t, width, (first, last), bends)
             t = jnp.clip(t + rate / jnp.where(turns, first - last, 1.0), 0.0, 1.0)
         top = quintic_step(t, width, (ends[0][x], ends[1][x]), (first, last), bends)
         excess = jnp.where(first > 0, top - 1, -top)
         beyond = turns & (excess > least)
-        # before the turn, where three quarters of the excess are reached on the way there
+        # before the valve reverses, where three quarters of the excess are reached on the way there
         bend = jnp.abs((last - first) / width)
         back = jnp.sqrt(jnp.where(beyond, excess, 0.0) / 2 / jnp.where(beyond, bend, 1.0)) / width
         found = jnp.minimum(found, jnp.where(beyond, jnp.maximum(t - back, 0.5 * t), jnp.inf))

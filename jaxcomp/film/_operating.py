@@ -1,11 +1,13 @@
 r"""Operating point of a journal bearing under a steady load, and the pressure in its film."""
 
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.results import Result, reading
 from ._bearing import (
     JournalBearing,
     bush_moment,
@@ -33,9 +35,11 @@ from ._reynolds import GroovedReynolds, Reynolds
 # thinner film follows from its growth with the power -1.5 of the thickness.
 _LEAST_THICKNESS = 1e-4
 _GRIDS = ((60, 8), (120, 16), (240, 32))
+# Of the force and of the motion that stiffness and damping stand for.
+_AXES = ("force", "motion")
 
 
-class OperatingPoint(NamedTuple):
+class OperatingPoint(Result, eqx.Module):
     """Steady state of a bearing; what the film model does not give is `None`.
 
     Stiffness and damping have the axes x along the load on the journal and y, x turned by 90 degrees
@@ -60,22 +64,24 @@ class OperatingPoint(NamedTuple):
         contact_torque: [N m] part of `friction_torque` that the contact makes.
     """
 
-    phi_p: Float[Array, ""]
-    sommerfeld_number: Float[Array, ""]
-    phi_t: Float[Array, ""]
-    friction_torque: Float[Array, ""]
-    eccentricity_ratio: Float[Array, ""] | None = None
-    minimum_film: Float[Array, ""] | None = None
-    attitude_angle: Float[Array, ""] | None = None
-    bush_torque: Float[Array, ""] | None = None
-    stiffness: Float[Array, "2 2"] | None = None
-    damping: Float[Array, "2 2"] | None = None
-    dimensionless_stiffness: Float[Array, "2 2"] | None = None
-    dimensionless_damping: Float[Array, "2 2"] | None = None
-    critical_mass: Float[Array, ""] | None = None
-    whirl_ratio: Float[Array, ""] | None = None
-    contact_load: Float[Array, ""] | None = None
-    contact_torque: Float[Array, ""] | None = None
+    phi_p: Float[Array, ""] = reading("")
+    sommerfeld_number: Float[Array, ""] = reading("")
+    phi_t: Float[Array, ""] = reading("")
+    friction_torque: Float[Array, ""] = reading("N m")
+    eccentricity_ratio: Float[Array, ""] | None = reading("", default=None)
+    minimum_film: Float[Array, ""] | None = reading("m", default=None)
+    attitude_angle: Float[Array, ""] | None = reading("rad", default=None)
+    bush_torque: Float[Array, ""] | None = reading("N m", default=None)
+    stiffness: Float[Array, "2 2"] | None = reading("N/m", *_AXES, default=None)
+    damping: Float[Array, "2 2"] | None = reading("N s/m", *_AXES, default=None)
+    dimensionless_stiffness: Float[Array, "2 2"] | None = reading("", *_AXES, default=None)
+    dimensionless_damping: Float[Array, "2 2"] | None = reading("", *_AXES, default=None)
+    critical_mass: Float[Array, ""] | None = reading("kg", default=None)
+    whirl_ratio: Float[Array, ""] | None = reading("", default=None)
+    contact_load: Float[Array, ""] | None = reading("N", default=None)
+    contact_torque: Float[Array, ""] | None = reading("N m", default=None)
+
+    table_dims: ClassVar[tuple[str, ...]] = _AXES
 
 
 class PressureField(NamedTuple):
@@ -111,36 +117,35 @@ def operating_point(
     part = prepare(bearing)
     film, gap = film_at(part, speed, 0.0), part.bearing.radial_clearance
     number = load_number(part, load, speed, **still)
-    point = OperatingPoint(
-        phi_p=number,
-        sommerfeld_number=1 / (2 * jnp.pi * number),
-        phi_t=film.friction_number(number),
-        friction_torque=friction_moment(part, load, speed, **still),
-    )
+    known: dict[str, Any] = {}
     if isinstance(film, AbstractCarryingFilm):
         x = film_ratio(film, number)
-        point = point._replace(eccentricity_ratio=x / (1 + x), minimum_film=gap / (1 + x))
+        known |= {"eccentricity_ratio": x / (1 + x), "minimum_film": gap / (1 + x)}
     contact = ring_contact(part.bearing)
     if contact is not None:
-        point = point._replace(
-            contact_load=contact.forces(point.eccentricity_ratio)[0],
-            contact_torque=contact_moment(part, load, speed, **still),
-        )
+        known["contact_load"] = contact.forces(known["eccentricity_ratio"])[0]
+        known["contact_torque"] = contact_moment(part, load, speed, **still)
     if isinstance(film, AbstractSolvedFilm):
         stiffness, damping = stiffness_damping(part, jnp.stack([load, 0.0 * load]), speed, **still)
         per_load = coefficients_per_load(film, number)
         threshold = stability_threshold(film, number)
-        point = point._replace(
-            attitude_angle=film_state(film, number).attitude_angle,
-            bush_torque=bush_moment(part, load, speed, **still),
-            stiffness=stiffness,
-            damping=damping,
-            dimensionless_stiffness=per_load.stiffness,
-            dimensionless_damping=per_load.damping,
-            critical_mass=threshold.critical_mass * load / (gap * speed**2),
-            whirl_ratio=threshold.whirl_ratio,
-        )
-    return point
+        known |= {
+            "attitude_angle": film_state(film, number).attitude_angle,
+            "bush_torque": bush_moment(part, load, speed, **still),
+            "stiffness": stiffness,
+            "damping": damping,
+            "dimensionless_stiffness": per_load.stiffness,
+            "dimensionless_damping": per_load.damping,
+            "critical_mass": threshold.critical_mass * load / (gap * speed**2),
+            "whirl_ratio": threshold.whirl_ratio,
+        }
+    return OperatingPoint(
+        phi_p=number,
+        sommerfeld_number=1 / (2 * jnp.pi * number),
+        phi_t=film.friction_number(number),
+        friction_torque=friction_moment(part, load, speed, **still),
+        **known,
+    )
 
 
 def pressure_field(

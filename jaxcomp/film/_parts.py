@@ -93,7 +93,7 @@ class GradedOil(AbstractOil):
     )
 
     @property
-    def dynamic_viscosity(self) -> Scalar:
+    def dynamic_viscosity(self) -> Scalar:  # pyright: ignore[reportIncompatibleVariableOverride]
         """[Pa s] eta."""
         return iso_vg_viscosity(self.grade, self.temperature, self.density)
 

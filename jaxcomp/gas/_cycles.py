@@ -24,6 +24,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, quantity, replaced
 from ._base import AbstractGas, Stroke
 
@@ -209,6 +210,7 @@ class StagedCycle(AbstractGas):
         """Known once the cylinders are: see `of_cylinders`."""
         raise BadInput("gas", "staged", "put together by `jaxcomp.compressor.compressor_of`")
 
+    @kept_jit
     def between(self, area: Float[Array, "*k"], stroke: Float[Array, "*k"]) -> Float[Array, " m"]:
         """[Pa] Suction pressure of every stage and at last the discharge pressure.
 

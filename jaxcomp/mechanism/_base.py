@@ -139,12 +139,6 @@ class AbstractMechanism(Part):
         """Inertia of the linkage, J [kg m^2] and J' [kg m^2/rad], at crank angles [rad]."""
         return self.reduced_inertia(self.kinematics(angle))
 
-    def gravity_torque(
-        self, angle: Float[Array, "*n"], gravity: Float[Array, "2"]
-    ) -> Float[Array, "*n"]:
-        """Torque [N m] of the linkage's weights on the crank at an angle [rad], as `weight_torque`."""
-        return self.weight_torque(self.kinematics(angle), gravity)
-
     @abstractmethod
     def dead_centres(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Crank angles [rad] of the top and, within the next turn, the bottom dead centre."""

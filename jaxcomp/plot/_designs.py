@@ -1,14 +1,11 @@
 """Pictures of designs: what they depend on, how they scatter, and several beside each other."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure
 from scipy import stats
 
 from .._core.display import Shown, shown
-from ..study import Sensitivity, variable_label
+from ..study import Comparison, Sensitivity, variable_label
 from ..study.tolerance import Tolerances
 from . import _style as style
 
@@ -18,14 +15,14 @@ _LOSS = "loss_power."
 _BARS, _ROWS = 18, 14
 
 
-def compared_losses(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> Figure:
+def compared_losses(found: Comparison) -> Figure:
     """Power lost in each joint of some designs, with a bar for each design.
 
     Args:
-        rows: with `name` and the `values` [W] of all designs; those of other names do not count.
-        labels: of the designs.
+        found: of `compare`.
     """
-    losses = {r["name"][len(_LOSS) :]: r["values"] for r in rows if r["name"].startswith(_LOSS)}
+    labels, rows = found.labels, found.rows
+    losses = {one.name[len(_LOSS) :]: one.values for one in rows if one.name.startswith(_LOSS)}
     values = np.array([[x or 0.0 for x in row] for row in losses.values()]).reshape(-1, len(labels))
     size = (7.2, 1.8 + (0.25 + 0.22 * len(labels)) * len(losses))
     figure, ax = style.single(size, "Friction losses")

@@ -67,7 +67,7 @@ def fine_turn(compressor: Compressor, orbit: Orbit) -> FineTurn:
 def first_diagram(
     compressor: Compressor, turn: FineTurn
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """[m^3], [Pa] Displaced volume and pressure of the first cylinder; the turn must have gas."""
+    """[m^3], [Pa] Displaced volume and pressure of the first cylinder; the revolution must have gas."""
     assert turn.pressure is not None
     mechanism = of_cylinder(compressor.mechanism)
     angle, pressure = turn.state.angle + compressor.crankshaft.phase[0], turn.pressure[0]

@@ -11,6 +11,7 @@ from .._core.display import RPM, axes_words, shown, small_unit
 from ..balancing import Balance
 from ..compressor import Compressor
 from ..crank import Orbit
+from ..rotor import undamped_modes
 from ..vibration import (
     Harmonics,
     Suspension,
@@ -18,7 +19,6 @@ from ..vibration import (
     block_response,
     free_body_error,
     free_body_response,
-    natural_frequencies,
     orbit_load,
     point_motion,
     shaking_wrench,
@@ -133,7 +133,7 @@ def _errors(compressor, orbit, suspension, points, factors):
     def one(factor):
         other = with_scaled_frequencies(suspension, factor)
         errors = jax.vmap(lambda point: free_body_error(other, load, point)[0])(points)
-        return errors, jnp.max(natural_frequencies(other))
+        return errors, undamped_modes(other.rotor, 6).frequency[-1]
 
     return jax.vmap(one)(factors)
 

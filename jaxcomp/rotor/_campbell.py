@@ -1,6 +1,6 @@
 r"""Campbell diagram and critical speeds."""
 
-from typing import NamedTuple
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.results import Result, reading
 from ._conventions import add, from_planes, take, to_planes
 from ._damped import (
     DampedModes,
@@ -57,7 +58,7 @@ def _campbell(model, spin_speeds, count, damping):
     return jax.lax.map(lambda spin: _damped(system, spin, count, False, damping), spin_speeds)
 
 
-class CriticalSpeeds(NamedTuple):
+class CriticalSpeeds(Result, eqx.Module):
     """Speeds W at which a mode's frequency is n W.
 
     Attributes:
@@ -68,9 +69,11 @@ class CriticalSpeeds(NamedTuple):
         residual: [-] (m,) relative change in the last step.
     """
 
-    speed: Array
-    growth: Array
-    residual: Array
+    speed: Float[Array, " m"] = reading("rad/s", "critical_speed")
+    growth: Float[Array, " m"] = reading("rad/s", "critical_speed")
+    residual: Float[Array, " m"] = reading("", "critical_speed")
+
+    table_dims: ClassVar[tuple[str, ...]] = ("critical_speed",)
 
 
 def critical_speeds(
@@ -167,7 +170,7 @@ def critical_speeds_between(
         if np.all(np.abs(value[i] - value[kept]) > 1e-7 * w[i]):
             kept.append(i)
     kept.sort(key=lambda i: w[i])
-    return CriticalSpeeds(*(a[np.array(kept, int)] for a in found))
+    return jax.tree.map(lambda a: a[np.array(kept, int)], found)
 
 
 def _by_frequency(modes: DampedModes) -> DampedModes:
@@ -188,8 +191,9 @@ def _critical(model, count, order, damping, near):
     still = jnp.zeros_like(start[0])
     found = _from_starts(system, start[0], still, start[1].T, order, damping)
     first = jnp.argsort(found.speed)
-    speed, growth, residual = (a[first] for a in found)
-    return CriticalSpeeds(marked(system, speed), marked(system, growth), residual)
+    found = jax.tree.map(lambda a: a[first], found)
+    speed, growth = (marked(system, one) for one in (found.speed, found.growth))
+    return CriticalSpeeds(speed, growth, found.residual)
 
 
 @kept_jit

@@ -76,11 +76,6 @@ class DampedModes(Result, eqx.Module):
         return -self.eigenvalue.real / jnp.abs(self.eigenvalue)
 
     @property
-    def log_decrement(self) -> Float[Array, " m"]:
-        """[-] Logarithmic decrement -2 pi Re lambda / Im lambda."""
-        return -2 * jnp.pi * self.eigenvalue.real / self.eigenvalue.imag
-
-    @property
     def stable(self) -> Bool[Array, ""]:
         """Whether every motion but a rigid one decays or at least does not grow."""
         return self.growth <= 1e-9 * jnp.nanmax(jnp.abs(self.eigenvalue))

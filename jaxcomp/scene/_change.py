@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._core.errors import BadInput
-from .._core.fields import Part
+from .._core.fields import Part, at
 from .._core.registry import DESIGN_RULES
 from .._core.words import did_you_mean
 from ..compressor import Compressor, single_numbers
@@ -89,9 +89,10 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
 
 def _entry(document: Mapping[str, Any], path: str) -> dict[str, Any]:
     """The table of a value with its source as it was read; empty where none is given."""
-    node: Any = document
-    for key in path.split("."):
-        node = node.get(key, {})
+    try:
+        node = at(document, path)
+    except LookupError:
+        return {}
     return dict(node) if isinstance(node, Mapping) else {"value": node}
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .._core.errors import BadInput
-from .._core.fields import Part
+from .._core.fields import Part, at
 from .._core.words import did_you_mean, nearest
 from ..film import NamedBearing
 from ._schema import (
@@ -116,6 +116,7 @@ class Reader:
         try:
             found = read(*arguments)
         except SceneError as error:
+            found = None
             self.problems.append(error)
         return found if len(self.problems) == before else None
 
@@ -245,16 +246,10 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
 
 def _given_at(table: Any, path: str, value: Any) -> Any:
     """An entry as the file gives it, with its unit; `value` where it has none or holds it in a list."""
-    for name in path.split("."):
-        try:
-            table = table[int(name) if isinstance(table, list) else name]
-        except (
-            KeyError,
-            IndexError,
-            TypeError,
-            ValueError,
-        ):  # a default, or one value for all rows
-            return value
+    try:
+        table = at(table, path)
+    except LookupError:  # a default, or one value for all rows
+        return value
     given = unwrapped(table, path)[0] if is_value(table) else value
     return value if isinstance(given, list) and not np.ndim(value) else given
 

@@ -18,7 +18,7 @@ import re
 import tomllib
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -318,14 +318,13 @@ def toml_text_like(text: str, document: Mapping[str, Any]) -> str:
     import tomlkit
     from tomlkit.exceptions import TOMLKitError
 
-    try:
+    with suppress(TOMLKitError, tomllib.TOMLDecodeError):
         kept = tomlkit.parse(text)
         _update(kept, document)
         out = tomlkit.dumps(kept)
-        same = tomllib.loads(out) == document
-    except (TOMLKitError, tomllib.TOMLDecodeError):
-        same = False
-    return out if same else toml_text(document)
+        if tomllib.loads(out) == document:
+            return out
+    return toml_text(document)
 
 
 def bundled(*folders: str) -> dict[str, Any]:

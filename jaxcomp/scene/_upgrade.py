@@ -7,9 +7,11 @@ and [friction]. A bearing whose journal moves had a type of its own, "orbit".
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from .._core.fields import at
 from ._text import SceneError, value_text
 from ._units import to_si
 
@@ -76,10 +78,8 @@ def old_paths(document: Mapping[str, Any]) -> list[str]:
     made = (f"{section}.{key}" for section, keys in _MADE.items() for key in keys)
     found = []
     for path in (*MOVED, *made):
-        node: Any = document
-        for key in path.split("."):
-            node = node.get(key) if isinstance(node, Mapping) else None
-        if node is not None:
+        with suppress(LookupError):
+            at(document, path)
             found.append(path)
     return found + list(_moving(document, ""))
 

@@ -10,13 +10,12 @@ from ._analysis import balanced_design as balanced_design
 from ._analysis import quantity_named as quantity_named
 from ._analysis import registered as registered
 from ._compared import ComparedQuantity as ComparedQuantity
+from ._compared import Comparison as Comparison
 from ._compared import DriveComparison as DriveComparison
-from ._compared import Figures as Figures
 from ._compared import RodDrive as RodDrive
+from ._compared import compare as compare
 from ._compared import compare_drives as compare_drives
-from ._compared import compared_designs as compared_designs
 from ._compared import design_study as design_study
-from ._compared import figures_of as figures_of
 from ._compared import rod_driven as rod_driven
 from ._fit import Fit as Fit
 from ._fit import Parameter as Parameter

@@ -203,7 +203,7 @@ def known_vibration(machine: Assembly, options: AnalysisOptions, known: KnownRes
 
 def _vibration(read: Read, ok) -> Vibration:
     x, y = read.mounts[..., 0], read.mounts[..., 1]
-    # the largest length over the turn of the real vector with these complex amplitudes
+    # the largest length over the revolution of the real vector with these complex amplitudes
     largest = (jnp.abs(x + 1j * y) + jnp.abs(x - 1j * y)) / 2
     return Vibration(read.targets, jnp.sum(largest, -1), ok)
 

@@ -4,9 +4,10 @@ Dagilis et al., *Slider-link driven compressor (I)*, ask what the transition to 
 gain. Here the same cylinder, gas, motor, shaft and bearings are driven either way.
 """
 
-from collections.abc import Iterator, Sequence
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -26,7 +27,8 @@ from .._core.fields import (
     replaced,
     subparts,
 )
-from .._core.status import Status
+from .._core.results import Data, Result
+from .._core.status import SolveFailed
 from ..compressor import Compressor, compressor_of
 from ..crank import Collocation, Orbit, solve_orbit
 from ..crankshaft import counterweights
@@ -39,46 +41,13 @@ from ._rules import design_rules
 _COUNTERPART = {"link_slider": "piston_pin"}
 
 
-class Figures(NamedTuple):
-    """What a design is judged by; with a leading axis for several designs.
-
-    Attributes:
-        mechanical_efficiency: [-].
-        motor_power: [W] at the shaft.
-        gas_power: [W] indicated.
-        loss_power: [W] by pair.
-        mean_speed: [rad/s].
-        margin: [-] against self-locking.
-        status: how the solver ended.
-    """
-
-    mechanical_efficiency: Float[Array, "*n"]
-    motor_power: Float[Array, "*n"]
-    gas_power: Float[Array, "*n"]
-    loss_power: dict[str, Float[Array, "*n"]]
-    mean_speed: Float[Array, "*n"]
-    margin: Float[Array, "*n"]
-    status: Status
-
-
-def figures_of(machine: Any, solver: Collocation | None = None) -> Figures:
-    """The figures of one design, differentiable.
-
-    Args:
-        machine: a compressor, a machine or a scene.
-        solver: of the periodic state, as `solve_orbit` takes it.
-    """
-    orbit = solve_orbit(compressor_of(machine), solver, throw=False)
-    return Figures(*(getattr(orbit, name) for name in Figures._fields))
-
-
 def design_study(
     machine: Any,
     variable: str,
     values: Float[Array, " n"],
     solver: Collocation | None = None,
-) -> Figures:
-    """The figures of a machine over a range of one design variable.
+) -> Orbit:
+    """The periodic states of a machine over a range of one design variable, along a leading axis.
 
     A value that locks, stalls or breaks a bound has its status and spoils no other.
 
@@ -86,7 +55,7 @@ def design_study(
         machine: to start from: a compressor, a machine or a scene.
         variable: name of a rule in `design_rules`.
         values: [SI] (n,) in the unit of the rule.
-        solver: as in `figures_of`.
+        solver: of the periodic state, as `solve_orbit` takes it.
 
     Raises:
         KeyError: no such rule.
@@ -101,8 +70,8 @@ def design_study(
 
 
 @eqx.filter_jit
-def _all(designs: Compressor | Machine, solver: Collocation | None) -> Figures:
-    return jax.vmap(lambda design: figures_of(design, solver))(designs)
+def _all(designs: Compressor | Machine, solver: Collocation | None) -> Orbit:
+    return jax.vmap(lambda design: solve_orbit(compressor_of(design), solver, throw=False))(designs)
 
 
 class RodDrive(Part):
@@ -177,14 +146,14 @@ class DriveComparison(NamedTuple):
     """Both drives, and what the rod saves.
 
     Attributes:
-        slider_link, connecting_rod: the figures of both machines.
+        slider_link, connecting_rod: the periodic states of both machines.
         saving: [W] by pair of the slider-link, at its gas power: the losses of the rod drive are
             taken per unit of work on the gas, because it turns a little faster. What the link's
             sliding pair loses stands against the piston pin.
     """
 
-    slider_link: Figures
-    connecting_rod: Figures
+    slider_link: Orbit
+    connecting_rod: Orbit
     saving: dict[str, Float[Array, "*n"]]
 
     @property
@@ -201,13 +170,13 @@ def compare_drives(
     Args:
         machine: a slider-link machine, as in `rod_driven`.
         rod: what replaces slider and link.
-        solver: as in `figures_of`.
+        solver: of the periodic state, as `solve_orbit` takes it.
 
     Raises:
         BadInput: as `rod_driven`.
     """
-    link = figures_of(machine, solver)
-    crank = figures_of(rod_driven(machine, rod), solver)
+    both = compressor_of(machine), rod_driven(machine, rod)
+    link, crank = (solve_orbit(one, solver, throw=False) for one in both)
     scale = link.gas_power / crank.gas_power
     saving = {
         name: loss - scale * crank.loss_power.get(_COUNTERPART.get(name, name), 0.0)
@@ -230,23 +199,55 @@ class ComparedQuantity(NamedTuple):
     values: tuple[float | None, ...]
 
 
-def compared_designs(
-    machines: Sequence[Machine], orbits: Sequence[Orbit]
-) -> list[ComparedQuantity]:
-    """What the cranks of some designs give, then the numbers of the compressor in which they differ.
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
+    """Designs beside each other.
+
+    Attributes:
+        labels: of the designs.
+        rows: what their cranks give, then the numbers of the compressor in which they differ.
+    """
+
+    labels: tuple[str, ...]
+    rows: tuple[ComparedQuantity, ...]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("design",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units, NaN where a design has no such thing."""
+        yield Data("design", "", np.array(self.labels), self.table_dims)
+        for one in self.rows:
+            yield Data(one.name, one.unit, np.array(one.values, float), self.table_dims)
+
+
+def compare(
+    machines: Mapping[str, Any], solver: Collocation | None = None, *, throw: bool = True
+) -> Comparison:
+    """Solve the periodic states of some designs, and put them beside each other.
 
     Args:
-        machines: with a compressor each, of any parts.
-        orbits: their periodic states.
+        machines: compressors, machines or scenes by label.
+        solver: of the periodic state, as `solve_orbit` takes it.
+        throw: raise if one does not converge.
+
+    Raises:
+        SolveFailed: no convergence; the message names the design.
     """
-    figures = _joined([
-        {one.name: (one.unit, float(one.values)) for one in orbit.described() if not one.dims}
-        for orbit in orbits
-    ])  # fmt: skip
-    dimensions = _joined([dict(_dimensions(one)) for one in machines])
-    return [row for row in figures if not row.name.endswith("residual")] + [
-        row for row in dimensions if len(set(row.values)) > 1
-    ]
+    figures = []
+    for label, one in machines.items():
+        try:
+            orbit = solve_orbit(compressor_of(one), solver, throw=throw)
+        except SolveFailed as error:
+            error.args = (f"{label}: {error}",)
+            raise
+        single = (one for one in orbit.described() if not one.dims)
+        figures.append({
+            one.name: (one.unit, float(one.values))
+            for one in single if not one.name.endswith("residual")
+        })  # fmt: skip
+    dimensions = _joined([dict(_dimensions(one)) for one in machines.values()])
+    differing = [row for row in dimensions if len(set(row.values)) > 1]
+    return Comparison(tuple(machines), (*_joined(figures), *differing))
 
 
 def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[ComparedQuantity]:
@@ -261,8 +262,9 @@ def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[ComparedQuan
     ]
 
 
-def _dimensions(machine: Machine) -> Iterator[tuple[str, tuple[str, float]]]:
-    for path, part in subparts(machine.compressor):
+def _dimensions(machine: Any) -> Iterator[tuple[str, tuple[str, float]]]:
+    given = machine if isinstance(machine, Compressor) else machine_of(machine).compressor
+    for path, part in subparts(given):
         for name, field in quantities(part):
             value = getattr(part, name)
             if value is not None and not np.ndim(value):

@@ -1,10 +1,7 @@
-r"""Several starts of a search, side by side, each moved by an optimiser of SciPy or Optax."""
+r"""The search from one start, moved by an optimiser of SciPy or Optax."""
 
-import queue
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -30,54 +27,8 @@ _ROUGH = 1e3
 # goes back to a tenth of its step.
 _FAILED = 1e3
 
+# Solves one design [SI]: values, whether they can be relied on, slope.
 Evaluate = Callable[[np.ndarray], Any]
-
-
-class Stopped(Exception):
-    """Another task, or the function of the points, has failed."""
-
-
-def run_together(
-    tasks: Sequence[Callable[[Evaluate], None]], function: Callable[[np.ndarray], Sequence[Any]]
-) -> None:
-    """Run optimisers that ask for one point at a time, and evaluate what all wait for in one call.
-
-    Each task takes the function `evaluate` of one point; `function` takes points (n, variables). All
-    tasks, a thread each, are at the same evaluation at any time, so that the batches, and with them the
-    results, do not depend on which thread is faster. `function` runs in the calling thread; what it or
-    a task raises, an interrupt as well, ends all tasks and is raised here.
-    """
-    events: queue.SimpleQueue = queue.SimpleQueue()  # points that are asked for, and ends of tasks
-    replies = [queue.SimpleQueue() for _ in tasks]
-    waiting, running = {}, len(tasks)
-
-    def evaluate(number: int, point: np.ndarray):
-        events.put((number, point))
-        reply = replies[number].get()
-        if reply is Stopped:
-            raise Stopped
-        return reply
-
-    with ThreadPoolExecutor(len(tasks)) as pool:
-        for number, task in enumerate(tasks):
-            pool.submit(task, partial(evaluate, number)).add_done_callback(events.put)
-        try:
-            while running:
-                event = events.get()
-                if isinstance(event, Future):
-                    event.result()  # raises what the task raised
-                    running -= 1
-                else:
-                    number, point = event
-                    waiting[number] = point
-                if waiting and len(waiting) == running:
-                    numbers = sorted(waiting)
-                    results = function(np.stack([waiting.pop(number) for number in numbers]))
-                    for number, result in zip(numbers, results, strict=True):
-                        replies[number].put(result)
-        finally:
-            for reply in replies:
-                reply.put(Stopped)
 
 
 class _Ended(Exception):

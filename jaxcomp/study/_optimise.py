@@ -1,15 +1,14 @@
 r"""The best design by gradients from several starts, and how it compares with a coarse sample.
 
 All variables stay inside their ranges throughout. One compiled program solves designs with their
-derivatives, a batch at a time, for the sample of the whole range and for every start. The sample scales
-the objective and the constraints, offers the starts, and is what the result is compared with.
+derivatives, for the sample of the whole range and for every start. The sample scales the objective and
+the constraints, offers the starts, and is what the result is compared with.
 """
 
 import dataclasses
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -21,17 +20,19 @@ from .._core.fields import counted
 from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from ..machine import Machine
-from ._descent import BETTER, Descent, Method, method_of, run_together
+from ._descent import BETTER, Descent, Method, method_of
 from ._goal import FEASIBLE, Goal, Interval, Objective, Point, Ranges, goal_of
 from ._problem import Asked, Problem, Solved, given_problem, solved
 
 if TYPE_CHECKING:
     import optax
 
-# Called with "sample" or "descent", the designs solved (from each start) and the largest number of them.
+# Called with "sample" or "descent", the designs solved and the largest number of them.
 Callback = Callable[[str, int, int], None]
 # Called with the problem, with those of the constraints, designs [SI] (n, variables) and what was solved.
 Keep = Callable[[Problem, np.ndarray, Solved], None]
+# Designs of the sample between two words on its progress.
+_AT_ONCE = 32
 
 
 class Constrained(NamedTuple):
@@ -194,7 +195,7 @@ def optimise(
     tolerance: float = 1e-5,
     samples: int = 256,
     seed: int = 0,
-    batch: int = 8,
+    batch: int = 1,
     callback: Callback | None = None,
     keep: Keep | None = None,
 ) -> Optimum:
@@ -217,9 +218,10 @@ def optimise(
         tolerance: [-] of `Optimum.stationarity`; relative to the spread of the objective.
         samples: designs of the comparison, of a Sobol sequence; at least as many as starts.
         seed: of the sample.
-        batch: designs solved at once.
-        callback: called as work goes on with "sample" or "descent", the designs solved (from each
-            start) and the largest number of them; what it raises ends the search.
+        batch: designs of the sample solved at once; more than one is quicker on a GPU alone, and those
+            of the search, which are solved one by one, then have a program of their own.
+        callback: called as work goes on with "sample" or "descent", the designs solved and the largest
+            number of them; what it raises ends the search.
         keep: called as work goes on with the problem, whose quantities those of the constraints are as
             well, designs [SI] (n, variables), and what was solved of them.
 
@@ -308,21 +310,21 @@ class Search:
                 raise BadInput(name, number, ">= 1")
         if not 0 < tolerance < 1:
             raise BadInput("tolerance", tolerance, "> 0 and < 1")
-        self.problem, self.batch, self.keep = problem, batch, keep
+        self.problem, self.keep = problem, keep
         self.points, self.max_steps, self.tolerance = points, max_steps, tolerance
         self.tell = callback or (lambda stage, done, most: None)
-        parts, at_once = [], 4 * batch
+        parts, at_once = [], max(batch, _AT_ONCE)
         for first in range(0, len(points), at_once):
-            parts.append(self.solved(points[first : first + at_once]))
+            parts.append(self.solved(points[first : first + at_once], batch))
             self.tell("sample", min(first + at_once, len(points)), len(points))
         self.found = Solved(*(np.concatenate(column) for column in zip(*parts, strict=True)))
         if not np.any(self.found.ok):
             details = f"none of {len(points)} designs could be solved"
             raise SolveFailed(Status.not_converged, details)
 
-    def solved(self, points: Float[np.ndarray, "n variables"]) -> Solved:
+    def solved(self, points: Float[np.ndarray, "n variables"], batch: int = 1) -> Solved:
         """Solve designs, and let them be kept."""
-        found = solved(self.problem, points, self.batch)
+        found = solved(self.problem, points, batch)
         if self.keep is not None:
             self.keep(self.problem, points, found)
         return found
@@ -343,20 +345,22 @@ class Search:
         return goal, Sample(self.points, values, objective, ok, feasible, best)
 
     def descents(self, begin: Sequence[tuple[Goal, np.ndarray]], method: Method) -> list[Descent]:
-        """Move from all starts, each to its goal, side by side, their designs solved in batches."""
-        made, done = [Descent(*one, self.max_steps) for one in begin], 0
+        """Move from all starts, one after the other, each to its goal."""
+        made, done = [], 0
 
-        def solve(points):
+        def solve(point):
             nonlocal done
-            found = self.solved(points)
+            found = self.solved(point[None])
             done += 1
-            self.tell("descent", done, self.max_steps)
-            return list(zip(*map(np.asarray, found), strict=True))
+            self.tell("descent", done, self.max_steps * len(begin))
+            return [np.asarray(one)[0] for one in found]
 
         with warnings.catch_warnings():
             # which they are by a rounding
             warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
-            run_together([partial(one.run, method) for one in made], solve)
+            for goal, start in begin:
+                made.append(Descent(goal, start, self.max_steps))
+                made[-1].run(method, solve)
         return made
 
 

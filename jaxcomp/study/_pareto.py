@@ -84,7 +84,7 @@ def pareto(
     tolerance: float = 1e-5,
     samples: int = 256,
     seed: int = 0,
-    batch: int = 8,
+    batch: int = 1,
     callback: Callback | None = None,
     keep: Keep | None = None,
 ) -> ParetoFront:

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from fnmatch import fnmatchcase
-from functools import reduce
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -13,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from .._core.fields import ANY, NONNEGATIVE, Bound, Part, plausible, quantities
+from .._core.fields import ANY, NONNEGATIVE, Bound, Part, at, plausible, quantities
 from .._core.words import hint
 from ..crankshaft import OF_ROTOR
 from ..machine import Machine, follows_rotor
@@ -235,21 +234,7 @@ def _walk(design: Machine, steps: Sequence[str]) -> Any:
         return design.compressor
     sections = {name: getattr(design, name) for name in _SECTIONS} | design.parts
     first, *rest = steps
-    node = sections[first] if first in sections else _child(design.compressor, first)
-    return reduce(_child, rest, node)
-
-
-def _child(node, step: str) -> Any:
-    if isinstance(node, dict):
-        return node[step]
-    if isinstance(node, Part):
-        if step in {field.name for field in dataclasses.fields(node)}:
-            return getattr(node, step)
-        raise LookupError(step)
-    entries = isinstance(node, tuple) or (eqx.is_array(node) and node.ndim)
-    if entries and step.isdigit() and int(step) < len(node):
-        return node[int(step)]
-    raise LookupError(step)
+    return at(sections[first], rest) if first in sections else at(design.compressor, steps)
 
 
 def _declared(design: Machine, name: str) -> tuple[str, Bound]:

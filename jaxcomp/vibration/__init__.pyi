@@ -1,6 +1,8 @@
 from ._block import BlockMotion as BlockMotion
+from ._block import BlockVibration as BlockVibration
 from ._block import Harmonics as Harmonics
 from ._block import block_response as block_response
+from ._block import block_vibration as block_vibration
 from ._block import free_body_error as free_body_error
 from ._block import free_body_response as free_body_response
 from ._block import harmonics as harmonics
@@ -28,10 +30,6 @@ from ._machine import undamped_modes as undamped_modes
 from ._suspension import Spring as Spring
 from ._suspension import Suspension as Suspension
 from ._suspension import block_points as block_points
-from ._suspension import damping_matrix as damping_matrix
-from ._suspension import mass_matrix as mass_matrix
-from ._suspension import natural_frequencies as natural_frequencies
-from ._suspension import stiffness_matrix as stiffness_matrix
 from ._suspension import viscous_damping as viscous_damping
 from ._suspension import with_scaled_frequencies as with_scaled_frequencies
 from ._wrench import Wrench as Wrench

@@ -12,14 +12,21 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._core.results import Data, Result
+from .._core.exported import kept_jit
+from .._core.results import Data, Result, reading
 from ..compressor import Compressor
 from ..crank import Orbit, time_harmonics
-from ._suspension import Suspension, damping_matrix, mass_matrix, motion_at, stiffness_matrix
+from ..rotor import harmonic_response, undamped_modes
+from ._suspension import Suspension, block_points, motion_at
 from ._wrench import Wrench, shaking_wrench, wrench_about
+
+# Instants of a revolution at which the peak is looked for.
+_INSTANTS = 360
 
 
 class Harmonics(Result, eqx.Module):
@@ -113,20 +120,21 @@ def block_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     Returns:
         Displacement [m] and rotation [rad] of the block, shape (6, n).
     """
-    w = load.frequency[:, None, None]
-    dynamic = (
-        stiffness_matrix(suspension)
-        - w**2 * mass_matrix(suspension)
-        + 1j * w * damping_matrix(suspension)
-    )
-    answer = jnp.linalg.solve(dynamic, load.amplitude.T[..., None])
-    return Harmonics(answer[..., 0].T, load.speed)
+    block, still = suspension.rotor, jnp.zeros(())
+
+    def at(force, frequency):
+        # the centre is the first node, those of the springs follow it
+        forces = jnp.zeros((1 + len(suspension.springs), 6), complex).at[0].set(force)
+        return harmonic_response(block, forces, still, frequency).displacement[0]
+
+    return Harmonics(jax.vmap(at)(load.amplitude.T, load.frequency).T, load.speed)
 
 
 def free_body_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     r"""The same far above the suspension frequencies, $\ddot X = M^{-1}F$ (Eq. 43)."""
-    inverse = 1 / jnp.diag(mass_matrix(suspension))
-    amplitude = -inverse[:, None] * load.amplitude / load.frequency**2
+    inertias = suspension.inertia_x, suspension.inertia_y, suspension.inertia_z
+    mass = jnp.stack([*(suspension.mass,) * 3, *inertias])
+    amplitude = -load.amplitude / mass[:, None] / load.frequency**2
     return Harmonics(amplitude, load.speed)
 
 
@@ -184,3 +192,84 @@ def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
     """
     rate = Harmonics(1j * response.frequency * response.amplitude, response.speed)
     return BlockMotion(response.at(time).T, rate.at(time).T)
+
+
+class BlockVibration(Result, eqx.Module):
+    """Settled vibration of the block and of points of it; amplitudes are those of the first harmonic.
+
+    Attributes:
+        points: their names.
+        natural_frequencies: [rad/s] of the block on its springs.
+        block_amplitude: [m, rad] of the six degrees of freedom.
+        block_rms: [m, rad] root mean square of these.
+        position: [m] (p, 3) of the points, from the mechanism's origin.
+        amplitude: [m] (p, 3)
+        rms, peak: [m] (p,) of the size of the displacement.
+        free_body: [m] (p, 3) amplitude of the approximation without springs.
+        free_body_error: [-] (p,) its error over the amplitude.
+    """
+
+    points: tuple[str, ...] = eqx.field(static=True)
+    natural_frequencies: Float[Array, "6"] = reading("rad/s", "mode")
+    block_amplitude: Float[Array, "6"] = reading(
+        "", "freedom", doc="in m along, in rad about x, y, z"
+    )
+    block_rms: Float[Array, "6"] = reading("", "freedom", doc="in m along, in rad about x, y, z")
+    position: Float[Array, "p 3"] = reading("m", "point", "axis")
+    amplitude: Float[Array, "p 3"] = reading("m", "point", "axis")
+    rms: Float[Array, " p"] = reading("m", "point")
+    peak: Float[Array, " p"] = reading("m", "point")
+    free_body: Float[Array, "p 3"] = reading("m", "point", "axis")
+    free_body_error: Float[Array, " p"] = reading("", "point")
+
+    table_dims: ClassVar[tuple[str, ...]] = ("point", "axis")
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has a row for each point and axis."""
+        yield Data("point", "", np.array(self.points), ("point",))
+        yield Data("axis", "", np.array(["x", "y", "z"]), ("axis",))
+        yield from super().described()
+
+
+def block_vibration(
+    compressor: Compressor, orbit: Orbit, suspension: Suspension, count: int = 12
+) -> BlockVibration:
+    """Settled vibration of the block, its springs' ends and its other points under a periodic state.
+
+    Args:
+        compressor: that the orbit was found for.
+        orbit: the periodic state.
+        suspension: the block and its springs.
+        count: number of harmonics.
+    """
+    places = block_points(suspension)
+    points = jnp.stack(list(places.values()))
+    return _block_vibration(compressor, orbit, suspension, points, tuple(places), count)
+
+
+@kept_jit
+def _block_vibration(
+    compressor: Compressor, orbit: Orbit, suspension: Suspension, points, names, count: int
+) -> BlockVibration:
+    load = orbit_load(compressor, orbit, suspension, count)
+    block, free = block_response(suspension, load), free_body_response(suspension, load)
+    time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
+
+    def at(point):
+        motion, unsprung = (point_motion(suspension, one, point) for one in (block, free))
+        return {
+            "position": point,
+            "amplitude": jnp.abs(motion.amplitude[:, 0]),
+            "rms": jnp.linalg.norm(motion.rms),
+            "peak": jnp.max(jnp.linalg.norm(motion.at(time), axis=0)),
+            "free_body": jnp.abs(unsprung.amplitude[:, 0]),
+            "free_body_error": free_body_error(suspension, load, point)[0],
+        }
+
+    return BlockVibration(
+        points=names,
+        natural_frequencies=undamped_modes(suspension.rotor, 6).frequency,
+        block_amplitude=jnp.abs(block.amplitude[:, 0]),
+        block_rms=block.rms,
+        **jax.vmap(at)(points),
+    )

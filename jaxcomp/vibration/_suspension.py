@@ -1,4 +1,4 @@
-r"""The block on its springs: matrices of $M\ddot X + C\dot X + SX = F$.
+r"""The block on its springs: the rotor model of $M\ddot X + C\dot X + SX = F$.
 
 Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathematical model*,
 Eq. (42), with S and C built from springs at points. Degrees of freedom: displacement of the mass
@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import ANY, NONNEGATIVE, POSITIVE, Part, quantity, replaced
+from ..rotor import ConstantLaw, Link, RigidBody, RotorModel
 
 
 class Spring(Part):
@@ -51,6 +52,19 @@ class Spring(Part):
     def conditions(self):
         return {"a spring whose axis has a direction": (self.axis != 0).any()}
 
+    @property
+    def law(self) -> ConstantLaw:
+        """Stiffness and damping in the axes of the mechanism."""
+        axis = self.axis / jnp.linalg.norm(self.axis)
+        along = jnp.outer(axis, axis)
+        return ConstantLaw(*(
+            axial * along + lateral * (jnp.eye(3) - along)
+            for axial, lateral in (
+                (self.axial_stiffness, self.lateral_stiffness),
+                (self.axial_damping, self.lateral_damping),
+            )
+        ))  # fmt: skip
+
 
 class Suspension(Part):
     """The suspended block: casing, stator and, at rest, everything that moves.
@@ -75,29 +89,18 @@ class Suspension(Part):
         "m", ANY, shape=(3,), default=(0.0, 0.0, 0.0), doc="from the mechanism's origin"
     )
 
-
-def mass_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
-    """diag(M, M, M, J_x, J_y, J_z) [kg, kg m^2]."""
-    mass, inertias = suspension.mass, (suspension.inertia_x, suspension.inertia_y)
-    return jnp.diag(jnp.stack([mass, mass, mass, *inertias, suspension.inertia_z]))
-
-
-def stiffness_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
-    """S [N/m, N, N m] about the mass centre."""
-    return _assembled(suspension, lambda s: (s.axial_stiffness, s.lateral_stiffness))
-
-
-def damping_matrix(suspension: Suspension) -> Float[Array, "6 6"]:
-    """C [N s/m, N s, N m s] about the mass centre."""
-    return _assembled(suspension, lambda s: (s.axial_damping, s.lateral_damping))
-
-
-def natural_frequencies(suspension: Suspension) -> Float[Array, "6"]:
-    """[rad/s] Undamped, rising."""
-    scale = 1 / jnp.sqrt(jnp.diag(mass_matrix(suspension)))
-    squares = jnp.linalg.eigvalsh(scale[:, None] * stiffness_matrix(suspension) * scale)
-    free = squares <= 0  # rigid-body motion, or its rounding
-    return jnp.where(free, 0.0, jnp.sqrt(jnp.where(free, 1.0, squares)))
+    @property
+    def rotor(self) -> RotorModel:
+        """The block as a rigid body that springs tie to the ground, a model of 6 degrees of freedom."""
+        names = tuple(f"spring_{number}" for number in range(len(self.springs)))
+        tensor = jnp.diag(jnp.stack([self.inertia_x, self.inertia_y, self.inertia_z]))
+        arms = [spring.position - self.mass_centre for spring in self.springs]
+        arm = jnp.stack(arms) if arms else jnp.zeros((0, 3))
+        body = RigidBody("mass_centre", names, arm, self.mass, tensor)
+        links = (Link((name, None), spring.law, ("ux", "uy", "uz"))
+                 for name, spring in zip(names, self.springs, strict=True))  # fmt: skip
+        nodes = ("mass_centre", *names)
+        return RotorModel(bodies=(body,), links=tuple(links), dof=6, nodes=nodes)
 
 
 def viscous_damping(
@@ -145,14 +148,3 @@ def motion_at(suspension: Suspension, point: Float[Array, "3"]) -> Float[Array, 
     zero = jnp.zeros_like(x)
     turning = jnp.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]])  # rotation x arm
     return jnp.concatenate([jnp.eye(3), turning], axis=1)
-
-
-def _assembled(suspension, coefficients):
-    total = jnp.zeros((6, 6))
-    for spring in suspension.springs:
-        axial, lateral = coefficients(spring)
-        axis = spring.axis / jnp.linalg.norm(spring.axis)
-        point = lateral * jnp.eye(3) + (axial - lateral) * jnp.outer(axis, axis)
-        motion = motion_at(suspension, spring.position)
-        total = total + motion.T @ point @ motion
-    return total

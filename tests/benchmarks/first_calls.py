@@ -1,25 +1,37 @@
-"""What a first call costs: every case in a process of its own, with where its time goes.
+"""What a first call costs: every case in a process of its own, with nothing kept, and a second time.
 
-`python tests/benchmarks/first_calls.py` prints a table: seconds by the clock from the start of the
-process to the result, those of the processor, of these what JAX says it spent on lowering and compiling,
-and the rest: imports, reading the machine, tracing, running.
+    python tests/benchmarks/first_calls.py [--only WORD]
+
+prints a table: seconds of the processor of the whole process at the first start and at the second, which
+finds the programs of the first; of the first, what JAX says it spent on lowering and compiling, and how
+many programs there were. The remainder is imports, reading the machine, tracing, running.
 """
 
 import argparse
 import json
 import os
+import resource
 import subprocess
 import sys
-import time
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+# A command, or the name of a function below.
 CASES = {
-    "run": "`jaxcomp run mayekawa-wbhe`, whole process",
-    "orbit": "first default `solve_orbit`, import included",
-    "gradient": "first value and gradient of the efficiency to all parameters, import included",
+    "jaxcomp run mayekawa-wbhe": "",
+    "jaxcomp run mayekawa-8wbhe": "",
+    "jaxcomp run slider-link-8cc": "",
+    "jaxcomp run r600a-8cc": "",
+    "jaxcomp respond hermetic-68cc": "",
+    "jaxcomp sensitivity r134a-7cc": "",
+    "orbit": "first default `solve_orbit`",
+    "gradient": "first value and gradient of the efficiency to all parameters",
     "films": "`solve_orbit` of the machine with two film journals",
     "films_gradient": "its gradient to all parameters",
+    "valves": "`solve_orbit` of `r134a-7cc`",
+    "valves_gradient": "its gradient to all parameters",
     "shooting_gradient": "gradient through `Shooting()`",
     "response_gradient": "response of `hermetic-68cc` with its gradient to all diameters",
 }
@@ -28,33 +40,37 @@ CASES = {
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--case", choices=CASES)
+    parser.add_argument("--only", default="", help="cases with this word")
     given = parser.parse_args()
     if given.case:
-        print(json.dumps(measured(given.case)))
+        measured(given.case)
         return
-    os.environ["JAXCOMP_CACHE"] = "off"
-    print("| what | clock, s | processor, s | lowering | compiling | rest | programs |")
-    print("|---|---|---|---|---|---|---|")
+    print("| what | first start, s | second | lowering | compiling | programs |")
+    print("|---|---|---|---|---|---|")
     for name, words in CASES.items():
-        if name == "run":
-            started = time.perf_counter()
-            subprocess.run([sys.executable, "-m", "jaxcomp", "run", "mayekawa-wbhe"], check=True,
-                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
-            print(f"| {words} | {time.perf_counter() - started:.1f} | | | | | |", flush=True)
-            continue
-        run = [sys.executable, __file__, "--case", name]
-        started = time.perf_counter()
-        out = subprocess.run(run, check=True, capture_output=True, text=True).stdout
-        clock, one = time.perf_counter() - started, json.loads(out.splitlines()[-1])
-        columns = (one[key] for key in ("lower", "compile"))
-        rest = one["processor"] - one["lower"] - one["compile"]
-        texts = " | ".join(f"{x:.1f}" for x in (clock, one["processor"], *columns, rest))
-        print(f"| {words} | {texts} | {one['programs']} |", flush=True)
+        if given.only in name:
+            with tempfile.TemporaryDirectory() as folder:
+                first, second = (start(name, folder) for _ in range(2))
+            told = " | ".join(f"{one['processor']:.1f}" for one in (first, second))
+            parts = " | ".join(f"{first[part]:.1f}" for part in ("lower", "compile"))
+            print(
+                f"| {words or f'`{name}`'} | {told} | {parts} | {first['programs']} |", flush=True
+            )
+
+
+def start(name, folder):
+    """What a case costs in a process of its own, whose programs are kept in a folder."""
+    environment = {**os.environ, "JAXCOMP_CACHE": folder, "JAXCOMP_WAITS": "off"}
+    command = [sys.executable, __file__, "--case", name]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    out = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = sum(getattr(after, part) - getattr(before, part) for part in ("ru_utime", "ru_stime"))
+    return json.loads(out.stderr.splitlines()[-1]) | {"processor": spent}
 
 
 def measured(name):
-    """Seconds of one case, in this process."""
-    os.environ["JAXCOMP_WAITS"] = "off"
+    """Run a case in this process, and tell on standard error what JAX spent."""
     import jax
 
     spent = {"lower": 0.0, "compile": 0.0, "programs": 0}
@@ -67,8 +83,15 @@ def measured(name):
             spent["programs"] += kind == "compile"
 
     jax.monitoring.register_event_duration_secs_listener(heard)
-    jax.block_until_ready(globals()[name]())
-    return spent | {"processor": time.process_time()}
+    if name.startswith("jaxcomp "):
+        from jaxcomp.__main__ import main as program
+
+        sys.argv = name.split()
+        with suppress(SystemExit):
+            program()
+    else:
+        jax.block_until_ready(globals()[name]())
+    print(json.dumps(spent), file=sys.stderr)
 
 
 def orbit():
@@ -110,6 +133,18 @@ def films():
 
 def films_gradient():
     return gradient_of(machine_with_films())
+
+
+def valves():
+    from jaxcomp import load, solve_orbit
+
+    return solve_orbit(load("r134a-7cc").compressor, throw=False).mechanical_efficiency
+
+
+def valves_gradient():
+    from jaxcomp import load
+
+    return gradient_of(load("r134a-7cc").compressor)
 
 
 def shooting_gradient():

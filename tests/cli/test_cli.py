@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+import typer
 from helpers import read_json
 from typer.testing import CliRunner
 
@@ -236,6 +237,16 @@ def test_help_has_an_example_for_every_command():
         assert result.exit_code == 0
         assert f"Example: jaxcomp {command} mayekawa-wbhe" in result.stdout
     assert "jaxcomp 0." in invoke("--version").stdout
+
+
+def test_help_swallows_no_unit():
+    """What stands in square brackets in a command's docstring is shown, and not taken as a style."""
+    group = typer.main.get_command(app)
+    for name, command in group.commands.items():
+        texts = [command.help or "", *(getattr(one, "help", None) or "" for one in command.params)]
+        for text in texts:
+            for style in re.findall(r"(?<!\\)\[([a-z][^\]]*)\]", text):
+                assert style in ("bold", "link", "dim"), f"{name}: [{style}] needs a backslash"
 
 
 def test_entries_of_the_command_line():

@@ -9,6 +9,7 @@ from jaxcomp.cli import app
 from jaxcomp.cli._tables import beside_table
 from jaxcomp.plot import compared_losses
 from jaxcomp.scene import load, with_value
+from jaxcomp.study import ComparedQuantity, Comparison
 
 
 def compare(*arguments):
@@ -67,15 +68,16 @@ def test_the_folder_has_one_picture_and_the_result(found):
     assert names == {"losses.png", "result.json", "report.html"}
 
 
-ROWS = [
-    {"name": "mechanical_efficiency", "unit": "", "values": (0.9, 0.92, None)},
-    {"name": "loss_power.wall", "unit": "W", "values": (200.0, 150.0, None)},
-    {"name": "loss_power.link_slider", "unit": "W", "values": (None, None, 50.0)},
-]
+ROWS = (
+    ComparedQuantity("mechanical_efficiency", "", (0.9, 0.92, None)),
+    ComparedQuantity("loss_power.wall", "W", (200.0, 150.0, None)),
+    ComparedQuantity("loss_power.link_slider", "W", (None, None, 50.0)),
+)
+COMPARISON = Comparison(("a", "b", "c"), ROWS)
 
 
 def test_changes_are_those_against_the_first_and_absent_ones_stay_empty():
-    table = beside_table(ROWS, ["a", "b", "c"])
+    table = beside_table(COMPARISON)
     cells = [list(column.cells) for column in table.columns]
     assert cells[1:4] == [
         ["90 %", "200 W", ""],
@@ -86,7 +88,7 @@ def test_changes_are_those_against_the_first_and_absent_ones_stay_empty():
 
 
 def test_the_picture_has_a_bar_for_each_joint_and_design():
-    (axes,) = compared_losses(ROWS, ["a", "b", "c"]).axes
+    (axes,) = compared_losses(COMPARISON).axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["Wall", "Link slider"]
     widths = [bar.get_width() for bar in axes.patches]  # pyright: ignore[reportAttributeAccessIssue]
     assert widths == [200, 0, 150, 0, 0, 50]

@@ -11,6 +11,7 @@ from jaxcomp.cli._sweep import axis_values
 from jaxcomp.cli._tables import beside_table
 from jaxcomp.scene import SceneError, to_si
 from jaxcomp.scene.tolerances import read_tolerance
+from jaxcomp.study import ComparedQuantity, Comparison
 from jaxcomp.study._sensitivity import Influence
 
 ROOM = shown("gas.suction.temperature", "K", 305.35)
@@ -39,11 +40,11 @@ def test_a_difference_of_temperatures_has_no_zero():
 
 def test_temperatures_are_compared_by_their_difference():
     """A share of an absolute temperature means nothing."""
-    rows = [
-        {"name": "discharge_temperature", "unit": "K", "values": [400.0, 404.0]},
-        {"name": "capacity", "unit": "W", "values": [400.0, 404.0]},
-    ]
-    change = list(beside_table(rows, ["First", "Second"]).columns[-1].cells)
+    rows = (
+        ComparedQuantity("discharge_temperature", "K", (400.0, 404.0)),
+        ComparedQuantity("capacity", "W", (400.0, 404.0)),
+    )
+    change = list(beside_table(Comparison(("First", "Second"), rows)).columns[-1].cells)
     assert change == ["+4.00 K", "+1.00 %"]
 
 

@@ -30,8 +30,9 @@ from jaxcomp import (
 from jaxcomp._core.results import _address, _found
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import InfluenceRow
-from jaxcomp.crank import Orbit, TrainTorques
+from jaxcomp.crank import Orbit, TrainTorques, journal_orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
+from jaxcomp.film import JournalBearing, operating_point
 from jaxcomp.friction._slider_crank import SliderCrankLoop
 from jaxcomp.parts import Part, quantity
 from jaxcomp.rotor import (
@@ -46,8 +47,8 @@ from jaxcomp.rotor import (
     respond,
     undamped_modes,
 )
-from jaxcomp.study import ParetoFront
-from jaxcomp.study.accuracy import Report
+from jaxcomp.study import ComparedQuantity, Comparison, ParetoFront
+from jaxcomp.study.accuracy import Measurement, Order, Reference, Report
 from jaxcomp.study.rating import RatingMap
 from jaxcomp.study.sweep import BestCurve
 from jaxcomp.study.tolerance import Tolerances
@@ -127,7 +128,33 @@ def harmonics():
     return Harmonics(jnp.asarray([[1e-5j, 2e-6], [3e-6, 0.0]]), jnp.asarray(100.0))
 
 
+def bearing():
+    return JournalBearing(0.04, 0.02, 3e-5, 0.02, "short", motion="orbit")
+
+
+def journal():
+    def load(angle):
+        return jnp.stack([2000 + 500 * jnp.cos(angle), 300 * jnp.sin(angle)])
+
+    return journal_orbit(bearing(), load, 300.0)
+
+
+def comparison():
+    rows = ComparedQuantity("motor_power", "W", (1.0, 2.0)), ComparedQuantity("x", "m", (None, 2.0))
+    return Comparison(("one", "other"), rows)
+
+
+def report():
+    rows = Measurement("a", "coarse", 1e-3, 0.1, 2.0), Measurement("a", "fine", 1e-6, 0.2, 2.0)
+    reference = Reference(1.0, 1.0 + 1e-9, ("one", "other"))
+    return Report("orbit", "m", "motor_power", "W", reference, rows, {"a": Order(2, 1.9)}, "")
+
+
 SMALL = {
+    "operating point": lambda: operating_point(bearing(), 2000.0, 300.0),
+    "journal": journal,
+    "comparison": comparison,
+    "report": report,
     "torsion": torsion,
     "harmonics": harmonics,
     "response": response,

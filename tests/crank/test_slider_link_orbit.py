@@ -34,6 +34,7 @@ from jaxcomp.motor import Kloss
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.vibration import (
     block_response,
+    block_vibration,
     free_body_response,
     orbit_load,
     point_motion,
@@ -166,6 +167,23 @@ def test_shaking_force_and_vibration(isobutane):
     assert np.abs(mean / size).max() < 1e-7  # quadrature of the orbit
     # as the crank is nearly harmonic, the second harmonic is small
     assert np.abs(load.amplitude[0, 1]) < 0.05 * first[0]
+
+
+def test_vibration_of_the_block_is_a_result_of_its_points(isobutane):
+    orbit, _, load = isobutane
+    block = suspension()
+    found = block_vibration(household(), orbit, block, 6)
+    time = jnp.linspace(0.0, 1.0, 360, endpoint=False) * orbit.period
+    for place, point in enumerate(found.position):
+        motion = point_motion(block, block_response(block, load), point)
+        # the same sums, compiled in other programs
+        np.testing.assert_allclose(found.amplitude[place], abs(motion.amplitude[:, 0]), rtol=1e-9)
+        np.testing.assert_allclose(found.rms[place], np.linalg.norm(motion.rms), rtol=1e-9)
+        size = np.linalg.norm(motion.at(time), axis=0)
+        np.testing.assert_allclose(found.peak[place], size.max(), rtol=1e-9)
+    table = found.to_pandas()
+    assert list(table["point"][::3]) == list(found.points)
+    np.testing.assert_array_equal(table["amplitude [m]"], np.ravel(found.amplitude))
 
 
 def test_command_line_reports_vibration_and_losses():

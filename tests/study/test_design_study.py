@@ -10,7 +10,7 @@ import pytest
 from figures import ROD
 from jax.flatten_util import ravel_pytree
 
-from jaxcomp import BadInput, Status, solve_orbit
+from jaxcomp import BadInput, Status
 from jaxcomp.crank import Collocation
 from jaxcomp.crankshaft import counterweights
 from jaxcomp.mechanism import CrankState
@@ -19,7 +19,6 @@ from jaxcomp.study import (
     compare_drives,
     design_rules,
     design_study,
-    figures_of,
     rod_driven,
     with_bore,
     with_stroke_bore_ratio,
@@ -221,12 +220,3 @@ def test_derivatives_of_the_rules_equal_differences(machine):
         # h^2 = 1e-10 of numbers up to 1, rounding of as much as 1e-16 of them
         np.testing.assert_allclose(slope, finite, rtol=1e-8, atol=1e-10, err_msg=name)
         assert np.any(slope != 0)
-
-
-def test_figures_are_those_of_the_orbit(machine, drives):
-    orbit = solve_orbit(machine, SOLVER)
-    figures = figures_of(machine, SOLVER)
-    assert figures.motor_power == orbit.motor_power
-    np.testing.assert_allclose(
-        figures.loss_power["wall"], orbit.energy.losses["wall"] / orbit.period, rtol=1e-14
-    )

@@ -1,9 +1,5 @@
 """The optimiser on functions of design numbers whose optima are known, and beside SciPy."""
 
-import threading
-import time
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +8,6 @@ import pytest
 import scipy.optimize
 
 from jaxcomp import BadInput, SolveFailed, load, optimise, pareto, problem
-from jaxcomp.study._descent import run_together
 from jaxcomp.study._goal import ranges_of
 from jaxcomp.study._optimise import even_sample
 from jaxcomp.study._pareto import dominated
@@ -305,7 +300,7 @@ def test_a_start_that_keeps_no_constraint_beside_a_sample_that_does(scene):
     assert optimise(asked(scene, total), constraints={step: (None, 0.5)}).feasible
 
 
-def test_what_a_callback_raises_ends_the_search_and_its_threads(scene):
+def test_what_a_callback_raises_ends_the_search(scene):
     seen = []
 
     def stop(stage, done, total):
@@ -313,56 +308,12 @@ def test_what_a_callback_raises_ends_the_search_and_its_threads(scene):
         if (stage, done) == ("descent", 2):
             raise KeyboardInterrupt
 
-    before = threading.active_count()
     with pytest.raises(KeyboardInterrupt):
         optimise(asked(scene, rosenbrock), samples=64, max_steps=50, callback=stop)
-    assert threading.active_count() == before
-    assert seen == [("sample", 32, 64), ("sample", 64, 64), ("descent", 1, 50), ("descent", 2, 50)]
-
-
-def test_tasks_run_together_are_evaluated_in_batches_of_one_order():
-    """Tasks of different length and speed; each batch holds one point of every task still running."""
-    batches, results = [], {}
-
-    def task(number, evaluate):
-        total = 0.0
-        for step in range(3 - number):
-            time.sleep(0.002 * (3 - number))
-            total += evaluate(np.array([10.0 * number + step]))
-        results[number] = total
-
-    def function(points):
-        batches.append(points[:, 0].tolist())
-        return 2 * points[:, 0]
-
-    run_together([partial(task, number) for number in range(3)], function)
-    assert batches == [[0, 10, 20], [1, 11], [2]]
-    assert results == {0: 6.0, 1: 42.0, 2: 40.0}
-
-
-def test_an_error_in_a_task_ends_all_of_them():
-    def broken(evaluate):
-        evaluate(np.zeros(1))
-        raise RuntimeError("in a task")
-
-    def long(evaluate):
-        while True:
-            evaluate(np.ones(1))
-
-    calls = []
-
-    def function(points):
-        calls.append(len(points))
-        if len(calls) > 50:
-            raise ValueError("in the function")
-        return points[:, 0]
-
-    with pytest.raises(RuntimeError, match="in a task"):
-        run_together([broken, long], function)
-    assert len(calls) < 50
-    calls.clear()
-    with pytest.raises(ValueError, match="in the function"):
-        run_together([long, long], function)
+    most = 8 * 50
+    assert seen == [
+        ("sample", 32, 64), ("sample", 64, 64), ("descent", 1, most), ("descent", 2, most)
+    ]  # fmt: skip
 
 
 def test_sample_is_even_and_its_beginning_as_well(scene):

@@ -83,7 +83,8 @@ def test_locked_joints_are_rejected_and_not_fatal(scene):
     # every design that was accepted can be solved, and the last is as good as any that can
     kept = goal_of(made, None, False, None).problem
     accepted = np.concatenate([start.path[:, 0] for start in found.starts])
-    assert np.all(np.asarray(solved(kept, np.unique(accepted)[:, None], 8).ok))
+    # by the program of the search: at the edge the rounding of another one decides otherwise
+    assert np.all(np.asarray(solved(kept, np.unique(accepted)[:, None], 1).ok))
     assert not found.local
     assert found.objective <= found.sample.objective[found.sample.ok].min() + 1e-5
     assert "converged" not in {s.status for s in found.starts if s.agrees}

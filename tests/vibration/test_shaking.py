@@ -27,6 +27,7 @@ from jaxcomp import BadInput
 from jaxcomp.compressor import instants
 from jaxcomp.crankshaft import Crankshaft, counterweights
 from jaxcomp.mechanism import CrankState, SliderCrank
+from jaxcomp.rotor import matrices, undamped_modes
 from jaxcomp.scene import SceneError, describe, dump, load, loads, with_value
 from jaxcomp.vibration import (
     BlockMotion,
@@ -35,15 +36,11 @@ from jaxcomp.vibration import (
     Suspension,
     Wrench,
     block_response,
-    damping_matrix,
     free_body_error,
     free_body_response,
     harmonics,
-    mass_matrix,
-    natural_frequencies,
     point_motion,
     shaking_wrench,
-    stiffness_matrix,
     time_response,
     viscous_damping,
     with_scaled_frequencies,
@@ -327,6 +324,11 @@ def test_harmonics_rebuild_the_wrench():
     )
 
 
+def natural_frequencies(suspension):
+    """[rad/s] (6,)"""
+    return undamped_modes(suspension.rotor, 6).frequency
+
+
 def test_natural_frequencies_of_the_household_machine():
     # 5.8 Hz lateral and 9 Hz vertical if nothing tilts: sqrt(4 k/M), to the digits given
     upright = [
@@ -339,7 +341,8 @@ def test_natural_frequencies_of_the_household_machine():
     assert natural_frequencies(suspension())[-1] / (2 * np.pi) < 20
     # eigenvalues of M^-1 S, computed without symmetry
     s = suspension()
-    squares = np.linalg.eigvals(np.linalg.solve(mass_matrix(s), stiffness_matrix(s)))
+    full = matrices(s.rotor)
+    squares = np.linalg.eigvals(np.linalg.solve(full.mass, full.stiffness))
     np.testing.assert_allclose(natural_frequencies(s), np.sqrt(np.sort(squares.real)), rtol=1e-10)
 
 
@@ -361,7 +364,8 @@ def test_stiffness_is_the_slope_of_the_strain_energy():
             total += 0.5 * spring.lateral_stiffness * (u @ u - along**2)
         return total
 
-    np.testing.assert_allclose(stiffness_matrix(s), jax.hessian(energy)(jnp.zeros(6)), atol=1e-9)
+    found = matrices(s.rotor).stiffness
+    np.testing.assert_allclose(found, jax.hessian(energy)(jnp.zeros(6)), atol=1e-9)
 
 
 def test_harmonic_response_of_one_mass_on_one_spring():
@@ -379,8 +383,8 @@ def test_harmonic_response_of_one_mass_on_one_spring():
 
 def simulate_block(block, force, time, start):
     """Motion of the block in time, M x'' = F - C x' - S x, to 1e-8 a step."""
-    inverse = 1 / jnp.diag(mass_matrix(block))
-    stiffness, damping = stiffness_matrix(block), damping_matrix(block)
+    full = matrices(block.rotor)
+    inverse, stiffness, damping = 1 / jnp.diag(full.mass), full.stiffness, full.damping
 
     def rate(t, motion, args):
         inner = stiffness @ motion.displacement + damping @ motion.velocity
@@ -482,7 +486,8 @@ def test_no_nan_where_nothing_moves():
 def test_damping_ratio_of_the_springs():
     """A block that hangs on its springs without tilting has the ratio asked for."""
     s = suspension(mass_centre=(0.0, 0.0, 0.06))
-    k, c, m = (np.asarray(f(s)) for f in (stiffness_matrix, damping_matrix, mass_matrix))
+    full = matrices(s.rotor)
+    k, c, m = np.asarray(full.stiffness), np.asarray(full.damping), np.asarray(full.mass)
     for i in range(3):
         np.testing.assert_allclose(c[i, i] / (2 * np.sqrt(k[i, i] * m[i, i])), 0.03, rtol=1e-12)
 
@@ -526,7 +531,8 @@ def test_refuses_a_wrong_suspension(path, value, message):
 def test_retuned_suspension_keeps_its_damping_ratios():
     s, other = suspension(), with_scaled_frequencies(suspension(), 0.3)
     np.testing.assert_allclose(natural_frequencies(other), 0.3 * natural_frequencies(s), rtol=1e-12)
-    np.testing.assert_allclose(damping_matrix(other), 0.3 * damping_matrix(s), rtol=1e-12)
+    damping, before = (matrices(one.rotor).damping for one in (other, s))
+    np.testing.assert_allclose(damping, 0.3 * before, atol=1e-12)
 
 
 def test_refuses_an_unknown_mechanism():

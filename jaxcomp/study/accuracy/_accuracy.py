@@ -2,6 +2,7 @@ r"""`accuracy`: error against run time of the solvers of a quantity."""
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -137,7 +138,7 @@ def accuracy(
         _verification(question) if verified else {},
         calls,
     )
-    return report._replace(**plan.findings(rows, reference))
+    return replace(report, **plan.findings(rows, reference))
 
 
 def _check_parts(question: Question, kind: StudyKind) -> None:

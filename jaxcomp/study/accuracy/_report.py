@@ -1,8 +1,12 @@
 r"""Results of a study: settings with error and time, and the reference they are compared with."""
 
-from typing import Any, NamedTuple
+import dataclasses
+from collections.abc import Iterator
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+
+from ..._core.results import Data, Result
 
 
 class Reference(NamedTuple):
@@ -143,7 +147,8 @@ class DerivativeCheck(NamedTuple):
         return self.ratio <= 10
 
 
-class Report(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Report(Result):
     """Error against run time.
 
     Attributes:
@@ -172,10 +177,21 @@ class Report(NamedTuple):
     rows: tuple[Measurement, ...]
     orders: dict[str, Order]
     note: str
-    march: dict[str, float] = {}  # noqa: RUF012  # a NamedTuple's default, which nobody changes
-    calls: dict[str, Cost] = {}  # noqa: RUF012
-    growth: dict[str, Growth] = {}  # noqa: RUF012
+    march: dict[str, float] = dataclasses.field(default_factory=dict)
+    calls: dict[str, Cost] = dataclasses.field(default_factory=dict)
+    growth: dict[str, Growth] = dataclasses.field(default_factory=dict)
     derivatives: DerivativeCheck | None = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ("row",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has a row for each setting."""
+        yield Data("quantity", "", self.quantity)
+        yield Data("floor", "", self.reference.floor, doc="below which no error is claimed")
+        units = {"method": "", "setting": "", "error": "", "seconds": "s", "compile_seconds": "s"}
+        for name, unit in units.items():
+            column = np.array([getattr(row, name) for row in self.rows])
+            yield Data(name, unit, column, self.table_dims)
 
     @property
     def methods(self) -> tuple[str, ...]:

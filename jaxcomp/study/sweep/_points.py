@@ -265,7 +265,7 @@ class Blocks(NamedTuple):
         """Blocks in all."""
         return int(np.prod(self.counts))
 
-    def index(self, number: int) -> tuple[int, ...]:
+    def where(self, number: int) -> tuple[int, ...]:
         """Where a block stands among the blocks."""
         return tuple(int(i) for i in np.unravel_index(number, self.counts))
 
@@ -273,7 +273,7 @@ class Blocks(NamedTuple):
         """What a block covers."""
         return tuple(
             slice(i * part, min((i + 1) * part, size))
-            for i, part, size in zip(self.index(number), self.block, self.shape, strict=True)
+            for i, part, size in zip(self.where(number), self.block, self.shape, strict=True)
         )
 
 

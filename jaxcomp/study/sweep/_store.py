@@ -150,7 +150,7 @@ class OnDisk(_Store):
 
     def has(self, number: int) -> bool:
         """Whether the file that is written last is there, and all others are there and whole."""
-        index = [str(at) for at in self.plan.layout.index(number)]
+        index = [str(at) for at in self.plan.layout.where(number)]
         place = self.plan.layout.place(number)
         for name, array in reversed(self.arrays.items()):
             if not self._path.joinpath(name, "c", *index).exists():

@@ -1,0 +1,125 @@
+"""Stress of kept programs: many starts of a command, killed, two at once, with cut and foreign entries.
+
+    python tests/benchmarks/starts.py --starts 200 --machine r600a-8cc
+    python tests/benchmarks/starts.py --starts 100 --machine r600a-8cc --only interrupted
+
+Every start that ends must print the numbers of the first one, to the last bit. What is done to it is
+drawn at random: nothing, a kill or an interrupt at any time, a second start at the same moment, entries
+that are cut or overwritten before, a disk on which nothing can be written, a folder that cannot be read.
+"""
+
+import argparse
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter, defaultdict
+from pathlib import Path
+
+# Shares of what is done to a start.
+TRIALS = {"nothing": 5, "killed": 4, "interrupted": 2, "two": 3, "cut": 3, "foreign": 2,
+          "full disk": 2, "locked": 1}  # fmt: skip
+_SLOWEST = 300.0  # [s] a start that takes longer hangs
+_LONGEST = 3.0  # [s] from an interrupt to the end
+
+
+def begun(machine: str, folder: Path, least_file: int | None = None) -> subprocess.Popen:
+    """A start of `jaxcomp run MACHINE --json` that keeps its programs in a folder."""
+
+    def limited():
+        if least_file is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (least_file, least_file))
+
+    environment = {**os.environ, "JAXCOMP_CACHE": str(folder), "JAXCOMP_WAITS": "off"}
+    command = [sys.executable, "-m", "jaxcomp", "run", machine, "--json"]
+    return subprocess.Popen(command, env=environment, preexec_fn=limited,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
+
+
+def ended(process: subprocess.Popen) -> tuple[int, str, str]:
+    """Exit code, what it printed, and the end of its errors."""
+    try:
+        out, error = process.communicate(timeout=_SLOWEST)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return 124, "", "hangs"
+    return process.returncode, out, error[-400:]
+
+
+def spoilt(folder: Path, chance: random.Random, how: str) -> None:
+    """Cut or overwrite some of the entries."""
+    for path in folder.rglob("*.program"):
+        if chance.random() < 0.5:
+            content = path.read_bytes()
+            cut = chance.randrange(len(content) + 1)
+            other = chance.randbytes(len(content) - cut) if how == "foreign" else b""
+            path.write_bytes(content[:cut] + other)
+
+
+def main() -> None:
+    """Print what happened, and end with status 1 if any start was wrong."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--starts", type=int, default=200)
+    parser.add_argument("--machine", default="mayekawa-wbhe")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", choices=TRIALS, help="this alone, with programs compiled anew")
+    asked = parser.parse_args()
+    chance = random.Random(asked.seed)
+    found: Counter[tuple[str, str]] = Counter()
+    seconds: dict[str, list[float]] = defaultdict(list)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "programs"
+        start = time.perf_counter()
+        code, right, error = ended(begun(asked.machine, folder))
+        assert code == 0, error
+        whole = time.perf_counter() - start
+        wanted = json.loads(right)
+        for number in range(asked.starts):
+            (trial,) = chance.choices([*TRIALS], [*TRIALS.values()])
+            if asked.only:
+                trial = asked.only
+                shutil.rmtree(folder, ignore_errors=True)
+            if trial in ("cut", "foreign"):
+                spoilt(folder, chance, trial)
+            if trial == "locked":
+                folder.chmod(0o000)
+            start = time.perf_counter()
+            size = 0 if trial == "full disk" else None
+            processes = [begun(asked.machine, folder, size) for _ in range(1 + (trial == "two"))]
+            if trial in ("killed", "interrupted"):
+                time.sleep(chance.uniform(0.1, whole))
+                processes[0].send_signal(signal.SIGKILL if trial == "killed" else signal.SIGINT)
+                start = time.perf_counter()
+            for process in processes:
+                code, out, error = ended(process)
+                if trial == "killed" and code == -signal.SIGKILL:
+                    outcome = "ended"
+                elif trial == "interrupted" and code in (130, -signal.SIGINT):
+                    late = time.perf_counter() - start > _LONGEST
+                    outcome = "ENDED LATE" if late else "ended"
+                elif code:
+                    outcome = f"exit code {code}: {error}"
+                else:
+                    outcome = "right" if json.loads(out) == wanted else "WRONG NUMBERS"
+                found[trial, outcome] += 1
+            seconds[trial].append(time.perf_counter() - start)
+            if folder.exists():
+                folder.chmod(0o700)
+            if number % 20 == 19:
+                print(f"{number + 1} starts", file=sys.stderr)
+    for (trial, outcome), count in sorted(found.items()):
+        print(f"{count:4d}  {trial:12s}  {outcome}")
+    for trial, times in sorted(seconds.items()):
+        ordered = sorted(times)
+        print(f"{trial:12s}  median {ordered[len(times) // 2]:.1f} s, longest {ordered[-1]:.1f} s")
+    sys.exit(any(outcome not in ("right", "ended") for _, outcome in found))
+
+
+if __name__ == "__main__":
+    main()
