@@ -267,7 +267,7 @@ class TwoStages:
             end = march(scale * unknown[0], 1e3 * unknown[1]).y[:, -1]
             return [end[0] / scale - unknown[0], end[1] * self.speed / (2 * np.pi) - 1]
 
-        energy, level = fsolve(misses, [1.0, 1.2], xtol=1e-12)
+        energy, level = np.asarray(fsolve(misses, [1.0, 1.2], xtol=1e-12))
         run = march(scale * energy, 1e3 * level)
         inertia = np.array([self.at(angle)[0] for angle in points])
         speed = np.sqrt(2 * run.y[0] / inertia)
