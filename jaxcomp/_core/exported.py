@@ -26,7 +26,7 @@ import numpy as np
 from jax import export
 
 from . import programs
-from .fields import is_traced
+from .fields import is_traced, strongly_typed
 
 # Whether traced programs are kept where compiled ones are.
 enabled = True
@@ -61,7 +61,12 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
     @functools.wraps(function)
     def call(*arguments, **named):
         leaves, structure = jax.tree.flatten((arguments, named))
-        if any(is_traced(leaf) for leaf in leaves) or not (enabled and programs.keeps()):
+        if any(is_traced(leaf) for leaf in leaves):
+            return compiled(*arguments, **named)
+        if any(getattr(leaf, "weak_type", False) for leaf in leaves):
+            leaves = [*map(strongly_typed, leaves)]
+            arguments, named = structure.unflatten(leaves)
+        if not (enabled and programs.keeps()):
             return compiled(*arguments, **named)
         rest = tuple(_hole(leaf) or leaf for leaf in leaves)
         key = (structure, rest, _settings())

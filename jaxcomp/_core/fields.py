@@ -462,6 +462,16 @@ def is_traced(value: Any) -> bool:
     return isinstance(value, Tracer)
 
 
+def strongly_typed(leaf: Any) -> Any:
+    """A leaf of a structure; a weakly typed array with its type made definite.
+
+    `jnp.asarray(0.04)` is weakly typed, and programs of their own are compiled for weak types: a field
+    set to it would have a whole solution compiled anew.
+    """
+    weak = isinstance(leaf, jax.Array) and not is_traced(leaf) and leaf.weak_type
+    return jnp.asarray(leaf, leaf.dtype) if weak else leaf
+
+
 def _check_shape(owner: str, name: str, value: Array, shape: tuple) -> None:
     if shape == (...,):
         return

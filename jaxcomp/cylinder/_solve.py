@@ -12,7 +12,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.each import stacked
-from .._core.fields import admissible, clipped, is_traced
+from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.polynomials import gauss
 from .._core.roots import root
 from .._core.status import SolveFailed, Status
@@ -142,6 +142,8 @@ def solve_cycle(
         SolveFailed: if `throw` and the status is not `Status.converged`.
     """
     options = options or CycleOptions()
+    speed = jnp.asarray(speed, float)  # a plain number would be part of the program
+    cylinder, mechanism = jax.tree.map(strongly_typed, (cylinder, mechanism))
     cycle = _solved(cylinder, mechanism, speed, options, pace, start)
     shown = not is_traced(cycle.status._value)
     while shown and pace is None and cylinder.inert and (more := options.refined(cycle.status)):

@@ -33,6 +33,8 @@ def begun(machine: str, folder: Path, least_file: int | None = None) -> subproce
     """A start of `jaxcomp run MACHINE --json` that keeps its programs in a folder."""
 
     def limited():
+        # a shell lets what it starts in the background ignore interrupts
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         if least_file is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (least_file, least_file))
 

@@ -200,7 +200,7 @@ def _cut(shaft: ShaftElements, cuts: int) -> ShaftElements:
             columns[name] = start + (end - start) * share
             columns[f"{name}_end"] = start + (end - start) * (share + 1 / cuts)
     pairs = []
-    for left, right in shaft.nodes:
+    for left, right in cast(Any, shaft.nodes):
         inner = [f"{left}~{right}~{n}" for n in range(1, cuts)]
         pairs += pairwise([left, *inner, right])
     return dataclasses.replace(shaft, nodes=tuple(pairs), **columns)

@@ -12,6 +12,7 @@ import pytest
 
 import jaxcomp as jc
 from jaxcomp._core import interrupts as _interrupts
+from jaxcomp._core import registry
 from jaxcomp.cli import _output
 from jaxcomp.study.tolerance import within
 
@@ -41,7 +42,12 @@ def test_without_a_folder_the_word_says_how_to_keep_them():
     assert _interrupts.say_stopped() == words
 
 
-def test_studies_hand_out_what_they_have():
+def test_studies_hand_out_what_they_have(monkeypatch):
+    # both quantities follow from sizes alone: what is handed out is the same, and no orbit is compiled
+    monkeypatch.setattr(registry, "_registered", dict(registry._registered))
+    jc.register_quantity(
+        "piston_area", lambda r: r.assembly.compressor.mechanism.piston_area, needs=("compressor",)
+    )
     scene, designs, machines = jc.load("mayekawa-wbhe"), [], []
     made = jc.problem(scene, {"bore": (0.12, 0.14)}, ["swept_volume"])
 
@@ -49,7 +55,7 @@ def test_studies_hand_out_what_they_have():
         designs.append(dict.fromkeys(one.name for one in problem.columns(points, found.values)))
         assert len(points) == len(found.values)
 
-    bounds = {"gas_power": (0.0, 1e6)}
+    bounds = {"piston_area": (0.0, 1e6)}
     options = {"samples": 4, "starts": 1, "max_steps": 3, "keep": keep}
     jc.optimise(made, maximise=True, constraints=bounds, **options)
     assert len(designs) >= 2

@@ -122,3 +122,19 @@ def test_a_later_process_calls_lapack_without_having_traced_it(folder):
         told.append(run.stdout.split("] "))
     assert told[0][0] == told[1][0] == "[[0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]"
     assert [int(one[-1]) for one in told] == [1, 0]
+
+
+def test_a_number_of_another_type_class_is_no_other_program():
+    """`jnp.asarray(0.04)` is weakly typed: a field set to it must not have a solution compiled anew."""
+    traced = []
+
+    @exported.kept_jit
+    def twice(x):
+        traced.append(x)
+        return 2 * x
+
+    strong, weak = jnp.asarray(np.float64(0.04)), jnp.asarray(0.04)
+    assert weak.weak_type
+    assert not strong.weak_type
+    assert twice(strong) == twice(weak) == 0.08
+    assert len(traced) == 1

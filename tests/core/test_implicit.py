@@ -73,9 +73,13 @@ def test_derivatives_of_three_orders_in_either_mode():
     )[1]
     assert float(jax.grad(root)(e)) == pytest.approx(float(first), rel=1e-12)
     assert float(jax.jacfwd(root)(e)) == pytest.approx(float(first), rel=1e-12)
-    assert float(jax.grad(jax.grad(root))(e)) == pytest.approx(float(second), rel=1e-10)
-    assert float(jax.jacfwd(jax.jacrev(root))(e)) == pytest.approx(float(second), rel=1e-10)
-    assert float(jax.jacfwd(jax.jacfwd(root))(e)) == pytest.approx(float(second), rel=1e-10)
+    assert float(jax.jit(jax.grad(jax.grad(root)))(e)) == pytest.approx(float(second), rel=1e-10)
+    assert float(jax.jit(jax.jacfwd(jax.jacrev(root)))(e)) == pytest.approx(
+        float(second), rel=1e-10
+    )
+    assert float(jax.jit(jax.jacfwd(jax.jacfwd(root)))(e)) == pytest.approx(
+        float(second), rel=1e-10
+    )
 
 
 def test_members_of_a_batch_end_on_their_own():

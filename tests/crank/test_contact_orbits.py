@@ -129,7 +129,9 @@ def test_out_of_touch_the_orbit_is_that_of_smooth_surfaces():
         assert own == pytest.approx(other, rel=1e-6), name
 
 
-@pytest.mark.parametrize(("viscosity", "most"), [(1e-4, 0.98), (1e-5, 0.999)])
+@pytest.mark.parametrize(
+    ("viscosity", "most"), [(1e-4, 0.98), pytest.param(1e-5, 0.999, marks=pytest.mark.slow)]
+)
 def test_contacts_that_carry_nearly_all_converge(viscosity, most):
     """By default: letting go within a degree takes panels there. Against four times as many panels."""
 

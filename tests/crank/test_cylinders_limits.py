@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,6 +20,9 @@ from jaxcomp.motor import MeanSpeed
 from jaxcomp.study.accuracy import STUDIES, Measurement
 from jaxcomp.study.accuracy._orbit import growth, with_layout
 from jaxcomp.vibration import shaking_wrench
+
+# One program of each layout: outside of a program every operation is compiled by itself.
+wrench_of, instants_of = eqx.filter_jit(shaking_wrench), eqx.filter_jit(instants)
 
 
 def named(layout, **given):
@@ -99,7 +103,7 @@ def test_moments_about_the_shaft_balance_at_every_instant():
     pins = jnp.stack([lost[f"piston_pin_{k}"] for k in (1, 2, 3)]) / rod.tilt_1
     friction = sum(m for name, m in lost.items() if name.startswith("main"))
     frame = -jnp.sum(rod.position * walls + pins, axis=0) - orbit.motor_torque + friction
-    wrench = shaking_wrench(made, orbit.state)
+    wrench = wrench_of(made, orbit.state)
     # torques of 1 kN m; the collocation equations hold to 1e-13 of that
     np.testing.assert_allclose(frame, wrench.moment[2], atol=1e-8)
 
@@ -125,7 +129,7 @@ def test_orders_of_force_and_couple_are_the_closed_forms(name):
     )
     made = dataclasses.replace(made, mechanism=mechanism)
     angle = jnp.asarray(2 * np.pi * np.arange(count) / count)
-    wrench = shaking_wrench(made, CrankState(angle, jnp.full(count, speed), jnp.zeros(count)))
+    wrench = wrench_of(made, CrankState(angle, jnp.full(count, speed), jnp.zeros(count)))
     unit = (
         float((mechanism.piston_mass + mechanism.conrod_mass) * mechanism.crank_radius) * speed**2
     )
@@ -151,7 +155,7 @@ def test_even_firing_leaves_the_orders_of_the_number_of_cylinders(name):
 
     def orders(layout):
         made = several(LAYOUTS[1], crankshaft=named(layout))
-        found = instants(made, angle)
+        found = instants_of(made, angle)
         torque = found.conservative - 0.5 * 100.0**2 * found.inertia_1
         return made.crankshaft.count, np.abs(np.fft.rfft(torque)) / points
 
@@ -263,7 +267,7 @@ class TwoStages:
             end = march(scale * unknown[0], 1e3 * unknown[1]).y[:, -1]
             return [end[0] / scale - unknown[0], end[1] * self.speed / (2 * np.pi) - 1]
 
-        energy, level = fsolve(misses, [1.0, 1.2], xtol=1e-12)
+        energy, level = np.asarray(fsolve(misses, [1.0, 1.2], xtol=1e-12))
         run = march(scale * energy, 1e3 * level)
         inertia = np.array([self.at(angle)[0] for angle in points])
         speed = np.sqrt(2 * run.y[0] / inertia)

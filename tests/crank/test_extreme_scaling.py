@@ -33,7 +33,7 @@ SIZES = {
 
 
 @cache
-def exponents(unit: str) -> tuple[float, float, float]:
+def exponents(unit: str) -> tuple[float, ...]:
     """Of length, mass and time in a unit."""
     found = pint.UnitRegistry().Unit(unit).dimensionality if unit else {}
     return tuple(float(found.get(f"[{name}]", 0)) for name in ("length", "mass", "time"))

@@ -95,12 +95,12 @@ def test_derivatives_equal_differences(held):
         found = solve_orbit(changed, SOLVER, throw=False)
         return found.energy.total_loss
 
-    loss = jax.jit(loss)
-    at = jnp.asarray(SPEED), held.mechanism.bore
-    slopes = jax.jit(jax.grad(loss, (0, 1)))(*at)
+    both = jax.jit(jax.value_and_grad(loss, (0, 1)))
+    at = jnp.asarray(SPEED, float), held.mechanism.bore
+    slopes = both(*at)[1]
     for place, slope in enumerate(slopes):
         step = 1e-3 * at[place]
-        moved = lambda x, place=place: loss(*(x if i == place else a for i, a in enumerate(at)))  # noqa: E731
+        moved = lambda x, place=place: both(*(x if i == place else a for i, a in enumerate(at)))[0]  # noqa: E731
         # measured 1e-7, of the panels that end beside the load minimum
         assert float(slope) == pytest.approx(float(difference(moved, at[place], step)), rel=1e-6)
     assert all(jnp.all(jnp.isfinite(x)) for x in named_leaves(slopes).values())

@@ -120,7 +120,9 @@ def test_nodes_of_no_weight_are_no_peaks():
     assert float(orbit.largest(jnp.where(empty, jnp.nan, speed))) == highest
 
 
-@pytest.mark.parametrize("solver", [Collocation(), Shooting()])
+@pytest.mark.parametrize(
+    "solver", [Collocation(), pytest.param(Shooting(), marks=pytest.mark.slow)]
+)
 def test_a_given_speed_is_checked_like_any_other(solver):
     held = {"motor": ConstantSpeed(1000 * RPM)}
     good = solve_orbit(machine(**held), solver, throw=False)

@@ -163,6 +163,17 @@ def test_collocation_meets_the_golden_machines(name):
     np.testing.assert_allclose(lost["suction valve"], wanted, atol=1e-7)
 
 
+def test_another_speed_or_number_is_no_other_program(monkeypatch):
+    solve_cycle(golden("D"), mechanism(), SPEED, COLLOCATION)
+
+    def traced_again(*_):
+        raise AssertionError("traced again")
+
+    monkeypatch.setattr("jaxcomp.cylinder._solve._admitted", traced_again)
+    other = with_values(golden("D"), clearance_ratio=0.0251)
+    assert bool(solve_cycle(other, mechanism(), 0.99 * SPEED, COLLOCATION).converged)
+
+
 def test_pictures_show_the_cycle():
     cycle = solve_cycle(golden("D"), mechanism(), SPEED, COLLOCATION)
     figures = cylinder_figures(cycle)
@@ -271,14 +282,16 @@ def test_reverse_mode_agrees_with_differences_of_the_cycle():
     """On the air machine, whose suction valve meets its stop three times."""
     cylinder, machine = golden("D"), mechanism()
 
-    @jax.jit
-    def work(log_bore, log_stop):
+    def work_of(log_bore, log_stop):
         parts = scaled("1.bore", cylinder, machine, SPEED, log_bore)
         parts = scaled("0.suction_valve.stop", *parts, log_stop)
         return outputs(*parts, COLLOCATION)[0]
 
-    zero, step = jnp.zeros(()), 1e-4
-    by_bore, by_stop = jax.jit(jax.grad(work, (0, 1)))(zero, zero)
+    # one program for values and slopes: to compile another takes longer than its answers
+    both = jax.jit(jax.value_and_grad(work_of, (0, 1)))
+    work = lambda *logs: both(*map(jnp.asarray, logs))[0]  # noqa: E731
+    zero, step = jnp.zeros(()), np.float64(1e-4)
+    by_bore, by_stop = both(zero, zero)[1]
     # 1e-6: the differences' own error, of step^2 and of 1e-11 over the step
     np.testing.assert_allclose(
         by_bore, (work(step, zero) - work(-step, zero)) / (2 * step), rtol=1e-6

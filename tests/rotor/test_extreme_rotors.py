@@ -85,11 +85,14 @@ def test_static_sag_from_stubby_to_hair_thin(length, diameter):
     assert response.words == "ok"
     # 8 elements; rounding times a condition that the scaled factorisation keeps below 1e6
     assert float(moved.real) == pytest.approx(sag(length, diameter, stiffest), rel=1e-9)
-    slope = jax.grad(
-        lambda d: middle_response(eqx.tree_at(lambda m: m.shafts[0].outer_diameter, model, d), 4)[
-            1
-        ].real.sum()
-    )(model.shafts[0].outer_diameter)
+
+    @jax.jit
+    @jax.grad
+    def slope_of(d):
+        changed = eqx.tree_at(lambda m: m.shafts[0].outer_diameter, model, d)
+        return middle_response(changed, 4)[1].real.sum()
+
+    slope = slope_of(model.shafts[0].outer_diameter)
     # compliance of bending goes with d^-4, of shear with d^-2: the slope lies between the two
     free = float(moved.real) - 0.5 / stiffest
     share = -float(jnp.sum(slope)) * diameter / free

@@ -418,7 +418,9 @@ def test_only_settings_of_one_task_compete():
     assert made.cheapest(1e-6).method == "least squares"
 
 
-@pytest.mark.parametrize("name", [*MACHINES[:2], pytest.param(MACHINES[2], marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", [MACHINES[0], *(pytest.param(name, marks=pytest.mark.slow) for name in MACHINES[1:])]
+)
 def test_every_quantity_of_a_problem_is_known_by_its_full_name(name):
     from jaxcomp import problem
     from jaxcomp.study import available_quantities

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from jaxcomp import load
+from jaxcomp.cylinder import CycleOptions
 from jaxcomp.scene.measured import bundled_maps
 from jaxcomp.scene.readings import read_readings
-from jaxcomp.study.rating import rating_map
+from jaxcomp.study.rating import QUANTITIES, rating_map
 
 ZERO = 273.15
 PAGE = (Path(__file__).parents[2] / "notebooks" / "identify.md").read_text("utf-8")
@@ -34,7 +35,9 @@ def stated(name: str, quantity: str) -> list[float]:
 
 
 def errors(name: str, data: str, evaporating, condensing, speed=None, rating="ahri540"):
-    found = rating_map(load(name), evaporating, condensing, rating)
+    # with the panels that the light valves of one of them need, so that all three share a program
+    options = CycleOptions(panels=96)
+    found = rating_map(load(name), evaporating, condensing, rating, options)
     assert found.ok.all()
     readings = read_readings(bundled_maps()[data], evaporating, condensing, speed)
     return {
@@ -60,3 +63,17 @@ def test_points_that_were_not_fitted(name, data):
         assert np.sqrt(np.mean(error[left] ** 2)) == pytest.approx(rms, abs=CLOSE), quantity
         assert np.abs(error[left]).max() == pytest.approx(largest, abs=CLOSE), quantity
     assert "identified from" in load(name).text
+
+
+def test_points_without_a_cycle_are_solved_once_more_on_more_panels(monkeypatch):
+    tried = []
+
+    def along(compressor, rating, options, solver, evaporating, condensing):
+        tried.append(options.panels)
+        found = {name: evaporating + condensing for name, *_ in QUANTITIES}
+        return found, np.full(evaporating.shape, options.panels > CycleOptions().panels)
+
+    monkeypatch.setattr("jaxcomp.study.rating._along", along)
+    found = rating_map(load("r134a-7cc"), [250.0, 255.0], [320.0, 325.0])
+    assert found.ok.all()
+    assert tried == [CycleOptions().panels, 96]

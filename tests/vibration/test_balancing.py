@@ -159,7 +159,9 @@ def slsqp(influence, largest):
     return size * np.sqrt(2 * answer.fun)
 
 
-@pytest.mark.parametrize("case", range(20))
+@pytest.mark.parametrize(
+    "case", [pytest.param(n, marks=pytest.mark.slow) if n >= 7 else n for n in range(20)]
+)
 def test_bounded_masses_equal_those_of_another_solver(case):
     rng = np.random.default_rng(case)
     rows, planes = int(rng.integers(2, 9)), int(rng.integers(1, 5))

@@ -121,7 +121,7 @@ def test_slopes_of_cut_and_penalised_balances_are_finite(gap):
         return jnp.max(jnp.abs(least_squares(moved, **options).correction))
 
     for options in ({"tikhonov": 1e-4}, {"cut": 1e-6}):
-        value, slope = jax.value_and_grad(lambda s, o=options: largest(s, **o))(0.0)
+        value, slope = jax.jit(jax.value_and_grad(lambda s, o=options: largest(s, **o)))(0.0)
         # a common factor on the influence divides the corrections by it
         assert float(slope) == pytest.approx(-float(value), rel=1e-6)
 

@@ -105,8 +105,9 @@ class _LimitState:
         self.problem, self.limit, self.size = problem, limit, len(nominal)
         self.progress = progress
         self.place = problem.names.index(limit.quantity)
-        self.machines = lambda u: scatter.at(nominal, u)
-        self.slope_of_machines = jax.vmap(jax.jacfwd(self.machines))
+        # the search calls both a thousand times, and outside of a program their operations take longer
+        self.machines = jax.jit(lambda u: scatter.at(nominal, u))
+        self.slope_of_machines = jax.jit(jax.vmap(jax.jacfwd(self.machines)))
         self.known: dict[bytes, tuple[float, np.ndarray]] = {}
 
     def __call__(self, points) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +118,8 @@ class _LimitState:
             u, sign = jnp.asarray(np.stack(new)), 1.0 if self.limit.above else -1.0
             found = solved(self.problem, self.machines(u))
             beyond = sign * (found.values[:, self.place] - self.limit.bound)
-            slope = jnp.einsum("nv,nvu->nu", found.slope[:, self.place], self.slope_of_machines(u))
+            by_value, by_u = found.slope[:, self.place], self.slope_of_machines(u)
+            slope = np.einsum("nv,nvu->nu", by_value, by_u)
             beyond = np.where(found.ok, beyond, np.nan).tolist()
             slope = np.where(found.ok[:, None], sign * slope, np.nan)
             for point, *both in zip(new, beyond, slope, strict=True):
