@@ -265,6 +265,7 @@ class Fit:
         for sign, bound in ((-1, one.scaled(one.low)), (1, one.scaled(one.high))):
             end = centre + sign * np.sqrt(rise) * error
             end = max(end, bound) if sign < 0 else min(end, bound)
+            over = -1.0
             for _ in range(6):
                 over = excess(end)
                 if over >= 0 or end == bound:

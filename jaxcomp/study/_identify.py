@@ -40,7 +40,7 @@ class HeldOut(NamedTuple):
         inside: [-] share within the inflated 95 % intervals.
     """
 
-    count: int
+    count: int  # pyright: ignore[reportIncompatibleMethodOverride]  # of points, and no entries
     rms: float
     largest: float
     inside: float

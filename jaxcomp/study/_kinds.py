@@ -69,7 +69,6 @@ class Trace(AbstractMeasurement):
     sd: NDArray | None = field(compare=False, default=None)
     independent: int = field(compare=False, default=_INDEPENDENT)
     solver: Any = None
-    polynomial: ClassVar[bool] = False
 
     def check(self, machine):
         """Refuse a machine without these quantities, and settings that are none of its numbers."""
@@ -177,7 +176,6 @@ class Table(AbstractMeasurement):
     sd: NDArray | None = field(compare=False, default=None)
     units: tuple[str, ...] = field(compare=False, default=())
     solver: Any = None
-    polynomial: ClassVar[bool] = False
 
     @property
     def names_of_sd(self):  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -266,7 +264,6 @@ class ModalTest(AbstractMeasurement):
     axes: tuple[str, ...] = ()
     shape: NDArray | None = field(compare=False, default=None)
     sd: NDArray | None = field(compare=False, default=None)
-    polynomial: ClassVar[bool] = False
 
     def _rotor(self, machine: Machine):
         rotor = assembled(machine).rotor
@@ -379,7 +376,6 @@ class VibrationTest(AbstractMeasurement):
     phase: NDArray = field(compare=False)
     order: int = 1
     sd: NDArray | None = field(compare=False, default=None)
-    polynomial: ClassVar[bool] = False
 
     def check(self, machine):
         """Refuse a machine without these targets."""

@@ -17,6 +17,7 @@ import dataclasses
 from fnmatch import fnmatch
 from functools import cache, partial
 from itertools import pairwise
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
