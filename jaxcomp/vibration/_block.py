@@ -165,10 +165,16 @@ def free_body_error(
         point: [m] of the block.
     """
     true, free = (
-        point_motion(suspension, response(suspension, load), point).amplitude
+        point_motion(suspension, response(suspension, load), point)
         for response in (block_response, free_body_response)
     )
-    return jnp.linalg.norm(free - true, axis=0) / jnp.linalg.norm(true, axis=0)
+    return _deviation(free, true)
+
+
+def _deviation(free: Harmonics, true: Harmonics) -> Float[Array, " n"]:
+    """[-] Of one motion from another over the other's amplitude, by harmonic."""
+    amplitude = true.amplitude
+    return jnp.linalg.norm(free.amplitude - amplitude, axis=0) / jnp.linalg.norm(amplitude, axis=0)
 
 
 class BlockMotion(eqx.Module):
@@ -263,7 +269,7 @@ def _block_vibration(
             "rms": jnp.linalg.norm(motion.rms),
             "peak": jnp.max(jnp.linalg.norm(motion.at(time), axis=0)),
             "free_body": jnp.abs(unsprung.amplitude[:, 0]),
-            "free_body_error": free_body_error(suspension, load, point)[0],
+            "free_body_error": _deviation(unsprung, motion)[0],
         }
 
     return BlockVibration(
