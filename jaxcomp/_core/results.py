@@ -91,10 +91,10 @@ def reading(unit: str, *dims: str, doc: str = "", **options: Any) -> Any:
     return eqx.field(metadata={"reading": (unit, dims, doc)}, **options)
 
 
-def units_of(kind: type) -> dict[str, str]:
-    """SI unit by name of the fields that a result declares by `reading`."""
-    fields = dataclasses.fields(kind)
-    return {one.name: one.metadata["reading"][0] for one in fields if "reading" in one.metadata}
+def readings_of(result: Any) -> dict[str, Any]:
+    """Values [SI] by name of the fields that a result declares by `reading`."""
+    fields = dataclasses.fields(result)
+    return {one.name: getattr(result, one.name) for one in fields if "reading" in one.metadata}
 
 
 class Result:

@@ -335,13 +335,13 @@ def bearing_result(part, model: str, given: dict[str, float]) -> tuple[dict[str,
     import equinox as eqx
     import numpy as np
 
-    from .._core.results import units_of
+    from .._core.results import readings_of
 
     speed, sign = abs(given["speed"]), math.copysign(1.0, given["speed"])
     solved = eqx.filter_jit(jc.film.operating_point)
     found = solved(part, np.float64(given["load"]), np.float64(speed))
     field = jc.film.pressure_field(part, found, speed)
-    point = {name: plain(getattr(found, name)) for name in units_of(type(found))}
+    point = plain(readings_of(found))
     friction, bush = point.pop("friction_torque"), point.pop("bush_torque")
     state = ("eccentricity_ratio", "attitude_angle", "sommerfeld_number", "phi_p", "phi_t")
     result = {

@@ -520,9 +520,9 @@ def _verified(result: dict[str, Any], march: dict[str, Any]):
 # ------------------------------------------------------------------- vibration and torsion
 def vibration_result(found: jc.vibration.BlockVibration) -> dict[str, Any]:
     """Settled vibration in SI units; lists run over x, y, z or the six degrees of freedom."""
-    from .._core.results import units_of
+    from .._core.results import readings_of
 
-    numbers = {name: plain(getattr(found, name)) for name in units_of(type(found))}
+    numbers = plain(readings_of(found))
     keys = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
     of_points = zip(*(numbers.pop(key) for key in keys), strict=True)
     rows = (dict(zip(keys, row, strict=True)) for row in of_points)
