@@ -1,11 +1,11 @@
-"""`jaxcomp accuracy`: error against run time, and the cost of each part of a scene."""
+"""`jaxcomp accuracy`: error against run time, and a machine at its extremes."""
 
 from __future__ import annotations
 
 import math
 import os
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib.metadata import version
 from typing import Any, Literal
 
@@ -18,14 +18,13 @@ from ._start import quick_compiles, refuse, reports_errors
 from ._tables import Markup, column_table, row_table
 
 Study = Literal[
-    "orbit", "quantities", "gradient", "simulate", "response", "film", "order", "cylinders", "cycle",
-    "scenes", "extremes",
+    "orbit", "quantities", "gradient", "response", "film", "cycle", "extremes",
 ]  # fmt: skip
 
 # The variable of a derivative if none is named.
 _VARIABLE = "mechanism.crank_radius"
 _FILM = ("friction_number", "stiffness", "damping")
-_WITHOUT_EXCITATION = ("scenes", "film", "order", "cylinders", "cycle", "extremes", "simulate")
+_WITHOUT_EXCITATION = ("film", "cycle", "extremes")
 # Errors at which methods are compared.
 _DECADES = tuple(10.0**-n for n in range(2, 13))
 
@@ -53,11 +52,10 @@ def accuracy(
 
     Args:
         study: orbit: solvers of the periodic state; quantities: all that the machine has, by the
-            default solver; gradient: ways to a derivative; simulate: methods in time; response: solvers
-            by number of speeds; film: bearings beside Reynolds' equation; order: fixed steps of
-            diffrax; cylinders: one to eight on one crank; cycle: a cylinder with valves at constant
-            speed, values and derivatives; scenes: cost of each part of the machine; extremes: steep
-            rods, near locking, near stall, thin films, stiff motors, near-singular responses.
+            default solver; gradient: ways to a derivative; response: solvers by number of speeds;
+            film: bearings beside Reynolds' equation; cycle: a cylinder with valves at constant speed,
+            values and derivatives; extremes: steep rods, near locking, near stall, thin films, stiff
+            motors, near-singular responses.
         quantity (NAME): Quantity of which errors are taken, e.g. loss_power.wall, or friction_number,
             stiffness or damping of films; if absent, mechanical_efficiency or what suits the study.
         variable (NAME): Variable of the derivative; mechanism.crank_radius if absent.
@@ -70,14 +68,12 @@ def accuracy(
     refuse(odd, f"--excitation {excitation}: {without}")
     odd = variable is not None and study != "gradient"
     refuse(odd, f"--variable {variable}: has no meaning without --study gradient")
-    of_scenes = study in ("scenes", "extremes")
-    refuse(quantity is not None and of_scenes, f"--quantity {quantity}: {without}")
+    refuse(quantity is not None and study == "extremes", f"--quantity {quantity}: {without}")
     from .._core.progress import progress_of
     from ..study import accuracy as work_precision
 
     quick_compiles()  # nothing is kept, so that compile times are those of a first call
     scene = changed_scene(machine, sets)
-    name = scene.name
     partial = Partial(out, "settings")
 
     def keep(rows) -> None:
@@ -89,19 +85,12 @@ def accuracy(
         def progress(label, number, total):
             bar.at(number, total, f"Measuring {label}")
 
-        if study == "scenes":
-            costs = work_precision.scene_costs(work_precision.lean_scenes(scene), progress)
-            result, tables = rows_result("scenes", name, costs), costs_tables(costs, name)
+        if study == "extremes":
+            found = work_precision.extremes(scene, None, progress)
+            result, tables = extremes_result(found), extremes_tables(found)
 
             def figures():
-                return {"scenes": jc.plot.scene_cost_bars(costs, name)}
-
-        elif study == "extremes":
-            cases = work_precision.extremes(scene, None, progress)
-            result, tables = rows_result("extremes", name, cases), extremes_tables(cases, name)
-
-            def figures():
-                return {"extremes": jc.plot.extreme_errors(cases, name)}
+                return {"extremes": jc.plot.extreme_errors(found)}
 
         else:
             if variable is None and study == "gradient" and quantity not in _FILM:
@@ -146,44 +135,27 @@ def accuracy_result(report: jc.study.accuracy.Report, error: float) -> dict[str,
             f"{at:g}": {method: _time(report, at, method) for method in report.methods}
             for at in _reachable(report)
         },
-        "orders": report.orders,
-        "by_cylinders": report.growth,
         "derivatives": check and check._asdict() | {"ratio": check.ratio, "holds": check.holds},
         "measured_on": _measured_on(),
     }
     return plain(result)
 
 
-def rows_result(study: str, scene: str, rows: Sequence[Any]) -> dict[str, Any]:
-    """Scene costs or extreme cases with the machine they were measured on."""
-    return plain({"study": study, "scene": scene, "rows": rows, "measured_on": _measured_on()})
+def extremes_result(found: jc.study.accuracy.Extremes) -> dict[str, Any]:
+    """Extreme cases with the machine they were measured on."""
+    result = {"study": "extremes", "scene": found.scene, "rows": found.cases}
+    return plain(result | {"measured_on": _measured_on()})
 
 
-def costs_tables(costs: Sequence[jc.study.accuracy.SceneCost], scene: str) -> Iterator[Any]:
-    """Cost of each scene, and how operations and loops are counted."""
-    yield column_table(
-        f"{scene}: cost of each part",
-        {
-            "Scene": [cost.name for cost in costs],
-            "Operations": [f"{cost.flops:,.0f}" for cost in costs],
-            "Loops": [cost.loops for cost in costs],
-            "Compiling": [_duration(cost.compile_seconds) for cost in costs],
-            "Time": [_duration(cost.seconds) for cost in costs],
-            "Memory": [c.memory is not None and f"{c.memory / 1e3:,.1f} kB" for c in costs],
-        },
-        whole=range(1, 6),  # the names give way on a narrow terminal
-    )
-    yield "Operations are those of the compiled program, the body of a loop counted once.\n"
-
-
-def extremes_tables(cases: Sequence[jc.study.accuracy.Extreme], scene: str) -> Iterator[Any]:
+def extremes_tables(found: jc.study.accuracy.Extremes) -> Iterator[Any]:
     """Every case, and the status of those without a value."""
+    cases = found.cases
 
     def numbers(values, form):
         return [v is not None and math.isfinite(v) and f"{v:{form}}" for v in values]
 
     table = column_table(
-        f"{scene}: at its extremes",
+        f"{found.scene}: at its extremes",
         {
             "Extreme": [case.family for case in cases],
             "Setting": [case.setting for case in cases],
@@ -240,13 +212,8 @@ def accuracy_tables(report: jc.study.accuracy.Report, error: float) -> Iterator[
         },
         keep=True,
     )
-    if report.orders:
-        orders = [(name, one.expected, one.observed) for name, one in report.orders.items()]
-        yield row_table(None, ("Method", "Order", ("Observed", ".2f")), orders)
-    elif any(len(methods) > 1 for methods in report.tasks.values()):
+    if any(len(methods) > 1 for methods in report.tasks.values()):
         yield _side_by_side(report)
-    if report.growth:
-        yield _growth(report)
     yield _reference(report)
     if report.calls:
         calls = [
@@ -301,24 +268,6 @@ def _remarks(report: jc.study.accuracy.Report, error: float) -> Iterator[str]:
                 f"Cheapest for an error{of} of {error:g}: {best.method}, {best.setting}, "
                 f"{_duration(best.seconds)}.\n"
             )
-
-
-def _growth(report: jc.study.accuracy.Report):
-    """Time of a call over the number of cylinders, what each adds, and the compiling beside it."""
-    counts = next(iter(report.growth.values())).seconds
-    columns = {
-        f"{count}": [_duration(one.seconds[count]) for one in report.growth.values()]
-        for count in counts
-    }
-    few, many = min(counts), max(counts)
-    compiling = [
-        _times(one.compile_seconds[many] / one.compile_seconds[few])
-        for one in report.growth.values()
-    ]
-    each = [_duration(max(one.each, 0.0)) for one in report.growth.values()]
-    more = {"A cylinder more": each, f"Compiling, {many} to {few}": compiling}
-    title = "Time of a call by number of cylinders"
-    return column_table(title, {"Setting": list(report.growth), **columns, **more})
 
 
 def _side_by_side(report: jc.study.accuracy.Report):

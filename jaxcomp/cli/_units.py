@@ -93,9 +93,8 @@ _BEARING = {
 }
 _SETTING = {
     **_of("s", "seconds", "compile_seconds"),
-    **_pure("error", "iterations", "flops", "tightness", "lines", "floor", "loops"),
+    **_pure("error", "iterations", "flops", "tightness", "lines", "floor"),
     **_pure("speed_error", "margin"),
-    "memory": Said("in bytes"),
     "value": Said("an efficiency, or of a response a displacement in metres"),
 }
 _VARIABLE = _of(
@@ -277,8 +276,6 @@ TABLES: dict[str, Table] = {
         "recommended_by_task": {"*": _SETTING},
         "rows": _SETTING,
         "cheapest": "s",
-        "orders": {"*": _pure("expected", "observed")},
-        "by_cylinders": {"*": _of("s", "seconds", "compile_seconds", "fixed", "each")},
         "derivatives": {"*": ""},
         "measured_on": _pure("cores", "load"),
     },

@@ -9,8 +9,6 @@ from matplotlib.figure import Figure as _Figure
 
 from ._accuracy import accuracy_figures as accuracy_figures
 from ._accuracy import extreme_errors as extreme_errors
-from ._accuracy import order_diagram as order_diagram
-from ._accuracy import scene_cost_bars as scene_cost_bars
 from ._accuracy import work_precision_diagram as work_precision_diagram
 from ._animate import Motion as Motion
 from ._animate import cylinders_motion as cylinders_motion

@@ -1,12 +1,11 @@
 """Work-precision diagrams: error over run time, a curve for each method."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..study.accuracy import Extreme, Report, SceneCost
+from ..study.accuracy import Extremes, Report
 from . import _style as style
 
 _TINTS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56437F", "#56B4E9", "#CC79A7", "#444444",
@@ -21,10 +20,7 @@ def accuracy_figures(report: Report, error: float | None = None) -> dict[str, Fi
         report: of `jaxcomp.study.accuracy.accuracy`.
         error: [-] the requested error, marked in the diagram.
     """
-    figures = {f"accuracy-{report.study}": work_precision_diagram(report, error)}
-    if report.orders:
-        figures["orders"] = order_diagram(report)
-    return figures
+    return {f"accuracy-{report.study}": work_precision_diagram(report, error)}
 
 
 def work_precision_diagram(report: Report, error: float | None = None) -> Figure:
@@ -68,40 +64,15 @@ def work_precision_diagram(report: Report, error: float | None = None) -> Figure
     return figure
 
 
-def order_diagram(report: Report) -> Figure:
-    """Error over the number of fixed steps, with the slope of each method's order beside it."""
-    title = f"{report.scene}: {report.note}"
-    figure, ax = style.single((7.4, 4.8), title)
-    for place, (method, order) in enumerate(report.orders.items()):
-        found = [
-            (row.iterations, row.error)
-            for row in report.rows
-            if row.method == method and 0 < row.error < np.inf and row.iterations
-        ]
-        steps, errors = np.array(found).reshape(-1, 2).T
-        label = f"{method}: order {order.expected}, found {order.observed:.2f}"
-        ax.loglog(steps, errors, markersize=4, label=label, **_look(place))
-        above = np.flatnonzero(errors > 1e-13)
-        if above.size:
-            last = above[-1]
-            ideal = errors[last] * (steps[last] / steps) ** order.expected
-            ideal = np.where(ideal > 1e-15, ideal, np.nan)
-            ax.plot(steps, ideal, ":", color=_look(place)["color"], linewidth=1.0)
-    ax.plot([], [], ":", color=style.INK, linewidth=1.0, label="slope of the order")
-    ax.set(xlabel="Steps", ylabel="Relative error of the speed at the end")
-    style.legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
-
-
-def extreme_errors(cases: Sequence[Extreme], title: str) -> Figure:
+def extreme_errors(extremes: Extremes) -> Figure:
     """Error of every extreme case in logarithms; cases without a value are crossed out.
 
     Args:
-        cases: of `extremes`.
-        title: of the picture.
+        extremes: of `jaxcomp.study.accuracy.extremes`.
     """
+    cases = extremes.cases
     size = (8.6, 1.4 + 0.24 * len(cases))
-    figure, ax = style.single(size, f"{title}: errors at its extremes")
+    figure, ax = style.single(size, f"{extremes.scene}: errors at its extremes")
     families = list(dict.fromkeys(case.family for case in cases))
     place = np.arange(len(cases))[::-1]
     for number, case in zip(place, cases, strict=True):
@@ -113,25 +84,6 @@ def extreme_errors(cases: Sequence[Extreme], title: str) -> Figure:
                 ax.semilogx(max(error, 1e-16), number, mark, color=tint, markersize=size)
     ax.set_yticks(place, [f"{case.family}, {case.setting}" for case in cases])
     ax.set_xlabel("Relative error (bars: of the speed; crosses: no value, named in the table)")
-    return figure
-
-
-def scene_cost_bars(costs: Sequence[SceneCost], title: str) -> Figure:
-    """Operations and run time of each scene, from the barest to the fullest, in logarithms.
-
-    Args:
-        costs: of `scene_costs`.
-        title: of the picture.
-    """
-    size = (8.6, 1.2 + 0.36 * len(costs))
-    figure, (left, right) = style.beside(2, size, f"{title}: cost of each part")
-    place = np.arange(len(costs))[::-1]
-    left.barh(place, [cost.flops for cost in costs], color=_TINTS[0], height=0.65)
-    left.set(xscale="log", xlabel="Operations of the program")
-    left.set_yticks(place, [cost.name for cost in costs])
-    right.barh(place, [cost.seconds * 1e3 for cost in costs], color=_TINTS[1], height=0.65)
-    right.set(xscale="log", xlabel="Run time, ms")
-    right.set_yticks(place, [""] * len(costs))
     return figure
 
 

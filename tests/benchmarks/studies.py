@@ -8,15 +8,20 @@ Run `python tests/benchmarks/studies.py STUDY [MACHINE] [--quantity NAME] [--var
     harmonics   orders of the crank's forces that are kept in the vibration
     balancing   least squares, bounded least squares and min-max by tolerance, beside SciPy
     tolerance   statistics of machines with tolerances, by samples and from derivatives
+    order       methods of diffrax with fixed steps, and the orders that they show
+    simulate    methods of the time integration over a run-up, beside SciPy
+    cylinders   one, two, four and eight cylinders on one crank, and what each adds
 
 `python tests/benchmarks/orbit.py` and `sweep.py` measure batches of designs.
 """
 
 import argparse
 import dataclasses
+import sys
 from fnmatch import fnmatch
 from functools import cache, partial
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, cast
 
 import equinox as eqx
@@ -25,10 +30,14 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import norm
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from benchmarks import layouts, march
+
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
 from jaxcomp.balancing import Influence, bounded, least_squares, min_max
-from jaxcomp.cli._accuracy import accuracy_tables
+from jaxcomp.cli._accuracy import _duration, _times, accuracy_tables
 from jaxcomp.cli._output import show_results
+from jaxcomp.cli._tables import column_table, row_table
 from jaxcomp.rotor import RotorModel, ShaftElements
 from jaxcomp.study import (
     DesignResult,
@@ -39,6 +48,7 @@ from jaxcomp.study import (
     variable_names,
 )
 from jaxcomp.study.accuracy import Program, Reference, StudyKind
+from jaxcomp.study.accuracy._extremes import scaled
 from jaxcomp.study.accuracy._orbit import orbit_reference, shooting
 from jaxcomp.study.accuracy._study import (
     ROTOR_QUANTITIES,
@@ -51,7 +61,6 @@ from jaxcomp.study.accuracy._study import (
     Study,
     no_value,
 )
-from jaxcomp.study.accuracy._variants import scaled
 from jaxcomp.study.tolerance import within
 from jaxcomp.study.tolerance._moments import local, moments, solved_rows
 from jaxcomp.study.tolerance._scatter import drawn_normals, scatter_of
@@ -428,9 +437,28 @@ STUDIES = {
         StudyKind("harmonics", harmonics_study, "vibration", needs="rotor"),
         StudyKind("balancing", balancing_study, "objective", "m", needs="rotor"),
         StudyKind("tolerance", tolerance_study, varies=True),
+        StudyKind("order", march.order_study, "mean_speed", "rad/s", needs="crank"),
+        StudyKind("simulate", march.transient_study, "speed", "rad/s", needs="crank"),
+        StudyKind("cylinders", layouts.cylinders_study, needs="crank"),
     )
 }
-_MACHINE = {"friction": "mayekawa-wbhe", "tolerance": "mayekawa-wbhe"}
+_OF_ROTOR = ("mesh", "harmonics", "balancing")
+
+
+def _growth(growth):
+    """Time of a call over the number of cylinders, what each adds, and the compiling beside it."""
+    counts = next(iter(growth.values())).seconds
+    columns = {
+        f"{count}": [_duration(one.seconds[count]) for one in growth.values()] for count in counts
+    }
+    few, many = min(counts), max(counts)
+    compiling = [
+        _times(one.compile_seconds[many] / one.compile_seconds[few]) for one in growth.values()
+    ]
+    each = [_duration(max(one.each, 0.0)) for one in growth.values()]
+    more = {"A cylinder more": each, f"Compiling, {many} to {few}": compiling}
+    title = "Time of a call by number of cylinders"
+    return column_table(title, {"Setting": list(growth), **columns, **more})
 
 
 def main() -> None:
@@ -444,10 +472,18 @@ def main() -> None:
     parser.add_argument("--error", type=float, default=1e-6)
     parser.add_argument("--thorough", action="store_true")
     given = parser.parse_args()
-    scene = load(given.machine or _MACHINE.get(given.study, "hermetic-68cc"))
+    scene = load(
+        given.machine or ("hermetic-68cc" if given.study in _OF_ROTOR else "mayekawa-wbhe")
+    )
     options = {"variable": given.variable, "thorough": given.thorough}
     report = accuracy(scene, given.quantity, STUDIES[given.study], **options)
-    show_results({}, accuracy_tables(report, given.error), False, None)
+    tables = [*accuracy_tables(report, given.error)]
+    if given.study == "order":
+        orders = [(name, one.expected, one.observed) for name, one in march.orders(report).items()]
+        tables.append(row_table(None, ("Method", "Order", ("Observed", ".2f")), orders))
+    if given.study == "cylinders":
+        tables.append(_growth(layouts.growth(report.rows)))
+    show_results({}, tables, False, None)
 
 
 if __name__ == "__main__":

@@ -66,7 +66,7 @@ def test_table_names_the_cheapest_setting_and_the_floor(film):
     march = {"speed": 1e-8, "mechanical_efficiency": 2e-9, "losses": 3e-9, "peak_forces": 4e-7}
     values = Reference(1.0, 1.0 + 1e-6, ("x", "y"))
     calls = {"value": Cost(3.0, 2e-3, 5000), "value and gradient": Cost(20.0, 8e-3, 15000)}
-    report = Report("orbit", "m", "q", "W", values, made, {}, "note", march, calls)
+    report = Report("orbit", "m", "q", "W", values, made, "note", march, calls)
     table, programs, beside, reference, waits, why, marched, best = accuracy_tables(report, 1e-3)
     assert [list(column.cells) for column in programs.columns[:3]] == [
         ["a", "b"], ["1 s", "1 s"], ["5 k", ""]
@@ -89,7 +89,7 @@ def test_table_names_the_cheapest_setting_and_the_floor(film):
         (("--quantity", "swept_volume"), "the solver of the periodic state has a part in"),
         (("--error", "2"), "--error 2: must be > 0 and < 1"),
         (("--variable", "bore"), "--variable bore: has no meaning without --study gradient"),
-        (("--study", "scenes", "--quantity", "x"), "--quantity x: has no meaning"),
+        (("--study", "extremes", "--quantity", "x"), "--quantity x: has no meaning"),
         (("--study", "response"), "it needs a rotor with its planes"),
         (("--quantity", "eficiency"), "quantity"),
     ],
@@ -104,19 +104,3 @@ def test_what_makes_no_sense_ends_in_one_line(arguments, words):
 def test_help_shows_an_example():
     result = RUNNER.invoke(app, ["accuracy", "--help"], env={"COLUMNS": "200"})
     assert "jaxcomp accuracy mayekawa-wbhe" in result.stdout
-
-
-def test_costs_are_shown_from_the_barest_up():
-    from jaxcomp.cli._accuracy import costs_tables, rows_result
-    from jaxcomp.plot import scene_cost_bars
-    from jaxcomp.study.accuracy import SceneCost
-
-    costs = tuple(
-        SceneCost(n, "q", 1.0, f, 1, 2.0, 3e-3, 4000) for n, f in (("a", 10.0), ("b", 40.0))
-    )
-    table, _ = costs_tables(costs, "m")
-    assert list(table.columns[1].cells) == ["10", "40"]
-    assert [row["flops"] for row in rows_result("scenes", "m", costs)["rows"]] == [10.0, 40.0]
-    figure = scene_cost_bars(costs, "m")
-    widths = [bar.get_width() for bar in figure.axes[0].patches]
-    assert widths == [10.0, 40.0]

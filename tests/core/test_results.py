@@ -48,7 +48,7 @@ from jaxcomp.rotor import (
     undamped_modes,
 )
 from jaxcomp.study import ComparedQuantity, Comparison, ParetoFront
-from jaxcomp.study.accuracy import Measurement, Order, Reference, Report
+from jaxcomp.study.accuracy import Measurement, Reference, Report
 from jaxcomp.study.rating import RatingMap
 from jaxcomp.study.sweep import BestCurve
 from jaxcomp.study.tolerance import Tolerances
@@ -147,7 +147,7 @@ def comparison():
 def report():
     rows = Measurement("a", "coarse", 1e-3, 0.1, 2.0), Measurement("a", "fine", 1e-6, 0.2, 2.0)
     reference = Reference(1.0, 1.0 + 1e-9, ("one", "other"))
-    return Report("orbit", "m", "motor_power", "W", reference, rows, {"a": Order(2, 1.9)}, "")
+    return Report("orbit", "m", "motor_power", "W", reference, rows, "")
 
 
 SMALL = {

@@ -6,10 +6,11 @@ from itertools import pairwise
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from benchmarks.scenes import lean_program, lean_scenes
 
 from jaxcomp import Collocation, load
 from jaxcomp.study import AnalysisOptions
-from jaxcomp.study.accuracy import Program, lean_program, lean_scenes
+from jaxcomp.study.accuracy import Program
 
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 

@@ -5,6 +5,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from benchmarks.march import observed_order
+from benchmarks.march import orders as orders_of
 from benchmarks.studies import STUDIES as DEVELOPER_STUDIES
 from benchmarks.studies import refined
 
@@ -16,7 +18,6 @@ from jaxcomp.study import AnalysisOptions
 from jaxcomp.study.accuracy import Measurement, Reference, Report
 from jaxcomp.study.accuracy._accuracy import STUDIES
 from jaxcomp.study.accuracy._orbit import by_scipy, known_quantities
-from jaxcomp.study.accuracy._report import observed_order
 from jaxcomp.study.accuracy._rotor import film_places
 from jaxcomp.study.accuracy._study import (
     ROTOR_QUANTITIES,
@@ -36,7 +37,7 @@ MACHINES = ("mayekawa-wbhe", "slider-link-8cc", "hermetic-68cc")
 def report(*rows, value=2.0, other=2.0 + 2e-9):
     """A report of rows (method, error, seconds)."""
     made = tuple(Measurement(m, f"setting {n}", e, s, 1.0) for n, (m, e, s) in enumerate(rows))
-    return Report("orbit", "a", "b", "", Reference(value, other, ("x", "y")), made, {}, "")
+    return Report("orbit", "a", "b", "", Reference(value, other, ("x", "y")), made, "")
 
 
 ROWS = (("a", 1e-3, 1.0), ("a", 1e-5, 2.0), ("a", 1e-4, 3.0), ("b", 1e-12, 4.0), ("b", np.inf, 0.1))
@@ -78,7 +79,7 @@ def settings(*errors, method="a", family="", **options):
 
 def test_a_lucky_loose_setting_is_not_recommended():
     lucky = Report("orbit", "a", "b", "", Reference(2.0, 2.0, ("x", "y")),
-                   settings(1e-7, 1e-4, 1e-6, 1e-9), {}, "")  # fmt: skip
+                   settings(1e-7, 1e-4, 1e-6, 1e-9), "")  # fmt: skip
     assert lucky.cheapest(1e-3).setting == "0"
     assert lucky.cheapest(1e-5).setting == "2"
     assert lucky.cheapest(1e-5, "a").setting == "2"
@@ -101,14 +102,14 @@ def test_two_kinds_of_tightness_are_compared_together():
 
 def test_what_is_no_candidate_is_measured_and_not_recommended():
     rows = settings(1e-9, method="friction times 2", candidate=False) + settings(1e-4)
-    made = Report("friction", "a", "b", "", Reference(2.0, 2.0, ("x", "y")), rows, {}, "")
+    made = Report("friction", "a", "b", "", Reference(2.0, 2.0, ("x", "y")), rows, "")
     assert made.cheapest(1e-6) is None
     assert made.cheapest(1e-6, "friction times 2").error == 1e-9
 
 
 def test_failed_settings_are_listed_by_their_reason():
     rows = settings(np.inf, np.inf, 1e-3, why="the joints lock")
-    made = Report("orbit", "a", "b", "", Reference(2.0, 2.0, ("x", "y")), rows, {}, "")
+    made = Report("orbit", "a", "b", "", Reference(2.0, 2.0, ("x", "y")), rows, "")
     assert made.failures == {"the joints lock": ["a, 0", "a, 1"]}
 
 
@@ -290,13 +291,13 @@ def test_impossible_questions_are_refused_by_name():
         (crank, "mechanical_efficiency", "orbits", {}, "study"),
         (crank, "efficiency", "orbit", {}, "quantity"),
         (crank, "mechanical_efficiency", "gradient", {}, "variable"),
-        (crank, "mechanical_efficiency", "order", {}, "quantity"),
+        (crank, "mechanical_efficiency", DEVELOPER_STUDIES["order"], {}, "quantity"),
         (crank, None, "response", {}, "study"),
         *(
             (crank, None, DEVELOPER_STUDIES[n], {}, "study")
             for n in ("mesh", "harmonics", "balancing")
         ),
-        (crank, "mean_speed", "simulate", {}, "quantity"),
+        (crank, "mean_speed", DEVELOPER_STUDIES["simulate"], {}, "quantity"),
         (crank, None, "cycle", {}, "gas"),
         (rotor, None, "cycle", {}, "gas"),
         (crank, "indicated_power", "cycle", {}, "quantity"),
@@ -375,7 +376,7 @@ def test_setting_is_measured_beside_its_reference():
     judged = measured(Setting("a", "b", lambda: Call(slow), reference=lambda: own), whole)
     assert judged.error < 1e-15
     assert judged.floor == pytest.approx(1e-3, rel=1e-3)
-    made = Report("film", "a", "b", "", whole, (judged,), {}, "")
+    made = Report("film", "a", "b", "", whole, (judged,), "")
     assert made.claimed(judged) == judged.floor
     assert made.cheapest(1e-4) is None
 
@@ -412,7 +413,7 @@ def test_only_settings_of_one_task_compete():
         Measurement("min-max", "1", 1e-9, 2.0, 0.0, task="min-max"),
         Measurement("least squares", "exact", 0.0, 1.0, 0.0, task="least squares"),
     )
-    made = Report("balancing", "a", "b", "", Reference(1.0, 1.0, ("x", "y")), rows, {}, "")
+    made = Report("balancing", "a", "b", "", Reference(1.0, 1.0, ("x", "y")), rows, "")
     assert made.tasks == {"min-max": ("min-max",), "least squares": ("least squares",)}
     assert made.cheapest(1e-6, task="min-max").method == "min-max"
     assert made.cheapest(1e-6).method == "least squares"
@@ -466,12 +467,12 @@ def test_cut_elements_make_the_same_shaft():
 
 @pytest.fixture(scope="module")
 def orders():
-    return accuracy(load("mayekawa-wbhe"), "mean_speed", "order")
+    return accuracy(load("mayekawa-wbhe"), "mean_speed", DEVELOPER_STUDIES["order"])
 
 
 @pytest.mark.slow
 def test_fixed_steps_show_the_orders_of_their_methods(orders):
-    found = {name: order.observed for name, order in orders.orders.items()}
+    found = {name: order.observed for name, order in orders_of(orders).items()}
     # of the four finest settings above rounding; the eighth order has them at 2 to 5 steps a stretch
     for name, expected, room in (
         ("Heun", 2, 0.05),
@@ -595,7 +596,7 @@ def test_balances_keep_the_gap_that_they_are_asked_for():
 
 @pytest.mark.slow
 def test_methods_in_time_converge_to_scipy():
-    found = accuracy(load("mayekawa-wbhe"), None, "simulate")
+    found = accuracy(load("mayekawa-wbhe"), None, DEVELOPER_STUDIES["simulate"])
     assert found.reference.floor < 1e-7
     for name in ("Tsit5", "Dopri8", "Kvaerno5"):
         errors = [row.error for row in found.rows if row.method == name]

@@ -77,7 +77,7 @@ def test_errors_of_derivatives_are_compared_at_the_default_options_and_above_the
 def test_report_says_whether_derivatives_err_by_at_most_ten_times_as_much(gradient, words):
     made = rows((1e-3, 1e-6), (1e-2, gradient))
     reference = Reference(1.0, 1.0, ("the first method", "the second"))
-    report = Report("cycle", "a", "b", "", reference, tuple(made), {}, "note",
+    report = Report("cycle", "a", "b", "", reference, tuple(made), "note",
                     derivatives=derivatives(made))  # fmt: skip
     texts = [text for text in accuracy_tables(report, 1e-6) if isinstance(text, str)]
     assert any(words in text for text in texts)

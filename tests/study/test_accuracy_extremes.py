@@ -6,17 +6,22 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from jaxcomp import BadInput, Collocation, load, solve_orbit
+from jaxcomp import BadInput, Collocation, load, load_result, solve_orbit
 from jaxcomp.cli import app
-from jaxcomp.cli._accuracy import extremes_tables, rows_result
+from jaxcomp.cli._accuracy import extremes_result, extremes_tables
 from jaxcomp.plot import extreme_errors
 from jaxcomp.study.accuracy import extremes
-from jaxcomp.study.accuracy._variants import FAMILIES, scaled
+from jaxcomp.study.accuracy._extremes import FAMILIES, scaled
 
 
 @pytest.fixture(scope="module")
-def cases():
+def found():
     return extremes(load("mayekawa-wbhe"), ["near locking", "steep rod", "near stall"])
+
+
+@pytest.fixture(scope="module")
+def cases(found):
+    return found.cases
 
 
 def test_errors_are_told_up_to_the_edge_and_locking_is_named(cases):
@@ -55,20 +60,25 @@ def test_milder_cases_have_smaller_errors(cases):
         assert errors[0] < 0.1 * errors[-1], family
 
 
-def test_table_picture_and_result_have_every_case(cases):
-    table, _, *words = extremes_tables(cases, "m")
+def test_table_picture_and_result_have_every_case(found, cases, tmp_path):
+    table, _, *words = extremes_tables(found)
     assert table.row_count == len(cases)
     assert len(words) == sum(not case.good for case in cases) > 0
-    result = rows_result("extremes", "m", cases)
+    result = extremes_result(found)
     assert json.dumps(result, allow_nan=False)
     assert [row["setting"] for row in result["rows"]] == [case.setting for case in cases]
-    labels = [t.get_text() for t in extreme_errors(cases, "m").axes[0].get_yticklabels()]
+    labels = [t.get_text() for t in extreme_errors(found).axes[0].get_yticklabels()]
     assert len(labels) == len(cases)
+    columns = found.columns()
+    assert columns["setting"].tolist() == [case.setting for case in cases]
+    assert columns["seconds [s]"].tolist() == [case.seconds for case in cases]
+    found.save(tmp_path / "extremes.npz")
+    assert load_result(tmp_path / "extremes.npz").cases == cases
 
 
 def test_parts_that_are_absent_have_no_cases():
     # Coulomb joints without films, and no rotor
-    assert extremes(load("mayekawa-wbhe"), ["thin film", "near-singular response"]) == ()
+    assert extremes(load("mayekawa-wbhe"), ["thin film", "near-singular response"]).cases == ()
 
 
 def test_unknown_families_are_refused():
@@ -87,7 +97,7 @@ def test_only_the_numbers_named_are_multiplied():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mayekawa-wbhe", "slider-link-8cc", "hermetic-68cc"])
 def test_every_bundled_machine_ends_in_a_value_or_in_words(name):
-    found = extremes(load(name))
+    found = extremes(load(name)).cases
     assert {case.family for case in found} <= set(FAMILIES)
     for case in found:
         assert case.status

@@ -15,8 +15,7 @@ from ...rotor import LoadCase
 from .. import quantity_named
 from ._cycle import cycle_study
 from ._gradient import gradient_study
-from ._march import order_study, transient_study
-from ._orbit import cylinders_study, orbit_study, quantities_study
+from ._orbit import orbit_study, quantities_study
 from ._report import Cost, Measurement, Report
 from ._rotor import FILM_QUANTITIES, film_study, response_study
 from ._study import ROTOR_QUANTITIES, Program, Question, Study, answer, measured
@@ -52,12 +51,9 @@ STUDIES = {
         StudyKind("orbit", orbit_study, needs="crank", verified=True),
         StudyKind("quantities", quantities_study, "all", "", needs="crank", verified=True),
         StudyKind("gradient", gradient_study, varies=True, verified=True),
-        StudyKind("simulate", transient_study, "speed", "rad/s", needs="crank"),
         StudyKind("response", response_study, "displacement", "m", needs="rotor"),
         StudyKind("film", film_study, "friction_number"),
-        StudyKind("cylinders", cylinders_study, needs="crank"),
         StudyKind("cycle", cycle_study, "all", "", needs="crank"),
-        StudyKind("order", order_study, "mean_speed", "rad/s", needs="crank"),
     )
 }
 
@@ -133,7 +129,6 @@ def accuracy(
         unit if plan.unit is None else plan.unit,
         reference,
         tuple(rows),
-        {},
         plan.note,
         _verification(question) if verified else {},
         calls,

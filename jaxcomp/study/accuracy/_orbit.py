@@ -1,4 +1,4 @@
-r"""The periodic state: collocation, shooting with methods of diffrax, plain SciPy; 1 to 8 cylinders.
+r"""The periodic state: collocation, shooting with methods of diffrax, plain SciPy.
 
 The reference is collocation on 24 nodes a panel, beside shooting with an eighth-order method: the
 two share the laws and nothing else. Both place panel edges or stops at as many load reversals as the
@@ -10,10 +10,8 @@ between the kinks that geometry and gas give; load reversals within a stroke are
 which the revolution ends as it began.
 """
 
-from collections.abc import Sequence
 from functools import cache, partial
 from itertools import pairwise
-from typing import Any
 
 import diffrax
 import equinox as eqx
@@ -24,10 +22,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from ..._core.errors import BadInput
-from ..._core.fields import of_cylinder
 from ..._core.roots import FixedPointReport
 from ..._core.status import Status
-from ...compressor import Compressor, at_speed, instants, kink_angles, loads_at
+from ...compressor import Compressor, instants, kink_angles, loads_at
 from ...crank import (
     Collocation,
     Energy,
@@ -38,14 +35,12 @@ from ...crank import (
     orbit_on_panels,
     panels,
 )
-from ...crankshaft import Crankshaft
 from ...cylinder import CycleOptions, Cylinder
-from ...gas import StagedCycle
 from ...machine import Machine
-from ...mechanism import CrankState, SliderCrank
+from ...mechanism import CrankState
 from ...motor import MeanSpeed
 from .. import AnalysisOptions, DesignResult, available_quantities, quantity_named
-from ._report import Growth, Measurement, Reference
+from ._report import Reference
 from ._study import (
     FINE_NODES,
     FINE_TOLERANCE,
@@ -93,12 +88,6 @@ _SCIPY = {"RK45": (1e-3, 1e-5, 1e-7), "DOP853": (1e-4, 1e-6, 1e-8, 1e-10)}
 # Of SciPy: angles of a revolution at constant speed, from which the first level of torque is taken, and
 # revolutions that the search for the periodic state may integrate; it takes 8 to 12 as a rule.
 _ANGLES, _REVOLUTIONS = 256, 25
-
-# Layouts that fire evenly but for the twin.
-LAYOUTS = {1: "single", 2: "V90", 4: "V90x2", 8: "VV45x2"}
-# Throws and rods stand apart by this many bores.
-_THROW_PITCH, _ROD_PITCH = 1.5, 0.3
-_NODES_OF_CYLINDERS = {False: (5, 8), True: (5, 8, 12)}
 
 
 def orbit_study(question: Question, thorough: bool) -> Study:
@@ -347,73 +336,3 @@ def quantities_study(question: Question, thorough: bool) -> Study:
 def known_quantities(design: Machine) -> tuple[str, ...]:
     """Names of all quantities of a machine, joint by joint."""
     return tuple(available_quantities(design, members=True))
-
-
-def cylinders_study(question: Question, thorough: bool) -> Study:
-    """Error against run time for 1, 2, 4 and 8 cylinders, and how the cost grows with their number.
-
-    Args:
-        question: of a machine with a slider-crank, of which the first cylinder is taken.
-        thorough: more nodes.
-    """
-    settings = []
-    for count, layout in LAYOUTS.items():
-        one = question._replace(design=Machine(with_layout(question.compressor, layout)))
-        task = f"{count} cylinder{'s' if count > 1 else ''}"
-        options: Any = {"task": task, "reference": cache(partial(orbit_reference, one))}
-        for nodes in _NODES_OF_CYLINDERS[thorough]:
-            program = SolverProgram(one, Collocation(nodes=nodes, reversals=0))
-            label = f"nodes={nodes} reversals=0"
-            settings.append(program.setting(f"{task}, collocation", label, 1e-7, nodes, **options))
-        program = SolverProgram(one, None)
-        settings.append(program.setting(f"{task}, default", "default", 1e-13, **options))
-    note = "one cylinder, and more of it on one crank"
-    return Study(settings[0].reference, tuple(settings), note,
-                 findings=lambda rows, reference: {"growth": growth(rows)})  # fmt: skip
-
-
-def growth(rows: Sequence[Measurement]) -> dict[str, Growth]:
-    """Cost over the number of cylinders, by setting, from the rows of `cylinders_study`."""
-    found = {}
-    for label in dict.fromkeys(row.setting for row in rows):
-        own = {int(row.task.split()[0]): row for row in rows if row.setting == label}
-        times = {count: row.seconds for count, row in own.items() if np.isfinite(row.seconds)}
-        if len(times) > 1:
-            each, fixed = np.polyfit([*times], [*times.values()], 1)
-            compiling = {count: own[count].compile_seconds for count in times}
-            found[label] = Growth(times, compiling, float(fixed), float(each))
-    return found
-
-
-def with_layout(machine: Compressor | None, layout: str) -> Compressor:
-    """The machine with the first of its cylinders in a layout, balanced, at its mean speed.
-
-    Args:
-        machine: with a slider-crank; its counterweights do not count.
-        layout: as in `Crankshaft`.
-
-    Raises:
-        BadInput: another mechanism, or stages that share an intermediate pressure.
-    """
-    mechanism = None if machine is None else machine.mechanism
-    if machine is None or not isinstance(mechanism, SliderCrank):
-        raise BadInput("mechanism", type(mechanism).__name__, "a slider_crank, for this study")
-    if isinstance(machine.gas, StagedCycle):
-        raise BadInput("gas", "staged", "the same for every cylinder, for this study")
-    one = of_cylinder(mechanism)
-    throw, rod = _THROW_PITCH * one.bore, _ROD_PITCH * one.bore
-    shaft = machine.crankshaft
-    crankshaft = Crankshaft(
-        shaft.inertia,
-        shaft.mass,
-        layout=layout,
-        throw_pitch=throw,
-        rod_pitch=rod,
-        balanced=True,
-        main_journal=shaft.main_journal,
-    )
-    gas, friction = of_cylinder(machine.gas), of_cylinder(machine.friction)
-    made = Compressor(one, crankshaft, machine.motor, gas, friction, machine.gravity)
-    if isinstance(machine.motor, MeanSpeed):
-        return made
-    return at_speed(made, machine.motor.speed_guess)

@@ -83,33 +83,6 @@ class Measurement(NamedTuple):
         return all(a >= b for a, b in zip(self.tightness, other.tightness, strict=True))
 
 
-class Order(NamedTuple):
-    """Convergence of a method of known order.
-
-    Attributes:
-        expected: order of the method.
-        observed: [-] slope of error over step in logarithms.
-    """
-
-    expected: int
-    observed: float
-
-
-class Growth(NamedTuple):
-    """How the cost of a setting grows with the number of cylinders.
-
-    Attributes:
-        seconds, compile_seconds: [s] of a warm call and of compiling, by number of cylinders.
-        fixed, each: [s] of the line through the times: what does not depend on the number, and what
-            every cylinder adds.
-    """
-
-    seconds: dict[int, float]
-    compile_seconds: dict[int, float]
-    fixed: float
-    each: float
-
-
 class Cost(NamedTuple):
     """Time of the first and of the second call of a program.
 
@@ -158,14 +131,12 @@ class Report(Result):
         unit: its SI unit.
         reference: what they are relative to.
         rows: every setting.
-        orders: by method, in a study of fixed steps; empty elsewhere.
         note: one line on what the study varies.
         march: relative errors of the default solver by an independent march of one revolution: of the
             speed, of the efficiency, the sum of the losses over the work of the motor, and the largest
             of the peak forces; empty for studies without the crank.
         calls: what the first and second call of the default solver cost, without and with the gradient
             over all numbers of the machine; empty for studies of something else.
-        growth: cost over the number of cylinders by setting, in the study of them.
         derivatives: their error beside that of the values, in the study of the cycle.
     """
 
@@ -175,11 +146,9 @@ class Report(Result):
     unit: str
     reference: Reference
     rows: tuple[Measurement, ...]
-    orders: dict[str, Order]
     note: str
     march: dict[str, float] = dataclasses.field(default_factory=dict)
     calls: dict[str, Cost] = dataclasses.field(default_factory=dict)
-    growth: dict[str, Growth] = dataclasses.field(default_factory=dict)
     derivatives: DerivativeCheck | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
@@ -255,19 +224,3 @@ class Report(Result):
             if row.error < min((other.error for other in rows), default=np.inf):
                 rows.append(row)
         return tuple(rows)
-
-
-# Settings from which an order is read: the coarser ones may not be on the slope yet.
-_ON_SLOPE = 4
-
-
-def observed_order(steps, errors, floor: float) -> float:
-    """Slope of the logarithm of the error over that of the step, of the finest steps above a floor.
-
-    NaN with fewer than two errors above the floor, which is rounding or the error of the reference.
-    """
-    steps, errors = np.asarray(steps, float), np.asarray(errors, float)
-    good = np.flatnonzero(np.isfinite(errors) & (errors > floor))[-_ON_SLOPE:]
-    if good.size < 2:
-        return float("nan")
-    return float(-np.polyfit(np.log(steps[good]), np.log(errors[good]), 1)[0])

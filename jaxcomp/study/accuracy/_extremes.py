@@ -1,18 +1,13 @@
-r"""Machines made of one: with parts left out, and at its extremes.
+r"""A machine at its extremes: values with their errors, or the reason why there is none.
 
-`scene_costs`: the cost of each part, from the barest scene to the fullest. A part that is left out is
-not traced, so that the rest costs what it costs alone. Operations are those of the compiled program, in
-which the body of a loop counts once.
-
-`extremes`: values with their errors, or the reason why there is none. Each family moves numbers of the
-machine, step by step, towards a place where the equations become stiff, singular or impossible. The
-default solver gives value and status, an independent march of one revolution its error; of the rotor,
-two linear solvers are compared.
+Each family moves numbers of the machine, step by step, towards a place where the equations become
+stiff, singular or impossible. The default solver gives value and status, an independent march of one
+revolution its error; of the rotor, two linear solvers are compared.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, ClassVar, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -22,215 +17,23 @@ import numpy as np
 
 from ..._core.errors import BadInput
 from ..._core.fields import replaced
+from ..._core.results import Data, Result
 from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
 from ...crank import Collocation, TimeIntegration, solve_orbit
-from ...crankshaft import bearing_names, film_journals
-from ...film import JournalBearing
-from ...friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
-from ...machine import Assembly, Machine, assembled, machine_of
+from ...crankshaft import film_journals
+from ...machine import Assembly, assembled, machine_of
 from ...mechanism import SliderCrank
-from ...motor import ConstantSpeed, SlipLine
-from ...rotor import BalancingPlanes, LoadCase, RotorModel, TargetPlane, respond
-from ...vibration import loaded_rotor, without
-from .. import AnalysisOptions
-from ._study import Program, answer, median_time
+from ...motor import SlipLine
+from ...rotor import respond
+from ...vibration import loaded_rotor
+from ._study import median_time
 
-# The film journals that stand in for the scene's own where it has none: usual proportions.
-_LENGTH_RATIO, _CLEARANCE_RATIO, _VISCOSITY = 0.5, 1e-3, 5e-3  # [-], [-], [Pa s]
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
 _MARCH = TimeIntegration(diffrax.Dopri8(), 1e-11, max_steps=8192, samples=2000)
 # [-] Speeds of the rotor that are searched for its largest response, over the highest of its planes.
 _SPEEDS, _COUNT = (0.05, 2.0), 400
 _LEAST_DAMPING = 1e-6  # [-] of the links' own
-
-_Progress = Callable[[str, int, int], None] | None
-
-
-class SceneCost(NamedTuple):
-    """One scene of the ladder.
-
-    Attributes:
-        name: what it has.
-        quantity: that is computed.
-        value: [SI]
-        flops: operations of the compiled program, loop bodies counted once.
-        loops: loops in the compiled program.
-        compile_seconds: [s]
-        seconds: [s] median of several warm calls.
-        memory: [bytes] of intermediate results, `None` where the backend does not report it.
-    """
-
-    name: str
-    quantity: str
-    value: float
-    flops: float
-    loops: int
-    compile_seconds: float
-    seconds: float
-    memory: int | None
-
-
-class LeanScene(NamedTuple):
-    """A scene whose cost is measured: a design, its solvers, and a quantity.
-
-    Attributes:
-        name: what it has.
-        design: the machine.
-        options: of the analysis.
-        quantity: that is computed.
-    """
-
-    name: str
-    design: Machine
-    options: AnalysisOptions
-    quantity: str
-
-
-def scene_costs(ladder: Sequence[LeanScene], progress: _Progress = None) -> tuple[SceneCost, ...]:
-    """Compile and run scenes.
-
-    Args:
-        ladder: of `lean_scenes`, or some of them.
-        progress: called before each scene with its name, its number and how many there are.
-    """
-    costs = []
-    for number, one in enumerate(ladder):
-        if progress is not None:
-            progress(one.name, number, len(ladder))
-        program = lean_program(one)
-        costs.append(
-            SceneCost(
-                one.name,
-                one.quantity,
-                float(program(one.design)[0]),
-                program.flops,
-                program.text.count(" while("),
-                program.seconds,
-                program.timed(one.design),
-                program.memory,
-            )
-        )
-    return tuple(costs)
-
-
-def lean_scenes(scene: Any) -> tuple[LeanScene, ...]:
-    """The scenes from the barest to the fullest that can be made of one by leaving out parts.
-
-    Raises:
-        BadInput: a scene with neither a crank nor a rotor with planes.
-    """
-    design = machine_of(scene)
-    found = [*_crank_scenes(design), *_rotor_scenes(design)]
-    if not found:
-        raise BadInput("scene", "without", "one with a compressor, or a rotor with its planes")
-    return tuple(found)
-
-
-def lean_program(one: LeanScene) -> Program:
-    """The compiled program of a scene."""
-
-    def value(design):
-        solved = answer(design, one.options, one.quantity)
-        return solved.value, solved.ok
-
-    return Program(value, one.design)
-
-
-def _crank_scenes(design: Machine) -> Iterator[LeanScene]:
-    machine = assembled(design).compressor
-    if machine is None:
-        return
-    given = ConstantSpeed(machine.motor.speed_guess)
-    ideal = without(machine, ("friction",))
-    ladder = {
-        "given speed, no friction": replace(ideal, motor=given),
-        "given speed": replace(machine, motor=given),
-        "fluctuating speed, no friction": ideal,
-        "fluctuating speed": machine,
-    }
-    if isinstance(machine.friction, SliderCrankFriction):
-        ladder["fluctuating speed, film journals"] = _filmed_machine(machine)
-    for name, made in ladder.items():
-        asked = f"mean_force.{bearing_names(made.crankshaft)[0]}"  # of the shaft on its bearing
-        yield LeanScene(f"crank: {name}", Machine(made), AnalysisOptions(), asked)
-
-
-def _rotor_scenes(design: Machine) -> Iterator[LeanScene]:
-    made = assembled(design)
-    model, case, places = made.rotor, made.loads, made.balancing
-    if not (
-        isinstance(model, RotorModel)
-        and isinstance(case, LoadCase)
-        and isinstance(places, BalancingPlanes)
-        and places.planes
-    ):
-        return
-    loaded = loaded_rotor(made, places.speeds)
-    # one target that every scene has: the first plane of the rotor
-    first = places.planes[0]
-    places = replace(places, targets=(TargetPlane(first.name, first.node),))
-
-    def scene(name, rotor, loads, excitation, *machine):
-        parts = {"rotor": rotor, "loads": loads, "balancing": places}
-        compressor, *named = machine or (None,)
-        whole = Machine(compressor, parts, design.corrections, *named)
-        return LeanScene(name, whole, AnalysisOptions(excitation=excitation), "vibration")
-
-    subsets = f"{len(loaded.bodies) + 1} subsets, six degrees of freedom"
-    if case.forces:
-        for kept in range(len(loaded.bodies) + 1):
-            lean, loads = _grounded(loaded, case, kept)
-            name = f"{kept + 1} subsets" if kept else "alone, its bearings on the ground"
-            yield scene(f"rotor: {name}", replace(lean, dof=4), loads, "file")
-        yield scene(f"rotor: {subsets}", replace(loaded, dof=6), case, "file")
-    if case.crank is not None and design.compressor is not None:
-        machine = _filmed_machine(design.compressor), design.bearings, design.oils
-        name = f"all: {subsets}, excited by the crank"
-        yield scene(name, replace(design.parts["rotor"], dof=6), case, "crank", *machine)
-
-
-def _filmed_machine(machine: Compressor) -> Compressor:
-    """The same joints with films on crank pin and main journal."""
-    friction, crankshaft = machine.friction, machine.crankshaft
-    if not isinstance(friction, SliderCrankFriction):
-        return machine
-
-    def film(law):
-        if not isinstance(law, CoulombJournal | RegularisedJournal):
-            return law
-        d = law.diameter
-        return JournalBearing(d, _LENGTH_RATIO * d, _CLEARANCE_RATIO * d / 2, _VISCOSITY)
-
-    return replace(
-        machine,
-        friction=replace(friction, crank_pin=film(friction.crank_pin)),
-        crankshaft=replace(crankshaft, main_journal=film(crankshaft.main_journal)),
-    )
-
-
-def _grounded(model: RotorModel, case: LoadCase, kept: int) -> tuple[RotorModel, LoadCase]:
-    """The model with its first bodies alone, and the ground in the place of the others."""
-    gone = {node for body in model.bodies[kept:] for node in (body.centre, *body.nodes)}
-    if not gone:
-        return model, case
-    links = []
-    for link in model.links:
-        nodes = [None if node in gone else node for node in link.nodes]
-        if any(node is not None for node in nodes):
-            nodes.sort(key=lambda node: node is None)  # the ground is the second node of a link
-            links.append(replace(link, nodes=tuple(nodes)))
-    pulls = tuple(
-        pull for pull in model.magnetic_pulls if not gone & {n for pair in pull.nodes for n in pair}
-    )
-    bodies = model.bodies[:kept]
-    lean = replace(model, links=tuple(links), magnetic_pulls=pulls, bodies=bodies, nodes=None)
-    forces = tuple(
-        replace(force, reaction=None) if force.reaction in gone else force
-        for force in case.forces
-        if force.node not in gone
-    )
-    return lean, eqx.tree_at(lambda c: c.forces, case, forces)
 
 
 class Extreme(NamedTuple):
@@ -264,19 +67,42 @@ class Extreme(NamedTuple):
         return self.status == Status[Status.converged]
 
 
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Extremes(Result):
+    """A machine at its extremes.
+
+    Attributes:
+        scene: name of the machine.
+        cases: by family, from mild to extreme. One without a solution has a status that says so, and
+            an error that is not finite.
+    """
+
+    scene: str
+    cases: tuple[Extreme, ...]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("case",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has a row for each case."""
+        for name in Extreme._fields:
+            values = [getattr(case, name) for case in self.cases]
+            words = name in ("family", "setting", "status")
+            column = np.array(values) if words else np.array(values, float)
+            doc = "efficiency, or of a response a displacement in m" if name == "value" else ""
+            yield Data(name, "s" if name == "seconds" else "", column, self.table_dims, doc)
+
+
 def extremes(
-    scene: Any, families: Iterable[str] | None = None, progress: _Progress = None
-) -> tuple[Extreme, ...]:
+    scene: Any,
+    families: Iterable[str] | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Extremes:
     """Solve a machine at its extremes.
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
         families: names in `FAMILIES`; absent: all that the machine has.
         progress: called before each family with its name, its number and how many there are.
-
-    Returns:
-        Every case, by family, from mild to extreme. A case without a solution has a status that says
-        so, and an error that is not finite.
 
     Raises:
         BadInput: a family that does not exist.
@@ -294,7 +120,7 @@ def extremes(
             found += _near_singular(name, assembly)
         elif assembly.compressor is not None:
             found += (_solved(name, *one) for one in family.machines(assembly.compressor))
-    return tuple(found)
+    return Extremes(getattr(scene, "name", "design"), tuple(found))
 
 
 class Family(NamedTuple):

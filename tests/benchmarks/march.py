@@ -20,13 +20,22 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
-from ..._core.errors import BadInput
-from ..._core.status import Status
-from ...compressor import Compressor, kink_angles
-from ...crank import Collocation, TimeIntegration, acceleration, simulate, solve_orbit
-from ._report import Order, Reference, observed_order
-from ._study import Call, Compiled, Question, Setting, Solved, Study, digits, series
-from ._variants import with_slip
+from jaxcomp import BadInput, Collocation, TimeIntegration, simulate, solve_orbit
+from jaxcomp._core.status import Status
+from jaxcomp.compressor import Compressor, kink_angles
+from jaxcomp.crank import acceleration
+from jaxcomp.study.accuracy import Reference, Report
+from jaxcomp.study.accuracy._extremes import with_slip
+from jaxcomp.study.accuracy._study import (
+    Call,
+    Compiled,
+    Question,
+    Setting,
+    Solved,
+    Study,
+    digits,
+    series,
+)
 
 _STEPS = (1, 2, 3, 4, 5, 6, 8, 16, 32, 64, 128)
 _MANY = 512
@@ -55,6 +64,18 @@ _ADAPTIVE = {
 _ORDINARY = ("Tsit5", "Dopri8", "Kvaerno5")
 _SCIPY = (1e-5, 1e-7)
 _TIGHT = 1e-11
+
+
+class Order(NamedTuple):
+    """Convergence of a method of known order.
+
+    Attributes:
+        expected: order of the method.
+        observed: [-] slope of error over step in logarithms.
+    """
+
+    expected: int
+    observed: float
 
 
 class _Stretch(NamedTuple):
@@ -90,21 +111,39 @@ def order_study(question: Question, thorough: bool) -> Study:
         methods = "collocation, 24 nodes", f"Dopri8, {_MANY} steps"
         return Reference(float(stretch.last), float(other.value), methods)
 
-    def orders(rows, reference):
-        floor, found = max(5 * reference.floor, _ROUNDING), {}
-        for name in programs:
-            own = [row for row in rows if row.method == name]
-            order = observed_order([r.iterations for r in own], [r.error for r in own], floor)
-            expected = _solver(name).order(diffrax.ODETerm(lambda t, y, args: y))
-            found[name] = Order(int(expected), order)
-        return {"orders": found}
-
     settings: list[Setting] = []
     for name in programs:
         settings += series(name, "{} steps", partial(call, name), _STEPS, float)
     ends = (np.rad2deg(float(x)) for x in (stretch.starts[0], stretch.high))
     note = "fixed steps from {:.0f} to {:.0f}°".format(*ends)
-    return Study(reference, tuple(settings), note, findings=orders)
+    return Study(reference, tuple(settings), note)
+
+
+# Settings from which an order is read: the coarser ones may not be on the slope yet.
+_ON_SLOPE = 4
+
+
+def observed_order(steps, errors, floor: float) -> float:
+    """Slope of the logarithm of the error over that of the step, of the finest steps above a floor.
+
+    NaN with fewer than two errors above the floor, which is rounding or the error of the reference.
+    """
+    steps, errors = np.asarray(steps, float), np.asarray(errors, float)
+    good = np.flatnonzero(np.isfinite(errors) & (errors > floor))[-_ON_SLOPE:]
+    if good.size < 2:
+        return float("nan")
+    return float(-np.polyfit(np.log(steps[good]), np.log(errors[good]), 1)[0])
+
+
+def orders(report: Report) -> dict[str, Order]:
+    """Expected and observed order of each method of `order_study`."""
+    floor, found = max(5 * report.reference.floor, _ROUNDING), {}
+    for name in report.methods:
+        own = [row for row in report.rows if row.method == name]
+        order = observed_order([r.iterations for r in own], [r.error for r in own], floor)
+        expected = _solver(name).order(diffrax.ODETerm(lambda t, y, args: y))
+        found[name] = Order(int(expected), order)
+    return found
 
 
 def _solver(name: str) -> diffrax.AbstractSolver:
