@@ -1,25 +1,31 @@
-"""An interrupt ends the program soon, whatever it does at the moment.
+"""An interrupt ends the program at once, whatever it does at the moment.
 
-Python raises `KeyboardInterrupt` in the main thread between two of its own steps. None comes while XLA
-compiles, one that falls into a callback of the garbage collector is dropped, and after the last words of
-the program threads of XLA may compile on for minutes. So another thread is told of the interrupt as well.
+Python's own `KeyboardInterrupt` would be raised between any two steps of the main thread: in the middle
+of an import of NumPy or JAX, which ends in a traceback or a segmentation fault, or in a callback of the
+garbage collector, where it is dropped. So the handler ends the process itself. Python calls it between
+two such steps as well, of which there are none while XLA compiles; then a thread that is told of the
+interrupt too ends the process.
 
-It is there before the rest is imported, and little is imported for it: `_thread`, not `threading`.
+Both are there before the rest is imported, and little is imported for them: `_thread`, not `threading`.
 """
 
 import _thread
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from types import FrameType
 
 # What a shell expects of a program that an interrupt ends.
 STOPPED = 130
 # [s] The main thread has to put away what it began.
 _GRACE = 1.5
-_SHOW_CURSOR = "\x1b[?25h"
-_state = {"words": "stopped", "interrupted": False}
+_CLEAR_LINE, _SHOW_CURSOR = "\r\x1b[K", "\x1b[?25h"
+_IMPORT = "<frozen importlib._bootstrap>"
+_state = {"words": "stopped", "interrupted": False, "raised": 0}
+_unfinished: set[str] = set()  # files
 
 
 def words_when_stopped(words: str = "stopped") -> None:
@@ -34,54 +40,93 @@ def say_stopped() -> str:
 
 
 @contextmanager
+def removed_when_stopped(file: str | os.PathLike[str]) -> Iterator[None]:
+    """A file that is not there if an interrupt ends the program within, as what is half written."""
+    name = os.fspath(file)
+    _unfinished.add(name)
+    try:
+        yield
+    finally:
+        _unfinished.discard(name)
+
+
+@contextmanager
+def interrupts_raised() -> Iterator[None]:
+    """Within, an interrupt is raised as Python does; for the main thread, which hands out what it has."""
+    _state["raised"] += 1
+    try:
+        yield
+    finally:
+        _state["raised"] -= 1
+
+
+@contextmanager
 def ends_when_interrupted() -> Iterator[None]:
-    """End the process with status 130 within two seconds of an interrupt; in the main thread only."""
+    """End the process with status 130 within two seconds of an interrupt; in the main thread only.
+
+    What runs within is the whole program: an interrupt that comes while Python puts itself away ends it
+    in the same way. A process that was started to ignore interrupts goes on to.
+    """
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        yield
+        return
     reading, writing = os.pipe()
     if hasattr(os, "set_blocking"):
         os.set_blocking(writing, False)
-    hook, alive = sys.unraisablehook, _thread.allocate_lock()
 
     def watch():
-        while number := os.read(reading, 1):
-            if number[0] == signal.SIGINT:
-                _state["interrupted"] = True
-                if not alive.acquire(timeout=_GRACE):
-                    _leave(flush=False)  # the main thread may hold the streams
-                break
-        os.close(reading)
+        while os.read(reading, 1)[0] != signal.SIGINT:
+            pass
+        _state["interrupted"] = True
+        time.sleep(_GRACE)
+        _leave(flush=False)  # the main thread may hold the streams
 
     def unraisable(what):
         if not issubclass(what.exc_type, KeyboardInterrupt):
             hook(what)
 
-    alive.acquire()
-    _state.update(words="stopped", interrupted=False)
-    sys.unraisablehook = unraisable
-    before = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    hook, sys.unraisablehook = sys.unraisablehook, unraisable
+    _state.update(words="stopped", interrupted=False, raised=0)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    signal.signal(signal.SIGINT, _interrupted)
+    _thread.start_new_thread(watch, ())
     try:
-        _thread.start_new_thread(watch, ())
         yield
     except BaseException as error:
         code = error.code if isinstance(error, SystemExit) else None
         if _state["interrupted"] or code == STOPPED or isinstance(error, KeyboardInterrupt):
             _leave()
         raise
-    finally:
-        alive.release()
-        signal.set_wakeup_fd(before)
-        sys.unraisablehook = hook
-        os.close(writing)
+
+
+def _interrupted(number: int, frame: FrameType | None) -> None:
+    """Handle the signal between two steps of the main thread."""
+    _state["interrupted"] = True
+    if not _state["raised"] or _imports(frame):
+        _leave()
+    raise KeyboardInterrupt
+
+
+def _imports(frame: FrameType | None) -> bool:
+    while frame is not None and frame.f_code.co_filename != _IMPORT:
+        frame = frame.f_back
+    return frame is not None
 
 
 def _leave(flush: bool = True) -> None:
     """End at once, without the threads of XLA."""
-    words = say_stopped()
-    with suppress(OSError, ValueError, AttributeError):  # nobody reads any more
+    # nobody reads any more, or the main thread was writing when the signal came
+    with suppress(OSError, ValueError, AttributeError, RuntimeError):
         if flush:
             sys.stdout.flush()
             sys.stderr.flush()
+    for name in [*_unfinished]:
+        with suppress(OSError):
+            os.unlink(name)
+    with suppress(OSError):
+        words = say_stopped()
         text = f"{words}\n" if words else ""
         if os.isatty(2):
-            text += _SHOW_CURSOR
+            text = f"{_CLEAR_LINE}{text}{_SHOW_CURSOR}"
         os.write(2, text.encode(errors="replace"))
     os._exit(STOPPED)

@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 import jax
 from jaxlib.version import __version_info__
 
+from .interrupts import removed_when_stopped
 from .progress import compiling
 
 ENVIRONMENT = "JAXCOMP_CACHE"
@@ -164,13 +165,14 @@ def _quiet() -> Iterator[None]:
 def _marked(path: Path) -> Iterator[None]:
     """Leave a mark beside an entry while it is loaded, which stays there if that ends the process."""
     mark = path.with_suffix(_LOADING)
-    with contextlib.suppress(OSError):  # nothing may be written
-        mark.write_text(str(os.getpid()))
-    try:
-        yield
-    finally:
-        with contextlib.suppress(OSError):
-            mark.unlink()
+    with removed_when_stopped(mark):
+        with contextlib.suppress(OSError):  # nothing may be written
+            mark.write_text(str(os.getpid()))
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                mark.unlink()
 
 
 def _has_ended_a_process(path: Path) -> bool:
@@ -308,7 +310,7 @@ def write(path: Path, program: bytes) -> None:
     try:
         path.parent.mkdir(mode=0o700, exist_ok=True)
         handle, aside = tempfile.mkstemp(_ASIDE, dir=path.parent)  # nobody else may open it
-        with open(handle, "wb") as file:
+        with removed_when_stopped(aside), open(handle, "wb") as file:
             file.write(_sum(path, data) + data)
         os.replace(aside, path)
     except OSError:  # no room, or nothing may be written

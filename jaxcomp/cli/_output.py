@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from .._core.interrupts import words_when_stopped
+from .._core.interrupts import removed_when_stopped, words_when_stopped
 from ._start import command_line, command_name, waiting
 from ._units import with_units
 
@@ -148,8 +148,9 @@ def _write(file: Path, content: bytes) -> None:
     """Write a file as a whole or not at all, also where the disk is full."""
     part = file.with_name(f".{file.name}.part")
     try:
-        part.write_bytes(content)
-        part.replace(file)
+        with removed_when_stopped(part):
+            part.write_bytes(content)
+            part.replace(file)
     except OSError as error:
         part.unlink(missing_ok=True)
         why = f"{error.strerror}; the file is not written"

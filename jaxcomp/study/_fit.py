@@ -20,6 +20,7 @@ from scipy import optimize, stats
 from scipy.stats import qmc
 
 from .._core.errors import BadInput
+from .._core.interrupts import interrupts_raised
 from .._core.words import one_of
 
 Model = Callable[[NDArray], tuple[NDArray, NDArray]]
@@ -379,7 +380,8 @@ class _Problem:
             return t
 
         try:
-            return self._solve(start, loss, free, whole)
+            with interrupts_raised():
+                return self._solve(start, loss, free, whole)
         except _Settled as settled:
             cost, t, count = settled.args
             return optimize.OptimizeResult(x=t, cost=cost, nfev=count, success=True)

@@ -2,10 +2,16 @@
 
     python tests/benchmarks/starts.py --starts 200 --machine r600a-8cc
     python tests/benchmarks/starts.py --starts 100 --machine r600a-8cc --only interrupted
+    python tests/benchmarks/starts.py --interrupts 100
 
 Every start that ends must print the numbers of the first one, to the last bit. What is done to it is
 drawn at random: nothing, a kill or an interrupt at any time, a second start at the same moment, entries
 that are cut or overwritten before, a disk on which nothing can be written, a folder that cannot be read.
+
+`--interrupts` sends one to each of several commands in turn, between 0.02 s after its start and its
+end, with and without kept programs. It must end within three seconds with status 130 and one line; only
+what comes before the first line of the program, in Python's own start, ends as Python has it. A sweep
+that was interrupted must go on to the numbers of one that was not.
 """
 
 import argparse
@@ -27,10 +33,28 @@ TRIALS = {"nothing": 5, "killed": 4, "interrupted": 2, "two": 3, "cut": 3, "fore
           "full disk": 2, "locked": 1}  # fmt: skip
 _SLOWEST = 300.0  # [s] a start that takes longer hangs
 _LONGEST = 3.0  # [s] from an interrupt to the end
+_SWEEP = (
+    "sweep",
+    "mayekawa-wbhe",
+    "--over",
+    "bore=100mm:150mm:20000",
+    "--out",
+    "results",
+    "--json",
+)
+# What is interrupted.
+COMMANDS = [
+    ("run", "mayekawa-wbhe", "--out", "results"),
+    ("sensitivity", "mayekawa-wbhe", "--out", "results"),
+    _SWEEP,
+    ("respond", "hermetic-68cc", "--json"),
+]
 
 
-def begun(machine: str, folder: Path, least_file: int | None = None) -> subprocess.Popen:
-    """A start of `jaxcomp run MACHINE --json` that keeps its programs in a folder."""
+def begun(
+    *words: str, programs: Path, least_file: int | None = None, within: Path | None = None
+) -> subprocess.Popen:
+    """A start of a command that keeps its programs in a folder."""
 
     def limited():
         # a shell lets what it starts in the background ignore interrupts
@@ -38,9 +62,9 @@ def begun(machine: str, folder: Path, least_file: int | None = None) -> subproce
         if least_file is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (least_file, least_file))
 
-    environment = {**os.environ, "JAXCOMP_CACHE": str(folder), "JAXCOMP_WAITS": "off"}
-    command = [sys.executable, "-m", "jaxcomp", "run", machine, "--json"]
-    return subprocess.Popen(command, env=environment, preexec_fn=limited,
+    environment = {**os.environ, "JAXCOMP_CACHE": str(programs), "JAXCOMP_WAITS": "off"}
+    command = [sys.executable, "-m", "jaxcomp", *words]
+    return subprocess.Popen(command, env=environment, preexec_fn=limited, cwd=within,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
 
 
@@ -64,6 +88,58 @@ def spoilt(folder: Path, chance: random.Random, how: str) -> None:
             path.write_bytes(content[:cut] + other)
 
 
+def interrupts(count: int, chance: random.Random) -> bool:
+    """Interrupt the commands in turn, print how they ended, and whether all ended as they must."""
+    found: Counter[tuple[str, str]] = Counter()
+    slowest = 0.0
+    with tempfile.TemporaryDirectory() as place:
+        within, programs = Path(place), Path(place) / "programs"
+        whole, results, swept = {}, within / "results", ""
+        for words in COMMANDS:
+            for start in ("first", "second"):
+                shutil.rmtree(results, ignore_errors=True)
+                begin = time.perf_counter()
+                code, out, error = ended(begun(*words, programs=programs, within=within))
+                assert code == 0, error
+                whole[words, start] = time.perf_counter() - begin
+                swept = out if words == _SWEEP else swept
+        kept = within / "kept"
+        programs.rename(kept)
+        for number in range(count):
+            words = COMMANDS[number % len(COMMANDS)]
+            start = ("first", "second")[number // len(COMMANDS) % 2]
+            shutil.rmtree(programs, ignore_errors=True)
+            shutil.rmtree(results, ignore_errors=True)
+            if start == "second":
+                shutil.copytree(kept, programs)
+            process = begun(*words, programs=programs, within=within)
+            time.sleep(chance.uniform(0.02, whole[words, start]))
+            tasks = Path(f"/proc/{process.pid}/task")
+            early = tasks.exists() and len([*tasks.iterdir()]) < 2
+            process.send_signal(signal.SIGINT)
+            begin = time.perf_counter()
+            code, _, error = ended(process)
+            took = time.perf_counter() - begin
+            if code == 0:
+                outcome = "had ended before"
+            elif code == 130 and error.startswith("stopped") and error.count("\n") == 1:
+                outcome = "stopped" if took < _LONGEST else "STOPPED LATE"
+                slowest = max(slowest, took)
+            elif early and code in (130, -signal.SIGINT):
+                outcome = "in Python's own start"
+            else:
+                outcome = f"EXIT CODE {code}: {error}"
+            found[words[0], outcome] += 1
+            if words == _SWEEP and outcome == "stopped" and not number % 3:
+                code, out, error = ended(begun(*words, programs=kept, within=within))
+                same = code == 0 and out == swept
+                found["sweep", "went on" if same else f"WENT ON WRONG: {error}"] += 1
+    for (command, outcome), times in sorted(found.items()):
+        print(f"{times:4d}  {command:12s}  {outcome}")
+    print(f"longest from the interrupt to the end {slowest:.2f} s")
+    return not any(outcome[:3].isupper() for _, outcome in found)
+
+
 def main() -> None:
     """Print what happened, and end with status 1 if any start was wrong."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -71,14 +147,18 @@ def main() -> None:
     parser.add_argument("--machine", default="mayekawa-wbhe")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=TRIALS, help="this alone, with programs compiled anew")
+    parser.add_argument("--interrupts", type=int, default=0, help="interrupts of several commands")
     asked = parser.parse_args()
     chance = random.Random(asked.seed)
+    if asked.interrupts:
+        sys.exit(not interrupts(asked.interrupts, chance))
+    command = ("run", asked.machine, "--json")
     found: Counter[tuple[str, str]] = Counter()
     seconds: dict[str, list[float]] = defaultdict(list)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "programs"
         start = time.perf_counter()
-        code, right, error = ended(begun(asked.machine, folder))
+        code, right, error = ended(begun(*command, programs=folder))
         assert code == 0, error
         whole = time.perf_counter() - start
         wanted = json.loads(right)
@@ -93,7 +173,10 @@ def main() -> None:
                 folder.chmod(0o000)
             start = time.perf_counter()
             size = 0 if trial == "full disk" else None
-            processes = [begun(asked.machine, folder, size) for _ in range(1 + (trial == "two"))]
+            processes = [
+                begun(*command, programs=folder, least_file=size)
+                for _ in range(1 + (trial == "two"))
+            ]
             if trial in ("killed", "interrupted"):
                 time.sleep(chance.uniform(0.1, whole))
                 processes[0].send_signal(signal.SIGKILL if trial == "killed" else signal.SIGINT)

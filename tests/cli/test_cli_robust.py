@@ -96,6 +96,17 @@ def test_a_failure_in_single_precision_says_so():
     assert b"single" not in started("-c", code).stdout
 
 
+@pytest.fixture
+def _interrupts_of_pytest():
+    """Interrupts are heard by pytest again, after the program has run in its process."""
+    handler, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    yield
+    signal.signal(signal.SIGINT, handler)
+    signal.set_wakeup_fd(-1)
+    sys.unraisablehook = hook
+
+
+@pytest.mark.usefixtures("_interrupts_of_pytest")
 def test_an_interrupt_ends_without_a_traceback(monkeypatch, capfd):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
@@ -157,13 +168,18 @@ STUBBORN = {
 
 
 @contextmanager
-def interruptible(command):
+def interruptible(command, **environment):
     """A process that hears interrupts, and ends with the test whatever it does."""
     # A process ignores the interrupts that its parent ignores, as the jobs that a shell has in the
     # background do.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        running = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=os.environ | environment,
+        )
     finally:
         signal.signal(signal.SIGINT, before)
     try:
@@ -182,6 +198,32 @@ def test_an_interrupt_ends_what_does_not_stop(kind):
         running.send_signal(signal.SIGINT)
         _, told = running.communicate(timeout=20)  # of the 30 s that it would take by itself
     assert (running.returncode, told) == (130, b"stopped\n")
+
+
+# Modules before whose import an interrupt comes; NumPy's C extension imports the third half way through.
+IMPORTED = ["numpy", "numpy._core._multiarray_umath", "numpy.dtypes", "jax._src.core", "typer"]
+INTERRUPTING = """
+import os, signal, sys, threading
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == os.environ["INTERRUPTED_AT"]:
+            sys.meta_path.remove(self)
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+"""
+
+
+@pytest.mark.parametrize("name", IMPORTED)
+def test_an_interrupt_ends_an_import(tmp_path, name):
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTING)
+    ways = [str(tmp_path), *sys.path]
+    environment = {"INTERRUPTED_AT": name, "PYTHONPATH": os.pathsep.join(filter(None, ways))}
+    command = [sys.executable, "-m", "jaxcomp", "run", "mayekawa-wbhe"]
+    with interruptible(command, **environment) as running:
+        told = running.communicate(timeout=60)
+    assert (running.returncode, *told) == (130, b"", b"stopped\n")
 
 
 @pytest.mark.slow
