@@ -161,7 +161,11 @@ def compressor_of(machine: Any) -> Compressor:
 
 
 def staged(compressor: Compressor) -> Compressor:
-    """The compressor with the gas of every cylinder, where stages share what lies between them."""
+    """The compressor with the gas of every cylinder, where stages share what lies between them.
+
+    Args:
+        compressor: whose gas may be a `StagedCycle`.
+    """
     if not isinstance(compressor.gas, StagedCycle):
         return compressor
     mechanism = compressor.mechanism
@@ -171,7 +175,12 @@ def staged(compressor: Compressor) -> Compressor:
 
 
 def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
-    """The compressor held at a mean speed [rad/s], whatever its motor."""
+    """The compressor held at a mean speed [rad/s], whatever its motor.
+
+    Args:
+        compressor: with any motor.
+        speed: [rad/s] the mean over a revolution.
+    """
     motor = compressor.motor
     if isinstance(motor, MeanSpeed | ConstantSpeed):
         return replaced(compressor, motor=replaced(motor, mean_speed=speed))
@@ -250,7 +259,10 @@ def of_each_cylinder(
 def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Instants:
     """Everything at crank angles [rad] that does not depend on the motion.
 
-    `sense` is +1 while the crank turns forward, -1 while it turns backward.
+    Args:
+        compressor: a machine's, put together.
+        angle: [rad] crank angles, of any shape.
+        sense: +1 while the crank turns forward, -1 while it turns backward.
 
     Raises:
         BadInput: no inertia of the crankshaft, as in a machine that is not put together yet.
@@ -294,7 +306,13 @@ def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> S
 def cylinder_pressure(
     compressor: Compressor, angle: Float[Array, "*n"], sense=1.0
 ) -> Float[Array, "k *n"]:
-    """Absolute pressure [Pa] in the cylinders, (k, *n), at crank angles [rad]; needs a gas."""
+    """Absolute pressure [Pa] in the cylinders, (k, *n), at crank angles [rad]; needs a gas.
+
+    Args:
+        compressor: of k cylinders.
+        angle: [rad] crank angles, of any shape.
+        sense: +1 while the crank turns forward, -1 while it turns backward.
+    """
     assert compressor.gas is not None
     gas = compressor.crankshaft.each(compressor.gas, angle)
     return gas.pressure(stroke_at(compressor, angle, sense))
@@ -311,7 +329,13 @@ def crank_end_pressure(
 
 
 def gas_force(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Float[Array, "k *n"]:
-    """(p - p_back) A [N] of each cylinder at crank angles [rad], positive towards the crank."""
+    """(p - p_back) A [N] of each cylinder at crank angles [rad], positive towards the crank.
+
+    Args:
+        compressor: of k cylinders; without a gas the force is zero.
+        angle: [rad] crank angles, of any shape.
+        sense: +1 while the crank turns forward, -1 while it turns backward.
+    """
     return instants(compressor, angle, sense).gas_force
 
 

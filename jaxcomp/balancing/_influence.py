@@ -115,7 +115,13 @@ def direct_influence(
 
 
 def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Influence:
-    """The system whose columns are the vibration before and that of a unit in each plane."""
+    """The system whose columns are the vibration before and that of a unit in each plane.
+
+    Args:
+        answer: (rows, 1 + planes) complex vibration: before, then what one unit in each plane adds.
+        places: name of each row's measuring point.
+        speeds: [rad/s] (rows,) of each row.
+    """
     rows = [(target.name, axis) for target in places.targets for axis in target.axes]
     weights = [jnp.asarray(t.weight, float) for t in places.targets for _ in t.axes]
     labels = np.arange(speeds.size) if is_traced(speeds) else np.asarray(speeds)

@@ -4,7 +4,7 @@ Exact, least, minimum norm, truncated, Tikhonov, bounded: $\min_B \|W (V_0 + C B
 value decomposition and never by the normal equations.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 import equinox as eqx
@@ -296,8 +296,12 @@ def _exact(influence, correction, method, failure=None) -> Balance:
     return balance(influence, correction, objective, objective, method, failure)
 
 
-def quadratic(influence: Influence):
-    """The weighted sum of squares as a function of the corrections, for any descent."""
+def quadratic(influence: Influence) -> Callable[[Array], Array]:
+    """The weighted sum of squares as a function of the corrections, for any descent.
+
+    Args:
+        influence: rows with their weights, as `direct_influence` makes them.
+    """
 
     def objective(correction):
         matrix, initial = influence.weighted

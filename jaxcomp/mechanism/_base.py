@@ -186,7 +186,13 @@ def cross(a: Float[Array, "2 *n"], b: Float[Array, "2 *n"]) -> Float[Array, "*n"
 
 
 def rotating(angle, speed, acceleration) -> tuple[Float[Array, "2 *n"], Float[Array, "2 *n"]]:
-    """Unit vector at `angle` and its second time derivative."""
+    """Unit vector at `angle` and its second time derivative.
+
+    Args:
+        angle: [rad] (*n) from the x axis.
+        speed: [rad/s] (*n)
+        acceleration: [rad/s2] (*n)
+    """
     c, s = jnp.cos(angle), jnp.sin(angle)
     unit = jnp.stack([c, s])
     second = jnp.stack([-c * speed**2 - s * acceleration, -s * speed**2 + c * acceleration])

@@ -49,7 +49,12 @@ class Motion(NamedTuple):
 
 
 def gif(motion: Motion, dpi: int = 80) -> bytes:
-    """The frames as an endless GIF."""
+    """The frames as an endless GIF.
+
+    Args:
+        motion: as `mechanism_motion` or `balance_motion` draw it.
+        dpi: [1/inch] resolution.
+    """
     FigureCanvasAgg(motion.figure)
     writer = PillowWriter(fps=motion.rate)
     with TemporaryDirectory() as folder:
@@ -383,7 +388,12 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
 
 
 def machine_views(compressor: Compressor, orbit: Orbit) -> Figure:
-    """Front and side of the machine at the first top dead centre."""
+    """Front and side of the machine at the first top dead centre.
+
+    Args:
+        compressor: whose orbit it is.
+        orbit: of `solve_orbit`.
+    """
     return cylinders_motion(compressor, orbit, 1).figure
 
 

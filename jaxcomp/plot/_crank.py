@@ -79,6 +79,10 @@ def orbit_figures(
 def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     """Cylinder pressure over the volume that the piston displaces; of several cylinders the first.
 
+    Args:
+        compressor: whose orbit it is.
+        orbit: of `solve_orbit`.
+
     Raises:
         ValueError: the compressor has no gas.
     """
@@ -277,7 +281,12 @@ def _inertia_torques(compressor: Compressor, state):
 
 
 def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
-    """Orders of time of the torque of gas and weights, the shaking force and its couples."""
+    """Orders of time of the torque of gas and weights, the shaking force and its couples.
+
+    Args:
+        compressor: whose orbit it is.
+        orbit: of `solve_orbit`.
+    """
     instants = orbit.time, orbit.weight / orbit.state.speed
     each = of_each_cylinder(orbit.under_gas(compressor), orbit.state.angle).conservative
     wrench = shaking_wrench(compressor, orbit.state)

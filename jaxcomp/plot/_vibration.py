@@ -34,7 +34,12 @@ _INSTANTS = 361
 
 
 def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
-    """Locus of the shaking force on the block, and its moments over the revolution."""
+    """Locus of the shaking force on the block, and its moments over the revolution.
+
+    Args:
+        compressor: whose orbit it is.
+        orbit: of `solve_orbit`.
+    """
     turn = fine_turn(compressor, orbit)
     force, moment = (np.asarray(x) for x in _wrench(compressor, turn.state))
     look = shown("force", "N", force)

@@ -266,7 +266,13 @@ def _grounded(nodes: tuple) -> Any:
 
 
 def isotropic(stiffness, damping=0.0, *, size: int = 2) -> ConstantLaw:
-    """The same stiffness [N/m] and damping [N s/m] along `size` axes."""
+    """The same stiffness [N/m] and damping [N s/m] along `size` axes.
+
+    Args:
+        stiffness: [N/m] one value.
+        damping: [N s/m] one value.
+        size: number of axes.
+    """
     eye = jnp.eye(size)
     return ConstantLaw(stiffness * eye, damping * eye)
 

@@ -24,6 +24,10 @@ def node_names(model: WithNodes) -> tuple[Node, ...]:
 def node_index(model: WithNodes, node: Node) -> int:
     """Place of a node in arrays over nodes.
 
+    Args:
+        model: a rotor model or a prepared system.
+        node: its name.
+
     Raises:
         BadInput: there is no such node.
     """

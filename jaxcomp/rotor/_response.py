@@ -233,6 +233,10 @@ def transmitted_forces(model: RotorModel, response: Response) -> Complex[Array, 
 
     The links come first, in the model's order, then the pairs of the magnetic pulls. The response has
     to hold all nodes.
+
+    Args:
+        model: the rotor.
+        response: of `respond`, at all nodes.
     """
 
     return _transmitted(model, response)

@@ -48,6 +48,9 @@ def describe(scene: Scene) -> tuple[DescribedValue, ...]:
     """Every value of a scene in the order of its parts, with its source.
 
     Quantities are NumPy arrays in SI units. The word `type` of a section stands before its values.
+
+    Args:
+        scene: as `jaxcomp.load` gives it.
     """
     rows: list[DescribedValue] = []
     machine = scene.machine
@@ -179,6 +182,9 @@ def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
     """What is unusual in a scene, in the order of its parts.
 
     The usual range of a number stands in the declaration of its field, those of ratios here.
+
+    Args:
+        scene: as `jaxcomp.load` gives it.
     """
     machine = scene.machine
     rows = {row.path: row for row in describe(scene)}

@@ -155,7 +155,11 @@ def loads(text: str | bytes, file: str = "", *, beside: bool = True) -> Scene:
 
 
 def dump(scene: Scene) -> str:
-    """TOML text that `loads` reads back to the same scene, with the comments of its file."""
+    """TOML text that `loads` reads back to the same scene, with the comments of its file.
+
+    Args:
+        scene: as `jaxcomp.load` gives it, also with parts that have been replaced.
+    """
     return toml_text_like(scene.text, scene.document)
 
 

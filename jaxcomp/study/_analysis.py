@@ -428,7 +428,12 @@ class DesignResult:
 
 
 def balanced_design(design: Machine, options: AnalysisOptions) -> Machine:
-    """The design with the corrections in all planes that least squares at order 1 ask for."""
+    """The design with the corrections in all planes that least squares at order 1 ask for.
+
+    Args:
+        design: a machine with a rotor and correction planes.
+        options: of the analysis whose vibration is balanced.
+    """
     bare = eqx.tree_at(
         lambda d: d.corrections, design, {name: jnp.zeros(2) for name in design.corrections}
     )

@@ -317,6 +317,9 @@ def prepared(problem: Problem) -> Problem:
 
     A quantity that is a function, and that changes the design it is given, has to name the variables
     it changes in an attribute `changes`.
+
+    Args:
+        problem: of `jaxcomp.problem`.
     """
     asked = any(
         not isinstance(q, str) or "vibration" in quantity_named(q).needs for q in problem.quantities

@@ -167,6 +167,10 @@ def with_piston_clearance(machine: _Machine, clearance: Float[Array, ""]) -> _Ma
     It acts on the drag of the oil film alone: leakage past the piston is not modelled, so the gain
     of a wider clearance has no price here.
 
+    Args:
+        machine: a machine or a compressor with a `PistonFilm`.
+        clearance: [m] radial.
+
     Raises:
         BadInput: there is no film between piston and cylinder, or a clearance that is not positive.
     """

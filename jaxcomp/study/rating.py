@@ -226,7 +226,12 @@ def rating_map(
 
 
 def polynomial_terms(evaporating, condensing) -> np.ndarray:
-    """The ten terms of the polynomial (..., 10) at dew temperatures [K]."""
+    """The ten terms of the polynomial (..., 10) at dew temperatures [K].
+
+    Args:
+        evaporating: [K] (...)
+        condensing: [K] (...)
+    """
     s, d = np.broadcast_arrays(np.asarray(evaporating) - ZERO, np.asarray(condensing) - ZERO)
     terms = (1 + 0 * s, s, d, s**2, s * d, d**2, s**3, d * s**2, s * d**2, d**3)
     return np.stack(terms, axis=-1)

@@ -130,7 +130,7 @@ def undamped_modes(machine: Any, count: int = 12, *, spin_speed=0.0, free: bool 
     return rotor.undamped_modes(model, count, spin_speed=spin_speed, free=free)
 
 
-def damped_modes(machine: Any, spin_speed, count: int = 12, **options: Any):
+def damped_modes(machine: Any, spin_speed, count: int = 12, **options: Any) -> rotor.DampedModes:
     """The lowest damped modes of a scene, a machine or a rotor, see `jaxcomp.rotor.damped_modes`.
 
     Args:

@@ -103,5 +103,10 @@ def _vertex(x, y, row) -> float:
 
 
 def shown_column(found: "xarray.Dataset", name: str) -> Shown:
-    """How a variable or quantity of a `sweep` is shown."""
+    """How a variable or quantity of a `sweep` is shown.
+
+    Args:
+        found: what `sweep` returned.
+        name: of a variable or quantity.
+    """
     return shown(name, found[name].attrs.get("units", ""), found[name].values)

@@ -56,6 +56,11 @@ class Distribution(NamedTuple):
 def grid(low: float, high: float, count: int) -> Values:
     """So many evenly spaced values [SI], both ends included.
 
+    Args:
+        low: [SI] first value.
+        high: [SI] last value.
+        count: of values, at least two.
+
     Raises:
         BadInput: a range that does not rise, or fewer than two values.
     """
@@ -64,6 +69,11 @@ def grid(low: float, high: float, count: int) -> Values:
 
 def log_grid(low: float, high: float, count: int) -> Values:
     """So many values [SI] of a constant ratio, both ends included.
+
+    Args:
+        low: [SI] first value.
+        high: [SI] last value.
+        count: of values, at least two.
 
     Raises:
         BadInput: as `grid`, or an end that is not above zero.
@@ -74,6 +84,10 @@ def log_grid(low: float, high: float, count: int) -> Values:
 def uniform(low: float, high: float) -> Distribution:
     """Every value between two ends [SI] is as likely.
 
+    Args:
+        low: [SI] lower end.
+        high: [SI] upper end.
+
     Raises:
         BadInput: a range that does not rise.
     """
@@ -83,6 +97,10 @@ def uniform(low: float, high: float) -> Distribution:
 def log_uniform(low: float, high: float) -> Distribution:
     """Every ratio between two ends [SI] is as likely.
 
+    Args:
+        low: [SI] lower end.
+        high: [SI] upper end.
+
     Raises:
         BadInput: a range that does not rise or is not above zero.
     """
@@ -91,6 +109,10 @@ def log_uniform(low: float, high: float) -> Distribution:
 
 def normal(mean: float, deviation: float) -> Distribution:
     """Gauss's bell of a mean and a standard deviation [SI]; beyond the variable's bound designs fail.
+
+    Args:
+        mean: [SI]
+        deviation: [SI] standard deviation.
 
     Raises:
         BadInput: a deviation that is not above zero.
