@@ -1,6 +1,6 @@
 r"""Operating point of a journal bearing under a steady load, and the pressure in its film."""
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -84,7 +84,7 @@ class OperatingPoint(Result, eqx.Module):
     table_dims: ClassVar[tuple[str, ...]] = _AXES
 
 
-class PressureField(NamedTuple):
+class PressureField(Result, eqx.Module):
     """Pressure of a film over its ring and half its length.
 
     Attributes:
@@ -95,11 +95,13 @@ class PressureField(NamedTuple):
         side_flow: [m^3/s] through both ends.
     """
 
-    angle: np.ndarray
-    zeta: np.ndarray
-    pressure: np.ndarray
-    peak_pressure: float
-    side_flow: float
+    angle: np.ndarray = reading("rad", "angle", doc="from the load, with rotation")
+    zeta: np.ndarray = reading("", "zeta", doc="from the mid-plane to the end of the bearing")
+    pressure: np.ndarray = reading("Pa", "angle", "zeta")
+    peak_pressure: float = reading("Pa")
+    side_flow: float = reading("m^3/s", doc="through both ends")
+
+    table_dims: ClassVar[tuple[str, ...]] = ("angle", "zeta")
 
 
 def operating_point(

@@ -142,7 +142,7 @@ def rod_driven(machine: Any, rod: RodDrive) -> Compressor:
     return Compressor(crank, crankshaft, *parts)
 
 
-class DriveComparison(NamedTuple):
+class DriveComparison(Result, eqx.Module):
     """Both drives, and what the rod saves.
 
     Attributes:
@@ -156,10 +156,23 @@ class DriveComparison(NamedTuple):
     connecting_rod: Orbit
     saving: dict[str, Float[Array, "*n"]]
 
+    table_dims: ClassVar[tuple[str, ...]] = ("pair",)
+
     @property
     def total_saving(self) -> Float[Array, "*n"]:
         """[W] at the shaft."""
         return sum(self.saving.values(), start=jnp.zeros_like(self.slider_link.gas_power))
+
+    def described(self) -> Iterator[Data]:
+        """What the rod saves, and the numbers of both periodic states, whose curves are in these."""
+        yield Data("pair", "", np.array(list(self.saving)), self.table_dims)
+        saving = np.stack([*self.saving.values()], axis=-1)
+        yield Data("saving", "W", saving, self.table_dims, "at the gas power of the slider-link")
+        yield Data("total_saving", "W", self.total_saving, doc="at the shaft")
+        for drive in ("slider_link", "connecting_rod"):
+            for one in getattr(self, drive).described():
+                if not one.dims:
+                    yield one._replace(name=f"{drive}.{one.name}")
 
 
 def compare_drives(

@@ -32,7 +32,7 @@ from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import InfluenceRow
 from jaxcomp.crank import Orbit, TrainTorques, journal_orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
-from jaxcomp.film import JournalBearing, operating_point
+from jaxcomp.film import JournalBearing, operating_point, pressure_field
 from jaxcomp.friction._slider_crank import SliderCrankLoop
 from jaxcomp.parts import Part, quantity
 from jaxcomp.rotor import (
@@ -48,7 +48,7 @@ from jaxcomp.rotor import (
     undamped_modes,
 )
 from jaxcomp.study import ComparedQuantity, Comparison, ParetoFront
-from jaxcomp.study.accuracy import Measurement, Reference, Report
+from jaxcomp.study.accuracy import Extreme, Extremes, Measurement, Reference, Report
 from jaxcomp.study.rating import RatingMap
 from jaxcomp.study.sweep import BestCurve
 from jaxcomp.study.tolerance import Tolerances
@@ -150,8 +150,18 @@ def report():
     return Report("orbit", "m", "motor_power", "W", reference, rows, "")
 
 
+def extremes():
+    one = Extreme("near stall", "x 0.1", "converged", 0.9, 1e-6, 1e-7, 0.4, 5, 1e-3)
+    other = Extreme("near-singular response", "x 1", "lost", 1e-5, np.inf, None, None, None, 2e-3)
+    return Extremes("m", (one, other))
+
+
 SMALL = {
     "operating point": lambda: operating_point(bearing(), 2000.0, 300.0),
+    "pressure field": lambda: pressure_field(
+        bearing(), operating_point(bearing(), 2000.0, 300.0), 300.0
+    ),
+    "extremes": extremes,
     "journal": journal,
     "comparison": comparison,
     "report": report,

@@ -10,7 +10,7 @@ import pytest
 from figures import ROD
 from jax.flatten_util import ravel_pytree
 
-from jaxcomp import BadInput, Status
+from jaxcomp import BadInput, Status, load_result
 from jaxcomp.crank import Collocation
 from jaxcomp.crankshaft import counterweights
 from jaxcomp.mechanism import CrankState
@@ -178,6 +178,15 @@ def test_what_a_connecting_rod_would_gain(drives):
     assert saving["link_slider"] == pytest.approx(1.44, abs=0.02)
     for name in ("crank_pin", "upper_bearing", "lower_bearing", "thrust_bearing", "pump"):
         assert abs(saving[name]) < 0.03
+
+
+def test_both_drives_are_a_result_with_a_row_for_each_pair(drives, tmp_path):
+    assert drives.columns()["pair"].tolist() == list(drives.saving)
+    np.testing.assert_array_equal(drives.columns()["saving [W]"], [*drives.saving.values()])
+    assert drives.to_dict()["slider_link.motor_power [W]"] == drives.slider_link.motor_power
+    assert "Total saving" in repr(drives)
+    drives.save(tmp_path / "drives.npz")
+    assert load_result(tmp_path / "drives.npz").saving == drives.saving
 
 
 def test_half_the_friction_at_the_wall_would_meet_the_measured_saving(machine):
