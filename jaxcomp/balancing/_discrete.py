@@ -35,14 +35,7 @@ def discrete(
         BadInput: a plane without a stock, a number that is not finite, or another number of stocks
             than of planes.
     """
-    matrix, initial = (np.asarray(x) for x in influence.weighted)
-    stocks = [np.unique(np.asarray(stock, complex)) for stock in options]
-    if len(stocks) != len(influence.planes) or not all(s.size for s in stocks):
-        raise BadInput(
-            "options", len(stocks), f"a stock for each of {len(influence.planes)} planes"
-        )
-    if not all(np.all(np.isfinite(numbers)) for numbers in (matrix, initial, *stocks)):
-        raise BadInput("options", "with a number that is none", "of finite numbers")
+    matrix, initial, stocks = _concrete(influence, options)
     # The plane of the largest influence first: its choices differ most, so that bounds bite early.
     order = np.argsort(
         [
@@ -88,6 +81,21 @@ def discrete(
     lowest, bound = jnp.asarray(lowest), jnp.asarray(bound)
     failure = Status.where(bound < lowest, Status.not_converged, Status.converged)
     return balance(influence, jnp.asarray(best), lowest, bound, "discrete", failure)
+
+
+def _concrete(
+    influence: Influence, options: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Matrix, vibration before and stocks as numbers, each stock without repetitions."""
+    matrix, initial = (np.asarray(x) for x in influence.weighted)
+    stocks = [np.unique(np.asarray(stock, complex)) for stock in options]
+    if len(stocks) != len(influence.planes) or not all(s.size for s in stocks):
+        raise BadInput(
+            "options", len(stocks), f"a stock for each of {len(influence.planes)} planes"
+        )
+    if not all(np.all(np.isfinite(numbers)) for numbers in (matrix, initial, *stocks)):
+        raise BadInput("options", "with a number that is none", "of finite numbers")
+    return matrix, initial, stocks
 
 
 def _greedy(matrix, initial, stocks):

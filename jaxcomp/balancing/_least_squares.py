@@ -5,7 +5,7 @@ value decomposition and never by the normal equations.
 """
 
 from collections.abc import Callable, Iterator
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -216,23 +216,8 @@ def bounded(
     matrix, initial = influence.weighted
     size = jnp.sqrt(jnp.sum(jnp.abs(initial) ** 2))
     size = jnp.where(size > 0, size, 1.0)
-    # Real and imaginary parts of x = B/largest one below the other, vibration in units of what was there.
-    a = matrix * largest / size
-    q, a = jnp.linalg.qr(jnp.block([[a.real, -a.imag], [a.imag, a.real]]))
-    b = jnp.append((initial / size).real, (initial / size).imag)
-    rest = jnp.sum((b - q @ (q.T @ b)) ** 2)  # that no correction can remove
-    b = q.T @ b
-
-    def squares(x):
-        return jnp.sum((a @ x + b) ** 2) + rest
-
-    def dot(x, y):
-        return jnp.sum((x * y).reshape(2, count), 0)
-
-    def bound(multiplier):
-        root = jnp.sqrt(jnp.tile(multiplier, 2))
-        x = _solved(jnp.vstack([a, jnp.diag(root)]), jnp.append(-b, jnp.zeros(2 * count)))
-        return squares(x) + jnp.sum((root * x) ** 2) - jnp.sum(multiplier)
+    # x = B/largest, and vibration in units of what was there
+    discs = _discs(matrix * largest / size, initial / size)
 
     def open_(high, low):
         return (high - low > tolerance * high) & (jnp.sqrt(high) - jnp.sqrt(low) > 1e-12)
@@ -243,25 +228,13 @@ def bounded(
 
     def advance(carry):
         x, multiplier, _, low, steps = carry
-        room = (1 - dot(x, x)) / 2
-        target = 0.1 * jnp.mean(multiplier * room)
-        steep = jnp.sqrt(multiplier / room)
-        rows = (jnp.diag(steep * half) for half in x.reshape(2, count))
-        rows = [a, jnp.diag(jnp.sqrt(jnp.tile(multiplier, 2))), jnp.hstack([*rows])]
-        right = [-(a @ x + b), jnp.zeros(2 * count), -target / jnp.sqrt(multiplier * room)]
-        step = _solved(jnp.vstack(rows), jnp.concatenate(right))
-        change = (target + multiplier * dot(x, step)) / room - multiplier
-        # The shares of the step at which a plane reaches its bound, or a multiplier zero.
-        along, across = dot(x, step), dot(step, step)
-        ends = 2 * room / (along + jnp.sqrt(along**2 + 2 * across * room) + 1e-300)
-        ends = jnp.append(ends, jnp.where(change < 0, -multiplier / change, jnp.inf))
-        share = jnp.minimum(1.0, 0.99 * jnp.min(ends))
-        x, multiplier = x + share * step, multiplier + share * change
-        return x, multiplier, squares(x), jnp.maximum(low, bound(multiplier)), steps + 1
+        x, multiplier = discs.advanced(x, multiplier)
+        low = jnp.maximum(low, discs.bound(multiplier))
+        return x, multiplier, discs.squares(x), low, steps + 1
 
     x = jnp.zeros(2 * count)
-    multiplier = jnp.full(count, jnp.max(jnp.abs(a.T @ b)) + 1e-300)
-    start = (x, multiplier, squares(x), jnp.zeros(()), jnp.asarray(0))
+    multiplier = jnp.full(count, jnp.max(jnp.abs(discs.a.T @ discs.b)) + 1e-300)
+    start = (x, multiplier, discs.squares(x), jnp.zeros(()), jnp.asarray(0))
     x, _, high, low, _ = lax.while_loop(going_on, advance, start)
     good = jnp.all(largest > 0)
     failure = Status.where(open_(high, low), Status.not_converged, Status.converged)
@@ -273,6 +246,60 @@ def bounded(
         "bounded least squares",
         failure,
     )
+
+
+class _Discs(NamedTuple):
+    """Least squares |A x + b|^2 with every entry of a complex x within the unit disc.
+
+    Attributes:
+        a, b: real, for the real parts of x with the imaginary ones below them.
+        rest: squares that no x can remove.
+    """
+
+    a: Float[Array, "r r"]
+    b: Float[Array, " r"]
+    rest: Float[Array, ""]
+
+    def squares(self, x):
+        """The sum of squares."""
+        return jnp.sum((self.a @ x + self.b) ** 2) + self.rest
+
+    def bound(self, multiplier):
+        """The minimum of the Lagrangian over all x, which no x within the discs gets below."""
+        root = jnp.sqrt(jnp.tile(multiplier, 2))
+        rows = jnp.vstack([self.a, jnp.diag(root)])
+        x = _solved(rows, jnp.append(-self.b, jnp.zeros(root.size)))
+        return self.squares(x) + jnp.sum((root * x) ** 2) - jnp.sum(multiplier)
+
+    def advanced(self, x, multiplier):
+        """A Newton step towards a tenth of the mean of multiplier times room."""
+        room = (1 - _dots(x, x)) / 2
+        target = 0.1 * jnp.mean(multiplier * room)
+        steep = jnp.sqrt(multiplier / room)
+        rows = (jnp.diag(steep * half) for half in x.reshape(2, -1))
+        rows = [self.a, jnp.diag(jnp.sqrt(jnp.tile(multiplier, 2))), jnp.hstack([*rows])]
+        right = [-(self.a @ x + self.b), jnp.zeros(x.size), -target / jnp.sqrt(multiplier * room)]
+        step = _solved(jnp.vstack(rows), jnp.concatenate(right))
+        change = (target + multiplier * _dots(x, step)) / room - multiplier
+        # The shares of the step at which a plane reaches its bound, or a multiplier zero.
+        along, across = _dots(x, step), _dots(step, step)
+        ends = 2 * room / (along + jnp.sqrt(along**2 + 2 * across * room) + 1e-300)
+        ends = jnp.append(ends, jnp.where(change < 0, -multiplier / change, jnp.inf))
+        share = jnp.minimum(1.0, 0.99 * jnp.min(ends))
+        return x + share * step, multiplier + share * change
+
+
+def _discs(matrix: Complex[Array, "rows planes"], initial: Complex[Array, " rows"]) -> _Discs:
+    """In real numbers, and reduced to as many rows as unknowns."""
+    q, a = jnp.linalg.qr(jnp.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]]))
+    b = jnp.append(initial.real, initial.imag)
+    rest = jnp.sum((b - q @ (q.T @ b)) ** 2)
+    return _Discs(a, q.T @ b, rest)
+
+
+def _dots(x, y) -> Float[Array, " planes"]:
+    """Products of complex entries as of vectors in the plane."""
+    return jnp.sum((x * y).reshape(2, -1), 0)
 
 
 def _size(influence, correction) -> Float[Array, ""]:

@@ -14,7 +14,7 @@ method for solving convex programs, J. SIAM 8, 703-712). Tangents leave out no p
 that every step's optimum is a proven lower bound.
 """
 
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import jax.numpy as jnp
 import numpy as np
@@ -114,30 +114,11 @@ def least_masses(
     for name, values in (("limit", limits), ("cost", costs), ("largest", bounds)):
         if values is not None and not np.all(values > 0):
             raise BadInput(name, values, "> 0")
-    # in units of the limits and of the corrections that would take all vibration away by themselves
-    matrix = np.asarray(influence.matrix) / limits[:, None]
-    initial = np.asarray(influence.initial) / limits
-    size = 1.0 / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    # Circles |A x + b| <= 1, of the readings and of the bounds, and |x_p| <= t_p between them.
-    own = [np.eye(planes)] if bounds is None else [np.eye(planes), np.diag(size / bounds)]
-    a = np.vstack([matrix * size, *own])
-    b = np.append(initial, np.zeros(len(a) - rows))
-    t = np.zeros((len(a), planes))
-    t[rows : rows + planes] = np.eye(planes)
-    fixed = np.where(t.any(axis=1), 0.0, 1.0)
+    circles, size = _circles(influence, limits, bounds)
     weight = costs * size
     unit = weight.max()
-
-    def tangents(at: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Re[e^{-i angle} (A x + b)] <= 1 or t, as rows over (Re x, Im x, t) and right sides."""
-        turn = np.exp(-1j * angle)
-        turned = a[at] * turn[:, None]
-        rows = np.hstack([turned.real, -turned.imag, -t[at]])
-        held = np.real(b[at]) * np.real(turn) - np.imag(b[at]) * np.imag(turn)
-        return rows, fixed[at] - held
-
-    angles = 2 * np.pi * np.arange(_TANGENTS) / _TANGENTS
-    cuts, right = tangents(np.repeat(np.arange(len(a)), _TANGENTS), np.tile(angles, len(a)))
+    angles, count = 2 * np.pi * np.arange(_TANGENTS) / _TANGENTS, len(circles.a)
+    cuts, right = circles.tangents(np.repeat(np.arange(count), _TANGENTS), np.tile(angles, count))
     objective = np.concatenate([np.zeros(2 * planes), weight / unit])
     ends = [(None, None)] * (2 * planes) + [(0, None)] * planes
     step = 0
@@ -147,11 +128,14 @@ def least_masses(
         if solved.x is None:
             _refuse(influence, limits, bounds)
         x = solved.x[:planes] + 1j * solved.x[planes : 2 * planes]
-        value, radius = a @ x + b, fixed + t @ solved.x[2 * planes :]
+        value, radius = (
+            circles.a @ x + circles.b,
+            circles.fixed + circles.t @ solved.x[2 * planes :],
+        )
         outside = np.flatnonzero(np.abs(value) > radius + _OUTSIDE)
         if not outside.size or step == _STEPS:
             break
-        more = tangents(outside, np.angle(value[outside]))
+        more = circles.tangents(outside, np.angle(value[outside]))
         cuts, right = np.vstack([cuts, more[0]]), np.append(right, more[1])
     total = float(np.sum(weight * np.abs(x)))
     low = min(float(solved.fun) * unit, total)
@@ -160,6 +144,48 @@ def least_masses(
         influence, jnp.asarray(x * size), jnp.asarray(total), jnp.asarray(low), "least masses", failure,
         jnp.asarray(total),
     )  # fmt: skip
+
+
+class _Circles(NamedTuple):
+    """Circles |A x + b| <= fixed + T t, one a row.
+
+    Attributes:
+        a: (circles, planes) complex.
+        b: (circles,) complex.
+        fixed: (circles,) 1 of the readings and of the bounds, 0 of the sizes of the corrections.
+        t: (circles, planes) which size of a correction is the radius.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    fixed: np.ndarray
+    t: np.ndarray
+
+    def tangents(self, at: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Re[e^{-i angle} (A x + b)] <= fixed + T t, as rows over (Re x, Im x, t) and right sides."""
+        turn = np.exp(-1j * angle)
+        turned = self.a[at] * turn[:, None]
+        rows = np.hstack([np.real(turned), -np.imag(turned), -self.t[at]])
+        held = np.real(self.b[at]) * np.real(turn) - np.imag(self.b[at]) * np.imag(turn)
+        return rows, self.fixed[at] - held
+
+
+def _circles(influence: Influence, limits, bounds) -> tuple[_Circles, np.ndarray]:
+    """Circles of readings, sizes and bounds; and the unit of each correction [kg m].
+
+    Readings are in units of their limits, corrections in units of those that would take all vibration
+    away by themselves: otherwise the tolerance of the linear programme would mean nothing.
+    """
+    rows, planes = influence.matrix.shape
+    matrix = np.asarray(influence.matrix) / limits[:, None]
+    initial = np.asarray(influence.initial) / limits
+    size = 1.0 / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    own = [np.eye(planes)] if bounds is None else [np.eye(planes), np.diag(size / bounds)]
+    a = np.vstack([matrix * size, *own])
+    t = np.zeros((len(a), planes))
+    t[rows : rows + planes] = np.eye(planes)
+    b = np.append(initial, np.zeros(len(a) - rows))
+    return _Circles(a, b, np.where(t.any(axis=1), 0.0, 1.0), t), size
 
 
 def _refuse(influence: Influence, limits, bounds) -> NoReturn:

@@ -180,31 +180,42 @@ def _set_value(document: dict[str, Any], path: str, value: Any, source: str) -> 
     if not all(keys):
         raise SceneError(path, "is no path; it must be names joined by dots")
     node: Any = document
-    for place, key in enumerate(keys):
-        here = ".".join(keys[:place])
-        if isinstance(node, Mapping) and not is_section(node):
-            node = node["value"]
-        last = place + 1 == len(keys)
-        if isinstance(node, list):
-            if not key.isdigit() or int(key) >= len(node):
-                raise SceneError(path, f"must name one of the {len(node)} entries of {here}")
-            if last:
-                _replace_in_list(node, int(key), value, path)
-            else:
-                node = node[int(key)]
-        elif not isinstance(node, dict):
-            raise SceneError(path, f"leads through {here}, which is a single value")
-        elif not last:
-            node = node.setdefault(key, {})
-        elif value is None:
-            node.pop(key, None)
-        elif isinstance(value, Mapping) or key in _PLAIN or _are_sections(value):
-            node[key] = copy.deepcopy(value)
-            if key == "type":
-                return {".".join([*keys[:-1], other]) for other in node if other != "type"}
-        else:
-            node[key] = {"value": value, "source": source}
+    for place, key in enumerate(keys[:-1]):
+        node = _opened(node, path, keys[:place], key)
+        node = node[int(key)] if isinstance(node, list) else node.setdefault(key, {})
+    *above, key = keys
+    node = _opened(node, path, above, key)
+    if isinstance(node, list):
+        if value is None:
+            raise SceneError(path, "is one of a list and cannot be taken away alone")
+        node[int(key)] = copy.deepcopy(value)
+    elif value is None:
+        node.pop(key, None)
+    elif isinstance(value, Mapping) or key in _PLAIN or _are_sections(value):
+        node[key] = copy.deepcopy(value)
+        if key == "type":
+            return {".".join([*above, other]) for other in node if other != "type"}
+    else:
+        node[key] = {"value": value, "source": source}
     return set()
+
+
+def _opened(node: Any, path: str, above: list[str], key: str) -> dict[str, Any] | list[Any]:
+    """The table or list at a node, in which a key names an entry.
+
+    Args:
+        node: of the tables; a value with its source stands for the value.
+        path, above: whole path and the keys that lead here, for messages.
+        key: of the entry.
+    """
+    here = ".".join(above)
+    if isinstance(node, Mapping) and not is_section(node):
+        node = node["value"]
+    if isinstance(node, list) and not (key.isdigit() and int(key) < len(node)):
+        raise SceneError(path, f"must name one of the {len(node)} entries of {here}")
+    if not isinstance(node, list | dict):
+        raise SceneError(path, f"leads through {here}, which is a single value")
+    return node
 
 
 def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str) -> dict[str, Any]:
@@ -216,53 +227,54 @@ def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str)
         SceneError: a part that a file cannot describe.
     """
     same = type(old) is type(new)
-    out = copy.deepcopy(dict(table)) if same else {}
-    known = entries(type(new))
-    if not same:
-        siblings = choices((type(new),))
-        if kind_of(type(new)) not in siblings:
-            raise SceneError("", f"a file cannot describe a part of type {type(new).__name__}")
-        out["type"] = kind_of(type(new))
-        if old is None:  # the top of a document keeps its header and its other sections
-            out = {**copy.deepcopy(dict(table)), **out}
-    for name, entry in known.items():
+    # the top of a document keeps its header and its other sections
+    kept = copy.deepcopy(dict(table)) if same or old is None else {}
+    out = kept if same else kept | {"type": _describable(type(new))}
+    for name, entry in entries(type(new)).items():
         before, after = getattr(old, name, None) if same else None, getattr(new, name)
         if after is None:
             out.pop(name, None)
         elif isinstance(entry, Section) and entry.rows:
-            if not after and name not in out:
-                continue
-            rows = out.get(name, []) if before and len(before) == len(after) else []
-            olds = before if rows else [None] * len(after)
-            rows = rows or [{}] * len(after)
-            out[name] = [
-                one.name if isinstance(one, NamedBearing) else _updated(row, was, one, source)
-                for row, was, one in zip(rows, olds, after, strict=True)
-            ]
+            if after or name in out:
+                out[name] = _updated_rows(out.get(name, []), before, after, source)
         elif isinstance(after, NamedBearing):
             if getattr(before, "name", None) != after.name:
                 out[name] = {"value": after.name, "source": source}
         elif isinstance(entry, Section):
             section = out.get(name, {}) if before is not None else {}
             out[name] = _updated(section, before, after, source)
-        elif isinstance(entry, Number):
-            if before is None or not np.array_equal(before, after):
-                given = unwrapped(out[name], name)[0] if name in out else None
-                texts = as_text(np.asarray(after), entry.unit, given)
-                out[name] = {"value": texts, "source": source}
+        elif isinstance(entry, Number) and (before is None or not np.array_equal(before, after)):
+            given = unwrapped(out[name], name)[0] if name in out else None
+            texts = as_text(np.asarray(after), entry.unit, given)
+            out[name] = {"value": texts, "source": source}
         elif isinstance(entry, Option) and (not same or before != after):
             out[name] = {"value": _listed(after), "source": source}
     return out
 
 
+def _updated_rows(rows: list, before: Any, after: Any, source: str) -> list:
+    """A list of sections that describe some parts; all are new where their number differs."""
+    if not before or len(before) != len(after) or not rows:
+        rows, before = [{}] * len(after), [None] * len(after)
+    return [
+        one.name if isinstance(one, NamedBearing) else _updated(row, was, one, source)
+        for row, was, one in zip(rows, before, after, strict=True)
+    ]
+
+
+def _describable(kind: type[Part]) -> str:
+    """The name of a kind of part in files.
+
+    Raises:
+        SceneError: a kind that a file cannot describe.
+    """
+    if kind_of(kind) not in choices((kind,)):
+        raise SceneError("", f"a file cannot describe a part of type {kind.__name__}")
+    return kind_of(kind)
+
+
 def _are_sections(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
-
-
-def _replace_in_list(values: list, index: int, value: Any, path: str) -> None:
-    if value is None:
-        raise SceneError(path, "is one of a list and cannot be taken away alone")
-    values[index] = copy.deepcopy(value)
 
 
 def _listed(value: Any) -> Any:

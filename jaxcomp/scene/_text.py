@@ -13,6 +13,7 @@ where indicator.csv begins with `angle [deg],cylinder_pressure [bar]`.
 import csv
 import io
 import json
+import math
 import os
 import re
 import tomllib
@@ -231,6 +232,41 @@ def header_cell(text: str) -> tuple[str, str] | None:
     """Name and unit of a column, the unit empty where it has none; `None` for anything else."""
     match = _COLUMN.fullmatch(text)
     return (match[1], (match[2] or "").strip()) if match else None
+
+
+def lines_of(lines: list[list[str]], count: int) -> Iterator[tuple[int, list[str]]]:
+    """Lines of a table below its heads, with their numbers in the file.
+
+    Raises:
+        SceneError: a line of another number of cells than heads.
+    """
+    for number, line in enumerate(lines, 2):
+        if len(line) != count:
+            raise SceneError(f"line {number}", f"must have {count} cells", len(line))
+        yield number, line
+
+
+def cell_number(text: str, key: str, empty: float | None = None) -> float:
+    """The finite number in a cell.
+
+    Args:
+        text: of the cell.
+        key: its place, for the message.
+        empty: what an empty cell stands for; absent: it must not be empty.
+
+    Raises:
+        SceneError: no number, or one that is not finite.
+    """
+    if empty is not None and not text.strip():
+        return empty
+    try:
+        value = float(text)
+    except ValueError:
+        problem = "must be a number" if empty is None else "must be a number, or empty"
+        raise SceneError(key, problem, text) from None
+    if not math.isfinite(value):
+        raise SceneError(key, "must be finite", value)
+    return value
 
 
 def with_tables(tables: Any, folder: Path | None, path: str = "") -> Any:

@@ -135,6 +135,32 @@ def upgraded(text: str) -> str:
     friction = by_name.get("friction", _Section())
     shaft = by_name.get("cylinders", _Section(above=["\n"], name="crankshaft"))
     support = by_name.get("friction.main_journal", _Section(above=["\n"]))
+    first = _crankshaft_entries(document, mechanism, friction, shaft, support)
+    shaft.entries = first + shaft.entries
+    # a source of the whole section goes along
+    if shaft not in sections and first:
+        _take_source(mechanism, shaft)
+    _take_source(friction, support)
+    _move_bearings(document, by_name, friction, support)
+    _place(sections, shaft, support)
+    for one in sections:
+        one.name = upgraded_path(one.name)
+    made = "".join(_joined(one) for one in sections)
+    if old_paths(tomllib.loads(made)):
+        raise ValueError(
+            "an old entry stands in an inline table or under a dotted key; write it out"
+        )
+    return made
+
+
+def _crankshaft_entries(
+    document: Mapping[str, Any],
+    mechanism: _Section,
+    friction: _Section,
+    shaft: _Section,
+    support: _Section,
+) -> list[_Entry]:
+    """Entries of the crankshaft that leave the mechanism, the friction and the main journal."""
     for key in ("unbalance", "couple"):
         shaft.entries += _renamed(shaft.take(key), f"shaft_{key}")
     first: list[_Entry] = []
@@ -142,26 +168,39 @@ def upgraded(text: str) -> str:
         section, _, key = old.rpartition(".")
         if section == "mechanism":
             first += _renamed(mechanism.take(key), new.rpartition(".")[2])
+    mass = _renamed(support.take("shaft_mass"), "mass")
     if not any(one.key == "mass" for one in first):
-        first += _renamed(support.take("shaft_mass"), "mass")
-    support.take("shaft_mass")
-    first += _made(document, mechanism)
-    first += friction.take("main_journal")
-    shaft.entries = first + shaft.entries
-    # a source of the whole section goes along
-    sourced = [(mechanism, shaft)] if shaft not in sections else []
-    for old, new in (*sourced, (friction, support)):
-        source = [one for one in old.entries if one.key == "source"]
-        if source and (new is support or first) and not any(e.key == "source" for e in new.entries):
-            new.entries.insert(0, _Entry("source", source[0].lines[-1:]))
+        first += mass
+    return first + _made(document, mechanism) + friction.take("main_journal")
+
+
+def _take_source(old: _Section, new: _Section) -> None:
+    """Copy the source of a whole section to another one that has none."""
+    source = [one for one in old.entries if one.key == "source"]
+    if source and not any(one.key == "source" for one in new.entries):
+        new.entries.insert(0, _Entry("source", source[0].lines[-1:]))
+
+
+def _move_bearings(
+    document: Mapping[str, Any],
+    by_name: Mapping[str, _Section],
+    friction: _Section,
+    support: _Section,
+) -> None:
+    """Make upper and lower bearing of a slider-link machine those of the main bearings."""
     names = [name for name in _MADE["friction"] if name in document.get("friction", {})]
-    if names:
-        rows = [by_name[f"friction.{name}"] for name in names if f"friction.{name}" in by_name]
-        taken = [friction.take(name) for name in names]
-        support.entries += _support(document, names, rows)
-        support.above += [line for (one,) in filter(None, taken) for line in one.lines[:-1]]
-        for row in rows:
-            row.name, row.row = "crankshaft.main_journal.bearings", True
+    if not names:
+        return
+    rows = [by_name[f"friction.{name}"] for name in names if f"friction.{name}" in by_name]
+    taken = [friction.take(name) for name in names]
+    support.entries += _support(document, names, rows)
+    support.above += [line for (one,) in filter(None, taken) for line in one.lines[:-1]]
+    for row in rows:
+        row.name, row.row = "crankshaft.main_journal.bearings", True
+
+
+def _place(sections: list[_Section], shaft: _Section, support: _Section) -> None:
+    """Put the sections of crankshaft and main bearings among the others, where they are new."""
     if shaft not in sections and shaft.entries:
         sections.insert(_after(sections, "mechanism"), shaft)
     if support not in sections and {one.key for one in support.entries} - {"source"}:
@@ -171,14 +210,6 @@ def upgraded(text: str) -> str:
         ]
         place = rows[0] if rows else _after(sections, "crankshaft")
         sections.insert(place, support)
-    for one in sections:
-        one.name = upgraded_path(one.name)
-    made = "".join(_joined(one) for one in sections)
-    if old_paths(tomllib.loads(made)):
-        raise ValueError(
-            "an old entry stands in an inline table or under a dotted key; write it out"
-        )
-    return made
 
 
 def upgraded_path(path: str) -> str:

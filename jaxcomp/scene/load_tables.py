@@ -17,7 +17,7 @@ import numpy as np
 from .._core.errors import BadInput
 from .._core.words import did_you_mean
 from ..crank import LoadTable
-from ._text import SceneError, header_cell, read_cells, reading
+from ._text import SceneError, cell_number, header_cell, lines_of, read_cells, reading
 from ._units import factor
 
 _COLUMNS = {"angle": ("rad", "deg"), "W_x": ("N", "N"), "W_y": ("N", "N")}
@@ -60,8 +60,18 @@ def read_loads(
 def _read(lines: list[list[str]]) -> dict[str, np.ndarray]:
     if not lines:
         raise SceneError("", "is empty")
+    sizes = _sizes(lines[0])
+    table = {name: [] for name in sizes}
+    for number, line in lines_of(lines[1:], len(sizes)):
+        for (name, size), text in zip(sizes.items(), line, strict=True):
+            table[name].append(cell_number(text, f"line {number}.{name}") * size)
+    return {name: np.array(values) for name, values in table.items()}
+
+
+def _sizes(heads: list[str]) -> dict[str, float]:
+    """[SI] Size of the unit of every column by its name."""
     known, sizes = _COLUMNS | _SPEEDS, {}
-    for cell in lines[0]:
+    for cell in heads:
         name, unit = header_cell(cell) or (cell.strip(), "")
         if name not in known:
             raise SceneError(cell.strip(), f"is an unknown column{did_you_mean(name, known)}")
@@ -74,20 +84,4 @@ def _read(lines: list[list[str]]) -> dict[str, np.ndarray]:
         if name not in sizes:
             head = ",".join(f"{one} [{unit}]" for one, (_, unit) in _COLUMNS.items())
             raise SceneError(name, f'is a missing column; a head is "{head}"')
-    table = {name: [] for name in sizes}
-    for number, line in enumerate(lines[1:], 2):
-        if len(line) != len(sizes):
-            raise SceneError(f"line {number}", f"must have {len(sizes)} cells", len(line))
-        for (name, size), text in zip(sizes.items(), line, strict=True):
-            table[name].append(_number(text, f"line {number}.{name}") * size)
-    return {name: np.array(values) for name, values in table.items()}
-
-
-def _number(text: str, key: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise SceneError(key, "must be a number", text) from None
-    if not np.isfinite(value):
-        raise SceneError(key, "must be finite", value)
-    return value
+    return sizes

@@ -33,10 +33,10 @@ from ..study import (
     quantity_named,
     variable,
 )
-from ._text import SceneError, read_cells, reading
+from ._text import SceneError, cell_number, lines_of, read_cells, reading
 from ._units import factor, scale, to_si
 from ._universal import read_universal
-from .readings import cell_number, read_readings, split_metadata
+from .readings import read_readings, split_metadata
 
 _UFF = (".uff", ".unv", ".uf")
 _WORDS = (
@@ -91,9 +91,7 @@ def _by_heads(name: str, metadata, lines, machine: Machine) -> AbstractMeasureme
     names = [head[0] for head in heads]
     if "evaporating" in names or names[0] == "quantity":
         return None
-    for number, line in enumerate(rows, 2):
-        if len(line) != len(heads):
-            raise SceneError(f"line {number}", f"must have {len(heads)} cells", len(line))
+    rows = [line for _, line in lines_of(rows, len(heads))]
     if twice := {one for one in names if names.count(one) > 1}:
         raise SceneError(min(twice), "is there twice")
     if not rows:
@@ -120,7 +118,7 @@ def _head(cell: str) -> tuple[str, str]:
 
 
 def _number(text: str, unit: str, si: str, key: str) -> float:
-    value = cell_number(text, key)
+    value = cell_number(text, key, np.nan)
     if si == "rad/s" and unit.lower() in ("hz", "1/s"):
         return value * 2 * np.pi
     size, zero = _scale(unit, si, key, is_temperature(key, si))
@@ -147,7 +145,7 @@ def _deviation(heads, lines, name: str, si: str, values: np.ndarray) -> np.ndarr
     if n is None:
         return None
     cells = np.array(
-        [cell_number(line[n], f"line {k}.sd({name})") for k, line in enumerate(lines, 2)]
+        [cell_number(line[n], f"line {k}.sd({name})", np.nan) for k, line in enumerate(lines, 2)]
     )
     unit = heads[n][1]
     if unit == "%":

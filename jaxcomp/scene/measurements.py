@@ -26,7 +26,7 @@ import numpy as np
 
 from .._core.display import RPM
 from ..balancing import Influence, InfluenceRow, trial_influence
-from ._text import SceneError, header_cell, read_cells, reading
+from ._text import SceneError, cell_number, header_cell, lines_of, read_cells, reading
 from ._units import factor
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
@@ -56,7 +56,7 @@ def _measured(lines) -> Influence:
     if not lines:
         raise SceneError("", "is empty")
     table = _Table(lines[0])
-    for number, line in enumerate(lines[1:], 2):
+    for number, line in lines_of(lines[1:], len(table.units)):
         cell = table.cells(number, line)
         table.take_reading(number, cell)
         if cell["run"] not in (_INITIAL, _RUN_OUT):
@@ -84,8 +84,6 @@ class _Table:
 
     def cells(self, number: int, line) -> dict[str, str]:
         """The cells of a line by column."""
-        if len(line) != len(self.units):
-            raise SceneError(f"line {number}", f"must have {len(self.units)} cells", len(line))
         cell = {c: text.strip() for c, text in zip(self.units, line, strict=True)}
         for column, text in cell.items():
             if not text.isprintable():
@@ -201,12 +199,7 @@ def _dimension(column: str, unit: str) -> str:
 
 def _number(cell, column, scale, line) -> float:
     key = f"line {line}.{column}"
-    try:
-        value = float(cell[column])
-    except ValueError:
-        raise SceneError(key, "must be a number", cell[column]) from None
-    if not np.isfinite(value):
-        raise SceneError(key, "must be finite", value)
+    value = cell_number(cell[column], key)
     if value and not _SMALLEST <= abs(value) <= _LARGEST:
         bounds = f"{_SMALLEST:g} to {_LARGEST:g}"
         raise SceneError(key, f"must be 0, or in size {bounds}", value)

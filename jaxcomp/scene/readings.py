@@ -17,7 +17,7 @@ with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ from ..study import (
 from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap
 from ._change import with_machine
 from ._scene import Scene
-from ._text import SceneError, header_cell, read_cells, reading
+from ._text import SceneError, cell_number, header_cell, lines_of, read_cells, reading
 from ._units import factor, scale
 from .map_formats import energyplus_text, read_energyplus, read_tespy, tespy_text
 
@@ -104,28 +104,32 @@ def split_metadata(lines) -> tuple[dict[str, str], list[list[str]]]:
 
 
 def _table(name: str, metadata: Mapping[str, str], lines) -> Readings:
-    scales, seen = [], set()
+    scales: dict[str, tuple[float, float, bool]] = {}
     for cell in lines[0]:
-        what, scale = _head(cell)
-        if what in seen:
+        what, of_unit = _head(cell)
+        if what in scales:
             raise SceneError(cell.strip(), "is there twice")
-        seen.add(what)
-        scales.append((what, scale))
-    table: dict[str, list[float]] = {what: [] for what, _ in scales}
-    for number, line in enumerate(lines[1:], 2):
-        if len(line) != len(scales):
-            raise SceneError(f"line {number}", f"must have {len(scales)} cells", len(line))
-        for (what, (size, zero, _)), text in zip(scales, line, strict=True):
-            table[what].append(cell_number(text, f"line {number}.{what}") * size + zero)
-    columns = {what: np.array(values) for what, values in table.items()}
-    count = len(lines) - 1
-    if not count:
+        scales[what] = of_unit
+    rows = [
+        [
+            cell_number(text, f"line {n}.{what}", np.nan)
+            for what, text in zip(scales, line, strict=True)
+        ]
+        for n, line in lines_of(lines[1:], len(scales))
+    ]
+    if not rows:
         raise SceneError("", "has no points")
+    columns = {
+        what: np.array(column) * size + zero
+        for (what, (size, zero, _)), column in zip(
+            scales.items(), zip(*rows, strict=True), strict=True
+        )
+    }
     values = {what: columns[what] for what in columns if what in MEASURED}
     if not values:
         raise SceneError("", f"measures nothing; known are {', '.join(MEASURED)}")
     deviations = {}
-    for what, (_, _, relative) in scales:
+    for what, (_, _, relative) in scales.items():
         if what.startswith("sd "):
             measured = what[3:]
             if measured not in values:
@@ -133,7 +137,7 @@ def _table(name: str, metadata: Mapping[str, str], lines) -> Readings:
             share = np.abs(values[measured]) if relative else 1.0
             deviations[measured] = columns[what] * share
     conditions = {k: columns[k] for k in _CONDITIONS if k in columns}
-    return _readings(name, metadata, conditions, count, values, deviations)
+    return _readings(name, metadata, conditions, len(rows), values, deviations)
 
 
 def _head(cell: str) -> tuple[str, tuple[float, float, bool]]:
@@ -179,15 +183,7 @@ def _readings(
 ) -> Readings:
     """Readings, with the conditions that the metadata has for all."""
     metadata = {**_rated(metadata), **metadata}
-    for key in (*_CONDITIONS,):
-        match = _VALUE.match(metadata.get(key, ""))
-        if match and not _RANGE.match(metadata[key]):
-            if key in conditions:
-                raise SceneError(key, "is given in a column and in the metadata; one must go")
-            if not match[2]:
-                raise SceneError(key, f'needs its unit, as in "{key} = {match[1]} {_usual(key)}"')
-            size, zero = _scale(key, match[2])
-            conditions[key] = np.full(count, float(match[1]) * size + zero)
+    conditions |= _conditions_of(metadata, conditions, count)
     for key in ("evaporating", "condensing"):
         if key not in conditions:
             raise SceneError(key, f'is a missing column; a head is "{key} [degC]"')
@@ -208,6 +204,24 @@ def _readings(
     given = (S, D, gas, liquid, useful, speed, values, deviations)
     made = bends is not None
     return Readings(name, *given, polynomial=made, fluid=fluid, bends=bends or ())
+
+
+def _conditions_of(
+    metadata: Mapping[str, str], columns: Mapping[str, Any], count: int
+) -> dict[str, np.ndarray]:
+    """[SI] Conditions that the metadata has for all points; a range belongs to a polynomial."""
+    found = {}
+    for key in _CONDITIONS:
+        match = _VALUE.match(metadata.get(key, ""))
+        if not match or _RANGE.match(metadata[key]):
+            continue
+        if key in columns:
+            raise SceneError(key, "is given in a column and in the metadata; one must go")
+        if not match[2]:
+            raise SceneError(key, f'needs its unit, as in "{key} = {match[1]} {_usual(key)}"')
+        size, zero = _scale(key, match[2])
+        found[key] = np.full(count, float(match[1]) * size + zero)
+    return found
 
 
 def _rated(metadata: Mapping[str, str]) -> dict[str, str]:
@@ -241,14 +255,12 @@ def _metadata_of(rating: Rating) -> dict[str, str]:
 def _polynomial(name, metadata, lines, evaporating, condensing, speed) -> Readings:
     count = len(lines[0]) - 2
     rows = {}
-    for number, line in enumerate(lines[1:], 2):
-        if len(line) != count + 2:
-            raise SceneError(f"line {number}", f"must have {count + 2} cells", len(line))
+    for number, line in lines_of(lines[1:], count + 2):
         what, unit = line[0].strip(), line[1].strip()
         if what not in MEASURED:
             near = did_you_mean(what, MEASURED)
             raise SceneError(f"line {number}.quantity", f'"{what}" is unknown{near}')
-        row = [cell_number(text, f"line {number}.{what}") for text in line[2:]]
+        row = [cell_number(text, f"line {number}.{what}", np.nan) for text in line[2:]]
         if count not in (10, 20, 30) or np.isnan(row).any():
             raise SceneError(f"line {number}", "must have 10, 20 or 30 coefficients", count)
         size, zero = _scale(what, unit)
@@ -278,20 +290,7 @@ def sampled(
         SceneError: as `read_readings`.
     """
     count = 10 if callable(rows) else len(next(iter(rows.values())))
-    axes = []
-    sides = (("evaporating", evaporating, _GRID[0]), ("condensing", condensing, _GRID[1]))
-    for key, given, points in sides:
-        match = _RANGE.match(metadata.get(key, ""))
-        if given is None and match is None:
-            raise SceneError(key, "has no range in the metadata; give the temperatures to take")
-        if given is None:
-            assert match is not None
-            size, zero = _scale(key, match[3] or "degC")
-            ends = (float(match[1]) * size + zero, float(match[2]) * size + zero)
-            given = np.linspace(*ends, points)
-        axes.append(np.asarray(given, float))
-    S, D = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-    S, D = S[D - S > _CLOSEST], D[D - S > _CLOSEST]
+    S, D = _grid(metadata, evaporating, condensing)
     if count > 10 and speed is None:
         raise SceneError("speed", f"must be given for a polynomial of {count} coefficients")
     turns = 0.0 if speed is None else speed / (2 * np.pi)
@@ -304,42 +303,46 @@ def sampled(
     step = 0.1  # K
     values, warmer, hotter = dict(at(S, D)), at(S + step, D), at(S, D + step)
     bends = []
-    for what in values:
-        if not (values[what] > 0).all():
-            raise SceneError(
-                what, "is not positive over the points; take fewer", values[what].min()
-            )
+    for what, value in values.items():
+        if not (value > 0).all():
+            raise SceneError(what, "is not positive over the points; take fewer", value.min())
         if what in ("capacity", "mass_flow"):
-            rise, fall = warmer[what] - values[what], hotter[what] - values[what]
-            for wrong, text in (
-                (rise <= 0, "falls with the evaporating temperature"),
-                (fall > 1e-4 * values[what], "rises with the condensing temperature"),
-            ):
-                if wrong.any():
-                    places = ", ".join(
-                        f"{s - ZERO:.4g}/{d - ZERO:.4g} C"
-                        for s, d in zip(S[wrong], D[wrong], strict=True)
-                    )
-                    bends.append(
-                        f"the polynomial of {what} {text} at {places}: it bends the wrong way"
-                    )
+            bends += _bends(what, value, warmer[what], hotter[what], S, D)
     conditions = {"evaporating": S, "condensing": D}
     if speed is not None:
         conditions["speed"] = np.full(S.size, speed)
     return _readings(name, metadata, conditions, S.size, values, {}, tuple(bends))
 
 
-def cell_number(text: str, key: str) -> float:
-    """The number in a cell; not a number where it is empty."""
-    if not text.strip():
-        return np.nan
-    try:
-        value = float(text)
-    except ValueError:
-        raise SceneError(key, "must be a number, or empty", text) from None
-    if not np.isfinite(value):
-        raise SceneError(key, "must be finite", value)
-    return value
+def _grid(metadata: Mapping[str, str], evaporating, condensing) -> tuple[np.ndarray, np.ndarray]:
+    """[K] Evaporating and condensing temperatures, of which pairs too close together are left out."""
+    axes = []
+    sides = (("evaporating", evaporating, _GRID[0]), ("condensing", condensing, _GRID[1]))
+    for key, given, points in sides:
+        if given is None:
+            match = _RANGE.match(metadata.get(key, ""))
+            if match is None:
+                raise SceneError(key, "has no range in the metadata; give the temperatures to take")
+            size, zero = _scale(key, match[3] or "degC")
+            ends = (float(match[1]) * size + zero, float(match[2]) * size + zero)
+            given = np.linspace(*ends, points)
+        axes.append(np.asarray(given, float))
+    S, D = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+    apart = D - S > _CLOSEST
+    return S[apart], D[apart]
+
+
+def _bends(what: str, value, warmer, hotter, S, D) -> Iterator[str]:
+    """Where a polynomial of capacity or flow falls or rises against physics, in words."""
+    for wrong, text in (
+        (warmer - value <= 0, "falls with the evaporating temperature"),
+        (hotter - value > 1e-4 * value, "rises with the condensing temperature"),
+    ):
+        if wrong.any():
+            places = ", ".join(
+                f"{s - ZERO:.4g}/{d - ZERO:.4g} C" for s, d in zip(S[wrong], D[wrong], strict=True)
+            )
+            yield f"the polynomial of {what} {text} at {places}: it bends the wrong way"
 
 
 def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
@@ -440,7 +443,11 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
         value, error = float(found.estimate[n]), float(found.standard_error[n])
         one = varied(scene.machine, name)
         # a rule or a common factor stands behind several numbers, which say so
-        several = isinstance(one, CommonFactor) or name in design_rules or _is_list(scene, name)
+        several = (
+            isinstance(one, CommonFactor)
+            or name in design_rules
+            or list_length(scene.machine, name) > 0
+        )
         label = f"{name} " if several else ""
         source = f"identified from {found.source}, {label}{value:.5g} +- {error:.2g}"
         source = f"{source} {found.units[n]}".strip() + " (standard error)"
@@ -448,7 +455,3 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
             source = f"prior, of which {found.source} says nothing"
         scene = with_machine(scene, one.apply(scene.machine, found.estimate[n]), source)
     return scene
-
-
-def _is_list(scene: Scene, name: str) -> bool:
-    return list_length(scene.machine, name) > 0

@@ -13,11 +13,12 @@ from typing import Any, ClassVar, NamedTuple, Self, cast
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from ..machine import Machine
-from ._fit import Parameter
+from ._least_squares import Parameter
 
 Build = Callable[[Float[Array, " p"]], Machine]
 
@@ -152,3 +153,8 @@ class AbstractMeasurement(abc.ABC):
 def usual(name: str, given: Mapping[str, float], default: float) -> float:
     """The standard deviation of a quantity."""
     return float(given.get(name, default))
+
+
+def given_or_usual(given: NDArray | None, usual: NDArray) -> NDArray:
+    """Standard deviations of single readings where they are given, the usual ones elsewhere."""
+    return usual if given is None else np.where(np.isfinite(given), given, usual)

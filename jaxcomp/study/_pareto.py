@@ -108,17 +108,7 @@ def pareto(
     counted("points", points, 3, 10_000)
     counted("starts", starts, high=10_000)
     problem = given_problem(problem)
-    if not isinstance(objectives, tuple | list) or len(set(objectives)) != 2:
-        bound = 'two different quantities, such as ("mechanical_efficiency", "motor_power")'
-        raise BadInput("objectives", str(objectives or "absent"), bound)
-    if not isinstance(maximise, tuple | list) or len(maximise) != 2:
-        raise BadInput("maximise", str(maximise), "one for each objective, such as (True, False)")
-    quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
-    # all quantities in one order, so that one program serves both ends and the front
-    problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)
-    goals = [
-        goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)
-    ]
+    goals = _goals(problem, objectives, maximise, constraints)
     method, ranges = method_of("slsqp", goals[0]), goals[0].ranges
     designs = space(problem, ranges, max(samples, starts), seed)
     search = Search(goals[0].problem, designs, batch, max_steps, tolerance, callback, keep)
@@ -130,6 +120,7 @@ def pareto(
         if not ends[-1].feasible:
             raise SolveFailed(Status.not_converged, ends[-1].verdict)
     evaluations = sum(end.evaluations for end in ends)
+    # now with the spreads over the sample
     goals = [one.goal for one in front]
     places, signs = [one.objective for one in goals], np.array([one.sign for one in goals])
     scale = goals[0].scale[places]
@@ -162,6 +153,22 @@ def pareto(
         ends=(ends[0], ends[1]),
         evaluations=evaluations,
     )
+
+
+def _goals(problem: Problem, objectives, maximise, constraints) -> list[Goal]:
+    """The goal of each end; all quantities in one order, so that one program serves both and the front.
+
+    Raises:
+        BadInput: as `pareto`.
+    """
+    if not isinstance(objectives, tuple | list) or len(set(objectives)) != 2:
+        bound = 'two different quantities, such as ("mechanical_efficiency", "motor_power")'
+        raise BadInput("objectives", str(objectives or "absent"), bound)
+    if not isinstance(maximise, tuple | list) or len(maximise) != 2:
+        raise BadInput("maximise", str(maximise), "one for each objective, such as (True, False)")
+    quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
+    problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)
+    return [goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)]
 
 
 def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.ndarray]]:

@@ -14,8 +14,8 @@ from .._core.errors import BadInput
 from ..cylinder import Cylinder
 from ..fluid import RealGas
 from ..machine import Machine, assembled
-from ._fit import Parameter
-from ._measurement import AbstractMeasurement, Entries, Kind
+from ._least_squares import Parameter
+from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual
 from .rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
 
 # What a map measures: unit, whether the deviation is relative, and deviation by default, of readings and
@@ -89,8 +89,7 @@ class Readings(AbstractMeasurement):
         _, relative, plain, fitted = MEASURED[name]
         usual = given.get(name, fitted if self.polynomial else plain)
         usual = usual * np.abs(self.measured[name]) if relative else usual + 0 * self.measured[name]
-        own = self.sd.get(name)
-        return usual if own is None else np.where(np.isfinite(own), own, usual)
+        return given_or_usual(self.sd.get(name), usual)
 
     def check(self, machine: Machine) -> None:
         """Refuse points that cannot be.

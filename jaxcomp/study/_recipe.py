@@ -11,7 +11,7 @@ from .._core.errors import BadInput
 from ..cylinder import Cylinder
 from ..fluid import RealGas
 from ..machine import Machine, machine_of
-from ._identify import CommonFactor, varied
+from ._common_factor import CommonFactor, varied
 from ._readings import Readings
 from ._rules import with_swept_volume
 from ._variables import variable

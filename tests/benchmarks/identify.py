@@ -16,7 +16,7 @@ import numpy as np
 from jaxcomp import load
 from jaxcomp.machine import machine_of
 from jaxcomp.study import Readings, Trace, identify, varied
-from jaxcomp.study._identify import _Blocks
+from jaxcomp.study._reading_model import ReadingModel
 
 CONSTANTS = (
     "gas.clearance_ratio",
@@ -42,7 +42,7 @@ def coverage(repetitions: int, starts: int = 1):
     angle = np.radians(np.arange(0, 360, 5.0))
     trace = Trace("diagram", ("pressure",), angle, np.ones((1, angle.size)))
     variables = tuple(varied(machine, name) for name in names)
-    exact = _Blocks(machine, variables, [points, trace], {})
+    exact = ReadingModel(machine, variables, [points, trace], {})
     start = np.concatenate([truth, [one.start for one in exact.nuisances]])
     value, _ = exact(start, range(exact.count))
     rows = {name: value[np.array(exact.entries.quantity) == name] for name in [*values, "pressure"]}

@@ -20,7 +20,7 @@ from jaxcomp.fluid import RealGas
 from jaxcomp.scene import with_value
 from jaxcomp.scene.measured import read_measurement
 from jaxcomp.study import identify, map_recipe, with_own_factors
-from jaxcomp.study._identify import _Blocks
+from jaxcomp.study._reading_model import ReadingModel
 
 ZERO, TURN = 273.15, 2 * np.pi
 TEMPLATE = "semi-hermetic-200cc"
@@ -132,7 +132,7 @@ def carried(machine, ahead):
     """Readings of another fluid, and what the constants of a machine say of them."""
     place = lambda m: m.compressor.gas.fluid  # noqa: E731
     machine = eqx.tree_at(place, machine, RealGas(ahead.fluid))
-    blocks = _Blocks(machine, (), [ahead], SD)
+    blocks = ReadingModel(machine, (), [ahead], SD)
     values, _ = blocks(np.zeros(0), range(blocks.count))
     return blocks.entries, values
 

@@ -14,9 +14,17 @@ from jaxcomp.cylinder import SuctionWarming
 from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
 from jaxcomp.scene.readings import identified_scene
-from jaxcomp.study import RECIPE, Readings, identify, map_recipe, varied, with_own_factors
-from jaxcomp.study._fit import Parameter, fit
-from jaxcomp.study._identify import _law_of_speed, _notes
+from jaxcomp.study import (
+    RECIPE,
+    Parameter,
+    Readings,
+    fit,
+    identify,
+    map_recipe,
+    varied,
+    with_own_factors,
+)
+from jaxcomp.study._identification_notes import law_of_speed, notes_of
 from jaxcomp.study.rating import QUANTITIES, rating_map
 
 ZERO = 273.15
@@ -228,7 +236,7 @@ def test_a_law_of_speed_that_does_not_fit_is_said():
             return value, value[:, None] / p[0]
 
         found = fit(model, [Parameter("size", 0.5, 2.0, 1.0)], entries.measured, entries.sd)
-        return list(_law_of_speed(found, entries))
+        return list(law_of_speed(found, entries))
 
     (words,) = said(1.0)
     assert words.startswith("the law of speed does not fit: power is off by +")
@@ -246,6 +254,6 @@ def test_a_constant_that_touches_nothing_measured_is_named():
     parameters = [Parameter("size", 0.5, 5.0, 1.0), Parameter("spring", 0.5, 2.0, 1.0, 1.0, 0.1)]
     found = fit(model, parameters, entries.measured, entries.sd)
     blocks = SimpleNamespace(entries=entries, measurements=[given])
-    words = list(_notes(found, blocks, found.value))
+    words = list(notes_of(found, blocks, found.value))
     assert "spring touches nothing that was measured" in words
     assert not any(one.startswith("size touches") for one in words)

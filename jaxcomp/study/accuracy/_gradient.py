@@ -20,9 +20,11 @@ from ._rotor import FILM_QUANTITIES, film_gradient_study
 from ._study import (
     FINE_TOLERANCE,
     TIGHT_TOLERANCE,
+    Call,
     Compiled,
     Question,
     Setting,
+    Solved,
     Study,
     answer,
     known_value,
@@ -46,19 +48,51 @@ def gradient_study(question: Question, thorough: bool) -> Study:
         return film_gradient_study(question, thorough)
     if question.variable is None:
         raise BadInput("variable", "none", "named for the study of gradients")
-    one, crank = variable(question.design, question.variable), question.compressor is not None
-    nominal = jnp.asarray(one.current(question.design), float)
-    size = abs(float(nominal)) or 1.0  # what steps of the variable are relative to
-    excited = "" if question.excitation is None else f", excitation '{question.excitation}'"
+    derivative, crank = _Derivative(question, question.variable), question.compressor is not None
+    solvers = [question.default_solver, Collocation(nodes=32, reversals=0)]
+    settings: list[Setting] = []
+    for solver in (solvers if thorough else solvers[:1]) if crank else (None,):
+        settings += derivative.by_mode(solver, FINE_TOLERANCE)
+        settings += derivative.by_differences(solver)
+    if thorough and crank:
+        edges, tail = question.load_reversals, " tolerance=1e-07"
+        ahead = Shooting(reversals=edges, adjoint=diffrax.ForwardMode())
+        settings += derivative.by_mode(Shooting(reversals=edges), 1e-7, ("reverse",), tail)
+        settings += derivative.by_mode(ahead, 1e-7, ("forward",), tail)
+    note = f"derivative with respect to {question.variable}{derivative.excited}"
+    name = f"d {question.quantity} / d {question.variable}"
+    unit, below = quantity_named(question.quantity).unit, derivative.variable.unit
+    unit = f"{unit or '1'}/{below}" if below else unit
+    return Study(derivative.reference, tuple(settings), note, name, unit)
 
-    def at(design, options, offset):
+
+class _Derivative:
+    """The derivative of the quantity of a question with respect to one variable.
+
+    Args:
+        question: whose quantity and machine are taken.
+        name: of the variable.
+    """
+
+    def __init__(self, question: Question, name: str):
+        self.question, self.variable = question, variable(question.design, name)
+        nominal = float(self.variable.current(question.design))
+        self.size = abs(nominal) or 1.0  # what steps of the variable are relative to
+        excitation = question.excitation
+        self.excited = "" if excitation is None else f", excitation '{excitation}'"
+
+    def at(self, design, options, offset) -> Solved:
         """The quantity with the variable moved by an offset."""
-        moved = one.apply(design, jnp.asarray(one.current(design), float) + offset)
-        return answer(moved, options, question.quantity)
+        present = jnp.asarray(self.variable.current(design), float)
+        return answer(
+            self.variable.apply(design, present + offset), options, self.question.quantity
+        )
 
-    def slope(mode, design, options):
+    def slope(self, mode, design, options) -> Solved:
+        """The derivative in forward or reverse mode."""
+
         def value(offset):
-            solved = at(design, options, offset)
+            solved = self.at(design, options, offset)
             return solved.value, solved
 
         zero = jnp.zeros(())
@@ -68,61 +102,56 @@ def gradient_study(question: Question, thorough: bool) -> Study:
             _, found, solved = jax.jvp(value, (zero,), (jnp.ones(()),), has_aux=True)
         return solved._replace(value=found, iterations=0)
 
-    def difference(design, options, step):
+    def difference(self, design, options, step) -> Solved:
         """A central difference with its two solutions side by side."""
-        solved = jax.vmap(lambda x: at(design, options, x))(jnp.stack([-step, step]))
+        solved = jax.vmap(lambda x: self.at(design, options, x))(jnp.stack([-step, step]))
         slope = (solved.value[1] - solved.value[0]) / (2 * step)
         worst = jax.tree.map(lambda x: x[jnp.argmin(solved.ok)], solved)  # the one that failed
         return worst._replace(value=slope, iterations=0, ok=jnp.all(solved.ok))
 
-    def derivative(solver, tolerance, mode):
-        options = question.options(solver, tolerance)
-        return Compiled(partial(slope, mode)).call(question.design, options)
+    def call(self, solver, tolerance, mode) -> Call:
+        """The derivative by a solver and a mode."""
+        options = self.question.options(solver, tolerance)
+        return Compiled(partial(self.slope, mode)).call(self.question.design, options)
 
-    def by_mode(solver, tolerance, modes=_MODES, tail=""):
+    def by_mode(self, solver, tolerance, modes=_MODES, tail="") -> list[Setting]:
+        """Settings of both modes, or of one."""
         label, method = _label(solver), _label(solver).partition(" ")[0]
         return [
             Setting(f"{mode} mode, {method}" if method else f"{mode} mode", f"{label}{tail}",
-                    partial(derivative, solver, tolerance, mode))
+                    partial(self.call, solver, tolerance, mode))
             for mode in modes
         ]  # fmt: skip
 
-    def reference():
+    def by_differences(self, solver) -> list[Setting]:
+        """Settings by step, the best of which is known beside the reference only."""
+        program, options = Compiled(self.difference), self.question.options(solver)
+
+        def call(share):
+            return program.call(self.question.design, options, jnp.asarray(share * self.size))
+
+        label = f"{_label(solver)} step={{:g}}"
+        return series("central differences", label, call, _STEPS, candidate=False)
+
+    def reference(self) -> Reference:
+        """Forward mode through fine collocation, beside differences of another method.
+
+        Raises:
+            BadInput: a variable that does not change the quantity.
+        """
+        question, crank = self.question, self.question.compressor is not None
         fine = question.fine_solver if crank else None
-        exact = float(known_value(question, derivative(fine, FINE_TOLERANCE, "forward").run()))
+        exact = float(known_value(question, self.call(fine, FINE_TOLERANCE, "forward").run()))
         if exact == 0.0:
-            bound = f"one that {question.variable} changes{excited}"
+            bound = f"one that {question.variable} changes{self.excited}"
             raise BadInput("quantity", question.quantity, bound)
         other, tolerance, how = other_method(question) if crank else (None, TIGHT_TOLERANCE, "")
-        options, shot = question.options(other, tolerance), Compiled(at)
-        step = _REFERENCE_STEP * size
+        options, shot = question.options(other, tolerance), Compiled(self.at)
+        step = _REFERENCE_STEP * self.size
         ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
         second = sum(w * float(end.value) for w, end in ends) / step
         methods = "collocation, 24 nodes, forward", f"differences of {how}"
         return Reference(exact, second, methods if crank else ("forward", "differences"))
-
-    settings: list[Setting] = []
-    solvers = [question.default_solver, Collocation(nodes=32, reversals=0)]
-    for solver in (solvers if thorough else solvers[:1]) if crank else (None,):
-        settings += by_mode(solver, FINE_TOLERANCE)
-        program, options = Compiled(difference), question.options(solver)
-
-        def differences(share, program=program, options=options):
-            return program.call(question.design, options, jnp.asarray(share * size))
-
-        # the best of which is known beside the reference only
-        settings += series("central differences", f"{_label(solver)} step={{:g}}", differences,
-                           _STEPS, candidate=False)  # fmt: skip
-    if thorough and crank:
-        edges, tail = question.load_reversals, " tolerance=1e-07"
-        ahead = Shooting(reversals=edges, adjoint=diffrax.ForwardMode())
-        settings += by_mode(Shooting(reversals=edges), 1e-7, ("reverse",), tail)
-        settings += by_mode(ahead, 1e-7, ("forward",), tail)
-    note = f"derivative with respect to {question.variable}{excited}"
-    name = f"d {question.quantity} / d {question.variable}"
-    unit = quantity_named(question.quantity).unit
-    unit = f"{unit or '1'}/{one.unit}" if one.unit else unit
-    return Study(reference, tuple(settings), note, name, unit)
 
 
 def _label(solver: Collocation | Shooting | None) -> str:

@@ -1,240 +1,25 @@
-"""Kinds of measurement beside rated points: over the angle, tables of quantities, modes, vibration."""
+"""Measurements of a rotor: its modes, and the vibration of targets."""
 
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from numpy.typing import NDArray
 
-from .._core.display import shown
 from .._core.errors import BadInput
 from .._core.fields import replaced
-from ..crank import Collocation, solve_orbit
-from ..cylinder import Cylinder
 from ..machine import Machine, assembled
 from ..rotor import AXES, node_index, prepare, undamped_modes
-from ._analysis import AnalysisOptions, DesignResult, quantity_named
-from ._fit import Parameter
-from ._measurement import AbstractMeasurement, Entries, Kind, usual
-from ._problem import value_of
-from ._variables import variable
-from .rating import solve_rated
+from ._analysis import AnalysisOptions, DesignResult
+from ._least_squares import Parameter
+from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, usual
 
 _DEGREE = np.pi / 180
-# Samples over a revolution that count as independent: every five degrees.
-_INDEPENDENT = 72
 # Distinct frequencies are further apart than this, relative; closer ones are a pair.
 _PAIR = 1e-3
-
-
-def _conditioned(machine: Machine, paths: tuple[str, ...], values) -> Machine:
-    """The machine at the conditions of a point, unchecked."""
-    for path, value in zip(paths, values, strict=True):
-        machine = variable(machine, path).apply(machine, value)
-    return machine
-
-
-@dataclass(frozen=True)
-class Trace(AbstractMeasurement):
-    """Readings over the crank angle of a revolution: of pressure, valve lifts or the crank's speed.
-
-    Samples are not independent: their standard deviations grow so that they count as `independent` ones.
-    Sensors have an offset, a gain and an angle of their own, which are fitted with priors.
-
-    Attributes:
-        quantities: of `Trace.MEASURED`, in the order of `measured`.
-        paths: of the numbers of the machine that the test bed set.
-        settings: [SI] their values.
-        angle: [rad] (n,) of the crank from the top dead centre, positive with the rotation.
-        measured: [SI] (quantities, n)
-        sd: [SI] (quantities, n) standard deviations of a sample; the usual ones if absent.
-        independent: samples that count as independent.
-    """
-
-    MEASURED: ClassVar[dict[str, str]] = {
-        "pressure": "Pa", "suction_lift": "m", "discharge_lift": "m", "speed": "rad/s",
-    }  # fmt: skip
-    INDEPENDENT: ClassVar[int] = _INDEPENDENT
-    names_of_sd: ClassVar[tuple[str, ...]] = tuple(MEASURED)
-
-    source: str = field(compare=False)
-    quantities: tuple[str, ...]
-    angle: NDArray = field(compare=False)
-    measured: NDArray = field(compare=False)
-    paths: tuple[str, ...] = ()
-    settings: tuple[float, ...] = field(compare=False, default=())
-    sd: NDArray | None = field(compare=False, default=None)
-    independent: int = field(compare=False, default=_INDEPENDENT)
-    solver: Any = None
-
-    def check(self, machine):
-        """Refuse a machine without these quantities, and settings that are none of its numbers."""
-        compressor = assembled(machine).compressor
-        if compressor is None:
-            raise BadInput(
-                f"{self.source}: compressor", "absent", "given, for readings over the angle"
-            )
-        gas = compressor.gas
-        valves = isinstance(gas, Cylinder)
-        if (not valves and self.quantities != ("speed",)) or (valves and not gas.inert):
-            bound = "a cylinder with valves that have a `port_length`; without, speed alone"
-            raise BadInput(f"{self.source}: gas", type(gas).__name__, bound)
-        for path, value in zip(self.paths, self.settings, strict=True):
-            variable(machine, path, value, value)
-        if compressor.crankshaft.count > 1:
-            raise BadInput(
-                f"{self.source}: cylinders", compressor.crankshaft.count, "1 for a trace"
-            )
-
-    @property
-    def nuisances(self):
-        """Angle of the top dead centre; offset and gain of the pressure; gain of the lifts."""
-        out = [
-            Parameter("top_dead_centre", -0.1, 0.1, 0.0, 0.0, 0.3 * _DEGREE, False, "rad"),
-        ]
-        if "pressure" in self.quantities:
-            out.append(Parameter("pressure_offset", -1e5, 1e5, 0.0, 0.0, 1e3, False, "Pa"))
-            out.append(Parameter("pressure_gain", 0.8, 1.25, 1.0, 1.0, 0.01))
-        if any("lift" in name for name in self.quantities):
-            out.append(Parameter("lift_gain", 0.5, 2.0, 1.0, 1.0, 0.02))
-        return tuple(out)
-
-    def entries(self, sd):
-        shape = self.measured.shape
-        own = np.full(shape, np.nan) if self.sd is None else self.sd
-        size = np.ptp(self.measured, axis=1)
-        for row, name in enumerate(self.quantities):
-            size[row] = (
-                usual(name, sd, 0.001) * np.mean(self.measured[row])
-                if name == "speed"
-                else usual(name, sd, 0.01) * size[row]
-            )
-        many = np.sqrt(np.maximum(1.0, shape[1] / self.independent))
-        deviation = np.where(np.isfinite(own), own, size[:, None]) * many
-        rows, columns = np.nonzero(np.isfinite(self.measured))
-        return Entries(
-            tuple(self.quantities[row] for row in rows),
-            {name: Kind(self.MEASURED[name], name == "speed") for name in self.quantities},
-            np.zeros(rows.size, int),
-            rows * shape[1] + columns,
-            self.measured[rows, columns],
-            deviation[rows, columns],
-            tuple(f"{self.angle[n] / _DEGREE:.4g} deg" for n in columns),
-            {"crank_angle": self.angle[columns]},
-            {"crank_angle": "rad"},
-        )
-
-    def points(self, machine):
-        del machine
-        return self.angle[None], tuple(np.array([value]) for value in self.settings)
-
-    def at(self, machine, nuisances, point):
-        angles, settings = point
-        own = dict(zip([one.name for one in self.nuisances], nuisances, strict=True))
-        here = _conditioned(machine, self.paths, settings).as_compressor()
-        if isinstance(here.gas, Cylinder):
-            orbit = solve_rated(here, Collocation(reversals=0, estimate=False), self.solver)
-        else:
-            orbit = solve_orbit(here, self.solver, throw=False)
-        at, cycle = angles - own["top_dead_centre"], cast(Any, orbit.cycle)
-        out = []
-        for name in self.quantities:
-            if name == "speed":
-                out.append(orbit.speed_at(at))
-            elif name == "pressure":
-                gain, offset = own["pressure_gain"], own["pressure_offset"]
-                out.append(offset + gain * cycle.pressure_at(at))
-            else:
-                out.append(own["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
-        ok = orbit.converged if cycle is None else orbit.converged & cycle.converged
-        return jnp.concatenate(out), ok
-
-
-@dataclass(frozen=True)
-class Table(AbstractMeasurement):
-    """Readings of any quantities of `jaxcomp quantities` at several conditions.
-
-    Such as losses by joint, shaft power, vibration or efficiencies, over speed or pressures.
-
-    Attributes:
-        quantities: names, as `jaxcomp.quantity_named` takes them.
-        paths: of the numbers of the machine that are different from point to point.
-        settings: [SI] (n, paths) their values.
-        measured: [SI] (n, quantities); not a number where nothing was measured.
-        sd: [SI] (n, quantities) standard deviations; 1 % where absent, 2 K, 1 degree.
-        units: SI units of the paths, for names of the points.
-    """
-
-    source: str = field(compare=False)
-    quantities: tuple[str, ...]
-    measured: NDArray = field(compare=False)
-    paths: tuple[str, ...] = ()
-    settings: NDArray = field(compare=False, default_factory=lambda: np.zeros((1, 0)))
-    sd: NDArray | None = field(compare=False, default=None)
-    units: tuple[str, ...] = field(compare=False, default=())
-    solver: Any = None
-
-    @property
-    def names_of_sd(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        """All quantities of the table."""
-        return self.quantities
-
-    def check(self, machine):
-        """Refuse quantities that the machine has not, and settings that are none of its numbers."""
-        for name in self.quantities:
-            if missing := quantity_named(name).missing(machine):
-                raise BadInput(f"{self.source}: {name}", "measured", f"of a machine with {missing}")
-        for path, values in zip(self.paths, self.settings.T, strict=True):
-            for value in values:
-                variable(machine, path, value, value)
-
-    def entries(self, sd):
-        own = np.full(self.measured.shape, np.nan) if self.sd is None else self.sd
-        kinds, deviation = {}, np.empty(self.measured.shape)
-        for n, name in enumerate(self.quantities):
-            unit = quantity_named(name).unit
-            kinds[name] = Kind(unit, unit not in ("K", "rad"))
-            size = {"K": usual(name, sd, 2.0), "rad": usual(name, sd, _DEGREE)}.get(unit)
-            share = usual(name, sd, 0.01) * np.abs(self.measured[:, n])
-            deviation[:, n] = share if size is None else size
-        deviation = np.where(np.isfinite(own), own, deviation)
-        rows, columns = np.nonzero(np.isfinite(self.measured))
-        units = self.units or ("",) * len(self.paths)
-        looks = [
-            shown(path, unit, values)
-            for path, unit, values in zip(self.paths, units, self.settings.T, strict=True)
-        ]
-
-        def label(row):
-            pairs = zip(row, looks, strict=True)
-            return ", ".join(one.drawn.text(x) for x, one in pairs)
-
-        labels = [label(row) or "the machine" for row in self.settings]
-        return Entries(
-            tuple(self.quantities[n] for n in columns),
-            kinds,
-            rows,
-            columns,
-            self.measured[rows, columns],
-            deviation[rows, columns],
-            tuple(labels[n] for n in rows),
-            {path: self.settings[rows, n] for n, path in enumerate(self.paths)},
-            dict(zip(self.paths, units, strict=True)),
-        )
-
-    def points(self, machine):
-        del machine
-        return self.settings
-
-    def at(self, machine, nuisances, point):
-        del nuisances
-        options = AnalysisOptions(self.solver)
-        found = DesignResult(_conditioned(machine, self.paths, point), options)
-        values = jnp.stack([jnp.asarray(value_of(name, found), float) for name in self.quantities])
-        return values, found.ok & jnp.all(jnp.isfinite(values))
 
 
 @dataclass(frozen=True)
@@ -297,8 +82,7 @@ class ModalTest(AbstractMeasurement):
     def entries(self, sd):
         count = self.frequency.size
         deviation = usual("frequency", sd, self.USUAL) * self.frequency
-        if self.sd is not None:
-            deviation = np.where(np.isfinite(self.sd), self.sd, deviation)
+        deviation = given_or_usual(self.sd, deviation)
         shape = np.zeros((count, 0)) if self.shape is None else self._normed()
         rows, columns = np.nonzero(np.isfinite(shape))
         modes = np.array(self.modes)
@@ -405,9 +189,7 @@ class VibrationTest(AbstractMeasurement):
     def entries(self, sd):
         # columns of a point: real parts, imaginary parts and sizes of all rows of the machine
         phased = np.isfinite(self.phase)
-        own = usual("vibration", sd, 0.05) * self.amplitude
-        if self.sd is not None:
-            own = np.where(np.isfinite(self.sd), self.sd, own)
+        own = given_or_usual(self.sd, usual("vibration", sd, 0.05) * self.amplitude)
         # across the direction of the reading it errs by 5 degrees
         whole = np.sqrt((own**2 + (5 * _DEGREE * self.amplitude) ** 2) / 2)
         value = self.amplitude * np.exp(1j * np.where(phased, self.phase, 0.0))

@@ -1,0 +1,178 @@
+"""What measurements tell of a machine."""
+
+from collections.abc import Iterator
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from numpy.typing import NDArray
+
+from .._core.errors import BadInput
+from .._core.results import Data, Result
+from ..machine import Machine
+from ._fit import Prediction
+from ._measurement import AbstractMeasurement, Entries, Kind
+from ._reading_model import ReadingModel
+
+
+class HeldOut(NamedTuple):
+    """How a quantity was predicted at points that the fit did not see.
+
+    Attributes:
+        count: of points.
+        rms, largest: relative, or [K] for temperatures.
+        inside: [-] share within the inflated 95 % intervals.
+    """
+
+    count: int  # pyright: ignore[reportIncompatibleMethodOverride]  # of points, and no entries
+    rms: float
+    largest: float
+    inside: float
+
+
+class Identification(Result, eqx.Module):
+    """What measurements tell of a machine.
+
+    Attributes:
+        parameters: (p,) paths of the constants, then the constants of the measurements themselves.
+        units: (p,) SI units.
+        estimate: (p,) their values.
+        standard_error: (p,)
+        covariance: (p, p)
+        start: (p,) values of the machine file.
+        prior_share: (p,) standard error over that of the prior; not a number without one.
+        constants: how many of them are numbers of the machine.
+        quantity: (m,) name of every reading.
+        kinds: unit of every quantity, and whether its error is relative.
+        point: (m,) number of its point, counted over all measurements.
+        names: (m,) of its conditions.
+        conditions: [SI] (m,) numbers by name; not a number where a reading has none of this name.
+        condition_units: their SI units.
+        measured, computed: [SI] (m,)
+        sd: [SI] (m,) of the readings.
+        half_width: [SI] (m,) of the 95 % interval of the prediction, inflated by the fit's scatter.
+        used: (m,) whether the fit saw it.
+        chi_square, p_value: of the fit.
+        freedom: readings and priors less parameters.
+        weak: combinations that the readings hardly tell, in words.
+        notes: what is not to be trusted, in words.
+        source: of the readings.
+        fit: with slopes and profiles.
+        machine: with the estimates.
+        study: predicts other points.
+    """
+
+    parameters: tuple[str, ...] = eqx.field(static=True)
+    units: tuple[str, ...] = eqx.field(static=True)
+    estimate: Float[Array, " p"]
+    standard_error: Float[Array, " p"]
+    covariance: Float[Array, "p p"]
+    start: Float[Array, " p"]
+    prior_share: Float[Array, " p"]
+    constants: int = eqx.field(static=True)
+    quantity: tuple[str, ...] = eqx.field(static=True)
+    kinds: dict[str, Kind] = eqx.field(static=True)
+    point: Int[Array, " m"]
+    names: tuple[str, ...] = eqx.field(static=True)
+    conditions: dict[str, Float[Array, " m"]]
+    condition_units: dict[str, str] = eqx.field(static=True)
+    measured: Float[Array, " m"]
+    computed: Float[Array, " m"]
+    sd: Float[Array, " m"]
+    half_width: Float[Array, " m"]
+    used: Bool[Array, " m"]
+    chi_square: Float[Array, ""]
+    p_value: Float[Array, ""]
+    freedom: Int[Array, ""]
+    weak: tuple[str, ...] = eqx.field(static=True)
+    notes: tuple[str, ...] = eqx.field(static=True)
+    source: str = eqx.field(static=True)
+    fit: Any = eqx.field(static=True, default=None)
+    machine: Machine | None = None
+    study: Any = eqx.field(static=True, default=None)
+
+    table_dims: ClassVar[tuple[str, ...]] = ("reading",)
+    not_saved: ClassVar[tuple[str, ...]] = ("fit", "machine", "study", "kinds", "condition_units")
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result; readings in the units of their quantities."""
+        for n, (name, unit) in enumerate(zip(self.parameters, self.units, strict=True)):
+            yield Data(f"estimate.{name}", unit, self.estimate[n])
+            yield Data(f"standard_error.{name}", unit, self.standard_error[n])
+        yield Data("chi_square", "", self.chi_square)
+        yield Data("p_value", "", self.p_value)
+        yield Data("freedom", "", self.freedom)
+        at, quantities = self.table_dims, self.quantities
+        yield Data("point", "", self.point, at)
+        numbers = ", ".join(f"{n}: {name}" for n, name in enumerate(quantities))
+        yield Data(
+            "quantity", "", np.array([quantities.index(q) for q in self.quantity]), at, numbers
+        )
+        for name, values in self.conditions.items():
+            yield Data(f"at.{name}", self.condition_units[name], values, at)
+        for name in ("measured", "computed", "sd", "half_width", "used"):
+            yield Data(name, "", getattr(self, name), at, "in the SI unit of its quantity")
+
+    def error(self, name: str) -> NDArray:
+        """(m of this quantity,) computed less measured: relative, or in the SI unit."""
+        mine = self.of(name)
+        off = np.asarray(self.computed - self.measured)[mine]
+        return off / np.asarray(self.measured)[mine] if self.kinds[name].relative else off
+
+    def of(self, name: str) -> NDArray:
+        """(m,) whether a reading is of this quantity."""
+        return np.array([one == name for one in self.quantity])
+
+    @property
+    def quantities(self) -> list[str]:
+        """Names of what was measured."""
+        return list(dict.fromkeys(self.quantity))
+
+    @property
+    def held_out(self) -> dict[str, HeldOut]:
+        """By quantity, how points were predicted that the fit did not see."""
+        out = {}
+        for name in self.quantities:
+            mine = self.of(name)
+            left = ~np.asarray(self.used)[mine] & np.isfinite(np.asarray(self.computed)[mine])
+            if not left.any():
+                continue
+            error = self.error(name)[left]
+            off = np.abs(np.asarray(self.computed - self.measured))[mine][left]
+            inside = off <= np.asarray(self.half_width)[mine][left]
+            rms = float(np.sqrt(np.mean(error**2)))
+            out[name] = HeldOut(
+                int(left.sum()), rms, float(np.abs(error).max()), float(inside.mean())
+            )
+        return out
+
+    def predict(self, measurement: AbstractMeasurement) -> tuple[Entries, Prediction]:
+        """What the identified machine says of other readings, with intervals.
+
+        Args:
+            measurement: of which the conditions count, and the standard deviations for the intervals of
+                readings; the measured values may be anything.
+
+        Raises:
+            BadInput: a result that was loaded.
+        """
+        if self.study is None:
+            raise BadInput("study", "absent", "that of the identification, for predictions")
+        model = ReadingModel(self.study.design, self.study.variables, [measurement], {})
+        count = len(self.study.variables)
+        at = np.asarray(self.estimate)[:count]
+        # constants of the measurement as they were found, where it is of the same source
+        known = {name: n for n, name in enumerate(self.parameters)}
+        places = [known.get(one.name) for one in model.nuisances]
+        own = [
+            one.start if n is None else float(self.estimate[n])
+            for one, n in zip(model.nuisances, places, strict=True)
+        ]
+        value, slope = model(np.concatenate([at, own]), range(model.count))
+        whole = np.zeros((value.size, len(self.parameters)))
+        whole[:, :count] = slope[:, :count]
+        for n, column in zip(places, slope[:, count:].T, strict=True):
+            if n is not None:
+                whole[:, n] = column
+        return model.entries, self.fit.predict(value, whole, model.entries.sd)

@@ -1,0 +1,107 @@
+"""What is not to be trusted of identified constants, in words."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._fit import Fit
+from ._measurement import Entries
+from ._reading_model import ReadingModel
+
+# Share of the prior's deviation that is left, above which the readings say nothing of a parameter.
+_SAY_NOTHING = 0.9
+# p-values below which a model is rejected, and above which the deviations were too large.
+_REJECTED, _TOO_GOOD = 0.01, 0.99
+# Spread of the mean residuals of two speeds, in their deviations, beyond which their law does not fit.
+_TOGETHER = 4.0
+# Weight that a robust loss leaves to a reading, below which it is named.
+_LITTLE = 0.5
+
+
+def notes_of(found: Fit, model: ReadingModel, value: NDArray) -> Iterator[str]:
+    """What is not to be trusted of a fit, in words.
+
+    Args:
+        found: the fit.
+        model: whose readings were fitted.
+        value: (m,) of the model at the estimate.
+    """
+    yield from _of_parameters(found)
+    yield from _of_fit(found, model)
+    entries = model.entries
+    for weight, name, at in zip(found.robust, entries.quantity, entries.names, strict=True):
+        if weight < _LITTLE:
+            yield f"{name} at {at} counts {weight:.0%}"
+    lost = ~np.isfinite(value) & ~(found.interrupted & (found.weight == 0))
+    for at in dict.fromkeys(np.array(entries.names)[lost].tolist()):
+        yield f"point {at} has no solution with the estimates"
+
+
+def _of_parameters(found: Fit) -> Iterator[str]:
+    """Parameters and combinations that the readings do not tell."""
+    for one, held in zip(found.parameters, found.at_bound, strict=True):
+        if held:
+            yield f"{one.name} is held by its bound: it is not identified, its error means nothing"
+    for one, share in zip(found.parameters, found.prior_share, strict=True):
+        if share > _SAY_NOTHING:
+            yield f"the readings say nothing of {one.name}: it stays at its prior"
+    used = found.weight > 0
+    silent = np.abs(found.slope[used]).max(axis=0, initial=0.0)
+    for one, most in zip(found.parameters, silent, strict=True):
+        if most == 0:
+            yield f"{one.name} touches nothing that was measured"
+    for one in found.directions:
+        if one.unidentifiable or one.weak:
+            what = "cannot be told" if one.unidentifiable else "is hardly told"
+            yield (
+                f"a combination {what}: {one.words} changes the residuals by {one.effect:.2g} "
+                "standard deviations"
+            )
+    if used.sum() <= len(found.parameters):
+        yield f"{used.sum()} readings for {len(found.parameters)} parameters: the priors decide"
+
+
+def _of_fit(found: Fit, model: ReadingModel) -> Iterator[str]:
+    """Whether the model explains the readings, and whether the fit is the only one."""
+    if found.p_value < _REJECTED:
+        yield (
+            "the model does not explain the readings within the stated deviations: errors of the "
+            f"parameters are too small; intervals of predictions are inflated by {found.scatter:.3g}"
+        )
+        yield from law_of_speed(found, model.entries)
+    if found.p_value > _TOO_GOOD:
+        yield "the readings fit better than their deviations allow: these are too large"
+    for other in found.minima:
+        pairs = zip(found.parameters, other.estimate, strict=True)
+        where = ", ".join(f"{one.name} {at:.4g}" for one, at in pairs)
+        yield f"a second minimum, chi-square {other.chi_square:.4g}: {where}"
+    if any(one.polynomial for one in model.measurements):
+        yield "the points are made from a polynomial and are no readings: chi-square is a hint alone"
+    if found.interrupted:
+        yield "stopped on the way: these are the best constants so far, and no minimum"
+    elif not found.converged:
+        yield "the solver did not converge"
+
+
+def law_of_speed(found: Fit, entries: Entries) -> Iterator[str]:
+    """Whether readings at some speeds are off together, in words."""
+    turns = entries.conditions.get("speed", np.full(found.weight.size, np.nan)) / (2 * np.pi)
+    used, off = found.weight > 0, found.residual
+    for quantity in dict.fromkeys(entries.quantity):
+        mine = used & np.isfinite(turns) & (np.array(entries.quantity) == quantity)
+        speeds = np.unique(turns[mine].round(6))
+        if speeds.size < 2 or not entries.kinds[quantity].relative:
+            continue
+        groups = [mine & np.isclose(turns, speed, rtol=1e-4) for speed in speeds]
+        # means of n readings, in standard deviations of a mean
+        means = [float(off[one].mean() * np.sqrt(one.sum())) for one in groups]
+        if max(means) - min(means) > _TOGETHER:
+            said = (
+                f"{np.mean((found.value / found.measured)[one]) - 1:+.1%} at {speed:.4g} 1/s"
+                for speed, one in zip(speeds, groups, strict=True)
+            )
+            yield (
+                f"the law of speed does not fit: {quantity} is off by {', '.join(said)}; factors of "
+                "flow and power at each speed (`with_own_factors`, --own-factors) or one speed alone"
+            )
