@@ -11,7 +11,7 @@ from .._core.errors import BadInput
 from .._core.fields import counted
 from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
-from ._descent import BETTER, Descent, method_of
+from ._descent import BETTER, Descent, Method, method_of
 from ._goal import Goal, Interval, Limit, goal_of
 from ._optimise import Callback, Keep, Optimum, Search, optimum_of, space
 from ._problem import Asked, Problem, given_problem
@@ -107,18 +107,14 @@ def pareto(
     """
     counted("points", points, 3, 10_000)
     counted("starts", starts, high=10_000)
-    problem = given_problem(problem)
-    goals = _goals(problem, objectives, maximise, constraints)
+    problem = _with_all(given_problem(problem), objectives, maximise, constraints)
+    goals = [
+        goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)
+    ]
     method, ranges = method_of("slsqp", goals[0]), goals[0].ranges
     designs = space(problem, ranges, max(samples, starts), seed)
     search = Search(goals[0].problem, designs, batch, max_steps, tolerance, callback, keep)
-    ends, front = [], []
-    for goal, sample in map(search.sampled, goals):
-        descents = search.descents([(goal, start) for start in sample.starts(starts)], method)
-        ends.append(optimum_of(goal, sample, descents))
-        front.append(min(descents, key=lambda one: one.best.rank))
-        if not ends[-1].feasible:
-            raise SolveFailed(Status.not_converged, ends[-1].verdict)
+    ends, front = _ends(search, goals, method, starts)
     evaluations = sum(end.evaluations for end in ends)
     # now with the spreads over the sample
     goals = [one.goal for one in front]
@@ -155,8 +151,8 @@ def pareto(
     )
 
 
-def _goals(problem: Problem, objectives, maximise, constraints) -> list[Goal]:
-    """The goal of each end; all quantities in one order, so that one program serves both and the front.
+def _with_all(problem: Problem, objectives, maximise, constraints) -> Problem:
+    """The problem with all quantities in one order, so that one program serves both ends and the front.
 
     Raises:
         BadInput: as `pareto`.
@@ -167,8 +163,25 @@ def _goals(problem: Problem, objectives, maximise, constraints) -> list[Goal]:
     if not isinstance(maximise, tuple | list) or len(maximise) != 2:
         raise BadInput("maximise", str(maximise), "one for each objective, such as (True, False)")
     quantities = dict.fromkeys([*objectives, *(constraints or {}), *problem.quantities])
-    problem = Problem(problem.design, problem.variables, tuple(quantities), problem.options)
-    return [goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)]
+    return Problem(problem.design, problem.variables, tuple(quantities), problem.options)
+
+
+def _ends(
+    search: Search, goals: list[Goal], method: Method, starts: int
+) -> tuple[list[Optimum], list[Descent]]:
+    """The optimum of each objective by itself, and the descent that found it.
+
+    Raises:
+        SolveFailed: no design of the sample can be solved, or none keeps the constraints.
+    """
+    ends, front = [], []
+    for goal, sample in map(search.sampled, goals):
+        descents = search.descents([(goal, start) for start in sample.starts(starts)], method)
+        ends.append(optimum_of(goal, sample, descents))
+        front.append(min(descents, key=lambda one: one.best.rank))
+        if not ends[-1].feasible:
+            raise SolveFailed(Status.not_converged, ends[-1].verdict)
+    return ends, front
 
 
 def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.ndarray]]:
