@@ -1,6 +1,7 @@
 """Scene files: machines in TOML with units, and the source of every value."""
 
 from .._core.words import did_you_mean as did_you_mean
+from ._cells import read_cells as read_cells
 from ._change import with_lists as with_lists
 from ._change import with_machine as with_machine
 from ._change import with_value as with_value
@@ -28,7 +29,6 @@ from ._schema import NAMED as NAMED
 from ._schema import SECTIONS as SECTIONS
 from ._text import NUMBER as NUMBER
 from ._text import SceneError as SceneError
-from ._text import read_cells as read_cells
 from ._text import visible as visible
 from ._units import to_si as to_si
 from ._upgrade import upgraded as upgraded

@@ -14,6 +14,7 @@ from .._core.display import is_temperature
 from .._core.fields import Part
 from ..compressor import Compressor
 from ..film import NamedBearing
+from ._cells import KEY
 from ._explain import meaning, summary
 from ._scene import HEADER
 from ._schema import (
@@ -27,7 +28,7 @@ from ._schema import (
     meanings,
     top_sections,
 )
-from ._text import KEY, NUMBER
+from ._text import NUMBER
 
 _TEXT = {"type": "string"}
 _PERCENT = rf"^\s*{NUMBER}\s*%?\s*$"

@@ -18,6 +18,7 @@ from .._core.words import did_you_mean, hint
 from ..compressor import Compressor
 from ..crank import CrankTrain
 from ..machine import Assembly, Machine, assembled, correction_planes
+from ._cells import with_tables
 from ._read import MOST_HINTS, Reader
 from ._schema import NAMED, SECTIONS, entries, imported, join
 from ._text import (
@@ -28,7 +29,6 @@ from ._text import (
     reading,
     toml_tables,
     toml_text_like,
-    with_tables,
 )
 from ._upgrade import check_spelling
 

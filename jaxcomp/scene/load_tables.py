@@ -17,7 +17,8 @@ import numpy as np
 from .._core.errors import BadInput
 from .._core.words import did_you_mean
 from ..crank import LoadTable
-from ._text import SceneError, cell_number, header_cell, lines_of, read_cells, reading
+from ._cells import cell_number, header_cell, lines_of, read_cells
+from ._text import SceneError, reading
 from ._units import factor
 
 _COLUMNS = {"angle": ("rad", "deg"), "W_x": ("N", "N"), "W_y": ("N", "N")}

@@ -33,7 +33,8 @@ from ..study import (
     quantity_named,
     variable,
 )
-from ._text import SceneError, cell_number, lines_of, read_cells, reading
+from ._cells import cell_number, lines_of, read_cells
+from ._text import SceneError, reading
 from ._units import factor, scale, to_si
 from ._universal import read_universal
 from .readings import read_readings, split_metadata

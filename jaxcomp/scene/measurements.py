@@ -26,7 +26,8 @@ import numpy as np
 
 from .._core.display import RPM
 from ..balancing import Influence, InfluenceRow, trial_influence
-from ._text import SceneError, cell_number, header_cell, lines_of, read_cells, reading
+from ._cells import cell_number, header_cell, lines_of, read_cells
+from ._text import SceneError, reading
 from ._units import factor
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")

@@ -37,9 +37,10 @@ from ..study import (
     varied,
 )
 from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap
+from ._cells import cell_number, header_cell, lines_of, read_cells
 from ._change import with_machine
 from ._scene import Scene
-from ._text import SceneError, cell_number, header_cell, lines_of, read_cells, reading
+from ._text import SceneError, reading
 from ._units import factor, scale
 from .map_formats import energyplus_text, read_energyplus, read_tespy, tespy_text
 
