@@ -3,7 +3,7 @@
 A part that is absent is `None`, and nothing of it is traced.
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -143,7 +143,16 @@ def _check_ports(compressor: Compressor) -> None:
             raise BadInput(f"gas.{name}.port_diameter", diameter, f"< {bore:.5g} m, the bore")
 
 
-def compressor_of(machine: Any) -> Compressor:
+@runtime_checkable
+class HasCompressor(Protocol):
+    """What verbs of the crank take beside a compressor: a machine or a scene."""
+
+    def as_compressor(self) -> Compressor:
+        """The compressor put together."""
+        ...
+
+
+def compressor_of(machine: Compressor | HasCompressor) -> Compressor:
     """The compressor of what a verb of the crank was given.
 
     Args:

@@ -8,7 +8,7 @@ a rotor with its films and loads, in which one number of the description acts wh
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -110,7 +110,17 @@ def follows_rotor(machine: Machine) -> bool:
     return "rotor" in machine.parts and joined is not None and joined.crank is not None
 
 
-def machine_of(scene: Any) -> Machine:
+@runtime_checkable
+class HasMachine(Protocol):
+    """What verbs of a whole machine take beside a machine: a scene of `jaxcomp.load`."""
+
+    @property
+    def machine(self) -> Machine:
+        """The machine."""
+        ...
+
+
+def machine_of(scene: Machine | HasMachine) -> Machine:
     """The machine of a scene, or a machine itself.
 
     Args:

@@ -8,7 +8,7 @@ Fourier coefficients of the forces and, by the mean force, stiffness and damping
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,7 +21,7 @@ from .._core.exported import kept_jit
 from .._core.fields import is_traced
 from .._core.words import one_of
 from ..crank import Collocation
-from ..machine import Assembly, assembled, machine_of
+from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ..rotor import (
     BalancingPlanes,
     PeriodicForce,
@@ -246,7 +246,7 @@ if TYPE_CHECKING:
 
 
 def machine_influence(
-    machine: Any,
+    machine: Machine | HasMachine,
     speeds: Float[Array, " speeds"] | None = None,
     solver: "Collocation | Shooting | None" = None,
     *,

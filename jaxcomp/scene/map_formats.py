@@ -14,7 +14,7 @@ over electric power, the volumetric one counts with the density of this gas.
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
@@ -161,7 +161,9 @@ def tespy_text(
     return json.dumps(out, indent=1) + "\n"
 
 
-def read_tespy(path: str | os.PathLike, fluid: RealGas | None = None) -> Any:
+def read_tespy(
+    path: str | os.PathLike,
+) -> tuple[dict[str, str], Callable[..., dict[str, np.ndarray]]]:
     """Metadata of such a file, and what gives (n,) capacity [W], power [W] and flow [kg/s] of points [K].
 
     Raises:
@@ -180,7 +182,7 @@ def read_tespy(path: str | os.PathLike, fluid: RealGas | None = None) -> Any:
         for key, own in (("superheat", "T_sh"), ("subcooling", "T_sc")):
             if own in state and not {"return_gas", "liquid"} & metadata.keys():
                 metadata.setdefault(key, f"{state[own]} K")
-        gas = fluid or RealGas(given["fluid"])
+        gas = RealGas(given["fluid"])
 
         def at(S, D) -> dict[str, np.ndarray]:
             density, rise, worth = _states(metadata, gas, S, D)

@@ -14,7 +14,7 @@ deviations. What was set at all points may stand in the metadata: `# motor.mean_
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +56,8 @@ _WORDS = (
 def read_measurement(
     path: str | os.PathLike,
     machine: Machine,
-    evaporating: Any = None,
-    condensing: Any = None,
+    evaporating: Sequence[float] | None = None,
+    condensing: Sequence[float] | None = None,
     speed: float | None = None,
 ) -> AbstractMeasurement:
     """A file of measurements of any kind.

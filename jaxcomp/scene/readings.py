@@ -18,12 +18,13 @@ with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from .._core.errors import BadInput
 from .._core.words import did_you_mean
+from ..compressor import Compressor
 from ..cylinder import Cylinder
 from ..fluid import RealGas
 from ..study import (
@@ -377,7 +378,7 @@ def polynomial_text(
     count: int,
     metadata: Mapping[str, str],
     form: str = "csv",
-    machine: Any = None,
+    machine: Compressor | None = None,
 ) -> str:
     """A file of polynomials of the points of maps, which `read_readings` reads.
 
@@ -421,10 +422,11 @@ def polynomial_text(
     if form == "energyplus":
         return energyplus_text(told, rows)
     if form == "tespy":
-        (speed, found), gas = next(iter(maps.items())), machine.gas
+        assert machine is not None
+        (speed, found), gas = next(iter(maps.items())), cast(Cylinder, machine.gas)
         swept = float(machine.swept_volume) * machine.crankshaft.count
         kept = {key: value for key, value in told.items() if "error" not in key}
-        return tespy_text(kept, found, gas.fluid, swept, speed)
+        return tespy_text(kept, found, cast(RealGas, gas.fluid), swept, speed)
     table = [
         ",".join([name, MEASURED[name][0], *map(repr, row.tolist())]) for name, row in rows.items()
     ]

@@ -29,11 +29,11 @@ from .._core.fields import (
 )
 from .._core.results import Data, Result
 from .._core.status import SolveFailed
-from ..compressor import Compressor, compressor_of
+from ..compressor import Compressor, HasCompressor, compressor_of
 from ..crank import Collocation, Orbit, solve_orbit
 from ..crankshaft import counterweights
 from ..friction import CoulombJournal, SliderCrankFriction, SliderLinkFriction
-from ..machine import Machine, machine_of
+from ..machine import HasMachine, Machine, machine_of
 from ..mechanism import SliderCrank, SliderLink
 from ._rules import design_rules
 
@@ -42,7 +42,7 @@ _COUNTERPART = {"link_slider": "piston_pin"}
 
 
 def design_study(
-    machine: Any,
+    machine: Compressor | Machine | HasMachine,
     variable: str,
     values: Float[Array, " n"],
     solver: Collocation | None = None,
@@ -98,7 +98,7 @@ class RodDrive(Part):
     pin_coefficient: Float[Array, ""] = quantity("", NONNEGATIVE, doc="Coulomb, of that pin")
 
 
-def rod_driven(machine: Any, rod: RodDrive) -> Compressor:
+def rod_driven(machine: Compressor | HasCompressor, rod: RodDrive) -> Compressor:
     """The compressor with a connecting rod in the place of slider and link.
 
     Bore, stroke, gas, motor, shaft, bearings, thrust bearing, pump, the laws of the cylinder wall
@@ -176,7 +176,7 @@ class DriveComparison(Result, eqx.Module):
 
 
 def compare_drives(
-    machine: Any, rod: RodDrive, solver: Collocation | None = None
+    machine: Compressor | HasCompressor, rod: RodDrive, solver: Collocation | None = None
 ) -> DriveComparison:
     """Run a slider-link machine and the same with a connecting rod; differentiable.
 
@@ -234,7 +234,10 @@ class Comparison(Result):
 
 
 def compare(
-    machines: Mapping[str, Any], solver: Collocation | None = None, *, throw: bool = True
+    machines: Mapping[str, Compressor | HasCompressor],
+    solver: Collocation | None = None,
+    *,
+    throw: bool = True,
 ) -> Comparison:
     """Solve the periodic states of some designs, and put them beside each other.
 

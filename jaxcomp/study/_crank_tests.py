@@ -1,7 +1,7 @@
 """Measurements over the crank angle, and tables of quantities at several conditions."""
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +18,9 @@ from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, us
 from ._problem import value_of
 from ._variables import variable
 from .rating import solve_rated
+
+if TYPE_CHECKING:
+    from ..crank import Shooting
 
 _DEGREE = np.pi / 180
 # Samples over a revolution that count as independent: every five degrees.
@@ -62,7 +65,7 @@ class Trace(AbstractMeasurement):
     settings: tuple[float, ...] = field(compare=False, default=())
     sd: NDArray | None = field(compare=False, default=None)
     independent: int = field(compare=False, default=_INDEPENDENT)
-    solver: Any = None
+    solver: "Collocation | Shooting | None" = None
 
     def check(self, machine):
         """Refuse a machine without these quantities, and settings that are none of its numbers."""
@@ -168,7 +171,7 @@ class Table(AbstractMeasurement):
     settings: NDArray = field(compare=False, default_factory=lambda: np.zeros((1, 0)))
     sd: NDArray | None = field(compare=False, default=None)
     units: tuple[str, ...] = field(compare=False, default=())
-    solver: Any = None
+    solver: "Collocation | Shooting | None" = None
 
     @property
     def names_of_sd(self):  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -1,7 +1,6 @@
 """Constants of a machine from its measurements, and the points that were not measured."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from .._core.errors import BadInput
 from .._core.words import one_of
-from ..machine import Machine, machine_of
+from ..machine import HasMachine, Machine, machine_of
 from ._common_factor import CommonFactor, varied
 from ._fit import Fit, fit
 from ._identification import Identification
@@ -21,7 +20,7 @@ from ._variables import Variable
 
 
 def identify(
-    machine: Any,
+    machine: Machine | HasMachine,
     measurements: AbstractMeasurement | Sequence[AbstractMeasurement],
     vary: Mapping[str, tuple[float, float] | None],
     prior: Mapping[str, tuple[float, float]] | None = None,

@@ -9,7 +9,7 @@ that are equal in these share one compiled program.
 import abc
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 
 from ..machine import Machine
 from ._least_squares import Parameter
+
+if TYPE_CHECKING:
+    from ..crank import Collocation, Shooting
 
 Build = Callable[[Float[Array, " p"]], Machine]
 
@@ -74,13 +77,13 @@ class AbstractMeasurement(abc.ABC):
     source: str
     polynomial: bool = False
     names_of_sd: ClassVar[tuple[str, ...]] = ()
-    solver: Any = None
+    solver: "Collocation | Shooting | None" = None
 
     @abc.abstractmethod
     def check(self, machine: Machine) -> None:
         """Raise `BadInput` for readings that cannot be, or a machine that does not suit them."""
 
-    def solved_by(self, solver: Any) -> Self:
+    def solved_by(self, solver: "Collocation | Shooting | None") -> Self:
         """The same readings; the periodic states that they follow from are found by another solver."""
         own = any(one.name == "solver" for one in dataclasses.fields(cast(Any, self)))
         return dataclasses.replace(cast(Any, self), solver=solver) if own else self

@@ -16,7 +16,7 @@ from .._core.results import Data
 from .._core.status import Status
 from ..crank import default_collocation
 from ..cylinder import Cylinder
-from ..machine import Machine, assembled, machine_of
+from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import (
     AnalysisOptions,
     DesignResult,
@@ -136,7 +136,7 @@ class Problem(eqx.Module):
 
 
 def problem(
-    scene: Any,
+    scene: Machine | HasMachine,
     variables: Sequence[str] | dict[str, tuple[float | None, float | None]] | None = None,
     quantities: Sequence[Asked] | None = None,
     options: AnalysisOptions | None = None,
@@ -183,7 +183,7 @@ def problem(
 
 
 def problem_of(
-    scene: Any,
+    scene: Machine | HasMachine | Problem,
     label: str,
     names: Sequence[str],
     quantities: Sequence[Asked] | None,

@@ -241,7 +241,7 @@ class Readings(AbstractMeasurement):
         raise BadInput(f"{self.source}: capacity over mass flow", f"{own:.1%} off", bound)
 
 
-def with_own_factors(readings: Sequence[Any]) -> list[Any]:
+def with_own_factors(readings: Sequence[AbstractMeasurement]) -> list[AbstractMeasurement]:
     """Measurements of which the points at further speeds have factors of flow and power of their own.
 
     Makers publish maps that are one of a speed times a factor of speed, and no machine explains both.

@@ -1,7 +1,7 @@
 """What is varied of a machine that is known by its map alone, and what is assumed of it beforehand."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ import numpy as np
 from .._core.errors import BadInput
 from ..cylinder import Cylinder
 from ..fluid import RealGas
-from ..machine import Machine, machine_of
+from ..machine import HasMachine, Machine, machine_of
 from ._common_factor import CommonFactor, varied
 from ._readings import Readings
 from ._rules import with_swept_volume
@@ -49,7 +49,7 @@ class Recipe(NamedTuple):
     prior: dict[str, tuple[float, float]]
 
 
-def map_recipe(machine: Any, readings: Readings | Sequence[Readings]) -> Recipe:
+def map_recipe(machine: Machine | HasMachine, readings: Readings | Sequence[Readings]) -> Recipe:
     """What to vary of a machine of unknown size, valves and losses that its map is to tell.
 
     The size follows from the flow at a volumetric efficiency of 0.8; everything else is that of a similar

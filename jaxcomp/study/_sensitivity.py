@@ -2,7 +2,7 @@ r"""How much a quantity of a machine changes with each of its numbers."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,7 +16,7 @@ from .._core.fields import listed_names
 from .._core.results import Data, Result
 from ..crank import default_collocation
 from ..cylinder import Cylinder
-from ..machine import Machine, machine_of
+from ..machine import HasMachine, Machine, machine_of
 from ._analysis import AnalysisOptions, DesignResult, given_options
 from ._problem import Asked, name_of, unit_of, value_of
 from ._variables import given_numbers, variable_label
@@ -172,7 +172,10 @@ class Influence(NamedTuple):
 
 
 def sensitivity(
-    scene: Any, quantities: Sequence[Asked] | None = None, *, options: AnalysisOptions | None = None
+    scene: Machine | HasMachine,
+    quantities: Sequence[Asked] | None = None,
+    *,
+    options: AnalysisOptions | None = None,
 ) -> Sensitivity:
     """How much quantities change with every number of a machine, by one reverse pass.
 

@@ -21,7 +21,7 @@ from .._core.exported import kept_jit
 from .._core.fields import replaced
 from .._core.results import Data, Result
 from .._core.words import one_of
-from ..compressor import Compressor, compressor_of
+from ..compressor import Compressor, HasCompressor, compressor_of
 from ..crank import (
     Collocation,
     Orbit,
@@ -133,7 +133,7 @@ class RatingMap(Result, eqx.Module):
 
 
 def at_rating(
-    machine: Any,
+    machine: Compressor | HasCompressor,
     evaporating: Float[Array, ""],
     condensing: Float[Array, ""],
     rating: str | Rating = "file",
@@ -172,7 +172,7 @@ def at_rating(
 
 
 def rating_map(
-    machine: Any,
+    machine: Compressor | HasCompressor,
     evaporating: Sequence[float] | Float[Array, " n"],
     condensing: Sequence[float] | Float[Array, " m"],
     rating: str = "file",

@@ -13,15 +13,27 @@ from jaxtyping import Array, Float
 
 from .. import rotor
 from .._core.errors import BadInput
-from ..machine import Assembly, assembled, machine_of
-from ..rotor import NO_CRANK, Loads, Modes, PeriodicForce, Response, RotorModel, System
+from ..compressor import Compressor
+from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
+from ..rotor import (
+    NO_CRANK,
+    BalancingPlanes,
+    Loads,
+    Modes,
+    PeriodicForce,
+    Response,
+    RotorModel,
+    System,
+)
 from ._coupling import crank_loads, loaded_rotor, running_rotor
 
 if TYPE_CHECKING:
     from ..crank import Collocation, Shooting
 
 
-def rotor_at(machine: Any, spin_speeds=()) -> RotorModel | System:
+def rotor_at(
+    machine: Machine | HasMachine | RotorModel | System, spin_speeds=()
+) -> RotorModel | System:
     """The rotor of what a verb was given, its films under their static loads at these speeds.
 
     Args:
@@ -46,7 +58,7 @@ def excited_orders(loads: Loads) -> tuple[int, ...]:
 
 
 def respond(
-    machine: Any,
+    machine: Machine | HasMachine | RotorModel | System,
     loads: Loads | None = None,
     spin_speeds: Float[Array, " speeds"] | None = None,
     orders: tuple[int, ...] | None = None,
@@ -117,7 +129,13 @@ def _shaken_by_crank(made: Assembly, speeds, orders, solver, options) -> Respons
     return jax.tree.map(lambda leaf: jnp.moveaxis(leaf[:, :, 0], 0, 1), found)
 
 
-def undamped_modes(machine: Any, count: int = 12, *, spin_speed=0.0, free: bool = False) -> Modes:
+def undamped_modes(
+    machine: Machine | HasMachine | RotorModel | System,
+    count: int = 12,
+    *,
+    spin_speed=0.0,
+    free: bool = False,
+) -> Modes:
     """The lowest undamped modes of a scene, a machine or a rotor, see `jaxcomp.rotor.undamped_modes`.
 
     Args:
@@ -130,7 +148,12 @@ def undamped_modes(machine: Any, count: int = 12, *, spin_speed=0.0, free: bool 
     return rotor.undamped_modes(model, count, spin_speed=spin_speed, free=free)
 
 
-def damped_modes(machine: Any, spin_speed, count: int = 12, **options: Any) -> rotor.DampedModes:
+def damped_modes(
+    machine: Machine | HasMachine | RotorModel | System,
+    spin_speed,
+    count: int = 12,
+    **options: Any,
+) -> rotor.DampedModes:
     """The lowest damped modes of a scene, a machine or a rotor, see `jaxcomp.rotor.damped_modes`.
 
     Args:
@@ -145,14 +168,14 @@ def damped_modes(machine: Any, spin_speed, count: int = 12, **options: Any) -> r
     )
 
 
-def _with_rotor(machine: Any) -> Assembly:
+def _with_rotor(machine: Machine | HasMachine | Assembly) -> Assembly:
     made = machine if isinstance(machine, Assembly) else assembled(machine_of(machine))
     if made.rotor is None:
         raise BadInput("rotor", "absent", "given, for the vibration of a machine")
     return made
 
 
-def own_speeds(balancing: Any, compressor: Any):
+def own_speeds(balancing: BalancingPlanes | None, compressor: Compressor | None):
     """[rad/s] (m,) Speeds that a machine runs at: of its balancing planes or its motor; `None` if neither
     names one.
     """

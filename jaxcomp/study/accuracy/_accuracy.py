@@ -3,14 +3,14 @@ r"""`accuracy`: error against run time of the solvers of a quantity."""
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
 
 from ..._core.errors import BadInput
 from ...crank import solve_orbit
-from ...machine import Machine, machine_of
+from ...machine import HasMachine, Machine, machine_of
 from ...rotor import LoadCase
 from .. import quantity_named
 from ._cycle import cycle_study
@@ -59,7 +59,7 @@ STUDIES = {
 
 
 def accuracy(
-    scene: Any,
+    scene: Machine | HasMachine,
     quantity_name: str | None = None,
     study: str | StudyKind = "orbit",
     *,

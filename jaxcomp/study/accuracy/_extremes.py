@@ -22,7 +22,7 @@ from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
 from ...crank import Collocation, TimeIntegration, solve_orbit
 from ...crankshaft import film_journals
-from ...machine import Assembly, assembled, machine_of
+from ...machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ...mechanism import SliderCrank
 from ...motor import SlipLine
 from ...rotor import respond
@@ -93,7 +93,7 @@ class Extremes(Result):
 
 
 def extremes(
-    scene: Any,
+    scene: Machine | HasMachine,
     families: Iterable[str] | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Extremes:

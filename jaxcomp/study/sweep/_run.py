@@ -4,7 +4,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import jax
 import numpy as np
@@ -13,7 +13,7 @@ from jaxtyping import Float
 from ..._core.errors import BadInput
 from ..._core.fields import by_names
 from ..._core.progress import progress_of
-from ...machine import machine_of
+from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, Problem, by_name, prepared, quantity_named, variable
 from .._problem import Asked, problem_of
 from ._blocks import Device, chosen_devices, default_width, solved_blocks
@@ -34,7 +34,7 @@ Over: TypeAlias = Mapping[str, Distribution | Sequence[float] | Float[np.ndarray
 
 
 def sweep(
-    scene: Any,
+    scene: Machine | HasMachine | Problem,
     over: Over | None = None,
     quantities: Sequence[Asked] | None = None,
     *,
@@ -130,9 +130,9 @@ def sweep(
 
 
 def sweep_machines(
-    machines: Mapping[str, Any],
-    over: Mapping[str, Any],
-    quantities: Sequence[Any],
+    machines: Mapping[str, Machine | HasMachine],
+    over: Over,
+    quantities: Sequence[Asked],
     *,
     dimension: str = "machine",
     out: str | Path | None = None,

@@ -6,7 +6,7 @@ function of the design and the optimisers serve as they are.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.stats import beta
 
 from ..._core.errors import BadInput
-from ...machine import machine_of
+from ...machine import HasMachine, Machine, machine_of
 from .. import DesignResult, by_name, variable
 from .._problem import Asked, name_of, value_of
 from ._moments import solved_rows
@@ -63,7 +63,7 @@ class Robust:
 
 
 def robust(
-    scene: Any,
+    scene: Machine | HasMachine,
     asked: Asked,
     tolerances: Mapping[str, Within],
     *,

@@ -2,7 +2,7 @@ r"""`tolerance`: what the scatter of production does to a machine."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,7 @@ from ..._core.display import shown
 from ..._core.errors import BadInput
 from ..._core.fields import bounds_by_names, counted, listed_names
 from ..._core.results import Data, Result
-from ...machine import machine_of
+from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, Problem, by_name, prepared
 from .._problem import Asked, name_of, problem_of, solves_gas
 from ._moments import (
@@ -135,7 +135,7 @@ class Tolerances(Result):
 
 
 def tolerance(
-    scene: Any,
+    scene: Machine | HasMachine | Problem,
     tolerances: Mapping[str, Within] | None = None,
     quantities: Sequence[Asked] | None = None,
     *,
