@@ -10,9 +10,7 @@ from ._block import orbit_load as orbit_load
 from ._block import point_motion as point_motion
 from ._block import time_response as time_response
 from ._coupling import LEAVABLE as LEAVABLE
-from ._coupling import CrankForces as CrankForces
 from ._coupling import CrankLoads as CrankLoads
-from ._coupling import crank_forces as crank_forces
 from ._coupling import crank_loads as crank_loads
 from ._coupling import film_coefficients as film_coefficients
 from ._coupling import film_loads as film_loads
@@ -21,6 +19,8 @@ from ._coupling import open_films as open_films
 from ._coupling import running_rotor as running_rotor
 from ._coupling import with_film_linearisation as with_film_linearisation
 from ._coupling import without as without
+from ._crank_forces import CrankForces as CrankForces
+from ._crank_forces import crank_forces as crank_forces
 from ._machine import damped_modes as damped_modes
 from ._machine import excited_orders as excited_orders
 from ._machine import own_speeds as own_speeds

@@ -27,7 +27,7 @@ from jaxcomp import (
     tolerance,
     within,
 )
-from jaxcomp._core.results import _address, _found
+from jaxcomp._core.saved import class_address, class_at
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import InfluenceRow
 from jaxcomp.crank import Orbit, TrainTorques, journal_orbit
@@ -286,10 +286,10 @@ def test_files_outlive_the_private_modules_of_the_package():
         ("jaxcomp.crank._before:Orbit", Orbit),
         ("jaxcomp.friction._before:SliderCrankLoop", SliderCrankLoop),
     ):
-        assert _found(old) is kind
-        assert _found(_address(kind)) is kind
+        assert class_at(old) is kind
+        assert class_at(class_address(kind)) is kind
     with pytest.raises(ValueError, match="NeverThere"):
-        _found("jaxcomp.crank._before:NeverThere")
+        class_at("jaxcomp.crank._before:NeverThere")
 
 
 def test_an_orbit_prints_power_speed_and_forces(orbit):
@@ -476,10 +476,10 @@ class LawOfAnExtension(Part):
     ],
 )
 def test_classes_of_former_packages_are_found(before, kind):
-    assert _found(before) is kind
+    assert class_at(before) is kind
 
 
 def test_parts_of_extensions_are_found():
-    assert _found(_address(LawOfAnExtension)) is LawOfAnExtension
+    assert class_at(class_address(LawOfAnExtension)) is LawOfAnExtension
     with pytest.raises(ValueError, match="test_results:Mount"):  # of jaxcomp, not of that module
-        _found("test_results:Mount")
+        class_at("test_results:Mount")
