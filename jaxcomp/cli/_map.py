@@ -82,7 +82,7 @@ def rating_map(
     found = next(iter(maps.values()))
     text = None
     if out is not None and found.coefficients:
-        from ..scene.readings import polynomial_text, rating_metadata
+        from ..scene.map_files import polynomial_text, rating_metadata
 
         told = rating_metadata(scene, rating)
         text = polynomial_text(maps, int(coefficients), told, form, scene.as_compressor())
@@ -105,7 +105,7 @@ def rating_map(
     curves = {"map": found.columns}
     hand_out(result, map_tables(found, scene.name), as_json, out, figures, scene, curves)
     if out is not None and text is not None:
-        from ..scene.readings import FORMATS
+        from ..scene.map_files import FORMATS
 
         (out / FORMATS[form]).write_text(text, encoding="utf-8")
 

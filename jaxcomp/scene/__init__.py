@@ -1,6 +1,10 @@
 """Scene files: machines in TOML with units, and the source of every value."""
 
 from .._core.words import did_you_mean as did_you_mean
+from ._annotated import start as start
+from ._annotated import start_from as start_from
+from ._annotated import starts as starts
+from ._annotated import summary as summary
 from ._cells import read_cells as read_cells
 from ._change import with_lists as with_lists
 from ._change import with_machine as with_machine
@@ -14,10 +18,6 @@ from ._describe import left_out as left_out
 from ._explain import Explained as Explained
 from ._explain import explained as explained
 from ._explain import part_places as part_places
-from ._explain import start as start
-from ._explain import start_from as start_from
-from ._explain import starts as starts
-from ._explain import summary as summary
 from ._json_schema import json_schema as json_schema
 from ._scene import Bundled as Bundled
 from ._scene import Scene as Scene

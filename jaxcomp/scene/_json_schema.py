@@ -14,8 +14,8 @@ from .._core.display import is_temperature
 from .._core.fields import Part
 from ..compressor import Compressor
 from ..film import NamedBearing
+from ._annotated import meaning, summary
 from ._cells import KEY
-from ._explain import meaning, summary
 from ._scene import HEADER
 from ._schema import (
     NAMED,

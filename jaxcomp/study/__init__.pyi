@@ -2,9 +2,7 @@ from . import accuracy as accuracy
 from . import rating as rating
 from . import sweep as sweep
 from . import tolerance as tolerance
-from ._analysis import AnalysisOptions as AnalysisOptions
 from ._analysis import DesignResult as DesignResult
-from ._analysis import Vibration as Vibration
 from ._analysis import available_quantities as available_quantities
 from ._analysis import balanced_design as balanced_design
 from ._analysis import quantity_named as quantity_named
@@ -27,12 +25,14 @@ from ._fit import fit as fit
 from ._identification import HeldOut as HeldOut
 from ._identification import Identification as Identification
 from ._identify import identify as identify
+from ._labels import variable_label as variable_label
 from ._least_squares import Parameter as Parameter
 from ._measurement import AbstractMeasurement as AbstractMeasurement
 from ._measurement import Entries as Entries
 from ._measurement import Kind as Kind
-from ._optimise import Optimum as Optimum
 from ._optimise import optimise as optimise
+from ._optimum import Optimum as Optimum
+from ._options import AnalysisOptions as AnalysisOptions
 from ._pareto import ParetoFront as ParetoFront
 from ._pareto import pareto as pareto
 from ._problem import Answer as Answer
@@ -47,6 +47,7 @@ from ._readings import with_own_factors as with_own_factors
 from ._recipe import RECIPE as RECIPE
 from ._recipe import Recipe as Recipe
 from ._recipe import map_recipe as map_recipe
+from ._rotor_response import Vibration as Vibration
 from ._rotor_tests import ModalTest as ModalTest
 from ._rotor_tests import VibrationTest as VibrationTest
 from ._rules import DesignRule as DesignRule
@@ -66,5 +67,4 @@ from ._variables import given_numbers as given_numbers
 from ._variables import list_length as list_length
 from ._variables import matching as matching
 from ._variables import variable as variable
-from ._variables import variable_label as variable_label
 from ._variables import variable_names as variable_names

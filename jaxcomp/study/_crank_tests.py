@@ -12,9 +12,10 @@ from .._core.errors import BadInput
 from ..crank import Collocation, solve_orbit
 from ..cylinder import Cylinder
 from ..machine import Machine, assembled
-from ._analysis import AnalysisOptions, DesignResult, quantity_named
+from ._analysis import DesignResult, quantity_named
 from ._least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, usual
+from ._options import AnalysisOptions
 from ._problem import value_of
 from ._variables import variable
 from .rating import solve_rated

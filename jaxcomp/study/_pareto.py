@@ -13,7 +13,8 @@ from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from ._descent import BETTER, Descent, Method, method_of
 from ._goal import Goal, Interval, Limit, goal_of
-from ._optimise import Callback, Keep, Optimum, Search, optimum_of, space
+from ._optimise import Callback, Keep, Search, space
+from ._optimum import Optimum, optimum_of
 from ._problem import Asked, Problem, given_problem
 
 

@@ -17,14 +17,9 @@ from .._core.status import Status
 from ..crank import default_collocation
 from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, assembled, machine_of
-from ._analysis import (
-    AnalysisOptions,
-    DesignResult,
-    by_crank,
-    given_options,
-    known_response,
-    quantity_named,
-)
+from ._analysis import DesignResult, quantity_named
+from ._options import AnalysisOptions, given_options
+from ._rotor_response import by_crank, known_response
 from ._variables import Variable, by_name, variable
 
 Asked = str | Callable[[DesignResult], Float[Array, ""]]

@@ -13,9 +13,10 @@ from .._core.errors import BadInput
 from .._core.fields import replaced
 from ..machine import Machine, assembled
 from ..rotor import AXES, node_index, prepare, undamped_modes
-from ._analysis import AnalysisOptions, DesignResult
+from ._analysis import DesignResult
 from ._least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, usual
+from ._options import AnalysisOptions
 
 _DEGREE = np.pi / 180
 # Distinct frequencies are further apart than this, relative; closer ones are a pair.

@@ -17,9 +17,11 @@ from .._core.results import Data, Result
 from ..crank import default_collocation
 from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, machine_of
-from ._analysis import AnalysisOptions, DesignResult, given_options
+from ._analysis import DesignResult
+from ._labels import variable_label
+from ._options import AnalysisOptions, given_options
 from ._problem import Asked, name_of, unit_of, value_of
-from ._variables import given_numbers, variable_label
+from ._variables import given_numbers
 
 # [-] An elasticity below this is rounding.
 _ROUNDING = 1e-12

@@ -2,7 +2,6 @@ r"""The numbers of a machine that a study changes: by name, by pattern, and in w
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from fnmatch import fnmatchcase
 from typing import Any, NamedTuple, TypeVar
 
@@ -23,7 +22,7 @@ _Given = TypeVar("_Given")
 CORRECTIONS = "corrections"
 # Sections of parts that have names, and those with names that the user gave.
 _NAMED = ("bearings", "oils")
-_SECTIONS = (CORRECTIONS, *_NAMED)
+SECTIONS = (CORRECTIONS, *_NAMED)
 # Polar coordinates of a correction, with unit and bound.
 _POLAR = {"magnitude": ("kg m", NONNEGATIVE), "angle": ("rad", ANY)}
 
@@ -59,7 +58,7 @@ class Variable(NamedTuple):
         plane, polar = _polar(self.name)
         if polar:
             return _polar_of(design.corrections[plane])[polar == "angle"]
-        value = _walk(design, _steps(self.name))
+        value = walk(design, _steps(self.name))
         return value if jnp.ndim(value) == 0 else jnp.ones(())
 
     def apply(self, design: Machine, value: Float[Array, ""]) -> Machine:
@@ -73,14 +72,14 @@ class Variable(NamedTuple):
             new = magnitude * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
             return eqx.tree_at(lambda d: d.corrections[plane], design, new)
         steps = _steps(self.name)
-        entry = steps[-1].isdigit() and eqx.is_array(_walk(design, steps[:-1]))
+        entry = steps[-1].isdigit() and eqx.is_array(walk(design, steps[:-1]))
         place = steps[:-1] if entry else steps
-        old = _walk(design, place)
+        old = walk(design, place)
         if entry:
             new = old.at[int(steps[-1])].set(value)
         else:
             new = jnp.asarray(value, float) if jnp.ndim(old) == 0 else old * value
-        return eqx.tree_at(lambda d: _walk(d, place), design, new)
+        return eqx.tree_at(lambda d: walk(d, place), design, new)
 
 
 def variable(
@@ -176,7 +175,7 @@ def list_length(design: Machine, name: str) -> int:
     """Entries of a list of numbers; 0 for a number."""
     if name in design_rules or name.startswith(f"{CORRECTIONS}."):
         return 0
-    value = _walk(design, name.split("."))
+    value = walk(design, name.split("."))
     return len(value) if jnp.ndim(value) else 0
 
 
@@ -228,11 +227,11 @@ def _steps(name: str) -> list[str]:
     return steps
 
 
-def _walk(design: Machine, steps: Sequence[str]) -> Any:
+def walk(design: Machine, steps: Sequence[str]) -> Any:
     """What stands at the end of a path; raises `LookupError` at a step that leads nowhere."""
     if not steps:
         return design.compressor
-    sections = {name: getattr(design, name) for name in _SECTIONS} | design.parts
+    sections = {name: getattr(design, name) for name in SECTIONS} | design.parts
     first, *rest = steps
     return at(sections[first], rest) if first in sections else at(design.compressor, steps)
 
@@ -244,7 +243,7 @@ def _declared(design: Machine, name: str) -> tuple[str, Bound]:
         return _POLAR[polar]
     steps = _steps(name)
     try:
-        value = _walk(design, steps)
+        value = walk(design, steps)
         if steps[0] == CORRECTIONS:
             if jnp.ndim(value) > 0:
                 raise LookupError(name)
@@ -272,7 +271,7 @@ def _usual(design: Machine, steps: list[str]) -> tuple[float, float] | None:
 def _field(design: Machine, steps: list[str]) -> dataclasses.Field:
     """The declaration of the number, or of the list that it is an entry of."""
     holder = steps[:-1]
-    while eqx.is_array(owner := _walk(design, holder)):
+    while eqx.is_array(owner := walk(design, holder)):
         holder = holder[:-1]
     return dict(quantities(owner))[steps[len(holder)]]
 
@@ -300,7 +299,7 @@ class GivenNumber(NamedTuple):
 
     def at(self, design: Machine) -> Array:
         """The array in a design, or in a tree of derivatives of the same build."""
-        return _walk(design, list(self.place))
+        return walk(design, list(self.place))
 
     def moved(self, design: Machine, value: float) -> Machine:
         """The design with another value [SI] of this number; unchecked.
@@ -312,7 +311,7 @@ class GivenNumber(NamedTuple):
         old = np.asarray(self.at(design))
         new = self.weight * value if self.factor else np.where(self.weight != 0, value, old)
         steps = list(self.place)
-        return eqx.tree_at(lambda d: _walk(d, steps), design, jnp.asarray(new, float))
+        return eqx.tree_at(lambda d: walk(d, steps), design, jnp.asarray(new, float))
 
 
 # A longer list of numbers, such as an indicator diagram, counts as one number: a factor on all.
@@ -332,7 +331,7 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
         if name in design_rules or name.startswith(f"{CORRECTIONS}."):
             continue
         place = tuple(_steps(name))
-        values = np.asarray(_walk(design, list(place)))
+        values = np.asarray(walk(design, list(place)))
         field = _field(design, list(place))
         unit, bound = field.metadata["unit"], field.metadata["bound"]
         same = values.size and np.all(values == values.flat[0])
@@ -345,70 +344,3 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
                 yield GivenNumber(f"{name}.{number}", unit, bound, value, weight, place)
         else:
             yield GivenNumber(name, "", ANY, 1.0, values, place, True)
-
-
-# Steps of a path that are left out beside what stands around them.
-_LEFT_OUT = ("rotor", "law", "loads", "balancing", "mechanism", "friction", "motor", "gas")
-_WORDS = {
-    "links": "link", "disks": "disk", "bodies": "body", "shafts": "shaft", "coefficient": "friction",
-    "magnetic_pulls": "magnetic pull", "unbalances": "unbalances", "corrections": "correction",
-    "bearings": "bearing", "oils": "oil", "targets": "target", "planes": "plane",
-}  # fmt: skip
-_DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")
-
-
-def variable_label(design: Machine, path: str) -> str:
-    """What a variable is, in words: `conrod length`, `stiffness x of link springs to seats`.
-
-    Args:
-        design: whose number it is.
-        path: name of a variable, see `Variable`.
-    """
-    steps = path.split(".")
-
-    def place(count: int) -> Any:
-        with suppress(LookupError):
-            return _walk(design, steps[:count])
-
-    nodes = getattr(place(len(steps) - 2), "nodes", ()) if len(steps) > 2 else ()
-    if path.startswith("loads.unbalances.") and steps[-1].isdigit():
-        what = "unbalance" if steps[-2] == "magnitude" else f"{steps[-2]} of the unbalance"
-        return f"{what} at node {_node(nodes[int(steps[-1])])}"
-    # the number is an entry of the last step with a name; what stands before is the part
-    name = max((i for i, step in enumerate(steps) if not step.isdigit()), default=0)
-    part = []
-    for number, step in enumerate(steps[:name]):
-        if steps[: number + 2] == ["crankshaft", "main_journal"]:
-            continue  # the journal says enough
-        if step.isdigit():
-            part.append(_part(place(number + 1), step))
-        elif step not in _LEFT_OUT or (number and steps[number - 1] in _SECTIONS):
-            part.append(_word(step))
-    entry = [_word(steps[name]), *(str(int(step) + 1) for step in steps[name + 1 :])]
-    if len(entry) > 1:
-        index = int(steps[-1])
-        if "law" in steps and index < len(_DIRECTIONS):
-            entry[-1] = _DIRECTIONS[index]
-        elif isinstance(nodes, tuple) and index < len(nodes):
-            entry[-1] = f"at node {_node(nodes[index])}"
-    return " of ".join(" ".join(words) for words in (entry, part) if words)
-
-
-def _word(step: str) -> str:
-    return _WORDS.get(step, step.replace("_", " "))
-
-
-def _part(part: Any, step: str) -> str:
-    """A part of a list by its name or its nodes, or by its number from 1."""
-    name, nodes = getattr(part, "name", None), getattr(part, "nodes", None)
-    if isinstance(name, str):
-        return name
-    if isinstance(nodes, tuple) and len(nodes) == 2 and not isinstance(nodes[0], tuple):
-        return f"{_node(nodes[0])} to {_node(nodes[1])}"
-    return str(int(step) + 1)
-
-
-def _node(node: Any) -> str:
-    if node is None:
-        return "ground"
-    return " to ".join(map(_node, node)) if isinstance(node, tuple) else str(node)

@@ -12,8 +12,9 @@ from jaxcomp import BadInput
 from jaxcomp.cli._app import app
 from jaxcomp.fluid import RealGas
 from jaxcomp.scene import SceneError
+from jaxcomp.scene.map_files import polynomial_text
 from jaxcomp.scene.measured import bundled_maps
-from jaxcomp.scene.readings import polynomial_text, read_readings
+from jaxcomp.scene.readings import read_readings
 from jaxcomp.study import terms_of
 from jaxcomp.study.rating import QUANTITIES, RatingMap
 

@@ -1,0 +1,108 @@
+"""Files of polynomials of the points of maps, which `read_readings` reads."""
+
+from collections.abc import Mapping
+from typing import cast
+
+import numpy as np
+
+from .._core.errors import BadInput
+from ..compressor import Compressor
+from ..cylinder import Cylinder
+from ..fluid import RealGas
+from ..study import (
+    MEASURED,
+    terms_of,
+)
+from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap
+from ._scene import Scene
+from .map_formats import energyplus_text, tespy_text
+
+# Temperatures, and differences of temperatures, which no zero point shifts.
+from .readings import metadata_of
+
+FORMATS = {
+    "csv": "coefficients.csv",
+    "energyplus": "coefficients.idf",
+    "tespy": "coefficients.json",
+}
+
+
+def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
+    """Machine, fluid and rating conditions of a map, as a file of polynomials has them.
+
+    Args:
+        scene: of a compressor with valves.
+        rating: of `jaxcomp.study.rating.RATINGS`.
+    """
+    gas = scene.as_compressor().gas
+    assert isinstance(gas, Cylinder)
+    assert isinstance(gas.fluid, RealGas)
+    told, line = RATINGS[rating], gas.discharge
+    if rating == "file":
+        heads = gas.suction.temperature, gas.suction.superheat
+        told = Rating(*heads, line.liquid_temperature, line.subcooling)
+    if told.liquid is None and told.subcooling is None:
+        told = told._replace(subcooling=0.0)
+    return {"machine": scene.name, "fluid": gas.fluid.name, **metadata_of(told)}
+
+
+def polynomial_text(
+    maps: Mapping[float, RatingMap],
+    count: int,
+    metadata: Mapping[str, str],
+    form: str = "csv",
+    machine: Compressor | None = None,
+) -> str:
+    """A file of polynomials of the points of maps, which `read_readings` reads.
+
+    Args:
+        maps: by speed [1/s]; a single one for ten coefficients.
+        count: 10, 20 or 30.
+        metadata: of the lines with `#`: fluid, return gas, liquid.
+        form: of `FORMATS`.
+        machine: a compressor, whose swept volume TESPy needs.
+
+    Raises:
+        BadInput: fewer points than coefficients, speeds that do not tell the terms of the speed, or 20
+            and 30 coefficients in another form than CSV.
+    """
+    if count > 10 and form != "csv":
+        raise BadInput("form", form, "csv for 20 and 30 coefficients")
+    points, given = [], {name: [] for name, _, fitted in QUANTITIES if fitted}
+    for speed, one in maps.items():
+        ok = np.asarray(one.ok)
+        S, D = np.meshgrid(np.asarray(one.evaporating), np.asarray(one.condensing), indexing="ij")
+        points.append(np.stack([S[ok], D[ok], np.full(ok.sum(), speed)]))
+        for name, values in given.items():
+            values.append(np.asarray(one.values[name])[ok])
+    S, D, n = np.concatenate(points, axis=1)
+    terms = terms_of(count, S, D, n)
+    size = np.linalg.norm(terms, axis=0)
+    told = np.linalg.matrix_rank(terms / np.where(size > 0, size, 1.0), tol=1e-11)
+    if told < count:
+        bound = f"enough for {count} coefficients, at least four speeds for 20 and three for 30"
+        raise BadInput("points of the map", f"{S.size}, which tell {told}", bound)
+    rows, told = {}, dict(metadata)
+    for key, x in (("evaporating", S), ("condensing", D)):
+        told[key] = f"{x.min() - ZERO:.6g} to {x.max() - ZERO:.6g} degC"
+    for name, values in given.items():
+        value = np.concatenate(values)
+        rows[name] = np.linalg.lstsq(terms / size, value, rcond=None)[0] / size
+        error = np.abs(terms @ rows[name] / value - 1)
+        worst = int(error.argmax())
+        at = f"{S[worst] - ZERO:.4g}/{D[worst] - ZERO:.4g} C"
+        told[f"largest error of {name}"] = f"{error[worst]:.2%} at {at}"
+    if form == "energyplus":
+        return energyplus_text(told, rows)
+    if form == "tespy":
+        assert machine is not None
+        (speed, found), gas = next(iter(maps.items())), cast(Cylinder, machine.gas)
+        swept = float(machine.swept_volume) * machine.crankshaft.count
+        kept = {key: value for key, value in told.items() if "error" not in key}
+        return tespy_text(kept, found, cast(RealGas, gas.fluid), swept, speed)
+    table = [
+        ",".join([name, MEASURED[name][0], *map(repr, row.tolist())]) for name, row in rows.items()
+    ]
+    first = 1 if count == 10 else 0
+    head = ",".join(["quantity", "unit", *(f"C{k}" for k in range(first, count + first))])
+    return "\n".join([*(f"# {key} = {value}" for key, value in told.items()), head, *table, ""])

@@ -1,0 +1,253 @@
+"""The best design that was found, with the evidence for it."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._core.results import Data, Result
+from ..machine import Machine
+from ._descent import BETTER, Descent
+from ._goal import FEASIBLE, Goal, Point, Ranges
+from ._problem import Problem
+
+if TYPE_CHECKING:
+    pass
+
+# Called with "sample" or "descent", the designs solved and the largest number of them.
+
+
+class Constrained(NamedTuple):
+    """One side of a constraint at the optimum.
+
+    Attributes:
+        name: of the quantity.
+        side: "upper", "lower" or "equal".
+        bound, value: [SI] of the quantity.
+        active: whether the constraint holds the optimum back.
+        multiplier: what the optimal objective gains per unit of the bound, in SI units of both.
+        violation: [-] in spreads of the quantity over the sample; zero inside.
+    """
+
+    name: str
+    side: str
+    bound: float
+    value: float
+    active: bool
+    multiplier: float
+    violation: float
+
+
+class Start(NamedTuple):
+    """How one start ended.
+
+    Attributes:
+        start, values: [SI] (variables,) where it began and ended.
+        objective: [SI] there.
+        violation: [-] of the worst constraint.
+        stationarity: [-] projected slope, see `Optimum`.
+        status: "converged", "no better step" (none was found although the slope is not small: a
+            kink, the edge of what can be solved, or solutions too rough), "step limit", "no feasible
+            design" or "start not solvable".
+        steps: solved designs.
+        agrees: whether it ended within a thousandth of each range of the best one.
+        path: [SI] (steps, variables) the best design so far, after each solved one.
+        objectives: [SI] (steps,) there.
+        slopes: [-] (steps,) stationarity there.
+        solved: (steps,) whether the design that was tried could be solved.
+    """
+
+    start: Float[np.ndarray, " variables"]
+    values: Float[np.ndarray, " variables"]
+    objective: float
+    violation: float
+    stationarity: float
+    status: str
+    steps: int
+    agrees: bool
+    path: Float[np.ndarray, "steps variables"]
+    objectives: Float[np.ndarray, " steps"]
+    slopes: Float[np.ndarray, " steps"]
+    solved: Bool[np.ndarray, " steps"]
+
+
+class Sample(NamedTuple):
+    """Designs spread evenly over the ranges.
+
+    Attributes:
+        values: [SI] (n, variables).
+        quantities: [SI] (n, quantities) of the problem.
+        objective: [SI] (n,).
+        ok: (n,) whether the design could be solved.
+        feasible: (n,) whether it also keeps the constraints.
+        best: place of the best of those, `None` if there is none.
+    """
+
+    values: Float[np.ndarray, "n variables"]
+    quantities: Float[np.ndarray, "n quantities"]
+    objective: Float[np.ndarray, " n"]
+    ok: Bool[np.ndarray, " n"]
+    feasible: Bool[np.ndarray, " n"]
+    best: int | None
+
+    def starts(self, count: int) -> Float[np.ndarray, "starts variables"]:
+        """[SI] The best design, and the first of the others that can be solved."""
+        places = np.flatnonzero(self.ok)
+        if self.best is not None:
+            places = np.concatenate([[self.best], places[places != self.best]])
+        return self.values[places[:count]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Optimum(Result):
+    """The best design that was found, with the evidence for it.
+
+    Attributes:
+        problem: with all quantities of objective and constraints.
+        ranges: of the variables.
+        design: the best design.
+        values: [SI] by variable.
+        objective: [SI] there; with targets half the sum of the squared residuals, in spreads.
+        objective_name: the quantity; "residuals" with targets.
+        maximised: whether the objective was made large.
+        quantities: [SI] all quantities of the problem there, by name.
+        status: as in `Start`, of the best start.
+        feasible: whether it keeps all constraints, to a hundred-thousandth of their spread; if not, it
+            breaks them least.
+        stationarity: [-] largest slope of the Lagrangian over the range of a variable, in spreads of
+            the objective over the sample, where no bound forbids to follow it.
+        gradient: [SI] of the objective by variable, at the optimum.
+        at_bound: variables that ended on a bound of their range, with "low" or "high".
+        constraints: each side.
+        starts: how each start ended.
+        sample: what the optimum was compared with.
+        verdict: the comparison in words.
+        local: whether a sample is better than the optimum, which only starts that are given allow.
+        evaluations: designs solved (each with its derivatives) in the descent; the sample's are beside.
+    """
+
+    problem: Problem
+    ranges: Ranges
+    design: Machine
+    values: dict[str, float]
+    objective: float
+    objective_name: str
+    maximised: bool
+    quantities: dict[str, float]
+    status: str
+    feasible: bool
+    stationarity: float
+    gradient: dict[str, float]
+    at_bound: dict[str, str]
+    constraints: tuple[Constrained, ...]
+    starts: tuple[Start, ...]
+    sample: Sample
+    verdict: str
+    local: bool
+    evaluations: int
+
+    table_dims: ClassVar[tuple[str, ...]] = ("sample",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has the sample it was compared with."""
+        problem, sample = self.problem, self.sample
+        here, there = (np.array([*one.values()]) for one in (self.values, self.quantities))
+        yield from problem.columns(here, there, before="optimum.")
+        yield Data("stationarity", "", self.stationarity)
+        yield Data("agreeing_starts", "", f"{self.agreeing} of {len(self.starts)}")
+        yield Data("verdict", "", self.verdict)
+        yield from problem.columns(sample.values, sample.quantities, self.table_dims)
+        yield Data("feasible", "", sample.feasible, self.table_dims)
+
+    @property
+    def agreeing(self) -> int:
+        """How many starts ended at the optimum."""
+        return sum(start.agrees for start in self.starts)
+
+
+def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optimum:
+    """The result of starts that have ended."""
+    problem, ranges = goal.problem, goal.ranges
+    best = min(descents, key=lambda one: one.best.rank)
+    end, values = best.best, ranges.values(best.best.share)
+    verdict, local = _compared(sample, end)
+    names = [one.name for one in problem.variables]
+    gradient = goal.unit * end.gradient / ranges.width
+    sides = {"low": end.share < 1e-4, "high": end.share > 1 - 1e-4}
+    return Optimum(
+        problem=problem,
+        ranges=ranges,
+        design=problem.designed(jnp.asarray(values)),
+        values=dict(zip(names, values.tolist(), strict=True)),
+        objective=end.objective,
+        objective_name=goal.name,
+        maximised=goal.sign < 0,
+        quantities=dict(zip(problem.names, end.values.tolist(), strict=True)),
+        status=best.status,
+        feasible=end.feasible,
+        stationarity=end.stationarity,
+        gradient=dict(zip(names, gradient.tolist(), strict=True)),
+        at_bound={
+            name: side for side, on in sides.items() for name in np.array(names)[on].tolist()
+        },
+        constraints=_constrained(end),
+        starts=tuple(_start(one, end) for one in descents),
+        sample=sample,
+        verdict=verdict,
+        local=local,
+        evaluations=sum(len(one.points) for one in descents),
+    )
+
+
+def _start(descent: Descent, best: Point) -> Start:
+    end, path, ranges = descent.best, descent.path, descent.goal.ranges
+    return Start(
+        start=descent.start,
+        values=ranges.values(end.share),
+        objective=end.objective,
+        violation=end.violation,
+        stationarity=end.stationarity,
+        status=descent.status,
+        steps=len(descent.points),
+        agrees=bool(np.max(np.abs(end.share - best.share)) <= 1e-3),
+        path=ranges.values(np.stack([point.share for point in path])),
+        objectives=np.array([point.objective for point in path]),
+        slopes=np.array([point.stationarity for point in path]),
+        solved=np.array([point.ok for point in descent.points]),
+    )
+
+
+def _compared(sample: Sample, end: Point) -> tuple[str, bool]:
+    """The verdict, and whether a sample is better."""
+    among = f"{len(sample.ok)} samples"
+    if sample.best is None and not end.feasible:
+        return f"no start and none of {among} keeps all constraints", False
+    if sample.best is not None:
+        value = float(sample.objective[sample.best])
+        if not end.feasible:
+            return f"no start keeps all constraints, but one of {among} does", True
+        if (end.objective - value) / end.goal.unit > BETTER:
+            return f"a local optimum: one of {among} is better, {value:.7g}", True
+    return f"no better design among {among}", False
+
+
+def _constrained(end: Point) -> tuple[Constrained, ...]:
+    out = []
+    for number, limit in enumerate(end.goal.limits):
+        over = float(end.limits.values[number])
+        broken = over if limit.side else abs(over)
+        out.append(
+            Constrained(
+                name=limit.name,
+                side={1: "upper", -1: "lower", 0: "equal"}[limit.side],
+                bound=limit.bound,
+                value=float(end.values[limit.place]),
+                active=limit.side == 0 or bool(end.multipliers[number] > 0),
+                multiplier=end.price(number),
+                violation=broken if broken > 10 * FEASIBLE else 0.0,
+            )
+        )
+    return tuple(out)
