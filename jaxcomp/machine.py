@@ -15,7 +15,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._core.errors import BadInput, no_machine
-from ._core.fields import Part, printed, rebuilt
+from ._core.fields import Part, rebuilt
+from ._core.printed import printed
 from ._core.words import one_of
 from .compressor import Compressor, staged
 from .film import AbstractJournal, AbstractOil, NamedBearing

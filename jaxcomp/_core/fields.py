@@ -7,7 +7,7 @@ units), the solvers (which mark a traced design outside its bounds) and the prin
 """
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -15,73 +15,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
 from . import precision as precision  # before JAX runs anything
-from .display import shown
 from .errors import BadInput, value_text
+from .printed import printed
 from .programs import keep_programs
 
 keep_programs()
 
 _MISSING = dataclasses.MISSING
 _Tree = TypeVar("_Tree")
-
-
-def listed_names(field: str, given: Any) -> Any:
-    """Names in a list, or functions instead of names; `None` is left as it is.
-
-    Raises:
-        BadInput: a single text, or something else.
-    """
-    if isinstance(given, str):
-        raise BadInput(field, f'"{given}"', f'a list, ["{given}"]')
-    entries = given if isinstance(given, Collection) else [given]
-    if given is not None and not all(isinstance(one, str) or callable(one) for one in entries):
-        bound = 'a list of names, such as ["mechanical_efficiency"]'
-        raise BadInput(field, str(given), f"{bound}; values go by name, as in {{name: value}}")
-    return given
-
-
-def by_names(field: str, given: Any, example: str) -> Any:
-    """Entries by name.
-
-    Raises:
-        BadInput: no dictionary, or nothing at all.
-    """
-    if not isinstance(given, Mapping):
-        said = "absent" if given is None else f"a {type(given).__name__}"
-        raise BadInput(field, said, f"a dictionary by name, such as {example}, in SI units")
-    return given
-
-
-def bounds_by_names(field: str, given: Any) -> Mapping[Any, Any]:
-    """Lower and upper bounds by name, `None` for an open end.
-
-    Raises:
-        BadInput: no dictionary, or an entry that is no pair of numbers.
-    """
-    for name, ends in by_names(field, given or {}, '{"motor_power": (None, 5000.0)}').items():
-        pair = isinstance(ends, tuple | list) and len(ends) == 2
-        if not pair or any(isinstance(end, str) or np.ndim(end or 0.0) for end in ends):
-            example = "(low, high) in SI units with None for an open end"
-            raise BadInput(str(name), str(ends), f"a pair of bounds {example}")
-    return given or {}
-
-
-def single_number(field: str, given: Any) -> Float[Array, ""]:
-    """[SI] One number, traced or not.
-
-    Raises:
-        BadInput: a text, or an array.
-    """
-    if isinstance(given, str):
-        raise BadInput(field, f'"{given}"', "a number in SI units, as 0.05 for 50 mm")
-    value = jnp.asarray(given, dtype=jnp.result_type(float))
-    if value.ndim:
-        bound = "one number; for many designs at once map the function with `jax.vmap`"
-        raise BadInput(field, value, bound)
-    return value
 
 
 # No number of a machine in SI units comes near; products of some larger ones overflow.
@@ -152,17 +96,6 @@ def plausible(bound: Bound, unit: str, usual: tuple[float, float] | None) -> Bou
     if unit != "m" or usual is None or usual[1] < 0.5:
         return bound
     return bound._replace(high=min(bound.high, 10 * usual[1]), high_open=False)
-
-
-def counted(field: str, value: int, low: int = 1, high: int = 10**6) -> int:
-    """A count, which must not take all time and memory.
-
-    Raises:
-        BadInput: a count outside its bounds, or no number.
-    """
-    if not isinstance(value, int | float | np.number) or not low <= value <= high:
-        raise BadInput(field, value, f"a number >= {low} and <= {high}")
-    return value
 
 
 ANY = Bound()
@@ -482,42 +415,3 @@ def _check_shape(owner: str, name: str, value: Array, shape: tuple) -> None:
             f"`{owner}.{name}` must have shape {shape}, but has shape {value.shape}; "
             "for many designs at once map the function with `jax.vmap`."
         )
-
-
-def _lines(thing: Any, name: str, indent: str = "") -> Iterator[str]:
-    """A part, or whatever holds parts, with values and units; a line for each value."""
-    head = f"{indent}{name}: " if name else indent
-    declared = dict(quantities(thing)) if isinstance(thing, Part) else {}
-    if dataclasses.is_dataclass(thing):
-        yield head + type(thing).__name__
-        for field in dataclasses.fields(thing):
-            value = getattr(thing, field.name)
-            if field.name in declared and value is not None:
-                look = shown(field.name, declared[field.name].metadata["unit"], value)
-                numbers = np.asarray(value)
-                if numbers.size and np.all(numbers == numbers.flat[0]):
-                    text = look.text(float(numbers.flat[0]))
-                    text += f", each of {numbers.size}" if numbers.size > 1 else ""
-                else:
-                    scaled = look.drawn.of(numbers)
-                    text = np.array2string(scaled, precision=5, threshold=12, separator=", ")
-                    text = f"{' '.join(text.split())} {look.drawn.unit}".rstrip()
-                yield f"{indent}  {field.name}: {text}"
-            elif value is not None and value != {} and value != ():
-                yield from _lines(value, field.name, f"{indent}  ")
-    elif isinstance(thing, dict | tuple) and any(
-        dataclasses.is_dataclass(one)
-        for one in (thing.values() if isinstance(thing, dict) else thing)
-    ):
-        yield head.rstrip()
-        for key, value in thing.items() if isinstance(thing, dict) else enumerate(thing):
-            yield from _lines(value, str(key), f"{indent}  ")
-    else:
-        yield head + str(thing)
-
-
-def printed(thing: Any) -> str:
-    """A part, or a tree of parts such as a machine, with values and units."""
-    if any(is_traced(leaf) for leaf in jax.tree.leaves(thing)):
-        return eqx.tree_pformat(thing)
-    return "\n".join(_lines(thing, ""))

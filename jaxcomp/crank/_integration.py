@@ -4,7 +4,7 @@ import diffrax
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from .._core.fields import counted
+from .._core.arguments import counted
 
 # Their course is kept: some hundred bytes a step.
 MOST_STEPS = 2**22

@@ -16,8 +16,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 
+from .._core.arguments import single_number
 from .._core.errors import BadInput
-from .._core.fields import rebuilt, single_number
+from .._core.fields import rebuilt
 from .._core.polynomials import cubics, gauss
 from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.arguments import single_number
 from .._core.errors import BadInput
-from .._core.fields import single_number
 from .._core.results import Data, Result
 from ._bearing import JournalBearing, film_at, film_unit, load_number, prepare
 from ._contact import MixedFilm

@@ -21,8 +21,8 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._core.arguments import bounds_by_names
 from .._core.errors import BadInput
-from .._core.fields import bounds_by_names
 from ._analysis import quantity_named
 from ._problem import Asked, Problem, name_of, prepared
 from ._variables import Variable

@@ -16,7 +16,7 @@ from ._identification_notes import notes_of
 from ._least_squares import Parameter, check_problem
 from ._measurement import AbstractMeasurement
 from ._reading_model import ReadingModel
-from ._variables import Variable
+from ._variables import Variable, changed
 
 
 def identify(
@@ -99,11 +99,9 @@ def _identification(
     found: Fit, model: ReadingModel, variables: list[Variable | CommonFactor], wanted: list[int]
 ) -> Identification:
     """The result of a fit, with what the machine says of all points."""
-    entries, design = model.entries, model.design
+    entries = model.entries
     value, slope = model(found.estimate, wanted if found.interrupted else range(model.count))
     said = found.predict(value, slope, entries.sd)
-    for one, number in zip(variables, found.estimate, strict=False):
-        design = one.apply(design, jnp.asarray(number))
     return Identification(
         parameters=tuple(one.name for one in found.parameters),
         units=tuple(one.unit for one in found.parameters),
@@ -131,7 +129,7 @@ def _identification(
         notes=(*notes_of(found, model, value), *model.warnings(wanted)),
         source=model.source,
         fit=found,
-        machine=design,
+        machine=changed(model.design, variables, jnp.asarray(found.estimate)),
         study=model,
     )
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
+from .._core.arguments import counted
 from .._core.errors import BadInput
-from .._core.fields import counted
 from .._core.status import SolveFailed, Status
 from ._descent import Descent, Method, method_of
 from ._goal import Goal, Interval, Objective, Point, Ranges, goal_of

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._core.arguments import counted
 from .._core.errors import BadInput
-from .._core.fields import counted
 from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from ._descent import BETTER, Descent, Method, method_of

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._core.arguments import listed_names
 from .._core.errors import BadInput, MissingPart
-from .._core.fields import listed_names
 from .._core.results import Data
 from .._core.status import Status
 from ..crank import default_collocation
@@ -20,7 +20,7 @@ from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import DesignResult, quantity_named
 from ._options import AnalysisOptions, given_options
 from ._rotor_response import by_crank, known_response
-from ._variables import Variable, by_name, variable
+from ._variables import Variable, by_name, changed, variable
 
 Asked = str | Callable[[DesignResult], Float[Array, ""]]
 
@@ -99,10 +99,7 @@ class Problem(eqx.Module):
 
     def designed(self, values: Float[Array, " variables"]) -> Machine:
         """The design with these values [SI] of the variables, set in their order."""
-        design = self.design
-        for number, one in enumerate(self.variables):
-            design = one.apply(design, values[number])
-        return design
+        return changed(self.design, self.variables, values)
 
     def columns(self, points, values, dims=(), before: str = "") -> Iterator[Data]:
         """Variables [SI] (*designs, variables) and quantities (*designs, quantities) of a result."""

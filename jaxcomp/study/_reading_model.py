@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .._core.exported import kept_jit
 from ._measurement import Entries
+from ._variables import changed
 
 
 @kept_jit
@@ -18,10 +19,7 @@ def _solve(measurement, design, variables, parameters, nuisances, point):
     """Values, slopes and status at one point; `measurement` and `variables` are static."""
 
     def build(p):
-        changed = design
-        for number, one in enumerate(variables):
-            changed = one.apply(changed, p[number])
-        return changed
+        return changed(design, variables, p)
 
     return measurement.values(build, parameters, nuisances, point)
 

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.arguments import single_number
 from .._core.errors import BadInput, no_machine
 from .._core.fields import (
     ANY,
@@ -25,7 +26,6 @@ from .._core.fields import (
     quantities,
     rebuilt,
     replaced,
-    single_number,
 )
 from .._core.registry import DESIGN_RULES
 from ..compressor import Compressor

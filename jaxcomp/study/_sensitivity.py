@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._core.arguments import listed_names
 from .._core.display import Shown, is_temperature, shown, small_unit
 from .._core.errors import BadInput
-from .._core.fields import listed_names
 from .._core.results import Data, Result
 from ..crank import default_collocation
 from ..cylinder import Cylinder

@@ -3,7 +3,7 @@ r"""The numbers of a machine that a study changes: by name, by pattern, and in w
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -80,6 +80,29 @@ class Variable(NamedTuple):
         else:
             new = jnp.asarray(value, float) if jnp.ndim(old) == 0 else old * value
         return eqx.tree_at(lambda d: walk(d, place), design, new)
+
+
+class Changes(Protocol):
+    """What changes a design by one number: a variable, or a factor common to several."""
+
+    def apply(self, design: Machine, value: Float[Array, ""]) -> Machine:
+        """The design with another value."""
+        ...
+
+
+def changed(
+    design: Machine, variables: Sequence[Changes], values: Float[Array, " variables"]
+) -> Machine:
+    """The design with values [SI] of some variables, set in their order; unchecked.
+
+    Args:
+        design: the design.
+        variables: what is changed.
+        values: [SI] one for each of them; more are not looked at.
+    """
+    for number, one in enumerate(variables):
+        design = one.apply(design, values[number])
+    return design
 
 
 def variable(

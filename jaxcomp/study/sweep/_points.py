@@ -8,8 +8,8 @@ from typing import ClassVar, Literal, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..._core.arguments import counted
 from ..._core.errors import BadInput
-from ..._core.fields import counted
 
 SAMPLE = "sample"
 # Designs of a sweep, at most: a day of work on a thousand cores.

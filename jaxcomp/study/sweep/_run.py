@@ -10,8 +10,8 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from ..._core.arguments import by_names
 from ..._core.errors import BadInput
-from ..._core.fields import by_names
 from ..._core.progress import progress_of
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, Problem, by_name, prepared, quantity_named, variable

@@ -19,6 +19,7 @@ from ..._core.errors import BadInput
 from ...machine import HasMachine, Machine, machine_of
 from .. import DesignResult, by_name, variable
 from .._problem import Asked, name_of, value_of
+from .._variables import changed
 from ._moments import solved_rows
 from ._scatter import Correlations, Within, drawn_normals, scatter_of
 from ._tolerance import Tolerances
@@ -51,10 +52,7 @@ class Robust:
         nominal = jnp.stack([jnp.asarray(v.current(found.design), float) for v in self._variables])
 
         def one(normals):
-            design = found.design
-            values = self._scatter.at(nominal, normals)
-            for changed, value in zip(self._variables, values, strict=True):
-                design = changed.apply(design, value)
+            design = changed(found.design, self._variables, self._scatter.at(nominal, normals))
             machine = DesignResult(design, found.options)
             value = value_of(self._asked, machine)
             return jnp.where(machine.ok, value, jnp.nan)

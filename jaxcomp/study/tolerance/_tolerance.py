@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from ..._core.arguments import bounds_by_names, counted, listed_names
 from ..._core.display import shown
 from ..._core.errors import BadInput
-from ..._core.fields import bounds_by_names, counted, listed_names
 from ..._core.results import Data, Result
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, Problem, by_name, prepared
