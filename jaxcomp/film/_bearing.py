@@ -1,7 +1,8 @@
 r"""A journal bearing as a machine part: loads and speeds in, moments, positions, stiffness out.
 
 Speed is positive counter-clockwise in the axes (X, Y) of the load vector. The friction moment
-follows Eqs. (19)-(23) of the usual engineering treatment, M = eta omega L D R Phi_T/psi.
+follows Eqs. (19)-(23) of Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I).
+Mathematical model*, M = eta omega L D R Phi_T/psi.
 """
 
 import math
@@ -359,6 +360,7 @@ def friction_moment(
     bearing, _ = prepare(bearing)
     number = load_number(bearing, load, building, rest_speed=rest_speed)
     unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    # Not by a coefficient of friction M/(W R), which has no value without a load.
     return unit * speed * film.friction_number(number)
 
 
@@ -377,6 +379,7 @@ def bush_moment(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=RES
     bearing, film = _solved(bearing, speed, rest_speed)
     state = film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
     offset = bearing.radial_clearance * state.eccentricity_ratio * jnp.sin(state.attitude_angle)
+    # The attitude angle counts with the rotation, so that the couple W e sin(phi) has its sign.
     turn = speed / smooth_speed(speed, rest_speed)
     unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
     return unit * speed * state.friction_number - turn * jnp.abs(load) * offset

@@ -124,15 +124,18 @@ class RingContact(eqx.Module):
         gap = self.ratio * (1 - eps)
         touches = gap < APART
         third, fourth = mean_excess(jnp.where(touches, gap, APART))
+        # Below it nothing touches (LEAST_CLEARANCE), and the root would be infinite at the centre.
         bend = self.ratio * jnp.where(eps > _LEAST_ECCENTRICITY, eps, _LEAST_ECCENTRICITY)
         size = self.unit * jnp.sqrt(2 / bend)
         line, further = 5 * np.pi / 16 * third, 5 * np.pi / 128 * fourth / bend
+        # Next to leading order d theta has the factor 1 + s^2/(4 a), and cos(theta) is 1 - s^2/a.
         along, normal = size * (line - 0.75 * further), size * (line + 0.25 * further)
         return jnp.where(touches, along, 0.0), jnp.where(touches, normal, 0.0)
 
     def push(self, position: Pair) -> Pair:
         """[N] Force of the journal on the bush at a position over the clearance."""
         square = position[0] ** 2 + position[1] ** 2
+        # Double where: at the centre the eccentricity ratio has no slope.
         eps = jnp.sqrt(jnp.where(square > 0, square, 1.0))
         return jnp.where(square > 0, self.forces(eps)[0] / eps, 0.0) * position
 
@@ -191,6 +194,7 @@ class MixedFilm(AbstractSolvedFilm):
 
     def rubbing(self, film_ratio):
         _, normal = self.contact.forces(film_ratio / (1 + film_ratio))
+        # M = mu_b N R over eta omega L D R/psi, with the speed of sliding.
         return self.contact.coefficient * normal / (self.sliding * self.clearance_ratio)
 
     def own_number(self, film_ratio, load_number):
@@ -226,8 +230,10 @@ class _MixedCompliance(AbstractRoot):
         gap = jnp.full_like(x, 1.0)
         for _ in range(_STARTING):
             third, slope = jax.jvp(lambda u: mean_excess(u)[0], (gap,), (jnp.ones_like(gap),))
+            # In the logarithm, because F_3 falls like exp(-u^2/2).
             gap = gap - jnp.log(third / jnp.where(touches, wanted, 1.0)) * third / slope
             gap = jnp.clip(gap, 0.0, APART)
+        # 0.95, because the gap is by the first term of its series only.
         start = jnp.maximum(1 / (1 + x), 0.95 * gap / ratio)
         start = jnp.where(touches, start, 0.5)
 
@@ -237,6 +243,7 @@ class _MixedCompliance(AbstractRoot):
 
             load, slope = jax.jvp(carried, (thickness,), (jnp.ones_like(thickness),))
             new = thickness - (load - number) / slope
+            # Below one, so that the film ratio stays positive.
             return jnp.clip(new, 0.5 * thickness, 1 - 1e-6)
 
         thickness = jax.lax.fori_loop(0, _STEPS, step, start)

@@ -146,6 +146,7 @@ def film_ratio(film: AbstractCarryingFilm, load_number: Scalar) -> Scalar:
     # the sum makes them arrays of JAX.
     held = jax.tree.map(lambda leaf: leaf + 0 if is_traced(leaf) else leaf, (film, load_number))
     film, number = held
+    # The solved unknown is x/Phi_p, which is finite without a load, where ln x is not.
     return load_number * jnp.exp(film.log_compliance(number))
 
 
@@ -177,6 +178,7 @@ def friction_at(film: AbstractSolvedFilm, film_ratio: Scalar) -> Scalar:
     """
     x = film_ratio
     couette = jnp.pi * (1 + x) / jnp.sqrt(1 + 2 * x)  # pi/sqrt(1 - eps^2)
+    # F_t is that of the oil alone also beside a contact, which pushes along e_r.
     smooth = couette + 0.5 * x / (1 + x) * _forces(film, x)[1]
     rubbing = film.rubbing(x)
     return smooth if rubbing is None else smooth + rubbing
@@ -202,16 +204,20 @@ def dynamic_coefficients(film: AbstractSolvedFilm, load_number: Scalar) -> Dynam
     """
     x = film_ratio(film, load_number)
     phi = film.attitude_angle(x)
+    # Phi_p/eps, as x = eps (1 + x).
     load_per_eps = (1 + x) * film.load_gain(x)
     chord_r, chord_t = (
         load_per_eps * jnp.cos(phi),
         load_per_eps * jnp.sin(phi),
     )  # -F_r, F_t over eps
+    # The whole force, a contact's too, turns with the line of centres (K_rt, K_tt); only the oil's
+    # goes with the speed (C_rt, C_tt).
     own_r, own_t = film.film_chords(x)
     k_rr, k_tr = film.radial_stiffness(x)
     c_rr, c_tr = film.damping(x)
     stiffness = jnp.array([[k_rr, chord_t], [k_tr, chord_r]])
     damping = jnp.array([[c_rr, -2 * own_r], [c_tr, 2 * own_t]])
+    # From (e_r, e_t) to (x, y): e_r stands at phi ahead of the load.
     turn = jnp.array([[jnp.cos(phi), -jnp.sin(phi)], [jnp.sin(phi), jnp.cos(phi)]])
     return DynamicCoefficients(turn @ stiffness @ turn.T, turn @ damping @ turn.T)
 
@@ -343,6 +349,7 @@ def split(vector: Pair) -> tuple[Float[Array, "*n"], Pair]:
     """Length and direction, along x with finite derivatives where the length vanishes."""
     square = vector[0] * vector[0] + vector[1] * vector[1]
     some = square > 0
+    # Double where: the slope of sqrt at zero is infinite.
     size = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
     still = jnp.stack([jnp.ones_like(size), jnp.zeros_like(size)])
     return size, jnp.where(some, vector / jnp.where(some, size, 1.0), still)
@@ -359,8 +366,10 @@ class _LogCompliance(AbstractRoot):
         film, load_number = self.film, self.load_number
         light = film.load_gain(jnp.zeros_like(load_number))
         # Start: Phi_p ~ light x + q^2 x^2/2 (short bearing), or Phi_p ~ 1.2 x (thin zone), whichever
-        # gives the thinner film. The slope d ln Phi_p/d ln x lies between 0.7 and 2, so that Newton's
-        # method in ln x needs neither damping nor a bracket: the sixth step is below rounding.
+        # gives the thinner film: the sum of both x is at most twice the larger. The slope
+        # d ln Phi_p/d ln x lies between 0.7 and 2, so that Newton's method in ln x needs neither
+        # damping nor a bracket: the sixth step is below rounding.
+        # The root of that parabola over Phi_p is rationalised, and so finite without a load.
         short = 2 / (light + jnp.sqrt(light**2 + 2 * film.length_ratio**2 * load_number))
 
         def step(_, z):

@@ -104,6 +104,7 @@ class Ocvirk(AbstractSolvedFilm):
     def damping(self, film_ratio):
         x, q = film_ratio, self.length_ratio
         eps, s = x / (1 + x), (1 + 2 * x) / (1 + x) ** 2
+        # The second is C_tr = C_rt = 2 F_r/eps.
         return jnp.pi * q**2 * (1 + 2 * eps**2) / s**2.5, -4 * q**2 * eps / s**2
 
     def pressure(self, film_ratio, theta, zeta):
@@ -201,6 +202,7 @@ class Guembel(AbstractSolvedFilm):
         self.damping_edge = jax.jvp(self._damping, (edge,), (jnp.ones_like(edge),))
 
     def load_gain(self, film_ratio):
+        # The gain Phi_p/x is Phi_p (1 - eps)/eps, which has the limit of Phi_p (1 - eps).
         limit = jnp.log(LOAD_LIMIT) - 2 * jnp.log(self.length_ratio)
         log_gain = self._continued(film_ratio, self._steady, self.steady_edge, 0, limit)
         return self.length_ratio**2 * jnp.exp(log_gain)
@@ -220,6 +222,7 @@ class Guembel(AbstractSolvedFilm):
         beyond = s < EDGE
         value, slope = at_edge[0][index], at_edge[1][index]
         outer = continuation(s, EDGE, value, slope, limit, limit_slope)
+        # Double where: beyond its edge the series has too few terms, and its slopes may be anything.
         return jnp.where(beyond, outer, inside(jnp.where(beyond, EDGE, s))[index])
 
     def _steady(self, s: Scalar) -> Float[Array, " 2"]:
@@ -260,6 +263,7 @@ def _velocity_series(eps: Scalar, q: Scalar, modes: int, terms: int) -> Float[Ar
     waves = 24 * _harmonics(eps, terms) * (n[1:] / root**2 + eps**2 / root**3)
     right = jnp.concatenate([-12 * eps[None] / root**3, waves])
     p = _tridiagonal(n, (lam / q) ** 2, eps, right)
+    # Only cos(theta) itself has an integral with cos(theta) over 0 < theta < pi, pi/2.
     radial, cross = -p[:, 1] * jnp.pi / 2, p @ _half_wave(n)
     short = [jnp.pi * (1 + 2 * eps**2) / root**5, -4 * eps / root**4]
     return _summed(lam, q, [radial, cross], short)
@@ -285,6 +289,7 @@ def _half_wave(n: np.ndarray) -> np.ndarray:
 def _summed(lam: np.ndarray, q: Scalar, modes: list, short: list) -> Float[Array, " 2"]:
     """Sum over the modes, and over those left out, which are short bearings (`short` over q^2)."""
     tail = 1 - 6 * np.sum(lam**-4.0)  # the sum of 1/lam^4 over all modes is 1/6
+    # 1/lam^2 is half of a_m times the mean of cos(lam_m zeta) over the length.
     return jnp.stack(modes) @ lam**-2.0 + tail * q**2 * jnp.stack(short)
 
 
@@ -297,6 +302,8 @@ def _tridiagonal(
     series has one, to the first cosine with all of it.
     """
     stiff = stiff[:, None]
+    # Each is listed by the harmonic that it comes from, and shifted to the row of the one above or
+    # below, to which it goes.
     coupled_below = -eps / 2 * (n**2 + 3 * n + stiff) * jnp.where(n == 0, 2.0, 1.0)
     coupled_above = -eps / 2 * (n**2 - 3 * n + stiff)
     system = jnp.stack(
@@ -315,6 +322,7 @@ def _tridiagonal(
     def reduce(system, step):
         below, diagonal, above, right = system
         lesser, greater = _shifted(system, step), _shifted(system, -step)
+        # 1 in the place of the zero that is shifted in where a row has no such neighbour.
         low = below / jnp.where(n < n[0] + step, 1.0, lesser[1])
         high = above / jnp.where(n > n[-1] - step, 1.0, greater[1])
         reduced = [

@@ -114,6 +114,7 @@ def operating_point(
         load: [N] on the journal, >= 0.
         speed: [rad/s] of the journal, > 0.
     """
+    # A steady speed above zero needs no smoothing through rest.
     still = {"rest_speed": 0.0}
     load, speed = jnp.asarray(load, float), jnp.asarray(speed, float)
     part = prepare(bearing)
@@ -185,6 +186,7 @@ def pressure_field(
         pressure = np.asarray(film.pressure(x, solved.theta[:, None], solved.zeta))
         peak = float(film.pressure(x, top, 0.0))
         flow = e  # all oil between the thickest and the thinnest film leaves through the ends
+    # theta counts from the widest gap, which is opposite e_r; e_r is at phi ahead of the load.
     angle = solved.theta - np.pi + float(point.attitude_angle)
     side_flow = flow * gap * radius * speed * length
     return PressureField(angle, solved.zeta, pressure * unit, float(peak * unit), float(side_flow))

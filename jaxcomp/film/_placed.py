@@ -29,6 +29,7 @@ _REST = 0.2
 def shear_drag(bearing: JournalBearing, position: Pair) -> Float[Array, "*n"]:
     """[N m s] J_0, moment over the relative rate of rotation, at a position over c."""
     square = position[0] ** 2 + position[1] ** 2
+    # An iteration may put the journal beyond the wall.
     room = jnp.sqrt(jnp.maximum(1 - square, 1e-9))
     volume = bearing.radius**3 * bearing.length / bearing.radial_clearance
     return 2 * jnp.pi * bearing.dynamic_viscosity * volume / room
@@ -59,6 +60,7 @@ class PlacedJournal(AbstractJournal):
         """
         e, c = self.position, self.bearing.radial_clearance
         turning = e[1] * force[0] - e[0] * force[1]  # e x F of the load on the journal
+        # The sign of -M_b: what resists the bush drives it along the rate of the journal in it.
         smooth, contact = shear_drag(self.bearing, e) * rate + 0.5 * c * turning, self._contact()
         return smooth if contact is None else smooth + contact.torque(e, rate)
 
@@ -82,4 +84,5 @@ class PlacedJournal(AbstractJournal):
         """[N m] Dissipation over the speed of the crank [rad/s]."""
         if self.lossless:
             return jnp.zeros_like(speed)
+        # 1/speed with a relative error of (_REST/speed)^4; odd in the speed, and zero at rest.
         return sum(self.dissipation(force, rate)) * speed**3 / (speed**4 + _REST**4)

@@ -198,6 +198,7 @@ def film_grid(
     def place_slope(t):
         return pull / np.cosh(pull * t) ** 2 / np.tanh(pull)
 
+    # The inverse of Sommerfeld's angle is the same formula with the inverse stretch.
     start = angle(first, 1 / stretch)
     dg, dt = (angle(last, 1 / stretch) - start) / n_theta, 1 / n_zeta
     gamma = start + dg * np.arange(0 if closed else 1, n_theta)
@@ -227,6 +228,8 @@ def solve_pressure(grid: Grid, film: np.ndarray) -> tuple[np.ndarray, np.ndarray
     source, diagonal = _wedge(grid), _diagonal(grid)
     for _ in range(300):
         p = _within(grid, film, diagonal, source[..., None])[..., 0]
+        # A node leaves the film where its pressure is negative, and joins it where more oil comes
+        # in by the wedge than flows off.
         new = np.where(film, p > 0, _residual(grid, diagonal, p) < source)
         if np.array_equal(new, film):
             return p, film
@@ -244,6 +247,7 @@ def _within(grid: Grid, film: np.ndarray, diagonal: np.ndarray, source: np.ndarr
     rows = int(np.flatnonzero(film.any(axis=1))[-1]) + 1
     inside = film[:rows]
     bands = np.zeros((m + 1, rows, m))
+    # Nodes outside of the film have rows of the unit matrix, so that the band holds any film.
     bands[m] = np.where(inside, diagonal[:rows], 1.0)
     both = inside[:, :-1] & inside[:, 1:]
     bands[m - 1, :, 1:] = -np.where(both, grid.coupling_zeta[:rows, :-1], 0.0)
@@ -279,6 +283,7 @@ def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> 
     """
     if not film.any():
         return np.zeros((2, 2))
+    # Turned round, this film too begins at the first edge and has its free end behind.
     if grid.starts_freely:
         grid, p, film = _reversed(grid), p[::-1], film[::-1]
     n, m = grid.shape
@@ -319,6 +324,7 @@ def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> 
     flow_out = flow_out * (steady[1:-1, 1:-1] - steady[1:-1, 2:])
     change = flow[:-1] - flow[1:] - flow_out
     change[:, 1:] += flow_out[:, :-1]
+    # A radial velocity turns the wedge: the right side is 6 eps (sin - 2 v/eps cos).
     sources = np.stack([_wedge(grid) + change, -6 * cos[:, None] * grid.weights], axis=-1)
 
     response = _within(grid, inside, diagonal, sources)
@@ -345,6 +351,7 @@ def _wedge(grid: Grid) -> np.ndarray:
 
 def solve_ring(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Pressure of the whole closed ring: the steady one over eps, and that of a unit turn."""
+    # A closed ring has no narrow band: its last nodes are neighbours of the first.
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import splu
 
@@ -503,6 +510,7 @@ def _measures(eps, field) -> np.ndarray:
     for grid, p, film in field:
         # what passes the last face within, and what the wedge adds between it and the end
         wedge = np.where(film[:, -1], 6 * np.sin(grid.theta) * grid.end, 0.0)
+        # 1/12 is Poiseuille's: two ends, the 2 of zeta and the 1/4 of (R/L)^2 q^2 make one.
         flow += np.sum(grid.coupling_zeta[:, -1] * p[:, -1] + wedge) / 12
     return np.array([*_total(field), flow, max(_peak(p[:, 0]) for _, p, _ in field)])
 

@@ -147,12 +147,14 @@ class SeriesToLimit(eqx.Module):
         order = np.arange(coefficients.shape[0])
         self.coefficients, self.place = coefficients, place
         self.limit, self.limit_slope = limit, limit_slope
-        self.edge_value = coefficients @ (-1.0) ** order  # T_k(-1)
+        # With T_k(-1) = (-1)^k and T_k'(-1) = (-1)^(k+1) k^2.
+        self.edge_value = coefficients @ (-1.0) ** order
         self.edge_slope = coefficients @ ((-1.0) ** (order + 1) * order**2) * place.edge_slope()
 
     def __call__(self, s: Float[Array, ""]) -> Float[Array, ""]:
         edge = self.place.edge
         beyond = s < edge
+        # Double where: beyond the edge the polynomial and its slopes run away.
         t = self.place(jnp.where(beyond, edge, s))
         outer = continuation(
             s, edge, self.edge_value, self.edge_slope, self.limit, self.limit_slope
@@ -212,6 +214,7 @@ class AbstractTabulatedFilm(AbstractSolvedFilm):
         self.attitude = series("attitude", 0.0, ATTITUDE_LIMIT)
         self.damping_series = series("damping", jnp.log(DAMPING_LIMIT) - 2 * ln_q)
         # a closing film knows nothing of grooves: the limits of the plain ring
+        # There F_r grows like 1/s^2 and F_t like 1/s, which leaves 1 and -phi/2.
         limits = ("stiffness_r", 1.0, None), ("stiffness_t", 0.0, -ATTITUDE_LIMIT / 2)
         self.stiffness_series = tuple(series(*each) for each in limits if each[0] in table)
         self.friction = collapsed(table["friction"], table["ln_q_range"], ln_q)
@@ -233,6 +236,7 @@ class AbstractTabulatedFilm(AbstractSolvedFilm):
     def radial_stiffness(self, film_ratio):
         if not self.stiffness_series:
             return slope_stiffness(self, film_ratio)
+        # Phi_p/eps over 1 - eps, by which the table divides.
         scale = (1 + film_ratio) ** 2 * self.load_gain(film_ratio)
         k_rr, k_tr = (series(_closeness(film_ratio)) for series in self.stiffness_series)
         return scale * k_rr, scale * k_tr

@@ -118,18 +118,23 @@ class OcvirkSqueeze(AbstractSqueeze):
         size, along = split(position)
         eps = jnp.minimum(size, _LAST_SHORT)
         beta = jnp.arctan2(_cross(along, velocity), _dot(along, velocity))
+        # A product, because 1 - eps^2 loses digits as the film closes.
         square = (1 - eps) * (1 + eps)
         root, wide, thin = jnp.sqrt(square), jnp.sqrt(1 + eps), jnp.sqrt(1 - eps)
 
         def at(theta):
+            # Sommerfeld's angle. theta counts from e, the thinnest film, up to 3 pi/2 either way:
+            # arctan2 has no jump there.
             y = 2 * jnp.arctan2(wide * jnp.sin(theta / 2), thin * jnp.cos(theta / 2))
             sin, cos = jnp.sin(y), jnp.cos(y)
             return jnp.stack([
+                # Integrals of cos^2, sin cos and sin^2 over h^3.
                 ((eps**2 + 0.5) * y + (2 * eps + 0.5 * cos) * sin) / (square**2 * root),
                 -(eps + 0.5 * cos) * cos / square**2,
                 (0.5 * y - 0.5 * sin * cos) / (square * root),
             ])  # fmt: skip
 
+        # 2 q^2 is half of 6 q^2 times the mean of 1 - zeta^2, over the half circle where V n > 0.
         cc, sc, ss = 2 * self.length_ratio**2 * (at(beta + jnp.pi / 2) - at(beta - jnp.pi / 2))
         across = quarter_turn(along)
         radial, tangential = cc * along + sc * across, sc * along + ss * across
@@ -140,6 +145,7 @@ class OcvirkSqueeze(AbstractSqueeze):
         size, along = split(force)
         x, y = _dot(position, along), _cross(along, position)
         room = jnp.maximum(1 - x, 1e-9)
+        # Booker's fit is near enough, and a unit force will do, because the map is homogeneous.
         start = room**2.5 / jnp.pi * along - 4 * y * room**1.5 / jnp.pi**2 * quarter_turn(along)
         return size * root(
             _Inverse(_Impedance(self), position, along, start / self.length_ratio**2)
@@ -162,6 +168,7 @@ class OcvirkSqueeze(AbstractSqueeze):
         y = jnp.take(jnp.asarray(y.ravel()), jnp.argmax(pressure(y, *known), axis=0))
         for _ in range(4):
             slope, bend = _slope_and_bend(lambda y: pressure(y, *known), y)
+            # No step where the curve is hollow: Newton's method would seek a lowest place there.
             y = y - slope / jnp.where(bend < 0, bend, -jnp.inf)
         return 6 * self.length_ratio**2 * pressure(y, radial, tangential, eps) / square**3
 
@@ -232,6 +239,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
         u, v = film_corner(held, held_square)
         p, p_u, p_v, *second = _horner(self.series["mobility"], 2 * u - 1, 2 * v - 1, order)
         one = 1 - held * held
+        # The factors 2 and 4 below are those of 2 u - 1 and 2 v - 1, the polynomial's arguments.
         u_x, v_x = -0.125 / u**3, v * held / one
         l_x = 2 * (p_u * u_x + p_v * v_x)
         # of ln(H_0)
@@ -265,6 +273,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
 
     def impedance(self, position, velocity):
         size, along = split(velocity)
+        # Of this start only the direction counts, see `_Inverse`.
         start = OcvirkSqueeze(self.length_ratio).impedance(position, along)
         return size * root(_Inverse(_Mobility(self), position, along, start))
 
@@ -280,6 +289,8 @@ class ReynoldsSqueeze(AbstractSqueeze):
         return size * jnp.exp(self._series("flow", x, _dot(position, position)))
 
 
+# The slopes along position and force are at hand in the value; by automatic differentiation the
+# table would be read again for each. Only those along the film's own numbers are taken so.
 @eqx.filter_custom_jvp
 def _table_mobility(film: ReynoldsSqueeze, position: Pair, force: Pair):
     """V = |F| (H f + dH/dx/2 t) with t = e - x f, and its slopes along e, constants to derivatives."""
@@ -364,6 +375,7 @@ def _horner(
         f = f * u + p[i]
     if order == 0:
         return (f,)
+    # Horner's recurrence leaves half of a second derivative.
     return (f, f_u, f_v) if order == 1 else (f, f_u, f_v, 2 * f_uu, f_uv, 2 * f_vv)
 
 
@@ -418,6 +430,8 @@ class _Inverse(AbstractRoot):
 
     def solve(self):
         def improve(_, place):
+            # The slope of a map of degree one depends on the direction alone: the size of the
+            # start does not matter.
             return two_by_two(self.columns(place), self.target)
 
         return lax.fori_loop(0, _INVERSIONS, improve, self.start)
