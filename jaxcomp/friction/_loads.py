@@ -148,6 +148,7 @@ class AbstractJointLoop(AbstractRoot):
         return self.excess(unknowns)
 
     def removed(self, unknowns, rest):
+        # Floored as in the iteration: derivatives of locked joints mean nothing, but stay finite.
         return -rest / jnp.maximum(self.slope(unknowns), _LEAST_SLOPE)
 
 
@@ -243,5 +244,6 @@ def magnitude(x: Float[Array, "*n"], y: Float[Array, "*n"]) -> Float[Array, "*n"
 @magnitude.defjvp
 def _magnitude_jvp(primals, tangents):
     (x, y), (moved_x, moved_y) = primals, tangents
+    # By `magnitude` itself, so that derivatives of higher order take this rule as well.
     size = magnitude(x, y)
     return size, (x * moved_x + y * moved_y) / jnp.where(size > 0, size, 1.0)

@@ -56,6 +56,7 @@ def _excess_series() -> np.ndarray:
     u = 4 * (1 + np.cos(np.pi * (np.arange(64) + 0.5) / 64))
     r = 0.1 * np.arange(1, 31)  # the trapezoidal rule of `film._contact`, for 7/2
     weight = 0.2 * r**8 / np.sqrt(2 * np.pi)
+    # Of the logarithm, because F_{7/2} falls by 17 decades over this range.
     values = np.log(np.sum(weight * np.exp(-0.5 * (u[:, None] + r**2) ** 2), axis=1))
     series = np.polynomial.chebyshev.chebfit(u / 4 - 1, values, 14)
     return np.polynomial.chebyshev.cheb2poly(series)
@@ -64,6 +65,7 @@ def _excess_series() -> np.ndarray:
 def _excess(u):
     """F_{7/2}, zero for surfaces that are apart."""
     touches = u < _APART
+    # Double where: beyond its range the polynomial, and with it the exponential, runs away.
     x, log = jnp.where(touches, u, _APART) / 4 - 1, 0.0
     for coefficient in _excess_series()[::-1]:
         log = log * x + coefficient
@@ -106,6 +108,7 @@ class _Pads(eqx.Module):
         pressed = jnp.sqrt(load**2 + floating**2 + 1e-24)
         thickness = jnp.exp(root(_Thickness(self, pressed)))
         film, touch = self.shares(thickness)
+        # Both terms of F_f: the shear of the motion, and that of the flow which the pressure drives.
         area = self.count * self.length * self.width
         shear = self.viscosity * self.speed * area / self.taper * jnp.log1p(self.taper / thickness)
         drag = shear + 0.5 * self.taper / self.length * film
@@ -136,6 +139,8 @@ class _Thickness(AbstractRoot):
             rest, slope = jax.jvp(self.rest, (z,), (jnp.ones_like(z),))
             return jnp.clip(z - rest / slope, low, high)
 
+        # Halved first: towards thin films the logarithm of the load flattens out, where Newton's
+        # method would step far beyond. 14 halvings leave less than 1e-3 of ln h_0.
         near = lax.fori_loop(0, _HALVINGS, halve, (low, high))
         return lax.fori_loop(0, _STEPS, improve, 0.5 * (near[0] + near[1]))
 

@@ -91,9 +91,12 @@ class SliderCrankLoop(AbstractJointLoop):
 
     def _pins(self, side, wall):
         """Forces of the pins, with their moments [N m] on the rod (`None` without a law)."""
+        # Laws have the sign of the motion, the force on the piston the other one.
         forces, rod = pin_forces(self.bodies, side, -wall), self.bodies.rod
         return (
             forces,
+            # phi grows against the crank's rotation: in the rod the piston pin, which does not
+            # turn, goes at phi', and the crank pin at w + phi'.
             journal_moment(self.friction.piston_pin, forces.piston_pin, rod.tilt_1 * self.speed),
             journal_moment(
                 self.friction.crank_pin, forces.crank_pin, (1 + rod.tilt_1) * self.speed
@@ -122,6 +125,8 @@ class SliderCrankLoop(AbstractJointLoop):
         if not all(law.proportional for law in laws):
             return side
         rod = self.bodies.rod
+        # Per newton of N, with the sign of d|N|/dN. The friction does not turn N round, because the
+        # slope is positive.
         grip = self.friction.wall.force(jnp.sign(side), self.slide_speed)
         return side / jnp.maximum(1 - grip * rod.sin_tilt / rod.cos_tilt, 1e-3)
 
@@ -175,6 +180,8 @@ class SliderCrankLoop(AbstractJointLoop):
             far = self.limit()
             margin = jnp.ones_like(side)
             if self.coupled:
+                # Far out on either side |N|, |T| and |S| grow in proportion to N, and the slope is
+                # at its limit.
                 margin = jnp.min(jax.vmap(self.slope)(jnp.stack([far, -far])), axis=0)
         return JointLoads(
             forces={

@@ -119,7 +119,9 @@ class SliderLinkLoop(AbstractJointLoop):
         weight = jnp.zeros_like(inertia)
         if self.gravity is not None:
             weight = weight + mechanism.piston_mass * self.gravity[1]
+            # Eq. (9) counts moments against z, and the weight's has crossed to its right side.
             moment = moment + weight * mechanism.piston_centre_lead
+        # Q of Eq. (8): the film's drag has the sign of the speed here, F_FG that of the force.
         return PistonLoads(self.gas_force + self.film + inertia, moment, weight)
 
     def _contacts(self, couple) -> tuple[Contact, Vector, Vector]:
@@ -131,6 +133,8 @@ class SliderLinkLoop(AbstractJointLoop):
         touch = contact(
             self.mechanism.bore, self._slider_diameter, self.arms, self.wall, self.link, loads
         )
+        # The link feels the slider's friction along the slider's motion; with the slider's inertia
+        # it is the force of the pin, Eqs. (16) and (17).
         on_link = Vector(touch.slider, self.link * jnp.abs(touch.slider))
         mass = self.mechanism.slider_mass
         along, across = self.pin_acceleration
@@ -244,6 +248,8 @@ def _slider_link_loop(
     along, across = motion.crank_acceleration(state)
     along, across = mechanism.crank_radius * along, mechanism.crank_radius * across
     if gravity is not None:
+        # Weights enter as an acceleration the other way. Across the cylinder the piston has none,
+        # so that its weight along y stands by itself as W.
         along, across = along - gravity[0], across - gravity[1]
     slide_speed = motion.position_1 * state.speed
     film = jnp.zeros_like(state.speed)
@@ -255,6 +261,8 @@ def _slider_link_loop(
         state,
         motion,
         arms,
+        # m_1 = d_1 mu_c with d_1 against the piston's motion, m_2 = d_2 mu_s with d_2 along the
+        # slider's.
         -_coefficient(friction.wall, slide_speed),
         _coefficient(friction.link_slider, mechanism.crank_radius * motion.cosine * state.speed),
         film,
