@@ -47,6 +47,7 @@ def turned_with(along, ahead, second: Vector) -> Vector:
     """
     if ahead is None:
         return Vector(along * second.x, along * second.y)
+    # The product of the two as complex numbers, because the vector turns with the crank.
     return Vector(along * second.x - ahead * second.y, along * second.y + ahead * second.x)
 
 

@@ -142,9 +142,11 @@ class SliderCrank(AbstractMechanism):
             inward: whether it moves towards the head.
         """
         r, l, e = self.crank_radius, self.conrod_length, self.offset
+        # The left side is hypot(x, e) cos(theta - arctan(e/x)).
         distance = jnp.hypot(position, e)
         cosine = (position**2 + e**2 + r**2 - l**2) / (2 * r * distance)
         swing = swing_at(cosine)
+        # Towards the head ahead of the top dead centre, away behind it.
         return jnp.arctan2(e, position) + (-swing if inward else swing)
 
     def reversals(self):
@@ -254,7 +256,9 @@ def rod_balance(
     piston = rod.position_1 * state.acceleration + rod.position_2 * square
     tilt = rod.tilt_1 * state.acceleration + rod.tilt_2 * square
     along, across = rod.crank_acceleration(state)
+    # m_c a_G by two masses at the eyes: exact, because G lies on the line between them.
     rod_inertia = Vector(big_end * along + small_end * piston, big_end * across)
+    # T acts on the rod, hence with the opposite sign on the piston.
     pin_x = -gas_force - mechanism.piston_mass * piston
     piston_weight = jnp.zeros(())
     if gravity is not None:
@@ -262,7 +266,8 @@ def rod_balance(
         piston_weight = mechanism.piston_mass * gravity[1]
         weight = mechanism.conrod_mass * gravity
         rod_inertia = Vector(rod_inertia.x - weight[0], rod_inertia.y - weight[1])
-    # the big end lies at b (-cos(phi), sin(phi)) from the mass centre of the rod
+    # The big end lies at b (-cos(phi), sin(phi)) from the mass centre of the rod. The inertia has a
+    # plus, because phi grows against z; S is eliminated by the balance of forces.
     moment = mechanism.conrod_inertia * tilt - b * (
         rod.cos_tilt * rod_inertia.y + rod.sin_tilt * rod_inertia.x
     )

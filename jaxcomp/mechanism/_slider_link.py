@@ -237,8 +237,11 @@ def contact(
 
     kappa_1 = (moment - edge_arm * weight) / arms.engaged
     kappa_2 = (moment - crown_arm * weight) / arms.engaged
+    # Q less what the left side of the equation for N is at N = 0.
     side = _side(q - wall * (jnp.abs(kappa_1) + jnp.abs(kappa_2)))
     a1, a2 = slopes(side)
+    # The same where F_1 = 0 (N = kappa_1/alpha_1) and where F_2 = 0, both times their alpha: no
+    # division by one that vanishes.
     between = wall * jnp.abs(a2 * kappa_1 - a1 * kappa_2)
     crown_side = _side(a1 * q - kappa_1 - jnp.sign(a1) * between)
     edge_side = -_side(a2 * q - kappa_2 - jnp.sign(a2) * between)
@@ -253,4 +256,5 @@ def contact(
 
 
 def _side(value):
+    # Never zero, unlike `jnp.sign`: a contact without a force has a side all the same.
     return jnp.where(value >= 0, 1.0, -1.0)
