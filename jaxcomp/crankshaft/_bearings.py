@@ -122,6 +122,7 @@ class MainBearings(Part):
         """What each bearing takes of a force at the origin [-] and of a moment there [1/m]."""
         if self.shaft != "rigid" and len(self.bearings) > 2:
             zero, one = jnp.zeros(1), jnp.ones(1)
+            # A moment is a couple of forces close together, of which each bearing takes the slope.
             share, lever = jax.jvp(self.influence, (zero,), (one,))
             return list(zip(share[:, 0], lever[:, 0], strict=True))
         return shares(self.bearings, self._positions())
@@ -238,11 +239,14 @@ def _beam(
     The supports are rigid, or springs of a stiffness [N/m] under a bending stiffness [N m^2].
     """
     count, span = supports.size, jnp.max(supports) - jnp.min(supports)
+    # Over the span, so that cubes and straight lines in the system are of one size.
     at, z = supports / span, places / span
     lines = jnp.stack([jnp.ones(count), at])
     bent = jnp.abs(at[:, None] - at) ** 3
     if stiffness is not None:
+        # R_i/k_i, by which the spring gives way, times the 12 EI of the line.
         bent = bent + jnp.diag(12 * bending / (stiffness * span**3))
+    # The last two rows are the balances of force and moment, the last two unknowns a and b.
     matrix = jnp.block([[bent, lines.T], [lines, jnp.zeros((2, 2))]])
     right = jnp.concatenate([jnp.abs(at[:, None] - z) ** 3, jnp.stack([jnp.ones_like(z), z])])
     return jnp.linalg.solve(matrix, right)[:count]

@@ -276,6 +276,7 @@ class Crankshaft(Part):
         """
         first = jax.tree.map(lambda leaf: leaf[0], kinematics)
         x, y = first.crank_acceleration(state)
+        # Turned back by the first cylinder's phase, in whose crank angle the kinematics stand.
         c, s = jnp.cos(self.phase[0]), jnp.sin(self.phase[0])
         return Vector(c * x + s * y, c * y - s * x)
 
@@ -321,6 +322,7 @@ class Crankshaft(Part):
         rows = self.rows
         angle, place = (jnp.stack(e) for e in ([t.angle for t in rows], [t.position for t in rows]))
         vectors = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+        # An unbalance turns with its throw, ahead of the crank at angle 0 by the throw's angle.
         vectors *= jnp.stack(self.unbalances(mechanism))
         taken = None if influence is None else influence(place)
         for number, (share, lever) in enumerate(line):
@@ -410,6 +412,7 @@ def _layout(name: str) -> list[tuple[float, list[float]]]:
         raise BadInput("layout", name, f"a layout such as {known}")
     half = (times + 1) // 2 if times % 2 == 0 and times > 2 else times
     angles = [i * 360 / half for i in range(half)]
+    # An in-line crank that is its own mirror image leaves no couple of any order.
     angles += angles[::-1] if half < times else []
     return [(angle, banks[i % len(banks)]) for i, angle in enumerate(angles)]
 

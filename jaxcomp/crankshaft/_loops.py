@@ -152,6 +152,7 @@ def machine_loops(
     )
     own_gravity = None if gravity is None else crankshaft.own_gravity(gravity, state.angle)
     support: AbstractJournal | MainBearings | None = crankshaft.main_journal
+    # A single journal takes all of the force and none of the moment.
     line, influence = [(1.0, 0.0)], None
     shares = jnp.ones((1, crankshaft.count))
     if isinstance(support, MainBearings):
@@ -162,6 +163,7 @@ def machine_loops(
     if gravity is not None:
         weight, centre = crankshaft.mass * gravity, crankshaft.mass_centre
         pulls = [
+            # The bearings push the shaft: its mass times acceleration, less its weight.
             Vector(*(p - (share + lever * centre) * w for p, w in zip(pull, weight, strict=True)))
             for pull, (share, lever) in zip(pulls, line, strict=True)
         ]
