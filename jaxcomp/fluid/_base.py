@@ -121,6 +121,7 @@ class AbstractFluid(Part):
 
             def newton(_, rho):
                 state = fluid.state(T, rho)
+                # Beyond the limit of the metastable gas dp/drho < 0 would turn the step round.
                 slope = jnp.maximum(state.dp_drho, 1e-3 * fluid.specific_gas_constant * T)
                 return jnp.clip(rho + (p - state.p) / slope, 0.5 * rho, 1.3 * rho)
 
@@ -146,6 +147,7 @@ class AbstractFluid(Part):
         def misfit(unknowns, inputs):
             fluid, p, value, scale, _ = inputs
             state = fluid.state(*jnp.exp(unknowns))
+            # Both rows are pure numbers of order one, and the logarithms keep T and rho above zero.
             return jnp.stack([jnp.log(state.p / p), (caloric(state) - value) / scale])
 
         def solve(inputs):
@@ -163,6 +165,7 @@ class AbstractFluid(Part):
         exponent = jnp.clip((start.kappa - 1) / start.kappa, 0.0, 0.4)
         T = jnp.clip(start.T * ratio**exponent, low, high)
         guess = jnp.log(jnp.stack([T, start.rho * ratio * start.T / T]))
+        # The root depends neither on the scale of a row nor on where it was sought from.
         inputs = (self, p, value, lax.stop_gradient(start.c_v), lax.stop_gradient(guess))
         return self.state(*jnp.exp(root(SmallSystem(misfit, solve, inputs))))
 

@@ -154,6 +154,8 @@ class RealGas(AbstractFluid):
 
     def is_wet(self, T, rho):
         data = self.data
+        # Above 0.98 of the critical temperature, where the dew line gets vertical, nothing is called
+        # wet; 2 % is room for the error of the curve.
         theta = jnp.minimum(T, 0.98 * data["T_critical"])
         dew = jnp.vectorize(lambda T: _ancillary(data["vapour_density"], T))(theta)
         return (theta == T) & (rho > 1.02 * dew)
@@ -215,6 +217,7 @@ class RealGas(AbstractFluid):
             else:
                 dew = vapour.p
                 gibbs = liquid.h - T * liquid.s - vapour.h + T * vapour.s
+                # Energies over the vapour's p/rho, so that all rows are relative.
                 balance = [(liquid.p - vapour.p) / dew, gibbs * vapour.rho / dew]
             last = jnp.log(dew) - given if p is not None else unknowns[0] - given
             return jnp.stack([*balance, last])
@@ -252,6 +255,7 @@ def _dew_curve(name: str) -> tuple[np.ndarray, np.ndarray]:
     """[K] and logarithms of [Pa] along the dew line; straight between them it errs by 1 mK."""
     data = fluid_data(name)
     curve = data["dew_pressure"]
+    # Even in 1/T, over which the logarithm of the pressure is nearly straight.
     T = 1 / np.linspace(1 / data["T_least"], 1 / data["T_critical"], 400)
     theta = np.maximum(1 - T / curve["T_r"], 0.0)[:, None]
     total = np.sum(curve["n"] * theta ** curve["t"], axis=1)
@@ -270,6 +274,7 @@ def _poly(table: np.ndarray, x, y):
 
 
 def _ancillary(curve: dict, T):
+    # At the critical point theta to a power below one would have an infinite slope.
     theta = jnp.maximum(1 - T / curve["T_r"], 1e-9)
     total = jnp.sum(curve["n"] * theta ** curve["t"])
     if curve["form"] == "sum":
@@ -315,7 +320,8 @@ def _residual(residual: dict, tau, delta):
             continue
         n, t, d = columns[:3]
         if family == "power":
-            # delta^l of the few whole numbers l that occur, without an exponential
+            # delta^l of the few whole numbers l that occur, without an exponential; l = 0 marks terms
+            # that have no exp(-delta^l)
             powers, place = np.unique(table[:, 3].astype(int), return_inverse=True)
             x = jnp.stack([delta ** int(l) if l else 0 * delta for l in powers])[place]
             power = columns[3]
