@@ -95,7 +95,10 @@ class PolytropicCycle(AbstractGas):
         # compression stroke is limited by p_d and the re-expansion is over at once.
         volume = jnp.maximum(clearance + stroke.displaced, 1e-30 * stroke.swept)
         opening = self._opening
+        # Ratios of volumes are limited in the place of pressures, so that one power serves both
+        # strokes.
         compressed = jnp.minimum(largest / volume, opening)
+        # Re-expansion starts from what the compression has reached, p_d or less.
         top = jnp.minimum(largest / jnp.maximum(clearance, 1e-30 * stroke.swept), opening)
         expanded = jnp.maximum(top * clearance / volume, 1.0)
         return self.suction_pressure * (
@@ -105,6 +108,7 @@ class PolytropicCycle(AbstractGas):
     def valve_events(self, swept):
         clearance, opening = self.clearance_ratio * swept, self._opening
         largest = clearance + swept
+        # Where nothing is delivered both are at the dead centres, which are ends of panels anyway.
         discharge = jnp.clip(largest / opening - clearance, 0.0, swept)
         suction = jnp.clip(clearance * opening - clearance, 0.0, swept)
         return (discharge, True), (suction, False)
@@ -220,9 +224,11 @@ class StagedCycle(AbstractGas):
         count, last = len(self.stages), max(self.stages)
         ends = 1.0
         if self.rod_diameter is not None:
+            # The head end, and the crank end less the rod.
             ends = 2 - jnp.pi / 4 * self.rod_diameter**2 / area
         columns = (ends * area * stroke, self.clearance_ratio, self.exponent)
         volume, clearance, exponent = (jnp.broadcast_to(x, (count,)) for x in columns)
+        # The flows become of order one; only ratios of volumes count, also in derivatives.
         volume = volume / lax.stop_gradient(jnp.max(volume))
         place = jnp.asarray(self.stages) - 1
         outer = jnp.log(jnp.stack([self.suction_pressure, self.discharge_pressure]))
@@ -244,9 +250,10 @@ class StagedCycle(AbstractGas):
             slope = lax.stop_gradient(jax.jacfwd(left)(inner))
             return inner - jnp.linalg.solve(slope, left(inner))
 
+        # Equal pressure ratios in all stages.
         start = jnp.linspace(0.0, 1.0, last + 1)[1:-1] * (outer[1] - outer[0]) + outer[0]
         found = lax.fori_loop(0, _STEPS, lambda _, x: lax.stop_gradient(improved(x)), start)
-        # one more step from the solution has its derivative
+        # One more step from the solution has its first derivatives, but not those of higher order.
         return jnp.exp(pressures(improved(lax.stop_gradient(found))))
 
     def of_cylinders(self, area: Float[Array, "*k"], stroke: Float[Array, "*k"]) -> AbstractGas:

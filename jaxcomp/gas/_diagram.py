@@ -59,6 +59,8 @@ class CrankAngleTable(AbstractDiagram):
 
     def pressure(self, stroke):
         turn = 2 * jnp.pi
+        # With two points of the turn before and after, the slopes at both ends are those of inner
+        # points.
         x = jnp.concatenate([self.angle[-2:] - turn, self.angle, self.angle[:2] + turn])
         y = jnp.concatenate(
             [self.cylinder_pressure[-2:], self.cylinder_pressure, self.cylinder_pressure[:2]]
@@ -161,6 +163,7 @@ class CallableDiagram(AbstractDiagram):
 def _curve(x, knots, values):
     """Cubics through the points with the slope of the parabola through three neighbours."""
     secant, inner = inner_slopes(knots, values)
+    # At an end, the slope there of the parabola through the last three points.
     first, last = 2 * secant[:1] - inner[:1], 2 * secant[-1:] - inner[-1:]
     return cubics(x, knots, values, jnp.concatenate([first, inner, last]))
 
