@@ -52,6 +52,7 @@ def quasi_steady_flow(a: Side, b: Side) -> Float[Array, ""]:
     high, low = choose(forward, a, b), choose(forward, b, a)
     r = jnp.maximum(low.p / high.p, critical_ratio(high.kappa))
     root = 2 * _enthalpy_drop(high.kappa, r) * r ** (2 / high.kappa)
+    # In the place of sqrt(root), whose slope is infinite where the pressures are equal.
     size = jnp.sqrt(high.p * high.rho) * root / jnp.sqrt(root + SOFTENING)
     return jnp.where(forward, size, -size)
 
@@ -69,6 +70,7 @@ def port_acceleration(a: Side, b: Side, velocity, pressure_sign, velocity_sign):
     """
     forward = pressure_sign > 0
     high, low = choose(forward, a, b), choose(forward, b, a)
+    # Beyond the reversal the ratio passes one, and the drop goes on smoothly below zero.
     r = jnp.maximum(low.p / high.p, critical_ratio(high.kappa))
     drop = high.p / high.rho * _enthalpy_drop(high.kappa, r)
     return pressure_sign * drop - 0.5 * velocity_sign * velocity**2
@@ -94,8 +96,10 @@ def throat_density(a: Side, b: Side, pressure_sign, velocity_sign) -> Float[Arra
 
 def critical_ratio(kappa):
     """Pressure ratio at which a nozzle chokes; 1/sqrt(e) for kappa = 1."""
+    # r_c = (1 + y)^(-kappa/(2 y)).
     y = 0.5 * (kappa - 1)
     near = jnp.abs(y) < 1e-4
+    # Double where: log1p(y)/y is 0/0 at kappa = 1.
     safe = jnp.where(near, 1.0, y)
     slope = jnp.where(near, 1 - y / 2 + y**2 / 3 - y**3 / 4, jnp.log1p(safe) / safe)
     return jnp.exp(-0.5 * kappa * slope)
@@ -106,6 +110,7 @@ def _enthalpy_drop(kappa, r):
     log = jnp.log(r)
     z = (kappa - 1) / kappa * log
     near = jnp.abs(z) < 1e-3
+    # Double where: expm1(z)/z is 0/0 at zero, and its derivatives cancel beside it, hence 1e-3.
     safe = jnp.where(near, 1.0, z)
     series = 1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + z / 5 * (1 + z / 6))))
     return -log * jnp.where(near, series, jnp.expm1(safe) / safe)

@@ -282,5 +282,6 @@ class ReedBeam(AbstractMovingValve):
 def _curve(x, knots, values):
     """Cubics with continuous slope through the points, constant beyond the last."""
     secant, inner = inner_slopes(knots, values)
+    # No slope at the last point, so that the constant beyond joins without a kink.
     slopes = jnp.concatenate([secant[:1], inner, jnp.zeros(1)])
     return cubics(jnp.clip(x, knots[0], knots[-1]), knots, values, slopes)
