@@ -228,6 +228,7 @@ class Kloss(AbstractMotor):
         return self.torque_near(speed, 0.0)
 
     def torque_near(self, speed, change):
+        # Subtracted in turn: speed + change would lose digits that a slip of 1e-6 needs.
         slip = (self.synchronous_speed - speed - change) / self.synchronous_speed
         return (
             2 * self.pull_out_torque * slip * self.pull_out_slip / (slip**2 + self.pull_out_slip**2)
@@ -235,4 +236,5 @@ class Kloss(AbstractMotor):
 
     @property
     def speed_guess(self):
+        # On the stable side of the pull-out, where the torque is 55 % of its largest.
         return self.synchronous_speed * (1 - 0.3 * jnp.minimum(self.pull_out_slip, 1.0))
