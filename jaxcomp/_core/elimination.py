@@ -25,6 +25,7 @@ def solve_small(
     def eliminate(carry, k):
         whole, free = carry
         column = lax.dynamic_index_in_dim(whole, k, -1, keepdims=False)
+        # -1 keeps a row from being chosen twice, also where what is left of the column is zero.
         best = jnp.argmax(jnp.where(free, jnp.abs(column), -1.0), axis=-1)
         chosen = rows == best[..., None]
         pivot = jnp.sum(jnp.where(chosen, column, 0.0), axis=-1, keepdims=True)

@@ -61,6 +61,7 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
     @functools.wraps(function)
     def call(*arguments, **named):
         leaves, structure = jax.tree.flatten((arguments, named))
+        # Within another program this one becomes a part of it.
         if any(is_traced(leaf) for leaf in leaves):
             return compiled(*arguments, **named)
         if any(getattr(leaf, "weak_type", False) for leaf in leaves):
@@ -121,6 +122,7 @@ def _traced(function: Callable, rest: tuple, structure: Any, path: Path) -> tupl
     """Structure of the result and the traced program, which are kept."""
     told = []
 
+    # Arrays in, arrays out: what is written down then knows nothing of the package's classes.
     def flat(*arrays):
         given = iter(arrays)
         filled = [next(given) if isinstance(one, _Hole) else one for one in rest]

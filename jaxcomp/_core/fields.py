@@ -353,6 +353,7 @@ def replaced(part: _Tree, **changes) -> _Tree:
         lambda p: [getattr(p, name) for name in names],
         part,
         list(changes.values()),
+        # To JAX `None` is no leaf, but an absent field may get a value.
         is_leaf=lambda leaf: leaf is None,
     )
 

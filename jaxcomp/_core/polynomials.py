@@ -43,6 +43,7 @@ class Rule(NamedTuple):
         """
         count = self.nodes.size
         below = legendre.legvander(2 * self.nodes - 1, count - 1)[:, -1]
+        # The integral of P_(n-1) ends with P_n/(2 n - 1), halved on a panel from 0 to 1.
         return np.outer(below, self.to_legendre[-1]) / (4 * count - 2)
 
     @property

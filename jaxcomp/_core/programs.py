@@ -191,6 +191,7 @@ def _has_ended_a_process(path: Path) -> bool:
 def _is_ours(code: bytes) -> bool:
     """Whether a function of this package was traced, or runs."""
     place = f"{_PACKAGE}{os.sep}"
+    # Above `_compiled`, which is of this package itself.
     frame = sys._getframe(2)
     while frame is not None and not frame.f_code.co_filename.startswith(place):
         frame = frame.f_back
@@ -296,6 +297,7 @@ def read(path: Path) -> bytes | None:
             said, data = file.read(32), file.read()
         if said == _sum(path, data):
             with contextlib.suppress(OSError):
+                # What was read longest ago goes first, see `_make_room`.
                 os.utime(path)
             return zlib.decompress(data)
     except (OSError, zlib.error):
@@ -319,6 +321,7 @@ def write(path: Path, program: bytes) -> None:
         return
     _written.append(len(data))
     if len(_written) == 1 or sum(_written) > _LOOK:
+        # The zero stays, so that only the first write of a process has a list of one.
         _written[:] = [0]
         _make_room(path.parent.parent)
 

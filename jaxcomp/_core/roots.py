@@ -83,6 +83,7 @@ def root(equations: AbstractRoot):
 
 @root.def_jvp
 def _root_jvp(primals, tangents):
+    # By `root` again and not by `solve`: derivatives of the next order take this rule as well.
     unknowns = root(*primals)
     rest, moved = eqx.filter_jvp(lambda equations: equations.rest(unknowns), primals, tangents)
     moved = jax.tree.map(
@@ -161,6 +162,7 @@ def _fixed_point_jvp(primals, tangents):
 
     moved = jax.tree.map(given, moved, value, is_leaf=_absent)
     solve = _neumann(problem.tolerance, problem.max_iterations)
+    # The transposed map contracts at the same rate, so that the same iteration solves it.
     value_moved = jax.lax.custom_linear_solve(
         lambda v: jax.tree.map(jnp.subtract, v, across(v)), moved, solve, transpose_solve=solve
     )
@@ -189,6 +191,7 @@ def settle(
 
     def going_on(carry):
         _, _, report, *_ = carry
+        # An iteration that is lost reports exactly this change; the first report has half of it.
         moving = report.change < 2 * _RUNAWAY
         return moving & ~report.settled & (report.steps < max_iterations)
 
@@ -229,6 +232,7 @@ def _neumann(tolerance, max_iterations):
             lost = ~(change < _RUNAWAY * size)
             share = _share(share, change > _JUMPING * last)
             new = jax.tree.map(lambda v, r: jnp.where(lost, v, v + share * r), value, rest)
+            # A change of zero ends the loop.
             return new, jnp.where(lost, 0.0, change), share, steps + 1
 
         start = (right_side, jnp.asarray(jnp.inf), jnp.asarray(1.0), jnp.asarray(0))
