@@ -108,8 +108,8 @@ class _Pads(eqx.Module):
         pressed = jnp.sqrt(load**2 + floating**2 + 1e-24)
         thickness = jnp.exp(root(_Thickness(self, pressed)))
         film, touch = self.shares(thickness)
-        # Both terms of F_f: the shear of the motion, and that of the flow which the pressure drives.
         area = self.count * self.length * self.width
+        # Both terms of F_f: the shear of the motion, and that of the flow which the pressure drives.
         shear = self.viscosity * self.speed * area / self.taper * jnp.log1p(self.taper / thickness)
         drag = shear + 0.5 * self.taper / self.length * film
         return PadForces(drag, self.contact.coefficient * touch, thickness)

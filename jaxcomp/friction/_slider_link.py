@@ -178,6 +178,7 @@ class SliderLinkLoop(AbstractJointLoop):
         loss = {}
         if friction.wall is not None:
             pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)
+            # m_1 has the sign of the force on the piston, which is against the motion.
             loss["wall"] = -self.wall * pressed * motion.position_1
         if friction.piston_film is not None:
             loss["piston_film"] = self.film * motion.position_1
