@@ -95,7 +95,9 @@ def inertia_matrices(
         return lateral, jnp.zeros_like(lateral), lateral
     b = zero if table.offset is None else table.offset
     spin = table.polar_inertia if table.spins else zero
+    # phi = du/dz: a centre b above its node moves by u + b phi, which couples the two by +m b.
     lateral = _two_by_two(m, m * b, table.transverse_inertia + m * b**2)
+    # Torsion turns a disk that does not spin as well; only the gyroscopic moment asks for it.
     return lateral, _two_by_two(zero, zero, spin), _two_by_two(m, zero, table.polar_inertia)
 
 
@@ -137,6 +139,7 @@ class RigidBody(Part):
             scale = max(np.abs(tensor).max(), 1e-300)
             if np.abs(tensor - tensor.T).max() > 1e-9 * scale:
                 raise BadInput("inertia", tensor, "symmetric")
+            # A thin rod has a principal value of zero, which rounding may leave below it.
             if np.linalg.eigvalsh(tensor).min() < -1e-9 * scale:
                 raise BadInput("inertia", tensor, "without negative principal values")
 
@@ -152,6 +155,8 @@ def body_matrices(body: RigidBody, dof: int) -> Float[Array, "2 dof dof"]:
     move, turn = np.diag([1.0, 1, 1, 0, 0, 0]), np.eye(6)[:, 3:]
     mass = body.mass * move + turn @ body.inertia @ turn.T
     spin = 0.0 if body.spin_inertia is None else body.spin_inertia
+    # Spin about +z: M_x = I th_x'' + I_p W th_y' and M_y = I th_y'' - I_p W th_x', for a small
+    # rotation tips the spinning axis towards (th_y, -th_x).
     gyro = spin * (np.outer(turn[:, 0], turn[:, 1]) - np.outer(turn[:, 1], turn[:, 0]))
     return _in_coordinates(jnp.stack([mass, gyro]), dof)
 
@@ -160,6 +165,7 @@ def _in_coordinates(matrices, dof) -> Array:
     """From the six axes of space to the coordinates of a node, see `_conventions`."""
     order, signs = coordinates(dof)
     rows = np.array([SPACE_AXES.index(a) for a in AXES[dof]])[order]
+    # The coordinate -th_x changes the sign of the moment that works on it, hence rows and columns.
     return signs[:, None] * signs * matrices[..., rows[:, None], rows]
 
 

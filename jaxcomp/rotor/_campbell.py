@@ -23,7 +23,7 @@ from ._damped import (
 from ._elimination import lu_factor, lu_solve
 from ._layout import layout_of
 from ._model import RotorModel
-from ._modes import definite_pencil
+from ._pencil import definite_pencil
 from ._prepare import prepare
 from ._system import System, apply, marked, operator_at, undamped
 
@@ -143,6 +143,8 @@ def critical_speeds_between(
     modes = _by_frequency(campbell(model, spin_speeds, count, damping=damping))
     speed, gap = np.asarray(spin_speeds), np.asarray(modes.frequency)
     gap = gap - order * speed[:, None]
+    # A gap of zero counts where the interval ends, so once. Modes that the model lacks at a speed
+    # are NaN, which compares as false: they cross nothing.
     at, mode = np.nonzero((gap[:-1] > 0) & (gap[1:] <= 0) | (gap[:-1] < 0) & (gap[1:] >= 0))
     if not at.size:
         return CriticalSpeeds(*(jnp.zeros(0),) * 3)
@@ -164,9 +166,11 @@ def critical_speeds_between(
     # Where a mode begins to oscillate the numbers shift, which looks like a crossing: its start
     # leads to another crossing, or nowhere.
     w, growth = np.asarray(found.speed), np.asarray(found.growth)
+    # |a| = n W is the damping ratio of 0.707.
     near, peaks = np.abs(w - begin) <= np.max(np.diff(speed)), -growth < order * w
     value, kept = w + 1j * growth, []
     for i in np.flatnonzero(np.isfinite(w) & near & peaks):
+        # Two starts on one root agree to the 1e-8 at which Newton's method counts as converged.
         if np.all(np.abs(value[i] - value[kept]) > 1e-7 * w[i]):
             kept.append(i)
     kept.sort(key=lambda i: w[i])
@@ -213,6 +217,7 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
         return on_active(whole, x, lambda x: apply(z, x, transpose=transpose))
 
     def vectors(growth, spin, x, y):
+        # A trace off the root, so that P can be factorised even where the speed is exact.
         spin = spin * (1 + 1e-13)
         full, d = system_matrices(eqx.combine(frozen, rest), spin, damping=damping)
         lam = growth + 1j * order * spin
@@ -231,6 +236,8 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
         bilinear = lambda n, a, w: y @ product(n, a, w, x)  # noqa: E731
         value = bilinear(numbers, growth, spin)
         slope = jax.jacfwd(bilinear, (1, 2))(frozen, growth, spin)
+        # At the root the residual is zero and the slope's own derivative drops out: a frozen slope
+        # is enough for that of the answer.
         a, w = (jax.lax.stop_gradient(s) for s in slope)
         # value + a da + w dw = 0 in the complex plane, da and dw real
         det = a.real * w.imag - a.imag * w.real
@@ -245,10 +252,13 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
             a, w = newton(frozen, growth, spin, x, y)
             return (a, w, x, y), jnp.abs(w - spin) / jnp.abs(w)
 
+        # Without damping P is Hermitian and conj(x) its left vector; b makes sure that the start is
+        # not orthogonal to that of a damped one.
         state = (growth, spin, x, b + jnp.conj(x))
         (growth, spin, x, y), change = jax.lax.scan(step, state, None, length=8)
         state = jax.lax.stop_gradient((growth, spin, x, y))
         growth, spin = newton(numbers, *state)
+        # Newton's method doubles the digits: after a change of 1e-8 only rounding is left.
         found = (change[-1] < 1e-8) & (spin > 0)
         return jnp.where(found, spin, jnp.nan), jnp.where(found, growth, jnp.nan), change[-1]
 
@@ -266,6 +276,8 @@ def _synchronous(system, count, order, near):
     moving = jnp.diagonal(inertia) > 0
     ratio = jnp.abs(jnp.diagonal(k)) / jnp.select([moving], [jnp.diagonal(inertia)], jnp.nan)
     mu, x = definite_pencil(k + 1e-11 * jnp.nanmedian(ratio) * inertia, h)
+    # mu = 1/W^2, so that the largest are the lowest speeds. It is negative for the forward modes of
+    # flat disks, which the gyroscopic moment keeps above the line n W at any speed.
     mu, x = mu[::-1][:count], x[:, ::-1][:, :count]
     x = x / jnp.linalg.norm(x, axis=0)
     # Again within their span, with the strain energy element by element: motions on soft springs,

@@ -106,6 +106,8 @@ def _given(value) -> bool:
 def _of_shaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node):
     """Inertia [kg m^2], mass [kg], unbalance [kg m] (2,) and couple [kg m^2] (2,) of a shaft."""
     place = axial_positions(rotor, pin)
+    # Tables may hold elements of the crankcase beside those of the shaft: only what is joined to
+    # the pin turns with the crank.
     inertia = mass = jnp.zeros(())
     for shaft in rotor.shafts:
         own = jnp.array([a in place for a, _ in shaft.pairs], float)
@@ -213,6 +215,7 @@ def shaft_bearings(rotor: RotorModel, support: MainBearings, pin: Node) -> Shaft
         jnp.stack([nodal_load(model, node, axis) for node in names]) for axis in ("ux", "thy")
     )
     still = jnp.zeros(())
+    # At frequency zero nothing but stiffness is left of the model.
     deflections = (receptance(model, force, out, still, still).real for out in (lateral, turned))
     values, slopes = (support.stiffness[:, None] * found.T for found in deflections)
     order = jnp.argsort(along)

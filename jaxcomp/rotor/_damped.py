@@ -78,6 +78,7 @@ class DampedModes(Result, eqx.Module):
     @property
     def stable(self) -> Bool[Array, ""]:
         """Whether every motion but a rigid one decays or at least does not grow."""
+        # An undamped mode has a growth of zero but for rounding.
         return self.growth <= 1e-9 * jnp.nanmax(jnp.abs(self.eigenvalue))
 
 
@@ -151,6 +152,7 @@ def system_matrices(
         if system.modal is not None:
             modal = jax.vmap(lambda v: from_planes(v, system.dof))(system.modal)
             modal = modal[:, system.layout.active]
+            # The sum of v v^T with v = M phi sqrt(2 zeta w), see `ModalDamping`.
             velocity = velocity + modal.T @ modal
     return full, velocity
 
@@ -169,6 +171,7 @@ def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     layout = system.layout
     shape = (full.expand @ x_new).T.reshape(count, layout.n, layout.dof)
     ux, uy = shape[..., 0], shape[..., 1]
+    # u_x + i u_y is forward whirl, u_x - i u_y backward whirl, see `_conventions`.
     forward, back = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
     whirl = (forward - back) / (forward + back)
     return DampedModes(marked(system, lam_new), shape, whirl, marked(system, growth))
@@ -180,6 +183,8 @@ def _spectrum(m, d, k):
     # Coordinates of one size, and the shift as the unit of frequency.
     diag, moving = jnp.abs(jnp.diagonal(k)), jnp.diagonal(m)
     inertia = jnp.select([moving > 0], [moving], jnp.nan)
+    # Positive, where stable motions have no eigenvalue, and low, so that low modes have the
+    # largest nu; by the median, because of single stiff springs.
     s = jnp.sqrt(jnp.nanmedian(jnp.where(diag > 0, diag, jnp.nan) / inertia)) * 1e-3
     s = jnp.where(s > 0, s, 1.0)
     size = diag + s**2 * jnp.nan_to_num(inertia)
@@ -187,9 +192,13 @@ def _spectrum(m, d, k):
     m, d, k = (weight[:, None] * a * weight for a in (s**2 * m, s * d, k))
     p = jax.scipy.linalg.lu_factor(m + d + k)  # P at the shift, now 1
     pd, pm = jax.scipy.linalg.lu_solve(p, d + m), jax.scipy.linalg.lu_solve(p, m)
+    # (A - B)^{-1} B by blocks, of A z = lambda B z with z = (x, lambda x): its eigenvalues are
+    # nu = 1/(lambda - 1).
     nu, v = jnp.linalg.eig(jnp.block([[-pd, -pm], [jnp.eye(n) - pd, -pm]]))
+    # Massless coordinates have nu = 0 but for rounding.
     finite = jnp.abs(nu) > 1e-13 * jnp.max(jnp.abs(nu))
     lam = 1 + 1 / jnp.where(finite, nu, 1.0)
+    # A rigid motion is a double zero with one vector, which rounding splits by its square root.
     rigid = jnp.abs(lam) < 1e-5
     oscillating = finite & ~rigid & (lam.imag > 1e-9 * (1 + jnp.abs(lam)))
     order = jnp.argsort(jnp.where(oscillating, jnp.abs(lam), jnp.inf))
@@ -218,12 +227,15 @@ def _left(m, d, k, lam, x):
     def one(lam, b):
         lu = jax.scipy.linalg.lu_factor(lam**2 * m + lam * d + k)
         for _ in range(2):
+            # P^T without conjugation: y^T P = 0.
             b = jax.scipy.linalg.lu_solve(lu, b, trans=1)
             b = b / jnp.linalg.norm(b)
         return b
 
     # The factor off the eigenvalue keeps P invertible where lambda is exact to the last bit.
     y = jax.lax.map(lambda a: one(a[0] * (1 + 1e-13), a[1]), (lam, start)).T
+    # Diagonal by itself where eigenvalues differ, as y_a^T (P(lambda_a) - P(lambda_b)) x_b = 0; the
+    # inverse pairs the vectors inside a repeated one.
     gram = jnp.einsum("ia,ij,jb,ab->ab", y, m, x, lam[:, None] + lam[None, :]) + y.T @ d @ x
     # Modes that the model does not have are NaN; they must not spoil the others.
     bad = ~jnp.isfinite(lam)
@@ -244,9 +256,11 @@ def _vectors(m, d, k, lam_new, lam, x):
         e = jnp.zeros_like(x).at[jnp.argmax(jnp.abs(x))].set(1.0)
         slope = frozen((2 * lam * m + d) @ x)
         matrix = jnp.block([[p, slope[:, None]], [e[None, :], jnp.zeros((1, 1))]])
+        # Forces, moments and the condition on the vector in rows of one size.
         size = jnp.max(jnp.abs(matrix), 1)
         residual = (lam_new**2 * m + lam_new * d + k) @ x
         step = jnp.linalg.solve(matrix / size[:, None], -jnp.append(residual, 0.0) / size)[:-1]
+        # `eig` leaves only rounding to mend: a long step comes from a matrix all but singular.
         alone = jnp.all(jnp.isfinite(step)) & (jnp.linalg.norm(frozen(step)) < 1e-3)
         return x + jnp.where(alone, step, 0.0)
 

@@ -69,6 +69,7 @@ def factorise(z: Operator) -> Factor:
     segment, last, border = _eliminate(layout, places, _magnetic_pulls(layout, z))
     inner, cross, reach, kept = [], [], [], []
     for component, (free, keep) in _kinds(layout):
+        # Untouched coordinates first: they are eliminated while p and q are still apart.
         order, f = np.concatenate([free, keep]), len(free)
         row, column = order[:, None], order
         entry = 4 * (row // 2 * b + column // 2) + row % 2 * 2 + column % 2
@@ -82,6 +83,7 @@ def factorise(z: Operator) -> Factor:
     full = _unlane(kept) + _links_and_bodies(layout, z)
     motion = None if layout.own.all() else _border_motion(layout, z.system.arms)
     small = full if motion is None else motion.T @ full @ motion
+    # A unit diagonal lets the pivoting compare displacements with rotations, mounts with films.
     size = jnp.abs(jnp.diagonal(small))
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
     lu = lu_factor(weight[:, None] * small * weight)
@@ -102,6 +104,7 @@ def solve_factored(
     r, on_left = _forward(layout, factor, r)
     (left, far), last = layout.ends, tuple(jnp.moveaxis(factor.last, 1, 0))
     to_far = times_t(last, tuple(_at_ends(layout, r).swapaxes(0, 1)))
+    # A free end has the number behind the last border node, which `add` leaves out.
     both = jnp.concatenate([_at_ends(layout, on_left), jnp.stack(to_far, 1)])
     y = _solve_border(layout, factor, add(g, np.concatenate([left, far]), -both), transpose)
     x = _backward(layout, factor, r, y)
@@ -145,15 +148,19 @@ def _eliminate(layout, places, more):
         n, e = blocks[_NEXT], blocks[_LEFT]
         w = product(pivot, n)
         q = product_t(n, w)
+        # Pivots of 2 x 2 blocks without exchanges of rows, which would widen the band; what digits
+        # that costs the refinement in `_solve` brings back.
         pivot = inverse((a - q[0], bb - q[1], d - q[3]))
         fill = _minus(e, product_t(w, fill))
         back = product(pivot, fill)
         own = product_t(fill, back)
+        # The only sum that N = 0 at an opening does not start afresh.
         left = tuple(inside * past + own[k] for past, k in zip(left, (0, 1, 3), strict=True))
         return (pivot, fill, left), jnp.stack([*pivot, *w, *back, *left])
 
     inside = jnp.asarray(~layout.opening, float)[..., None]
     zero = jnp.zeros_like(places.segment[0, 0])
+    # Any finite pivot will do, since the first node has N = 0.
     start = ((zero + 1, zero, zero + 1), (zero,) * 4, (zero,) * 3)
     segment = jax.lax.scan(step, start, (places.segment, inside))[1]
     ends = _at_ends(layout, segment).swapaxes(0, 1)
@@ -163,6 +170,7 @@ def _eliminate(layout, places, more):
     to_far = jnp.stack(product_t(right, last))
     across = jnp.stack(product_t(right, ends[_BACK]))  # rows far, columns left
     both = (left < b) & (far < b)
+    # Row b * b does not exist, so that `add` leaves out what would act on a free end.
     rows = [np.where(k < b, k * (b + 1), b * b) for k in (left, far)]
     rows += [np.where(both, i * b + k, b * b) for i, k in ((far, left), (left, far))]
     values = jnp.concatenate([to_left, to_far, across, across[TURNED]], 1).swapaxes(0, 1)
@@ -230,6 +238,7 @@ def _backward(layout, factor, r, y):
         now = jnp.stack(_minus(now, times(w_following, following)))
         return (now, w), now
 
+    # W of an opening is zero as well, so that nothing leaks into the segment before it.
     start = jnp.zeros_like(r[0]), jnp.zeros_like(factor.segment[0, _AHEAD])
     own = jnp.moveaxis(own, 2, 1)
     return jax.lax.scan(step, start, (own, factor.segment[:, _AHEAD]), reverse=True)[1]
@@ -242,6 +251,8 @@ def _solve_border(layout, factor, g, transpose):
     kept, inside, kinds = [], [], _kinds(layout)
     for k, (component, (free, keep)) in enumerate(kinds):
         own = take(flat[component].T, np.concatenate([free, keep])).T
+        # In the components all blocks are symmetric and stand for Z^T too; only the border, where
+        # links and bodies join p and q, has to be transposed.
         x = lu_solve(factor.inner[k], own[:, : len(free), None])[..., 0]
         kept.append(own[:, len(free) :] - jnp.einsum("afk,af->ak", factor.cross[k], x))
         inside.append(x)
@@ -279,6 +290,7 @@ def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
         return b
     if jnp.iscomplexobj(b) and not jnp.iscomplexobj(lu):
         k = b.shape[-1]
+        # Side by side as real columns, which spares the factors a complex copy.
         parts = lu_solve(factor, jnp.concatenate([b.real, b.imag], -1), transpose)
         return parts[..., :k] + 1j * parts[..., k:]
 

@@ -1,29 +1,25 @@
-r"""What of a model is known before any number: who is connected to whom, and what follows what.
+r"""What of a model is known before any number: who is connected to whom.
 
 The nodes are divided into *border* nodes (those with links, bodies or branches) and the rest, which
 form *segments*: runs of nodes that are coupled to their two neighbours only. Segments stand one
 after the other in the columns of an array as high as the longest of them; empty places hold the
 number of a dummy node.
 
-Nodes of rigid bodies follow their centres, x_k = A_k x_c. A pinned or clamped link adds one condition a
-coordinate, x_a = x_b or x_a = 0, which is solved for a coordinate that occurs in it with the factor one
-or minus one; that coordinate is put into all other relations and is gone. Everything is in the order of
-the planes of `_conventions`, where the numbers of a node are its coordinates.
+Everything is in the order of the planes of `_conventions`, where the numbers of a node are its
+coordinates.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from ._bodies import RigidBody, arm_matrices
 from ._conventions import AXES, coordinates
 from ._nodes import node_names
 from ._shaft import Node
+from ._ties import Hold, Ties, find_ties
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +61,7 @@ class Layout:
     links: np.ndarray
     centres: np.ndarray
     slaved: tuple[tuple[int, int], ...]
-    ties: "Ties"
+    ties: Ties
     active: np.ndarray
     moving: np.ndarray
     border: np.ndarray
@@ -123,35 +119,16 @@ def layout_of(model: Any) -> Layout:
 
 @lru_cache(maxsize=64)
 def _layout(key) -> Layout:
-    names, dof, pairs, link_axes, bodies, disks, masses = key
+    names, dof, pairs, link_axes, bodies, _, _ = key
     n, (in_planes, _) = len(names), coordinates(dof)
-    place = {AXES[dof][axis]: at for at, axis in enumerate(in_planes)}
-    touched, exists = np.zeros((2, n, dof), bool)
-    holds: list[Hold] = []
-    for link, (nodes, axes, held) in enumerate(link_axes):
-        own = [place[axis] for axis in axes if axis in place]
-        for node in set(nodes) - {n}:
-            touched[node, own] = True
-            exists[node, own] |= not held
-        if held:
-            holds += [Hold(link, *nodes, at) for at in own]
     slaved = tuple((k, c) for c, nodes in bodies for k in nodes)
-    ties = find_ties(n, dof, slaved, tuple(holds))
-    centres = [c for c, _ in bodies]
-    pulled = {node for nodes, axes, _ in link_axes if not axes for node in nodes} - {n}
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in pairs:
         neighbours[a].add(b)
         neighbours[b].add(a)
-    rigid = [*centres, *(k for k, _ in slaved)]
-    touched[rigid] = True
-    exists[[*rigid, *disks]] = True
-    exists[[i for i in range(n) if neighbours[i]]] = True
-    exists[list(pulled), 0] = exists[list(pulled), 2] = True  # ux and uy
-    exists[list(masses), ::2] = True  # displacements
-    for hold in ties.holds:  # what follows gives its inertia and stiffness to what it follows
-        joined = [i for i in (hold.first, hold.second) if i < n]
-        exists[joined, hold.coordinate] = exists[joined, hold.coordinate].any()
+    # Pulls are the links without axes. Their nodes are border nodes: a segment couples neighbours only.
+    pulled = {node for nodes, axes, _ in link_axes if not axes for node in nodes} - {n}
+    touched, exists, ties = _coordinates_of(key, slaved, neighbours, pulled)
     active = exists & ties.own
     if not active.any():
         raise BadInput("model", "no degree of freedom", "something that can move")
@@ -174,7 +151,7 @@ def _layout(key) -> Layout:
         dof=dof,
         pairs=np.array(pairs, int).reshape(-1, 2),
         links=np.array([nodes for nodes, _, _ in link_axes], int).reshape(-1, 2),
-        centres=np.array(centres, int),
+        centres=np.array([c for c, _ in bodies], int),
         slaved=slaved,
         ties=ties,
         active=active[:, np.argsort(in_planes)],
@@ -189,6 +166,34 @@ def _layout(key) -> Layout:
         ends=ends,
         slots=_slots(pairs, segment, runs, at),
     )
+
+
+def _coordinates_of(key, slaved, neighbours, pulled) -> tuple[np.ndarray, np.ndarray, Ties]:
+    """Which coordinates (n, dof) links or bodies touch, which exist, and which follow others."""
+    names, dof, _, link_axes, bodies, disks, masses = key
+    n, (in_planes, _) = len(names), coordinates(dof)
+    place = {AXES[dof][axis]: at for at, axis in enumerate(in_planes)}
+    touched, exists = np.zeros((2, n, dof), bool)
+    holds: list[Hold] = []
+    for link, (nodes, axes, held) in enumerate(link_axes):
+        own = [place[axis] for axis in axes if axis in place]
+        for node in set(nodes) - {n}:
+            touched[node, own] = True
+            # A held link has no stiffness: it does not bring a coordinate into being.
+            exists[node, own] |= not held
+        if held:
+            holds += [Hold(link, *nodes, at) for at in own]
+    ties = find_ties(n, dof, slaved, tuple(holds))
+    rigid = [*(c for c, _ in bodies), *(k for k, _ in slaved)]
+    touched[rigid] = True
+    exists[[*rigid, *disks]] = True
+    exists[[i for i in range(n) if neighbours[i]]] = True
+    exists[list(pulled), 0] = exists[list(pulled), 2] = True  # ux and uy
+    exists[list(masses), ::2] = True  # displacements
+    for hold in ties.holds:  # what follows gives its inertia and stiffness to what it follows
+        joined = [i for i in (hold.first, hold.second) if i < n]
+        exists[joined, hold.coordinate] = exists[joined, hold.coordinate].any()
+    return touched, exists, ties
 
 
 def _runs(n, neighbours, border):
@@ -226,6 +231,8 @@ def _packed(n, runs):
     height = max([len(run) for _, run, _ in runs], default=0)
     columns: list[list[int]] = []
     last = np.zeros((len(runs), 2), int)
+    # Longest first into the first column with room: few columns, none higher than the longest
+    # segment, whose length alone is sequential in the elimination.
     for s in sorted(range(len(runs)), key=lambda s: -len(runs[s][1])):
         run = runs[s][1]
         room = [c for c, nodes in enumerate(columns) if len(nodes) + len(run) <= height]
@@ -266,146 +273,3 @@ def _slots(pairs, segment, runs, place):
             else:
                 out.append((RIGHT, 0, number[inner], int(inner == b)))
     return np.array(out, int).reshape(-1, 4)
-
-
-class Hold(NamedTuple):
-    """One condition of a held link, and the coordinate that it removes.
-
-    Attributes:
-        link: number of the link.
-        first: number of its first node.
-        second: that of its second node; the number of nodes for the ground.
-        coordinate: which of a node is held.
-        node: the node that loses a coordinate.
-        sign: of its motion in the condition.
-    """
-
-    link: int
-    first: int
-    second: int
-    coordinate: int
-    node: int = -1
-    sign: float = 0.0
-
-
-class Ties(NamedTuple):
-    """Relations between coordinates as far as they are known before any number.
-
-    Attributes:
-        nodes: (2, t) nodes that follow, and those that they follow; one pair an entry.
-        own: (n, dof) coordinates that follow nothing.
-        holds: conditions of held links.
-    """
-
-    nodes: np.ndarray
-    own: np.ndarray
-    holds: tuple[Hold, ...]
-
-
-def body_arms(bodies: tuple[RigidBody, ...], dof: int) -> Float[Array, "slaved dof dof"]:
-    """Motion of the nodes of all bodies from that of their centres."""
-    arms = [arm_matrices(body.arm, dof) for body in bodies]
-    return jnp.concatenate([jnp.zeros((0, dof, dof)), *arms])
-
-
-def find_ties(n: int, dof: int, slaved: tuple, holds: tuple[Hold, ...]) -> Ties:
-    """The relations of a model of n nodes, from conditions that do not say yet what they remove.
-
-    Raises:
-        BadInput: a condition that the others imply, or that would have to be solved for a rotation.
-    """
-    # Arms of no particular place, so that what is zero or one is so for all of them.
-    places = np.random.default_rng(3).uniform(1.0, 2.0, (len(slaved), 3))
-    arms = arm_matrices(places, dof)
-    relations, holds, own = _solved(n, dof, slaved, arms, holds)
-    pairs = [
-        (node, master)
-        for node, row in relations.items()
-        for master, matrix in row.items()
-        if (matrix * ~own[node][:, None]).any()
-    ]
-    return Ties(np.array(pairs, int).reshape(-1, 2).T, own, holds)
-
-
-def tie_matrices(
-    ties: Ties, slaved: tuple, arms: Float[Array, "slaved dof dof"]
-) -> Float[Array, "t dof dof"]:
-    """Motion of following nodes for the entries of `Ties.nodes`, from the arms of the bodies."""
-    if not ties.holds:
-        return arms
-    n, dof = ties.own.shape
-    relations, _, own = _solved(n, dof, slaved, arms, ties.holds)
-    rows = [relations[a][b] * ~own[a][:, None] for a, b in ties.nodes.T]
-    return jnp.stack([jnp.zeros((dof, dof)), *rows])[1:]
-
-
-def reaction_matrix(
-    ties: Ties, slaved: tuple, arms: Float[Array, "slaved dof dof"]
-) -> Float[Array, "h h"]:
-    """Force of each condition on the second node, from the forces left on the lost coordinates.
-
-    The forces are those on free nodes and centres of bodies.
-    """
-    of = {node: (centre, arm) for (node, centre), arm in zip(slaved, arms, strict=True)}
-    eye = np.eye(ties.own.shape[1])
-    table = []
-    for hold in ties.holds:
-        row = []
-        for other in ties.holds:
-            entry = 0.0
-            for node, sign in ((hold.first, 1.0), (hold.second, -1.0)):
-                centre, arm = of.get(node, (node, eye))
-                if centre == other.node:
-                    entry += sign * arm[hold.coordinate, other.coordinate]
-            row.append(jnp.asarray(entry))
-        table.append(jnp.stack(row))
-    return jnp.linalg.inv(jnp.stack(table)).T
-
-
-def _solved(n, dof, slaved, arms, holds):
-    """Relations {node: {node: matrix}} of all that does not move by itself, complete holds, `own`."""
-    eye = np.eye(dof)
-    relations: dict = {
-        node: {centre: arm} for (node, centre), arm in zip(slaved, arms, strict=True)
-    }
-    own = np.ones((n, dof), bool)
-    own[[node for node, _ in slaved]] = False
-    centres, done = {centre for _, centre in slaved}, []
-    for hold in holds:
-        gap: dict = {}
-        for node, sign in ((hold.first, 1.0), (hold.second, -1.0)):
-            for master, matrix in relations.get(node, {node: eye}).items() if node < n else ():
-                gap[master] = gap.get(master, 0.0) + sign * matrix[hold.coordinate]
-        if hold.node < 0:
-            hold = _with_lost(hold, gap, own, centres)
-        node, lost = hold.node, hold.coordinate
-        others = eye[lost] == 0
-        rest = {master: -hold.sign * row for master, row in gap.items()}
-        rest[node] = rest[node] * others
-        own[node, lost] = False
-        relations.setdefault(node, {node: eye})
-        for row in relations.values():
-            if node not in row:
-                continue
-            column = row[node][:, lost]
-            if isinstance(column, np.ndarray) and not column.any():
-                continue
-            row[node] = row[node] * others
-            for master, part in rest.items():
-                row[master] = row.get(master, 0.0) + column[:, None] * part
-        done.append(hold)
-    return relations, tuple(done), own
-
-
-def _with_lost(hold: Hold, gap, own, centres) -> Hold:
-    """The coordinate that a condition removes: of a node by itself rather than of a body."""
-    at = hold.coordinate
-    unit = [n for n, row in gap.items() if own[n, at] and abs(abs(row[at]) - 1) < 1e-12]
-    if not unit:
-        bound = (
-            "a condition that nothing else holds yet: not a second pin of the same node, nor one "
-        )
-        bound += "of a rigid body that is pinned elsewhere (clamp it once, or use a mount)"
-        raise BadInput(f"links.{hold.link}", "held", bound)
-    node = min(unit, key=lambda node: node in centres)
-    return hold._replace(node=node, sign=float(np.sign(gap[node][at])))

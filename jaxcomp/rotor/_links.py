@@ -290,6 +290,7 @@ def diagonal(stiffness, damping) -> ConstantLaw:
 def magnetic_pull_stiffness(pull: MagneticPull) -> Float[Array, " n"]:
     """[N/m] Negative radial stiffness of each pair."""
     n = len(pull.nodes)
+    # Negative: the pull is towards the narrower gap and grows as it closes.
     return -pull.stiffness * (jnp.full(n, 1 / n) if pull.share is None else pull.share)
 
 
@@ -303,6 +304,7 @@ def _through_points(x, y, at, kind):
         # Not y + t (y' - y), which misses y' by a rounding at t = 1.
         return (1 - t) * y[i] + t * y[i + 1]
     slope = _monotone_slopes(x, y)
+    # Hermite's cubic as a blend of the ends and a part that is zero at both to the last bit.
     a, b = t**2 * (3 - 2 * t), t * (1 - t)
     ends = (1 - a) * y[i] + a * y[i + 1]
     return ends + h * b * ((1 - t) * slope[i] - t * slope[i + 1])
@@ -315,6 +317,7 @@ def _monotone_slopes(x, y):
     same = d[1:] * d[:-1] > 0
     # Double where: the harmonic mean divides by the slopes, which may be zero.
     low, high = jnp.where(same, d[:-1], 1.0), jnp.where(same, d[1:], 1.0)
+    # Flat where the slope changes sign, so that an extremum of the table stays one.
     inner = jnp.where(same, (w1 + w2) / (w1 / low + w2 / high), 0.0)
     return jnp.concatenate([d[:1], inner, d[-1:]])
 

@@ -211,6 +211,7 @@ def _with_force(f, model, load, order):
 
     def amplitude(*tables):
         a, b = (jnp.zeros(3) if table is None else table[row] for table in tables)
+        # Re[(a - i b) e^{i w t}] = a cos w t + b sin w t.
         return a - 1j * b
 
     force = amplitude(load.cosine, load.sine)

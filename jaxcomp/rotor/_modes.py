@@ -1,4 +1,4 @@
-r"""Full matrices of a model and their symmetric eigenproblems.
+r"""Full matrices of a model, and its undamped modes.
 
 Undamped modes without spin, their derivatives, also of repeated eigenvalues, and the static limit of
 the magnetic pull.
@@ -20,6 +20,7 @@ from .._core.results import Data, Result
 from ._conventions import AXES, add, from_planes, to_planes
 from ._layout import layout_of
 from ._model import RotorModel
+from ._pencil import CLUSTER, definite_pencil, pencil
 from ._system import (
     Operator,
     System,
@@ -75,6 +76,7 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
     blocks = jnp.moveaxis(ends, 3, 2).reshape(-1, 2, 2, terms)  # four an element
     own = np.arange(n) * (n + 1)
     at = np.stack([i * n + i, i * n + j, j * n + i, j * n + j], -1).reshape(-1)
+    # Added up, because elements between the same nodes act in parallel.
     blocks = add(jnp.zeros((n * n, 2, 2, terms)), at, blocks)
     blocks = add(blocks, own, system.inertia).reshape(n, n, 2, 2, terms)
     planes = _PLANES[:terms, : dof // 2, : dof // 2]
@@ -85,6 +87,7 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
     bodies = layout.centres
     m, g = (x.at[bodies, bodies].add(system.bodies[:, q]) for q, x in enumerate((m, g)))
     alpha, beta = (0.0, 0.0) if system.damping is None else system.damping
+    # Before the links join k, whose damping is their own.
     c = alpha * m + beta * k
     if with_links:
         a, b = layout.links.T
@@ -107,89 +110,6 @@ _PLANES[:2, :2, :2] = np.eye(2)
 _PLANES[2, 0, 1], _PLANES[2, 1, 0] = 1.0, -1.0
 _PLANES[3:, 2, 2] = 1.0
 _STIFFNESS, _INERTIA, _POLAR = np.array([0, 3]), np.array([1, 4]), np.array([2])
-
-
-# Eigenvalues closer than this, relative to the largest, count as one. It lies well above the
-# rounding of `eigh` (some n eps) and far below any split that a table of frequencies would show.
-CLUSTER = 1e-11
-
-
-@jax.custom_jvp
-def eigh(a: Float[Array, "n n"]) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-    r"""Eigenvalues (ascending) and orthonormal eigenvectors of a symmetric matrix.
-
-    Derivatives: d lambda_i = v_i^T dA v_i, and dv_i = sum_j v_j (v_j^T dA v_i)/(lambda_i -
-    lambda_j) over the j outside the cluster of i. That is exact for everything that does not depend
-    on the choice of a basis inside a cluster: sums over it, its subspace, and each of its
-    eigenvalues as long as they stay equal. For the split of a pair along one direction use
-    `mode_derivatives`.
-    """
-    return tuple(jnp.linalg.eigh(a, symmetrize_input=False))
-
-
-@eigh.defjvp
-def _eigh_jvp(primals, tangents):
-    (a,), (da,) = primals, tangents
-    values, vectors = eigh(a)
-    gap = values[None, :] - values[:, None]
-    same = jnp.abs(gap) <= CLUSTER * jnp.max(jnp.abs(values))
-    inner = vectors.conj().T @ da @ vectors
-    turn = jnp.select([~same], [inner / jnp.where(same, 1.0, gap)])
-    return (values, vectors), (jnp.diagonal(inner).real, vectors @ turn)
-
-
-def definite_pencil(
-    k: Float[Array, "n n"], m: Float[Array, "n n"]
-) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-    """Solve M x = mu K x with M and K Hermitian and K positive definite.
-
-    Returns:
-        mu in ascending order, and vectors (columns) with x^H K x = 1; NaN if K is not definite.
-    """
-    matrix, weight = _scaled(k)
-    lower = jnp.linalg.cholesky(matrix).astype(m.dtype)
-    half = jax.scipy.linalg.solve_triangular(lower, weight[:, None] * m * weight, lower=True)
-    a = jax.scipy.linalg.solve_triangular(lower, half.conj().T, lower=True)
-    mu, v = eigh((a + a.conj().T) / 2)
-    return mu, weight[:, None] * jax.scipy.linalg.solve_triangular(lower, v, lower=True, trans=2)
-
-
-def pencil(
-    k: Float[Array, "n n"], m: Float[Array, "n n"]
-) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-    r"""Solve K x = lambda M x with M and K symmetric, both allowed to be singular.
-
-    With a shift s that makes K + s M positive definite, mu = 1/(lambda + s) are the eigenvalues of
-    L^{-1} M L^{-T}. Massless coordinates give mu = 0, rigid motions mu = 1/s. The low modes come
-    out with all digits, which a factorisation of M would spend on the highest ones.
-
-    Returns:
-        mu in descending order, and vectors (columns) with x^T M x = mu; both may be NaN if no shift
-        was found (K has a negative part without inertia).
-    """
-    inertia = jnp.diagonal(m)
-    d = jnp.select([inertia > 0], [inertia], jnp.nan)
-    s = 1e-8 * jnp.nanmedian(jnp.abs(jnp.diagonal(k)) / d)
-    s = jax.lax.stop_gradient(jnp.where(s > 0, s, 1.0))
-    kf, mf = jax.lax.stop_gradient((k, m))
-
-    def fails(state):
-        shift, tries = state
-        return (tries < 12) & ~jnp.all(
-            jnp.isfinite(jnp.linalg.cholesky(_scaled(kf + shift * mf)[0]))
-        )
-
-    # A negative stiffness (magnetic pull beyond its limit) needs a larger shift.
-    s, _ = jax.lax.while_loop(fails, lambda state: (state[0] * 30, state[1] + 1), (s, 0))
-    mu, x = definite_pencil(k + s * m, m)
-    return mu[::-1], x[:, ::-1]
-
-
-def _scaled(k):
-    # Unit diagonal: displacements and rotations of stiff and soft parts come to one size.
-    d = jax.lax.stop_gradient(jnp.diagonal(k).real)
-    weight = 1 / jnp.sqrt(jnp.where(d > 0, d, 1.0))
-    return weight[:, None] * k * weight, weight
 
 
 class Modes(Result, eqx.Module):
@@ -361,6 +281,7 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     value = jnp.einsum("im,ij,jm->m", x, k, x)
     top = jnp.max(jnp.abs(value))
     same = jnp.abs(value[:, None] - value[None, :]) <= 1e3 * CLUSTER * top
+    # One value for a cluster, so that k - value m is singular along all of its vectors.
     value = same @ value / jnp.sum(same, 1)
 
     # Rotate every cluster so that the first-order change is diagonal in it. Adding a spread far
@@ -376,6 +297,7 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     def outside(v, lam, dlam, own):
         """The part of x' that is M-orthogonal to the cluster, from a bordered system."""
         span = x * own
+        # Singular along the cluster; the product fills these directions and no others.
         matrix = k - lam * m + (m @ span) @ (m @ span).T * (1 + jnp.abs(lam))
         rhs = -(dk - lam * dm - dlam * m) @ v
         rhs = rhs - (m @ span) @ (span.T @ rhs)
@@ -384,6 +306,7 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
 
     out = jax.vmap(outside, (1, 0, 0, 0), 1)(x, value, rate, same.astype(float))
     gap = rate[None, :] - rate[:, None]  # lambda'_j - lambda'_i for column j
+    # Of a pair that stays together the two rates differ by rounding only.
     apart = same & (jnp.abs(gap) > 1e-9 * (jnp.max(jnp.abs(rate)) + 1e-300))
     # Second-order balance inside the cluster: x_i^T (P'' x_j + 2 P' x_j') = 2 lambda'_j-terms.
     second = x.T @ ddk @ x - value * (x.T @ ddm @ x) - 2 * rate * (x.T @ dm @ x)

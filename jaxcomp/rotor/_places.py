@@ -64,6 +64,7 @@ def at_speed(layout: Layout, places: Places, coefficients: Array) -> Places:
     parts = jnp.split(flat, np.cumsum(sizes)[:-1])
     parts = (f.reshape(*p.shape[:-1], f.shape[-1]) for f, p in zip(parts, places, strict=True))
     segment, right, border = parts
+    # A unit pivot in empty places, over which the elimination runs without a division by zero.
     empty = np.zeros((*layout.segment.shape, 11))
     empty[layout.segment == layout.n] = np.eye(11)[0] + np.eye(11)[2]
     return Places(segment + np.moveaxis(empty, 2, 1)[..., None], right, border)

@@ -366,6 +366,7 @@ def orbit(x: Complex[Array, "*batch"], y: Complex[Array, "*batch"]) -> WhirlOrbi
         x: [m] amplitude of u_x, time factor e^{i w t}.
         y: [m] amplitude of u_y.
     """
+    # Re[z] = (z + conj z)/2 on both axes: what turns with e^{-i w t} comes from the conjugates.
     forward, backward = (x + 1j * y) / 2, jnp.conj((x - 1j * y) / 2)
     f, b = magnitude(forward), magnitude(backward)
     # Half the angle of F B is that of the major axis; where one of them is zero the orbit is a

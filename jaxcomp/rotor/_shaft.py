@@ -275,6 +275,7 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     x, rest = length * r, length * (s[:, None] - r)
     turn = jnp.sum(v * bend_r, 1)[:, None] * start - jnp.sum(v * bend_r * x, 1)[:, None] * force
     sag = jnp.sum(v * rest * bend_r, 1)[:, None] * start
+    # Shear adds Q/(kappa G A) to the slope of the axis and nothing to the rotation phi.
     sag += jnp.sum(v * (slack_r - rest * x * bend_r), 1)[:, None] * force
     phi = jnp.array([0.0, 1.0, 0.0, 0.0]) + turn
     u = jnp.array([1.0, 0.0, 0.0, 0.0]) + length * s[:, None] * jnp.array([0.0, 1, 0, 0]) + sag
@@ -289,6 +290,7 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     part = jnp.stack(
         [jnp.sum(v / (young * section(r)[0]), 1), jnp.sum(v / (2 * shear * section(r)[1]), 1)]
     )
+    # Exact statics of a bar of varying section: flexibility so far over that of the whole.
     right = part / total[:, None]  # (2, q): shape function of the right node
     inertia = w * density * jnp.stack([a, 2 * i])
     end = jnp.stack([1 - right, right])  # (end, axis, q)

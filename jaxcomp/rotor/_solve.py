@@ -60,6 +60,7 @@ def make_solver(z: Operator, solver: Solver = "structured"):
     if solver not in ("structured", "dense"):
         raise BadInput("solver", solver, "one of ('structured', 'dense')")
     frozen = jax.tree.map(_frozen, z)
+    # Motions times this, and loads over it, have one unit: metres and radians become comparable.
     weight = jnp.sqrt(scale(frozen))
     if solver == "dense" or z.system.modal is not None:
         base = _dense_solver(frozen, weight)
@@ -78,6 +79,7 @@ def make_solver(z: Operator, solver: Solver = "structured"):
             _, correction, count = state
             return (correction > _SMALL_CORRECTION) & (count < _STEPS)
 
+        # From zero, so that the first step is the plain solution and the later ones refine it.
         start = jnp.zeros_like(b), jnp.ones_like(weight[0, 0, 0]), 0
         return jax.lax.while_loop(more, step, start)[:2]
 

@@ -22,11 +22,12 @@ from jaxtyping import Array, Bool, Complex, Float
 from .._core.fields import admissible, replaced
 from ._bodies import ProportionalDamping, body_matrices, inertia_matrices
 from ._conventions import add, axis_numbers, coordinates, take, whirl
-from ._layout import Layout, body_arms, layout_of, reaction_matrix, tie_matrices
+from ._layout import Layout, layout_of
 from ._links import Link, diagonal, magnetic_pull_stiffness
 from ._model import RotorModel
 from ._places import Places
 from ._shaft import Node, element_matrices
+from ._ties import body_arms, reaction_matrix, tie_matrices
 
 # Lateral stiffness, inertia and polar inertia, axial and torsional stiffness and inertia.
 TERMS = ("stiffness", "mass", "polar", "axial_stiffness", "axial_mass")
@@ -168,6 +169,7 @@ def link_matrices(
     at = np.array(places, int).reshape(-1, dof, dof)
     both = take(table.T, np.where(at < 0, used, at)) * (signs[:, None] * signs)[..., None]
     lateral = np.zeros((dof, dof, 2))
+    # u_x and u_y are the coordinates 0 and 2; a pull has no damping.
     lateral[[0, 2], [0, 2], 0] = 1.0
     pulls = [
         magnetic_pull_stiffness(p)[:, None, None, None] * lateral
@@ -239,6 +241,7 @@ def reactions(
     dof, holds = layout.dof, layout.ties.holds
     arms = body_arms(system.model.bodies, dof)
     nodes = np.array(layout.slaved, int).reshape(-1, 2).T
+    # Only bodies collect here: the forces on lost coordinates are what the conditions have to hold.
     free = np.ones((layout.n, 1, 1))
     free[nodes[0]] = 0.0
     left = _collected(force - _node_forces(z, x, False), free, *nodes, arms).reshape(-1)
@@ -292,6 +295,7 @@ class Operator(NamedTuple):
         if self.system.damping is not None:
             alpha, beta = self.system.damping
             stiff, inert = stiff + 1j * w * beta, inert + 1j * w * alpha
+        # + 0 makes the gyroscopic term complex where structural damping makes the others so.
         terms = jnp.stack([stiff, inert, turn + 0 * inert])
         lateral = np.array([[1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
         if self.system.dof == 4:
@@ -348,6 +352,7 @@ def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
         bent = jnp.stack([difference[..., 1], difference[..., 0] - system.half * turn], -1)
         stiff = 1.0 if system.damping is None else terms[0, 0]
         load = stiff * jnp.einsum("elik,elk->eli", system.strain, bent)
+        # Without the stiffness, which has acted through the deformations.
         inertia = system.elements[..., 1:] if system.dof == 4 else system.elements[..., [1, 2, 4]]
         terms = terms[1:] if system.dof == 4 else terms[np.array([1, 2, 4])]
         dynamic = jnp.einsum("eijq,ql->eijl", inertia, terms)
@@ -387,6 +392,7 @@ def scale(z: Operator) -> Float[Array, "n p 2"]:
     out = add(out, layout.links, jnp.stack([own, own], 1).reshape(-1, 2, *out.shape[1:]))
     if not layout.own.all():
         node, master = layout.ties.nodes
+        # The diagonal of A^T D A.
         moved = jnp.einsum("sij,si->sj", system.arms**2, take(out, node).reshape(-1, dof))
         out = add(out, master, moved.reshape(-1, *out.shape[1:]))
     own = square * jnp.einsum("bii->bi", system.bodies[:, 0])
