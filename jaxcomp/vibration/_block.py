@@ -26,6 +26,7 @@ from ._suspension import Suspension, block_points, motion_at
 from ._wrench import Wrench, shaking_wrench, wrench_about
 
 # Instants of a revolution at which the peak is looked for.
+# One degree apart: they miss the peak of harmonic k by (k pi/360)^2/2 of it at most.
 _INSTANTS = 360
 
 
@@ -58,6 +59,7 @@ class Harmonics(Result, eqx.Module):
     @property
     def rms(self) -> Float[Array, " m"]:
         """[SI] Root of the mean square of every quantity, in its unit."""
+        # Over a period harmonics do not mix, and each has half its squared amplitude.
         power = jnp.sum(jnp.abs(self.amplitude) ** 2, axis=1) / 2
         # double where: the root of a quantity that is zero has no slope
         return jnp.where(power > 0, jnp.sqrt(jnp.where(power > 0, power, 1.0)), 0.0)
@@ -106,6 +108,7 @@ def orbit_load(
         count: number of harmonics.
     """
     wrench = shaking_wrench(compressor, orbit.state)
+    # The weights are in angle, the harmonics in time: dt = d(angle)/speed.
     duration = orbit.weight / orbit.state.speed
     return harmonics(suspension, wrench, orbit.time, duration, count)
 
@@ -134,6 +137,7 @@ def free_body_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     r"""The same far above the suspension frequencies, $\ddot X = M^{-1}F$ (Eq. 43)."""
     inertias = suspension.inertia_x, suspension.inertia_y, suspension.inertia_z
     mass = jnp.stack([*(suspension.mass,) * 3, *inertias])
+    # M is diagonal about the mass centre, for the products of inertia are neglected.
     amplitude = -load.amplitude / mass[:, None] / load.frequency**2
     return Harmonics(amplitude, load.speed)
 

@@ -126,6 +126,7 @@ def film_loads(
     share, crankshaft = state.weight / state.state.speed, compressor.crankshaft
     share = share / jnp.sum(share)
     pins = [crankshaft.joint("crank_pin", k + 1) for k in range(crankshaft.count)]
+    # The joint's force acts on the rod; its opposite presses the pin.
     each = jnp.stack([-(state.loads.forces[pin] @ share) for pin in pins], axis=1)
     each = crankshaft.turned(Vector(*each)).stacked()
     mean, moment = jnp.sum(each, axis=1), each @ crankshaft.position
@@ -237,6 +238,7 @@ def crank_loads(
     if not crank:
         return CrankLoads(films, (), ok)
     if left_out:
+        # After the films, which stand under the loads of the whole machine.
         whole = without(whole, left_out)
         orbit = solve_orbit(whole, solver, throw=False)
         ok &= orbit.converged
@@ -300,6 +302,7 @@ def _load_tables(compressor, rotor, pins, speeds, solver):
 
     def one(speed):
         orbit = solve_orbit(at_speed(compressor, speed), solver, throw=False)
+        # Held at its speed the crank has a periodic state even where the machine has none.
         held = replaced(ConstantSpeed(1.0), mean_speed=speed)
         steady = eqx.tree_at(
             lambda c: (c.motor, c.friction), compressor, (held, None), is_leaf=lambda x: x is None
@@ -323,6 +326,7 @@ def _loaded(rotor: RotorModel, loads, speeds=None) -> RotorModel:
         elif speeds is None:
             law = ConstantLaw(*load)
         elif speeds.size == 1:
+            # A table needs two speeds.
             law = ConstantLaw(*(value[0] for value in load))
         else:
             law = SpeedTable(speeds, *load, kind="linear")

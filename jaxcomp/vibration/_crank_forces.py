@@ -68,6 +68,7 @@ def crank_forces(
     angle, lost = state.state.angle, state.loads.loss_torque
     none = jnp.zeros_like(angle)
     phase = state.mean_speed * state.time + first_top(compressor)
+    # The nodes stand in angle; a mean over time weighs them by dt = d(angle)/speed.
     share = state.weight / state.state.speed
     share = share / jnp.sum(share)
     gas_forces = instants(state.under_gas(compressor), angle).gas_force
@@ -86,6 +87,7 @@ def crank_forces(
         }
         losses = {name: lost.get(joints[name], none) for name in ("crank_pin", "piston_pin")}
         pin, torque, side, lever = of_joints(single, own, at, losses)
+        # M_z = x F_y - y F_x about the node of the wall: the friction acts along y = offset.
         lever = lever - nodes.wall_position * side[1] - single.offset * side[0]
         wrenches = (
             ("rod", pin[0], pin[1], torque),
@@ -99,6 +101,7 @@ def crank_forces(
             turning, _ = _harmonics(jnp.stack([none, none, mz]), phase, share, orders)
             forces.append(PeriodicForce(node, None, orders, *table, *turning))
     if nodes.rotor is not None:
+        # What brakes the shaft in the crankcase acts between rotor and stator, as the motor does.
         at_shaft = sum((lost[name] for name in lost if name not in of_pins), start=none)
         between = state.motor_torque - at_shaft
         turning = jnp.stack([none, none, between])
@@ -123,6 +126,8 @@ def _rod_and_wall(mechanism: SliderCrank, angle, forces, lost):
     rod, side = -forces["crank_pin"], -forces["wall"]
     tilt = rod_motion(mechanism, angle).tilt_1
     # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
+    # A loss torque is power over crank speed; the crank pin slides at 1 + tilt' times that speed,
+    # the piston pin at tilt', without which it loses nothing.
     torque = _pin_torque(mechanism, angle, rod) - lost["crank_pin"] / (1 + tilt)
     lever = mechanism.piston(angle)[0] * side[1]
     return rod, torque, side, lever - lost["piston_pin"] / jnp.where(tilt == 0, 1.0, tilt)
@@ -152,6 +157,7 @@ def _pin_torque(mechanism: SliderCrank | SliderLink, angle, force):
 
 def _harmonics(values: Float[Array, "3 n"], phase, share, orders):
     """Coefficients (orders, 3) of cosine and sine, and the relative size of what is left out."""
+    # The mean of cos^2 over a period is a half, but that of 1 is one.
     table = [((1.0 if n == 0 else 2.0), n * phase) for n in orders]
     cosine = jnp.stack([f * values @ (share * jnp.cos(p)) for f, p in table])
     sine = jnp.stack([f * values @ (share * jnp.sin(p)) for f, p in table])

@@ -72,6 +72,7 @@ def _(mechanism: SliderLink, state: CrankState) -> Wrench:
     arm = -mechanism.offset - mechanism.piston_centre_offset
     turning = mechanism.piston_mass * mechanism.crank_radius * arm * u
     moment = turning - across * mechanism.crank_radius * state.acceleration
+    # Eq. (40) but for J_z and the crankshaft's unbalance, which the compressor adds.
     return _in_plane(jnp.stack([along * u, across * v]), moment)
 
 
@@ -107,6 +108,7 @@ def _(compressor: Compressor, state: CrankState) -> Wrench:
     total = jnp.sum(force, axis=1) - pull
     # sum of z F, from the origin
     levered = jnp.sum(place * force, axis=1) - tilting - crankshaft.origin * total
+    # r x F of a force across the shaft: M_x = -z F_y, M_y = z F_x.
     assert crankshaft.inertia is not None
     turning = jnp.sum(each.moment[2], axis=0) - crankshaft.inertia * state.acceleration
     return Wrench(
