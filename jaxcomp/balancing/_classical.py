@@ -89,6 +89,7 @@ def rigid_balance(
         z = jnp.stack([jnp.asarray(places[node], float) for node in table.nodes])
         total = total + jnp.sum(vectors)
         couple = couple + jnp.sum(vectors * (z - first))
+    # Moments about the first plane, about which its own correction has none.
     far = -couple / (second - first)
     allowed = permissible_unbalance(grade, mass, speed)
     share = jnp.clip((second - centre) / (second - first), 0.3, 0.7)  # 30 to 70 % by the standard

@@ -59,6 +59,7 @@ def discrete(
         level = len(chosen)
         plane = order[level]
         rests = rest[:, None] + matrix[:, plane, None] * stocks[plane]
+        # By Pythagoras what the planes to come cannot reach stays; rounding may make it negative.
         basis = rest_basis[level]
         inside = basis.conj().T @ rests
         bounds = np.sqrt(
@@ -100,6 +101,7 @@ def _concrete(
 
 def _greedy(matrix, initial, stocks):
     """Each plane's best choice given the others, until none changes."""
+    # A first best, near the answer without stocks: the lower it is, the more branches fall at once.
     free = -np.linalg.lstsq(matrix, initial, rcond=1e-12)[0]
     picked = np.array([s[np.argmin(np.abs(s - b))] for s, b in zip(stocks, free, strict=True)])
     lowest = np.inf

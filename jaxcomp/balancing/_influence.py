@@ -124,6 +124,7 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
     """
     rows = [(target.name, axis) for target in places.targets for axis in target.axes]
     weights = [jnp.asarray(t.weight, float) for t in places.targets for _ in t.axes]
+    # Labels are static, and a traced speed has no number to name its rows by.
     labels = np.arange(speeds.size) if is_traced(speeds) else np.asarray(speeds)
     return Influence(
         answer[:, 1:],
@@ -198,6 +199,7 @@ def trial_influence(
     kept = [False] * len(planes) if kept is None else list(kept)
     if len(kept) != len(planes):
         raise BadInput("kept", len(kept), f"a truth value for each of {len(planes)} planes")
+    # Each run counts from the one before it that still carries the same trial weights.
     before, state = [], initial
     for trial, stays in zip(trials, kept, strict=True):
         before.append(state)

@@ -163,6 +163,7 @@ def _least_squares(influence: Influence, cut: float, tikhonov) -> Balance:
     matrix, initial = influence.weighted
     left, values, right = jnp.linalg.svd(matrix, full_matrices=False)
     kept = values > cut * values[0]
+    # Double where: a value that is left out may be zero, and must not be divided by in derivatives.
     safe = jnp.where(kept, values, 1.0)
     share = jnp.where(kept, safe / (safe**2 + (tikhonov * values[0]) ** 2), 0.0)
     correction = -right.conj().T @ (share * (left.conj().T @ initial))
@@ -274,23 +275,29 @@ class _Discs(NamedTuple):
     def advanced(self, x, multiplier):
         """A Newton step towards a tenth of the mean of multiplier times room."""
         room = (1 - _dots(x, x)) / 2
+        # The factor mu of the source, 10.
         target = 0.1 * jnp.mean(multiplier * room)
         steep = jnp.sqrt(multiplier / room)
         rows = (jnp.diag(steep * half) for half in x.reshape(2, -1))
         rows = [self.a, jnp.diag(jnp.sqrt(jnp.tile(multiplier, 2))), jnp.hstack([*rows])]
+        # Rows whose normal equations are the Newton step with the change of multipliers eliminated.
         right = [-(self.a @ x + self.b), jnp.zeros(x.size), -target / jnp.sqrt(multiplier * room)]
         step = _solved(jnp.vstack(rows), jnp.concatenate(right))
         change = (target + multiplier * _dots(x, step)) / room - multiplier
         # The shares of the step at which a plane reaches its bound, or a multiplier zero.
         along, across = _dots(x, step), _dots(step, step)
+        # The root of |x + s dx| = 1 with the surd below, because a plane that does not move divides
+        # by zero in the usual form.
         ends = 2 * room / (along + jnp.sqrt(along**2 + 2 * across * room) + 1e-300)
         ends = jnp.append(ends, jnp.where(change < 0, -multiplier / change, jnp.inf))
+        # Short of the bound, where the next step divides by room and multipliers.
         share = jnp.minimum(1.0, 0.99 * jnp.min(ends))
         return x + share * step, multiplier + share * change
 
 
 def _discs(matrix: Complex[Array, "rows planes"], initial: Complex[Array, " rows"]) -> _Discs:
     """In real numbers, and reduced to as many rows as unknowns."""
+    # Orthogonal, so that it changes no sum of squares but by the part that no x reaches.
     q, a = jnp.linalg.qr(jnp.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]]))
     b = jnp.append(initial.real, initial.imag)
     rest = jnp.sum((b - q @ (q.T @ b)) ** 2)

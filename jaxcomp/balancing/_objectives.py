@@ -65,6 +65,7 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
     start = (even, nothing, jnp.asarray(1.0), jnp.asarray(0.0), jnp.asarray(0))
     _, best, highest, lowest, steps = lax.while_loop(going_on, advance, start)
     failure = Status.where(
+        # By the gap alone: the last step that was allowed may have closed it.
         going_on((even, best, highest, lowest, jnp.minimum(steps, max_steps - 1))),
         Status.not_converged,
         Status.converged,
@@ -73,8 +74,8 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
     return balance(influence, *found, "min-max", failure)
 
 
-# Tangents of every circle to begin with, and how far outside a circle, over its radius, a point counts
-# as on it.
+# Tangents of every circle to begin with, whose corners stand out by 2 % of the radius, and how far
+# outside a circle, over its radius, a point counts as on it.
 _TANGENTS = 16
 _OUTSIDE = 1e-8
 # Of the solver of linear programmes.
@@ -138,6 +139,7 @@ def least_masses(
         more = circles.tangents(outside, np.angle(value[outside]))
         cuts, right = np.vstack([cuts, more[0]]), np.append(right, more[1])
     total = float(np.sum(weight * np.abs(x)))
+    # The programme is solved to a tolerance, which must not lift the bound above what was reached.
     low = min(float(solved.fun) * unit, total)
     failure = Status.not_converged if outside.size else Status.converged
     return balance(
