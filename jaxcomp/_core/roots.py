@@ -86,6 +86,7 @@ def _root_jvp(primals, tangents):
     # By `root` again and not by `solve`: derivatives of the next order take this rule as well.
     unknowns = root(*primals)
     rest, moved = eqx.filter_jvp(lambda equations: equations.rest(unknowns), primals, tangents)
+    # Equations that no tangent moves have `None`, where `removed` wants a zero.
     moved = jax.tree.map(
         lambda m, x: jnp.zeros_like(x) if m is None else m, moved, rest, is_leaf=_absent
     )

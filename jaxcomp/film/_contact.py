@@ -125,6 +125,7 @@ class RingContact(eqx.Module):
         touches = gap < APART
         third, fourth = mean_excess(jnp.where(touches, gap, APART))
         # Below it nothing touches (LEAST_CLEARANCE), and the root would be infinite at the centre.
+        # By `where` and not by `maximum`, for the reason that stands in `MixedFilm.load_gain`.
         bend = self.ratio * jnp.where(eps > _LEAST_ECCENTRICITY, eps, _LEAST_ECCENTRICITY)
         size = self.unit * jnp.sqrt(2 / bend)
         line, further = 5 * np.pi / 16 * third, 5 * np.pi / 128 * fourth / bend

@@ -114,6 +114,7 @@ class SliderCrank(AbstractMechanism):
         rod, b = kinematics, self.conrod_centre
         rotating_mass, of_rod = self.rod_masses
         reciprocating_mass = self.piston_mass + of_rod
+        # What the rod has beside two masses at its eyes: I_c - m_c a b.
         residue = self.conrod_inertia - self.conrod_mass * (self.conrod_length - b) * b
         value = (
             rotating_mass * self.crank_radius**2
@@ -158,6 +159,7 @@ class SliderCrank(AbstractMechanism):
         swinging = rotating * self.crank_radius
         # the derivative of the crank's unit vector is (-sin, cos)
         along_crank = gravity[1] * rod.cosine - gravity[0] * rod.sine
+        # The rod by two masses at its eyes again; what slides has no way across the cylinder.
         sliding = (self.piston_mass + of_rod) * gravity[0] * rod.position_1
         return swinging * along_crank + sliding
 
@@ -198,6 +200,7 @@ def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
     tan_tilt = sin_tilt / cos_tilt
     reach = l * cos_tilt
     tilt_1 = c / reach
+    # By differentiating cos(phi) phi' = (r/l) cos(theta).
     tilt_2 = tan_tilt * (tilt_1 * tilt_1) - s / reach
     return RodMotion(
         cosine,
