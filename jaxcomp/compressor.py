@@ -255,6 +255,7 @@ def of_each_cylinder(
         gas = crankshaft.each(compressor.gas, angle)
         pressure, across = gas.on_piston(stroke, area)
         force = across * area
+    # Virtual work: the force acts towards the crank, the position counts towards the head.
     torque = -force * kinematics.position_1
     if gravity is not None:
         here = crankshaft.own_gravity(gravity, angle)
@@ -398,6 +399,7 @@ def mechanisms_of(compressor: Compressor) -> list[AbstractMechanism]:
 def first_top(compressor: Compressor) -> Float[Array, ""]:
     """[rad] Crank angle of the top dead centre of the first cylinder, where the revolution begins."""
     top, _ = compressor.mechanism.dead_centres()
+    # The own angle of a cylinder is the crank's plus its phase.
     return jnp.ravel(top)[0] - compressor.crankshaft.phase[0]
 
 
@@ -421,6 +423,7 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
     phase = compressor.crankshaft.distinct_phase
     first = jnp.ravel(top)[0] - phase[0]
     own = jnp.stack([jnp.broadcast_to(angle, phase.shape) for angle in (*angles, top)], axis=1)
+    # From the angles of each cylinder's own crank to that of the machine.
     rest = (own - phase[:, None]).ravel()
     # the first cylinder's top dead centre is the first edge
     rest = jnp.delete(rest, len(angles), assume_unique_indices=True)

@@ -154,6 +154,7 @@ def assembled(machine: Machine) -> Assembly:
     """
     parts: Any = machine.parts
     names = _Names(
+        # Bearings first take their oils, then parts take the bearings.
         {name: _filled(one, _Names({}, machine.oils)) for name, one in machine.bearings.items()},
         machine.oils,
     )
@@ -168,6 +169,7 @@ def assembled(machine: Machine) -> Assembly:
         from .rotor import crankshaft_of
 
         unbalances = (*case.unbalances, *corrections)
+        # While bearings still have names, by which `crankshaft_of` finds their places on the rotor.
         shaft = crankshaft_of(rotor, compressor.crankshaft, unbalances, case.crank.pins)
         compressor = rebuilt(compressor, crankshaft=shaft)
     return Assembly(
@@ -219,6 +221,7 @@ def _filled(node: Any, names: _Names, path: str = "") -> Any:
         if oil not in names.oils:
             raise _unnamed(f"{path}.oil", oil, "oil", names.oils)
         changes["dynamic_viscosity"] = names.oils[oil].dynamic_viscosity
+    # The same object, by which its holder sees that nothing changed.
     if not changes:
         return node
     if isinstance(node, tuple):
