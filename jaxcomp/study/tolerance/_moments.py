@@ -92,6 +92,7 @@ def local(problem: Problem, point, deviation, curvature: Curvature) -> Local:
     found = solved(problem, jnp.concatenate([point[None], point + step, point - step]))
     ahead, behind = jnp.split(found.slope[1:], 2)
     bent = jnp.moveaxis((ahead - behind) / (2 * _STEP * deviation)[:, None, None], 0, 2)
+    # Differences of slopes are symmetric but for their own error.
     bent = (bent + jnp.swapaxes(bent, 1, 2)) / 2
     return Local(found.values[0], found.slope[0], bent, bool(jnp.all(found.ok)))
 
@@ -195,6 +196,7 @@ def sampled(
         raise BadInput("samples", samples, f">= {2 * SETS}")
     names = list(scatter.tolerances)
     normals = np.concatenate([
+        # No set of one seed is scrambled as a set of another.
         drawn_normals(names, len(one), sampling, seed * SETS + number)
         for number, one in enumerate(np.array_split(np.arange(samples), SETS))
     ])  # fmt: skip

@@ -189,7 +189,8 @@ def permitted(
     before = share_of_rejects(found.sampled.values[good])
 
     def excess(factor):
-        # what the series misses grows at least as the cube of the deviations; linearly is prudent
+        # What the series misses shrinks at least as the square of the deviations, so that linearly is
+        # prudent; wider tolerances keep it as it is, and the machines solved at the end tell the rest.
         values = series(factor * scaled + kept) + min(factor, 1.0) * missed
         return share_of_rejects(values[good]) - rejects
 

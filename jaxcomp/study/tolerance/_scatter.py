@@ -158,6 +158,7 @@ class Scatter(NamedTuple):
 
     def covariance(self, nominal: Float[Array, " n"]) -> Float[Array, "n n"]:
         """[SI] of the values."""
+        # With its sign: a relative deviation of a negative value turns the correlation round.
         sigma = self._of("deviation") * self._scale(nominal)
         return jnp.asarray(self.correlation) * jnp.outer(sigma, sigma)
 
@@ -221,6 +222,7 @@ def _normal_correlation(a: Within, b: Within, wanted: float, label: str) -> floa
     if a.distribution == b.distribution == "normal":
         return wanted
     x, w = np.polynomial.hermite_e.hermegauss(_POINTS)
+    # Of probability; those of NumPy add up to sqrt(2 pi).
     w = w / w.sum()
 
     def standard(one: Within, z):
