@@ -176,6 +176,7 @@ class _March:
                 if end.why:
                     return end
                 passes += int(end.iterations)
+            # In logarithms, as are the variables: a slope is an elasticity.
             columns.append((np.log(ends[0].value) - np.log(ends[1].value)) / (2 * step))
         return Solved(np.stack(columns, axis=1), passes)
 
@@ -184,6 +185,7 @@ class _March:
         near, far = (self.differences(tolerance, n * _REFERENCE_STEP) for n in (1, 2))
         if near.why or far.why:
             return near if near.why else far
+        # The error of central differences goes with the square of the step, which this removes.
         return near._replace(value=(4 * near.value - far.value) / 3)
 
     def settings(self, task: str, reference: Any, thorough: bool) -> list[Setting]:

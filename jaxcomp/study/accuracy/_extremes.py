@@ -264,6 +264,7 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
     worst, width = speeds[highest], speeds[1] - speeds[0]
     for _ in range(3):
         near = worst + np.linspace(-1, 1, 41) * width
+        # 41 points over two widths: the next search takes one step of this to both sides.
         worst, width = near[np.nanargmax(_sizes(bare, loads, near))], width / 20
     at = jnp.asarray([worst])
     for times in (1.0, 0.1, 1e-3, _LEAST_DAMPING):

@@ -110,6 +110,7 @@ def film_gradient_study(question: Question, thorough: bool) -> Study:
     def slope(step):
         eccentricities = (place.eccentricity + s * step for s in (-1, 1))
         low, high = (place._replace(eccentricity=e).solved(4) for e in eccentricities)
+        # Finite volumes solve at an eccentricity, and the load follows: one slope over the other.
         rise = np.asarray(getattr(high, name)) - np.asarray(getattr(low, name))
         return rise / (high.load_number - low.load_number)
 

@@ -160,6 +160,7 @@ class Question(NamedTuple):
     ) -> AnalysisOptions:
         """The solvers of a design, with the tolerance as an array; `None` for the defaults."""
         if solver is not None:
+            # As an array, so that one program serves all tolerances.
             solver = eqx.tree_at(lambda s: s.tolerance, solver, jnp.asarray(tolerance, float))
         return AnalysisOptions(solver, self.excitation, self.orders)
 

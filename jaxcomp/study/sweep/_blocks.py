@@ -108,6 +108,7 @@ def _once(problem: Problem, width: int, devices: Sequence[Device]):
     def work(groups):
         home, copy = free.get()
         try:
+            # One shape of program for any number of groups; its loop ends before the filling.
             padded = np.broadcast_to(groups[-1:], (_LANES, *groups.shape[1:])).copy()
             padded[: len(groups)] = groups
             count = np.asarray(len(groups))
@@ -118,6 +119,7 @@ def _once(problem: Problem, width: int, devices: Sequence[Device]):
 
     def start(rows):
         order = neighbours_together(rows, width)
+        # Alike ones together, for a group takes as long as its slowest design.
         back, rows = np.argsort(order), rows[order]
         number = -(-len(rows) // width)
         # the last group is filled up with its last design

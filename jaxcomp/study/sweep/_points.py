@@ -218,6 +218,7 @@ class SamplePoints:
         """The designs from one number to another."""
         start, stop, _ = place[0].indices(self.count)
         share = getattr(self, f"_{self.sampling}")(start, stop)
+        # Off zero and one, where a normal distribution has no value.
         share = np.clip(share, 2.0**-54, 1 - 2.0**-53)
         columns = [axis.at(share[:, number]) for number, axis in enumerate(self.axes.values())]
         return np.stack(columns, -1)
@@ -230,6 +231,7 @@ class SamplePoints:
     def _sobol(self, start, stop):
         from scipy.stats import qmc
 
+        # A sequence runs forwards only: what lies behind is drawn from its beginning.
         if self._engine is None or self._engine.num_generated > start:
             self._engine = qmc.Sobol(len(self.axes), rng=self.seed)
         if start > self._engine.num_generated:
@@ -271,6 +273,7 @@ class Blocks(NamedTuple):
     def of(cls, shape: tuple[int, ...], batch: int) -> "Blocks":
         """Blocks of at most `batch` designs, neighbours of a grid together, all nearly alike."""
         left, block = batch, []
+        # From the last variable, which changes first among the rows.
         for size in reversed(shape):
             parts = -(-size // max(min(size, left), 1))
             block.append(-(-size // parts))

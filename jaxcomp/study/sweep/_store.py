@@ -86,6 +86,7 @@ class _Store:
     def write(self, number: int, rows, values, ok) -> None:
         """Keep a block: its designs, their quantities and whether these can be relied on."""
         place = self.plan.layout.place(number)
+        # `ok` last, whose presence says that the block is whole.
         columns = *(rows.T if self.plan.sampled else ()), *values.T, ok
         for array, column in zip(self.arrays.values(), columns, strict=True):
             array[place] = column.reshape(extent(place))
@@ -152,6 +153,7 @@ class OnDisk(_Store):
         """Whether the file that is written last is there, and all others are there and whole."""
         index = [str(at) for at in self.plan.layout.where(number)]
         place = self.plan.layout.place(number)
+        # From `ok`, which is the one that an unfinished block lacks.
         for name, array in reversed(self.arrays.items()):
             if not self._path.joinpath(name, "c", *index).exists():
                 return False
