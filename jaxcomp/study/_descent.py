@@ -79,6 +79,7 @@ class Descent:
             _Ended: where the search is to end here, or before the design is solved.
         """
         share = np.clip(share, 0.0, 1.0)  # SciPy's steps reach beyond a bound by a rounding
+        # SciPy asks for value, slope and constraints of one design in turn, and mostly of the last.
         for point in reversed(self.points):
             if np.array_equal(point.share, share):
                 return point
@@ -89,6 +90,7 @@ class Descent:
         point = Point(self.goal, share, *solved)
         self.points.append(point)
         best = self.best if self.path else point
+        # An optimum may be worse than the best by the roughness of solutions.
         optimal = point.optimal and point.rank < (best.rank[0], best.rank[1] + BETTER)
         if optimal or point.rank < best.rank:
             best = point
@@ -114,6 +116,7 @@ Method = Callable[[Descent, Float[np.ndarray, " variables"]], None]
 def _slsqp(descent: Descent, start) -> None:
     """Sequential quadratic programming (Kraft 1988), for bounds and constraints."""
     equal = descent.goal.equalities
+    # SciPy keeps fun >= 0, a goal g <= 0.
     constraints = [
         {
             "type": kind,
@@ -124,6 +127,7 @@ def _slsqp(descent: Descent, start) -> None:
         if of.any()
     ]
     steep = np.max(np.abs(descent.near(start).gradient))
+    # SLSQP begins with a unit Hessian, so that its first step is minus the slope: at most `_FIRST`.
     gain = min(1.0, _FIRST / max(steep, 1e-300))
     from scipy.optimize import minimize  # half a second, for those who search
 
@@ -134,6 +138,7 @@ def _slsqp(descent: Descent, start) -> None:
         bounds=[(0, 1)] * len(start),
         constraints=constraints,
         method="SLSQP",
+        # The test of convergence and the number of steps are `at`'s.
         options={"ftol": 1e-14, "maxiter": 10_000},
     )
 
@@ -143,6 +148,7 @@ def _least_squares(descent: Descent, start) -> None:
 
     def residuals(u):
         point = descent.at(u)
+        # SciPy shrinks its box where residuals are not finite.
         return np.where(point.ok, point.residuals.values, np.inf)
 
     def slope(u):

@@ -296,8 +296,10 @@ class Point:
         active = equal | (beyond >= -10 * FEASIBLE)
         if self.ok and active.any():
             unit, at = np.eye(len(self.share)), self.share
+            # Bounds as constraints -u <= 0 and u - 1 <= 0 with multipliers of their own.
             columns = np.concatenate([slope[active], -unit[at <= LEAST], unit[at >= 1 - LEAST]])
             least = np.zeros(len(columns))
+            # Of a value to be met a multiplier has either sign.
             least[: active.sum()][equal[active]] = -np.inf
             from scipy.optimize import lsq_linear  # half a second, for those who search
 
@@ -316,6 +318,7 @@ class Point:
     def stationarity(self) -> float:
         """[-] Largest slope of L over a range that no bound holds."""
         uphill = self.gradient + self.multipliers @ self.limits.slope
+        # A step down the whole slope, cut off at the bounds: nothing is left where a bound holds.
         return float(np.max(np.abs(self.share - np.clip(self.share - uphill, 0.0, 1.0))))
 
     @property
@@ -326,6 +329,7 @@ class Point:
     @property
     def rank(self) -> tuple[float, float]:
         """Lower is better: first the violation, then the objective."""
+        # Whatever is feasible ranks by the objective alone.
         return (max(self.violation, 10 * FEASIBLE) if self.ok else np.inf), self.f
 
     @property

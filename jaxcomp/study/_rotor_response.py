@@ -104,6 +104,7 @@ def known_vibration(machine: Assembly, options: AnalysisOptions, known: KnownRes
         forces = [load_vector(machine.rotor, loads, n, speed) for n in options.orders]
         return jnp.stack([force[np.array(known.nodes)] for force in forces])
 
+    # Letters: speed, order, node and its direction d, row of a target, link and its axis a.
     force = jax.vmap(at)(places_of(machine).speeds)
     read = Read(
         known.fixed.targets + jnp.einsum("sondr,sond->sor", known.unit.targets, force),

@@ -218,6 +218,7 @@ def _polar(name: str) -> tuple[str, str]:
 def _polar_of(xy: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Magnitude and angle; at zero, where neither has a derivative, that of the x axis."""
     some = jnp.any(xy != 0)
+    # Double where: neither `hypot` nor `arctan2` has a derivative at zero.
     safe = jnp.where(some, xy, jnp.array([1.0, 0.0]))
     magnitude, angle = jnp.hypot(safe[0], safe[1]), jnp.arctan2(safe[1], safe[0])
     return jnp.where(some, magnitude, xy[0]), jnp.where(some, angle, 0.0)
