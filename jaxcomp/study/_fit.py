@@ -215,6 +215,8 @@ class Fit:
                 over = excess(end)
                 if over >= 0 or end == bound:
                     break
+                # The root of the rise is nearly linear: 1/(1 + over) of the way is the end, and a
+                # tenth more brackets it.
                 end = centre + (end - centre) * min(2.0, 1.1 / max(1 + over, 0.1))
                 end = max(end, bound) if sign < 0 else min(end, bound)
             if not np.isfinite(over) or over < 0:
@@ -232,6 +234,7 @@ class Fit:
         tail = (1 + level) / 2
         if not inflated or self.freedom <= 0:
             return float(stats.norm.ppf(tail))
+        # A small scatter may be luck: it never makes an interval narrower.
         return float(stats.t.ppf(tail, self.freedom)) * max(1.0, self.scatter)
 
 
@@ -307,12 +310,14 @@ def _fit(problem: LeastSquares, best, answers, loss: str, failed: int) -> Fit:
     readings = value.size
     rho = problem.loss(loss)
     robust = np.ones(readings) if isinstance(rho, str) else rho(residual**2)[1][:readings]
+    # Gauss-Newton's matrix of a robust loss: each reading counts by rho'.
     weighted = slope.copy()
     weighted[:readings] *= np.sqrt(robust)[:, None]
     # scaled by the reach of each parameter, so that the decomposition sees numbers of one size
     _, singular, rows = np.linalg.svd(weighted * problem.reach, full_matrices=False)
     known = singular > 1e-14 * singular[0]
     inverse = (rows[known].T / singular[known] ** 2) @ rows[known] * np.outer(*[problem.reach] * 2)
+    # A direction that nothing tells stays out; what it moves has no finite error.
     lost = (np.abs(rows[~known]) > 1e-6).any(axis=0)
     inverse[lost, lost] = np.inf
     values = problem.values(t)
@@ -361,6 +366,7 @@ def _directions(problem: LeastSquares, t: NDArray, slope: NDArray):
     for number, (value, entries) in enumerate(zip(singular, rows, strict=True), 1):
         # how far the combination goes until the first parameter leaves its reach
         far = np.min(problem.reach / unit / np.maximum(np.abs(entries), 1e-12))
+        # A direction has no sign of its own: the largest entry goes up in words.
         entries = entries * np.sign(entries[np.argmax(np.abs(entries))])
         move = 0.1 / np.abs(entries).max() * entries
         weak = bool(value * far < _WEAK)

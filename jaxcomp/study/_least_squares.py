@@ -104,6 +104,7 @@ class LeastSquares:
         self.low = np.array([one.scaled(one.low) for one in parameters])
         self.high = np.array([one.scaled(one.high) for one in parameters])
         self.reach = np.array([one.reach for one in parameters])
+        # SciPy asks for residuals and slopes apart, the model gives both at once.
         self._last: tuple[bytes, tuple[NDArray, NDArray]] | None = None
         self.best, self.interrupted = (np.inf, np.zeros(0)), False
         self.told: Callable[[], object] = lambda: None
@@ -128,6 +129,7 @@ class LeastSquares:
         """Residuals and slopes over t. Readings without weight are zero even where the model fails."""
         value, slope = self.of_model(t)
         values = self.values(t)
+        # dp/dt, because the model's slopes are over p.
         scale = np.array([one.slope(v) for one, v in zip(self.parameters, values, strict=True)])
         used = self.weight > 0
         factor = np.where(used, np.sqrt(self.weight) / self.sd, 0.0)
@@ -147,12 +149,14 @@ class LeastSquares:
         readings = self.measured.size
 
         def rho(z):
+            # As SciPy wants them: rho, rho' and rho'' over z, the squares of the residuals.
             out = np.stack([z, np.ones_like(z), np.zeros_like(z)])
             own, plain = z[:readings], np.stack([z, np.ones_like(z), np.zeros_like(z)])
             if name == "soft_l1":
                 root = np.sqrt(1 + own)
                 robust = np.stack([2 * (root - 1), 1 / root, -0.5 / root**3])
             else:
+                # Both branches are computed: at least one, so that nothing is divided by zero.
                 far = np.sqrt(np.maximum(own, 1.0))
                 robust = np.where(
                     own <= 1,
@@ -198,6 +202,7 @@ class LeastSquares:
             t = whole(x)
             found = self.at(t)[0]
             cost = self.cost(found, loss)
+            # The cost is half of chi-square.
             idle = 0 if cost < lowest - _LITTLE / 2 else idle + 1
             count += 1
             if cost < lowest:
@@ -222,6 +227,7 @@ class LeastSquares:
             begin[free],
             lambda x: self.at(whole(x))[1][:, free],
             bounds=(self.low[free], self.high[free]),
+            # The trust region is a ball in what each parameter may do.
             x_scale=self.reach[free],
             loss=self.loss(loss),  # pyright: ignore[reportArgumentType]
             # a step of 1e-3 standard errors moves chi-square by 1e-6; with kinks of valves in the model
