@@ -31,6 +31,17 @@ from .gas import AbstractGas, DoubleActing, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
 from .motor import AbstractMotor, ConstantSpeed, MeanSpeed
 
+# what users take; the rest is for the packages that are built on this module
+__all__ = [
+    "Compressor",
+    "Instants",
+    "at_speed",
+    "cylinder_pressure",
+    "gas_force",
+    "instants",
+    "staged",
+]
+
 
 class Compressor(Part):
     """A machine as the crank sees it.

@@ -24,6 +24,9 @@ from .film import AbstractJournal, AbstractOil, NamedBearing
 if TYPE_CHECKING:  # a compressor alone does not import the rotor
     from .rotor import BalancingPlanes, LoadCase, PeriodicForce, RotorModel, Unbalances
 
+# what users take; the rest is for the packages that are built on this module
+__all__ = ["Assembly", "Machine", "assembled"]
+
 
 class Machine(eqx.Module):
     """All numbers of a machine, each once.

@@ -29,6 +29,8 @@ def _of_module(path, name):
     for node in ast.parse(listed.read_text("utf-8")).body:
         if isinstance(node, ast.ImportFrom) and node.level == 1 and not node.module:
             for one in node.names:
+                if one.name == "interface":  # what only neighbouring packages take
+                    continue
                 inner = path / one.name
                 found |= _of_module(
                     inner if inner.is_dir() else inner.with_suffix(".py"), f"{name}.{one.name}"
@@ -59,6 +61,9 @@ def _defined(path, module):
     tree = ast.parse(path.read_text("utf-8"))
     kinds = ast.FunctionDef | ast.ClassDef
     own = [one.name for one in tree.body if isinstance(one, kinds)]
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+            own = ast.literal_eval(node.value)
     return {name: module for name in own if not name.startswith("_")}
 
 
