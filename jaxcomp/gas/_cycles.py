@@ -26,6 +26,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, quantity, replaced
+from .._core.roots import AbstractRoot, root
 from ._base import AbstractGas, Stroke
 
 # Newton steps for the logarithms of the pressures between stages; three reach rounding.
@@ -163,6 +164,45 @@ class DoubleActing(AbstractGas):
         )
 
 
+class _Interstage(AbstractRoot):
+    """Every stage draws what the one before it delivers; unknown are the pressures between them.
+
+    Attributes:
+        volume: [-] swept volume of each chamber, over the largest.
+        clearance, exponent: of each chamber.
+        outer: [-] logarithms of the suction and the discharge pressure.
+        stages: of each chamber, from 1.
+    """
+
+    volume: Float[Array, " k"]
+    clearance: Float[Array, " k"]
+    exponent: Float[Array, " k"]
+    outer: Float[Array, "2"]
+    stages: tuple[int, ...] = eqx.field(static=True)
+
+    def logarithms(self, inner):
+        """Of all pressures, from suction to discharge."""
+        return jnp.concatenate([self.outer[:1], inner, self.outer[1:]])
+
+    def rest(self, unknowns):
+        """What flows into a stage and not out of the one before, in units of the flow at suction."""
+        logs, place = self.logarithms(unknowns), jnp.asarray(self.stages) - 1
+        opening = jnp.exp((logs[place + 1] - logs[place]) / self.exponent)
+        drawn = self.volume * (1 + self.clearance - self.clearance * opening)
+        flow = jnp.zeros(max(self.stages)).at[place].add(drawn)
+        return jnp.diff(flow * jnp.exp(logs[:-1] - self.outer[0]))
+
+    def removed(self, unknowns, rest):
+        """By Newton's step, as the stages are coupled."""
+        return -jnp.linalg.solve(jax.jacfwd(self.rest)(unknowns), rest)
+
+    def solve(self):
+        # equal pressure ratios in all stages
+        share = jnp.linspace(0.0, 1.0, max(self.stages) + 1)[1:-1]
+        start = share * (self.outer[1] - self.outer[0]) + self.outer[0]
+        return lax.fori_loop(0, _STEPS, lambda _, x: x + self.removed(x, self.rest(x)), start)
+
+
 class StagedCycle(AbstractGas):
     """Several stages with ideal valves; the pressures between them follow from the cylinders.
 
@@ -230,31 +270,11 @@ class StagedCycle(AbstractGas):
         volume, clearance, exponent = (jnp.broadcast_to(x, (count,)) for x in columns)
         # The flows become of order one; only ratios of volumes count, also in derivatives.
         volume = volume / lax.stop_gradient(jnp.max(volume))
-        place = jnp.asarray(self.stages) - 1
         outer = jnp.log(jnp.stack([self.suction_pressure, self.discharge_pressure]))
-
-        def pressures(inner):
-            return jnp.concatenate([outer[:1], inner, outer[1:]])
-
-        def left(inner):
-            logs = pressures(inner)
-            opening = jnp.exp((logs[place + 1] - logs[place]) / exponent)
-            drawn = volume * (1 + clearance - clearance * opening)
-            flow = jnp.zeros(last).at[place].add(drawn) * jnp.exp(logs[:-1] - outer[0])
-            return jnp.diff(flow)
-
         if last == 1:
             return jnp.exp(outer)
-
-        def improved(inner):
-            slope = lax.stop_gradient(jax.jacfwd(left)(inner))
-            return inner - jnp.linalg.solve(slope, left(inner))
-
-        # Equal pressure ratios in all stages.
-        start = jnp.linspace(0.0, 1.0, last + 1)[1:-1] * (outer[1] - outer[0]) + outer[0]
-        found = lax.fori_loop(0, _STEPS, lambda _, x: lax.stop_gradient(improved(x)), start)
-        # One more step from the solution has its first derivatives, but not those of higher order.
-        return jnp.exp(pressures(improved(lax.stop_gradient(found))))
+        stages = _Interstage(volume, clearance, exponent, outer, self.stages)
+        return jnp.exp(stages.logarithms(root(stages)))
 
     def of_cylinders(self, area: Float[Array, "*k"], stroke: Float[Array, "*k"]) -> AbstractGas:
         """The cycle of every cylinder, between the pressures of its stage.

@@ -65,6 +65,18 @@ def test_a_pad_carries_by_film_and_contact(load_, speed):
     assert found.contact == pytest.approx(0.1 * touch, rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.parametrize("k", [0.005, 0.0199, 0.0201])
+def test_a_nearly_parallel_pad_carries_by_the_same_law(k):
+    """The load of a wide pad, ln(1 + k) - 2 k/(2 + k), in long numbers where its terms cancel."""
+    across = np.pi * 0.05 / (2 * 0.04)
+    least, ratio = 10e-6, np.longdouble(k)
+    size = float(np.log1p(ratio) - 2 * ratio / (2 + ratio))
+    unit = 6 * 5e-3 * 0.05 * 0.04**2 / (k * least) ** 2 * (1 - np.tanh(across) / across)
+    made = dc.replace(SLIDE, taper=k * least, radial_clearance=1e-2)
+    # 2e-8 of the thickness are left of the series and of the load that holds it at its clearance
+    assert float(made.parts(unit * size, 1.0).thickness) == pytest.approx(least, rel=2e-8)
+
+
 def test_the_pressure_of_the_wide_pad_is_highest_at_the_known_taper():
     """Rayleigh: k = 1.189 carries most, 0.1602 eta v L B^2/h_0^2 (times the sides' share)."""
     across = np.pi * 0.05 / (2 * 0.04)
