@@ -152,6 +152,7 @@ def classical_balance(
     own = set(subsets(model)[names.index("rotor")])
     z = {node: float(place[2]) for node, place in node_positions(model).items() if node in own}
     parts = [
+        # A cone counts at its middle too: only shares of the permissible unbalance hang on the centre.
         ((z[a] + z[b]) / 2, mass)
         for shaft in model.shafts
         for (a, b), mass in zip(shaft.pairs, shaft_mass(shaft), strict=True)

@@ -167,6 +167,7 @@ def split(
 
     arms = radius * np.stack([np.cos(at), np.sin(at)])
     wanted = np.array([complex(correction).real, complex(correction).imag])
+    # In units of the one mass that would do in a hole at the right angle.
     scale = max(abs(complex(correction)) / radius, 1e-300)
     # A trace of the mass itself makes the answer the lightest one.
     light = 1e-7 * radius

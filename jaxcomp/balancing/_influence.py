@@ -129,6 +129,7 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
     return Influence(
         answer[:, 1:],
         answer[:, 0],
+        # Rows go speed by speed, with all targets at each.
         jnp.tile(jnp.stack(weights), speeds.size),
         tuple(InfluenceRow(*row, float(speed)) for speed in labels for row in rows),
         tuple(p.name for p in places.planes),
@@ -151,6 +152,7 @@ def flexibility(model, loads, places, speed) -> Complex[Array, "rows columns"]:
             if target.relative_to is not None:
                 along = along - nodal_load(model, target.relative_to, axis).real
             outputs.append(along)
+    # One kg m at angle zero: the complex correction scales and turns it.
     cases = [loads, *((Unbalances((p.node,), [1.0], [0.0]),) for p in places.planes)]
     inputs = jnp.stack([load_vector(model, case, 1, speed) for case in cases])
     return receptance(model, inputs, jnp.stack(outputs), speed, speed)

@@ -120,6 +120,7 @@ def least_masses(
     unit = weight.max()
     angles, count = 2 * np.pi * np.arange(_TANGENTS) / _TANGENTS, len(circles.a)
     cuts, right = circles.tangents(np.repeat(np.arange(count), _TANGENTS), np.tile(angles, count))
+    # Costs of one size, because the tolerances of the solver are absolute.
     objective = np.concatenate([np.zeros(2 * planes), weight / unit])
     ends = [(None, None)] * (2 * planes) + [(0, None)] * planes
     step = 0

@@ -256,6 +256,7 @@ def _solve_border(layout, factor, g, transpose):
         x = lu_solve(factor.inner[k], own[:, : len(free), None])[..., 0]
         kept.append(own[:, len(free) :] - jnp.einsum("afk,af->ak", factor.cross[k], x))
         inside.append(x)
+    # Links and bodies act along x and y: the rest of the border is solved in the planes.
     planes = [to_components[:2, :2].conj().T @ kept[0], *kept[1:]]
     rhs = jnp.concatenate([p.reshape(-1) for p in planes])
     rhs = rhs if factor.motion is None else factor.motion.T @ rhs
@@ -307,6 +308,7 @@ def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
 
 def _kinds(layout):
     """Components of one kind (whirl, axial), with their untouched and touched border coordinates."""
+    # p and q are both x and y: what a link touches in one plane it touches in both components.
     lateral = layout.touched[:, 0] | layout.touched[:, 1]
     kinds = [(np.array([0, 1]), lateral)]
     kinds += [(np.array([2]), layout.touched[:, 2])] if layout.dof == 6 else []

@@ -108,6 +108,7 @@ def layout_of(model: Any) -> Layout:
     links = [(link.nodes, link.axes, link.held) for link in model.links]
     links += [(pair, (), False) for pull in model.magnetic_pulls for pair in pull.nodes]
     link_axes = tuple(
+        # The ground has the number behind the last node, which `add` leaves out.
         (tuple(number.get(node, len(names)) for node in nodes), tuple(axes), held)
         for nodes, axes, held in links
     )

@@ -386,6 +386,7 @@ class LoadedFilm(Part):
             raise BadInput(what, "open", "resolved by its machine, see `jaxcomp.Machine`")
         load = self.load
         if self.speed is not None:
+            # The table counts speeds without a sense of rotation, which acts in the film.
             at = jnp.abs(spin_speed)
             load = jax.vmap(lambda column: jnp.interp(at, self.speed, column), -1)(load)
         return tuple(stiffness_damping(self.bearing, load, spin_speed))

@@ -96,6 +96,7 @@ class RotorModel(Part):
             if is_traced(shaft.length):
                 continue
             for (a, b), length in zip(shaft.pairs, np.asarray(shaft.length), strict=True):
+                # Numbers and words have no order but that of text; turned round, an element leads back.
                 key, length = ((a, b), length) if str(a) <= str(b) else ((b, a), -length)
                 other = known.setdefault(key, length)
                 if abs(length - other) > 1e-6 * abs(other):

@@ -192,6 +192,7 @@ def _undamped(model, count, spin_speed, free) -> Modes:
 
 def _found(system, full, count, spin_speed, free) -> Modes:
     mu, x = pencil((full.stiffness + full.stiffness.T) / 2, full.mass)
+    # From x^T M x = mu to unit modal mass.
     x = x[:, :count] / jnp.sqrt(mu[:count])
     shape = (full.expand @ x).T.reshape(-1, system.layout.n, system.dof)
     none, still = jnp.zeros((0, system.dof, system.dof)), jnp.zeros(())
@@ -345,6 +346,7 @@ def magnetic_pull_limit(model: RotorModel, spin_speed: Float[Array, ""] = 0.0) -
 def _limit(model, spin_speed):
     pulls = lambda m: [pull.stiffness for pull in m.magnetic_pulls]  # noqa: E731
     without = eqx.tree_at(pulls, model, [jnp.zeros_like(v) for v in pulls(model)])
+    # By difference, so that the pull has gone through bodies and held links as the stiffness has.
     k0 = matrices(without, spin_speed).stiffness
     k = matrices(model, spin_speed).stiffness
     k0, pull = (k0 + k0.T) / 2, (k0 - k + (k0 - k).T) / 2

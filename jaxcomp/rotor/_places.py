@@ -36,6 +36,7 @@ def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
     diagonal = add(jnp.concatenate([inertia, jnp.zeros((1, 2, 2, terms))]), layout.pairs, ends)
     diagonal = diagonal.reshape(-1, 4, terms)
     kind, first, second, turned = layout.slots.T
+    # An element may run against its segment; its coupling is then the transposed block.
     off = jnp.where(turned[:, None, None, None] == 1, blocks[:, 1, :, 0], blocks[:, 0, :, 1])
     off = off.reshape(-1, 4, terms)
     zero = lambda rows: jnp.zeros((rows, 4, terms))  # noqa: E731

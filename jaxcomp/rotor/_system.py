@@ -114,6 +114,7 @@ def released(model: RotorModel | System) -> RotorModel | System:
     if not any(link.held for link in whole.links):
         return model
     loose = lambda axes: diagonal(*jnp.zeros((2, len(axes))))  # noqa: E731
+    # As links without stiffness, so that their nodes and the numbers of the others stay.
     links = (Link(n.nodes, loose(n.axes), n.axes) if n.held else n for n in whole.links)
     return dataclasses.replace(whole, links=tuple(links))
 
@@ -192,6 +193,7 @@ def _laws(links, spin_speed):
     for alike in kinds.values():
         numbers, arrays, rests = zip(*alike, strict=True)
         if (
+            # What is neither array nor static may differ from law to law, and cannot be stacked.
             len(alike) == 1
             or not jax.tree.leaves(arrays[0])
             or any(jax.tree.leaves(r) for r in rests)
@@ -359,6 +361,7 @@ def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
         at = jnp.moveaxis(ends, 1, 2).reshape(len(pairs), -1, 4)
         load = load + jnp.einsum("eijl,elj->eli", dynamic, at)
         f = add(f, pairs, jnp.moveaxis(load.reshape(*at.shape[:2], 2, 2), 2, 1))
+    # The way back of a unitary matrix is its conjugate transpose.
     return jnp.einsum("lp,nlk->npk", to_components.conj(), f)
 
 

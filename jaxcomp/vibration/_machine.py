@@ -120,6 +120,7 @@ def _shaken_by_crank(made: Assembly, speeds, orders, solver, options) -> Respons
         crank = crank_loads(made, speed, orders, solver)
         model, loads = running_rotor(made, crank)
         found = rotor.respond(model, loads, speed[None], orders, **options)
+        # However well it is solved: without a periodic state its forces mean nothing.
         trusted = jnp.where(crank.ok, found.status, NO_CRANK)
         return eqx.tree_at(lambda r: r.status, found, trusted)
 
@@ -144,6 +145,7 @@ def undamped_modes(
         spin_speed: [rad/s] at which the films stand.
         free: without the links to the ground.
     """
+    # Without links there are no films, and no crank has to be solved for their loads.
     model = rotor_at(machine, () if free else spin_speed)
     return rotor.undamped_modes(model, count, spin_speed=spin_speed, free=free)
 

@@ -124,6 +124,7 @@ def with_scaled_frequencies(suspension: Suspension, factor: Float[Array, ""]) ->
         factor: [-] on all natural frequencies.
     """
 
+    # w^2 = k/m and c = 2 zeta m w: at one damping ratio k goes with the square of the frequency.
     def scaled(spring):
         return replaced(
             spring,
