@@ -109,6 +109,7 @@ class Trace(AbstractMeasurement):
                 if name == "speed"
                 else usual(name, sd, 0.01) * size[row]
             )
+        # Neighbours on a trace err alike: wider deviations let it count as `independent` readings.
         many = np.sqrt(np.maximum(1.0, shape[1] / self.independent))
         deviation = given_or_usual(self.sd, np.broadcast_to(size[:, None], shape)) * many
         rows, columns = np.nonzero(np.isfinite(self.measured))

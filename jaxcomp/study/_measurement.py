@@ -148,6 +148,7 @@ class AbstractMeasurement(abc.ABC):
             return self.at(build(both[:count]), both[count:], point)
 
         both = jnp.concatenate([parameters, nuisances])
+        # Not `jacfwd`, for the reason that `_problem` gives: `ok` could get an axis of directions.
         values, push, ok = jax.linearize(whole, both, has_aux=True)
         slopes = jax.vmap(push, out_axes=-1)(jnp.eye(both.size))
         return values, slopes, ok & jnp.all(jnp.isfinite(values)) & jnp.all(jnp.isfinite(slopes))

@@ -95,6 +95,7 @@ class Sample(NamedTuple):
 
     def starts(self, count: int) -> Float[np.ndarray, "starts variables"]:
         """[SI] The best design, and the first of the others that can be solved."""
+        # The first points of a Sobol sequence are spread evenly by themselves.
         places = np.flatnonzero(self.ok)
         if self.best is not None:
             places = np.concatenate([[self.best], places[places != self.best]])
@@ -175,6 +176,7 @@ def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optim
     end, values = best.best, ranges.values(best.best.share)
     verdict, local = _compared(sample, end)
     names = [one.name for one in problem.variables]
+    # From spreads and shares of ranges back to SI.
     gradient = goal.unit * end.gradient / ranges.width
     sides = {"low": end.share < 1e-4, "high": end.share > 1 - 1e-4}
     return Optimum(

@@ -123,6 +123,7 @@ class ModalTest(AbstractMeasurement):
         product = given @ shapes.T  # (k, modes)
         square = known.astype(float) @ (shapes.T**2)
         if self.nodes:
+            # The modal assurance criterion but for the reading's own square, the same for all modes.
             fixed = lax.stop_gradient(product**2 / jnp.where(square > 0, square, 1.0))
             elastic = found.frequency > 1e-3 * found.frequency[-1]
             best = jnp.argmax(jnp.where(elastic, fixed, -1.0), axis=1)

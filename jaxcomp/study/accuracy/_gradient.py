@@ -83,6 +83,7 @@ class _Derivative:
 
     def at(self, design, options, offset) -> Solved:
         """The quantity with the variable moved by an offset."""
+        # An offset, so that one program serves derivatives and differences of every step.
         present = jnp.asarray(self.variable.current(design), float)
         return answer(
             self.variable.apply(design, present + offset), options, self.question.quantity

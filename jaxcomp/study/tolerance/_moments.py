@@ -141,6 +141,7 @@ def shares(at: Local, covariance, excess) -> Float[np.ndarray, "quantities varia
 
 def _parts(at: Local, covariance, excess):
     """Variance by variable, up to the order that is known."""
+    # g_i (S g)_i and (H S H S)_ii, whose sums over i are the variance: so each has its share.
     parts = at.slope * (at.slope @ covariance)
     if at.curvature is None:
         return parts
