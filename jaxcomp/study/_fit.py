@@ -5,7 +5,7 @@ sections 2.1, 5.1 and 5.2.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -313,48 +313,55 @@ def _fit(problem: LeastSquares, best, answers, loss: str, failed: int) -> Fit:
     # Gauss-Newton's matrix of a robust loss: each reading counts by rho'.
     weighted = slope.copy()
     weighted[:readings] *= np.sqrt(robust)[:, None]
-    # scaled by the reach of each parameter, so that the decomposition sees numbers of one size
-    _, singular, rows = np.linalg.svd(weighted * problem.reach, full_matrices=False)
-    known = singular > 1e-14 * singular[0]
-    inverse = (rows[known].T / singular[known] ** 2) @ rows[known] * np.outer(*[problem.reach] * 2)
-    # A direction that nothing tells stays out; what it moves has no finite error.
-    lost = (np.abs(rows[~known]) > 1e-6).any(axis=0)
-    inverse[lost, lost] = np.inf
+    inverse = _inverse(weighted, problem.reach)
     values = problem.values(t)
     scale = np.array([one.slope(v) for one, v in zip(parameters, values, strict=True)])
     span = problem.high - problem.low
-    error = np.sqrt(np.diag(inverse))
-    minima: list[Minimum] = []
+    return Fit(
+        parameters=parameters,
+        estimate=values,
+        covariance=inverse * np.outer(scale, scale),
+        measured=problem.measured,
+        sd=problem.sd,
+        weight=problem.weight,
+        value=value,
+        slope=model_slope,
+        robust=robust,
+        chi_square=float(np.sum(residual**2)),
+        freedom=int((problem.weight > 0).sum()) + len(problem.rows) - t.size,
+        directions=tuple(_directions(problem, t, slope[:readings] * np.sqrt(robust)[:, None])),
+        at_bound=np.minimum(t - problem.low, problem.high - t) < _AT_BOUND * span,
+        minima=tuple(_other_minima(problem, best, answers, np.sqrt(np.diag(inverse)))),
+        steps=int(best.nfev),
+        converged=bool(best.success),
+        failed_starts=failed,
+        loss=loss,
+        model=problem.model,
+        interrupted=problem.interrupted,
+    )
+
+
+def _inverse(slope: NDArray, reach: NDArray) -> NDArray:
+    """(p, p) covariance of t; infinite variances of parameters that nothing tells."""
+    # Scaled by the reach of each parameter, so that the decomposition sees numbers of one size; by
+    # singular values, as the product of slopes would square their range.
+    _, singular, rows = np.linalg.svd(slope * reach, full_matrices=False)
+    known = singular > 1e-14 * singular[0]
+    inverse = (rows[known].T / singular[known] ** 2) @ rows[known] * np.outer(reach, reach)
+    # A direction that nothing tells stays out; what it moves has no finite error.
+    lost = (np.abs(rows[~known]) > 1e-6).any(axis=0)
+    inverse[lost, lost] = np.inf
+    return inverse
+
+
+def _other_minima(problem: LeastSquares, best, answers, error: NDArray) -> Iterator[Minimum]:
+    """Where other starts ended nearly as low, each place once; `error` tells places apart."""
+    seen = [best.x]
     for one in sorted(answers, key=lambda one: one.cost):
         near = 2 * (one.cost - best.cost) < _NEAR
-        apart = np.abs(one.x - t) > _APART * error
-        if near and apart.any() and one is not best:
-            seen = [problem.scaled(m.estimate) for m in minima]
-            if all((np.abs(one.x - other) > _APART * error).any() for other in seen):
-                minima.append(Minimum(problem.values(one.x), 2 * float(one.cost)))
-    used = int((problem.weight > 0).sum())
-    return Fit(
-        parameters,
-        values,
-        inverse * np.outer(scale, scale),
-        problem.measured,
-        problem.sd,
-        problem.weight,
-        value,
-        model_slope,
-        robust,
-        float(np.sum(residual**2)),
-        used + len(problem.rows) - t.size,
-        tuple(_directions(problem, t, slope[:readings] * np.sqrt(robust)[:, None])),
-        np.minimum(t - problem.low, problem.high - t) < _AT_BOUND * span,
-        tuple(minima),
-        int(best.nfev),
-        bool(best.success),
-        failed,
-        loss,
-        problem.model,
-        problem.interrupted,
-    )
+        if near and all((np.abs(one.x - other) > _APART * error).any() for other in seen):
+            seen.append(one.x)
+            yield Minimum(problem.values(one.x), 2 * float(one.cost))
 
 
 def _directions(problem: LeastSquares, t: NDArray, slope: NDArray):
