@@ -119,8 +119,8 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
 
     Args:
         answer: (rows, 1 + planes) complex vibration: before, then what one unit in each plane adds.
-        places: name of each row's measuring point.
-        speeds: [rad/s] (rows,) of each row.
+        places: correction planes and targets.
+        speeds: [rad/s] (speeds,), each with a row for every axis of every target.
     """
     rows = [(target.name, axis) for target in places.targets for axis in target.axes]
     weights = [jnp.asarray(t.weight, float) for t in places.targets for _ in t.axes]

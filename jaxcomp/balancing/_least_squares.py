@@ -126,8 +126,8 @@ class Balance(Result, eqx.Module):
     ) -> Float[Array, "rows planes"]:
         """[m] Change of each vibration when one plane's mass and angle are off by these errors.
 
-        To first order the error vector has the length |B| sqrt(mass^2 + angle^2) at worst one
-        perpendicular to the other.
+        To first order an error of the mass lies along the correction and one of the angle across it:
+        together they have the length |B| sqrt(mass^2 + angle^2).
 
         Args:
             mass_error: [-] relative error of the mass.

@@ -97,7 +97,7 @@ def inertia_matrices(
     spin = table.polar_inertia if table.spins else zero
     # phi = du/dz: a centre b above its node moves by u + b phi, which couples the two by +m b.
     lateral = _two_by_two(m, m * b, table.transverse_inertia + m * b**2)
-    # Torsion turns a disk that does not spin as well; only the gyroscopic moment asks for it.
+    # Torsional inertia counts without spin as well; only the gyroscopic moment depends on it.
     return lateral, _two_by_two(zero, zero, spin), _two_by_two(m, zero, table.polar_inertia)
 
 

@@ -143,8 +143,8 @@ def critical_speeds_between(
     modes = _by_frequency(campbell(model, spin_speeds, count, damping=damping))
     speed, gap = np.asarray(spin_speeds), np.asarray(modes.frequency)
     gap = gap - order * speed[:, None]
-    # A gap of zero counts where the interval ends, so once. Modes that the model lacks at a speed
-    # are NaN, which compares as false: they cross nothing.
+    # A gap of zero counts where the interval ends: once, and not at the very first speed. Modes
+    # that the model lacks at a speed are NaN, which compares as false: they cross nothing.
     at, mode = np.nonzero((gap[:-1] > 0) & (gap[1:] <= 0) | (gap[:-1] < 0) & (gap[1:] >= 0))
     if not at.size:
         return CriticalSpeeds(*(jnp.zeros(0),) * 3)

@@ -147,6 +147,7 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
     while waiting:
         here = waiting.pop(0)
         for there, step in steps[here]:
+            # Parallel elements have one length, so that any way to a node will do.
             if there not in found:
                 found[there] = found[here] + step
                 waiting.append(there)

@@ -72,6 +72,7 @@ def factorise(z: Operator) -> Factor:
         # Untouched coordinates first: they are eliminated while p and q are still apart.
         order, f = np.concatenate([free, keep]), len(free)
         row, column = order[:, None], order
+        # Blocks of the border are four numbers each, row by row.
         entry = 4 * (row // 2 * b + column // 2) + row % 2 * 2 + column % 2
         a = jnp.moveaxis(take(border.reshape(4 * b * b, -1), entry)[..., component], -1, 0)
         lu, coupling = lu_factor(a[:, :f, :f]), a[:, :f, f:]

@@ -319,6 +319,7 @@ def _monotone_slopes(x, y):
     low, high = jnp.where(same, d[:-1], 1.0), jnp.where(same, d[1:], 1.0)
     # Flat where the slope changes sign, so that an extremum of the table stays one.
     inner = jnp.where(same, (w1 + w2) / (w1 / low + w2 / high), 0.0)
+    # The secants at the ends: with them the cubic stays monotone in the outer intervals as well.
     return jnp.concatenate([d[:1], inner, d[-1:]])
 
 

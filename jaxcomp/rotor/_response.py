@@ -317,6 +317,7 @@ def _answer(z, solve, force) -> Response:
     s = solve(collect(z.system, force))
     x, held = follow(z.system, s.x), None
     if z.system.layout.ties.holds:
+        # From the load where it acts, not as it is collected: a held node keeps its own part.
         held = reactions(z, x, force)
         held = from_planes(held.reshape(-1, dof // 2, 2), dof)
     x = from_planes(x, dof)

@@ -79,14 +79,14 @@ def _(mechanism: SliderLink, state: CrankState) -> Wrench:
 @shaking_wrench.register
 def _(mechanism: SliderCrank, state: CrankState) -> Wrench:
     rod = rod_motion(mechanism, state.angle)
-    big_end = mechanism.conrod_centre / mechanism.conrod_length  # weight of the small end, b/l
+    small_end = mechanism.conrod_centre / mechanism.conrod_length  # weight of the small end, b/l
     direction, second = rotating(*state)
     piston_acceleration = rod.position_1 * state.acceleration + rod.position_2 * state.speed**2
     tilt_acceleration = rod.tilt_1 * state.acceleration + rod.tilt_2 * state.speed**2
     offset = jnp.broadcast_to(mechanism.offset, rod.position.shape)
-    at_pin = (1 - big_end) * mechanism.crank_radius
-    centre = at_pin * direction + big_end * jnp.stack([rod.position, offset])
-    centre_acceleration = (at_pin * second).at[0].add(big_end * piston_acceleration)
+    at_pin = (1 - small_end) * mechanism.crank_radius
+    centre = at_pin * direction + small_end * jnp.stack([rod.position, offset])
+    centre_acceleration = (at_pin * second).at[0].add(small_end * piston_acceleration)
 
     piston = mechanism.piston_mass * piston_acceleration
     conrod = mechanism.conrod_mass * centre_acceleration
