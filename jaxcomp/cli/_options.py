@@ -124,8 +124,6 @@ def analysis_options(
 
 def solver_of(text: str, compressor: jc.Compressor) -> Any:
     """The solver of the periodic state that `--solver` names."""
-    import diffrax
-
     name, _, tolerance = text.partition(":")
     if name == "collocation":
         plain = jc.crank.default_collocation(compressor)
@@ -134,6 +132,8 @@ def solver_of(text: str, compressor: jc.Compressor) -> Any:
         if tolerance.isdigit() and 3 <= int(tolerance) <= 64:
             return replace(plain, nodes=int(tolerance))
         raise CommandError(f"--solver {text}: must have 3 to 64 nodes on a panel after the colon")
+    import diffrax  # a third of a second, for those who march
+
     made = getattr(diffrax, "Tsit5" if name == "shooting" else name, None)
     try:
         wanted = {"tolerance": float(tolerance)} if tolerance else {}

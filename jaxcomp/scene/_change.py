@@ -64,10 +64,10 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
         paths: such as "mechanism.bore.2", of the third cylinder, or "mechanism.bore.*"; those that
             name something else change nothing.
     """
-    from ..study import matching, variable
-
     if scene.compressor is None or scene.compressor.crankshaft.count == 1:
         return scene
+    from ..study import matching, variable
+
     count = scene.compressor.crankshaft.count
     single = single_numbers(scene.compressor)
     changes = {}
