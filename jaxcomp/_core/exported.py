@@ -4,17 +4,21 @@ To trace a machine with valves takes several times as long as to read its compil
 stands for `equinox.filter_jit` where a whole solution is one program: what it traces is written down by
 `jax.export` and found by the structure, shapes and types of the arguments, by all in them that is no
 array, by the settings of JAX, and by what a compiled program depends on (`jaxcomp._core.programs`), the
-sources of this package among it.
+sources of this package among it. What XLA makes of it is kept as well, for the same flags of XLA: to read
+that takes a third of reading and lowering what was traced to find its compiled program.
 
 Arguments with classes or functions of other packages are traced every time, since their code may have
 changed. A constant or function of this package that a running process replaces is not noticed:
 `JAXCOMP_CACHE=off` keeps nothing.
 """
 
+import contextlib
 import functools
 import hashlib
 import io
+import os
 import pickle
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -24,6 +28,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax import export
+from jax.experimental import serialize_executable
 
 from . import programs
 from .fields import is_traced, strongly_typed
@@ -35,6 +40,9 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 # Packages whose versions are part of the key, as far as arguments hold anything of them.
 _KNOWN = ("jaxcomp", "jax", "jaxlib", "equinox", "numpy", "builtins", "collections", "copyreg")
+
+# Where in memory an object lies; of a newer JAX the settings hold one, the names of mapped axes.
+_ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 
 class _Hole(NamedTuple):
@@ -91,31 +99,79 @@ def _hole(leaf: Any) -> _Hole | None:
 
 def _program(function: Callable, rest: tuple, structure: Any) -> Callable[[list], Any] | None:
     """The program for arguments of one kind, kept before or traced now; `None` if it cannot be kept."""
+    holes = [one for one in rest if isinstance(one, _Hole)]
     try:
         key = _pickled((function, structure.unflatten(rest)), _KeyPickler)
-        path = programs.place(f"{hashlib.sha256(key).hexdigest()} {_settings()}")
-        if path is None:
+        key = f"{hashlib.sha256(key).hexdigest()} {_ADDRESS.sub('', str(_settings()))}"
+        path = programs.place(key)
+        compiled_path = programs.place(f"{key} {os.environ.get('XLA_FLAGS', '')}")
+        if path is None or compiled_path is None:
             return None
-        found = programs.read(path)
-        told, text = pickle.loads(found) if found else _traced(function, rest, structure, path)
-        exported = export.deserialize(bytearray(text))
+
+        @functools.cache
+        def traced():
+            found = programs.read(path)
+            told, text = pickle.loads(found) if found else _traced(function, rest, structure, path)
+            if b"lapack" in text:
+                _tell_of_lapack()
+            return told, jax.jit(export.deserialize(bytearray(text)).call)
+
+        kept = _read_compiled(compiled_path)
+        if kept is None:
+            told, run = traced()
+            with programs.kept_by_caller():
+                kept = told, run.lower(*map(_like, holes)).compile()
+            _write_compiled(compiled_path, *kept)
     except Exception:  # no structure that can be written down, or nothing that JAX can export
         return None
-    if b"lapack" in text:
-        # the first lowering of a call of LAPACK tells jaxlib where its functions are
-        jax.jit(jax.lax.linalg.lu).lower(jax.ShapeDtypeStruct((1, 1), float))
-    run = jax.jit(exported.call)
+    told, compiled = kept
     arrays = [place for place, one in enumerate(rest) if isinstance(one, _Hole)]
     out, out_structure = jax.tree.flatten(told, is_leaf=lambda one: isinstance(one, _Hole))
-    holes = [place for place, one in enumerate(out) if isinstance(one, _Hole)]
+    places = [place for place, one in enumerate(out) if isinstance(one, _Hole)]
 
     def program(leaves):
-        filled = list(out)
-        for place, value in zip(holes, run(*(leaves[i] for i in arrays)), strict=True):
+        filled, given = list(out), [leaves[i] for i in arrays]
+        try:
+            values = compiled(*given)
+        except ValueError:  # arrays on another device
+            values = traced()[1](*given)
+        for place, value in zip(places, values, strict=True):
             filled[place] = value
         return out_structure.unflatten(filled)
 
     return program
+
+
+def _like(hole: _Hole) -> jax.ShapeDtypeStruct:
+    return jax.ShapeDtypeStruct(hole.shape, np.dtype(hole.dtype), weak_type=hole.weak)
+
+
+def _tell_of_lapack() -> None:
+    """The first lowering of a call of LAPACK tells jaxlib where its functions are."""
+    jax.jit(jax.lax.linalg.lu).lower(jax.ShapeDtypeStruct((1, 1), float))
+
+
+def _write_compiled(path: Path, told: Any, compiled: Any) -> None:
+    """Keep a compiled program, if XLA can write it down."""
+    with contextlib.suppress(Exception):
+        text, *trees = serialize_executable.serialize(compiled)
+        if programs.may_be_loaded(text):
+            programs.write(path, pickle.dumps((_pickled(told, _Pickler), text, *trees)))
+
+
+def _read_compiled(path: Path) -> tuple[Any, Callable] | None:
+    """Structure of the result and the compiled program, if it is kept."""
+    found = programs.read(path)
+    if found is None:
+        return None
+    told, text, *trees = pickle.loads(found)
+    if b"lapack" in text:
+        _tell_of_lapack()
+    device = jax.devices()[:1]
+    loaded = programs.loaded(
+        path, lambda: serialize_executable.deserialize_and_load(text, *trees, None, device)
+    )
+    return None if loaded is None else (pickle.loads(told), loaded)
 
 
 def _traced(function: Callable, rest: tuple, structure: Any, path: Path) -> tuple[Any, bytes]:
@@ -131,10 +187,7 @@ def _traced(function: Callable, rest: tuple, structure: Any, path: Path) -> tupl
         told.append(out.unflatten([_traced_hole(leaf) or leaf for leaf in leaves]))
         return [leaf for leaf in leaves if _traced_hole(leaf)]
 
-    holes = [one for one in rest if isinstance(one, _Hole)]
-    like = [
-        jax.ShapeDtypeStruct(one.shape, np.dtype(one.dtype), weak_type=one.weak) for one in holes
-    ]
+    like = [_like(one) for one in rest if isinstance(one, _Hole)]
     text = bytes(export.export(jax.jit(flat))(*like).serialize())
     programs.write(path, _pickled((told[0], text), _Pickler))
     return told[0], text
@@ -146,7 +199,11 @@ def _traced_hole(leaf: Any) -> _Hole | None:
 
 def _pickled(thing: Any, pickler: type[pickle.Pickler]) -> bytes:
     out = io.BytesIO()
-    pickler(out, protocol=5).dump(thing)
+    made = pickler(out, protocol=5)
+    # a key must not tell equal things from one thing twice, as a result that was read differs from one
+    # that was traced
+    made.fast = pickler is _KeyPickler
+    made.dump(thing)
     return out.getvalue()
 
 

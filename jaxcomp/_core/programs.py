@@ -50,6 +50,7 @@ _ARGUMENTS = ["backend", "computation", "devices", "compile_options", "host_call
 
 
 _anew: ContextVar[bool] = ContextVar("anew", default=False)
+_by_caller: ContextVar[bool] = ContextVar("by_caller", default=False)
 _written: list[int] = []  # since the last look
 
 
@@ -109,6 +110,16 @@ def compiled_anew() -> Iterator[None]:
         _anew.reset(token)
 
 
+@contextlib.contextmanager
+def kept_by_caller() -> Iterator[None]:
+    """Compile what the caller keeps: jaxlib 0.9 writes down half of a program that it has read."""
+    token = _by_caller.set(True)
+    try:
+        yield
+    finally:
+        _by_caller.reset(token)
+
+
 def _compiled(
     compile_one: Callable, backend, computation, devices, options, callbacks, *rest, **named
 ):
@@ -117,28 +128,41 @@ def _compiled(
     computation.operation.write_bytecode(file=text)
     code = text.getvalue()
     ours = _is_ours(code)
-    path = None
-    if ours and not callbacks:
+    path, by_caller = None, _by_caller.get()
+    if ours and not callbacks and not by_caller:
         path = _path(computation, devices, options, backend)
     if path is not None and (found := read(path)):
-        try:
-            with _quiet(), _marked(path):
-                program = backend.deserialize_executable(
-                    found, rest[0] if rest else named["executable_devices"], options
-                )
-        except Exception:  # XLA refuses it
-            _remove(path)
-        else:
-            jax.monitoring.record_event("/jax/compilation_cache/cache_hits")
+        to = rest[0] if rest else named["executable_devices"]
+        program = loaded(path, lambda: backend.deserialize_executable(found, to, options))
+        if program is not None:
             return program
-    telling = compiling(len(code), path is not None) if ours else contextlib.nullcontext()
+    telling = (
+        compiling(len(code), by_caller or path is not None) if ours else contextlib.nullcontext()
+    )
     with telling:
         program = compile_one(backend, computation, devices, options, callbacks, *rest, **named)
     if path is not None:
         with contextlib.suppress(Exception):  # a program that XLA cannot write down
             made = program.serialize()
-            if made.count(b"_kernel") <= _MOST_KERNELS:
+            if may_be_loaded(made):
                 write(path, made)
+    return program
+
+
+def may_be_loaded(program: bytes) -> bool:
+    """Whether a compiled program is not too large for jaxlib to load it."""
+    return program.count(b"_kernel") <= _MOST_KERNELS
+
+
+def loaded(path: Path, load: Callable[[], Any]) -> Any:
+    """What `load` makes of an entry that was read; `None` if XLA refuses it, and it is removed."""
+    try:
+        with _quiet(), _marked(path):
+            program = load()
+    except Exception:
+        _remove(path)
+        return None
+    jax.monitoring.record_event("/jax/compilation_cache/cache_hits")
     return program
 
 

@@ -1,5 +1,6 @@
 """What was traced is kept for the next process, and nothing that it could not know."""
 
+import os
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from jaxcomp._core import exported
+from jaxcomp._core.fields import admissible, clipped
 from jaxcomp._core.polynomials import legendre_columns
 from jaxcomp.gas import PolytropicCycle
 
@@ -107,6 +109,7 @@ def test_what_is_no_array_is_told_apart(folder, traced):
 SCRIPT = """
 import jax, jax.numpy as jnp
 from jaxcomp._core import exported
+from jaxcomp._core.fields import admissible, clipped
 asked, export = [], exported.export.export
 exported.export.export = lambda *a, **k: asked.append(1) or export(*a, **k)
 print(exported.kept_jit(jnp.linalg.inv.__wrapped__)(2 * jnp.eye(3)).tolist(), len(asked))
@@ -138,3 +141,42 @@ def test_a_number_of_another_type_class_is_no_other_program():
     assert not strong.weak_type
     assert twice(strong) == twice(weak) == 0.08
     assert len(traced) == 1
+
+
+def test_a_later_process_reads_the_compiled_program_alone(folder, traced, monkeypatch):
+    read, deserialize = [], exported.export.deserialize
+    monkeypatch.setattr(
+        exported.export, "deserialize", lambda text: read.append(1) or deserialize(text)
+    )
+    ask(gas())
+    ask(gas(exponent=1.2))
+    assert len(read) == 1
+    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=0")  # compiled otherwise
+    ask(gas())
+    assert (len(traced), len(read)) == (1, 2)
+
+
+def test_a_result_that_was_read_is_the_same_argument(folder, traced):
+    machine = {"".join(["first ", "stage"]): gas()}  # a key of its own
+    for _ in range(2):
+        found = exported.kept_jit(clipped)(machine)
+        exported.kept_jit(admissible)([machine, found])
+    assert len(traced) == 2
+
+
+def test_on_another_device_it_is_compiled_for_that():
+    code = """
+import jax, numpy as np
+from jaxcomp._core import exported
+from jaxcomp._core.fields import admissible, clipped
+from jaxcomp.gas import PolytropicCycle
+gas = PolytropicCycle(1e5, 7e5, 1.3, 0.05)
+kept = exported.kept_jit(PolytropicCycle.repaired)
+for device in jax.devices()[::-1]:
+    there = kept(jax.device_put(gas, device))
+    assert there.suction_pressure.devices() == {device}
+    assert there.suction_pressure == 1e5
+"""
+    flags = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+    done = subprocess.run([sys.executable, "-c", code], env=os.environ | {"XLA_FLAGS": flags})
+    assert done.returncode == 0

@@ -21,3 +21,20 @@ assert not progress._Compiles.told, "compiling is told unasked"
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_machine_without_rotor_imports_none():
+    """What is marched, searched or turns in films is imported by who asks for it."""
+    code = """
+import sys
+from jaxcomp import solve_orbit
+from jaxcomp.cli._arguments import changed_scene
+from jaxcomp.cli._options import solver_of
+scene = changed_scene("mayekawa-wbhe")
+solver_of("collocation", scene.as_compressor())
+unused = {"diffrax", "optimistix", "scipy", "matplotlib", "xarray", "pandas", "jaxcomp.rotor"}
+unused |= {"jaxcomp.vibration", "jaxcomp.balancing", "jaxcomp.study", "jaxcomp.plot"}
+print(*sorted(unused & {*sys.modules}))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "\n", "")
