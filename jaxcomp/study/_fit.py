@@ -15,39 +15,14 @@ from scipy.stats import qmc
 
 from .._core.errors import BadInput
 from .._core.words import one_of
+from ._directions import Direction, directions_of
 from ._least_squares import LeastSquares, Model, Parameter, check_problem
 
-# What a combination of parameters moves chi-square by over its whole range, below which it is weak.
-_WEAK = 1.0
-# Singular value over the largest, below which nothing tells a combination.
-_UNIDENTIFIABLE = 1e-8
-# Entries of a direction that are named, over its largest.
-_NAMED = 0.05
 # Distance from a bound, over the range, at which a parameter counts as held by it.
 _AT_BOUND = 1e-3
 # Change of chi-square below which two minima are both told, and distance in standard errors above which
 # they are two.
 _NEAR, _APART = 4.0, 0.1
-
-
-class Direction(NamedTuple):
-    """A combination of parameters that the readings tell more or less.
-
-    Attributes:
-        singular: singular value of the residuals' slopes over t, without priors.
-        entries: of the combination, one a parameter, in t; of unit length.
-        weak: whether a move over the whole prior or range changes chi-square by less than 1.
-        unidentifiable: whether nothing tells it.
-        words: such as "c up 10 % with n up 4.3 % and f down 2.8 %".
-        effect: [-] change of all residuals together, in standard deviations, at that finite move.
-    """
-
-    singular: float
-    entries: NDArray
-    weak: bool
-    unidentifiable: bool
-    words: str
-    effect: float
 
 
 class Minimum(NamedTuple):
@@ -329,7 +304,7 @@ def _fit(problem: LeastSquares, best, answers, loss: str, failed: int) -> Fit:
         robust=robust,
         chi_square=float(np.sum(residual**2)),
         freedom=int((problem.weight > 0).sum()) + len(problem.rows) - t.size,
-        directions=tuple(_directions(problem, t, slope[:readings] * np.sqrt(robust)[:, None])),
+        directions=tuple(directions_of(problem, t, slope[:readings] * np.sqrt(robust)[:, None])),
         at_bound=np.minimum(t - problem.low, problem.high - t) < _AT_BOUND * span,
         minima=tuple(_other_minima(problem, best, answers, np.sqrt(np.diag(inverse)))),
         steps=int(best.nfev),
@@ -362,47 +337,3 @@ def _other_minima(problem: LeastSquares, best, answers, error: NDArray) -> Itera
         if near and all((np.abs(one.x - other) > _APART * error).any() for other in seen):
             seen.append(one.x)
             yield Minimum(problem.values(one.x), 2 * float(one.cost))
-
-
-def _directions(problem: LeastSquares, t: NDArray, slope: NDArray):
-    """Combinations of parameters by how well the readings alone tell them."""
-    # ln p as it is, so that a step of 0.1 is 10 %; linear parameters in their reach
-    unit = np.array([1.0 if one.log else one.reach for one in problem.parameters])
-    _, singular, rows = np.linalg.svd(slope * unit, full_matrices=True)
-    singular = np.concatenate([singular, np.zeros(t.size - singular.size)])
-    for number, (value, entries) in enumerate(zip(singular, rows, strict=True), 1):
-        # how far the combination goes until the first parameter leaves its reach
-        far = np.min(problem.reach / unit / np.maximum(np.abs(entries), 1e-12))
-        # A direction has no sign of its own: the largest entry goes up in words.
-        entries = entries * np.sign(entries[np.argmax(np.abs(entries))])
-        move = 0.1 / np.abs(entries).max() * entries
-        weak = bool(value * far < _WEAK)
-        unidentifiable = bool(value <= _UNIDENTIFIABLE * max(singular[0], 1e-300))
-        effect = float(value * np.linalg.norm(move))
-        last = number == t.size
-        if (weak or unidentifiable or last) and not problem.interrupted:
-            # of the finite move where it is told
-            moved, here = (problem.at(at)[0][: slope.shape[0]] for at in (t + move * unit, t))
-            effect = float(np.linalg.norm(moved - here))
-        yield Direction(
-            float(value),
-            entries,
-            weak,
-            unidentifiable,
-            _words(problem.parameters, move * unit),
-            effect,
-        )
-
-
-def _words(parameters: Sequence[Parameter], move: NDArray) -> str:
-    """A move in t in words, the largest first."""
-    size = np.abs(move / [1.0 if one.log else one.reach for one in parameters])
-    parts = []
-    for n in np.argsort(-size, kind="stable"):
-        if size[n] < _NAMED * size.max():
-            break
-        one, way = parameters[n], "up" if move[n] > 0 else "down"
-        amount = f"{100 * abs(move[n]):.2g} %" if one.log else f"{abs(move[n]):.2g} {one.unit}"
-        parts.append(f"{one.name} {way} {amount.strip()}")
-    first, rest = parts[0], parts[1:]
-    return first + (f" with {' and '.join(rest)}" if rest else "")
