@@ -143,9 +143,12 @@ def critical_speeds_between(
     modes = _by_frequency(campbell(model, spin_speeds, count, damping=damping))
     speed, gap = np.asarray(spin_speeds), np.asarray(modes.frequency)
     gap = gap - order * speed[:, None]
-    # A gap of zero counts where the interval ends: once, and not at the very first speed. Modes
-    # that the model lacks at a speed are NaN, which compares as false: they cross nothing.
-    at, mode = np.nonzero((gap[:-1] > 0) & (gap[1:] <= 0) | (gap[:-1] < 0) & (gap[1:] >= 0))
+    # A gap of zero counts where the interval ends, so once, and at the very first speed, unless the
+    # rotor stands still there. Modes that the model lacks at a speed are NaN, which compares as
+    # false: they cross nothing.
+    crosses = (gap[:-1] > 0) & (gap[1:] <= 0) | (gap[:-1] < 0) & (gap[1:] >= 0)
+    crosses[0] |= (gap[0] == 0) & (gap[1] != 0) & (speed[0] > 0)
+    at, mode = np.nonzero(crosses)
     if not at.size:
         return CriticalSpeeds(*(jnp.zeros(0),) * 3)
     near, begin, growth = [], speed[at], np.zeros(at.size)

@@ -31,6 +31,9 @@ from ._modes import Matrices, matrices, shapes
 from ._prepare import prepare
 from ._system import System, marked, released
 
+# Lateral share of a shape below which it is rounding, which leaves 1e-13 or so.
+_ROUNDING = 1e-10
+
 
 class DampedModes(Result, eqx.Module):
     """Oscillating modes x(t) = Re[X e^{lambda t}], lowest undamped frequency |lambda| first.
@@ -173,7 +176,12 @@ def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     ux, uy = shape[..., 0], shape[..., 1]
     # u_x + i u_y is forward whirl, u_x - i u_y backward whirl, see `_conventions`.
     forward, back = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
-    whirl = (forward - back) / (forward + back)
+    # An axial or torsional motion has no lateral part but rounding, and no whirl.
+    lateral, whole = forward + back, jnp.sum(jnp.abs(shape) ** 2, (-2, -1))
+    moves = ~(
+        lateral <= _ROUNDING**2 * whole
+    )  # of a mode that is missing: not a number, as all of it
+    whirl = jnp.where(moves, (forward - back) / jnp.where(moves, lateral, 1.0), 0.0)
     return DampedModes(marked(system, lam_new), shape, whirl, marked(system, growth))
 
 

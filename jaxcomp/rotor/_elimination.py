@@ -81,7 +81,7 @@ def factorise(z: Operator) -> Factor:
         cross.append(coupling)
         reach.append(response)
         kept.append(a[:, f:, f:] - jnp.swapaxes(coupling, -1, -2) @ response)
-    full = _unlane(kept) + _links_and_bodies(layout, z)
+    full = _unlane(kept) + _links_and_bodies(layout, z) + jnp.diag(_held_in_one_plane(layout))
     motion = None if layout.own.all() else _border_motion(layout, z.system.arms)
     small = full if motion is None else motion.T @ full @ motion
     # A unit diagonal lets the pivoting compare displacements with rotations, mounts with films.
@@ -190,6 +190,17 @@ def _held(layout):
         if layout.dof == 6:
             out[at, at, 3 * k, 2] = layout.loose[:, 2, k]
     return out.reshape(b * b, 4, -1)
+
+
+def _held_in_one_plane(layout):
+    """(touched,) The same for those of one lateral plane whose like in the other plane is acted on.
+
+    The components p and q mix the two planes, so that this has to wait for the planes.
+    """
+    (_, (_, keep)), *axial = _kinds(layout)
+    loose = np.swapaxes(layout.loose[:, :2], 0, 1).reshape(2, -1)[:, keep]
+    alone = (loose & ~loose.all(0)).reshape(-1)
+    return np.append(alone, np.zeros(sum(len(kept) for _, (_, kept) in axial))).astype(float)
 
 
 def _magnetic_pulls(layout, z):

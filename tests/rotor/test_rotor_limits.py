@@ -21,10 +21,12 @@ from jaxcomp.rotor import (
     ShaftElements,
     SpeedTable,
     Unbalances,
+    _campbell,
     campbell,
     critical_speeds,
     critical_speeds_between,
     damped_modes,
+    diagonal,
     mode_derivatives,
     respond,
     undamped_modes,
@@ -160,6 +162,54 @@ def test_motions_too_damped_to_peak_are_no_critical_speeds():
         below.speed, np.sqrt(2e6 / mass) * np.sqrt(1 - 0.9**2 / 2), rtol=1e-3
     )
     assert above.speed.size == 0
+
+
+def test_a_crossing_at_the_first_speed_of_a_range_counts(monkeypatch):
+    model, diagram = rotor(1e6, 1.0), _campbell.campbell
+    first = critical_speeds_between(model, jnp.linspace(10.0, 1000.0, 12), 8).speed[0]
+
+    def on_the_line(*given, **options):
+        """The diagram with the frequency at the first speed equal to it, to the last bit."""
+        modes = diagram(*given, **options)
+        lam = modes.eigenvalue
+        near = jnp.argmin(jnp.abs(lam[0].imag - first))
+        there = lam.at[0, near].set(lam[0, near].real + 1j * first)
+        return eqx.tree_at(lambda m: m.eigenvalue, modes, there)
+
+    monkeypatch.setattr(_campbell, "campbell", on_the_line)
+    again = critical_speeds_between(model, first + jnp.array([0.0, 50.0, 100.0]), 8).speed
+    assert np.isclose(again, first, rtol=1e-9).sum() == 1
+
+
+def test_motions_along_and_about_the_shaft_have_no_whirl():
+    """Their lateral part is rounding, whose sense means nothing."""
+    bearing = Mount([1e7] * 2, [10.0] * 2)
+    along = Link((1, None), diagonal([1e7, 1e3], [10.0, 1.0]), ("uz", "thz"))
+    links = (Link((1, None), bearing), Link((3, None), bearing), along)
+    modes = damped_modes(RotorModel((SHAFT,), (DISK,), links=links, dof=6), 100.0, 6)
+    lateral = np.abs(np.asarray(modes.shape)[..., :2]).max((-2, -1)) > 1e-6
+    assert not lateral.all()
+    np.testing.assert_array_equal(np.asarray(modes.whirl)[~lateral], 0.0)
+    assert np.all(np.abs(np.asarray(modes.whirl)[lateral]) > 1e-3)
+
+
+@pytest.mark.parametrize("axes", [("ux",), ("uy",), ("ux", "uy")])
+def test_a_point_without_mass_between_two_springs_may_move_along_one_axis(axes):
+    """Two springs in series behind a bearing: half of the stiffness of one."""
+    law = diagonal([2e6] * len(axes), [0.0] * len(axes))
+    half = diagonal([1e6] * len(axes), [0.0] * len(axes))
+    chain = (Link((2, "f"), law, axes), Link(("f", None), law, axes))
+    loads, speed = (Unbalances((2,), 1e-4, 0.0),), jnp.array([50.0])
+    ends = rotor(1e6, 1.0).links
+    series, single = (
+        respond(RotorModel((SHAFT,), (DISK,), links=(*ends, *more)), loads, speed)
+        for more in (chain, (Link((2, None), half, axes),))
+    )
+    assert series.words == [["ok"]]
+    at = [list(series.nodes).index(node) for node in "123"]
+    np.testing.assert_allclose(
+        series.displacement[:, :, at], single.displacement, rtol=1e-9, atol=1e-18
+    )
 
 
 @pytest.mark.slow
