@@ -65,7 +65,8 @@ def ends_when_interrupted() -> Iterator[None]:
     """End the process with status 130 within two seconds of an interrupt; in the main thread only.
 
     What runs within is the whole program: an interrupt that comes while Python puts itself away ends it
-    in the same way. A process that was started to ignore interrupts goes on to.
+    in the same way, until Python hears none; then the process ends without a word. A process that was
+    started to ignore interrupts goes on to.
     """
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         yield

@@ -10,8 +10,9 @@ that are cut or overwritten before, a disk on which nothing can be written, a fo
 
 `--interrupts` sends one to each of several commands in turn, between 0.02 s after its start and its
 end, with and without kept programs. It must end within three seconds with status 130 and one line; only
-what comes before the first line of the program, in Python's own start, ends as Python has it. A sweep
-that was interrupted must go on to the numbers of one that was not.
+what comes in Python's own start, before the first line of the program, or in the last of its end, where
+it hears no more signals, ends as Python has it. A sweep that was interrupted must go on to the numbers
+of one that was not.
 """
 
 import argparse
@@ -127,6 +128,8 @@ def interrupts(count: int, chance: random.Random) -> bool:
                 slowest = max(slowest, took)
             elif early and code in (130, -signal.SIGINT):
                 outcome = "in Python's own start"
+            elif code == -signal.SIGINT and not error:
+                outcome = "ended silently while Python put itself away"
             else:
                 outcome = f"EXIT CODE {code}: {error}"
             found[words[0], outcome] += 1
