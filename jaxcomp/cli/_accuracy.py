@@ -13,8 +13,8 @@ import jaxcomp as jc
 
 from . import _options as opt
 from ._arguments import changed_scene
-from ._output import Partial, hand_out, plain
-from ._start import quick_compiles, refuse, reports_errors
+from ._output import Output, Partial, fields_of
+from ._start import quick_compiles, refuse
 from ._tables import Markup, column_table, row_table
 
 Study = Literal[
@@ -29,18 +29,16 @@ _WITHOUT_EXCITATION = ("film", "cycle", "extremes")
 _DECADES = tuple(10.0**-n for n in range(2, 13))
 
 
-@reports_errors
 def accuracy(
-    machine: opt.Machine,
+    *,
     study: Study = "orbit",
     quantity: opt.Quantity = None,
     variable: str | None = None,
     excitation: opt.ExcitationOption = None,
     error: float = 1e-6,
-    sets: opt.Sets = None,
+    case: opt.Case,
     thorough: bool = False,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    output: Output,
 ) -> None:
     """Measure error against run time and name the cheapest setting for an error.
 
@@ -73,8 +71,8 @@ def accuracy(
     from ..study import accuracy as work_precision
 
     quick_compiles()  # nothing is kept, so that compile times are those of a first call
-    scene = changed_scene(machine, sets)
-    partial = Partial(out, "settings")
+    scene = changed_scene(case.machine, case.sets)
+    partial = Partial(output.out, "settings")
 
     def keep(rows) -> None:
         fields = ("method", "setting", "error", "seconds", "compile_seconds")
@@ -87,44 +85,33 @@ def accuracy(
 
         if study == "extremes":
             found = work_precision.extremes(scene, None, progress)
-            result, tables = extremes_result(found), extremes_tables(found)
-
-            def figures():
-                return {"extremes": jc.plot.extreme_errors(found)}
-
+            shown = (
+                extremes_result(found),
+                lambda _: extremes_tables(found),
+                lambda: {"extremes": jc.plot.extreme_errors(found)},
+            )
         else:
             if variable is None and study == "gradient" and quantity not in _FILM:
                 variable = _VARIABLE
-            report = work_precision.accuracy(
-                scene,
-                quantity,
-                study,
-                variable=variable,
-                excitation=excitation,
-                thorough=thorough,
-                progress=progress,
-                keep=keep,
+            options = {"variable": variable, "excitation": excitation, "thorough": thorough}
+            options |= {"progress": progress, "keep": keep}
+            report = work_precision.accuracy(scene, quantity, study, **options)
+            shown = (
+                accuracy_result(report, error),
+                lambda _: accuracy_tables(report, error),
+                lambda: jc.plot.accuracy_figures(report, error),
             )
-            result, tables = accuracy_result(report, error), accuracy_tables(report, error)
-
-            def figures():
-                return jc.plot.accuracy_figures(report, error)
-
     partial.done()
-    hand_out(result, tables, as_json, out, figures, scene)
+    output.emit(*shown, scene)
 
 
 def accuracy_result(report: jc.study.accuracy.Report, error: float) -> dict[str, Any]:
     """The report in SI units, with the recommendation and the machine it was measured on."""
     reference, check = report.reference, report.derivatives
-    result = {
-        "study": report.study,
-        "scene": report.scene,
-        "quantity": report.quantity,
-        "unit": report.unit,
+    return {
+        **fields_of(report, "study", "scene", "quantity", "unit"),
         "reference": reference._asdict() | {"floor": reference.floor},
-        "march": report.march,
-        "calls": report.calls,
+        **fields_of(report, "march", "calls"),
         "error": error,
         "recommended": report.cheapest(error),
         "recommended_by_task": {
@@ -138,13 +125,12 @@ def accuracy_result(report: jc.study.accuracy.Report, error: float) -> dict[str,
         "derivatives": check and check._asdict() | {"ratio": check.ratio, "holds": check.holds},
         "measured_on": _measured_on(),
     }
-    return plain(result)
 
 
 def extremes_result(found: jc.study.accuracy.Extremes) -> dict[str, Any]:
     """Extreme cases with the machine they were measured on."""
     result = {"study": "extremes", "scene": found.scene, "rows": found.cases}
-    return plain(result | {"measured_on": _measured_on()})
+    return result | {"measured_on": _measured_on()}
 
 
 def extremes_tables(found: jc.study.accuracy.Extremes) -> Iterator[Any]:

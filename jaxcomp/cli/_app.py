@@ -8,9 +8,11 @@ import io
 import re
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
-from typing import Annotated, get_args, get_origin
+from dataclasses import fields, is_dataclass
+from functools import wraps
+from typing import Annotated, Any, get_args, get_origin
 
 import typer
 
@@ -28,7 +30,13 @@ from ._pictures import animate, desk
 from ._respond import respond
 from ._run import run
 from ._simulate import simulate
-from ._start import RecordedGroup, leave_out_callbacks, one_blas_thread, quiet_loader
+from ._start import (
+    RecordedGroup,
+    leave_out_callbacks,
+    one_blas_thread,
+    quiet_loader,
+    reports_errors,
+)
 from ._sweep import sweep
 from ._tolerance import tolerance
 
@@ -62,12 +70,12 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
     There an entry of `Args` reads `name: help`, or `name (METAVAR): help`. What one needs beside
     that is in its annotation. Arguments are required, options not; a flag that is off has no opposite.
     """
+    command = reports_errors(command)
     text, _, listed = inspect.cleandoc(command.__doc__ or "").partition("\n\nArgs:\n    ")
     entries = (_ENTRY.fullmatch(" ".join(one.split())) for one in re.split(r"\n    (?=\w)", listed))
     docs = {entry[1]: entry for entry in entries if entry}
-    signature = inspect.signature(command, eval_str=True)
     parameters = []
-    for one in signature.parameters.values():
+    for one in _options_of(command):
         kind, info = one.annotation, typer.Option()
         if get_origin(kind) is Annotated:
             kind, shared = get_args(kind)
@@ -78,10 +86,42 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
             info = typer.Option(f"--{one.name.replace('_', '-')}")
         if entry := docs.get(one.name):
             info.metavar, info.help = entry[2], entry[3]
-        parameters.append(one.replace(annotation=Annotated[kind, info]))
-    command.__signature__ = signature.replace(parameters=parameters)  # pyright: ignore
-    command.__annotations__ = {one.name: one.annotation for one in parameters}
-    app.command(name, help=_flowing(text), rich_help_panel=panel)(command)
+        parameters.append(one.replace(annotation=Annotated[kind, info], kind=one.KEYWORD_ONLY))
+    called = _grouping(command)
+    called.__signature__ = inspect.Signature(parameters)  # pyright: ignore
+    called.__annotations__ = {one.name: one.annotation for one in parameters}
+    app.command(name, help=_flowing(text), rich_help_panel=panel)(called)
+
+
+def _groups(command: Callable[..., None]) -> dict[str, Any]:
+    """The parameters of a command that stand for a group of options, a dataclass, by name."""
+    parameters = inspect.signature(command, eval_str=True).parameters.values()
+    return {one.name: one.annotation for one in parameters if is_dataclass(one.annotation)}
+
+
+def _options_of(command: Callable[..., None]) -> Iterator[inspect.Parameter]:
+    """The options of a command, those of a group in its place."""
+    groups = _groups(command)
+    for one in inspect.signature(command, eval_str=True).parameters.values():
+        if one.name in groups:
+            yield from inspect.signature(groups[one.name], eval_str=True).parameters.values()
+        else:
+            yield one
+
+
+def _grouping(command: Callable[..., None]) -> Callable[..., None]:
+    """A command that is called with single options, and takes some of them in groups."""
+    groups = _groups(command)
+
+    @wraps(command)
+    def called(**options: Any) -> None:
+        made = {
+            name: group(**{one.name: options.pop(one.name) for one in fields(group)})
+            for name, group in groups.items()
+        }
+        command(**options, **made)
+
+    return called
 
 
 _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {

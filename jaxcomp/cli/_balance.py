@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,13 +18,14 @@ import jaxcomp as jc
 from .._core.display import RPM, rounded, small_unit
 from . import _options as opt
 from ._arguments import assignments, changed_scene, names_of, si, speeds_of
-from ._output import hand_out, plain
+from ._output import Output, fields_of, records
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
-from ._start import CommandError, refuse, refuse_unknown, reports_errors, start_jax, waiting
+from ._start import CommandError, refuse, refuse_unknown, start_jax, waiting
 from ._tables import column_table, row_table
 
 # [-] Of the vibration before: what is left below this is rounding.
 _NOTHING = 1e-9
+_NEEDS_CRANK = "--without: needs --excitation crank"
 
 
 # Objective of the balance; `classical` balances the rotor alone, as a balancing machine does. With the
@@ -31,24 +33,62 @@ _NOTHING = 1e-9
 Method = Literal["least-squares", "min-max", "classical"]
 
 
-@reports_errors
+@dataclass(frozen=True)
+class Objective:
+    """What the masses make small, and within which bounds."""
+
+    method: Method = "least-squares"
+    tikhonov: float = 0.0
+    largest: str | None = None
+    limit: str | None = None
+    weights: Annotated[list[str] | None, typer.Option("--weight")] = None
+
+    def check(self, planes: str | None, measured: Path | None) -> None:
+        """Refuse options that cannot be combined."""
+        bounded = self.tikhonov or self.largest
+        refuse(
+            self.method == "classical" and (bounded or planes or measured or self.limit),
+            "--method classical: takes no --planes, --tikhonov, --largest, --limit or --measured; it "
+            "balances the rotor of a scene in both planes",
+        )
+        what = "--method min-max cannot be combined with --tikhonov or --largest"
+        refuse(self.method == "min-max" and bounded, what)
+        refuse(self.tikhonov and self.largest, "--largest: takes no --tikhonov beside it")
+        refuse(
+            self.limit and (self.tikhonov or self.method != "least-squares" or self.weights),
+            "--limit: takes no --method, --tikhonov or --weight beside it",
+        )
+
+    def met(self, part: jc.balancing.Influence, radius: dict[str, float]) -> jc.balancing.Balance:
+        """The balance of the chosen part of a system; `radius` [m] by plane, where one is known."""
+        import numpy as np
+
+        bounds = None if self.largest is None else _largest(part, self.largest)
+        if self.limit is not None:
+            radii = [radius.get(plane) for plane in part.planes]
+            cost = None if None in radii else 1 / np.array(radii, float)
+            limit = _limit(part, self.limit)
+            return jc.balancing.least_masses(part, limit, cost=cost, largest=bounds)
+        if self.method == "min-max":
+            return jc.balancing.min_max(part)
+        if bounds is not None:
+            return jc.balancing.bounded(part, bounds)
+        return jc.balancing.least_squares(part, tikhonov=self.tikhonov)
+
+
 def balance(
+    *,
     machine: Annotated[str | None, typer.Argument(autocompletion=opt.complete_machine)] = None,
     sets: opt.Sets = None,
     planes: str | None = None,
     targets: str | None = None,
     speeds: str | None = None,
-    method: Method = "least-squares",
-    tikhonov: float = 0.0,
-    largest: str | None = None,
-    limit: str | None = None,
-    weights: Annotated[list[str] | None, typer.Option("--weight")] = None,
+    objective: Objective,
     excitation: opt.ExcitationOption = None,
     solver: opt.Solver = "collocation",
     without: str | None = None,
     measured: Path | None = None,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    output: Output,
 ) -> None:
     r"""Find the masses that balance a machine at its target planes.
 
@@ -80,73 +120,48 @@ def balance(
         without (A,B): Leave gas, inertia, friction or fluctuation out of the forces of the crank.
         measured: CSV of an initial run and one run with a trial weight per plane.
     """
-    refuse(
-        (machine is None) == (measured is None),
-        "balance: needs either a machine or --measured FILE",
-    )
-    if measured is not None:
-        refuse(sets, "--set: has no meaning with --measured")
-        refuse(speeds, "--speeds: has no meaning with --measured")
-    needs_crank = "--without: needs --excitation crank"
-    refuse(without and excitation == "file", needs_crank)
-    refuse(
-        method == "classical" and (tikhonov or largest or planes or measured or limit),
-        "--method classical: takes no --planes, --tikhonov, --largest, --limit or --measured; it "
-        "balances the rotor of a scene in both planes",
-    )
-    refuse(
-        method == "min-max" and (tikhonov or largest),
-        "--method min-max cannot be combined with --tikhonov or --largest",
-    )
-    refuse(tikhonov and largest, "--largest: takes no --tikhonov beside it")
-    refuse(
-        limit and (tikhonov or method != "least-squares" or weights),
-        "--limit: takes no --method, --tikhonov or --weight beside it",
-    )
+    both = "balance: needs either a machine or --measured FILE"
+    refuse((machine is None) == (measured is None), both)
+    for option, given in (("--set", sets), ("--speeds", speeds)):
+        refuse(measured and given, f"{option}: has no meaning with --measured")
+    refuse(without and excitation == "file", _NEEDS_CRANK)
+    objective.check(planes, measured)
     from .._core.status import SolveFailed
 
     start_jax(once=True)
     with waiting():
-        scene, radius, alone = None, {}, ()
+        scene, radius, shaken_by, alone = None, {}, "measured", ()
         if measured is not None:
             from ..scene.measurements import read_measurements
 
-            influence, name, shaken_by = read_measurements(measured), measured.name, "measured"
+            influence, name = read_measurements(measured), measured.name
         else:
             scene = changed_scene(str(machine), sets)
             name, shaken_by = scene.name, chosen_excitation(scene, excitation)
-            refuse(without and shaken_by != "crank", needs_crank)
-            left_out = tuple(names_of(without) or ())
+            crank = {"crank": shaken_by == "crank", "left_out": tuple(names_of(without) or ())}
+            refuse(without and not crank["crank"], _NEEDS_CRANK)
             at, places, case = _speeds_planes_loads(scene, speeds)
             radius = {p.name: float(p.radius) for p in places.planes if p.radius is not None}
-            influence = jc.balancing.machine_influence(
-                scene,
-                at,
-                opt.chosen_solver(solver, scene),
-                crank=shaken_by == "crank",
-                left_out=left_out,
-            )
-            if method == "classical":
-                # a ring stands for a load that acts: the file's forces are without the inertia of the rod
-                ringed = shaken_by == "crank" and "inertia" not in left_out
-                ring = jc.balancing.rod_ring(scene.assembly) if ringed else None
-                alone = rotor_of(scene), places, case, float(at.max()), ring
+            method = opt.chosen_solver(solver, scene)
+            influence = jc.balancing.machine_influence(scene, at, method, **crank)
+            alone = scene, places, case, float(at.max()), *crank.values()
         chosen = {"planes": names_of(planes), "targets": names_of(targets)}
-        part = _weighted(jc.balancing.select(influence, **chosen), weights)
-        if alone:
+        part = _weighted(jc.balancing.select(influence, **chosen), objective.weights)
+        if objective.method == "classical":
             found = _rotor_alone(part, *alone)
         else:
-            found = _balanced(part, radius, method, tikhonov, largest, limit)
+            found = objective.met(part, radius)
         if not bool(found.converged):
             raise SolveFailed(found.status, f"gap to the proven optimum {float(found.gap):.1e}")
-        result = balance_result(found, name, shaken_by, radius)
-
-    def figures():
-        return jc.plot.balance_figures(found, name)
-
     written = f"Report, pictures, curves{', scene' if machine else ''} and result"
-    tables, curves = balance_tables(result), {"balance": found.columns}
-    hand_out(result, tables, as_json, out, figures, scene, curves, written)
+    output.emit(
+        balance_result(found, name, shaken_by, radius),
+        balance_tables,
+        lambda: jc.plot.balance_figures(found, name),
+        scene,
+        {"balance": found.columns},
+        written,
+    )
 
 
 def _speeds_planes_loads(scene: jc.scene.Scene, speeds: str | None):
@@ -164,40 +179,21 @@ def _speeds_planes_loads(scene: jc.scene.Scene, speeds: str | None):
 
 def _rotor_alone(
     part: jc.balancing.Influence,
-    model: jc.rotor.RotorModel,
+    scene: jc.scene.Scene,
     places: jc.rotor.BalancingPlanes,
     case: jc.rotor.LoadCase,
     speed: float,
-    ring: Any,
+    crank: bool,
+    left_out: tuple[str, ...],
 ) -> jc.balancing.Balance:
     """What the balance of the rotor alone in two planes, with a ring for the rod or none, leaves."""
     refuse(len(places.planes) != 2, "--method classical: needs a scene with two correction planes")
-    alone = jc.balancing.classical_balance(model, case.unbalances, places, speed=speed, ring=ring)
+    # a ring stands for a load that acts: the file's forces are without the inertia of the rod
+    ring = jc.balancing.rod_ring(scene.assembly) if crank and "inertia" not in left_out else None
+    rotor = rotor_of(scene), case.unbalances, places
+    alone = jc.balancing.classical_balance(*rotor, speed=speed, ring=ring)
     name = "rotor alone" if ring is None else "rotor with a ring for the rod"
     return jc.balancing.predicted(part, alone.correction, f"{name}, two planes")
-
-
-def _balanced(
-    part: jc.balancing.Influence,
-    radius: dict[str, float],
-    method: Method,
-    tikhonov: float,
-    largest: str | None,
-    limit: str | None,
-) -> jc.balancing.Balance:
-    """The balance of the chosen part of a system; `radius` [m] by plane, where one is known."""
-    import numpy as np
-
-    bounds = None if largest is None else _largest(part, largest)
-    if limit is not None:
-        radii = [radius.get(plane) for plane in part.planes]
-        cost = None if None in radii else 1 / np.array(radii, float)
-        return jc.balancing.least_masses(part, _limit(part, limit), cost=cost, largest=bounds)
-    if method == "min-max":
-        return jc.balancing.min_max(part)
-    if bounds is not None:
-        return jc.balancing.bounded(part, bounds)
-    return jc.balancing.least_squares(part, tikhonov=tikhonov)
 
 
 def _weighted(
@@ -252,10 +248,13 @@ def balance_result(
 
     from .._core.status import Status
 
-    part = found.influence
+    part, by_mass = found.influence, found.influence.trial == "kg"
+    masses, before, after, sensitivity = map(
+        np.asarray, (found.correction, part.initial, found.residual, found.sensitivity())
+    )
 
     def plane(name, value):
-        radius, size, by_mass = radii.get(name), abs(value), part.trial == "kg"
+        radius, size = radii.get(name), abs(value)
         return {
             "name": name,
             "correction": size,
@@ -265,38 +264,29 @@ def balance_result(
             "mass": size if by_mass else None if radius is None else size / radius,
         }
 
-    def reading(row, weight, before, after, spread):
-        return {
-            "target": row.target,
-            "axis": row.axis,
-            "speed": row.speed,
-            "weight": weight,
-            "before": abs(before),
-            "before_phase": np.angle(before),
-            "after": abs(after),
-            "after_phase": np.angle(after),
-            "sensitivity": dict(zip(part.planes, spread, strict=True)),
-        }
-
-    readings = (part.weight, part.initial, found.residual, found.sensitivity())
-    result = {
+    return {
         "machine": name,
         "version": version("jaxcomp"),
         "method": found.method,
         "excitation": excitation,
         "vibration_unit": part.unit,
         "correction_unit": part.trial,
-        "planes": list(map(plane, part.planes, np.asarray(found.correction))),
-        "rows": list(map(reading, part.rows, *map(np.asarray, readings))),
+        "planes": list(map(plane, part.planes, masses)),
+        "rows": records(
+            target=[row.target for row in part.rows],
+            axis=[row.axis for row in part.rows],
+            speed=[row.speed for row in part.rows],
+            weight=np.asarray(part.weight),
+            before=map(abs, before),
+            before_phase=map(np.angle, before),
+            after=map(abs, after),
+            after_phase=map(np.angle, after),
+            sensitivity=[dict(zip(part.planes, row, strict=True)) for row in sensitivity],
+        ),
         "worse": np.sum(found.worse),
-        "improvement": found.improvement,
-        "condition": found.condition,
-        "objective": found.objective,
-        "bound": found.bound,
-        "gap": found.gap,
+        **fields_of(found, "improvement", "condition", "objective", "bound", "gap"),
         "status": Status[found.status],
     }
-    return plain(result)
 
 
 def shown_vibration(result: dict[str, Any]) -> tuple[str, float]:

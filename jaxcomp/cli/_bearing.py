@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,10 +14,9 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM
-from . import _options as opt
-from ._output import hand_out, plain
-from ._start import refuse, reports_errors, start_jax, waiting
-from ._tables import row_table
+from ._output import Output, OutputWithoutScene, plain
+from ._start import refuse, start_jax, waiting
+from ._tables import row_table, value_rows
 
 FRAME = "x along the load on the journal, y = x turned by 90 degrees with rotation"
 # How the film is described, and the classes of `jaxcomp.film` that do so.
@@ -32,32 +32,49 @@ _CLASSES = {
 }
 # The models in which journals move, by their names as films of a `JournalBearing`.
 _MOVING = {"reynolds": "reynolds", "ocvirk": "short"}
+# Units of the options that are numbers of the bearing.
+_UNITS = {
+    **{"length": "m", "diameter": "m", "clearance": "m", "viscosity": "Pa s"},
+    **{"speed": "rad/s", "load": "N"},
+    **{"roughness": "m", "boundary-friction": "", "modulus": "Pa", "elastic-factor": ""},
+}
 
 
-@reports_errors
-def bearing(
-    length: Annotated[str, typer.Option()],
-    diameter: Annotated[str, typer.Option()],
-    clearance: Annotated[str, typer.Option()],
-    viscosity: Annotated[str, typer.Option()],
-    speed: str | None = None,
-    load: str | None = None,
-    loads: Path | None = None,
-    over: str | None = None,
-    model: Model = "reynolds",
-    lands: int = 1,
-    roughness: str | None = None,
-    boundary_friction: str | None = None,
-    modulus: str | None = None,
-    elastic_factor: str | None = None,
-    journal_speed: str | None = None,
-    bush_speed: str | None = None,
-    frame: Literal["fixed", "journal", "bush"] = "fixed",
-    between: Literal["spline", "lines"] = "spline",
-    period: str | None = None,
-    as_json: opt.AsJson = False,
-    out: opt.OutWithoutScene = None,
-) -> None:
+@dataclass(frozen=True)
+class Bush:
+    """The bearing of the options, and what loads it."""
+
+    length: Annotated[str, typer.Option()]
+    diameter: Annotated[str, typer.Option()]
+    clearance: Annotated[str, typer.Option()]
+    viscosity: Annotated[str, typer.Option()]
+    speed: str | None = None
+    load: str | None = None
+    loads: Path | None = None
+    over: str | None = None
+    model: Model = "reynolds"
+    lands: int = 1
+    roughness: str | None = None
+    boundary_friction: str | None = None
+    modulus: str | None = None
+    elastic_factor: str | None = None
+    journal_speed: str | None = None
+    bush_speed: str | None = None
+    frame: Literal["fixed", "journal", "bush"] = "fixed"
+    between: Literal["spline", "lines"] = "spline"
+    period: str | None = None
+
+    def si(self, units: Mapping[str, str]) -> dict[str, float]:
+        """[SI] The options that are given, of those with a unit."""
+        texts = ((name, getattr(self, name.replace("-", "_"))) for name in units)
+        return {
+            name: float(jc.scene.to_si(text, units[name], f"--{name}"))
+            for name, text in texts
+            if text is not None
+        }
+
+
+def bearing(bush: Bush, output: OutputWithoutScene) -> None:
     r"""Run a journal bearing under a steady load, or under loads from a table over the crank angle.
 
     A steady load: position, friction, stiffness and damping; with --over speed=FROM:TO:COUNT the
@@ -91,59 +108,40 @@ def bearing(
         between: Between the points of the table: a periodic cubic spline, or straight lines.
         period: Of the table, such as '720 deg'; if absent, the whole revolutions that hold it.
     """
-    texts = {
-        "length": (length, "m"),
-        "diameter": (diameter, "m"),
-        "clearance": (clearance, "m"),
-        "viscosity": (viscosity, "Pa s"),
-        "speed": (speed, "rad/s"),
-        "load": (load, "N"),
-        "roughness": (roughness, "m"),
-        "boundary-friction": (boundary_friction, ""),
-        "modulus": (modulus, "Pa"),
-        "elastic-factor": (elastic_factor, ""),
-    }
-    refuse(load is None and loads is None, "Missing option '--load', or '--loads' with a table")
-    refuse(load and loads, "--load: cannot be combined with --loads")
-    refuse(loads and over, "--over: cannot be combined with --loads")
-    refuse(speed and over, "--speed: cannot be combined with --over")
-    refuse(speed is None and over is None, "Missing option '--speed'")
-    given = _numbers(texts)
+    refuse(
+        bush.load is None and bush.loads is None,
+        "Missing option '--load', or '--loads' with a table",
+    )
+    refuse(bush.load and bush.loads, "--load: cannot be combined with --loads")
+    refuse(bush.loads and bush.over, "--over: cannot be combined with --loads")
+    refuse(bush.speed and bush.over, "--speed: cannot be combined with --over")
+    refuse(bush.speed is None and bush.over is None, "Missing option '--speed'")
+    given = bush.si(_UNITS)
     contact = _contact(given)
-    speeds = None if over is None else _speeds(over)
-    film_type = getattr(jc.film, _CLASSES[model])
-    _check({"speed": 1.0} | given, model, film_type.length_ratio_range, lands)
+    if bush.over is not None:
+        given["speed"] = _speeds(bush.over)
+    film_type = getattr(jc.film, _CLASSES[bush.model])
+    _check(given, bush.model, film_type.length_ratio_range, bush.lands)
     start_jax()
-    if loads is not None:
-        rates = {"journal-speed": (journal_speed, "rad/s"), "bush-speed": (bush_speed, "rad/s")}
-        turns = _numbers(rates | {"period": (period, "rad")})
-        _loaded(given, contact, turns, loads, model, lands, (frame, between), as_json, out)
+    if bush.loads is not None:
+        _loaded(bush, bush.loads, given, contact, output)
         return
-    alone = {"journal-speed": journal_speed, "bush-speed": bush_speed, "period": period}
-    alone |= {"frame": frame != "fixed", "between": between != "spline"}
-    for name, value in alone.items():
+    alone = {"journal-speed": bush.journal_speed, "bush-speed": bush.bush_speed}
+    alone |= {"period": bush.period, "frame": bush.frame != "fixed"}
+    for name, value in (alone | {"between": bush.between != "spline"}).items():
         refuse(value, f"--{name}: needs --loads, a table of loads")
-    part = _part(given, film_type, lands, contact)
-    if speeds is not None:
-        _over_speed(part, given | {"speed": speeds}, model, as_json, out)
+    part = _part(given, film_type, bush.lands, contact)
+    if bush.over is not None:
+        _over_speed(part, given, bush.model, output)
         return
     with waiting("Solving the film (the first time it is compiled as well) ..."):
-        result, field = bearing_result(part, model, given)
-
-    def figures():
-        return jc.plot.film_figures(film_type, result, field)
-
-    tables = bearing_tables(result)
-    hand_out(result, tables, as_json, out, figures, written="Report, pictures and result")
-
-
-def _numbers(texts: Mapping[str, tuple[str | None, str]]) -> dict[str, float]:
-    """Numbers in SI units of the options that are given."""
-    return {
-        name: float(jc.scene.to_si(text, unit, f"--{name}"))
-        for name, (text, unit) in texts.items()
-        if text is not None
-    }
+        result, field = bearing_result(part, bush.model, given)
+    output.emit(
+        result,
+        bearing_tables,
+        lambda: jc.plot.film_figures(film_type, plain(result), field),
+        written="Report, pictures and result",
+    )
 
 
 def _contact(given: dict[str, float]) -> dict[str, float]:
@@ -184,21 +182,18 @@ def _speeds(text: str) -> list[float]:
     return speeds
 
 
-def _over_speed(part, given, model: str, as_json: bool, out) -> None:
+def _over_speed(part, given: dict[str, Any], model: str, output: Output) -> None:
     """The friction of a bearing over its speed."""
     with waiting("Solving the films (the first time they are compiled as well) ..."):
         found = jc.film.stribeck_curve(part, given["load"], given["speed"])
-    rows = {one.name: plain(one.values) for one in found.described()}
-    result = {"model": model, "limits": part.model.limits, **given, **rows}
-
-    def figures():
-        from ..plot import stribeck
-
-        return {"stribeck": stribeck(found)}
-
-    hand_out(result, stribeck_tables(found, result), as_json, out, figures,
-             curves={"stribeck": found.columns},
-             written="Report, picture, stribeck.csv and result.json")  # fmt: skip
+    rows = {one.name: one.values for one in found.described()}
+    output.emit(
+        {"model": model, "limits": part.model.limits, **given, **rows},
+        lambda result: stribeck_tables(found, result),
+        lambda: {"stribeck": jc.plot.stribeck(found)},
+        curves={"stribeck": found.columns},
+        written="Report, picture, stribeck.csv and result.json",
+    )
 
 
 def stribeck_tables(found, result: dict[str, Any]):
@@ -226,46 +221,44 @@ def stribeck_tables(found, result: dict[str, Any]):
 
 
 def _loaded(
-    given, contact, turns, loads: Path, model: str, lands: int, how, as_json: bool, out
+    bush: Bush, loads: Path, given: dict[str, float], contact: dict[str, float], output: Output
 ) -> None:
     """The orbit of a journal under the loads of a table."""
     from ..crank import loaded_journal
     from ..scene.load_tables import read_loads
 
+    turns = bush.si({"journal-speed": "rad/s", "bush-speed": "rad/s", "period": "rad"})
+    model = bush.model
     refuse(model not in _MOVING, f"--model {model}: no journal moves in it; {' or '.join(_MOVING)}")
     refuse(given["speed"] <= 0, f"--speed {given['speed']:.6g} rad/s: must be > 0 with --loads")
-    table = read_loads(loads, turns.get("period"), *how)
+    table = read_loads(loads, turns.get("period"), bush.frame, bush.between)
     shares = {}
     for name in ("journal", "bush"):
         if f"{name}-speed" in turns:
             own = getattr(table, f"{name}_speed") is not None
             refuse(own, f"--{name}-speed: {loads} has a column {name}_speed; one must go")
             shares[name] = turns[f"{name}-speed"] / given["speed"]
-    bearing = _part(given, _MOVING[model], lands, contact)
+    part = _part(given, _MOVING[model], bush.lands, contact)
     with waiting("Solving the orbit (the first time it is compiled as well) ..."):
-        found = loaded_journal(bearing, table, given["speed"], **shares)
-    limits = jc.film.squeeze_of(bearing).limits
-    scalars = {one.name: plain(one.values) for one in found.described() if not one.dims}
+        found = loaded_journal(part, table, given["speed"], **shares)
     result = {
         "model": model,
-        "limits": limits,
+        "limits": jc.film.squeeze_of(part).limits,
         "loads": str(loads),
         "frame": table.frame,
         "between": table.between,
         **given,
-        "lands": lands,
-        **_named(bearing),
-        **scalars,
+        "lands": bush.lands,
+        **_named(part),
+        **{one.name: one.values for one in found.described() if not one.dims},
     }
-
-    def figures():
-        from ..plot import loaded_journal_figures
-
-        return loaded_journal_figures(found)
-
-    tables = loaded_tables(found, result)
-    hand_out(result, tables, as_json, out, figures, curves={"orbit": found.columns},
-             written="Report, pictures, orbit.csv and result.json")  # fmt: skip
+    output.emit(
+        result,
+        lambda whole: loaded_tables(found, whole),
+        lambda: jc.plot.loaded_journal_figures(found),
+        curves={"orbit": found.columns},
+        written="Report, pictures, orbit.csv and result.json",
+    )
 
 
 def loaded_tables(found, result: dict[str, Any]):
@@ -274,27 +267,23 @@ def loaded_tables(found, result: dict[str, Any]):
     axes = {"fixed": "at rest", "journal": "turn with the journal", "bush": "turn with the bush"}
     points, way = found.table.angle.size, {"spline": "cubic spline", "lines": "straight lines"}
     rows = [
-        ("Viscosity", "viscosity", 1e3, "mPa s", "in the film"),
-        ("Speed", "speed", RPM, "rpm", "of the crank"),
-        ("Loads", "table_period", 180 / math.pi, "°",
+        ("Viscosity", "viscosity", "mPa s", "in the film"),
+        ("Speed", "speed", "rpm", "of the crank"),
+        ("Loads", "table_period", "°",
          f"{points} points, {way[found.table.between]}; axes {axes[found.table.frame]}"),
-        ("Smallest film", "minimum_film", 1e6, "µm",
+        ("Smallest film", "minimum_film", "µm",
          f"at {math.degrees(result['minimum_film_angle']):.5g}° of the crank"),
-        ("Error of the solution", "film_error", 1e6, "µm", "of that film, estimated"),
-        ("Error of the table", "table_error", 1e6, "µm", "of that film, by other curves between"),
-        ("Largest pressure", "peak_pressure", 1e-6, "MPa", ""),
-        ("Mean loss", "mean_loss", 1.0, "W", f"{result['mean_squeeze_loss']:.4g} W of it pressure"),
-        ("Mean side flow", "mean_side_flow", 6e7, "cm3/min", "out of both ends"),
-        ("Oil warms by", "temperature_rise_of_oil", 1.0, "K", "if it takes the loss along"),
-        ("Smallest steady film", "steady_film", 1e6, "µm", "of every load by itself, without squeeze"),
+        ("Error of the solution", "film_error", "µm", "of that film, estimated"),
+        ("Error of the table", "table_error", "µm", "of that film, by other curves between"),
+        ("Largest pressure", "peak_pressure", "MPa", ""),
+        ("Mean loss", "mean_loss", "W", f"{result['mean_squeeze_loss']:.4g} W of it pressure"),
+        ("Mean side flow", "mean_side_flow", "cm3/min", "out of both ends"),
+        ("Oil warms by", "temperature_rise_of_oil", "K", "if it takes the loss along"),
+        ("Smallest steady film", "steady_film", "µm", "of every load by itself, without squeeze"),
     ]  # fmt: skip
-    cells = (
-        (name, f"{result[key] * scale:.5g} {unit}", remark)
-        for name, key, scale, unit, remark in rows
-        if result[key] is not None
-    )
     title = f"Journal bearing {size} under {result['loads']}, {result['model']}"
-    yield row_table(title, ("Orbit of the journal", "", ""), cells, texts=3)
+    heads = ("Orbit of the journal", "", "")
+    yield row_table(title, heads, value_rows(result, rows), texts=3)
     yield escape(f"{result['model']}: {result['limits']}")
 
 
@@ -308,7 +297,7 @@ def _named(bearing) -> dict[str, float]:
 def _check(
     given: dict[str, float], model: str, ratios: tuple[float, float], lands: int = 1
 ) -> None:
-    size = {name: f"--{name} {value:.6g}" for name, value in given.items()}
+    size = {name: f"--{name} {value:.6g}" for name, value in given.items() if name != "speed"}
     units = {"length": "m", "diameter": "m", "clearance": "m", "viscosity": "Pa s"}
     for name, unit in units.items():
         refuse(given[name] <= 0, f"{size[name]} {unit}: must be > 0 {unit}")
@@ -374,29 +363,24 @@ def bearing_tables(result: dict[str, Any]):
     """Position and friction, then stiffness and damping; what a model does not give is left out."""
     size = f"{result['length'] * 1e3:.4g} x {result['diameter'] * 1e3:.4g} mm"
     rows = [
-        ("Viscosity", "viscosity", 1e3, "mPa s", "in the film"),
-        ("Speed", "speed", RPM, "rpm", f"{result['speed']:.5g} rad/s"),
-        ("Load", "load", 1.0, "N", ""),
-        ("Eccentricity ratio", "eccentricity_ratio", 1.0, "", "e/c"),
-        ("Attitude angle", "attitude_angle", 180 / math.pi, "°", "load to e_r"),
-        ("Load number Phi_p", "phi_p", 1.0, "", "W psi^2/(eta omega L D), rad/s"),
-        ("Sommerfeld number S", "sommerfeld_number", 1.0, "", "1/(2 pi Phi_p), rev/s"),
-        ("Friction number Phi_T", "phi_t", 1.0, "", "pi at no load"),
-        ("Friction torque", "friction_torque", 1.0, "N m", f"{result['friction_power']:.5g} W"),
-        ("Torque of the contact", "contact_torque", 1.0, "N m", "of it"),
-        ("Load on the contact", "contact_load", 1.0, "N", "along the line of centres"),
-        ("Minimum film", "minimum_film", 1e6, "µm", "compare with the roughness"),
-        ("Peak pressure", "peak_pressure", 1e-6, "MPa", ""),
-        ("Side flow", "side_flow", 6e7, "cm3/min", "out of both ends"),
-        ("Largest stable mass", "critical_mass", 1.0, "kg", "rigid rotor, of one bearing"),
+        ("Viscosity", "viscosity", "mPa s", "in the film"),
+        ("Speed", "speed", "rpm", f"{result['speed']:.5g} rad/s"),
+        ("Load", "load", "N", ""),
+        ("Eccentricity ratio", "eccentricity_ratio", "", "e/c"),
+        ("Attitude angle", "attitude_angle", "°", "load to e_r"),
+        ("Load number Phi_p", "phi_p", "", "W psi^2/(eta omega L D), rad/s"),
+        ("Sommerfeld number S", "sommerfeld_number", "", "1/(2 pi Phi_p), rev/s"),
+        ("Friction number Phi_T", "phi_t", "", "pi at no load"),
+        ("Friction torque", "friction_torque", "N m", f"{result['friction_power']:.5g} W"),
+        ("Torque of the contact", "contact_torque", "N m", "of it"),
+        ("Load on the contact", "contact_load", "N", "along the line of centres"),
+        ("Minimum film", "minimum_film", "µm", "compare with the roughness"),
+        ("Peak pressure", "peak_pressure", "MPa", ""),
+        ("Side flow", "side_flow", "cm3/min", "out of both ends"),
+        ("Largest stable mass", "critical_mass", "kg", "rigid rotor, of one bearing"),
     ]
     title = f"Journal bearing {size}, L/D = {result['length_ratio']:.4g}, {result['model']}"
-    cells = (
-        (name, f"{result[key] * scale:.5g} {unit}".strip(), remark)
-        for name, key, scale, unit, remark in rows
-        if result[key] is not None
-    )
-    yield row_table(title, ("Running state", "", ""), cells, texts=3)
+    yield row_table(title, ("Running state", "", ""), value_rows(result, rows), texts=3)
     matrices = {
         "K, N/m": result["stiffness"],
         "C, N s/m": result["damping"],

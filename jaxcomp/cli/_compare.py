@@ -12,21 +12,20 @@ import jaxcomp as jc
 from .._core.display import shown
 from . import _options as opt
 from ._arguments import assignments, changed_scene
-from ._output import hand_out
-from ._start import CommandError, refuse, reports_errors, start_jax, waiting
+from ._output import Output, OutputWithoutScene
+from ._start import CommandError, refuse, start_jax, waiting
 from ._sweep import default_quantities
 from ._tables import beside_table, row_table
 
 
-@reports_errors
 def compare(
+    *,
     machines: Annotated[list[str], typer.Argument(autocompletion=opt.complete_machine)],
     variants: Annotated[
         list[str] | None, typer.Option("--with", autocompletion=opt.complete_variable)
     ] = None,
     sets: opt.Sets = None,
-    as_json: opt.AsJson = False,
-    out: opt.OutWithoutScene = None,
+    output: OutputWithoutScene,
 ) -> None:
     """Show efficiency, power, losses, forces and dimensions of designs beside each other.
 
@@ -46,20 +45,20 @@ def compare(
     scenes = _scenes(machines, variants or (), sets or ())
     with waiting("Solving the periodic states (the first time they are compiled as well) ..."):
         found = jc.study.compare(scenes)
-    result: dict[str, Any] = {
+    result = {
         "machines": [
             {"label": label, "machine": scene.name, "file": scene.file}
             for label, scene in scenes.items()
         ],
         "set": list(sets or ()),
-        "figures": [one._asdict() for one in found.rows],
+        "figures": found.rows,
     }
-
-    def figures():
-        return {"losses": jc.plot.compared_losses(found)}
-
-    written = "Report, picture and result"
-    hand_out(result, [beside_table(found)], as_json, out, figures, written=written)
+    output.emit(
+        result,
+        lambda _: [beside_table(found)],
+        lambda: {"losses": jc.plot.compared_losses(found)},
+        written="Report, picture and result",
+    )
 
 
 def _scenes(
@@ -79,19 +78,14 @@ def _scenes(
     return found
 
 
-@reports_errors
 def sensitivity(
-    machine: opt.Machine,
+    *,
     quantity: opt.Quantities = None,
-    sets: opt.Sets = None,
-    designs: opt.Designs = None,
+    case: opt.DesignCase,
     excitation: opt.ExcitationOption = None,
-    accuracy: opt.AccuracyOption = "fast",
-    solver: opt.Solver = "collocation",
-    cycle: opt.CycleOption = None,
+    analysis: opt.FastAnalysis,
     rows: Annotated[int, typer.Option(min=1)] = 20,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    output: Output,
 ) -> None:
     """Show by how many per cent quantities change when each number of the machine rises by 1 %.
 
@@ -105,23 +99,22 @@ def sensitivity(
             a rotor, if absent. Repeatable.
         rows: Rows of each table; JSON and CSV have every number.
     """
-    start_jax(once=True)
-    scene = changed_scene(machine, sets, designs)
+    scene = case.scene(once=True)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():
-        options = opt.analysis_options(scene, accuracy, solver, cycle, excitation)
+        options = analysis.options(scene, excitation)
         found = jc.study.sensitivity(scene, names, options=options)
     if not found.ok:
         raise CommandError(
-            f"{machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
+            f"{case.machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
         )
-
-    def figures():
-        return jc.plot.sensitivity_figures(found, scene.name)
-
-    result, tables = sensitivity_result(found, scene.name), sensitivity_tables(found, rows)
-    curves = {"sensitivity": found.columns}
-    hand_out(result, tables, as_json, out, figures, scene, curves)
+    output.emit(
+        sensitivity_result(found, scene.name),
+        lambda _: sensitivity_tables(found, rows),
+        lambda: jc.plot.sensitivity_figures(found, scene.name),
+        scene,
+        {"sensitivity": found.columns},
+    )
 
 
 def _quantities(found: jc.study.Sensitivity):

@@ -17,7 +17,7 @@ from .._core.display import shown, units_of
 from .._core.registry import DESIGN_RULES, Quantity, registered
 from . import _options as opt
 from ._output import plain, show_results
-from ._start import CommandError, refuse, reports_errors, start_jax
+from ._start import CommandError, refuse, start_jax
 from ._tables import bold, row_table
 from ._units import results_schema
 
@@ -36,7 +36,6 @@ _OTHERS = {
 Kind = Literal["slider-crank", "v-twin", "slider-link", "refrigeration", "semi-hermetic", "rotor"]
 
 
-@reports_errors
 def new(
     file: Annotated[Path, typer.Argument()] = Path("my-machine.toml"),
     kind: Kind = "slider-crank",
@@ -76,7 +75,6 @@ def new(
     typer.echo(f"{file} is written. Change it, then: jaxcomp check {file}; jaxcomp {verb} {file}")
 
 
-@reports_errors
 def upgrade(
     file: Annotated[Path, typer.Argument()],
     out: Annotated[Path | None, typer.Option()] = None,
@@ -112,7 +110,6 @@ def upgrade(
 
 
 # ------------------------------------------------------------------ cache
-@reports_errors
 def cache(
     empty: bool = False,
     as_json: opt.AsJson = False,
@@ -141,7 +138,6 @@ def cache(
 
 
 # ------------------------------------------------------------------- list
-@reports_errors
 def list_machines(
     machine: Annotated[str | None, typer.Argument(autocompletion=opt.complete_machine)] = None,
     quantities: bool = False,
@@ -271,7 +267,6 @@ def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
 
 
 # ------------------------------------------------------------------- explain
-@reports_errors
 def explain(
     part: Annotated[str | None, typer.Argument()] = None,
     as_json: opt.AsJson = False,
@@ -292,7 +287,6 @@ def explain(
     show_results({"word": part, "parts": plain(found)}, lines, as_json)
 
 
-@reports_errors
 def schema(
     file: Annotated[Path | None, typer.Argument()] = None,
     results: bool = False,

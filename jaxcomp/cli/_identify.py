@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
+import jaxcomp as jc
+
 from .._core.display import Shown, is_temperature, shown
-from ._arguments import assignments, changed_scene, si, speed_of
+from ._arguments import assignments, si, speed_of
 from ._map import axis
-from ._options import AsJson, Machine, Out, Sets, Solver, chosen_solver
-from ._output import Partial, hand_out, plain
-from ._start import CommandError, reports_errors, start_jax, waiting
+from ._options import Case, Solver, chosen_solver
+from ._output import Output, Partial, fields_of, plain, records
+from ._start import CommandError, refuse, waiting
 from ._sweep import number
 from ._tables import row_table
 
@@ -25,27 +28,68 @@ _MOST = 60
 _SAME = 0.05
 
 
-@reports_errors
+@dataclass(frozen=True)
+class Polynomials:
+    """Where the polynomials of a maker become points."""
+
+    evaporating: str | None = None
+    condensing: str | None = None
+    speed: str | None = None
+
+    def read(self, files: Sequence[Path], scene, method) -> list[Any]:
+        """The measurements of some files, of polynomials at every speed."""
+        from ..scene.measured import read_measurement
+
+        ends = fields_of(self, "evaporating", "condensing").items()
+        over = [None if text is None else axis(text, name) for name, text in ends]
+        texts = [] if self.speed is None else self.speed.split(",")
+        speeds = [speed_of(one, "--speed") for one in texts] or [None]
+        return [
+            read_measurement(file, scene.machine, *over, speed).solved_by(method)
+            for file in files
+            for speed in speeds
+        ]
+
+
+@dataclass(frozen=True)
+class Split:
+    """The points that the fit sees, and those that it predicts."""
+
+    fit_at: str | None = None
+    hold_out: int = 0
+
+    def held_out(self, data_sets: Sequence[Any], seed: int) -> list[int]:
+        """Points that are not fitted, counted over all files."""
+        import numpy as np
+
+        counts = [len(set(one.entries({}).point.tolist())) for one in data_sets]
+        if self.fit_at is not None:
+            refuse(self.hold_out, "--hold-out and --fit-at: give one of the two")
+            return _not_named(data_sets, counts, _named(data_sets, self.fit_at))
+        if not self.hold_out:
+            return []
+        number, total = self.hold_out, sum(counts)
+        what = f"--hold-out {number}: must be from 1 to {total - 1} of the points"
+        refuse(not 0 < number < total, what)
+        return np.random.default_rng(seed).choice(total, number, replace=False).tolist()
+
+
 def identify(
-    machine: Machine,
+    *,
     data: Annotated[list[Path], typer.Option()],
     vary: list[str] | None = None,
     prior: list[str] | None = None,
     sd: list[str] | None = None,
-    fit_at: str | None = None,
-    hold_out: int = 0,
-    evaporating: str | None = None,
-    condensing: str | None = None,
-    speed: str | None = None,
+    split: Split,
+    polynomials: Polynomials,
     own_factors: bool = False,
     predict: Path | None = None,
     loss: Loss = "linear",
     starts: int = 3,
     seed: int = 0,
     solver: Solver = "collocation",
-    sets: Sets = None,
-    as_json: AsJson = False,
-    out: Out = None,
+    case: Case,
+    output: Output,
 ) -> None:
     """Identify constants of a machine from measurements, and predict the points held out.
 
@@ -85,164 +129,135 @@ def identify(
         starts (N): Beginnings of the fit; the first is the machine as it is.
         seed (N): Of what is drawn.
     """
-    over = [
-        None if text is None else axis(text, name)
-        for text, name in ((evaporating, "evaporating"), (condensing, "condensing"))
-    ]
-    start_jax()
-
-    from ..scene.measured import read_measurement
     from ..scene.readings import identified_scene
-    from ..scene.tolerances import identified_tolerances
     from ..study import identify, with_own_factors
 
-    scene = changed_scene(machine, sets, varied=vary or ())
-    speeds = [None] if speed is None else [speed_of(one, "--speed") for one in speed.split(",")]
+    scene = case.scene(varied=vary)
     method = chosen_solver(solver, scene)
-    data_sets = [
-        read_measurement(one, scene.machine, *over, turning).solved_by(method)
-        for one in data
-        for turning in speeds
-    ]
+    data_sets = polynomials.read(data, scene, method)
     if own_factors:
         data_sets = with_own_factors(data_sets)
     bounds, known = _bounds(scene, vary or ()), {}
     if not vary:
         scene, bounds, known = _by_recipe(scene, data_sets)
     known |= _priors(scene, prior)
-    held = _held_out(data_sets, fit_at, hold_out, seed)
-    ahead = None
-    if predict is not None:
-        ahead = read_measurement(predict, scene.machine, *over, speeds[0]).solved_by(method)
-    partial = Partial(out, "evaluations")
+    held = split.held_out(data_sets, seed)
+    ahead = None if predict is None else polynomials.read([predict], scene, method)[0]
+    partial = Partial(output.out, "evaluations")
 
     def keep(estimate, chi_square):
         names = list(bounds)
         columns = {"constant": names, "value, SI": estimate[: len(names)].tolist()}
         partial.keep(columns, f"chi-square {chi_square:.4g}")
 
+    options = {"sd": _deviations(data_sets, sd), "hold_out": held, "loss": loss, "starts": starts}
     with waiting("Solving the points (the first time they are compiled as well) ...") as status:
 
         def progress(text: str) -> None:
             if status is not None:
                 status.update(f"{text} ...")
 
-        found = identify(
-            scene,
-            data_sets,
-            bounds,
-            known,
-            sd=_deviations(data_sets, sd),
-            hold_out=held,
-            loss=loss,
-            starts=starts,
-            seed=seed,
-            progress=progress,
-            keep=keep,
-        )
+        options |= {"seed": seed, "progress": progress, "keep": keep}
+        found = identify(scene, data_sets, bounds, known, **options)
         said = None if ahead is None else found.predict(ahead)
     partial.done()
     result = {"machine": scene.name, "file": scene.file, "source": found.source, **as_dict(found)}
-
-    def figures():
-        from ..plot import identification_figures
-
-        return identification_figures(found, scene.name)
-
     curves: dict[str, Any] = {"readings": found.columns}
-    tables = list(identification_tables(found, scene.name))
     if said is not None:
-        tables += prediction_tables(*said)
-        curves["predicted"] = prediction_columns(*said)
-        result["predicted"] = plain(curves["predicted"])
-    hand_out(result, tables, as_json, out, figures, identified_scene(scene, found), curves)
-    if out is not None:
-        (out / "identified.json").write_text(json.dumps(as_dict(found), indent=1), encoding="utf-8")
-        (out / "tolerances.toml").write_text(identified_tolerances(found), encoding="utf-8")
+        curves["predicted"] = lambda: prediction_columns(*said)
+        result["predicted"] = prediction_columns(*said)
+
+    def tables(_) -> Iterator[Any]:
+        yield from identification_tables(found, scene.name)
+        yield from () if said is None else prediction_tables(*said)
+
+    output.emit(
+        result,
+        tables,
+        lambda: jc.plot.identification_figures(found, scene.name),
+        identified_scene(scene, found),
+        curves,
+    )
+    if output.out is not None:
+        _write_identified(output.out, found)
+
+
+def _write_identified(folder: Path, found) -> None:
+    """The covariance, and the tolerances with which `tolerance` draws such machines."""
+    from ..scene.tolerances import identified_tolerances
+
+    numbers = json.dumps(plain(as_dict(found)), indent=1)
+    (folder / "identified.json").write_text(numbers, encoding="utf-8")
+    (folder / "tolerances.toml").write_text(identified_tolerances(found), encoding="utf-8")
 
 
 def as_dict(found) -> dict[str, Any]:
     """What an identification found, for JSON."""
-    rows = zip(
-        found.parameters,
-        found.units,
-        *(getattr(found, key).tolist() for key in ("start", "estimate", "standard_error")),
-        found.prior_share.tolist(),
-        strict=True,
-    )
-    keys = ("name", "unit", "start", "estimate", "standard_error", "prior_share")
-    return plain({
-        "parameters": [dict(zip(keys, row, strict=True)) for row in rows],
-        "covariance": found.covariance,
-        "chi_square": float(found.chi_square),
-        "freedom": int(found.freedom),
-        "p_value": float(found.p_value),
-        "weak": list(found.weak),
-        "notes": list(found.notes),
+    keys = ("count", "rms", "largest", "inside")
+    names = ("points", "error_rms", "largest_error", "share_inside")
+    return {
+        "parameters": records(
+            name=found.parameters,
+            unit=found.units,
+            **fields_of(found, "start", "estimate", "standard_error", "prior_share"),
+        ),
+        **fields_of(found, "covariance", "chi_square", "freedom", "p_value", "weak", "notes"),
         "held_out": [
-            {"name": name, "points": one.count, "error_rms": one.rms, "largest_error": one.largest,
-             "share_inside": one.inside}
+            {"name": name} | dict(zip(names, fields_of(one, *keys).values(), strict=True))
             for name, one in found.held_out.items()
         ],
-    })  # fmt: skip
+    }
 
 
 def identification_tables(found, name: str) -> Iterator[Any]:
     """Constants, readings, points held out, and what is not to be trusted."""
-    shares = ("" if x != x else f"{x:.0%}" for x in found.prior_share.tolist())
-    columns = (found.start, found.estimate, found.standard_error)
-    looks = [
-        shown(path, unit, 0.0) if is_temperature(path, unit) else Shown(path, unit, 1.0)
-        for path, unit in zip(found.parameters, found.units, strict=True)
-    ]
-    rows = [
-        (path, look.units, look.number(start), look.number(estimate), f"{error:.5g}", share)
-        for path, look, start, estimate, error, share in zip(
-            found.parameters, looks, *(c.tolist() for c in columns), shares, strict=True
-        )
-    ]
+    rows = []
+    for one in as_dict(found)["parameters"]:
+        path, unit, share = one["name"], one["unit"], one["prior_share"]
+        level = is_temperature(path, unit)
+        look = shown(path, unit, 0.0) if level else Shown(path, unit, 1.0)
+        both = (look.number(one[key]) for key in ("start", "estimate"))
+        left = "" if share != share else f"{share:.0%}"
+        rows.append((path, look.units, *both, f"{one['standard_error']:.5g}", left))
     heads = ("Constant", "Unit", "Before", "Identified", "Standard error", "Left of prior")
     yield row_table(f"{name}: identified from {found.source}", heads, rows, texts=2)
     chi = f"Chi-square {float(found.chi_square):.4g} on {int(found.freedom)}"
     yield f"{chi}, p = {float(found.p_value):.2g}."
-    for quantity in found.quantities:
-        mine, error = found.of(quantity), found.error(quantity)
-        if mine.sum() > _MOST:
-            continue
-        unit, relative = found.kinds[quantity]
-        look = shown(quantity, unit, found.measured[mine])
-        lines = zip(
-            [name for name, one in zip(found.names, mine, strict=True) if one],
-            *(getattr(found, key)[mine].tolist() for key in ("measured", "computed")),
-            error.tolist(),
-            found.half_width[mine].tolist(),
-            found.used[mine].tolist(),
-            strict=True,
-        )
-        cells = [
-            (at, look.number(m), look.number(c),
-             _error(e, unit, relative, look), f"{h * look.factor:.2g}", "fitted" if used else "predicted")
-            for at, m, c, e, h, used in lines
-        ]  # fmt: skip
-        heads = ("Point", "Measured", "Computed", "Error", "95 %, +-", "")
-        yield row_table(look.label, heads, cells)
-    for quantity in found.quantities:
-        error, unit = found.error(quantity)[found.used[found.of(quantity)]], found.kinds[quantity]
+    looks = {
+        one: shown(one, found.kinds[one].unit, found.measured[found.of(one)])
+        for one in found.quantities
+    }
+    few = [one for one in looks if found.of(one).sum() <= _MOST]
+    yield from (_readings(found, one, looks[one]) for one in few)
+    for quantity, look in looks.items():
+        error = found.error(quantity)[found.used[found.of(quantity)]]
         if error.size > _MOST:
-            look = shown(quantity, unit.unit, found.measured[found.of(quantity)])
-            size = _error(float((error**2).mean() ** 0.5), *unit, look)
+            size = _error(float((error**2).mean() ** 0.5), *found.kinds[quantity], look)
             yield f"{look.label}: {error.size} readings, RMS error {size.lstrip('+')}."
     rows = []
     for quantity, held in found.held_out.items():
-        look = shown(quantity, found.kinds[quantity].unit, found.measured[found.of(quantity)])
-        both = (held.rms, held.largest)
-        size = [_error(x, *found.kinds[quantity], look).lstrip("+") for x in both]
+        kind, look = found.kinds[quantity], looks[quantity]
+        size = (_error(x, *kind, look).lstrip("+") for x in (held.rms, held.largest))
         rows.append((quantity, str(held.count), *size, f"{held.inside:.0%}"))
     if rows:
         heads = ("Points not fitted", "Count", "RMS", "Largest", "Inside 95 %")
         yield row_table("Predicted", heads, rows)
-    for note in found.notes:
-        yield f"[yellow]Note:[/yellow] {note}."
+    yield from (f"[yellow]Note:[/yellow] {note}." for note in found.notes)
+
+
+def _readings(found, quantity: str, look: Shown):
+    """The readings of a quantity, each with what was computed."""
+    mine = found.of(quantity)
+    columns = (found.measured, found.computed, found.half_width, found.used)
+    names = [name for name, one in zip(found.names, mine, strict=True) if one]
+    lists = (one[mine].tolist() for one in columns)
+    cells = [
+        (at, look.number(m), look.number(c), _error(e, *found.kinds[quantity], look),
+         f"{h * look.factor:.2g}", "fitted" if used else "predicted")
+        for at, m, c, h, used, e in zip(names, *lists, found.error(quantity).tolist(), strict=True)
+    ]  # fmt: skip
+    heads = ("Point", "Measured", "Computed", "Error", "95 %, +-", "")
+    return row_table(look.label, heads, cells)
 
 
 def _error(value: float, unit: str, relative: bool, look) -> str:
@@ -330,23 +345,6 @@ def _deviations(data_sets, texts) -> dict[str, float]:
         unit = "K" if name.endswith("temperature") and not relative.get(name, True) else ""
         out[name] = si(given, unit, f"--sd {name}", difference=True)
     return out
-
-
-def _held_out(data_sets: Sequence[Any], fit_at: str | None, hold_out: int, seed: int) -> list[int]:
-    """Points that are not fitted, counted over all files."""
-    import numpy as np
-
-    counts = [len(set(one.entries({}).point.tolist())) for one in data_sets]
-    if fit_at is not None:
-        if hold_out:
-            raise CommandError("--hold-out and --fit-at: give one of the two")
-        return _not_named(data_sets, counts, _named(data_sets, fit_at))
-    if not hold_out:
-        return []
-    if not 0 < hold_out < sum(counts):
-        last = sum(counts) - 1
-        raise CommandError(f"--hold-out {hold_out}: must be from 1 to {last} of the points")
-    return np.random.default_rng(seed).choice(sum(counts), hold_out, replace=False).tolist()
 
 
 def _named(data_sets: Sequence[Any], fit_at: str) -> Any:

@@ -7,11 +7,13 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+import jaxcomp as jc
+
 from .._core.display import shown
 from . import _options as opt
-from ._arguments import assignments, changed_scene, with_one_unit
-from ._output import hand_out, plain
-from ._start import CommandError, refuse, reports_errors, start_jax, waiting
+from ._arguments import changed_scene, with_one_unit
+from ._output import Output, fields_of
+from ._start import refuse, waiting
 from ._sweep import axis_values
 from ._tables import row_table
 
@@ -22,9 +24,8 @@ Standard = Literal["file", "ashrae", "en12900", "en12900-superheat", "ahri540", 
 Form = Literal["csv", "energyplus", "tespy"]
 
 
-@reports_errors
 def rating_map(
-    machine: opt.Machine,
+    *,
     evaporating: str = "-30:-10:5",
     condensing: str = "35:55:5",
     rating: Standard = "file",
@@ -33,9 +34,8 @@ def rating_map(
     solver: opt.Solver = "collocation",
     cycle: opt.CycleOption = None,
     form: Annotated[Form, typer.Option("--format")] = "csv",
-    sets: opt.Sets = None,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    case: opt.Case,
+    output: Output,
 ) -> None:
     """Map a refrigeration compressor with valves over evaporating and condensing temperature.
 
@@ -55,59 +55,63 @@ def rating_map(
         form: Of the file of coefficients: CSV as in AHRI 540 and EN 12900, objects of EnergyPlus,
             or the polynomials of TESPy's PolynomialCompressor; `identify` reads all of them.
     """
-    start_jax()
     over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
+    from ..cylinder import CycleOptions
+    from ..scene.map_files import FORMATS, polynomial_text, rating_metadata
     from ..study import rating as ratings
 
-    scene = changed_scene(machine, sets)
-    scenes = {float(scene.as_compressor().motor.speed_guess): scene}
-    if speeds is not None:
-        given = [
-            changed_scene(machine, [*(sets or ()), f"motor.mean_speed={one}"])
-            for one in with_one_unit(speeds.split(","))
-        ]
-        scenes = {float(one.as_compressor().motor.speed_guess): one for one in given}
-        scene = given[0]
-    elif coefficients != "10":
-        raise CommandError(f"--coefficients {coefficients}: needs --speeds, at least three")
-    from ..cylinder import CycleOptions
-
+    scenes = _at_speeds(case, speeds)
+    refuse(
+        speeds is None and coefficients != "10",
+        f"--coefficients {coefficients}: needs --speeds, at least three",
+    )
+    scene = scenes[0]
     options = CycleOptions() if cycle is None else opt.cycle_of(CycleOptions(), cycle)
     method = opt.chosen_solver(solver, scene)
     with waiting("Solving the points (the first time they are compiled as well) ..."):
         maps = {
             n / (2 * pi): ratings.rating_map(one, *over, rating, options, method)
-            for n, one in scenes.items()
+            for n, one in {_speed(one): one for one in scenes}.items()
         }
     found = next(iter(maps.values()))
     text = None
-    if out is not None and found.coefficients:
-        from ..scene.map_files import polynomial_text, rating_metadata
-
+    if output.out is not None and found.coefficients:
         told = rating_metadata(scene, rating)
         text = polynomial_text(maps, int(coefficients), told, form, scene.as_compressor())
-    keys = (
-        "evaporating", "condensing", "ok", "values", "coefficients", "fit_error", "polynomial_error",
-    )  # fmt: skip
-    result = {
-        "machine": scene.name,
-        "file": scene.file,
-        "rating": rating,
-        **{key: plain(getattr(found, key)) for key in keys},
-        "set": assignments(sets, "--set"),
-    }
+    keys = [
+        "evaporating",
+        "condensing",
+        "ok",
+        "values",
+        "coefficients",
+        "fit_error",
+        "polynomial_error",
+    ]
+    output.emit(
+        {"machine": scene.name, "file": scene.file, "rating": rating}
+        | fields_of(found, *keys)
+        | case.changes,
+        lambda _: map_tables(found, scene.name),
+        lambda: jc.plot.rating_figures(found, scene.name),
+        scene,
+        {"map": found.columns},
+    )
+    if output.out is not None and text is not None:
+        (output.out / FORMATS[form]).write_text(text, encoding="utf-8")
 
-    def figures():
-        from ..plot import rating_figures
 
-        return rating_figures(found, scene.name)
+def _at_speeds(case: opt.Case, speeds: str | None) -> list[jc.scene.Scene]:
+    """The machine at every speed of `--speeds`, or as it is."""
+    scene, sets = case.scene(), case.sets or ()
+    if speeds is None:
+        return [scene]
+    texts = with_one_unit(speeds.split(","))
+    return [changed_scene(case.machine, [*sets, f"motor.mean_speed={one}"]) for one in texts]
 
-    curves = {"map": found.columns}
-    hand_out(result, map_tables(found, scene.name), as_json, out, figures, scene, curves)
-    if out is not None and text is not None:
-        from ..scene.map_files import FORMATS
 
-        (out / FORMATS[form]).write_text(text, encoding="utf-8")
+def _speed(scene: jc.scene.Scene) -> float:
+    """[rad/s] of the motor, about."""
+    return float(scene.as_compressor().motor.speed_guess)
 
 
 def map_tables(found, name: str):

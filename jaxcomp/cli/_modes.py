@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,10 +15,9 @@ import jaxcomp as jc
 
 from .._core.display import RPM, rounded
 from . import _options as opt
-from ._arguments import assignments, changed_scene
-from ._output import hand_out, plain
+from ._output import Output, fields_of, plain, records
 from ._rotor import header, points_and_range, pull_row, rotor_of, whirl
-from ._start import CommandError, reports_errors, start_jax, waiting
+from ._start import CommandError, waiting
 from ._tables import Markup, row_table
 
 if TYPE_CHECKING:
@@ -27,20 +26,20 @@ if TYPE_CHECKING:
 _HERTZ = 1 / (2 * math.pi)
 # Damping above which no response has a peak.
 _NO_PEAK = math.sqrt(0.5)
+# What files have of every mode.
+_IN_FILES = ("frequency", "damping_ratio", "whirl")
 
 
-@reports_errors
 def modes(
-    machine: opt.Machine,
-    sets: opt.Sets = None,
+    *,
+    case: opt.Case,
     speed: opt.Speed = None,
     speeds: opt.Speeds = None,
     count: int = 12,
     free: bool = False,
     overdamped: bool = False,
     undamped: bool = False,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    output: Output,
 ) -> None:
     """Find the modes of a rotor with its crankcase and housing.
 
@@ -54,15 +53,14 @@ def modes(
     """
     if free and ":" in (speeds or ""):
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
-    start_jax(once=True)
-    scene = changed_scene(machine, sets)
+    scene = case.scene(once=True)
     points, range_ = points_and_range(scene, speed, speeds)
     model = rotor_of(scene, *(() if free else (points, range_)))
     with waiting():
         result, found = modes_result(scene, model, points, count, free, not undamped)
         if range_ is not None:
             result["campbell"] = campbell_result(model, range_, count, not undamped)
-    result["set"] = assignments(sets, "--set")
+    result = plain(result | case.changes)
 
     def figures():
         shapes = jc.plot.mode_shapes(model, found[0], result)
@@ -71,8 +69,10 @@ def modes(
             drawn["campbell"] = jc.plot.campbell_diagram(result["campbell"])
         return drawn
 
-    tables = modes_tables(result, overdamped)
-    hand_out(result, tables, as_json, out, figures, scene, modes_columns(result))
+    curves = {"modes": lambda: modes_columns(result)}
+    if "campbell" in result:
+        curves["campbell"] = lambda: campbell_columns(result["campbell"])
+    output.emit(result, lambda whole: modes_tables(whole, overdamped), figures, scene, curves)
 
 
 def modes_result(
@@ -110,7 +110,7 @@ def modes_result(
         "stable": [bool(one.stable) for one in found],
         "growth": [one.growth for one in found],
     }
-    return plain(result), found
+    return result, found
 
 
 def campbell_result(
@@ -119,41 +119,39 @@ def campbell_result(
     """Frequencies over the spin speed, and where they meet the speed itself."""
     found = jc.rotor.campbell(model, speeds, count, damping=damping)
     critical = jc.rotor.critical_speeds_between(model, speeds, count, damping=damping)
-    result = {
+    return {
         "speeds": speeds,
-        "frequency": found.frequency,
-        "damping_ratio": found.damping_ratio,
-        "whirl": found.whirl,
+        **fields_of(found, "frequency", "damping_ratio", "whirl"),
         "critical_speeds": [
             {"speed": w, "growth": g, "damping_ratio": -g / math.hypot(g, w)}
             for w, g in zip(critical.speed, critical.growth, strict=True)
         ],
     }
-    return plain(result)
 
 
-def modes_columns(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Modes at the single speeds, and along the range of a Campbell diagram, a row for each mode."""
-    keys = ("frequency", "damping_ratio", "whirl")
-    rows = {
-        "modes": [
-            (speed, number, *(mode[key] for key in keys))
-            for speed, modes in zip(result["speeds"], result["modes"], strict=True)
-            for number, mode in enumerate(modes, 1)
-        ]
-    }
-    if "campbell" in result:
-        found = result["campbell"]
-        rows["campbell"] = [
-            (speed, number, *values)
-            for speed, *lists in zip(*(found[key] for key in ("speeds", *keys)), strict=True)
-            for number, values in enumerate(zip(*lists, strict=True), 1)
-        ]
+def modes_columns(result: dict[str, Any]) -> dict[str, Any]:
+    """Modes at the single speeds, a row for each."""
+    pairs = zip(result["speeds"], result["modes"], strict=True)
+    return _columns(
+        (speed, number, *(mode[key] for key in _IN_FILES))
+        for speed, modes in pairs
+        for number, mode in enumerate(modes, 1)
+    )
+
+
+def campbell_columns(found: dict[str, Any]) -> dict[str, Any]:
+    """Modes along the range of a Campbell diagram, a row for each."""
+    lists = zip(*(found[key] for key in ("speeds", *_IN_FILES)), strict=True)
+    return _columns(
+        (speed, number, *values)
+        for speed, *modes in lists
+        for number, values in enumerate(zip(*modes, strict=True), 1)
+    )
+
+
+def _columns(rows: Iterable[tuple]) -> dict[str, Any]:
     names = ("speed [rad/s]", "mode", "frequency [rad/s]", "damping_ratio", "whirl")
-    return {
-        file: dict(zip(names, zip(*table, strict=True) if table else [()] * 5, strict=True))
-        for file, table in rows.items()
-    }
+    return dict(zip(names, [*zip(*rows, strict=True)] or [()] * 5, strict=True))
 
 
 def modes_tables(result: dict[str, Any], overdamped: bool = False) -> Iterator[Any]:
@@ -222,8 +220,8 @@ def _leading_subset(model, modes):
 
 
 # ------------------------------------------------------------------- update
-@reports_errors
 def update(
+    *,
     machine: opt.Machine,
     measured: Path,
     variable: Annotated[list[str], typer.Option()],
@@ -231,8 +229,7 @@ def update(
     within: Annotated[str, typer.Option("--range")] = "0.5:2",
     held: bool = False,
     regularisation: float = 0.0,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    output: Output,
 ) -> None:
     """Fit numbers of a rotor to a modal test; `identify` does it with any other measurements as well.
 
@@ -254,12 +251,12 @@ def update(
         raise CommandError(f"--range {within}: must have the form low:high") from None
     if not 0 < low < 1 < high < float("inf"):
         raise CommandError(f"--range {within}: must be positive and hold the factor 1")
-    start_jax(once=True)
     from ..scene.measured import read_measurement
     from ..scene.readings import identified_scene
     from ..study import ModalTest
 
-    scene = changed_scene(machine, sets)
+    case = opt.Case(machine, sets)
+    scene = case.scene(once=True)
     rotor_of(scene)
     test = read_measurement(measured, scene.machine)
     if not isinstance(test, ModalTest):
@@ -267,13 +264,13 @@ def update(
     test = dataclasses.replace(test, free=test.free and not held)
     with waiting("Fitting (the first time it is compiled as well) ..."):
         result, found = update_result(scene, test, variable, (low, high), regularisation)
-    result["set"] = assignments(sets, "--set")
-
-    def figures():
-        return {"rotor": jc.plot.rotor_drawing(rotor_of(scene))}
-
-    scene = identified_scene(scene, found)
-    hand_out(result, update_tables(result), as_json, out, figures, scene)
+    fitted = identified_scene(scene, found)
+    output.emit(
+        result | case.changes,
+        update_tables,
+        lambda: {"rotor": jc.plot.rotor_drawing(rotor_of(fitted))},
+        fitted,
+    )
 
 
 def update_result(
@@ -303,30 +300,31 @@ def update_result(
     start, estimate = np.asarray(found.start), np.asarray(found.estimate)
     before, _ = found.study(start, [0])
     mine = found.of("frequency")
-    columns = (
-        test.modes, found.measured[mine], before[mine], found.computed[mine],
-        found.error("frequency"),
-    )  # fmt: skip
-    keys = ("mode", "measured", "before", "after", "error")
     result = {
         "machine": scene.name,
         "file": scene.file,
         "version": version("jaxcomp"),
         "free": test.free,
-        "variables": [
-            {"path": path, "factor": after / first, "before": first, "after": after,
-             "standard_error": error, "at_bound": held}
-            for path, first, after, error, held in zip(
-                found.parameters, start.tolist(), estimate.tolist(),
-                found.standard_error.tolist(), found.fit.at_bound.tolist(), strict=True,
-            )
-        ],
-        "modes": [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)],
+        "variables": records(
+            path=found.parameters,
+            factor=estimate / start,
+            before=start,
+            after=estimate,
+            standard_error=found.standard_error,
+            at_bound=found.fit.at_bound,
+        ),
+        "modes": records(
+            mode=test.modes,
+            measured=found.measured[mine],
+            before=before[mine],
+            after=found.computed[mine],
+            error=found.error("frequency"),
+        ),
         "converged": found.fit.converged,
         "steps": found.fit.steps,
         "notes": list(found.notes),
-    }  # fmt: skip
-    return plain(result), found
+    }
+    return result, found
 
 
 def update_tables(result: dict[str, Any]) -> Iterator[Any]:

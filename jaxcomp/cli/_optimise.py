@@ -4,52 +4,79 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from rich.table import Table
 
 import jaxcomp as jc
 
 from .._core.display import shown
 from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
-from ._output import Partial, hand_out, plain
-from ._start import refuse, reports_errors, start_jax, waiting
+from ._output import Output, Partial, fields_of, records
+from ._start import refuse, start_jax, waiting
 from ._tables import beside_table, bold, row_table
 
 Method = Literal["slsqp", "least-squares", "adam"]
 
 
-@reports_errors
-def optimise(
-    machine: opt.Machine,
+@dataclass(frozen=True)
+class Asked:
+    """The options of a search, as the result repeats them."""
+
+    machine: opt.Machine
     variables: Annotated[
         list[str] | None, typer.Option("--variable", autocompletion=opt.complete_variable)
-    ] = None,
-    objective: opt.Quantity = None,
-    targets: Annotated[list[str] | None, typer.Option("--target")] = None,
-    maximise: Annotated[bool | None, typer.Option("--maximise/--minimise")] = None,
-    constraints: Annotated[list[str] | None, typer.Option("--constraint")] = None,
-    pareto: opt.Quantity = None,
-    points: int = 12,
-    scatter: list[str] | None = None,
-    sigmas: float | None = None,
-    quantile: float | None = None,
-    sets: opt.Sets = None,
-    method: Method | None = None,
-    starts: int = 8,
-    max_steps: Annotated[int, typer.Option("--steps")] = 100,
-    tolerance: float = 1e-5,
-    samples: int = 256,
-    seed: int = 0,
-    accuracy: opt.AccuracyOption = "fine",
-    solver: opt.Solver = "collocation",
-    cycle: opt.CycleOption = None,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
-) -> None:
+    ] = None
+    objective: opt.Quantity = None
+    targets: Annotated[list[str] | None, typer.Option("--target")] = None
+    maximise: Annotated[bool | None, typer.Option("--maximise/--minimise")] = None
+    constraints: Annotated[list[str] | None, typer.Option("--constraint")] = None
+    pareto: opt.Quantity = None
+    points: int = 12
+    scatter: list[str] | None = None
+    sigmas: float | None = None
+    quantile: float | None = None
+    sets: opt.Sets = None
+    method: Method | None = None
+    starts: int = 8
+    max_steps: Annotated[int, typer.Option("--steps")] = 100
+    tolerance: float = 1e-5
+    samples: int = 256
+    seed: int = 0
+    accuracy: opt.AccuracyOption = "fine"
+    solver: opt.Solver = "collocation"
+    cycle: opt.CycleOption = None
+
+    def checked(self) -> Asked:
+        """The same with what is asked for if nothing is said; refuses what cannot be combined."""
+        refuse(not self.variables, "--variable: is missing; e.g. --variable bore=100mm:160mm")
+        two = self.targets and (self.objective or self.maximise is not None)
+        refuse(two, "--target: cannot be combined with --objective or --maximise")
+        other = "--target" if self.targets else "--method"
+        beside = self.pareto and (self.targets or self.method)
+        refuse(beside, f"--pareto: takes no {other} beside it")
+        refuse(self.scatter and self.targets, "--scatter: takes no --target beside it")
+        worse = [one for one in (self.sigmas, self.quantile) if one is not None]
+        refuse(worse and not self.scatter, "--sigmas and --quantile: need --scatter")
+        refuse(len(worse) > 1, "--sigmas: takes no --quantile beside it")
+        lists = {name: getattr(self, name) or [] for name in ("sets", "targets", "constraints")}
+        goal = None if self.targets else self.objective or "mechanical_efficiency"
+        return replace(self, **lists, scatter=self.scatter or [], objective=goal)
+
+    @property
+    def maximised(self) -> bool | None:
+        """Which way; a robust objective goes the way of what it is made of."""
+        if not self.scatter or self.maximise is not None:
+            return self.maximise
+        better = jc.study.quantity_named(self.objective).better
+        refuse(not better, "--maximise: is missing; the objective is not better in one direction")
+        return better == "more"
+
+
+def optimise(asked: Asked, output: Output) -> None:
     """Find the best design by gradients, from several starts, and compare it with a coarse sweep.
 
     Example: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --constraint
@@ -85,73 +112,63 @@ def optimise(
         samples: Designs of the coarse sweep that the optimum is compared with.
         seed: Of starts and samples.
     """
-    asked = {name: given for name, given in locals().items() if name not in ("as_json", "out")}
-    refuse(not variables, "--variable: is missing; e.g. --variable bore=100mm:160mm")
-    two = targets and (objective or maximise is not None)
-    refuse(two, "--target: cannot be combined with --objective or --maximise")
-    other = "--target" if targets else "--method"
-    refuse(pareto and (targets or method), f"--pareto: takes no {other} beside it")
-    refuse(scatter and targets, "--scatter: takes no --target beside it")
-    unscattered = not scatter and (sigmas is not None or quantile is not None)
-    refuse(unscattered, "--sigmas and --quantile: need --scatter")
-    both = sigmas is not None and quantile is not None
-    refuse(both, "--sigmas: takes no --quantile beside it")
+    asked = asked.checked()
     start_jax()
-    asked |= {name: asked[name] or [] for name in ("sets", "targets", "constraints", "scatter")}
-    asked["objective"] = None if targets else objective or "mechanical_efficiency"
     begun = time.perf_counter()
-    scene = changed_scene(machine, sets, (), [*asked["variables"], *asked["scatter"]])
-    options = opt.analysis_options(scene, accuracy, solver, cycle)
-    found = _searched(asked, _problem(asked, jc.machine.machine_of(scene), options), out)
-    seconds = time.perf_counter() - begun
+    varied = [*(asked.variables or ()), *(asked.scatter or ())]
+    scene = changed_scene(asked.machine, asked.sets, (), varied)
+    options = opt.analysis_options(scene, asked.accuracy, asked.solver, asked.cycle)
+    found = _searched(asked, _problem(asked, jc.machine.machine_of(scene), options), output.out)
+    result = {"machine": scene.name, "asked": asdict(asked)}
+    seconds = {"seconds": time.perf_counter() - begun}
     if isinstance(found, jc.study.ParetoFront):
-        result = front_result(scene, asked, found, seconds)
-        tables, files = front_tables(result), "front"
-        written = "Report, picture, result and scene"
-    else:
-        result = optimum_result(scene, asked, found, seconds)
-        with waiting("Comparing with the present design ..."):
-            beside = comparison(found)
-        result["comparison"] = [
-            {"name": name, "unit": unit, "present": values[0], "optimum": values[1]}
-            for name, unit, values in (beside.rows if beside else ())
-        ]
-        scene, result["not_in_scene"] = optimised_scene(scene, found)
-        tables, files = optimum_tables(result, beside), "designs"
-        written = "Report, pictures, designs, result and optimised scene"
-
-    def figures():
-        if pareto:
-            return {"pareto": jc.plot.pareto_front(found)}
-        return jc.plot.optimum_figures(found)
-
-    hand_out(result, tables, as_json, out, figures, scene, {files: found.columns}, written)
+        output.emit(
+            result | front_result(found) | seconds,
+            front_tables,
+            lambda: {"pareto": jc.plot.pareto_front(found)},
+            scene,
+            {"front": found.columns},
+            "Report, picture, result and scene",
+        )
+        return
+    result |= optimum_result(found) | seconds
+    with waiting("Comparing with the present design ..."):
+        beside = comparison(found)
+    keys = ("name", "unit", "present", "optimum")
+    rows = beside.rows if beside else ()
+    result["comparison"] = [dict(zip(keys, (*row[:2], *row.values), strict=True)) for row in rows]
+    scene, result["not_in_scene"] = optimised_scene(scene, found)
+    output.emit(
+        result,
+        lambda whole: optimum_tables(whole, beside),
+        lambda: jc.plot.optimum_figures(found),
+        scene,
+        {"designs": found.columns},
+        "Report, pictures, designs, result and optimised scene",
+    )
 
 
 # ------------------------------------------------------------------- the problem
 def _problem(
-    asked: dict[str, Any], design: jc.machine.Machine, options: jc.AnalysisOptions
+    asked: Asked, design: jc.machine.Machine, options: jc.AnalysisOptions
 ) -> jc.study.Problem:
-    ranges = {}
-    for name, text in jc.study.by_name(
-        design, assignments(asked["variables"], "--variable")
-    ).items():
+    given, ranges = assignments(asked.variables, "--variable"), {}
+    for name, text in jc.study.by_name(design, given).items():
         unit = jc.study.variable(design, name).unit
         low, colon, high = text.partition(":")
         form = "must have the form NAME=LOW:HIGH, such as bore=100mm:160mm"
         refuse(not colon, f"--variable {name}={text}: {form}")
         ends = (si(end, unit, f"--variable {name}") for end in with_one_unit((low, high)))
         ranges[name] = tuple(ends)
-    if asked["objective"]:
-        quantities = [_robust(asked, design) if asked["scatter"] else asked["objective"]]
-    else:
-        quantities = list(assignments(asked["targets"], "--target"))
-    quantities += [asked["pareto"]] if asked["pareto"] else []
+    quantities: list[Any] = list(assignments(asked.targets, "--target"))
+    if asked.objective:
+        quantities = [_robust(asked, design) if asked.scatter else asked.objective]
+    quantities += [asked.pareto] if asked.pareto else []
     return jc.study.problem(design, ranges, quantities, options)
 
 
 def _searched(
-    asked: dict[str, Any], problem: jc.study.Problem, out: Path | None
+    asked: Asked, problem: jc.study.Problem, out: Path | None
 ) -> jc.study.Optimum | jc.study.ParetoFront:
     """Search for the best designs of a problem; progress is shown, and solved designs are kept."""
     import numpy as np
@@ -159,13 +176,11 @@ def _searched(
     from .._core.progress import progress_of
 
     partial, solved = Partial(out, "designs"), []
-    options = {key: asked[key] for key in ("starts", "max_steps", "tolerance", "samples", "seed")}
-    options["constraints"] = bounds_of(asked["constraints"], "--constraint")
-    wanted = {
-        name: value_of(name, text, f"--target {name}")
-        for name, text in assignments(asked["targets"], "--target").items()
-    }
-    goal, way = problem.quantities[0], _maximise(asked)
+    options = fields_of(asked, "starts", "max_steps", "tolerance", "samples", "seed")
+    options["constraints"] = bounds_of(asked.constraints, "--constraint")
+    given = assignments(asked.targets, "--target").items()
+    wanted = {name: value_of(name, text, f"--target {name}") for name, text in given}
+    goal, way = problem.quantities[0], asked.maximised
     with progress_of("Compiling and sampling") as progress:
 
         def callback(stage: str, done: int, total: int) -> None:
@@ -179,38 +194,28 @@ def _searched(
             partial.keep(columns | {"solved": ok})
 
         options |= {"callback": callback, "keep": keep}
-        if asked["pareto"]:
-            options |= {"maximise": (way, None), "points": asked["points"]}
-            found = jc.study.pareto(problem, (goal, asked["pareto"]), **options)
+        if asked.pareto:
+            options |= {"maximise": (way, None), "points": asked.points}
+            found = jc.study.pareto(problem, (goal, asked.pareto), **options)
         else:
-            options |= {"maximise": way, "method": asked["method"]}
+            options |= {"maximise": way, "method": asked.method}
             found = jc.study.optimise(problem, wanted or goal, **options)
     partial.done()
     return found
 
 
-def _maximise(asked: dict[str, Any]) -> bool | None:
-    """Which way; a robust objective goes the way of what it is made of."""
-    if not asked["scatter"] or asked["maximise"] is not None:
-        return asked["maximise"]
-    better = jc.study.quantity_named(asked["objective"]).better
-    refuse(not better, "--maximise: is missing; the objective is not better in one direction")
-    return better == "more"
-
-
-def _robust(asked: dict[str, Any], design: jc.machine.Machine) -> jc.study.tolerance.Robust:
+def _robust(asked: Asked, design: jc.machine.Machine) -> jc.study.tolerance.Robust:
     """The objective at the worse end of its scatter."""
     from ..scene.tolerances import tolerances_of
 
-    tolerances = tolerances_of(design, assignments(asked["scatter"], "--scatter"))
-    largest, share, sigmas = _maximise(asked), asked["quantile"], asked["sigmas"]
+    tolerances = tolerances_of(design, assignments(asked.scatter, "--scatter"))
+    largest, share, sigmas = asked.maximised, asked.quantile, asked.sigmas
     if share is not None:
         share = 1 - share if largest else share
     else:
         sigmas = (-1 if largest else 1) * (3.0 if sigmas is None else sigmas)
-    return jc.study.tolerance.robust(
-        design, asked["objective"], tolerances, sigmas=sigmas, quantile=share
-    )
+    made = jc.study.tolerance.robust
+    return made(design, asked.objective, tolerances, sigmas=sigmas, quantile=share)
 
 
 # ------------------------------------------------------------------- an optimum
@@ -230,9 +235,7 @@ def optimised_scene(
     return jc.scene.with_machine(scene, optimum.design, source), left
 
 
-def optimum_result(
-    scene: jc.scene.Scene, asked: dict[str, Any], found: jc.study.Optimum, seconds: float
-) -> dict[str, Any]:
+def optimum_result(found: jc.study.Optimum) -> dict[str, Any]:
     """JSON of an optimum."""
     import numpy as np
 
@@ -241,27 +244,18 @@ def optimum_result(
     now = np.flatnonzero(np.all(sample.values == present, axis=1))
     before = float(sample.objective[now[0]]) if now.size and sample.ok[now[0]] else None
     units = dict(zip(problem.names, problem.units, strict=True))
-
-    def variable(i, one):
-        return {
-            "name": one.name,
-            "unit": one.unit,
-            "low": found.ranges.low[i],
-            "high": found.ranges.high[i],
-            "present": present[i],
-            "value": found.values[one.name],
-            "gradient": found.gradient[one.name],
-            "at_bound": found.at_bound.get(one.name),
-        }
-
-    same = (
-        "quantities", "status", "feasible", "stationarity", "verdict", "local", "agreeing",
-        "evaluations", "starts",
-    )  # fmt: skip
-    result = {
-        "machine": scene.name,
-        "asked": asked,
-        "variables": [variable(i, one) for i, one in enumerate(problem.variables)],
+    names = [one.name for one in problem.variables]
+    return {
+        "variables": records(
+            name=names,
+            unit=[one.unit for one in problem.variables],
+            low=found.ranges.low,
+            high=found.ranges.high,
+            present=present,
+            value=map(found.values.get, names),
+            gradient=map(found.gradient.get, names),
+            at_bound=map(found.at_bound.get, names),
+        ),
         "objective": {
             "name": found.objective_name,
             "unit": units.get(found.objective_name, ""),
@@ -270,16 +264,15 @@ def optimum_result(
             "value": found.objective,
         },
         "constraints": [one._asdict() | {"unit": units[one.name]} for one in found.constraints],
-        **{name: getattr(found, name) for name in same},
+        **fields_of(found, "quantities", "status", "feasible", "stationarity", "verdict"),
+        **fields_of(found, "local", "agreeing", "evaluations", "starts"),
         "sample": {
             "count": len(sample.ok),
             "solved": sample.ok.sum(),
             "feasible": sample.feasible.sum(),
             "best_objective": None if sample.best is None else sample.objective[sample.best],
         },
-        "seconds": seconds,
     }
-    return plain(result)
 
 
 def comparison(found: jc.study.Optimum) -> jc.study.Comparison | None:
@@ -288,17 +281,15 @@ def comparison(found: jc.study.Optimum) -> jc.study.Comparison | None:
     Objectives that need no periodic state are compared by themselves.
     """
     problem = found.problem
-    crank = (
-        not isinstance(q, str) or "orbit" in jc.study.quantity_named(q).needs
-        for q in problem.quantities
-    )
-    if problem.design.compressor is None or not any(crank):
+    known = (jc.study.quantity_named(q) for q in problem.quantities if isinstance(q, str))
+    crank = not all(isinstance(q, str) for q in problem.quantities)
+    if problem.design.compressor is None or not (crank or any("orbit" in q.needs for q in known)):
         return None
     designs = {"Present": problem.design, "Optimum": found.design}
     return jc.study.compare(designs, problem.options.solver, throw=False)
 
 
-def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -> Iterator[Table]:
+def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -> Iterator[Any]:
     """Variables and objective, comparison with the present design, constraints, starts, search."""
     goal, variables = result["objective"], result["variables"]
     way = "highest" if goal["maximised"] else "lowest"
@@ -323,27 +314,19 @@ def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -
     if result["constraints"]:
         signs = {"upper": "<=", "lower": ">=", "equal": "="}
         rows = [
-            (
-                one["name"],
-                _text(one, one["value"]),
-                f"{signs[one['side']]} {_text(one, one['bound'])}",
-                "broken" if one["violation"] else "active" if one["active"] else "slack",
-                one["active"] and f"{one['multiplier']:.4g} per {one['unit'] or 'one'}",
-            )
+            (one["name"], _text(one, one["value"]), f"{signs[one['side']]} {_text(one, one['bound'])}",
+             "broken" if one["violation"] else "active" if one["active"] else "slack",
+             one["active"] and f"{one['multiplier']:.4g} per {one['unit'] or 'one'}")
             for one in result["constraints"]
-        ]
+        ]  # fmt: skip
         heads = ("Constraint", "Value", "Bound", "", "Objective per unit of the bound")
         yield row_table(None, heads, rows)
     rows = [
-        (
-            ", ".join(_text(*pair) for pair in zip(variables, one["start"], strict=True)),
-            _text(goal, one["objective"], 6),
-            one["steps"],
-            one["status"],
-            "at the optimum" if one["agrees"] else "elsewhere",
-        )
+        (", ".join(_text(*pair) for pair in zip(variables, one["start"], strict=True)),
+         _text(goal, one["objective"], 6), one["steps"], one["status"],
+         "at the optimum" if one["agrees"] else "elsewhere")
         for one in result["starts"]
-    ]
+    ]  # fmt: skip
     yield row_table(None, ("Start", "Objective", "Designs solved", "Ended", ""), rows)
     solved = f"{result['evaluations']} with derivatives, {result['sample']['count']} in the sample"
     rows = [
@@ -358,48 +341,32 @@ def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -
 
 
 # ------------------------------------------------------------------- a front
-def front_result(
-    scene: jc.scene.Scene, asked: dict[str, Any], front: jc.study.ParetoFront, seconds: float
-) -> dict[str, Any]:
+def front_result(front: jc.study.ParetoFront) -> dict[str, Any]:
     """JSON of a front."""
-
-    def named(names, values):
-        return dict(zip(names, values, strict=True))
-
     variables, sample = front.ends[0].problem.variables, front.ends[0].sample
-    keys = ("name", "unit", "maximised")
-    columns = (front.values, front.objectives, front.exchange, front.status, front.dominated)
-    result = {
-        "machine": scene.name,
-        "asked": asked,
-        "objectives": [
-            named(keys, one) for one in zip(front.names, front.units, front.maximised, strict=True)
-        ],
-        "variables": [
-            {"name": name, "unit": one.unit}
-            for name, one in zip(front.variables, variables, strict=True)
-        ],
-        "present": named(front.names, front.present),
-        "points": [
-            {
-                "values": named(front.variables, values),
-                "objectives": named(front.names, objectives),
-                "exchange": exchange,
-                "status": status,
-                "dominated": dominated,
-            }
-            for values, objectives, exchange, status, dominated in zip(*columns, strict=True)
-        ],
+
+    def named(names, rows):
+        return records(**dict(zip(names, rows.T, strict=True)))
+
+    return {
+        "objectives": records(name=front.names, unit=front.units, maximised=front.maximised),
+        "variables": records(name=front.variables, unit=[one.unit for one in variables]),
+        "present": dict(zip(front.names, front.present, strict=True)),
+        "points": records(
+            values=named(front.variables, front.values),
+            objectives=named(front.names, front.objectives),
+            exchange=front.exchange,
+            status=front.status,
+            dominated=front.dominated,
+        ),
         "beaten_by": front.beaten_by,
         "verdicts": [end.verdict for end in front.ends],
         "sample": {"count": len(sample.ok), "feasible": len(front.sample)},
         "evaluations": front.evaluations,
-        "seconds": seconds,
     }
-    return plain(result)
 
 
-def front_tables(result: dict[str, Any]) -> Iterator[Table]:
+def front_tables(result: dict[str, Any]) -> Iterator[Any]:
     """The points of the front, and how they were found."""
     both, variables = result["objectives"], result["variables"]
     names = [shown(one["name"], one["unit"], 1.0).words for one in both]

@@ -6,8 +6,8 @@ Completion reads files and the registry itself, so that no key press waits for J
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import fields, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -18,7 +18,8 @@ import jaxcomp as jc
 from .._core.extensions import ExtensionError
 from .._core.files import regular
 from .._core.registry import DESIGN_RULES, registered
-from ._start import CommandError, show_error
+from ._arguments import assignments, changed_scene
+from ._start import CommandError, show_error, start_jax
 
 _MACHINES = Path(__file__).parents[1] / "machines"
 
@@ -303,3 +304,56 @@ Dask = Annotated[
         "scheduler file (.json); this process if absent. Needs `pip install jaxcomp\\[dask]`.",
     ),
 ]
+
+
+# ------------------------------------------------------------------- groups of options
+@dataclass(frozen=True)
+class Case:
+    """A machine, and what the command line changes in it."""
+
+    machine: Machine
+    sets: Sets = None
+
+    def scene(self, *, once: bool = False, varied: Sequence[str] | None = None) -> jc.scene.Scene:
+        """The changed scene, with JAX made ready; arguments of `start_jax` and `changed_scene`."""
+        start_jax(once=once)
+        return changed_scene(self.machine, self.sets, getattr(self, "designs", None), varied)
+
+    @property
+    def changes(self) -> dict[str, dict[str, str]]:
+        """What was changed, for the result."""
+        return {"set": assignments(self.sets, "--set")}
+
+
+@dataclass(frozen=True)
+class DesignCase(Case):
+    """The same with design rules as an option of their own."""
+
+    designs: Designs = None
+
+    @property
+    def changes(self) -> dict[str, dict[str, str]]:
+        """What was changed, for the result."""
+        return {**super().changes, "design": assignments(self.designs, "--design")}
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """How the designs of a study are solved."""
+
+    accuracy: AccuracyOption = "fine"
+    solver: Solver = "collocation"
+    cycle: CycleOption = None
+
+    def options(
+        self, scene: jc.scene.Scene, excitation: Excitation | None = None
+    ) -> jc.AnalysisOptions:
+        """The options of the library for a scene."""
+        return analysis_options(scene, self.accuracy, self.solver, self.cycle, excitation)
+
+
+@dataclass(frozen=True)
+class FastAnalysis(Analysis):
+    """The same, fast if nothing else is said."""
+
+    accuracy: AccuracyOption = "fast"

@@ -10,6 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from .._core.interrupts import removed_when_stopped, words_when_stopped
+from ._options import AsJson, Out, OutWithoutScene
 from ._start import command_line, command_name, waiting
 from ._units import with_units
 
@@ -30,34 +32,46 @@ _ENDLESS = 100_000
 _WRITTEN = "Report, pictures, curves, result and scene"
 
 
-def hand_out(
-    result: dict[str, Any],
-    tables: Iterable[Any],
-    as_json: bool,
-    out: Path | None,
-    figures: Callable[[], Mapping[str, Any]],
-    scene: "Scene | None" = None,
-    curves: Mapping[str, Mapping[str, Any] | Callable[[], Mapping[str, Any]]] | None = None,
-    written: str = _WRITTEN,
-) -> None:
-    """Write the folder of a command if one is named, and print JSON or tables.
+@dataclass(frozen=True)
+class Output:
+    """The options of a command that say where its result goes."""
 
-    Args:
-        result: of which JSON is made.
-        tables: what `rich` prints, one after the other.
-        as_json: whether JSON is printed instead of tables.
-        out: folder for the files; `None` for none.
-        figures: draws the pictures, by name.
-        scene: as it was run; `None` where there is none.
-        curves: columns, or what makes them, by the name of the CSV file that takes them.
-        written: names of the kinds of files in the folder.
-    """
-    tables = list(tables)
-    if out is not None:
-        with waiting("Drawing ..."):
-            columns = {k: made() if callable(made) else made for k, made in (curves or {}).items()}
-            write_results(out, figures(), result, scene, tables, columns)
-    show_results(result, tables, as_json, out, written)
+    as_json: AsJson = False
+    out: Out = None
+
+    def emit(
+        self,
+        result: Mapping[str, Any],
+        tables: Callable[[dict[str, Any]], Iterable[Any]],
+        figures: Callable[[], Mapping[str, Any]] = dict,
+        scene: "Scene | None" = None,
+        curves: Mapping[str, Callable[[], Mapping[str, Any]]] | None = None,
+        written: str = _WRITTEN,
+    ) -> None:
+        """Write the folder of a command if one is named, and print JSON or tables.
+
+        Args:
+            result: of which JSON is made, see `plain`.
+            tables: makes of the plain result what `rich` prints, one after the other.
+            figures: draws the pictures, by name.
+            scene: as it was run; `None` where there is none.
+            curves: what makes the columns, by the name of the CSV file that takes them.
+            written: names of the kinds of files in the folder.
+        """
+        whole = plain(result)
+        shown = list(tables(whole))
+        if self.out is not None:
+            with waiting("Drawing ..."):
+                columns = {name: made() for name, made in (curves or {}).items()}
+                write_results(self.out, figures(), whole, scene, shown, columns)
+        show_results(whole, shown, self.as_json, self.out, written)
+
+
+@dataclass(frozen=True)
+class OutputWithoutScene(Output):
+    """The same where no machine is run that a file describes."""
+
+    out: OutWithoutScene = None
 
 
 class Partial:
@@ -115,8 +129,8 @@ def write_results(
     Args:
         folder: is made if it is missing.
         figures: figures of matplotlib, or the bytes of a GIF, by name.
-        result, scene: as in `hand_out`.
-        tables: as in `hand_out`; without them the report shows the numbers of `result`.
+        result, scene: as in `Output.emit`.
+        tables: for `rich`; without them the report shows the numbers of `result`.
         curves: columns with their units, by the name of the CSV file that takes them.
     """
     from .._core.results import csv_text
@@ -164,7 +178,7 @@ def show_results(
     out: Path | None = None,
     written: str = _WRITTEN,
 ) -> None:
-    """Print one JSON object, or the tables and the folder of the files; arguments as in `hand_out`."""
+    """Print one JSON object, or the tables and the folder of the files; arguments as in `Output`."""
     if as_json:
         print_json(result)
         return
@@ -210,6 +224,17 @@ def plain(value: Any) -> Any:
     if isinstance(value, complex):
         value = abs(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def records(**columns: Any) -> list[dict[str, Any]]:
+    """The rows of columns of equal length, each by the names of the columns."""
+    lists = (one.tolist() if hasattr(one, "tolist") else one for one in columns.values())
+    return [dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True)]
+
+
+def fields_of(found: Any, *names: str) -> dict[str, Any]:
+    """Some attributes of a result by name."""
+    return {name: getattr(found, name) for name in names}
 
 
 def json_text(result: dict[str, Any], *, ascii_only: bool = False) -> str:

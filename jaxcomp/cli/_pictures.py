@@ -9,20 +9,17 @@ import typer
 
 import jaxcomp as jc
 
-from .._core.display import RPM
 from . import _options as opt
-from ._arguments import changed_scene
-from ._output import hand_out
+from ._output import Output
 from ._rotor import points_and_range, rotor_of
-from ._start import CommandError, refuse, reports_errors, start_jax, waiting
-from ._tables import row_table
+from ._start import CommandError, refuse, waiting
+from ._tables import row_table, value_rows
 
 
-@reports_errors
 def animate(
-    machine: opt.Machine,
+    *,
     out: Annotated[Path, typer.Option(callback=opt.folder)],
-    sets: opt.Sets = None,
+    case: opt.Case,
     speed: str | None = None,
     frames: int = 48,
 ) -> None:
@@ -40,8 +37,7 @@ def animate(
     refuse(not 4 <= frames <= 360, f"--frames {frames}: must be >= 4 and <= 360")
     from ..plot import gif
 
-    start_jax(once=True)
-    scene = changed_scene(machine, sets)
+    scene = case.scene(once=True)
     moving, result = {}, {"machine": scene.name, "file": scene.file, "frames": frames}
     with waiting("Solving and drawing ..."):
         if scene.compressor is not None:
@@ -62,8 +58,8 @@ def animate(
             moving["balance"] = gif(motion)
             result |= found
         refuse(not moving, f"{scene.file}: has neither a crank nor a rotor to be balanced")
-    tables, written = animate_tables(result), "Moving pictures and report"
-    hand_out(result, tables, False, out, lambda: moving, scene, written=written)
+    written = "Moving pictures and report"
+    Output(out=out).emit(result, animate_tables, lambda: moving, scene, written=written)
 
 
 def balancing_motion(
@@ -95,29 +91,18 @@ def balancing_motion(
 def animate_tables(result: dict[str, Any]):
     """Results that the pictures show, in the units of their captions."""
     rows = (
-        ("Mechanical efficiency", "mechanical_efficiency", 100, "%"),
-        ("Mean speed", "mean_speed", RPM, "rpm"),
-        ("Speed of the rotor", "speed", RPM, "rpm"),
-        ("Largest motion before balancing", "largest_before", 1e6, "µm"),
-        ("Largest motion after balancing", "largest_after", 1e6, "µm"),
-        ("Root mean square at the targets that is left", "improvement", 100, "%"),
+        ("Mechanical efficiency", "mechanical_efficiency", "%"),
+        ("Mean speed", "mean_speed", "rpm"),
+        ("Speed of the rotor", "speed", "rpm"),
+        ("Largest motion before balancing", "largest_before", "µm"),
+        ("Largest motion after balancing", "largest_after", "µm"),
+        ("Root mean square at the targets that is left", "improvement", "%"),
     )
-    cells = (
-        (words, f"{factor * result[key]:.4g} {unit}")
-        for words, key, factor, unit in rows
-        if key in result
-    )
+    cells = value_rows(result, rows, digits=4)
     return [row_table(f"{result['machine']}: moving pictures", ("Quantity", ""), cells, texts=2)]
 
 
-@reports_errors
-def desk(
-    machine: opt.Machine,
-    sets: opt.Sets = None,
-    designs: opt.Designs = None,
-    port: int = 0,
-    browser: bool = True,
-) -> None:
+def desk(case: opt.DesignCase, port: int = 0, browser: bool = True) -> None:
     r"""Open a page in the browser on which results follow while numbers of the machine are dragged.
 
     Nothing leaves this computer: the page is served on the loopback address alone. Ctrl+C ends it.
@@ -130,8 +115,7 @@ def desk(
         browser: Open a browser.
     """
     refuse(not 0 <= port <= 65535, f"--port {port}: must be >= 0 and <= 65535")
-    start_jax()
-    scene = changed_scene(machine, sets, designs)
+    scene = case.scene()
     try:
         from ..desk import serve
     except ImportError:

@@ -10,10 +10,9 @@ import jaxcomp as jc
 
 from .._core.display import RPM
 from . import _options as opt
-from ._arguments import assignments, changed_scene
-from ._output import hand_out, plain
+from ._output import Output, plain
 from ._rotor import chosen_excitation, header, points_and_range, pull_row, rotor_of, whirl
-from ._start import CommandError, refuse_unknown, reports_errors, start_jax, waiting
+from ._start import CommandError, refuse_unknown, waiting
 from ._tables import row_table
 
 if TYPE_CHECKING:
@@ -30,18 +29,16 @@ _EXCITED = {
 }
 
 
-@reports_errors
 def respond(
-    machine: opt.Machine,
-    sets: opt.Sets = None,
+    *,
+    case: opt.Case,
     speed: opt.Speed = None,
     speeds: opt.Speeds = None,
     orders: str | None = None,
     node: list[str] | None = None,
     excitation: opt.ExcitationOption = None,
     solver: opt.Solver = "collocation",
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    output: Output,
 ) -> None:
     """Find the vibration of a rotor with its crankcase and housing.
 
@@ -52,15 +49,14 @@ def respond(
         orders (N,N,...): Orders of the speed; all that are loaded if absent.
         node: Node to report; the target planes (or all) if absent. Repeatable.
     """
-    start_jax(once=True)
-    scene = changed_scene(machine, sets)
+    scene = case.scene(once=True)
     watched = watched_nodes(scene, rotor_of(scene), node or ())
-    case = scene.parts.get("loads")
+    loads = scene.parts.get("loads")
     shaken_by = chosen_excitation(scene, excitation)
     by_crank = shaken_by == "crank"
-    if not isinstance(case, jc.rotor.LoadCase) or not (case.loads or by_crank):
+    if not isinstance(loads, jc.rotor.LoadCase) or not (loads.loads or by_crank):
         raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
-    wanted = whole_orders(orders, None if by_crank else case.loads)
+    wanted = whole_orders(orders, None if by_crank else loads.loads)
     points, range_ = points_and_range(scene, speed, speeds)
     crank_solver = opt.chosen_solver(solver, scene)
     model = rotor_of(scene, points, range_)
@@ -81,8 +77,7 @@ def respond(
             result["curves"] = curve_result(answer(scene, range_), range_, watched)
         if moving_films(scene):
             result["linearised"] = linearised_result(scene, answer, points, wanted, watched)
-    result["excitation"] = shaken_by
-    result["set"] = assignments(sets, "--set")
+    result = plain(result | {"excitation": shaken_by} | case.changes)
 
     def figures():
         drawn = {
@@ -92,10 +87,10 @@ def respond(
         }
         return drawn | ({"curves": jc.plot.response_curves(result)} if "curves" in result else {})
 
-    curves: dict[str, Any] = {"response": lambda: response_columns(result)}
+    curves = {"response": lambda: response_columns(result)}
     if "curves" in result:
         curves["curves"] = lambda: curve_columns(result)
-    hand_out(result, response_tables(result), as_json, out, figures, scene, curves)
+    output.emit(result, response_tables, figures, scene, curves)
 
 
 def whole_orders(text: str | None, loads: Sequence | None) -> tuple[int, ...]:
@@ -166,7 +161,7 @@ def respond_result(
             "inclination": ellipse.inclination[..., i],
         }
 
-    result = {
+    return {
         **header(scene, model),
         "speeds": speeds,
         "orders": orders,
@@ -176,7 +171,6 @@ def respond_result(
         "correction": np.max(response.correction),
         "status": "ok",
     }
-    return plain(result)
 
 
 def moving_films(scene: jc.scene.Scene) -> dict[int, str]:
@@ -215,7 +209,7 @@ def linearised_result(
             films[name] = {"stiffness": [k for k, _ in pairs], "damping": [c for _, c in pairs]}
         motion = {name: node["major_axis"] for name, node in found["nodes"].items()}
         result[place] = {"major_axis": motion, "films": films}
-    return plain(result)
+    return result
 
 
 def curve_result(
@@ -228,7 +222,7 @@ def curve_result(
     major = np.asarray(jc.rotor.orbit(motion[..., 0], motion[..., 1]).major)
     major = np.where(np.asarray(response.ok)[..., None], major, np.nan)
     curves = {name: major[..., i] for i, name in enumerate(watched)}
-    return plain({"speeds": speeds, "major_axis": curves})
+    return {"speeds": speeds, "major_axis": curves}
 
 
 def response_columns(result: dict[str, Any]) -> dict[str, Any]:

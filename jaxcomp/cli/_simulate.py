@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import typer
 
 import jaxcomp as jc
 
-from .._core.display import RPM
 from . import _options as opt
-from ._arguments import assignments, changed_scene
-from ._output import hand_out, plain
-from ._start import refuse, reports_errors, start_jax, waiting
-from ._tables import row_table, words
+from ._output import Output
+from ._start import refuse, waiting
+from ._tables import row_table, value_rows, words
 
 # Instants of a long run with valves, whose files would otherwise grow with it.
 _MOST_LISTED = 16384
@@ -24,9 +23,8 @@ _MOST_LISTED = 16384
 Method = Literal["tsit5", "dopri8", "kvaerno3", "kvaerno5"]
 
 
-@reports_errors
 def simulate(
-    machine: opt.Machine,
+    *,
     duration: Annotated[str, typer.Option()],
     speed: str = "0 rpm",
     angle: str = "0 deg",
@@ -35,10 +33,8 @@ def simulate(
     tolerance: float = 1e-8,
     samples: Annotated[int | None, typer.Option(min=2)] = None,
     swing_back: bool = False,
-    sets: opt.Sets = None,
-    designs: opt.Designs = None,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    case: opt.DesignCase,
+    output: Output,
 ) -> None:
     """Integrate the crank in time: run-up, running, power-off and stop.
 
@@ -63,29 +59,18 @@ def simulate(
     refuse(not 0 < tolerance < 1, f"--tolerance {tolerance:g}: must be > 0 and < 1")
     import diffrax
 
-    start_jax(once=True)
-    scene = changed_scene(machine, sets, designs)
-
     def si(text, unit, option):
         return float(jc.scene.to_si(text, unit, option))
 
+    scene = case.scene(once=True)
     end = si(duration, "s", "--duration")
     refuse(not end > 0, f"--duration {duration}: must be > 0")
     off = None if power_off is None else si(power_off, "s", "--power-off")
-    method = getattr(diffrax, solver.capitalize())()
-    compressor = scene.as_compressor()
+    compressor, steps, listed = scene.as_compressor(), 65536, 501
     valves = isinstance(compressor.gas, jc.cylinder.Cylinder)
-    steps, listed = 65536, 501
     if valves:
-        # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
-        count = compressor.crankshaft.count
-        turns = end * float(compressor.motor.speed_guess) / (2 * math.pi)
-        most = (jc.crank.MOST_STEPS - 2000) // (1000 * count)
-        refuse(
-            turns > most, f"--duration {duration}: must be at most {most} revolutions, with valves"
-        )
-        steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * turns))
-        listed = 1 + min(2 ** math.ceil(math.log2(500 + 200 * turns)), _MOST_LISTED)
+        steps, listed = _steps_with_valves(compressor, end, duration)
+    method = getattr(diffrax, solver.capitalize())()
     with waiting("Integrating (the first time it is compiled as well) ..."):
         found = jc.crank.simulate(
             compressor,
@@ -100,8 +85,7 @@ def simulate(
         "solver": "Dormand and Prince, events located" if valves else solver,
         "tolerance": tolerance,
         "power_off": off,
-        "set": assignments(sets, "--set"),
-        "design": assignments(designs, "--design"),
+        **case.changes,
     }
 
     def figures():
@@ -110,8 +94,18 @@ def simulate(
             made["gas"] = jc.plot.transient_gas_figure(found, scene.name, off)
         return made
 
-    curves = {"motion": found.columns}
-    hand_out(result, [simulate_table(result)], as_json, out, figures, scene, curves)
+    output.emit(result, simulate_tables, figures, scene, {"motion": found.columns})
+
+
+def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> tuple[int, int]:
+    """The most steps of a machine with valves up to an end [s], and the instants to list."""
+    # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
+    count = compressor.crankshaft.count
+    turns = end * float(compressor.motor.speed_guess) / (2 * math.pi)
+    most = (jc.crank.MOST_STEPS - 2000) // (1000 * count)
+    refuse(turns > most, f"--duration {duration}: must be at most {most} revolutions, with valves")
+    steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * turns))
+    return steps, 1 + min(2 ** math.ceil(math.log2(500 + 200 * turns)), _MOST_LISTED)
 
 
 def simulate_result(scene: jc.scene.Scene, found: jc.crank.Transient) -> dict[str, Any]:
@@ -128,7 +122,7 @@ def simulate_result(scene: jc.scene.Scene, found: jc.crank.Transient) -> dict[st
             "highest_pressure": np.max(gas.pressure),
             "highest_temperature": np.max(gas.temperature),
         }
-    result = {
+    return {
         "machine": scene.name,
         "file": scene.file,
         "end_time": found.end_time,
@@ -149,37 +143,35 @@ def simulate_result(scene: jc.scene.Scene, found: jc.crank.Transient) -> dict[st
         "status": Status[found.status],
         "course": {"time": time, "angle": angle, "speed": speed},
     }
-    return plain(result)
 
 
-def simulate_table(result: dict[str, Any]):
+def simulate_tables(result: dict[str, Any]) -> Iterator[Any]:
     """End of the motion, energies, solver."""
-
-    def row(name, key, unit, factor=1.0, note=""):
-        return name, f"{result[key] * factor:.5g} {unit}".strip(), note
-
     end = "the crank came to rest" if result["stopped"] else "end of the duration"
     losses = [(f"{words(k)}, friction", f"{x:.4g} J", "") for k, x in result["losses"].items()]
     of_gas = []
     if "delivered_mass" in result:
-        delivered = row("Mass delivered", "delivered_mass", "g", 1e3)
         pressure = ("Highest pressure", f"{result['highest_pressure'] / 1e5:.5g} bar", "listed")
-        of_gas = [(), delivered, pressure, ()]
+        delivered = value_rows(result, [("Mass delivered", "delivered_mass", "g", "")])
+        of_gas = [(), *delivered, pressure, ()]
+    motion = (
+        ("End", "end_time", "s", end),
+        ("Revolutions", "revolutions", "", ""),
+        ("Speed at the end", "end_speed", "rpm", ""),
+        ("Highest speed", "highest_speed", "rpm", f"at {result['time_of_highest_speed']:.4g} s"),
+        (),
+        ("Work of the motor", "motor_work", "J", "since the start"),
+        ("Work on the gas", "gas_work", "J", ""),
+    )
+    gained = (("Gained by the motion", "kinetic_energy_gained", "J", ""),)
     closure = f"{result['energy_residual']:.1e}"
     rows = (
-        row("End", "end_time", "s", 1.0, end),
-        row("Revolutions", "revolutions", ""),
-        row("Speed at the end", "end_speed", "rpm", RPM),
-        row("Highest speed", "highest_speed", "rpm", RPM,
-            f"at {result['time_of_highest_speed']:.4g} s"),
-        (),
-        row("Work of the motor", "motor_work", "J", 1.0, "since the start"),
-        row("Work on the gas", "gas_work", "J"),
+        *value_rows(result, motion),
         *losses,
-        row("Gained by the motion", "kinetic_energy_gained", "J"),
+        *value_rows(result, gained),
         *of_gas,
         ("Energy closure", closure, "work that is none of these, over the work done"),
         (),
         ("Solver", result["solver"], f"{result['steps']} steps at {result['tolerance']:g}"),
-    )  # fmt: skip
-    return row_table(f"{result['machine']} in time", ("Motion", "", ""), rows, texts=3)
+    )
+    yield row_table(f"{result['machine']} in time", ("Motion", "", ""), rows, texts=3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -13,9 +13,9 @@ import jaxcomp as jc
 
 from .._core.interrupts import words_when_stopped
 from . import _options as opt
-from ._arguments import assignments, changed_scene, with_one_unit
-from ._output import hand_out, plain
-from ._start import CommandError, cluster, refuse, reports_errors, start_jax
+from ._arguments import assignments, with_one_unit
+from ._output import Output, records
+from ._start import CommandError, cluster, refuse
 from ._tables import row_table
 
 # Designs up to which JSON has all of them; a table has a row each up to the second.
@@ -26,24 +26,19 @@ _SHARES = (5, 50, 95)
 _LAYOUT = "crankshaft.layout"
 
 
-@reports_errors
 def sweep(
-    machine: opt.Machine,
+    *,
     over: Annotated[list[str], typer.Option(autocompletion=opt.complete_variable)],
     quantity: opt.Quantities = None,
-    sets: opt.Sets = None,
-    designs: opt.Designs = None,
+    case: opt.DesignCase,
     samples: int | None = None,
     sampling: opt.Sampling = "sobol",
     seed: int = 0,
-    accuracy: opt.AccuracyOption = "fine",
-    solver: opt.Solver = "collocation",
-    cycle: opt.CycleOption = None,
+    analysis: opt.Analysis,
     batch: int | None = None,
     devices: int | None = None,
     dask: opt.Dask = None,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    output: Output,
 ) -> None:
     """Solve all designs of a grid, or samples, and show the best ones.
 
@@ -71,46 +66,40 @@ def sweep(
     else:
         refuse(samples < 1, f"--samples {samples}: must be >= 1")
     start_devices(devices)
-    start_jax()
-    scene = changed_scene(machine, sets, designs, over)
+    scene = case.scene(varied=over)
     layouts = [text for text in over if text.partition("=")[0].strip() == _LAYOUT]
     axes = axes_of(scene, [text for text in over if text not in layouts], samples is not None)
     asked = quantity or default_quantities(scene)
     several = _with_layouts(scene, assignments(layouts, "--over")[_LAYOUT]) if layouts else {}
-    store = None if out is None else out / "sweep.zarr"
+    store = None if output.out is None else output.out / "sweep.zarr"
     kept = "nothing was kept; with --out FOLDER a stopped sweep goes on"
     if store:
         kept = f"{store} is kept; go on with the same command"
     words_when_stopped(f"stopped; {kept}")
+    options: dict[str, Any] = {
+        "samples": samples if axes else None,
+        "sampling": sampling.replace("-", "_"),
+        "seed": seed,
+        "out": store,
+        "batch": batch,
+        "devices": devices,
+    }
     with cluster(dask) as client:
-        options: dict[str, Any] = {
-            "samples": samples if axes else None,
-            "sampling": sampling.replace("-", "_"),
-            "seed": seed,
-            "options": opt.analysis_options(scene, accuracy, solver, cycle),
-            "out": store,
-            "batch": batch,
-            "devices": devices,
-            "client": client,
-        }
+        options |= {"options": analysis.options(scene), "client": client}
         if several:
             options["dimension"] = _LAYOUT
             found = jc.study.sweep.sweep_machines(several, axes, asked, **options)
         else:
             found = jc.study.sweep.sweep(scene, axes, asked, **options)
-    if several:
-        result, tables, figures = _layouts(scene.name, found)
-    else:
-        result = sweep_result(found, scene.name)
-        tables = sweep_tables(found, result)
-
-        def figures():
-            return jc.plot.sweep_figures(found, scene.name)
-
-    result["store"] = None if store is None else str(store)
-
-    curves = {"designs": lambda: sweep_columns(found)}
-    hand_out(result, tables, as_json, out, figures, scene, curves)
+    of_scene = (found, scene.name)
+    result = (layouts_result if several else sweep_result)(*of_scene)
+    output.emit(
+        result | {"store": None if store is None else str(store)},
+        lambda whole: layouts_tables(*of_scene) if several else sweep_tables(found, whole),
+        lambda: layouts_figures(*of_scene) if several else jc.plot.sweep_figures(*of_scene),
+        scene,
+        {"designs": lambda: sweep_columns(found)},
+    )
 
 
 def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene]:
@@ -124,32 +113,42 @@ def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene
     }
 
 
-def _layouts(scene: str, found) -> tuple[dict[str, Any], list[Any], Callable[[], dict[str, Any]]]:
-    """Best and worst designs of each layout of the cylinders: result, tables and pictures."""
+def _of_each(found) -> dict[str, Any]:
+    """The designs of each layout of the cylinders, by its name."""
     names = [str(name) for name in found[_LAYOUT].values]
-    parts = {name: found.sel({_LAYOUT: name}, drop=True) for name in names}
-    rows = []
+    return {name: found.sel({_LAYOUT: name}, drop=True) for name in names}
+
+
+def layouts_result(found, scene: str) -> dict[str, Any]:
+    """All designs of each layout."""
+    values = {
+        name: {q: part[q].values for q in map(str, part.data_vars)}
+        for name, part in _of_each(found).items()
+    }
+    return {"scene": scene, "layouts": values}
+
+
+def layouts_tables(found, scene: str) -> Iterator[Any]:
+    """Best and worst designs of each layout."""
+    rows, parts = [], _of_each(found)
     for name, part in parts.items():
         failed = int(part["ok"].size - part["ok"].sum())
         for asked in (str(one) for one in part.data_vars if one != "ok"):
             look = jc.study.sweep.shown_column(found, asked)
             ends = (_cell(look, float(end)) for end in (part[asked].min(), part[asked].max()))
             rows.append((name, look.label, *ends, failed or ""))
-    values = {
-        name: {q: part[q].values for q in map(str, part.data_vars)} for name, part in parts.items()
-    }
-
-    def figures():
-        drawn = jc.plot.machine_figures(found, scene, _LAYOUT)
-        for name, part in parts.items():
-            if part["ok"].dims:
-                own = jc.plot.sweep_figures(part, f"{scene}, {name}")
-                drawn |= {f"{name}-{figure}": one for figure, one in own.items()}
-        return drawn
-
     heads = ("Layout", "Quantity", "Lowest", "Highest", "Failed")
-    table = row_table(f"{scene}: {len(names)} layouts", heads, rows, texts=2)
-    return plain({"scene": scene, "layouts": values}), [table], figures
+    yield row_table(f"{scene}: {len(parts)} layouts", heads, rows, texts=2)
+
+
+def layouts_figures(found, scene: str) -> dict[str, Any]:
+    """All layouts beside each other, then each by itself."""
+    drawn = jc.plot.machine_figures(found, scene, _LAYOUT)
+    for name, part in _of_each(found).items():
+        if part["ok"].dims:
+            own = jc.plot.sweep_figures(part, f"{scene}, {name}")
+            drawn |= {f"{name}-{figure}": one for figure, one in own.items()}
+    return drawn
 
 
 def start_devices(wanted: int | None) -> None:
@@ -246,7 +245,7 @@ def sweep_result(found, scene: str) -> dict[str, Any]:
         listed = values.values if few else None
         return {"unit": values.attrs["units"], "low": low, "high": high, "values": listed}
 
-    result = {
+    return {
         "scene": scene,
         "dimensions": list(map(str, found["ok"].dims)),
         "shape": ok.shape,
@@ -256,7 +255,6 @@ def sweep_result(found, scene: str) -> dict[str, Any]:
         "quantities": {name: _quantity(found, name, few) for name in quantities},
         "ok": ok if few else None,
     }
-    return plain(result)
 
 
 def _quantity(found, name: str, few: bool) -> dict[str, Any]:
@@ -267,10 +265,9 @@ def _quantity(found, name: str, few: bool) -> dict[str, Any]:
     curve = None
     if ranked and data.ndim == 2 and found[name].dims != ("sample",):
         best = jc.study.sweep.best_curve(found, name)
-        keys = ("across", "best", "between", "value")
         along, across = map(str, found[name].dims)
-        points = [dict(zip(keys, row, strict=True)) for row in zip(*best, strict=True)]
-        curve = {"along": along, "across": across, "points": points}
+        columns = zip(("across", "best", "between", "value"), best, strict=True)
+        curve = {"along": along, "across": across, "points": records(**dict(columns))}
     good = data[np.isfinite(data)]
     keys = ("lowest", "highest", "mean", "deviation", "percentiles")
     statistics: dict[str, Any] = dict.fromkeys(keys)

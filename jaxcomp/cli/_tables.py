@@ -1,6 +1,7 @@
 """Tables on the terminal."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from .._core.display import Shown, behind, shown
+from .._core.display import RPM, Shown, behind, shown
 
 if TYPE_CHECKING:
     from ..study import Comparison
@@ -65,6 +66,34 @@ def row_table(
         else:
             table.add_section()
     return table
+
+
+# What a number in SI units is multiplied by to stand in a unit; by one elsewhere.
+_FACTORS = {
+    **{"mPa s": 1e3, "rpm": RPM, "°": 180 / math.pi, "µm": 1e6, "MPa": 1e-6, "cm3/min": 6e7},
+    **{"g": 1e3, "%": 100},
+}
+
+
+def value_rows(
+    result: Mapping[str, Any], rows: Iterable[Sequence[str]], digits: int = 5
+) -> Iterator[Sequence[str]]:
+    """Rows (words, value with its unit, note ...) of those (words, key, unit, note ...) that are known.
+
+    Args:
+        result: numbers in SI units by key.
+        rows: with the unit in which a value is shown; empty ones separate.
+        digits: of the values.
+    """
+    for row in rows:
+        if not row:
+            yield ()
+            continue
+        words, key, unit, *note = row
+        value = result.get(key)
+        if value is not None:
+            text = f"{value * _FACTORS.get(unit, 1.0):.{digits}g} {unit}".strip()
+            yield words, text, *note
 
 
 def _cell(value: Any, form: str) -> str:

@@ -14,9 +14,9 @@ import jaxcomp as jc
 
 from .._core.display import Shown, shown
 from . import _options as opt
-from ._arguments import assignments, bounds_of, changed_scene, si
-from ._output import Partial, hand_out, plain
-from ._start import CommandError, cluster, refuse, reports_errors, start_jax, waiting
+from ._arguments import assignments, bounds_of, si
+from ._output import Output, Partial, fields_of
+from ._start import CommandError, cluster, refuse, waiting
 from ._sweep import default_quantities, start_devices
 from ._tables import row_table
 
@@ -30,29 +30,24 @@ _ROWS = 12
 Curvature = Literal["differences", "exact", "none"]
 
 
-@reports_errors
 def tolerance(
-    machine: opt.Machine,
+    *,
     vary: Annotated[list[str] | None, typer.Option(autocompletion=opt.complete_variable)] = None,
     tolerances: Path | None = None,
     correlate: list[str] | None = None,
     quantity: opt.Quantities = None,
     limit: list[str] | None = None,
     rejects: str | None = None,
-    sets: opt.Sets = None,
-    designs: opt.Designs = None,
+    case: opt.DesignCase,
     balanced: bool = False,
     excitation: opt.ExcitationOption = None,
     samples: int | None = None,
     sampling: opt.Sampling = "sobol",
     seed: int = 0,
     curvature: Curvature = "differences",
-    accuracy: opt.AccuracyOption = "fast",
-    solver: opt.Solver = "collocation",
-    cycle: opt.CycleOption = None,
+    analysis: opt.FastAnalysis,
     dask: opt.Dask = None,
-    as_json: opt.AsJson = False,
-    out: opt.Out = None,
+    output: Output,
 ) -> None:
     """Find how efficiency, losses, loads and vibration vary with tolerances, and what causes most.
 
@@ -91,9 +86,8 @@ def tolerance(
     refuse(unlimited, "--rejects: needs a --limit, by which machines are rejected")
     refuse(samples is not None and samples < 16, f"--samples {samples}: must be >= 16")
     start_devices(None)
-    start_jax()
-    scene = changed_scene(machine, sets, designs, vary)
-    options = opt.analysis_options(scene, accuracy, solver, cycle, excitation)
+    scene = case.scene(varied=vary)
+    options = analysis.options(scene, excitation)
     design = jc.machine.machine_of(scene)
     if balanced:
         refuse(not design.corrections, "--balanced: needs a scene with balancing planes")
@@ -104,38 +98,27 @@ def tolerance(
     for name in names:
         jc.study.quantity_named(name)
     asked = list(dict.fromkeys([*names, *limits]))
-    partial = Partial(out, "machines")
+    partial = Partial(output.out, "machines")
 
     def keep(points, values, ok) -> None:
         columns = [*given, *asked]
         partial.keep(dict(zip(columns, (*points.T, *values.T), strict=True)) | {"solved": ok})
 
+    drawn = {"samples": samples, "sampling": sampling.replace("-", "_"), "seed": seed}
+    drawn["curvature"] = None if curvature == "none" else curvature
+    known = {"correlations": correlations, "limits": limits, "options": options, "keep": keep}
     with waiting(), cluster(dask) as client:
-        found = jc.study.tolerance.tolerance(
-            design,
-            given,
-            asked,
-            correlations=correlations,
-            limits=limits,
-            options=options,
-            samples=samples,
-            sampling=sampling.replace("-", "_"),
-            seed=seed,
-            client=client,
-            curvature=None if curvature == "none" else curvature,
-            keep=keep,
-        )
+        found = jc.study.tolerance.tolerance(design, given, asked, client=client, **drawn, **known)
         partial.done()
         tighter = None if rejects is None else permitted_tolerances(found, rejects)
     result = tolerance_result(found, scene.name, given, correlations, balanced)
-    if tighter is not None:
-        result["permitted"] = [one._asdict() for one in tighter]
-
-    def figures():
-        return jc.plot.tolerance_figures(found, scene.name)
-
-    curves = {"samples": found.columns}
-    hand_out(result, tolerance_tables(found, result), as_json, out, figures, scene, curves)
+    output.emit(
+        result if tighter is None else result | {"permitted": tighter},
+        lambda whole: tolerance_tables(found, whole),
+        lambda: jc.plot.tolerance_figures(found, scene.name),
+        scene,
+        {"samples": found.columns},
+    )
 
 
 def read_tolerances(
@@ -178,7 +161,7 @@ def tolerance_result(
         }
         for i, one in enumerate(found.problem.variables)
     }
-    result = {
+    return {
         "scene": scene,
         "balanced": balanced,
         "corrections": dict(found.problem.design.corrections),
@@ -193,7 +176,6 @@ def tolerance_result(
         "limits": [_limit(one, found) for one in found.reliability],
         "remarks": found.remarks,
     }
-    return plain(result)
 
 
 def _quantity(found: jc.study.tolerance.Tolerances, i: int, unit: str) -> dict[str, Any]:
@@ -225,13 +207,12 @@ def _quantity(found: jc.study.tolerance.Tolerances, i: int, unit: str) -> dict[s
 def _limit(one, found: jc.study.tolerance.Tolerances) -> dict[str, Any]:
     design = one.design.tolist()
     known = all(map(math.isfinite, design))
-    keys = ("sampled", "sampled_interval", "beta", "first_order", "second_order", "near_points",
-            "near_points_error")  # fmt: skip
     return {
         "quantity": one.limit.quantity,
         "bound": one.limit.bound,
         "broken_above": one.limit.above,
-        **{key: getattr(one, key) for key in keys},
+        **fields_of(one, "sampled", "sampled_interval", "beta", "first_order", "second_order"),
+        **fields_of(one, "near_points", "near_points_error"),
         "nearest_points": len(one.points),
         "most_likely_design": dict(zip(found.variables, design, strict=True)) if known else None,
         "importance": dict(zip(found.variables, one.importance, strict=True)),

@@ -18,277 +18,184 @@ class Said(str):
 
 Table = Mapping[str, Union[str, "Table"]]
 
-_BESIDE = Said("in the unit that stands beside it")
-_OF_QUANTITY = Said("in the unit of the quantity")
-_OF_NUMBER = Said("in the unit of the number of the machine")
-_RATIO = Said("in the unit of the quantity over that of the number")
-_MIXED = Said("in metres along x, y and z and in radians about them")
-_OPTION = Said("as the option was given")
-# Quantities and numbers of a machine listed by their names, each with its unit behind its name.
+# Notes that stand in braces in the place of a unit. Quantities and numbers of a machine listed by their
+# names each have their unit behind their name; two units are those that the result has under a key.
 _NAMED = Said("by name, with the unit that the registry or the result has for the name")
-# A unit that the result has under that key.
-_VIBRATION, _CORRECTION = Said("vibration_unit"), Said("correction_unit")
-_ROOT = (_VIBRATION, _CORRECTION)
-
-
-def _pure(*keys: str) -> dict[str, str]:
-    return _of("", *keys)
-
-
-def _of(unit: str, *keys: str) -> dict[str, str]:
-    return dict.fromkeys(keys, unit)
-
-
-_MOTION = {"ux": "m", "uy": "m", "uz": "m", "*": "rad"}
-_FORCES = {"ux": "N", "uy": "N", "uz": "N", "*": "N m"}
-_RUN: Table = {
-    **_of("J", "motor_work", "gas_work", "losses"),
-    **_of("rad/s", "lowest_speed", "highest_speed"),
-    **_of("N", "peak_forces", "mean_forces"),
-    "period": "s",
-    "stroke": "m",
-    **_pure("energy_residual", "residual", "resolution", "loss_share", "iterations", "tolerance"),
-    **_pure("cycle_resolution"),
-    "rod_load_reversal": {"*": {"angle": "rad", "share": ""}},
-    "verification": _pure(
-        "speed", "period", "mechanical_efficiency", "losses", "peak_forces", "closure", "steps"
-    ),
-    "moved_films": {"*": {"film_thickness": "m", "loss": "W"}},
-    "vibration": {
-        "harmonics": "",
-        "natural_frequencies": "rad/s",
-        **_of(_MIXED, "block_amplitude", "block_rms"),
-        "points": {
-            "*": {
-                **_of("m", "position", "amplitude", "rms", "peak", "free_body"),
-                "free_body_error": "",
-            }
-        },
-    },
-    "torsion": {
-        **_of("rad/s", "natural_frequencies", "critical_speeds"),
-        **_of("N m", "mean_torque", "peak_torque"),
-        "largest_order": "",
-    },
+_ROOT = (Said("vibration_unit"), Said("correction_unit"))
+_SAID = {
+    "beside": Said("in the unit that stands beside it"),
+    "quantity": Said("in the unit of the quantity"),
+    "number": Said("in the unit of the number of the machine"),
+    "ratio": Said("in the unit of the quantity over that of the number"),
+    "mixed": Said("in metres along x, y and z and in radians about them"),
+    "option": Said("as the option was given"),
+    "bytes": Said("in bytes"),
+    "parameters": Said("in the units of the parameters"),
+    "celsius": Said("in SI units, temperatures in degrees Celsius"),
+    "file": Said("as it stands in the file"),
+    "efficiency": Said("an efficiency, or of a response a displacement in metres"),
+    "named": _NAMED,
+    **{str(one): one for one in _ROOT},
 }
-_ROTOR = _pure("degrees_of_freedom", "magnetic_pull_limit") | {"speeds": "rad/s"}
-_MODES = _of("rad/s", "frequency", "growth") | _pure("damping_ratio", "whirl")
-_BEARING = {
-    **_of("m", "diameter", "length", "clearance", "minimum_film", "film_error", "table_error"),
-    **_of("m", "steady_film", "contact_roughness"),
-    **_of("rad/s", "speed", "journal_speed", "bush_speed", "least_friction_speed"),
-    **_of("rad", "attitude_angle", "minimum_film_angle", "table_period", "period"),
-    **_of("N", "load", "contact_load"),
-    **_of("N m", "friction_torque", "bush_torque", "contact_torque"),
-    **_of("W", "friction_power", "mean_loss", "mean_shear_loss", "mean_squeeze_loss"),
-    **_of("W", "mean_contact_loss"),
-    **_of("Pa", "peak_pressure", "contact_modulus"),
-    **_of("m^3/s", "side_flow", "mean_side_flow"),
-    "viscosity": "Pa s",
-    "stiffness": "N/m",
-    "damping": "N s/m",
-    "critical_mass": "kg",
-    "temperature_rise_of_oil": "K",
-    "*": "",
-}
-_SETTING = {
-    **_of("s", "seconds", "compile_seconds"),
-    **_pure("error", "iterations", "flops", "tightness", "lines", "floor"),
-    **_pure("speed_error", "margin"),
-    "value": Said("an efficiency, or of a response a displacement in metres"),
-}
-_VARIABLE = _of(
-    _BESIDE, "low", "high", "present", "value", "values", "gradient", "nominal", "deviation"
-)
-_SPREAD = _of(
-    _BESIDE,
-    "lowest",
-    "highest",
-    "mean",
-    "mean_error",
-    "deviation",
-    "deviation_error",
-    "percentiles",
-)
-_SAMPLE = _pure("count", "solved", "feasible") | {"best_objective": _OF_QUANTITY}
-_LISTED = {"*": {"value": _BESIDE, "given": _BESIDE}}
 
-# By the name of the command; `jaxcomp schema --results` prints what follows from them.
-TABLES: dict[str, Table] = {
-    "run": _RUN,
-    "animate": _of("rad/s", "speed") | _of("m", "largest_before", "largest_after")
-    | _pure("improvement"),
-    "simulate": {
-        **_of("s", "end_time", "time_of_highest_speed", "power_off"),
-        **_of("rad/s", "end_speed", "highest_speed"),
-        **_of("J", "motor_work", "gas_work", "losses", "kinetic_energy_gained"),
-        "end_angle": "rad",
-        "delivered_mass": "kg",
-        "highest_pressure": "Pa",
-        "highest_temperature": "K",
-        **_pure("revolutions", "energy_residual", "steps", "tolerance"),
-        "course": {"time": "s", "angle": "rad", "speed": "rad/s"},
-    },
-    "compare": {"figures": {"values": _BESIDE}},
-    "sensitivity": {
-        "quantities": {
-            "value": _BESIDE,
-            "numbers": {"value": _BESIDE, "elasticity": "", "derivative": _RATIO},
-        }
-    },
-    "sweep": {
-        **_pure("shape", "designs", "failed"),
-        "variables": {"*": _VARIABLE},
-        "quantities": {
-            "*": {
-                **_SPREAD,
-                "best": _NAMED,
-                "best_curve": {
-                    "points": {
-                        **_of(_OF_NUMBER, "across", "best", "between"),
-                        "value": _OF_QUANTITY,
-                    }
-                },
-                "values": _BESIDE,
-            }
-        },
-    },
-    "tolerance": {
-        "corrections": "kg m",
-        "variables": {"*": _VARIABLE | {"sigmas": ""}},
-        "correlations": {"value": ""},
-        **_pure("samples", "failed"),
-        "quantities": {
-            "*": {
-                **_SPREAD,
-                "nominal": _BESIDE,
-                "skewness": "",
-                **dict.fromkeys(
-                    ("first_order", "second_order"),
-                    _of(_OF_QUANTITY, "mean", "deviation"),
-                ),
-                "contributors": {
-                    "share": "",
-                    **_of(_OF_QUANTITY, "at_low_limit", "at_high_limit"),
-                },
-            }
-        },
-        "limits": {
-            "bound": _OF_QUANTITY,
-            **_pure("sampled", "sampled_interval", "beta", "first_order", "second_order"),
-            **_pure("near_points", "near_points_error", "nearest_points", "importance"),
-            "most_likely_design": _NAMED,
-        },
-        "permitted": _pure("factor", "rejects", "before"),
-    },
-    "optimise": {
-        "asked": {"*": _OPTION},
-        "variables": _VARIABLE,
-        "objective": _VARIABLE,
-        "objectives": {},
-        "constraints": {"*": _BESIDE},
-        "quantities": _NAMED,
-        **_pure("stationarity", "agreeing", "evaluations", "beaten_by"),
-        "local": {"*": _OF_NUMBER},
-        "starts": {
-            **_of(_OF_NUMBER, "start", "values", "path"),
-            **_of(_OF_QUANTITY, "objective", "objectives"),
-            **_pure("violation", "stationarity", "steps", "slopes"),
-        },
-        "comparison": _of(_BESIDE, "present", "optimum"),
-        "present": _NAMED,
-        "points": {"values": _NAMED, "objectives": _NAMED, "exchange": _RATIO},
-        "sample": _SAMPLE,
-        "seconds": "s",
-    },
-    "map": {
-        **_of("K", "evaporating", "condensing"),
-        **{key: {"power": "W", "*": _NAMED} for key in ("values", "polynomial_error")},
-        "coefficients": {"*": Said("in SI units, temperatures in degrees Celsius")},
-        "fit_error": "",
-    },
-    "identify": {
-        "parameters": {
-            **_of(_BESIDE, "start", "estimate", "standard_error"),
-            "prior_share": "",
-        },
-        "covariance": Said("in the units of the parameters"),
-        **_pure("chi_square", "freedom", "p_value"),
-        "held_out": _pure("points", "error_rms", "largest_error", "share_inside"),
-        "predicted": _of(_BESIDE, "value", "model_sd", "half_width"),
-    },
-    "modes": {
-        **_ROTOR,
-        "modes": _MODES,
-        "growth": "rad/s",
-        "campbell": {"speeds": "rad/s", **_MODES, "critical_speeds": {"speed": "rad/s", **_MODES}},
-    },
-    "update": {
-        "variables": {"factor": "", **_of(_OF_NUMBER, "before", "after", "standard_error")},
-        "modes": _of("rad/s", "measured", "before", "after") | _pure("mode", "error"),
-        "steps": "",
-    },
-    "respond": {
-        **_ROTOR,
-        "orders": "",
-        "nodes": {
-            "*": {
-                "amplitude": _MOTION,
-                "phase": {"*": "rad"},
-                **_of("m", "major_axis", "minor_axis"),
-                "inclination": "rad",
-            }
-        },
-        "links": {"*": _FORCES},
-        "correction": "",
-        "curves": {"speeds": "rad/s", "major_axis": "m"},
-        "linearised": {
-            "*": {
-                "major_axis": "m",
-                "films": {"*": {"stiffness": "N/m", "damping": "N s/m"}},
-            }
-        },
-    },
-    "balance": {
-        "planes": {
-            "correction": _CORRECTION,
-            "unbalance": "kg m",
-            "phase": "rad",
-            "radius": "m",
-            "mass": "kg",
-        },
-        "rows": {
-            "speed": "rad/s",
-            "weight": "",
-            **_of(_VIBRATION, "before", "after", "sensitivity"),
-            **_of("rad", "before_phase", "after_phase"),
-        },
-        **_pure("worse", "improvement", "condition", "gap"),
-        **_of(_VIBRATION, "objective", "bound"),
-    },
-    "bearing": _BEARING,
-    "accuracy": {
-        "reference": {"value": _OF_QUANTITY, "other": _OF_QUANTITY, "floor": ""},
-        "calls": {"*": {"first": "s", "second": "s", "lines": ""}},
-        "march": {"*": ""},
-        "error": "",
-        "recommended": _SETTING,
-        "recommended_by_task": {"*": _SETTING},
-        "rows": _SETTING,
-        "cheapest": "s",
-        "derivatives": {"*": ""},
-        "measured_on": _pure("cores", "load"),
-    },
-    "check": {
-        "parts": {"*": _pure("values", "defaults", "without_source")},
-        "follows": {"value": _BESIDE},
-        "unusual": {"*": _BESIDE},
-        "errors": {"value": Said("as it stands in the file")},
-    },
-    "cache": {"programs": "", "size": Said("in bytes")},
-    "list": {"values": _LISTED, "variables": _LISTED},
-    "explain": {},
-}  # fmt: skip
+# By the name of the command; `jaxcomp schema --results` prints what follows from them. A line has keys
+# with their unit, several separated by semicolons, behind the places that hold them.
+_TEXTS = {
+    "run": """
+        motor_work, gas_work, losses [J]; lowest_speed, highest_speed [rad/s]
+        peak_forces, mean_forces [N]; period [s]; stroke [m]
+        energy_residual, residual, resolution, loss_share, iterations, tolerance, cycle_resolution
+        rod_load_reversal.*: angle [rad]; share
+        verification: speed, period, mechanical_efficiency, losses, peak_forces, closure, steps
+        moved_films.*: film_thickness [m]; loss [W]
+        vibration: harmonics; natural_frequencies [rad/s]; block_amplitude, block_rms {mixed}
+        vibration.points.*: position, amplitude, rms, peak, free_body [m]; free_body_error
+        torsion: natural_frequencies, critical_speeds [rad/s]; mean_torque, peak_torque [N m]
+        torsion: largest_order
+    """,
+    "animate": "speed [rad/s]; largest_before, largest_after [m]; improvement",
+    "simulate": """
+        end_time, time_of_highest_speed, power_off [s]; end_speed, highest_speed [rad/s]
+        motor_work, gas_work, losses, kinetic_energy_gained [J]
+        end_angle [rad]; delivered_mass [kg]; highest_pressure [Pa]; highest_temperature [K]
+        revolutions, energy_residual, steps, tolerance
+        course: time [s]; angle [rad]; speed [rad/s]
+    """,
+    "compare": "figures: values {beside}",
+    "sensitivity": """
+        quantities: value {beside}
+        quantities.numbers: value {beside}; elasticity; derivative {ratio}
+    """,
+    "sweep": """
+        shape, designs, failed
+        variables.*: low, high, present, value, values, gradient, nominal, deviation {beside}
+        quantities.*: lowest, highest, mean, mean_error, deviation, deviation_error {beside}
+        quantities.*: percentiles {beside}; best {named}
+        quantities.*.best_curve.points: across, best, between {number}; value {quantity}
+        quantities.*: values {beside}
+    """,
+    "tolerance": """
+        corrections [kg m]
+        variables.*: low, high, present, value, values, gradient, nominal, deviation {beside}
+        variables.*: sigmas
+        correlations: value
+        samples, failed
+        quantities.*: lowest, highest, mean, mean_error, deviation, deviation_error {beside}
+        quantities.*: percentiles, nominal {beside}; skewness
+        quantities.*.first_order|quantities.*.second_order: mean, deviation {quantity}
+        quantities.*.contributors: share; at_low_limit, at_high_limit {quantity}
+        limits: bound {quantity}; sampled, sampled_interval, beta, first_order, second_order
+        limits: near_points, near_points_error, nearest_points, importance
+        limits: most_likely_design {named}
+        permitted: factor, rejects, before
+    """,
+    "optimise": """
+        asked: * {option}
+        variables|objective: low, high, present, value, values, gradient {beside}
+        variables|objective: nominal, deviation {beside}
+        objectives:
+        constraints: * {beside}
+        quantities {named}; stationarity, agreeing, evaluations, beaten_by
+        local: * {number}
+        starts: start, values, path {number}; objective, objectives {quantity}
+        starts: violation, stationarity, steps, slopes
+        comparison: present, optimum {beside}
+        present {named}
+        points: values, objectives {named}; exchange {ratio}
+        sample: count, solved, feasible; best_objective {quantity}
+        seconds [s]
+    """,
+    "map": """
+        evaporating, condensing [K]
+        values|polynomial_error: power [W]; * {named}
+        coefficients: * {celsius}
+        fit_error
+    """,
+    "identify": """
+        parameters: start, estimate, standard_error {beside}; prior_share
+        covariance {parameters}; chi_square, freedom, p_value
+        held_out: points, error_rms, largest_error, share_inside
+        predicted: value, model_sd, half_width {beside}
+    """,
+    "modes": """
+        degrees_of_freedom, magnetic_pull_limit; speeds [rad/s]
+        modes: frequency, growth [rad/s]; damping_ratio, whirl
+        growth [rad/s]
+        campbell: speeds, frequency, growth [rad/s]; damping_ratio, whirl
+        campbell.critical_speeds: speed, frequency, growth [rad/s]; damping_ratio, whirl
+    """,
+    "update": """
+        variables: factor; before, after, standard_error {number}
+        modes: measured, before, after [rad/s]; mode, error
+        steps
+    """,
+    "respond": """
+        degrees_of_freedom, magnetic_pull_limit; speeds [rad/s]; orders
+        nodes.*.amplitude: ux, uy, uz [m]; * [rad]
+        nodes.*.phase: * [rad]
+        nodes.*: major_axis, minor_axis [m]; inclination [rad]
+        links.*: ux, uy, uz [N]; * [N m]
+        correction
+        curves: speeds [rad/s]; major_axis [m]
+        linearised.*: major_axis [m]
+        linearised.*.films.*: stiffness [N/m]; damping [N s/m]
+    """,
+    "balance": """
+        planes: correction {correction_unit}; unbalance [kg m]; phase [rad]; radius [m]; mass [kg]
+        rows: speed [rad/s]; weight; before, after, sensitivity {vibration_unit}
+        rows: before_phase, after_phase [rad]
+        worse, improvement, condition, gap; objective, bound {vibration_unit}
+    """,
+    "bearing": """
+        diameter, length, clearance, minimum_film, film_error, table_error [m]
+        steady_film, contact_roughness [m]
+        speed, journal_speed, bush_speed, least_friction_speed [rad/s]
+        attitude_angle, minimum_film_angle, table_period, period [rad]
+        load, contact_load [N]; friction_torque, bush_torque, contact_torque [N m]
+        friction_power, mean_loss, mean_shear_loss, mean_squeeze_loss, mean_contact_loss [W]
+        peak_pressure, contact_modulus [Pa]; side_flow, mean_side_flow [m^3/s]; viscosity [Pa s]
+        stiffness [N/m]; damping [N s/m]; critical_mass [kg]; temperature_rise_of_oil [K]; *
+    """,
+    "accuracy": """
+        reference: value, other {quantity}; floor
+        calls.*: first, second [s]; lines
+        march: *
+        error
+        recommended|recommended_by_task.*|rows: seconds, compile_seconds [s]; error, iterations
+        recommended|recommended_by_task.*|rows: flops, tightness, lines, floor, speed_error, margin
+        recommended|recommended_by_task.*|rows: value {efficiency}
+        cheapest [s]
+        derivatives: *
+        measured_on: cores, load
+    """,
+    "check": """
+        parts.*: values, defaults, without_source
+        follows: value {beside}
+        unusual: * {beside}
+        errors: value {file}
+    """,
+    "cache": "programs; size {bytes}",
+    "list": "values.*|variables.*: value, given {beside}",
+    "explain": "",
+}
+_GROUP = re.compile(r" *(?P<keys>[^[{]*?) *(\[(?P<unit>.*)\]|\{(?P<note>.*)\})?")
+
+
+def _table(text: str) -> Table:
+    table: dict[str, Any] = {}
+    for line in text.split("\n"):
+        places, colon, groups = line.strip().rpartition(":")
+        for place in places.split("|"):
+            there = table
+            for key in place.split(".") if colon else ():
+                there = there.setdefault(key, {})
+            for one in filter(None, map(_GROUP.fullmatch, groups.split(";"))):
+                unit = _SAID[one["note"]] if one["note"] else one["unit"] or ""
+                there |= dict.fromkeys(filter(None, one["keys"].split(", ")), unit)
+    return table
+
+
+TABLES = {command: _table(text) for command, text in _TEXTS.items()}
 
 
 def table_of(command: str) -> Table:
@@ -296,8 +203,8 @@ def table_of(command: str) -> Table:
 
     A result that is written without any command counts as that of a run.
     """
-    table = TABLES.get(command, _RUN)
-    if table in (_RUN, TABLES["animate"]):
+    table = TABLES.get(command, TABLES["run"])
+    if table in (TABLES["run"], TABLES["animate"]):
         return {one.family or one.name: one.unit for one in registered()} | table
     return table
 

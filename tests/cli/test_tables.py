@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from jaxcomp.cli._run import _power
+from jaxcomp.cli._run_tables import _power
 from jaxcomp.cli._tables import fitted, row_table
 from jaxcomp.crank import POWER
 

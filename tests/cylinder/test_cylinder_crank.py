@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, SolveFailed, Status, load, problem, solve_orbit
 from jaxcomp.cli import app
-from jaxcomp.cli._run import _undelivered
+from jaxcomp.cli._run_tables import undelivered_tables
 from jaxcomp.compressor import cylinder_pressure
 from jaxcomp.crank import Collocation, performance
 from jaxcomp.cylinder import CycleOptions, SeveralCycles, solve_cycle
@@ -273,5 +273,5 @@ def test_a_machine_that_delivers_nothing_says_what_it_lacks(monkeypatch):
     assert behind == pytest.approx(18.83, abs=0.02)  # propane at 54.4 degrees
     assert lack == pytest.approx(behind - peak, abs=0.01)  # of printed digits
     both = SeveralCycles(jax.tree.map(lambda *x: jnp.stack(x), results[1], results[0]))
-    table, *_ = _undelivered(SimpleNamespace(cycle=both))
+    table, *_ = undelivered_tables(SimpleNamespace(cycle=both))
     assert table.title == "Cylinder 2: no gas is delivered"

@@ -1,0 +1,130 @@
+"""What follows from the entries of a machine file: sizes, ratios, natural frequencies, freedoms."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from .._core.display import RPM, axes_words
+from .._core.each import AbstractEach
+from .._core.fields import listed, of_cylinder, subparts
+from ..compressor import Compressor
+from ..cylinder import Cylinder
+from ..gas import PolytropicCycle
+from ..machine import machine_of
+from ..rotor import AXES, RotorModel, node_names, subset_names, subsets, undamped_modes
+from ..study import design_rules, variable_names
+from ..vibration import Suspension
+from ._scene import Scene
+
+
+def follows(scene: Scene) -> Iterator[tuple[str, Any, str]]:
+    """(name, value, unit) of what follows from the entries of a machine file, in shown units.
+
+    Args:
+        scene: of `jaxcomp.load`.
+    """
+    names = variable_names(machine_of(scene))
+    rules = ", ".join(name for name in names if name in design_rules)
+    yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
+    if scene.compressor is not None:
+        mechanism: Any = of_cylinder(scene.compressor.mechanism)
+        gas = of_cylinder(scene.compressor.gas)
+        yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
+        yield "Swept volume", 1e6 * float(mechanism.swept_volume), "cm3"
+        if scene.compressor.crankshaft.count > 1:
+            yield from _of_cylinders(scene.compressor)
+        bore = getattr(mechanism, "bore", None)
+        if bore is not None:
+            yield "Stroke over bore", float(mechanism.stroke / bore), ""
+        ratio = getattr(mechanism, "conrod_ratio", None)
+        if ratio is not None:
+            yield "Crank radius over rod length", float(ratio), ""
+        if isinstance(gas, PolytropicCycle):
+            yield "Pressure ratio", float(gas.discharge_pressure / gas.suction_pressure), ""
+        speed = float(scene.compressor.motor.speed_guess)
+        if isinstance(gas, Cylinder):
+            yield from _of_valves(gas, speed)
+        yield "Speed, about", speed * RPM, "rpm"
+        yield "Mean piston speed, about", float(mechanism.stroke) * speed / math.pi, "m/s"
+        yield "Degrees of freedom of the crank", 1, ""
+    model = scene.parts.get("rotor")
+    if isinstance(model, RotorModel):
+        count = len(node_names(model))
+        slaved = sum(len(body.nodes) for body in model.bodies)
+        yield "Nodes of the rotor model", count, f"{slaved} of them fixed to rigid bodies"
+        conditions = [axis for link in model.links if link.held for axis in link.axes]
+        held = sum(axis in AXES[model.dof] for axis in conditions)
+        less = f", less {held} of pinned and clamped links" if held else ""
+        yield (
+            "Degrees of freedom",
+            (count - slaved) * model.dof - held,
+            f"{model.dof} a free node{less}",
+        )
+        for name, group in zip(subset_names(model), subsets(model), strict=True):
+            nodes = ", ".join(str(node) for node in group)
+            yield f"Subset {name}", nodes if len(nodes) <= 60 else f"{nodes[:57]}...", "nodes"
+    block = scene.parts.get("suspension")
+    if isinstance(block, Suspension):
+        hertz = undamped_modes(block.rotor, 6).frequency / (2 * math.pi)
+        text = ", ".join(f"{f:.3g}" for f in hertz)
+        yield "Block on its springs, 6 degrees of freedom", text, "Hz"
+
+
+def _of_cylinders(compressor: Compressor):
+    """What follows from how cylinders stand about the crankshaft."""
+    crankshaft = compressor.crankshaft
+    intervals = np.rad2deg(np.asarray(crankshaft.firing_intervals))
+    even = np.ptp(intervals) < 0.01
+    shown = f"{intervals[0]:.4g}" if even else ", ".join(f"{x:.4g}" for x in intervals)
+    parts = {"gas": compressor.gas, "friction": compressor.friction}
+    kinds = [
+        f"the kind of {section}.{path}".rstrip(".")
+        for section, whole in parts.items()
+        for path, part in subparts(whole)
+        if isinstance(part, AbstractEach)
+    ]
+    differing = ", ".join([*listed((compressor.mechanism, compressor.gas)), *kinds])
+    yield "Cylinders", crankshaft.count, f"different in {differing}" if differing else ""
+    yield "Axes", axes_words(crankshaft.bank_angle), ""
+    gas = getattr(compressor.gas, "head_end", compressor.gas)
+    suction = np.unique(np.atleast_1d(getattr(gas, "suction_pressure", 0.0)))
+    if suction.size > 1:
+        between = ", ".join(f"{1e-5 * p:.5g}" for p in suction[1:])
+        yield "Pressure between stages", f"{between} bar", ""
+    yield "Between top dead centres", f"{shown} deg", "even" if even else "uneven"
+    places = getattr(crankshaft.main_journal, "position", None)
+    if places is not None:
+        rods = np.asarray(crankshaft.position)
+        outside = int(np.sum((rods < np.min(places)) | (rods > np.max(places))))
+        yield "Rods outside the main bearings", outside, "overhung" if outside else ""
+
+
+def _of_valves(gas: Cylinder, speed: float):
+    """What follows from the lines and valves of a cylinder, and what it leaves out."""
+    suction = gas.suction.state(gas.fluid)
+    behind = gas.discharge.states(gas.fluid, suction)[0]
+    yield "Pressure ratio", float(behind.p / suction.p), ""
+    for name, valve in zip(("suction", "discharge"), gas.valves, strict=True):
+        if valve.oscillator is not None:
+            own = math.sqrt(float(valve.oscillator.stiffness / valve.oscillator.mass))
+            note = f"{own / speed:.3g} times the crank's speed"
+            yield f"Natural frequency of the {name} valve", own / (2 * math.pi), f"Hz, {note}"
+    lines = ("suction", suction, gas.suction.plenums), ("discharge", behind, gas.discharge.plenums)
+    for name, state, plenums in lines:
+        for number, plenum in enumerate(plenums, 1):
+            stiffness = plenum.neck_area / (plenum.volume * plenum.neck_length)
+            own = float(state.speed_of_sound) * math.sqrt(float(stiffness))
+            note = f"Hz, {own / speed:.3g} times the crank's speed"
+            yield f"Resonance of {name} plenum {number}", own / (2 * math.pi), note
+    if gas.walls is not None:
+        total = float(gas.walls.conductance)
+        yield "Conductance of the wall", total, "W/K in all; its temperature is an unknown"
+    if not gas.inert:
+        yield "Flow through the ports", "quasi-steady", "values only: derivatives need port_length"
+    yield (
+        "Not modelled",
+        "stratified gas, pulsation in the lines beyond their plenums",
+        "oil in the gas, wet compression",
+    )
