@@ -8,7 +8,7 @@ import io
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from copy import copy
 from dataclasses import fields, is_dataclass
 from functools import wraps
@@ -74,8 +74,8 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
     text, _, listed = inspect.cleandoc(command.__doc__ or "").partition("\n\nArgs:\n    ")
     entries = (_ENTRY.fullmatch(" ".join(one.split())) for one in re.split(r"\n    (?=\w)", listed))
     docs = {entry[1]: entry for entry in entries if entry}
-    parameters = []
-    for one in _options_of(command):
+    (options, groups), parameters = _options_of(command), []
+    for one in options:
         kind, info = one.annotation, typer.Option()
         if get_origin(kind) is Annotated:
             kind, shared = get_args(kind)
@@ -87,31 +87,29 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
         if entry := docs.get(one.name):
             info.metavar, info.help = entry[2], entry[3]
         parameters.append(one.replace(annotation=Annotated[kind, info], kind=one.KEYWORD_ONLY))
-    called = _grouping(command)
+    called = _grouping(command, groups)
     called.__signature__ = inspect.Signature(parameters)  # pyright: ignore
     called.__annotations__ = {one.name: one.annotation for one in parameters}
     app.command(name, help=_flowing(text), rich_help_panel=panel)(called)
 
 
-def _groups(command: Callable[..., None]) -> dict[str, Any]:
-    """The parameters of a command that stand for a group of options, a dataclass, by name."""
-    parameters = inspect.signature(command, eval_str=True).parameters.values()
-    return {one.name: one.annotation for one in parameters if is_dataclass(one.annotation)}
+def _options_of(command: Callable[..., None]) -> tuple[list[inspect.Parameter], dict[str, Any]]:
+    """The single options of a command, and by name its parameters that stand for a group of them.
 
-
-def _options_of(command: Callable[..., None]) -> Iterator[inspect.Parameter]:
-    """The options of a command, those of a group in its place."""
-    groups = _groups(command)
+    A group is a dataclass, whose fields are options in its place.
+    """
+    options, groups = [], {}
     for one in inspect.signature(command, eval_str=True).parameters.values():
-        if one.name in groups:
-            yield from inspect.signature(groups[one.name], eval_str=True).parameters.values()
+        if is_dataclass(one.annotation):
+            groups[one.name] = one.annotation
+            options += inspect.signature(one.annotation, eval_str=True).parameters.values()
         else:
-            yield one
+            options.append(one)
+    return options, groups
 
 
-def _grouping(command: Callable[..., None]) -> Callable[..., None]:
+def _grouping(command: Callable[..., None], groups: dict[str, Any]) -> Callable[..., None]:
     """A command that is called with single options, and takes some of them in groups."""
-    groups = _groups(command)
 
     @wraps(command)
     def called(**options: Any) -> None:

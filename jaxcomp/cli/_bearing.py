@@ -14,7 +14,7 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM
-from ._output import Output, OutputWithoutScene, plain
+from ._output import Output, OutputWithoutScene, fields_of, plain
 from ._start import refuse, start_jax, waiting
 from ._tables import row_table, value_rows
 
@@ -32,11 +32,15 @@ _CLASSES = {
 }
 # The models in which journals move, by their names as films of a `JournalBearing`.
 _MOVING = {"reynolds": "reynolds", "ocvirk": "short"}
-# Units of the options that are numbers of the bearing.
-_UNITS = {
-    **{"length": "m", "diameter": "m", "clearance": "m", "viscosity": "Pa s"},
+# Units of the options that are numbers of the bearing, and the fields that those of a contact set.
+_SIZES = {"length": "m", "diameter": "m", "clearance": "m", "viscosity": "Pa s"}
+_UNITS = _SIZES | {
     **{"speed": "rad/s", "load": "N"},
     **{"roughness": "m", "boundary-friction": "", "modulus": "Pa", "elastic-factor": ""},
+}
+_CONTACT = {
+    **{"roughness": "roughness", "boundary-friction": "coefficient"},
+    **{"modulus": "modulus", "elastic-factor": "elastic_factor"},
 }
 
 
@@ -145,27 +149,19 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
 
 
 def _contact(given: dict[str, float]) -> dict[str, float]:
-    """The numbers of a contact, taken out of those that are given."""
-    names = ("roughness", "boundary-friction", "modulus", "elastic-factor")
-    contact = {name: given.pop(name) for name in names if name in given}
+    """The numbers of a contact by the names of its fields, taken out of those that are given."""
+    contact = {name: given.pop(name) for name in _CONTACT if name in given}
     for name, value in contact.items():
-        friction = name == "boundary-friction"
-        refuse(
-            value < 0 or (value == 0 and not friction), f"--{name} {value:.6g}: must be positive"
-        )
-    for name in names[:2] if contact else ():
+        wrong = value < 0 or (value == 0 and name != "boundary-friction")
+        refuse(wrong, f"--{name} {value:.6g}: must be positive")
+    for name in list(_CONTACT)[:2] if contact else ():
         refuse(name not in contact, f"Missing option '--{name}': a contact needs it")
-    return contact
+    return {_CONTACT[name]: value for name, value in contact.items()}
 
 
 def _part(given, film, lands: int, contact: dict[str, float]):
     """The bearing of the options."""
-    rough = None
-    if contact:
-        known = (contact.get(name) for name in ("modulus", "elastic-factor"))
-        defaults = zip(("modulus", "elastic_factor"), known, strict=True)
-        more = {name: value for name, value in defaults if value is not None}
-        rough = jc.film.AsperityContact(contact["roughness"], contact["boundary-friction"], **more)
+    rough = jc.film.AsperityContact(**contact) if contact else None
     size = (given[name] for name in ("diameter", "length", "clearance", "viscosity"))
     return jc.JournalBearing(*size, film, lands=lands, contact=rough)
 
@@ -289,17 +285,15 @@ def loaded_tables(found, result: dict[str, Any]):
 
 def _named(bearing) -> dict[str, float]:
     """The numbers of the contact of a bearing by name."""
-    contact = bearing.contact
-    fields = ("roughness", "coefficient", "modulus", "elastic_factor")
-    return {} if contact is None else {f"contact_{n}": float(getattr(contact, n)) for n in fields}
+    contact = fields_of(bearing.contact, *_CONTACT.values()) if bearing.contact else {}
+    return {f"contact_{name}": float(value) for name, value in contact.items()}
 
 
 def _check(
     given: dict[str, float], model: str, ratios: tuple[float, float], lands: int = 1
 ) -> None:
     size = {name: f"--{name} {value:.6g}" for name, value in given.items() if name != "speed"}
-    units = {"length": "m", "diameter": "m", "clearance": "m", "viscosity": "Pa s"}
-    for name, unit in units.items():
+    for name, unit in _SIZES.items():
         refuse(given[name] <= 0, f"{size[name]} {unit}: must be > 0 {unit}")
     refuse(given["speed"] == 0, "--speed 0 rad/s: must not be 0 rad/s; a film needs motion")
     refuse(given.get("load", 0) < 0, f"{size.get('load')} N: must be >= 0 N")

@@ -130,7 +130,8 @@ def identify(
         seed (N): Of what is drawn.
     """
     from ..scene.readings import identified_scene
-    from ..study import identify, with_own_factors
+    from ..scene.tolerances import identified_tolerances
+    from ..study import with_own_factors
 
     scene = case.scene(varied=vary)
     method = chosen_solver(solver, scene)
@@ -143,24 +144,10 @@ def identify(
     known |= _priors(scene, prior)
     held = split.held_out(data_sets, seed)
     ahead = None if predict is None else polynomials.read([predict], scene, method)[0]
-    partial = Partial(output.out, "evaluations")
-
-    def keep(estimate, chi_square):
-        names = list(bounds)
-        columns = {"constant": names, "value, SI": estimate[: len(names)].tolist()}
-        partial.keep(columns, f"chi-square {chi_square:.4g}")
-
-    options = {"sd": _deviations(data_sets, sd), "hold_out": held, "loss": loss, "starts": starts}
-    with waiting("Solving the points (the first time they are compiled as well) ...") as status:
-
-        def progress(text: str) -> None:
-            if status is not None:
-                status.update(f"{text} ...")
-
-        options |= {"seed": seed, "progress": progress, "keep": keep}
-        found = identify(scene, data_sets, bounds, known, **options)
-        said = None if ahead is None else found.predict(ahead)
-    partial.done()
+    options = {"sd": _deviations(data_sets, sd), "hold_out": held}
+    options |= {"loss": loss, "starts": starts, "seed": seed}
+    given = scene, data_sets, bounds, known
+    found, said = _identified(*given, options, ahead, output.out)
     result = {"machine": scene.name, "file": scene.file, "source": found.source, **as_dict(found)}
     curves: dict[str, Any] = {"readings": found.columns}
     if said is not None:
@@ -177,18 +164,35 @@ def identify(
         lambda: jc.plot.identification_figures(found, scene.name),
         identified_scene(scene, found),
         curves,
+        files=lambda: {
+            "identified.json": json.dumps(plain(as_dict(found)), indent=1),
+            "tolerances.toml": identified_tolerances(found),
+        },
     )
-    if output.out is not None:
-        _write_identified(output.out, found)
 
 
-def _write_identified(folder: Path, found) -> None:
-    """The covariance, and the tolerances with which `tolerance` draws such machines."""
-    from ..scene.tolerances import identified_tolerances
+def _identified(scene, data_sets, bounds, known, options: dict[str, Any], ahead, out: Path | None):
+    """The identification, and what it predicts; the best estimate so far is kept."""
+    from ..study import identify
 
-    numbers = json.dumps(plain(as_dict(found)), indent=1)
-    (folder / "identified.json").write_text(numbers, encoding="utf-8")
-    (folder / "tolerances.toml").write_text(identified_tolerances(found), encoding="utf-8")
+    partial = Partial(out, "evaluations")
+
+    def keep(estimate, chi_square):
+        names = list(bounds)
+        columns = {"constant": names, "value, SI": estimate[: len(names)].tolist()}
+        partial.keep(columns, f"chi-square {chi_square:.4g}")
+
+    with waiting("Solving the points (the first time they are compiled as well) ...") as status:
+
+        def progress(text: str) -> None:
+            if status is not None:
+                status.update(f"{text} ...")
+
+        options |= {"progress": progress, "keep": keep}
+        found = identify(scene, data_sets, bounds, known, **options)
+        said = None if ahead is None else found.predict(ahead)
+    partial.done()
+    return found, said
 
 
 def as_dict(found) -> dict[str, Any]:

@@ -74,30 +74,26 @@ def rating_map(
             for n, one in {_speed(one): one for one in scenes}.items()
         }
     found = next(iter(maps.values()))
-    text = None
+    files = {}
     if output.out is not None and found.coefficients:
         told = rating_metadata(scene, rating)
-        text = polynomial_text(maps, int(coefficients), told, form, scene.as_compressor())
-    keys = [
-        "evaporating",
-        "condensing",
-        "ok",
-        "values",
-        "coefficients",
-        "fit_error",
-        "polynomial_error",
-    ]
+        files[FORMATS[form]] = polynomial_text(
+            maps, int(coefficients), told, form, scene.as_compressor()
+        )
+    result = {
+        **{"machine": scene.name, "file": scene.file, "rating": rating},
+        **fields_of(found, "evaporating", "condensing", "ok", "values", "coefficients"),
+        **fields_of(found, "fit_error", "polynomial_error"),
+        **case.changes,
+    }
     output.emit(
-        {"machine": scene.name, "file": scene.file, "rating": rating}
-        | fields_of(found, *keys)
-        | case.changes,
+        result,
         lambda _: map_tables(found, scene.name),
         lambda: jc.plot.rating_figures(found, scene.name),
         scene,
         {"map": found.columns},
+        files=lambda: files,
     )
-    if output.out is not None and text is not None:
-        (output.out / FORMATS[form]).write_text(text, encoding="utf-8")
 
 
 def _at_speeds(case: opt.Case, speeds: str | None) -> list[jc.scene.Scene]:

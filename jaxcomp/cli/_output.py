@@ -47,6 +47,7 @@ class Output:
         scene: "Scene | None" = None,
         curves: Mapping[str, Callable[[], Mapping[str, Any]]] | None = None,
         written: str = _WRITTEN,
+        files: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
         """Write the folder of a command if one is named, and print JSON or tables.
 
@@ -57,6 +58,7 @@ class Output:
             scene: as it was run; `None` where there is none.
             curves: what makes the columns, by the name of the CSV file that takes them.
             written: names of the kinds of files in the folder.
+            files: makes the texts of further files, by name.
         """
         whole = plain(result)
         shown = list(tables(whole))
@@ -64,6 +66,8 @@ class Output:
             with waiting("Drawing ..."):
                 columns = {name: made() for name, made in (curves or {}).items()}
                 write_results(self.out, figures(), whole, scene, shown, columns)
+                for name, text in files().items():
+                    _write(self.out / name, text.encode())
         show_results(whole, shown, self.as_json, self.out, written)
 
 

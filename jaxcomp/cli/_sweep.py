@@ -14,14 +14,12 @@ import jaxcomp as jc
 from .._core.interrupts import words_when_stopped
 from . import _options as opt
 from ._arguments import assignments, with_one_unit
-from ._output import Output, records
+from ._output import Output
 from ._start import CommandError, cluster, refuse
 from ._tables import row_table
 
-# Designs up to which JSON has all of them; a table has a row each up to the second.
-_IN_JSON = 10_000
+# Designs up to which a table has a row each.
 _ROWS = 40
-_SHARES = (5, 50, 95)
 # A word and no number: a sweep of its own for each of its values.
 _LAYOUT = "crankshaft.layout"
 
@@ -92,13 +90,14 @@ def sweep(
         else:
             found = jc.study.sweep.sweep(scene, axes, asked, **options)
     of_scene = (found, scene.name)
-    result = (layouts_result if several else sweep_result)(*of_scene)
+    found_of = layouts_result if several else jc.study.sweep.summary
+    result = {"scene": scene.name, **found_of(found)}
     output.emit(
         result | {"store": None if store is None else str(store)},
         lambda whole: layouts_tables(*of_scene) if several else sweep_tables(found, whole),
         lambda: layouts_figures(*of_scene) if several else jc.plot.sweep_figures(*of_scene),
         scene,
-        {"designs": lambda: sweep_columns(found)},
+        {"designs": lambda: jc.study.sweep.columns(found)},
     )
 
 
@@ -119,13 +118,13 @@ def _of_each(found) -> dict[str, Any]:
     return {name: found.sel({_LAYOUT: name}, drop=True) for name in names}
 
 
-def layouts_result(found, scene: str) -> dict[str, Any]:
+def layouts_result(found) -> dict[str, Any]:
     """All designs of each layout."""
     values = {
         name: {q: part[q].values for q in map(str, part.data_vars)}
         for name, part in _of_each(found).items()
     }
-    return {"scene": scene, "layouts": values}
+    return {"layouts": values}
 
 
 def layouts_tables(found, scene: str) -> Iterator[Any]:
@@ -231,69 +230,6 @@ def number(text: str, unit: str, option: str, difference: bool, default_unit: st
     except ValueError:
         given = text
     return float(jc.scene.to_si(given, unit, option, default_unit, difference))
-
-
-def sweep_result(found, scene: str) -> dict[str, Any]:
-    """The answer in SI units, with all designs if they are few."""
-    ok = found["ok"].values
-    few = ok.size <= _IN_JSON
-    variables = [str(name) for name in found.coords if name != "sample"]
-    quantities = [str(name) for name in found.data_vars if name != "ok"]
-
-    def variable(values):
-        low, high = values.values.min(), values.values.max()
-        listed = values.values if few else None
-        return {"unit": values.attrs["units"], "low": low, "high": high, "values": listed}
-
-    return {
-        "scene": scene,
-        "dimensions": list(map(str, found["ok"].dims)),
-        "shape": ok.shape,
-        "designs": ok.size,
-        "failed": ok.size - ok.sum(),
-        "variables": {name: variable(found[name]) for name in variables},
-        "quantities": {name: _quantity(found, name, few) for name in quantities},
-        "ok": ok if few else None,
-    }
-
-
-def _quantity(found, name: str, few: bool) -> dict[str, Any]:
-    import numpy as np
-
-    data, attributes = found[name].values, found[name].attrs
-    ranked = attributes["better"] in ("more", "less")
-    curve = None
-    if ranked and data.ndim == 2 and found[name].dims != ("sample",):
-        best = jc.study.sweep.best_curve(found, name)
-        along, across = map(str, found[name].dims)
-        columns = zip(("across", "best", "between", "value"), best, strict=True)
-        curve = {"along": along, "across": across, "points": records(**dict(columns))}
-    good = data[np.isfinite(data)]
-    keys = ("lowest", "highest", "mean", "deviation", "percentiles")
-    statistics: dict[str, Any] = dict.fromkeys(keys)
-    if good.size:
-        levels = dict(zip(map(str, _SHARES), np.percentile(good, _SHARES), strict=True))
-        numbers = (good.min(), good.max(), good.mean(), good.std(), levels)
-        statistics = dict(zip(keys, numbers, strict=True))
-    return {
-        "unit": attributes["units"],
-        "better": attributes["better"],
-        **statistics,
-        "best": jc.study.sweep.best_design(found, name) if ranked else None,
-        "best_curve": curve,
-        "values": data if few else None,
-    }
-
-
-def sweep_columns(found) -> dict[str, Any]:
-    """Every design with its quantities, by name and unit."""
-    from .._core.results import with_unit
-
-    columns = {}
-    for name in (str(name) for name in (*found.coords, *found.data_vars)):
-        whole = found[name].broadcast_like(found["ok"]).transpose(*found["ok"].dims)
-        columns[with_unit(name, found[name].attrs.get("units", ""))] = whole.values.ravel()
-    return columns
 
 
 def sweep_tables(found, result: dict[str, Any]):

@@ -13,3 +13,5 @@ from ._points import uniform as uniform
 from ._run import sweep as sweep
 from ._run import sweep_machines as sweep_machines
 from ._store import open_sweep as open_sweep
+from ._summary import columns as columns
+from ._summary import summary as summary
