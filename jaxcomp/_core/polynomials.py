@@ -64,11 +64,17 @@ def gauss(count: int) -> Rule:
 
 
 def legendre_columns(x: Float[Array, "*n"], count: int) -> Float[Array, "count *n"]:
-    """The first Legendre polynomials at x, with derivatives (Bonnet's recurrence)."""
-    columns = [jnp.ones_like(x), x]
+    """The first Legendre polynomials at x, with derivatives.
+
+    Bonnet's recurrence for polynomials that begin with $x^k$, whose fewer operations count in programs,
+    which have this for every pressure and speed; their leading coefficients follow at the end.
+    """
+    columns, leading = [jnp.ones_like(x), x], [1.0, 1.0]
     for k in range(1, count - 1):
-        columns.append(((2 * k + 1) * x * columns[k] - k * columns[k - 1]) / (k + 1))
-    return jnp.stack(columns[:count])
+        columns.append(x * columns[k] - k**2 / (4 * k**2 - 1) * columns[k - 1])
+        leading.append(leading[k] * (2 * k + 1) / (k + 1))
+    scales = np.array(leading[:count]).reshape(-1, *[1] * jnp.ndim(x))
+    return jnp.stack(columns[:count]) * scales
 
 
 def cubic_step(t, width, ends, slopes):

@@ -131,8 +131,8 @@ def rates(
     # within a revolution the wall's temperature does not vary
     walls = cylinder.walls if speed is None else None
     wall = cylinder.wall_temperature if walls is None else state[STATES] * case.suction.T
-    before, behind = map(side_of, valve_sides(pair) if pair else (case.suction, case.discharge))
-    suction, discharge = side_of(case.suction), side_of(case.discharge)
+    suction, discharge = case.lines
+    before, behind = map(side_of, valve_sides(pair)) if pair else case.lines
     volume, volume_1 = case.volume(angle)
     turning = pace = case.speed_at(angle)
     if speed is not None:

@@ -24,7 +24,7 @@ from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
-from ..valve import AbstractValve, Side
+from ..valve import AbstractValve, Side, critical_ratio
 from ._heat import AbstractHeat, LaminarGap, SuctionWarming, WallNetwork
 from ._plenum import Plenum
 
@@ -445,6 +445,7 @@ class Case(eqx.Module):
     discharge: GasState
     isentropic: GasState  # end of the isentropic compression between the lines
     comes: GasState  # the gas as it comes to the compressor, before it is heated
+    lines: tuple[Side, Side]  # the gas at the two valves, as it flows through them
     top: Float[Array, ""]  # [m] piston position at the top dead centre
     swept: Float[Array, ""]  # [m^3] swept volume
 
@@ -501,6 +502,7 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
         discharge,
         isentropic,
         comes,
+        (side_of(suction), side_of(discharge)),
         top,
         mechanism.swept_volume,
     )
@@ -508,7 +510,8 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
 
 def side_of(state: GasState) -> Side:
     """A gas as one side of a port."""
-    return Side(state.p, state.rho, state.kappa, state.h)
+    kappa = state.kappa
+    return Side(state.p, state.rho, kappa, state.h, critical_ratio(kappa))
 
 
 def _pressure(fluid, pressure, dew, superheat=None):

@@ -144,11 +144,11 @@ def solve_cycle(
     options = options or CycleOptions()
     speed = jnp.asarray(speed, float)  # a plain number would be part of the program
     cylinder, mechanism = jax.tree.map(strongly_typed, (cylinder, mechanism))
-    cycle = _solved(cylinder, mechanism, speed, options, pace, start)
+    cycle = _solved_if_admissible(cylinder, mechanism, speed, options, pace, start)
     shown = not is_traced(cycle.status._value)
     while shown and pace is None and cylinder.inert and (more := options.refined(cycle.status)):
         options = more
-        cycle = _solved(cylinder, mechanism, speed, options, None, None)
+        cycle = _solved_if_admissible(cylinder, mechanism, speed, options, None, None)
     if shown and throw and bool(jnp.any(cycle.status != Status.converged)):
         raise SolveFailed(cycle.status, f"residual {float(jnp.max(cycle.residual)):.2g}")
     return cycle
@@ -163,7 +163,7 @@ def solve_cycles(
     pace: Pace | None = None,
     start: CycleSolution | None = None,
 ) -> Cycle | SeveralCycles:
-    """The periodic cycles of the cylinders of a crankshaft, between the same lines.
+    """The periodic cycles of the cylinders of an admissible crankshaft, between the same lines.
 
     With plenums these are shared, and the cylinders are solved together, with panels for each of them;
     without any every cylinder is solved by itself, and cylinders that are the same once.
@@ -201,16 +201,16 @@ def follow_cycles(
     """
 
     def one(mechanism, pace, cycle):
-        case, good = _admitted(cylinder, mechanism, speed, pace)
-        return _result(Cylinders(case, jnp.zeros(1)), good, solution_of(cycle), options, False)
+        system = Cylinders(prepare(cylinder, mechanism, speed, pace), jnp.zeros(1))
+        return _result(system, solution_of(cycle), options, False)
 
     if isinstance(found, Cycle):
         return one(mechanisms[0], pace, found)
     if found.together is None:
         return SeveralCycles(eqx.filter_vmap(one)(stacked(mechanisms), pace, found.each))
-    system, good = _together(cylinder, stacked(mechanisms), phase, speed, pace)
+    system = _together(cylinder, stacked(mechanisms), phase, speed, pace)
     own = options.of_several(phase.shape[0])
-    return _results(system, good, solution_of(found), own, False)
+    return _results(system, solution_of(found), own, False)
 
 
 def over_cylinders(tree, count: int):
@@ -247,28 +247,38 @@ def pace_of(
 
 
 @eqx.filter_jit
-def _solved(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
-    case, good = _admitted(cylinder, mechanism, speed, pace)
+def _solved_if_admissible(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
+    """The cycle of what may be out of bounds, which its status says."""
+    good = admissible(cylinder) & admissible(mechanism) & (speed > 0)
+    good &= jnp.all(jnp.stack(ports_fit(cylinder, mechanism)))
+    speed = jnp.where(speed > 0, speed, 1.0)
     start = solution_of(start) if isinstance(start, Cycle) else start
-    return _result(*_found(Cylinders(case, jnp.zeros(1)), good, options, start))
+    cycle = _solved(clipped(cylinder), clipped(mechanism), speed, options, pace, start)
+    status = Status.where(good, cycle.status, Status.bad_input)
+    return eqx.tree_at(lambda c: c.status, cycle, status)
+
+
+@eqx.filter_jit
+def _solved(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
+    system = Cylinders(prepare(cylinder, mechanism, speed, pace), jnp.zeros(1))
+    return _result(*_found(system, options, start))
 
 
 @eqx.filter_jit
 def _solved_together(cylinder, mechanisms, phase, speed, options: CycleOptions, pace, start):
-    system, good = _together(cylinder, mechanisms, phase, speed, pace)
-    return _results(*_found(system, good, options.of_several(phase.shape[0]), start))
+    system = _together(cylinder, mechanisms, phase, speed, pace)
+    return _results(*_found(system, options.of_several(phase.shape[0]), start))
 
 
-def _together(cylinder, mechanisms, phase, speed, pace) -> tuple[Cylinders, Bool[Array, ""]]:
+def _together(cylinder, mechanisms, phase, speed, pace) -> Cylinders:
     def one(mechanism, phase):
         own = None if pace is None else Pace(pace.edges + phase, pace.excess)
-        return _admitted(cylinder, mechanism, speed, own)
+        return prepare(cylinder, mechanism, speed, own)
 
-    cases, good = jax.vmap(one)(mechanisms, phase)
-    return Cylinders(cases, phase), jnp.all(good)
+    return Cylinders(jax.vmap(one)(mechanisms, phase), phase)
 
 
-def _found(system: Cylinders, good, options: CycleOptions, start: CycleSolution | None):
+def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None):
     """What `_result` and `_results` make cycles of."""
     marching = options.method == "march" or not system.cases.cylinder.inert
     if marching:
@@ -276,7 +286,7 @@ def _found(system: Cylinders, good, options: CycleOptions, start: CycleSolution 
         system = eqx.combine(values_only(arrays), rest)
     frozen = lax.stop_gradient(system)
     found = _march_only(frozen, options) if marching else _rounds(frozen, options, start)
-    return system, good, found, options, marching
+    return system, found, options, marching
 
 
 def unsolved(cycle: Cycle | SeveralCycles) -> Cycle | SeveralCycles:
@@ -296,21 +306,14 @@ def is_solved(cycle: Cycle) -> Bool[Array, ""]:
     return jnp.all(jnp.stack([cycle.status != one for one in failed]))
 
 
-def _admitted(cylinder, mechanism, speed, pace) -> tuple[Case, Bool[Array, ""]]:
-    good = admissible(cylinder) & admissible(mechanism) & (jnp.asarray(speed) > 0)
-    good &= jnp.all(jnp.stack(ports_fit(cylinder, mechanism)))
-    speed = jnp.where(jnp.asarray(speed) > 0, speed, 1.0)
-    return prepare(clipped(cylinder), clipped(mechanism), speed, pace), good
-
-
-def _result(system: Cylinders, good, found, options: CycleOptions, marching: bool) -> Cycle:
+def _result(system: Cylinders, found, options: CycleOptions, marching: bool) -> Cycle:
     found, points = _followed(system, found, marching)
     found = found._replace(totals=found.totals[0])
     points = jax.tree.map(lambda values: values[:, :, 0], points)
-    return _cycle_of(system.shared, good, found, points, options, marching)
+    return _cycle_of(system.shared, found, points, options, marching)
 
 
-def _results(system: Cylinders, good, found, options, marching: bool) -> SeveralCycles:
+def _results(system: Cylinders, found, options, marching: bool) -> SeveralCycles:
     """The cycle of every cylinder, by its own crank angle."""
     together, points = _followed(system, found, marching)
 
@@ -322,7 +325,7 @@ def _results(system: Cylinders, good, found, options, marching: bool) -> Several
         mesh = Mesh(flags, jnp.where(here, event, -1), jnp.where(here, mesh.code, 0), mesh.fits)
         z = Unknowns(points, left, z.edges + phase)
         own = together._replace(mesh=mesh, z=z, totals=totals)
-        return _from_start(_cycle_of(case, good, own, (accounts, pressure), options, marching))
+        return _from_start(_cycle_of(case, own, (accounts, pressure), options, marching))
 
     own = (system.of_cylinder(values) for values in together.z[:2])
     over = (jnp.moveaxis(values, 2, 0) for values in points)
@@ -360,7 +363,7 @@ def _followed(system: Cylinders, found: CycleSolution, marching: bool):
     return found._replace(z=z), at_points(law, found.mesh, z)
 
 
-def _cycle_of(case: Case, good, found: CycleSolution, points, options, marching: bool) -> Cycle:
+def _cycle_of(case: Case, found: CycleSolution, points, options, marching: bool) -> Cycle:
     """The cycle of one cylinder, with its status."""
     status = Status.where(found.solved, Status.converged, Status.not_converged)
     status = Status.where(found.mesh.fits | found.solved, status, Status.too_many_events)
@@ -371,7 +374,6 @@ def _cycle_of(case: Case, good, found: CycleSolution, points, options, marching:
     wet = jnp.any(fluid.is_wet(cycle.temperature, cycle.mass / cycle.volume))
     wet |= fluid.is_wet(case.suction.T, case.suction.rho)
     status = Status.where((status == Status.converged) & wet, Status.wet, status)
-    status = Status.where(good, status, Status.bad_input)
     return eqx.tree_at(lambda c: c.status, cycle, status)
 
 

@@ -18,6 +18,7 @@ reversals of pressure and velocity.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -33,24 +34,31 @@ class Side(NamedTuple):
         rho: [kg/m^3]
         kappa: [-] rho w^2/p.
         h: [J/kg]
+        critical: [-] pressure ratio at which a nozzle that begins here chokes; computed where absent.
     """
 
     p: Float[Array, ""]
     rho: Float[Array, ""]
     kappa: Float[Array, ""]
     h: Float[Array, ""]
+    critical: Float[Array, ""] | None = None
+
+    def pressure_ratio(self, low: "Side") -> Float[Array, ""]:
+        """[-] Of a nozzle from here to a side of lower pressure, not below that at which it chokes."""
+        critical = critical_ratio(self.kappa) if self.critical is None else self.critical
+        return jnp.maximum(low.p / self.p, critical)
 
 
 def choose(first, a: Side, b: Side) -> Side:
     """`a` where `first` holds, `b` elsewhere."""
-    return Side(*(jnp.where(first, x, y) for x, y in zip(a, b, strict=True)))
+    return jax.tree.map(lambda x, y: jnp.where(first, x, y), a, b)
 
 
 def quasi_steady_flow(a: Side, b: Side) -> Float[Array, ""]:
     """Mass flow per effective area [kg/(s m^2)] from side `a` to side `b`, negative from `b` to `a`."""
     forward = a.p > b.p
     high, low = choose(forward, a, b), choose(forward, b, a)
-    r = jnp.maximum(low.p / high.p, critical_ratio(high.kappa))
+    r = high.pressure_ratio(low)
     root = 2 * _enthalpy_drop(high.kappa, r) * r ** (2 / high.kappa)
     # In the place of sqrt(root), whose slope is infinite where the pressures are equal.
     size = jnp.sqrt(high.p * high.rho) * root / jnp.sqrt(root + SOFTENING)
@@ -71,7 +79,7 @@ def port_acceleration(a: Side, b: Side, velocity, pressure_sign, velocity_sign):
     forward = pressure_sign > 0
     high, low = choose(forward, a, b), choose(forward, b, a)
     # Beyond the reversal the ratio passes one, and the drop goes on smoothly below zero.
-    r = jnp.maximum(low.p / high.p, critical_ratio(high.kappa))
+    r = high.pressure_ratio(low)
     drop = high.p / high.rho * _enthalpy_drop(high.kappa, r)
     return pressure_sign * drop - 0.5 * velocity_sign * velocity**2
 
@@ -89,7 +97,7 @@ def throat_density(a: Side, b: Side, pressure_sign, velocity_sign) -> Float[Arra
     """
     forward = velocity_sign > 0
     up, down = choose(forward, a, b), choose(forward, b, a)
-    q = jnp.maximum(down.p / up.p, critical_ratio(up.kappa))
+    q = up.pressure_ratio(down)
     q = jnp.where(pressure_sign == velocity_sign, q, 1.0)
     return up.rho * q ** (1 / up.kappa)
 
