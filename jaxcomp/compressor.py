@@ -422,7 +422,7 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
     """
     mechanism = compressor.mechanism
     top, bottom = mechanism.dead_centres()
-    angles = [bottom]
+    angles, many = [bottom], None
     if not compressor.frictionless:
         angles += list(mechanism.reversals())
     if compressor.gas is not None:
@@ -430,10 +430,17 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         area = mechanism.piston_area
         for displaced, inward in compressor.gas.valve_events(area * (highest - lowest)):
             angles.append(mechanism.angle_at(highest - displaced / area, inward))
-        angles += compressor.gas.event_angles()
+        events = compressor.gas.event_angles()
+        if isinstance(events, tuple):
+            angles += events
+        else:
+            many = events
     phase = compressor.crankshaft.distinct_phase
     first = jnp.ravel(top)[0] - phase[0]
     own = jnp.stack([jnp.broadcast_to(angle, phase.shape) for angle in (*angles, top)], axis=1)
+    if many is not None:
+        many = jnp.broadcast_to(many, (phase.size, many.shape[-1]))
+        own = jnp.concatenate([own, many], axis=1)
     # From the angles of each cylinder's own crank to that of the machine.
     rest = (own - phase[:, None]).ravel()
     # the first cylinder's top dead centre is the first edge

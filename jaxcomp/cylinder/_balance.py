@@ -11,14 +11,24 @@ the stop), the sign of U and the sign of the forward pressure difference. Plenum
 and flow in the neck each.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._core.each import mapped
 from ..fluid import GasState
-from ..valve import Side, port_acceleration, quasi_steady_flow, throat_density
+from ..valve import (
+    AbstractValve,
+    Side,
+    choose,
+    port_acceleration,
+    quasi_steady_flow,
+    throat_density,
+)
 from ._cylinder import Case, side_of
 from ._heat import HeatInput
 from ._plenum import PlenumChain, valve_sides
@@ -73,15 +83,15 @@ class Rates(NamedTuple):
     streams: Float[Array, " 6"]
 
 
-class _Valve(NamedTuple):
-    """What one valve does."""
+class _Valves(NamedTuple):
+    """What both valves do, suction before discharge."""
 
-    flow: Float[Array, ""]
-    enthalpy: Float[Array, ""]
-    rates: list
-    events: list
-    force: Float[Array, ""]
-    is_open: Float[Array, ""]
+    flow: Float[Array, " 2"]
+    enthalpy: Float[Array, " 2"]
+    rates: Float[Array, "2 3"]
+    events: Float[Array, "2 4"]
+    force: Float[Array, " 2"]
+    is_open: Float[Array, " 2"]
 
 
 def gas_in(case: Case, angle, state: Float[Array, " 8"]) -> GasState:
@@ -99,8 +109,13 @@ def temperature_and_density(case: Case, angle, state: Float[Array, " 8"]):
 
 
 def valve_scales(case: Case, which: int):
+    """Scales of lift [m], velocity [m/s] and port velocity [m/s] of a valve, by its number."""
+    return scales_of(case, case.cylinder.valves[which])
+
+
+def scales_of(case: Case, valve: AbstractValve):
     """Scales of lift [m], velocity [m/s] and port velocity [m/s] of a valve."""
-    moving = case.cylinder.valves[which].oscillator
+    moving = valve.oscillator
     lift = jnp.ones(()) if moving is None else moving.stop
     return lift, lift * case.speed, jnp.sqrt(case.suction.p / case.suction.rho)
 
@@ -128,87 +143,93 @@ def rates(
     """
     gas = gas_in(case, angle, state) if gas is None else gas
     cylinder, inside = case.cylinder, side_of(gas)
-    # within a revolution the wall's temperature does not vary
-    walls = cylinder.walls if speed is None else None
-    wall = cylinder.wall_temperature if walls is None else state[STATES] * case.suction.T
     suction, discharge = case.lines
     before, behind = map(side_of, valve_sides(pair)) if pair else case.lines
     volume, volume_1 = case.volume(angle)
     turning = pace = case.speed_at(angle)
+    # correlations with negative powers of the speed have no value at rest
+    spin = turning, case.speed
     if speed is not None:
         pace = case.speed
         volume_1 = volume_1 * (speed / pace)
-    mass = state[0] * case.mass_scale
-
-    s = _valve(case, 0, before, inside, state[2:5], flags[:3], pace)
-    d = _valve(case, 1, inside, behind, state[5:8], flags[3:], pace)
-
-    viscosity, conductivity = _transport(cylinder, gas)
-    leak, leak_enthalpy = jnp.zeros(()), inside.h
-    if cylinder.leakage is not None:
-        gap = cylinder.leakage
-        mu = viscosity if gap.viscosity is None else gap.viscosity
-        leak = gap.flow(inside, suction, case.bore, mu)
-        # the sign of the suction valve's difference, where that is the one to the line
-        known = cylinder.inert and pair is None
-        inward = flags[2] > 0 if known else suction.p > inside.p
-        leak_enthalpy = jnp.where(inward, suction.h, inside.h)
-    if speed is None:
-        spin = turning, case.speed
-    else:
-        # correlations with negative powers of the speed have no value at rest
         spin = (jnp.maximum(jnp.abs(speed), 1e-3 * case.speed),) * 2
-    transport = viscosity, conductivity
-    heat = _heat(case, angle, gas, volume, volume_1, spin, (s, d), transport, wall)
+    # within a revolution the wall's temperature does not vary
+    walls = cylinder.walls if speed is None else None
+    wall = cylinder.wall_temperature if walls is None else state[STATES] * case.suction.T
 
-    mass_1 = (s.flow - d.flow - leak) / pace
-    carried = s.flow * s.enthalpy - d.flow * d.enthalpy - leak * leak_enthalpy + heat
+    valves = _valves(case, (before, inside, behind), state[2:STATES], flags, pace)
+    transport = _transport(cylinder, gas)
+    # the sign of the suction valve's difference, where that is the one to the line
+    inward = flags[2] > 0 if cylinder.inert and pair is None else None
+    leak, leak_enthalpy = _leakage(case, inside, suction, inward, transport)
+    heat = _heat(case, angle, gas, volume, volume_1, spin, valves, transport, wall)
+
+    mass, carried = state[0] * case.mass_scale, valves.flow * valves.enthalpy
+    mass_1 = (valves.flow[0] - valves.flow[1] - leak) / pace
+    gained = carried[0] - carried[1] - leak * leak_enthalpy + heat
     energy_1 = (
-        -gas.T * gas.dp_dT * (volume_1 - mass_1 / gas.rho) - inside.h * mass_1 + carried / pace
+        -gas.T * gas.dp_dT * (volume_1 - mass_1 / gas.rho) - inside.h * mass_1 + gained / pace
     )
-    first = [mass_1 / case.mass_scale, energy_1 / (mass * gas.c_v * case.suction.T)]
+    first = jnp.stack([mass_1 / case.mass_scale, energy_1 / (mass * gas.c_v * case.suction.T)])
 
-    tiny = 1 / (pace * case.mass_scale)
-    small = 1 / (pace * case.energy_scale)
-    lost = volume_1 / case.energy_scale
+    # over the angle, in units of mass and energy scale
+    tiny, small = 1 / (pace * case.mass_scale), 1 / (pace * case.energy_scale)
+    worked = volume_1 / case.energy_scale
+    flows, heats = valves.flow * tiny, carried * small
+    back = -jnp.minimum(flows, 0.0)
+    lost = valves.is_open * worked
     accounts = Accounts(
-        work=inside.p * volume_1 / case.energy_scale,
-        suction=s.flow * tiny,
-        discharge=d.flow * tiny,
+        work=inside.p * worked,
+        suction=flows[0],
+        discharge=flows[1],
         leakage=leak * tiny,
-        suction_back=-jnp.minimum(s.flow, 0.0) * tiny,
-        discharge_back=-jnp.minimum(d.flow, 0.0) * tiny,
+        suction_back=back[0],
+        discharge_back=back[1],
         heat=heat * small,
-        suction_heat=s.flow * s.enthalpy * small,
-        discharge_heat=d.flow * d.enthalpy * small,
+        suction_heat=heats[0],
+        discharge_heat=heats[1],
         leakage_heat=leak * leak_enthalpy * small,
-        suction_loss=s.is_open * jnp.maximum(suction.p - inside.p, 0.0) * lost,
-        discharge_loss=-d.is_open * jnp.maximum(inside.p - discharge.p, 0.0) * lost,
+        suction_loss=lost[0] * jnp.maximum(suction.p - inside.p, 0.0),
+        discharge_loss=-lost[1] * jnp.maximum(inside.p - discharge.p, 0.0),
     )
-    slopes = jnp.stack([*first, *s.rates, *d.rates])
-    passed = [part for valve in (s, d) for part in (valve.flow, valve.flow * valve.enthalpy)]
-    network, heats = cylinder.walls, (jnp.zeros(()),) * 2
-    if network is not None:
-        heats = network.to_plenums(wall, pair)
-    streams = jnp.stack([*passed, *heats])
+    slopes = [first, valves.rates.ravel()]
+    to_plenums = (jnp.zeros(()),) * 2
+    if cylinder.walls is not None:
+        to_plenums = cylinder.walls.to_plenums(wall, pair)
     if walls is not None:
-        gained = walls.gained(wall, heat, heats) * small
-        slopes = jnp.concatenate([slopes, jnp.stack([jnp.zeros(()), gained])])
+        warmed = walls.gained(wall, heat, to_plenums) * small
+        slopes.append(jnp.stack([jnp.zeros(()), warmed]))
+    through = jnp.stack([valves.flow, carried], axis=1).ravel()
     return Rates(
-        slopes,
+        jnp.concatenate(slopes),
         jnp.stack(accounts),
-        jnp.stack([*s.events, *d.events]),
-        jnp.stack([s.force, d.force]),
+        valves.events.ravel(),
+        valves.force,
         inside.p,
-        streams,
+        jnp.concatenate([through, jnp.stack(to_plenums)]),
     )
 
 
-def _valve(case: Case, which: int, a: Side, b: Side, state, flags, pace) -> _Valve:
-    valve, leak = case.cylinder.valves[which], case.cylinder.leakage is not None
+def _valves(case: Case, sides: tuple[Side, Side, Side], states, flags, pace) -> _Valves:
+    """What the valves do between the gas before, in and behind the cylinder.
+
+    Valves of one kind are two entries of one law, which programs then have once.
+    """
+    # a choice is part of the kernel that needs it, where a stack would be one of its own
+    a, b = (choose(np.array([True, False]), *pair) for pair in (sides[:2], sides[1:]))
+    # the sign of the suction's difference is that of the leakage as well, with the valve shut too
+    known_shut = jnp.array([case.cylinder.leakage is not None, False])
+    given = a, b, states.reshape(2, 3), flags.reshape(2, 3), known_shut
+    return mapped(partial(_valve, case, pace), case.cylinder.valves, *given)
+
+
+def _valve(
+    case: Case, pace, valve: AbstractValve, a: Side, b: Side, state, flags, known_shut
+) -> _Valves:
+    """What one valve does: its entries of `_Valves`."""
     x, v, u = state
-    mode, u_sign, p_sign = flags[0], flags[1], flags[2]
-    lift, velocity, port_velocity = valve_scales(case, which)
+    mode, u_sign, p_sign = flags
+    lift, velocity, port_velocity = scales_of(case, valve)
     difference = (a.p - b.p) / case.suction.p
     one, zero = jnp.ones(()), jnp.zeros(())
 
@@ -253,11 +274,21 @@ def _valve(case: Case, which: int, a: Side, b: Side, state, flags, pace) -> _Val
         forward = u_sign > 0
         watched = is_open > 0
         events[2] = jnp.where(watched, u_sign * u, one)
-        # the sign of the suction's difference is that of the leakage as well, with the valve shut too
-        watched |= leak and which == 0
-        events[3] = jnp.where(watched, p_sign * difference, one)
+        events[3] = jnp.where(watched | known_shut, p_sign * difference, one)
     enthalpy = jnp.where(forward, a.h, b.h)
-    return _Valve(flow, enthalpy, [x_1, v_1, u_1], events, force, is_open)
+    rates = jnp.stack([x_1, v_1, u_1])
+    return _Valves(flow, enthalpy, rates, jnp.stack(events), force, is_open)
+
+
+def _leakage(case: Case, inside: Side, suction: Side, inward, transport):
+    """Mass flow [kg/s] past the piston and its enthalpy [J/kg]; `inward` if its sign is known."""
+    gap = case.cylinder.leakage
+    if gap is None:
+        return jnp.zeros(()), inside.h
+    viscosity = transport[0] if gap.viscosity is None else gap.viscosity
+    inward = suction.p > inside.p if inward is None else inward
+    flow = gap.flow(inside, suction, case.bore, viscosity)
+    return flow, jnp.where(inward, suction.h, inside.h)
 
 
 def _transport(cylinder, gas: GasState):
@@ -290,9 +321,9 @@ def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, tran
         speed=spin[0],
         piston_speed=case.mechanism.stroke * spin[1] / jnp.pi,
         outward=jnp.sign(volume_1),
-        suction_open=valves[0].is_open,
-        discharge_open=valves[1].is_open,
-        port_speed=jnp.maximum(jnp.abs(valves[0].flow), jnp.abs(valves[1].flow)) / (gas.rho * area),
+        suction_open=valves.is_open[0],
+        discharge_open=valves.is_open[1],
+        port_speed=jnp.max(jnp.abs(valves.flow)) / (gas.rho * area),
     )
     return law.coefficient(at) * wall_area * (wall - gas.T)
 

@@ -364,13 +364,10 @@ def _holds(z: Unknowns, events) -> Bool[Array, ""]:
 
 def _within(system: Cylinders, mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
     """Whether free valves keep between seat and stop between the nodes as well."""
-    good = jnp.asarray(True)
-    modes = mesh.flags[:, :: FLAGS // 2]
-    for which, column in enumerate(system.columns(2, 5)):
-        free = (modes[:, which] == FREE) & (jnp.diff(z.edges) > 1e-7)
-        lift = jnp.where(free[:, None], z.points[..., column], 0.5)
-        good &= (highest(lift) < 1 + _PASSED) & (highest(-lift) < _PASSED)
-    return good
+    free = (mesh.flags[:, :: FLAGS // 2] == FREE) & (jnp.diff(z.edges) > 1e-7)[:, None]
+    lift = jnp.where(free[:, None], z.points[..., system.columns(2, 5)], 0.5)
+    beyond = jnp.moveaxis(jnp.concatenate([lift - 1, -lift], axis=-1), -1, 0)
+    return jnp.all(jax.vmap(highest)(beyond) < _PASSED)
 
 
 def resolution(z: Unknowns) -> Float[Array, ""]:
@@ -460,7 +457,7 @@ class SolvedPressure(AbstractGas):
         return self.back_pressure if self.edges.ndim == 1 else self.back_pressure[0]
 
     def event_angles(self):
-        return tuple(self.kinks.T)
+        return self.kinks
 
     def pressure(self, stroke):
         if self.edges.ndim == 1:

@@ -56,8 +56,11 @@ class AbstractGas(Part):
         del swept
         return ()
 
-    def event_angles(self) -> tuple[Float[Array, ""], ...]:
-        """Crank angles [rad] where the pressure has a kink, besides those of `valve_events`."""
+    def event_angles(self) -> tuple[Float[Array, ""], ...] | Float[Array, "*c k"]:
+        """Crank angles [rad] where the pressure has a kink, besides those of `valve_events`.
+
+        Many may be one array, of several cylinders with an axis of them before.
+        """
         return ()
 
 
@@ -103,7 +106,7 @@ class EachGas(AbstractEach, AbstractGas):
 
     def event_angles(self):
         count = len(self.of_cylinder)
-        return _columns([self.one(number + 1).event_angles() for number in range(count)])
+        return _columns([tuple(self.one(i + 1).event_angles()) for i in range(count)])
 
 
 def _columns(rows) -> tuple[Float[Array, " k"], ...]:
