@@ -100,30 +100,6 @@ class AbstractLaw(eqx.Module):
         return jnp.asarray(True)
 
 
-class _Search(NamedTuple):
-    """Where an event is sought: a bracket of step widths with the event functions at its ends."""
-
-    active: Bool[Array, ""]
-    low: Float[Array, ""]
-    high: Float[Array, ""]
-    at_low: Float[Array, " e"]
-    at_high: Float[Array, " e"]
-    tries: Int[Array, ""]
-
-
-class _Carry(NamedTuple):
-    angle: Float[Array, ""]
-    state: Float[Array, " m"]
-    flags: Int[Array, " f"]
-    events: Float[Array, " e"]
-    width: Float[Array, ""]
-    next_width: Float[Array, ""]
-    search: _Search
-    steps: Int[Array, ""]
-    passes: Int[Array, ""]
-    record: Record
-
-
 class Stretch(NamedTuple):
     """What was marched."""
 
@@ -161,126 +137,219 @@ def stretch(
         knots: [rad] angles at which a step ends.
     """
     at_event = jnp.maximum(_LOCATED * tolerance, 1e-11)
-    a, c, e = jnp.asarray(_A), jnp.asarray(_C), jnp.asarray(_E)
-    kept = law.kept
-    _, *shapes = jax.eval_shape(law.rates, start, state, flags)
-    # the events are not known yet; at first they are only a guess within the bracket of one
-    unknown, none = jnp.ones(shapes[0].shape), jnp.zeros((), int)
-
-    def nowhere(events):
-        return _Search(jnp.asarray(False), jnp.zeros(()), jnp.zeros(()), events, events, none)
-
-    def attempt(carry: _Carry):
-        """All stages in a loop, so that the law is traced once."""
-
-        def stage(i, work):
-            slopes, _, _, _ = work
-            state = carry.state + carry.width * _weighted(a[i], slopes)
-            slope, events, force = law.rates(carry.angle + c[i] * carry.width, state, carry.flags)
-            return slopes.at[i].set(slope), state, events, force
-
-        empty = jnp.zeros((7, carry.state.size))
-        work = (empty, carry.state, unknown, jnp.zeros(shapes[1].shape))
-        slopes, state, events, force = lax.fori_loop(0, 7, stage, work)
-        error = jnp.max(jnp.abs(carry.width * _weighted(e, slopes)) / (1 + jnp.abs(carry.state)))
-        error = jnp.where(jnp.all(jnp.isfinite(state)), error / tolerance, jnp.inf)
-        return slopes, state, events, force, error
+    route = _Route(law, stop, tolerance, at_event, capacity, knots)
 
     def going_on(carry: _Carry):
         return (
             (carry.angle < stop - 1e-13) & (carry.passes < max_passes) & law.going_on(carry.flags)
         )
 
-    def advance(carry: _Carry):
-        slopes, state, events, force, error = attempt(carry)
-        search, width = carry.search, carry.width
-        crossed = (events < jnp.minimum(_CROSSED, -0.1 * at_event)) & law.towards(state, events)
-        any_crossed = jnp.any(crossed)
-        finite = jnp.isfinite(error)
-        # a first event that lies within the step is sought from a step that ends beyond it
-        ends, slopes_there = (carry.state, state), (slopes[0], slopes[6])
-        beyond = law.passed(ends, slopes_there, width, carry.flags, at_event)
-        returns = ((error <= 1) | search.active) & finite & (beyond < 1)
-        good = ((error <= 1) | search.active) & ~returns
-
-        narrow = search.active & (search.high - search.low < _NARROW)
-        near = search.active & jnp.all(events > -at_event) & jnp.any(jnp.abs(events) < at_event)
-        located = near | (narrow & any_crossed)
-        accept = good & (~any_crossed | located) & (~search.active | located)
-
-        # the bracket, its new width, and which event comes first in it
-        high = jnp.where(any_crossed, width, search.high)
-        at_high = jnp.where(any_crossed, events, search.at_high)
-        low = jnp.where(
-            search.active & ~any_crossed, width, jnp.where(search.active, search.low, 0.0)
-        )
-        at_low = jnp.where(
-            search.active, jnp.where(any_crossed, search.at_low, events), carry.events
-        )
-        first, fraction = _first(at_low, at_high)
-        halve = (search.tries % 3 == 2) | (at_low[first] <= at_event)
-        fraction = jnp.where(halve, 0.5, jnp.clip(fraction, 0.001, 0.999))
-        trial = low + fraction * (high - low)
-        seeking = good & ~accept & (any_crossed | search.active)
-        beyond = jnp.where(returns, beyond * width, jnp.inf)
-        going = _Search(jnp.asarray(True), low, high, at_low, at_high, search.tries + 1)
-        new_search = jax.tree.map(lambda x, y: jnp.where(seeking, x, y), going, nowhere(events))
-
-        # what has happened, if anything
-        which = jnp.argmin(jnp.abs(jnp.where(search.at_high < _CROSSED, events, jnp.inf)))
-        event = jnp.where(accept & located, which, -1)
-        code, jumped, new_flags = law.after(carry.angle + width, event, state, carry.flags, force)
-
-        longest = law.longest(jnp.where(accept, new_flags, carry.flags))
-        factor = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.2, 5.0)
-        factor = jnp.where(jnp.isfinite(error), factor, 0.2)
-        proposed = jnp.minimum(jnp.where(search.active, carry.next_width, width) * factor, longest)
-        proposed = jnp.where(search.active, jnp.minimum(carry.next_width, longest), proposed)
-        angle = jnp.where(accept, carry.angle + width, carry.angle)
-        left = _ahead(angle, stop, knots)
-        ahead = jnp.minimum(proposed, left)
-        # a step that leaves a sliver would end in one of no width
-        ahead = jnp.where((left - ahead < 1e-9) & (left - ahead > 0), left, ahead)
-        entry = Record(
-            carry.angle,
-            width,
-            carry.state[:kept],
-            state[:kept],
-            slopes[0, :kept],
-            slopes[6, :kept],
-            carry.flags,
-            event,
-            code,
-        )
-        row = jnp.where(accept, jnp.minimum(carry.steps, capacity), capacity)
-        record = jax.tree.map(lambda rows, new: rows.at[row].set(new), carry.record, entry)
-        # the events are as they are after the step, but for the one that has just happened
-        return _Carry(
-            angle,
-            jnp.where(accept, jumped, carry.state),
-            jnp.where(accept, new_flags, carry.flags),
-            jnp.where(
-                accept, jnp.where(event >= 0, jnp.maximum(events, 0.0), events), carry.events
-            ),
-            jnp.where(seeking, trial, jnp.minimum(ahead, beyond)),
-            proposed,
-            new_search,
-            carry.steps + accept,
-            carry.passes + 1,
-            record,
-        )
-
-    # one row more than are kept takes what is thrown away
-    record = _empty_record(capacity + 1, kept, flags.size)
-    first = jnp.minimum(0.02, law.longest(flags))
-    if knots:
-        first = jnp.minimum(first, _ahead(start, stop, knots))
-    search = nowhere(unknown)
-    begin = _Carry(start, state, flags, unknown, first, first, search, none, none, record)
-    end = lax.while_loop(going_on, advance, begin)
-    whole = ~going_on(end._replace(passes=none)) & (end.steps <= capacity)
+    begin = _beginning(route, start, state, flags)
+    end = lax.while_loop(going_on, partial(_advance, route), begin)
+    whole = ~going_on(end._replace(passes=begin.passes)) & (end.steps <= capacity)
     record = jax.tree.map(lambda rows: rows[:capacity], end.record)
     return Stretch(end.angle, end.state, end.flags, end.steps, end.passes, whole, record)
+
+
+class _Route(NamedTuple):
+    """What holds for all steps of a march."""
+
+    law: AbstractLaw
+    stop: Float[Array, ""]  # [rad]
+    tolerance: Float[Array, ""]  # [-] error of a step
+    at_event: Float[Array, ""]  # [-] event function within which an event is located
+    capacity: int  # steps that are kept
+    knots: tuple  # [rad] angles at which a step ends
+
+
+class _Search(NamedTuple):
+    """Where an event is sought: a bracket of step widths with the event functions at its ends."""
+
+    active: Bool[Array, ""]
+    low: Float[Array, ""]
+    high: Float[Array, ""]
+    at_low: Float[Array, " e"]
+    at_high: Float[Array, " e"]
+    tries: Int[Array, ""]
+
+
+class _Carry(NamedTuple):
+    angle: Float[Array, ""]
+    state: Float[Array, " m"]
+    flags: Int[Array, " f"]
+    events: Float[Array, " e"]
+    width: Float[Array, ""]  # of the step that is tried next
+    next_width: Float[Array, ""]  # of the one after the event that is sought
+    search: _Search
+    steps: Int[Array, ""]
+    passes: Int[Array, ""]
+    record: Record
+
+
+class _Attempt(NamedTuple):
+    """A step that was tried."""
+
+    slopes: Float[Array, "7 m"]  # of the stages
+    state: Float[Array, " m"]  # at its end, as the next ones
+    events: Float[Array, " e"]
+    force: Float[Array, " v"]
+    error: Float[Array, ""]  # [-] over the tolerance; infinite where the state is lost
+
+
+class _Verdict(NamedTuple):
+    """What becomes of it."""
+
+    accept: Bool[Array, ""]  # taken
+    located: Bool[Array, ""]  # an event is at its end
+    seeking: Bool[Array, ""]  # repeated for an event within it
+    crossed: Bool[Array, ""]  # whether an event function is negative at its end
+    # [rad] the width of the next step is at most this: to where a valve turns beyond seat or stop
+    turn: Float[Array, ""]
+
+
+def _beginning(route: _Route, start, state, flags) -> _Carry:
+    law = route.law
+    _, events, _ = jax.eval_shape(law.rates, start, state, flags)
+    # the events are not known yet; at first they are only a guess within the bracket of one
+    unknown, none = jnp.ones(events.shape), jnp.zeros((), int)
+    # one row more than are kept takes what is thrown away
+    record = _empty_record(route.capacity + 1, law.kept, flags.size)
+    first = jnp.minimum(0.02, law.longest(flags))
+    if route.knots:
+        first = jnp.minimum(first, _ahead(start, route.stop, route.knots))
+    return _Carry(
+        start, state, flags, unknown, first, first, _no_search(unknown), none, none, record
+    )
+
+
+def _advance(route: _Route, carry: _Carry) -> _Carry:
+    """Try a step: take it, repeat it for an event, or repeat it shorter."""
+    law = route.law
+    tried = _attempt(route, carry)
+    verdict = _judged(route, carry, tried)
+    accept = verdict.accept
+    search, trial = _sought(route, carry, tried, verdict)
+
+    # what has happened, if anything: of what was negative where the bracket ends, the nearest to zero
+    events = tried.events
+    which = jnp.argmin(jnp.abs(jnp.where(carry.search.at_high < _CROSSED, events, jnp.inf)))
+    event = jnp.where(accept & verdict.located, which, -1)
+    end = carry.angle + carry.width
+    code, jumped, new_flags = law.after(end, event, tried.state, carry.flags, tried.force)
+
+    angle = jnp.where(accept, end, carry.angle)
+    flags = jnp.where(accept, new_flags, carry.flags)
+    ahead, proposed = _next_widths(route, carry, tried.error, angle, law.longest(flags))
+    # the events are as they are after the step, but for the one that has just happened
+    passed = jnp.where(event >= 0, jnp.maximum(events, 0.0), events)
+    return _Carry(
+        angle,
+        jnp.where(accept, jumped, carry.state),
+        flags,
+        jnp.where(accept, passed, carry.events),
+        jnp.where(verdict.seeking, trial, jnp.minimum(ahead, verdict.turn)),
+        proposed,
+        search,
+        carry.steps + accept,
+        carry.passes + 1,
+        _recorded(route, carry, tried, accept, event, code),
+    )
+
+
+def _attempt(route: _Route, carry: _Carry) -> _Attempt:
+    """All stages in a loop, so that the law is traced once."""
+    law, (a, c, e) = route.law, map(jnp.asarray, (_A, _C, _E))
+
+    def stage(i, work):
+        slopes, _, _, _ = work
+        state = carry.state + carry.width * _weighted(a[i], slopes)
+        slope, events, force = law.rates(carry.angle + c[i] * carry.width, state, carry.flags)
+        return slopes.at[i].set(slope), state, events, force
+
+    _, _, force = jax.eval_shape(law.rates, carry.angle, carry.state, carry.flags)
+    empty = jnp.zeros((7, carry.state.size))
+    work = (empty, carry.state, carry.events, jnp.zeros(force.shape))
+    slopes, state, events, force = lax.fori_loop(0, 7, stage, work)
+    error = jnp.max(jnp.abs(carry.width * _weighted(e, slopes)) / (1 + jnp.abs(carry.state)))
+    error = jnp.where(jnp.all(jnp.isfinite(state)), error / route.tolerance, jnp.inf)
+    return _Attempt(slopes, state, events, force, error)
+
+
+def _judged(route: _Route, carry: _Carry, tried: _Attempt) -> _Verdict:
+    """Whether a step stands, by its error, the events at its end and the valves within it."""
+    law, search, events, least = route.law, carry.search, tried.events, route.at_event
+    negative = events < jnp.minimum(_CROSSED, -0.1 * least)
+    crossed = jnp.any(negative & law.towards(tried.state, events))
+    # a first event that lies within the step is sought from a step that ends beyond it
+    ends, slopes = (carry.state, tried.state), (tried.slopes[0], tried.slopes[6])
+    share = law.passed(ends, slopes, carry.width, carry.flags, least)
+    small = (tried.error <= 1) | search.active
+    returns = small & jnp.isfinite(tried.error) & (share < 1)
+    good = small & ~returns
+
+    narrow = search.active & (search.high - search.low < _NARROW)
+    near = search.active & jnp.all(events > -least) & jnp.any(jnp.abs(events) < least)
+    located = near | (narrow & crossed)
+    accept = good & (~crossed | located) & (~search.active | located)
+    seeking = good & ~accept & (crossed | search.active)
+    return _Verdict(
+        accept, located, seeking, crossed, jnp.where(returns, share * carry.width, jnp.inf)
+    )
+
+
+def _sought(
+    route: _Route, carry: _Carry, tried: _Attempt, verdict: _Verdict
+) -> tuple[_Search, Array]:
+    """The bracket of an event, closer by the step that was tried, and the width to try next [rad]."""
+    search, crossed, events = carry.search, verdict.crossed, tried.events
+    high = jnp.where(crossed, carry.width, search.high)
+    at_high = jnp.where(crossed, events, search.at_high)
+    lower = search.active & ~crossed
+    low = jnp.where(lower, carry.width, jnp.where(search.active, search.low, 0.0))
+    at_low = jnp.where(search.active, jnp.where(crossed, search.at_low, events), carry.events)
+    # by the straight line to the first of the events, every third time by halves: the false position
+    # alone may creep up from one side
+    first, fraction = _first(at_low, at_high)
+    halve = (search.tries % 3 == 2) | (at_low[first] <= route.at_event)
+    fraction = jnp.where(halve, 0.5, jnp.clip(fraction, 0.001, 0.999))
+    closer = _Search(jnp.asarray(True), low, high, at_low, at_high, search.tries + 1)
+    found = jax.tree.map(partial(jnp.where, verdict.seeking), closer, _no_search(events))
+    return found, low + fraction * (high - low)
+
+
+def _next_widths(route: _Route, carry: _Carry, error, angle, longest):
+    """[rad] Of the next step from an angle, and what is proposed for the one after an event."""
+    seeks = carry.search.active
+    factor = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.2, 5.0)
+    factor = jnp.where(jnp.isfinite(error), factor, 0.2)
+    # the width of a step that ends at an event says nothing of the error
+    proposed = jnp.where(seeks, carry.next_width, carry.width * factor)
+    proposed = jnp.minimum(proposed, longest)
+    left = _ahead(angle, route.stop, route.knots)
+    ahead = jnp.minimum(proposed, left)
+    # a step that leaves a sliver would end in one of no width
+    return jnp.where((left - ahead < 1e-9) & (left - ahead > 0), left, ahead), proposed
+
+
+def _recorded(route: _Route, carry: _Carry, tried: _Attempt, accept, event, code) -> Record:
+    """The record with a step that was taken; others go into the row that is thrown away."""
+    kept, slopes = route.law.kept, tried.slopes
+    states, rates = (carry.state, tried.state), (slopes[0], slopes[6])
+    entry = Record(
+        carry.angle,
+        carry.width,
+        *(one[:kept] for one in (*states, *rates)),
+        carry.flags,
+        event,
+        code,
+    )
+    row = jnp.where(accept, jnp.minimum(carry.steps, route.capacity), route.capacity)
+    return jax.tree.map(lambda rows, new: rows.at[row].set(new), carry.record, entry)
+
+
+def _no_search(events) -> _Search:
+    none = jnp.zeros(())
+    return _Search(jnp.asarray(False), none, none, events, events, jnp.zeros((), int))
 
 
 def _ahead(angle, stop, knots: tuple):
