@@ -251,6 +251,31 @@ def revolution(
     return grid, instants(known.compressor, angle)
 
 
+class _Points(NamedTuple):
+    """The nodes of the panels in one row, and then the places, each the left edge of a panel."""
+
+    grid: Panels
+    places: Float[Array, " k"]  # [rad]
+
+    def row(self, values: Float[Array, "*m p s"]) -> Float[Array, "*m r"]:
+        """Values at the nodes in a row, with those that their polynomials have at the places."""
+        at_nodes = values.reshape(*values.shape[:-2], -1)
+        if not self.places.size:
+            return at_nodes
+        left = values @ self.grid.rule.through(np.zeros(1))[0]
+        beside = left[..., self.grid.panel_of(lax.stop_gradient(self.places))]
+        return jnp.concatenate([at_nodes, beside], axis=-1)
+
+    def nodes(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p s"]:
+        """What of a row belongs to the nodes, by panels."""
+        shape = self.grid.angle.shape
+        return row[..., : self.grid.angle.size].reshape(*row.shape[:-1], *shape)
+
+    def beyond(self, row: Float[Array, "*m r"]) -> Float[Array, "*m k"]:
+        """What of a row belongs to the places."""
+        return row[..., self.grid.angle.size :]
+
+
 def improve(
     known: Known,
     resolution: Resolution,
@@ -264,79 +289,84 @@ def improve(
     """
     compressor, scales, places = known.compressor, known.scales, motion.places
     grid, at = revolution(known, resolution, places) if cut is None else cut
-    shape, count = grid.angle.shape, grid.angle.size
-
-    def everywhere(values):
-        """At the nodes, then at the places; each is the left edge of a panel."""
-        if not places.size:
-            return values.reshape(*values.shape[:-2], -1)
-        left = values @ grid.rule.through(np.zeros(1))[0]
-        beside = left[..., grid.panel_of(lax.stop_gradient(places))]
-        return jnp.concatenate([values.reshape(*values.shape[:-2], -1), beside], axis=-1)
-
-    def nodes(values):
-        return values[..., :count].reshape(*values.shape[:-1], *shape)
-
-    energy, acceleration = everywhere(motion.energy), everywhere(motion.acceleration)
+    points = _Points(grid, places)
+    energy, acceleration = points.row(motion.energy), points.row(motion.acceleration)
     state, change = state_of(at, scales, energy, acceleration)
-    joints, loss, rows, journals = motion.joints, jnp.zeros_like(energy), (), motion.journals
-    film_loss = None
-    if journals is not None:
-        compressor = with_journals(compressor, everywhere(journals), lossless=True)
-    if not compressor.frictionless:
-        loop = loop_of(compressor, state, at.gas_force, at.kinematics)
-        joints, loss, rows = _improved_joints(loop, scales, joints)
-        if journals is not None:
-            forces = loop.loads(joints_of(loop, scales, motion.joints), False).forces
-            drive = journal_drive(known.compressor, forces, state)
-            journals, power = improved_positions(grid, drive.mapped(nodes), motion.journals)
-            at_nodes = jax.tree.map(nodes, state)
-            film_loss = journal_torque(known.compressor, at_nodes, motion.journals, power)
+    if motion.journals is not None:
+        compressor = with_journals(compressor, points.row(motion.journals), lossless=True)
+    joints, journals, loss, rows = _improved_contacts(known, compressor, points, at, state, motion)
+
     closure = closure_of(compressor.motor)
     steep = None
     if closure.needs_steepness:
         known_now = (compressor, at, scales, energy, acceleration, motion.joints)
-        steep = lax.stop_gradient(nodes(steepness(*frozen(known_now))))
+        steep = lax.stop_gradient(points.nodes(steepness(*frozen(known_now))))
     now = Instant(
         grid,
         scales.speed,
         scales.energy,
         scales.base,
-        nodes(at.inertia),
-        nodes(at.inertia_1),
-        nodes(at.conservative),
-        nodes(closure.law(compressor.motor, scales.base, change)),
-        nodes(loss) if film_loss is None else nodes(loss) + film_loss,
-        nodes(state.speed),
+        points.nodes(at.inertia),
+        points.nodes(at.inertia_1),
+        points.nodes(at.conservative),
+        points.nodes(closure.law(compressor.motor, scales.base, change)),
+        loss,
+        points.nodes(state.speed),
         motion.energy,
         motion.first_energy,
     )
     energy, slope, first = closure.improve(compressor.motor, now, steep)
+    # the equation of motion with the new energy, over the unit of accelerations
     counted, _ = floored_energy(now.inertia, scales, energy)
     acceleration = (slope - now.inertia_1 * counted / now.inertia) / now.inertia
-    marks = [nodes(mark) for mark in rows]
+    acceleration = acceleration / scales.speed**2
+    better = Motion(energy, acceleration, first, joints, motion.reversals, journals)
+
+    marks = (
+        jnp.stack([points.nodes(row) for row in rows]) if rows else jnp.zeros((0, *energy.shape))
+    )
     value = jnp.zeros_like(places)
     if places.size:
-        at_places = jnp.stack([mark[count:] for mark in rows])
+        at_places = jnp.stack([points.beyond(row) for row in rows])
         value = jnp.take_along_axis(at_places, jnp.maximum(reversals.row, 0)[None], axis=0)[0]
-    if places.size and cut is None:
-        unused = jnp.where(reversals.moving, known.edges[0], places)
-        used = reversals.moving & (reversals.row >= 0)
-        moved = jnp.where(used, places - value / reversals.slope, unused)
-        carried = jnp.stack([energy, acceleration])
-        if journals is not None:
-            carried = jnp.concatenate([carried, journals.reshape(-1, *shape)])
-        energy, acceleration, *rest = _carried(known, resolution, grid, (places, moved), carried)
-        if journals is not None:
-            journals = jnp.stack(rest).reshape(journals.shape)
-        places = moved
-    acceleration, places = acceleration / scales.speed**2, places / PLACE_UNIT
-    better = Motion(energy, acceleration, first, joints, places, journals)
-    return better, jnp.stack(marks) if marks else jnp.zeros((0, *shape)), value
+        if cut is None:
+            # along the slope of the quantity to where it vanishes; unused ones wait at the first edge
+            unused = jnp.where(reversals.moving, known.edges[0], places)
+            used = reversals.moving & (reversals.row >= 0)
+            moved = jnp.where(used, places - value / reversals.slope, unused)
+            better = _carried(known, resolution, grid, (places, moved), better)
+    return better, marks, value
 
 
-def _carried(known: Known, resolution: Resolution, grid: Panels, places, values):
-    """Values at the nodes, carried along their panel polynomials to where the places move the nodes.
+def _improved_contacts(
+    known: Known, compressor: Compressor, points: _Points, at: Instants, state, motion: Motion
+):
+    """Better joints and positions of journals, losses [N m] at the nodes, and marks of reversals.
+
+    Args:
+        known: what the solution depends on.
+        compressor: its compressor, with journals that move at their positions.
+        points: where the motion is known.
+        at: what the angle decides there.
+        state: angle, speed and acceleration there.
+        motion: of the last iteration.
+    """
+    if compressor.frictionless:
+        return motion.joints, motion.journals, jnp.zeros_like(motion.energy), ()
+    loop = loop_of(compressor, state, at.gas_force, at.kinematics)
+    joints, loss, rows = _improved_joints(loop, known.scales, motion.joints)
+    loss, journals = points.nodes(loss), motion.journals
+    if journals is not None:
+        forces = loop.loads(joints_of(loop, known.scales, motion.joints), False).forces
+        drive = journal_drive(known.compressor, forces, state).mapped(points.nodes)
+        journals, power = improved_positions(points.grid, drive, motion.journals)
+        at_nodes = jax.tree.map(points.nodes, state)
+        loss += journal_torque(known.compressor, at_nodes, motion.journals, power)
+    return joints, journals, loss, rows
+
+
+def _carried(known: Known, resolution: Resolution, grid: Panels, places, motion: Motion) -> Motion:
+    """A motion carried along its panel polynomials to where the places, before and after, move the nodes.
 
     To first order, which keeps the quantities that mark the reversals up with the places: these then
     converge as fast as the motion does.
@@ -350,4 +380,13 @@ def _carried(known: Known, resolution: Resolution, grid: Panels, places, values)
     width = grid.width[:, None]
     wide = width > NO_WIDTH
     share = jnp.where(wide, shift / jnp.where(wide, width, 1.0), 0.0)
-    return values + share * (values @ grid.rule.derivative.T)
+    values = jnp.stack([motion.energy, motion.acceleration])
+    if motion.journals is not None:
+        values = jnp.concatenate([values, motion.journals.reshape(-1, *shift.shape)])
+    energy, acceleration, *rest = values + share * (values @ grid.rule.derivative.T)
+    journals = motion.journals
+    if journals is not None:
+        journals = jnp.stack(rest).reshape(journals.shape)
+    return Motion(
+        energy, acceleration, motion.first_energy, motion.joints, after / PLACE_UNIT, journals
+    )
