@@ -6,7 +6,7 @@ and become panel edges as well, which move with the solution.
 """
 
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,7 +18,7 @@ from .._core.roots import FixedPointReport, fixed_point, frozen
 from .._core.status import Status
 from ..compressor import Compressor, Instants, instants, kink_angles, loop_of
 from ..cylinder import CycleOptions, Cylinder
-from ..friction import magnitude
+from ..friction import JointLoads, magnitude
 from ..mechanism import CrankState
 from ._iteration import (
     ENERGY_FLOOR,
@@ -223,24 +223,59 @@ def _energy_error(closure, now: Instant, acceleration, growth) -> Float[Array, "
     return error / jnp.mean(0.5 * now.inertia * now.speed**2)
 
 
-def _quadrature_error(grid: Panels, fine: Panels, values, finer) -> Float[Array, "*j"]:
-    """Estimated error of an integral over the revolution, from its integrand at both sets of nodes.
-
-    Panel by panel the larger of two estimates, so that neither errors of opposite sign nor a kink for
-    which both rules are wrong alike pass unseen: what twice the nodes change, and the last two Legendre
-    coefficients at twice the nodes, behind which those begin that the quadrature mistakes for a mean.
-    """
-    change = jnp.abs(finer @ fine.rule.weights - values @ grid.rule.weights)
-    last = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
-    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * last), axis=-1)
-
-
 def loop_kinks(compressor: Compressor) -> int:
     """How many of the quantities that mark load reversals are kinks."""
     zero = jnp.zeros(())
     still = CrankState(zero, zero, zero)
     gas = jnp.zeros(compressor.crankshaft.count)
     return eqx.filter_eval_shape(lambda c: loop_of(c, still, gas), compressor).kinks
+
+
+class _Grids(NamedTuple):
+    """The nodes of the panels, and twice as many, which tell the error: evaluated in one row."""
+
+    grid: Panels
+    fine: Panels | None  # without derivatives; `None` without an estimate
+
+    @property
+    def angle(self) -> Float[Array, " r"]:
+        """[rad] In the row."""
+        grids = [self.grid] if self.fine is None else [self.grid, self.fine]
+        return jnp.concatenate([one.angle.ravel() for one in grids])
+
+    def row(self, values: Float[Array, "*m p s"]) -> Float[Array, "*m r"]:
+        """Values at the nodes and, by their polynomials, at the finer ones."""
+        both = [values]
+        if self.fine is not None:
+            through = self.grid.rule.through(self.fine.rule.nodes).T
+            both.append(lax.stop_gradient(values @ through))
+        return jnp.concatenate([x.reshape(*x.shape[:-2], -1) for x in both], axis=-1)
+
+    def nodes(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p s"]:
+        """What of a row belongs to the nodes, by panels."""
+        shape = self.grid.angle.shape
+        return row[..., : self.grid.angle.size].reshape(*row.shape[:-1], *shape)
+
+    def finer(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p f"]:
+        """What of a row belongs to the finer nodes, by panels and without derivatives."""
+        assert self.fine is not None
+        row = row[..., self.grid.angle.size :]
+        return lax.stop_gradient(row.reshape(*row.shape[:-1], *self.fine.angle.shape))
+
+
+def _quadrature_error(grids: _Grids, row: Float[Array, "*j r"]) -> Float[Array, "*j"]:
+    """Estimated error of an integral over the revolution, from its integrand at both sets of nodes.
+
+    Panel by panel the larger of two estimates, so that neither errors of opposite sign nor a kink for
+    which both rules are wrong alike pass unseen: what twice the nodes change, and the last two Legendre
+    coefficients at twice the nodes, behind which those begin that the quadrature mistakes for a mean.
+    """
+    grid, fine = grids.grid, grids.fine
+    assert fine is not None
+    values, finer = lax.stop_gradient(grids.nodes(row)), grids.finer(row)
+    change = jnp.abs(finer @ fine.rule.weights - values @ grid.rule.weights)
+    last = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
+    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * last), axis=-1)
 
 
 def orbit_of_motion(
@@ -257,83 +292,52 @@ def orbit_of_motion(
     every panel, which tell the error.
     """
     compressor, scales = known.compressor, known.scales
-    grid = resolution.panels_between(known.edges, motion.places)
-    shape, count = grid.angle.shape, grid.angle.size
     closure = closure_of(compressor.motor)
-    fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes)
-    through = grid.rule.through(fine.rule.nodes).T
+    grid = resolution.panels_between(known.edges, motion.places)
+    fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes) if estimate else None
+    grids = _Grids(grid, fine)
 
-    def both(values):
-        at_both = values, lax.stop_gradient(values @ through)
-        if not estimate:
-            return values.reshape(*values.shape[:-2], -1)
-        return jnp.concatenate([x.reshape(*x.shape[:-2], -1) for x in at_both], axis=-1)
-
-    def nodes(values):
-        return values[..., :count].reshape(*values.shape[:-1], *shape)
-
-    def finer(values):
-        return lax.stop_gradient(values[..., count:].reshape(*values.shape[:-1], *fine.angle.shape))
-
-    angles = [grid.angle.ravel(), fine.angle.ravel()]
-    at = instants(compressor, jnp.concatenate(angles) if estimate else angles[0])
-    energy = both(motion.energy)
-    state, change = state_of(at, scales, energy, both(motion.acceleration))
+    at = instants(compressor, grids.angle)
+    energy, acceleration = grids.row(motion.energy), grids.row(motion.acceleration)
+    state, change = state_of(at, scales, energy, acceleration)
     if motion.journals is not None:
-        compressor = with_journals(compressor, both(motion.journals))
+        compressor = with_journals(compressor, grids.row(motion.journals))
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
-    unknown = loop.loops.start()
+    unknown, joints = None, loop.loops.start()
     if not compressor.frictionless:
-        unknown = joints_of(loop, scales, both(nodes(motion.joints)))
-    loads = loop.loads(unknown, True)
-    law, loss = closure.law(compressor.motor, scales.base, change), loads.total_loss_torque
-    known_at = (at.inertia, at.inertia_1, at.conservative, law, loss, state.speed, energy)
+        # the unknowns at the nodes; those at the places are not needed any more
+        unknown = grids.row(grids.nodes(motion.joints))
+        joints = joints_of(loop, scales, unknown)
+    loads = loop.loads(joints, True)
+    law = closure.law(compressor.motor, scales.base, change)
+    known_at = (at.inertia, at.inertia_1, at.conservative, law, loads.total_loss_torque)
 
     def instant(grid, pick):
-        values = (pick(value) for value in known_at)
+        values = (pick(value) for value in (*known_at, state.speed, energy))
         units = scales.speed, scales.energy, scales.base
         return Instant(grid, *units, *values, motion.first_energy)
 
-    now = instant(grid, nodes)
-    motor = closure.torque(now)
-    period = grid.total(1 / now.speed)
-    status = Status.where(report.settled, Status.converged, Status.not_converged)
-    finer_now = instant(fine, finer) if estimate else None
-    if finer_now is not None:
-        resolved = jnp.abs(fine.total(1 / finer_now.speed) - period) < _PERIOD_ERROR * period
-        status = Status.where(report.settled & ~resolved, Status.unresolved, status)
+    now = instant(grid, grids.nodes)
+    finer = None if fine is None else instant(fine, grids.finer)
     growth = None
     if closure.needs_steepness:
-        now_known = (compressor, at, scales, energy, both(motion.acceleration))
-        unknown = both(nodes(motion.joints)) if not compressor.frictionless else energy
-        growth = grid.total(nodes(steepness(*frozen((*now_known, unknown)))))
-    status = closure.verdict(compressor.motor, period, growth, status)
-    _, whole = floored_energy(at.inertia, scales, energy)
-    floored = jnp.min(whole) <= 2 * ENERGY_FLOOR * scales.energy
-    status = Status.where(floored, Status.stalled, status)
+        known_now = (compressor, at, scales, energy, acceleration)
+        rates = steepness(*frozen((*known_now, energy if unknown is None else unknown)))
+        growth = grid.total(grids.nodes(rates))
+    status = _status(known, at, energy, now, finer, growth, report)
 
-    def by_joint(function):
-        """A function of losses (..., n) for each joint, of all at once."""
-        losses = loads.loss_torque
-        if not losses:
-            return {}
-        return dict(zip(losses, function(jnp.stack([*losses.values()])), strict=True))
-
-    totals = by_joint(lambda loss: grid.total(nodes(loss)))
+    motor = closure.torque(now)
+    totals = _by_joint(loads, lambda losses: grid.total(grids.nodes(losses)))
     account = Energy(grid.total(motor), -grid.total(now.conservative), totals)
-    # The error of the motion: the kinetic energy that the torques at the finer nodes add to it. All
-    # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
-    # force, change by as much as the large ones.
     error = dict.fromkeys(totals, jnp.full((), jnp.nan))
-    if finer_now is not None:
-        moved = _energy_error(closure, finer_now, finer(state.acceleration), growth)
+    if finer is not None:
+        # The error of the motion: the kinetic energy that the torques at the finer nodes add to it. All
+        # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
+        # force, change by as much as the large ones.
+        moved = _energy_error(closure, finer, grids.finer(state.acceleration), growth)
         moved *= 2 * lax.stop_gradient(account.total_loss)
-        error = by_joint(
-            lambda loss: (
-                _quadrature_error(grid, fine, lax.stop_gradient(nodes(loss)), finer(loss)) + moved
-            )
-        )
-    at, state, loads = jax.tree.map(nodes, (at, state, loads))
+        error = _by_joint(loads, lambda losses: _quadrature_error(grids, losses) + moved)
+    at, state, loads = jax.tree.map(grids.nodes, (at, state, loads))
     positions = None
     if motion.journals is not None:
         flat = motion.journals.reshape(*motion.journals.shape[:2], -1)
@@ -343,6 +347,30 @@ def orbit_of_motion(
     return orbit_on_panels(
         grid, at, state, motor, loads, account, error, status, report, solver, positions
     )
+
+
+def _status(
+    known: Known, at: Instants, energy, now: Instant, finer: Instant | None, growth, report
+) -> Status:
+    """How the motion counts: converged, resolved, as its motor says, and never at a halt."""
+    period = now.grid.total(1 / now.speed)
+    status = Status.where(report.settled, Status.converged, Status.not_converged)
+    if finer is not None:
+        resolved = jnp.abs(finer.grid.total(1 / finer.speed) - period) < _PERIOD_ERROR * period
+        status = Status.where(report.settled & ~resolved, Status.unresolved, status)
+    motor, scales = known.compressor.motor, known.scales
+    status = closure_of(motor).verdict(motor, period, growth, status)
+    _, whole = floored_energy(at.inertia, scales, energy)
+    floored = jnp.min(whole) <= 2 * ENERGY_FLOOR * scales.energy
+    return Status.where(floored, Status.stalled, status)
+
+
+def _by_joint(loads: JointLoads, function) -> dict[str, Float[Array, ""]]:
+    """What a function gives for the losses (j, r) of all joints at once, by joint."""
+    losses = loads.loss_torque
+    if not losses:
+        return {}
+    return dict(zip(losses, function(jnp.stack([*losses.values()])), strict=True))
 
 
 def orbit_on_panels(
