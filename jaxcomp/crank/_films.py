@@ -287,28 +287,26 @@ def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFil
     resting = minimum_film(law, size, jnp.abs(difference))
     moment = friction_moment(law, size, difference)
     if position is None:
-        state = running_state(law, size, jnp.abs(difference))
-        turn = jnp.sign(difference) * state.attitude_angle
-        along = load / jnp.where(size > 0, size, 1.0)
-        side = quarter_turn(along)
-        position = state.eccentricity_ratio * (jnp.cos(turn) * along + jnp.sin(turn) * side)
+        position = _steady_position(law, load, difference)
         # the steady film has the sum of the rates in the place of their difference
         total = difference
+    # what rough surfaces carry in contact, the film need not
     push, rubbing, carried = 0 * load, 0 * difference, load
     if contact is not None:
         push = contact.push(position)
         carried, rubbing = load - push, contact.torque(position, difference) * difference
-    steady = -0.5 * difference * quarter_turn(position)
-    velocity = film.mobility(position, carried / unit) if moves else steady
-    scale = law.dynamic_viscosity / law.clearance_ratio**2
     shear = shear_drag(law, position) * difference**2
-    squeeze = moment * difference - shear - rubbing
     if moves:
+        velocity = film.mobility(position, carried / unit)
         squeeze = gap * jnp.sum(carried * velocity, axis=0)
+    else:  # the wedge of a journal at rest is squeeze in axes that turn at half the rate
+        velocity = -0.5 * difference * quarter_turn(position)
+        squeeze = moment * difference - shear - rubbing
 
     def mean(values):
         return jnp.sum(duration * values, axis=-1) / jnp.sum(duration)
 
+    scale = law.dynamic_viscosity / law.clearance_ratio**2
     pressure = scale * film.peak_pressure(position, carried / unit, velocity)
     flow = law.radius * law.length * gap * film.side_flow(position, carried / unit, velocity)
     thickness = gap * (1 - jnp.hypot(*position)) if moves else resting
@@ -335,9 +333,7 @@ def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFil
         mean_flow=leaving,
         mean_shear_loss=mean(shear),
         mean_squeeze_loss=mean(squeeze),
-        temperature_rise=jnp.where(
-            leaving > 0, loss / (OIL_HEAT_CAPACITY * jnp.where(leaving > 0, leaving, 1.0)), jnp.inf
-        ),
+        temperature_rise=_temperature_rise(loss, leaving),
         stiffness=unit / gap * mean(stiffness),
         damping=unit / gap * mean(damping),
         thin_share=_share_below(thickness, duration, _thin_film(law)),
@@ -349,6 +345,22 @@ def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFil
         mean_contact_loss=mean(rubbing),
         moving=moves,
     )
+
+
+def _steady_position(law, load, rate) -> Float[Array, "2 n"]:
+    """[-] Where a load [N] (2, n) holds the journal for ever at a rate [rad/s] against its bush."""
+    size = jnp.hypot(*load)
+    state = running_state(law, size, jnp.abs(rate))
+    turn = jnp.sign(rate) * state.attitude_angle
+    along = load / jnp.where(size > 0, size, 1.0)
+    side = quarter_turn(along)
+    return state.eccentricity_ratio * (jnp.cos(turn) * along + jnp.sin(turn) * side)
+
+
+def _temperature_rise(loss, flow) -> Float[Array, ""]:
+    """[K] Of a flow of oil [m^3/s] that carries a loss [W] away; infinite where none flows."""
+    flows = flow > 0
+    return jnp.where(flows, loss / (OIL_HEAT_CAPACITY * jnp.where(flows, flow, 1.0)), jnp.inf)
 
 
 def _least(thickness, largest_of) -> Float[Array, ""]:

@@ -73,56 +73,23 @@ class OrbitProblem(AbstractFixedPoint):
 
         Then solve with places that follow the motion, or stay. All rounds share one iteration.
         """
-        known, resolution = frozen(parameters), self.resolution
-        motion = initial_motion(known, resolution)
+        known = frozen(parameters)
+        motion = initial_motion(known, self.resolution)
         places = motion.places
         # none is in use; the motion is the final one if there are no places
         final = jnp.asarray(not places.size)
         reversals = Reversals(jnp.full(places.shape, -1), jnp.ones_like(places), final)
-
         if not places.size:
-            # panels that stay where they are need not be cut in every iteration
-            cut = revolution(known, resolution, places)
-            motion, _, report = settle(
-                lambda m, _: (improve(known, resolution, reversals, m, cut)[0], None),
-                motion,
-                None,
-                self.tolerance,
-                self.max_iterations,
-                rounding_of(known),
-            )
-            return motion, (reversals, report)
-
-        _, marks, _ = eqx.filter_eval_shape(improve, known, resolution, reversals, motion)
-        nothing, unknown = jnp.zeros(marks.shape, marks.dtype), jnp.full_like(places, jnp.nan)
+            return self._on_known_panels(known, reversals, motion)
 
         def round_(index, carry):
             motion, reversals, brackets, _ = carry
             last = index == _ROUNDS - 1
-            cut = None
             if self.follow:
                 reversals = eqx.tree_at(lambda r: r.moving, reversals, last)
-            else:  # as above, in this round
-                cut = revolution(known, resolution, motion.places)
             placing = _PLACING if self.follow else jnp.where(index == 0, _PLACING, _HELD)
             tolerance = jnp.where(last, self.tolerance, placing)
-
-            def step(motion, beside):
-                _, reversals, before = beside
-                better, marks, value = improve(known, resolution, reversals, motion, cut)
-                now = motion.places, value
-                if self.follow:
-                    reversals = _by_secant(reversals, before, now)
-                return better, (marks, reversals, now)
-
-            motion, (marks, reversals, _), report = settle(
-                step,
-                motion,
-                (nothing, reversals, (unknown, unknown)),
-                tolerance,
-                self.max_iterations,
-                rounding_of(known),
-            )
+            motion, marks, reversals, report = self._settled(known, reversals, motion, tolerance)
             motion, reversals, brackets = lax.cond(
                 last,
                 lambda: (motion, reversals, brackets),
@@ -136,6 +103,38 @@ class OrbitProblem(AbstractFixedPoint):
             0, _ROUNDS, round_, (motion, reversals, nowhere, report)
         )
         return motion, (reversals, report)
+
+    def _on_known_panels(self, known: Known, reversals: Reversals, motion: Motion):
+        """The solution without places of reversals."""
+        # panels that stay where they are need not be cut in every iteration
+        cut = revolution(known, self.resolution, motion.places)
+
+        def step(motion, _):
+            return improve(known, self.resolution, reversals, motion, cut)[0], None
+
+        limits = self.tolerance, self.max_iterations, rounding_of(known)
+        motion, _, report = settle(step, motion, None, *limits)
+        return motion, (reversals, report)
+
+    def _settled(self, known: Known, reversals: Reversals, motion: Motion, tolerance):
+        """One round: the motion, what marks reversals at its nodes, reversals and report."""
+        # as above, places that stay in a round
+        cut = None if self.follow else revolution(known, self.resolution, motion.places)
+
+        def step(motion, beside):
+            _, reversals, before = beside
+            better, marks, value = improve(known, self.resolution, reversals, motion, cut)
+            now = motion.places, value
+            if self.follow:
+                reversals = _by_secant(reversals, before, now)
+            return better, (marks, reversals, now)
+
+        _, marks, _ = eqx.filter_eval_shape(improve, known, self.resolution, reversals, motion)
+        unknown = jnp.full_like(motion.places, jnp.nan)
+        beside = jnp.zeros(marks.shape, marks.dtype), reversals, (unknown, unknown)
+        limits = tolerance, self.max_iterations, rounding_of(known)
+        motion, (marks, reversals, _), report = settle(step, motion, beside, *limits)
+        return motion, marks, reversals, report
 
     def _place(self, known, motion: Motion, marks, brackets: _Brackets, first):
         """Place the reversals of a motion, with the motion on the new panels."""

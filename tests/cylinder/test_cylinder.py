@@ -169,7 +169,7 @@ def test_another_speed_or_number_is_no_other_program(monkeypatch):
     def traced_again(*_):
         raise AssertionError("traced again")
 
-    monkeypatch.setattr("jaxcomp.cylinder._solve._admitted", traced_again)
+    monkeypatch.setattr("jaxcomp.cylinder._solve.prepare", traced_again)
     other = with_values(golden("D"), clearance_ratio=0.0251)
     assert bool(solve_cycle(other, mechanism(), 0.99 * SPEED, COLLOCATION).converged)
 
