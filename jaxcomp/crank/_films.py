@@ -357,10 +357,10 @@ def _steady_position(law, load, rate) -> Float[Array, "2 n"]:
     return state.eccentricity_ratio * (jnp.cos(turn) * along + jnp.sin(turn) * side)
 
 
-def _temperature_rise(loss, flow) -> Float[Array, ""]:
+def _temperature_rise(loss: Float[Array, ""], flow: Float[Array, ""]) -> Float[Array, ""]:
     """[K] Of a flow of oil [m^3/s] that carries a loss [W] away; infinite where none flows."""
-    flows = flow > 0
-    return jnp.where(flows, loss / (OIL_HEAT_CAPACITY * jnp.where(flows, flow, 1.0)), jnp.inf)
+    rise = loss / (OIL_HEAT_CAPACITY * jnp.where(flow > 0, flow, 1.0))
+    return jnp.where(flow > 0, rise, jnp.full_like(rise, jnp.inf))
 
 
 def _least(thickness, largest_of) -> Float[Array, ""]:
