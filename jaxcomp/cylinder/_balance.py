@@ -24,11 +24,11 @@ from ..fluid import GasState
 from ..valve import (
     AbstractValve,
     Side,
-    choose,
     port_acceleration,
     quasi_steady_flow,
     throat_density,
 )
+from ..valve.interface import choose
 from ._cylinder import Case, side_of
 from ._heat import HeatInput
 from ._plenum import PlenumChain, valve_sides
