@@ -23,10 +23,12 @@ from ._core.fields import (
     replaced,
     subparts,
 )
-from .crankshaft import Crankshaft, MachineLoops, machine_loops
+from .crankshaft import Crankshaft
+from .crankshaft.interface import MachineLoops, machine_loops
 from .cylinder import Cylinder
 from .cylinder.interface import ports_fit
-from .friction import AbstractFriction, JointLoads, closed
+from .friction import AbstractFriction, JointLoads
+from .friction.interface import closed
 from .gas import AbstractGas, DoubleActing, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
 from .motor import AbstractMotor, ConstantSpeed, MeanSpeed

@@ -205,8 +205,8 @@ def _entries() -> str:
         "Every type of part with its entries; `jaxcomp explain TYPE` prints the same. "
         "Numbers are typed with any unit of the dimension of the one that is shown.\n",
     ]
-    kinds = dict.fromkeys(places.kind for places in scene.part_places().values())
-    for part in (part for kind in kinds for part in scene.explained(kind)):
+    kinds = dict.fromkeys(places.kind for places in scene.interface.part_places().values())
+    for part in (part for kind in kinds for part in scene.interface.explained(kind)):
         places = ", ".join(f"`{place}`" for place in part.places)
         lines += [
             f"## {part.kind} in `{part.places[0]}`\n",

@@ -261,7 +261,7 @@ class Plots:
         """Functions by name, each with the parameter that takes the result."""
         plot = importlib.import_module(f"{_PACKAGE}.plot")  # which knows the results, not they it
         found, kind = {}, type(self._result)
-        for name, function in vars(plot).items():
+        for name, function in {**vars(plot), **vars(plot.interface)}.items():
             if inspect.isfunction(function):
                 for parameter in inspect.signature(function).parameters.values():
                     if kind in (parameter.annotation, *get_args(parameter.annotation)):

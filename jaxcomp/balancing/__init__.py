@@ -3,19 +3,14 @@
 `jaxcomp.scene.measurements` reads the coefficients from a table of measured vibration.
 """
 
-from ._classical import PlanePair as PlanePair
+from . import interface as interface
 from ._classical import classical_balance as classical_balance
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance
 from ._classical import rod_ring as rod_ring
-from ._discrete import Split as Split
 from ._discrete import discrete as discrete
-from ._discrete import split as split
 from ._discrete import stock as stock
-from ._influence import Influence as Influence
-from ._influence import InfluenceRow as InfluenceRow
 from ._influence import direct_influence as direct_influence
-from ._influence import flexibilities as flexibilities
 from ._influence import influence_of as influence_of
 from ._influence import machine_influence as machine_influence
 from ._influence import select as select

@@ -14,16 +14,8 @@ from jaxtyping import Array, Complex, Float
 from .._core.errors import BadInput
 from ..machine import Assembly
 from ..mechanism import SliderCrank
-from ..rotor import (
-    BalancingPlanes,
-    Node,
-    RotorModel,
-    Unbalances,
-    node_positions,
-    shaft_mass,
-    subset_names,
-    subsets,
-)
+from ..rotor import BalancingPlanes, RotorModel, Unbalances
+from ..rotor.interface import Node, node_positions, shaft_mass, subset_names, subsets
 
 
 class PlanePair(NamedTuple):

@@ -22,16 +22,10 @@ from .._core.fields import is_traced
 from .._core.words import one_of
 from ..crank import Collocation
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
-from ..rotor import (
-    BalancingPlanes,
-    PeriodicForce,
-    RotorModel,
-    Unbalances,
-    load_vector,
-    nodal_load,
-    receptance,
-)
-from ..vibration import CrankLoads, crank_loads, running_rotor
+from ..rotor import BalancingPlanes, PeriodicForce, RotorModel, Unbalances, receptance
+from ..rotor.interface import load_vector, nodal_load
+from ..vibration import crank_loads, running_rotor
+from ..vibration.interface import CrankLoads
 
 
 class InfluenceRow(NamedTuple):
@@ -266,7 +260,7 @@ def machine_influence(
         speeds: [rad/s] those of the balancing planes if absent.
         solver: of the periodic state.
         crank: take the forces of the crank in the place of those that the scene gives.
-        left_out: what the crank's forces do without, see `jaxcomp.vibration.without`.
+        left_out: what the crank's forces do without, see `without`.
 
     Raises:
         BadInput: a part that is missing.

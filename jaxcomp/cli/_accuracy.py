@@ -88,7 +88,7 @@ def accuracy(
             shown = (
                 extremes_result(found),
                 lambda _: extremes_tables(found),
-                lambda: {"extremes": jc.plot.extreme_errors(found)},
+                lambda: {"extremes": jc.plot.interface.extreme_errors(found)},
             )
         else:
             if variable is None and study == "gradient" and quantity not in _FILM:
@@ -99,7 +99,7 @@ def accuracy(
             shown = (
                 accuracy_result(report, error),
                 lambda _: accuracy_tables(report, error),
-                lambda: jc.plot.accuracy_figures(report, error),
+                lambda: jc.plot.interface.accuracy_figures(report, error),
             )
     partial.done()
     output.emit(*shown, scene)
@@ -311,7 +311,7 @@ def _time(report: jc.study.accuracy.Report, error: float, method: str) -> float 
     return None if best is None else best.seconds
 
 
-def _error(report: jc.study.accuracy.Report, row: jc.study.accuracy.Measurement) -> str:
+def _error(report: jc.study.accuracy.Report, row: jc.study.accuracy.interface.Measurement) -> str:
     if not math.isfinite(row.error):
         return "failed"
     floor = report.floor(row)

@@ -47,7 +47,7 @@ def with_one_unit(parts: Sequence[str]) -> list[str]:
     >>> with_one_unit(["60", "80mm"])
     ['60 mm', '80mm']
     """
-    from ..scene import NUMBER
+    from ..scene.interface import NUMBER
 
     parts = [part.strip() for part in parts]
     number = re.match(rf"{NUMBER}\s*", parts[-1])
@@ -87,7 +87,7 @@ def changed_scene(
     if changes:
         scene = jc.scene.with_values(scene, changes, "set on the command line")
     names = (text.partition("=")[0].strip() for text in varied or ())
-    return jc.scene.with_lists(scene, names)
+    return jc.scene.interface.with_lists(scene, names)
 
 
 def si(text: str, unit: str, option: str, difference: bool = False) -> float:
@@ -96,12 +96,12 @@ def si(text: str, unit: str, option: str, difference: bool = False) -> float:
         raise jc.scene.SceneError(option, "lacks a value")
     given = entry(text)
     given = text if given is None else given
-    return float(jc.scene.to_si(given, unit, option, difference=difference))
+    return float(jc.scene.interface.to_si(given, unit, option, difference=difference))
 
 
 def value_of(name: str, text: str, option: str) -> float:
     """[SI] A value of a quantity."""
-    one = jc.study.quantity_named(name)
+    one = jc.study.interface.quantity_named(name)
     value = si(text, one.unit, option)
     if one.percent and abs(value) > _LARGEST_SHARE:
         raise CommandError(f'{option}: {text} would be {100 * value:g} %; is "{text} %" meant?')
@@ -131,7 +131,7 @@ def speed_of(text: str, option: str) -> float:
     """[rad/s] A speed of the command line."""
     # there a frequency of rotation can be nothing but a speed
     text = re.sub(r"\s*hz\s*$", " turn/s", text.strip(), flags=re.IGNORECASE)
-    value = float(jc.scene.to_si(text, "rad/s", option))
+    value = float(jc.scene.interface.to_si(text, "rad/s", option))
     refuse(value < 0, f"{option}: must be >= 0 rad/s")
     return value
 

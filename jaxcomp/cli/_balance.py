@@ -59,7 +59,9 @@ class Objective:
             "--limit: takes no --method, --tikhonov or --weight beside it",
         )
 
-    def met(self, part: jc.balancing.Influence, radius: dict[str, float]) -> jc.balancing.Balance:
+    def met(
+        self, part: jc.balancing.interface.Influence, radius: dict[str, float]
+    ) -> jc.balancing.Balance:
         """The balance of the chosen part of a system; `radius` [m] by plane, where one is known."""
         import numpy as np
 
@@ -157,7 +159,7 @@ def balance(
     output.emit(
         balance_result(found, name, shaken_by, radius),
         balance_tables,
-        lambda: jc.plot.balance_figures(found, name),
+        lambda: jc.plot.interface.balance_figures(found, name),
         scene,
         {"balance": found.columns},
         written,
@@ -178,7 +180,7 @@ def _speeds_planes_loads(scene: jc.scene.Scene, speeds: str | None):
 
 
 def _rotor_alone(
-    part: jc.balancing.Influence,
+    part: jc.balancing.interface.Influence,
     scene: jc.scene.Scene,
     places: jc.rotor.BalancingPlanes,
     case: jc.rotor.LoadCase,
@@ -197,8 +199,8 @@ def _rotor_alone(
 
 
 def _weighted(
-    part: jc.balancing.Influence, weights: Sequence[str] | None
-) -> jc.balancing.Influence:
+    part: jc.balancing.interface.Influence, weights: Sequence[str] | None
+) -> jc.balancing.interface.Influence:
     """The system with the weights of `--weight` on its readings."""
     import numpy as np
 
@@ -212,12 +214,14 @@ def _weighted(
     return dataclasses.replace(part, weight=weight)
 
 
-def _largest(part: jc.balancing.Influence, text: str):
+def _largest(part: jc.balancing.interface.Influence, text: str):
     """Bounds of all corrections; a plane that is not named is bounded by a thousand times their sum."""
     import numpy as np
 
     if "=" not in text:
-        return np.full(len(part.planes), float(jc.scene.to_si(text, part.trial, "--largest")))
+        return np.full(
+            len(part.planes), float(jc.scene.interface.to_si(text, part.trial, "--largest"))
+        )
     given = assignments([one.strip() for one in text.split(",")], "--largest")
     for plane in given:
         kind = "correction plane of this balance"
@@ -228,11 +232,11 @@ def _largest(part: jc.balancing.Influence, text: str):
     return np.array([bounds.get(plane, free) for plane in part.planes])
 
 
-def _limit(part: jc.balancing.Influence, text: str) -> float:
+def _limit(part: jc.balancing.interface.Influence, text: str) -> float:
     """The limit in the unit of the vibration."""
     units = {"um": "m", "µm": "m"}
     try:
-        return float(jc.scene.to_si(text, units.get(part.unit, part.unit), "--limit"))
+        return float(jc.scene.interface.to_si(text, units.get(part.unit, part.unit), "--limit"))
     except jc.scene.SceneError:
         try:
             return float(text)  # readings of no known unit

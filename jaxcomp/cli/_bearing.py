@@ -72,7 +72,7 @@ class Bush:
         """[SI] The options that are given, of those with a unit."""
         texts = ((name, getattr(self, name.replace("-", "_"))) for name in units)
         return {
-            name: float(jc.scene.to_si(text, units[name], f"--{name}"))
+            name: float(jc.scene.interface.to_si(text, units[name], f"--{name}"))
             for name, text in texts
             if text is not None
         }
@@ -143,7 +143,7 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
     output.emit(
         result,
         bearing_tables,
-        lambda: jc.plot.film_figures(film_type, plain(result), field),
+        lambda: jc.plot.interface.film_figures(film_type, plain(result), field),
         written="Report, pictures and result",
     )
 
@@ -239,7 +239,7 @@ def _loaded(
         found = loaded_journal(part, table, given["speed"], **shares)
     result = {
         "model": model,
-        "limits": jc.film.squeeze_of(part).limits,
+        "limits": jc.film.interface.squeeze_of(part).limits,
         "loads": str(loads),
         "frame": table.frame,
         "between": table.between,
@@ -251,7 +251,7 @@ def _loaded(
     output.emit(
         result,
         lambda whole: loaded_tables(found, whole),
-        lambda: jc.plot.loaded_journal_figures(found),
+        lambda: jc.plot.interface.loaded_journal_figures(found),
         curves={"orbit": found.columns},
         written="Report, pictures, orbit.csv and result.json",
     )

@@ -75,7 +75,7 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
         "parts": {name: counts for name, counts in parts.items() if counts["values"]},
         "follows": [{"what": what, "value": x, "unit": unit} for what, x, unit in follows(scene)],
         "commands": _commands(scene),
-        "left_out": list(jc.scene.left_out(scene)),
+        "left_out": list(jc.scene.interface.left_out(scene)),
         "unusual": [value._asdict() for value in jc.scene.implausible_values(scene)],
     }
 

@@ -56,7 +56,7 @@ def compare(
     output.emit(
         result,
         lambda _: [beside_table(found)],
-        lambda: {"losses": jc.plot.compared_losses(found)},
+        lambda: {"losses": jc.plot.interface.compared_losses(found)},
         written="Report, picture and result",
     )
 
@@ -111,7 +111,7 @@ def sensitivity(
     output.emit(
         sensitivity_result(found, scene.name),
         lambda _: sensitivity_tables(found, rows),
-        lambda: jc.plot.sensitivity_figures(found, scene.name),
+        lambda: jc.plot.interface.sensitivity_figures(found, scene.name),
         scene,
         {"sensitivity": found.columns},
     )

@@ -15,6 +15,7 @@ import jaxcomp as jc
 
 from .._core.display import shown, units_of
 from .._core.registry import DESIGN_RULES, Quantity, registered
+from .._core.words import did_you_mean
 from . import _options as opt
 from ._output import plain, show_results
 from ._start import CommandError, refuse, start_jax
@@ -55,7 +56,8 @@ def new(
         machine (MACHINE): Bundled machine or scene file to start from, with its numbers.
         force: Write over a file.
     """
-    from ..scene import load, start, start_from
+    from ..scene import load, start
+    from ..scene.interface import start_from
 
     printed = str(file) == "-"
     refuse(not printed and file.suffix != ".toml", f"{file}: must end in .toml")
@@ -91,7 +93,8 @@ def upgrade(
     """
     import tomllib
 
-    from ..scene import loads, upgraded
+    from ..scene import loads
+    from ..scene.interface import upgraded
 
     refuse(not file.is_file(), f"{file}: cannot be read: no such file")
     text = file.read_text(encoding="utf-8")
@@ -176,7 +179,8 @@ def _machines() -> tuple[dict[str, Any], Table]:
 
 
 def _fluids() -> tuple[dict[str, Any], Table]:
-    from ..fluid import fluid_data, fluids
+    from ..fluid import fluids
+    from ..fluid.interface import fluid_data
 
     keys = ("name", "description", "source", "licence")
     found = [{key: data[key] for key in keys} for data in map(fluid_data, fluids())]
@@ -188,7 +192,7 @@ def _fluids() -> tuple[dict[str, Any], Table]:
 def _known_scene(machine: str) -> jc.scene.Scene:
     names = [one.name for one in jc.scene.machines()]
     if machine not in names and not Path(machine).exists() and not machine.endswith(".toml"):
-        near = jc.scene.did_you_mean(machine, [*names, "fluids"])
+        near = did_you_mean(machine, [*names, "fluids"])
         raise CommandError(f"list {machine}: is no machine, no file and not `fluids`{near}")
     start_jax()
     return jc.scene.load(machine)
@@ -228,7 +232,7 @@ def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
     def meaning(name):
         if name.startswith("corrections."):
             return _OTHERS[name.rpartition(".")[2]]
-        count, doc = jc.study.list_length(machine, name), docs.get(name, "")
+        count, doc = jc.study.interface.list_length(machine, name), docs.get(name, "")
         return f"{doc} (factor on all {count})".strip() if count else doc
 
     found = {
@@ -238,7 +242,9 @@ def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
             "bound": str(one.bound),
             "doc": meaning(one.name),
         }
-        for one in (jc.study.variable(machine, name) for name in jc.study.variable_names(machine))
+        for one in (
+            jc.study.variable(machine, name) for name in jc.study.interface.variable_names(machine)
+        )
     }
     rows = (
         (name, shown(name, one["unit"], one["value"]).text(one["value"]), one["bound"], one["doc"])
@@ -282,7 +288,7 @@ def explain(
         rows, table = _parts()
         show_results({"parts": rows}, [table], as_json)
         return
-    found = jc.scene.explained(part)
+    found = jc.scene.interface.explained(part)
     lines = [] if as_json else [line for one in found for line in _explained_lines(one)]
     show_results({"word": part, "parts": plain(found)}, lines, as_json)
 
@@ -312,18 +318,18 @@ def schema(
 
 def _parts() -> tuple[list[dict[str, Any]], Table]:
     """Every kind of part."""
-    from ..scene import summary
+    from ..scene.interface import summary
 
     found = [
         {"kind": where.kind, "places": where.titles, "summary": summary(part)}
-        for part, where in jc.scene.part_places().items()
+        for part, where in jc.scene.interface.part_places().items()
     ]
     rows = ((one["kind"], ", ".join(one["places"]), one["summary"]) for one in found)
     heads = ("Type", "Sections", "What it is")
     return found, _word_table("Parts of a machine file", heads, rows)
 
 
-def _explained_lines(one: jc.scene.Explained) -> list[Table | Text]:
+def _explained_lines(one: jc.scene.interface.Explained) -> list[Table | Text]:
     """What it is, where it may stand, its entries, and how it is typed."""
     rows = (
         (e.name, e.unit, e.bound, "required" if e.required else e.default or "none", e.doc)

@@ -131,7 +131,7 @@ def identify(
     """
     from ..scene.readings import identified_scene
     from ..scene.tolerances import identified_tolerances
-    from ..study import with_own_factors
+    from ..study.interface import with_own_factors
 
     scene = case.scene(varied=vary)
     method = chosen_solver(solver, scene)
@@ -161,7 +161,7 @@ def identify(
     output.emit(
         result,
         tables,
-        lambda: jc.plot.identification_figures(found, scene.name),
+        lambda: jc.plot.interface.identification_figures(found, scene.name),
         identified_scene(scene, found),
         curves,
         files=lambda: {
@@ -294,7 +294,7 @@ def prediction_tables(entries, said) -> Iterator[Any]:
 
 def _by_recipe(scene, data_sets):
     """The scene of a similar machine of the right size, what is varied of it, and priors."""
-    from ..scene import with_machine
+    from ..scene.interface import with_machine
     from ..study import Readings, map_recipe
 
     maps = [one for one in data_sets if isinstance(one, Readings)]
@@ -306,7 +306,7 @@ def _by_recipe(scene, data_sets):
 
 
 def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
-    from ..study import varied
+    from ..study.interface import varied
 
     out = {}
     for text in texts:
@@ -322,7 +322,7 @@ def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
 
 
 def _priors(scene, texts) -> dict[str, tuple[float, float]]:
-    from ..study import varied
+    from ..study.interface import varied
 
     out = {}
     for name, given in assignments(texts, "--prior").items():

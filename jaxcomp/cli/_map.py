@@ -89,7 +89,7 @@ def rating_map(
     output.emit(
         result,
         lambda _: map_tables(found, scene.name),
-        lambda: jc.plot.rating_figures(found, scene.name),
+        lambda: jc.plot.interface.rating_figures(found, scene.name),
         scene,
         {"map": found.columns},
         files=lambda: files,

@@ -63,10 +63,10 @@ def modes(
     result = plain(result | case.changes)
 
     def figures():
-        shapes = jc.plot.mode_shapes(model, found[0], result)
-        drawn = {"rotor": jc.plot.rotor_drawing(model), "modes": shapes}
+        shapes = jc.plot.interface.mode_shapes(model, found[0], result)
+        drawn = {"rotor": jc.plot.interface.rotor_drawing(model), "modes": shapes}
         if "campbell" in result:
-            drawn["campbell"] = jc.plot.campbell_diagram(result["campbell"])
+            drawn["campbell"] = jc.plot.interface.campbell_diagram(result["campbell"])
         return drawn
 
     curves = {"modes": lambda: modes_columns(result)}
@@ -118,7 +118,7 @@ def campbell_result(
 ) -> dict[str, Any]:
     """Frequencies over the spin speed, and where they meet the speed itself."""
     found = jc.rotor.campbell(model, speeds, count, damping=damping)
-    critical = jc.rotor.critical_speeds_between(model, speeds, count, damping=damping)
+    critical = jc.rotor.interface.critical_speeds_between(model, speeds, count, damping=damping)
     return {
         "speeds": speeds,
         **fields_of(found, "frequency", "damping_ratio", "whirl"),
@@ -210,8 +210,10 @@ def _leading_subset(model, modes):
     """Name of the subset that moves most."""
     import numpy as np
 
-    names, words = jc.rotor.node_names(model), jc.rotor.subset_names(model)
-    groups = [np.array([names.index(n) for n in group]) for group in jc.rotor.subsets(model)]
+    names, words = jc.rotor.interface.node_names(model), jc.rotor.interface.subset_names(model)
+    groups = [
+        np.array([names.index(n) for n in group]) for group in jc.rotor.interface.subsets(model)
+    ]
     size = np.abs(np.asarray(modes.shape))[..., :2].max(-1)
     return [
         words[int(np.argmax([mode[g].max() for g in groups]))] if np.all(np.isfinite(mode)) else ""
@@ -268,7 +270,7 @@ def update(
     output.emit(
         result | case.changes,
         update_tables,
-        lambda: {"rotor": jc.plot.rotor_drawing(rotor_of(fitted))},
+        lambda: {"rotor": jc.plot.interface.rotor_drawing(rotor_of(fitted))},
         fitted,
     )
 
@@ -283,7 +285,8 @@ def update_result(
     """The fit, and the identification that it is."""
     import numpy as np
 
-    from ..study import identify, varied
+    from ..study import identify
+    from ..study.interface import varied
 
     vary, prior = {}, {}
     for path in paths:

@@ -71,7 +71,7 @@ class Asked:
         """Which way; a robust objective goes the way of what it is made of."""
         if not self.scatter or self.maximise is not None:
             return self.maximise
-        better = jc.study.quantity_named(self.objective).better
+        better = jc.study.interface.quantity_named(self.objective).better
         refuse(not better, "--maximise: is missing; the objective is not better in one direction")
         return better == "more"
 
@@ -125,7 +125,7 @@ def optimise(asked: Asked, output: Output) -> None:
         output.emit(
             result | front_result(found) | seconds,
             front_tables,
-            lambda: {"pareto": jc.plot.pareto_front(found)},
+            lambda: {"pareto": jc.plot.interface.pareto_front(found)},
             scene,
             {"front": found.columns},
             "Report, picture, result and scene",
@@ -141,7 +141,7 @@ def optimise(asked: Asked, output: Output) -> None:
     output.emit(
         result,
         lambda whole: optimum_tables(whole, beside),
-        lambda: jc.plot.optimum_figures(found),
+        lambda: jc.plot.interface.optimum_figures(found),
         scene,
         {"designs": found.columns},
         "Report, pictures, designs, result and optimised scene",
@@ -151,9 +151,9 @@ def optimise(asked: Asked, output: Output) -> None:
 # ------------------------------------------------------------------- the problem
 def _problem(
     asked: Asked, design: jc.machine.Machine, options: jc.AnalysisOptions
-) -> jc.study.Problem:
+) -> jc.study.interface.Problem:
     given, ranges = assignments(asked.variables, "--variable"), {}
-    for name, text in jc.study.by_name(design, given).items():
+    for name, text in jc.study.interface.by_name(design, given).items():
         unit = jc.study.variable(design, name).unit
         low, colon, high = text.partition(":")
         form = "must have the form NAME=LOW:HIGH, such as bore=100mm:160mm"
@@ -168,7 +168,7 @@ def _problem(
 
 
 def _searched(
-    asked: Asked, problem: jc.study.Problem, out: Path | None
+    asked: Asked, problem: jc.study.interface.Problem, out: Path | None
 ) -> jc.study.Optimum | jc.study.ParetoFront:
     """Search for the best designs of a problem; progress is shown, and solved designs are kept."""
     import numpy as np
@@ -227,12 +227,12 @@ def optimised_scene(
     Returns:
         The scene, and the variables that a scene file does not have (correction masses).
     """
-    from ..study import CORRECTIONS
+    from ..study.interface import CORRECTIONS
 
     source = f"optimised for {optimum.objective_name}"
     names = [one.name for one in optimum.problem.variables]
     left = [name for name in names if name.split(".")[0] == CORRECTIONS]
-    return jc.scene.with_machine(scene, optimum.design, source), left
+    return jc.scene.interface.with_machine(scene, optimum.design, source), left
 
 
 def optimum_result(found: jc.study.Optimum) -> dict[str, Any]:
@@ -281,7 +281,7 @@ def comparison(found: jc.study.Optimum) -> jc.study.Comparison | None:
     Objectives that need no periodic state are compared by themselves.
     """
     problem = found.problem
-    known = (jc.study.quantity_named(q) for q in problem.quantities if isinstance(q, str))
+    known = (jc.study.interface.quantity_named(q) for q in problem.quantities if isinstance(q, str))
     crank = not all(isinstance(q, str) for q in problem.quantities)
     if problem.design.compressor is None or not (crank or any("orbit" in q.needs for q in known)):
         return None

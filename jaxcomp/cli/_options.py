@@ -127,7 +127,7 @@ def solver_of(text: str, compressor: jc.Compressor) -> Any:
     """The solver of the periodic state that `--solver` names."""
     name, _, tolerance = text.partition(":")
     if name == "collocation":
-        plain = jc.crank.default_collocation(compressor)
+        plain = jc.crank.interface.default_collocation(compressor)
         if not tolerance:
             return plain
         if tolerance.isdigit() and 3 <= int(tolerance) <= 64:

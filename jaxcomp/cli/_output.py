@@ -138,7 +138,8 @@ def write_results(
         curves: columns with their units, by the name of the CSV file that takes them.
     """
     from .._core.results import csv_text
-    from ..report import Provenance, report
+    from ..report import report
+    from ..report.interface import Provenance
     from ..scene import dump
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -155,7 +156,7 @@ def write_results(
     if scene is not None:
         _write(folder / "scene.toml", dump(scene).encode())
     if figures and find_spec("plotly"):
-        from ..plot import interactive_page
+        from ..plot.interface import interactive_page
 
         _write(folder / "interactive.html", interactive_page(figures, folder.name).encode())
     page = report(result, tables, figures, scene, Provenance.now(command_line()))

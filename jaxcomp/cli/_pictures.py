@@ -42,9 +42,11 @@ def animate(
     with waiting("Solving and drawing ..."):
         if scene.compressor is not None:
             orbit, compressor = jc.crank.solve_orbit(scene), scene.as_compressor()
-            moving["mechanism"] = gif(jc.plot.mechanism_motion(compressor, orbit, frames))
+            moving["mechanism"] = gif(jc.plot.interface.mechanism_motion(compressor, orbit, frames))
             if orbit.positions:
-                moving["journals"] = gif(jc.plot.journal_motion(compressor, orbit, frames))
+                moving["journals"] = gif(
+                    jc.plot.interface.journal_motion(compressor, orbit, frames)
+                )
             converged = bool(orbit.converged)
             result |= {
                 "converged": converged,
@@ -64,7 +66,7 @@ def animate(
 
 def balancing_motion(
     scene: jc.scene.Scene, speed: str | None, frames: int
-) -> tuple[jc.plot.Motion, dict[str, Any]]:
+) -> tuple[jc.plot.interface.Motion, dict[str, Any]]:
     """The rotor with its crankcase and housing, without and with the least-squares corrections."""
     import jax.numpy as jnp
 
@@ -85,7 +87,7 @@ def balancing_motion(
         "largest_after": float(abs(after.displacement[..., 0]).max()),
         "improvement": float(found.improvement),
     }
-    return jc.plot.balance_motion(model, before, after, frames), result
+    return jc.plot.interface.balance_motion(model, before, after, frames), result
 
 
 def animate_tables(result: dict[str, Any]):

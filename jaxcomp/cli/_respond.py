@@ -81,11 +81,13 @@ def respond(
 
     def figures():
         drawn = {
-            "rotor": jc.plot.rotor_drawing(model),
-            "shape": jc.plot.deflection_shape(model, response),
-            "orbits": jc.plot.response_orbits(result),
+            "rotor": jc.plot.interface.rotor_drawing(model),
+            "shape": jc.plot.interface.deflection_shape(model, response),
+            "orbits": jc.plot.interface.response_orbits(result),
         }
-        return drawn | ({"curves": jc.plot.response_curves(result)} if "curves" in result else {})
+        return drawn | (
+            {"curves": jc.plot.interface.response_curves(result)} if "curves" in result else {}
+        )
 
     curves = {"response": lambda: response_columns(result)}
     if "curves" in result:
@@ -96,7 +98,7 @@ def respond(
 def whole_orders(text: str | None, loads: Sequence | None) -> tuple[int, ...]:
     """The orders of `--orders`, all that are loaded but the mean, or without loads those of the crank."""
     if text is None:
-        from ..vibration import excited_orders
+        from ..vibration.interface import excited_orders
 
         return _OF_CRANK if loads is None else excited_orders(tuple(loads))
     numbers = [word.strip() for word in text.split(",")]
@@ -109,7 +111,7 @@ def watched_nodes(
     scene: jc.scene.Scene, model: jc.rotor.RotorModel, given: Sequence[str]
 ) -> Watched:
     """The nodes of `--node`, or the target planes, or all nodes."""
-    names = jc.rotor.node_names(model)
+    names = jc.rotor.interface.node_names(model)
     places = {str(name): i for i, name in enumerate(names)}
     for name in given:
         refuse_unknown(f"--node {name}", name, places, "node")
@@ -138,7 +140,7 @@ def respond_result(
 
     try:
         response.checked()
-    except jc.rotor.SingularResponse as error:
+    except jc.rotor.interface.SingularResponse as error:
         raise CommandError(f"{scene.file}: {error}") from None
     forces = np.abs(jc.rotor.transmitted_forces(model, response))
     axes = jc.rotor.AXES[model.dof]
@@ -178,7 +180,7 @@ def moving_films(scene: jc.scene.Scene) -> dict[int, str]:
     from ..film import JournalBearing
 
     found = {}
-    for number in jc.vibration.open_films(scene.parts.get("rotor")):  # pyright: ignore
+    for number in jc.vibration.interface.open_films(scene.parts.get("rotor")):  # pyright: ignore
         law = scene.parts["rotor"].links[number].law  # pyright: ignore[reportAttributeAccessIssue]
         name = getattr(law.bearing, "name", "")
         bearing = scene.machine.bearings.get(name)

@@ -23,7 +23,7 @@ def scene_speeds(scene: jc.scene.Scene) -> np.ndarray:
     """[rad/s] The speeds that the scene runs at."""
     import numpy as np
 
-    from ..vibration import own_speeds
+    from ..vibration.interface import own_speeds
 
     own = own_speeds(scene.parts.get("balancing"), scene.compressor)
     refuse(own is None, "--speed: is missing, and the scene names no speed of its own")
@@ -56,7 +56,7 @@ def rotor_of(scene: jc.scene.Scene, *speeds: np.ndarray | None) -> jc.rotor.Roto
         raise jc.scene.SceneError("", missing, file=scene.file)
     wanted = np.concatenate([s for s in speeds if s is not None] or [[]])
     model = jc.rotor_at(scene, np.unique(wanted))
-    assert not isinstance(model, jc.rotor.System)  # a scene holds no prepared one
+    assert not isinstance(model, jc.rotor.interface.System)  # a scene holds no prepared one
     return model
 
 
@@ -73,14 +73,18 @@ def header(scene: jc.scene.Scene, model: jc.rotor.RotorModel, free: bool = False
     """What the results of rotors have in common."""
     # hanging free a rotor has no bearings that could hold it against the magnetic pull
     pulled = model.magnetic_pulls and not free
-    groups = zip(jc.rotor.subset_names(model), jc.rotor.subsets(model), strict=True)
+    groups = zip(
+        jc.rotor.interface.subset_names(model), jc.rotor.interface.subsets(model), strict=True
+    )
     return {
         "machine": scene.name,
         "file": scene.file,
         "version": version("jaxcomp"),
         "degrees_of_freedom": model.dof,
         "subsets": {name: [str(node) for node in group] for name, group in groups},
-        "magnetic_pull_limit": float(jc.rotor.magnetic_pull_limit(model)) if pulled else None,
+        "magnetic_pull_limit": float(jc.rotor.interface.magnetic_pull_limit(model))
+        if pulled
+        else None,
     }
 
 

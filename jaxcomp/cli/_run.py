@@ -66,9 +66,11 @@ def run(
     result |= {"tolerance": method.tolerance, **case.changes}
 
     def figures():
-        made = jc.plot.orbit_figures(compressor, orbit, scene.parts.get("suspension"))
+        made = jc.plot.interface.orbit_figures(compressor, orbit, scene.parts.get("suspension"))
         if "torsion" in scene.parts:
-            made["torsion"] = jc.plot.torsion_over_speed(compressor, orbit, scene.parts["torsion"])
+            made["torsion"] = jc.plot.interface.torsion_over_speed(
+                compressor, orbit, scene.parts["torsion"]
+            )
         return made
 
     curves = {"curves": lambda: orbit_curves(scene, orbit)}
@@ -104,7 +106,7 @@ def run_result(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     # where no film has a thickness there is no least one
     known = tuple(one for one in known if values[one.name] != math.inf)
     rods, moved = _rods(compressor, orbit), orbit.positions or {}
-    films = jc.crank.film_thickness(compressor, orbit)
+    films = jc.crank.interface.film_thickness(compressor, orbit)
     laws = {name: "orbit" if name in moved else "steady_load" for name in films}
     total = sum(numbers["losses"].values())
     share = {name: loss / total if total else 0.0 for name, loss in numbers["losses"].items()}
@@ -167,7 +169,7 @@ def orbit_curves(scene: jc.scene.Scene, orbit: jc.Orbit) -> dict[str, Any]:
     from ..compressor import crank_end_pressure
 
     columns, compressor = orbit.columns(), scene.as_compressor()
-    for name, thickness in jc.crank.film_thickness(compressor, orbit).items():
+    for name, thickness in jc.crank.interface.film_thickness(compressor, orbit).items():
         columns[f"film_thickness.{name} [m]"] = np.asarray(thickness)
     for name, film in jc.crank.journal_films(compressor, orbit).items():
         curves = {
@@ -202,7 +204,7 @@ def _remarks(
     if machine.frictionless:
         yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
     for name, margin in margins.items():
-        if abs(margin) < jc.cylinder.GRAZING:
+        if abs(margin) < jc.cylinder.interface.GRAZING:
             valve, place = name.split("_")
             yield (
                 f"The {valve} valve {'just touches' if margin > 0 else 'just misses'} its {place} "
@@ -255,7 +257,7 @@ def moved_result(compressor: jc.Compressor, orbit: jc.Orbit) -> dict[str, Any]:
             "film_thickness": film.minimum_film,
             "loss": film.mean_shear_loss + film.mean_squeeze_loss + film.mean_contact_loss,
         }
-        for name, film in jc.crank.moved_films(compressor, orbit).items()
+        for name, film in jc.crank.interface.moved_films(compressor, orbit).items()
     }
 
 

@@ -110,7 +110,7 @@ def _power(result: dict[str, Any]):
     whole = sum(power.values())
     rows = [
         (words(name), f"{power[name]:.4g}", f"{100 * power[name] / whole:.2f} %" if whole else "")
-        for name in jc.crank.POWER
+        for name in jc.crank.interface.POWER
         if abs(power[name]) > 1e-12 * abs(whole)  # else rounding
     ]
     rows += [(), ("Total", f"{whole:.5g}", "100.00 %"), ()]

@@ -60,7 +60,7 @@ def simulate(
     import diffrax
 
     def si(text, unit, option):
-        return float(jc.scene.to_si(text, unit, option))
+        return float(jc.scene.interface.to_si(text, unit, option))
 
     scene = case.scene(once=True)
     end = si(duration, "s", "--duration")
@@ -89,9 +89,9 @@ def simulate(
     }
 
     def figures():
-        made = {"motion": jc.plot.transient_figure(found, scene.name, off)}
+        made = {"motion": jc.plot.interface.transient_figure(found, scene.name, off)}
         if found.gas is not None:
-            made["gas"] = jc.plot.transient_gas_figure(found, scene.name, off)
+            made["gas"] = jc.plot.interface.transient_gas_figure(found, scene.name, off)
         return made
 
     output.emit(result, simulate_tables, figures, scene, {"motion": found.columns})
@@ -102,7 +102,7 @@ def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> 
     # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
     count = compressor.crankshaft.count
     turns = end * float(compressor.motor.speed_guess) / (2 * math.pi)
-    most = (jc.crank.MOST_STEPS - 2000) // (1000 * count)
+    most = (jc.crank.interface.MOST_STEPS - 2000) // (1000 * count)
     refuse(turns > most, f"--duration {duration}: must be at most {most} revolutions, with valves")
     steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * turns))
     return steps, 1 + min(2 ** math.ceil(math.log2(500 + 200 * turns)), _MOST_LISTED)

@@ -56,7 +56,7 @@ def refuse(wrong: Any, why: str) -> None:
 
 def refuse_unknown(option: str, name: str, known: Collection[str], kind: str) -> None:
     """End the command where a name is none of those that are known, with the nearest of them."""
-    from ..scene import did_you_mean
+    from .._core.words import did_you_mean
 
     refuse(name not in known, f"{option}: is no {kind}{did_you_mean(name, known)}")
 
@@ -86,7 +86,7 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
 
 def show_error(error: Exception) -> None:
     """One line on standard error, without the escape sequences that a file or argument may hold."""
-    from ..scene import visible
+    from ..scene.interface import visible
 
     typer.echo(f"error: {visible(' '.join(str(error).split()))}", err=True)
 

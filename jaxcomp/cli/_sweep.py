@@ -86,18 +86,20 @@ def sweep(
         options |= {"options": analysis.options(scene), "client": client}
         if several:
             options["dimension"] = _LAYOUT
-            found = jc.study.sweep.sweep_machines(several, axes, asked, **options)
+            found = jc.study.sweep.interface.sweep_machines(several, axes, asked, **options)
         else:
             found = jc.study.sweep.sweep(scene, axes, asked, **options)
     of_scene = (found, scene.name)
-    found_of = layouts_result if several else jc.study.sweep.summary
+    found_of = layouts_result if several else jc.study.sweep.interface.summary
     result = {"scene": scene.name, **found_of(found)}
     output.emit(
         result | {"store": None if store is None else str(store)},
         lambda whole: layouts_tables(*of_scene) if several else sweep_tables(found, whole),
-        lambda: layouts_figures(*of_scene) if several else jc.plot.sweep_figures(*of_scene),
+        lambda: (
+            layouts_figures(*of_scene) if several else jc.plot.interface.sweep_figures(*of_scene)
+        ),
         scene,
-        {"designs": lambda: jc.study.sweep.columns(found)},
+        {"designs": lambda: jc.study.sweep.interface.columns(found)},
     )
 
 
@@ -133,7 +135,7 @@ def layouts_tables(found, scene: str) -> Iterator[Any]:
     for name, part in parts.items():
         failed = int(part["ok"].size - part["ok"].sum())
         for asked in (str(one) for one in part.data_vars if one != "ok"):
-            look = jc.study.sweep.shown_column(found, asked)
+            look = jc.study.sweep.interface.shown_column(found, asked)
             ends = (_cell(look, float(end)) for end in (part[asked].min(), part[asked].max()))
             rows.append((name, look.label, *ends, failed or ""))
     heads = ("Layout", "Quantity", "Lowest", "Highest", "Failed")
@@ -142,10 +144,10 @@ def layouts_tables(found, scene: str) -> Iterator[Any]:
 
 def layouts_figures(found, scene: str) -> dict[str, Any]:
     """All layouts beside each other, then each by itself."""
-    drawn = jc.plot.machine_figures(found, scene, _LAYOUT)
+    drawn = jc.plot.interface.machine_figures(found, scene, _LAYOUT)
     for name, part in _of_each(found).items():
         if part["ok"].dims:
-            own = jc.plot.sweep_figures(part, f"{scene}, {name}")
+            own = jc.plot.interface.sweep_figures(part, f"{scene}, {name}")
             drawn |= {f"{name}-{figure}": one for figure, one in own.items()}
     return drawn
 
@@ -171,7 +173,7 @@ def default_quantities(scene: jc.scene.Scene) -> list[str]:
 def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:
     """Values or distributions of the variables, in SI units."""
     design, axes = jc.machine.machine_of(scene), {}
-    for name, text in jc.study.by_name(design, assignments(texts, "--over")).items():
+    for name, text in jc.study.interface.by_name(design, assignments(texts, "--over")).items():
         option, one = f"--over {name}={text}", jc.study.variable(design, name)
         axes[name] = axis_values(text, one.unit, option, sampled)
         ends = axes[name].ends if sampled else (float(min(axes[name])), float(max(axes[name])))
@@ -224,12 +226,12 @@ def _made(kind, option, *numbers):
 
 
 def number(text: str, unit: str, option: str, difference: bool, default_unit: str | None) -> float:
-    """[SI] A number of an axis, as in `jaxcomp.scene.to_si`."""
+    """[SI] A number of an axis, as in `to_si`."""
     try:
         given: float | str = float(text)
     except ValueError:
         given = text
-    return float(jc.scene.to_si(given, unit, option, default_unit, difference))
+    return float(jc.scene.interface.to_si(given, unit, option, default_unit, difference))
 
 
 def sweep_tables(found, result: dict[str, Any]):
@@ -242,7 +244,7 @@ def sweep_tables(found, result: dict[str, Any]):
     dims = found["ok"].dims
     if len(dims) == 1 and dims[0] != "sample" and found["ok"].size <= _ROWS:
         names = [*result["variables"], *result["quantities"]]
-        looks = [jc.study.sweep.shown_column(found, name) for name in names]
+        looks = [jc.study.sweep.interface.shown_column(found, name) for name in names]
         rows = zip(*(found[name].values.tolist() for name in names), strict=True)
         yield _numbers(looks, (map(_cell, looks, row) for row in rows))
     for name, entry in result["quantities"].items():
@@ -252,7 +254,7 @@ def sweep_tables(found, result: dict[str, Any]):
 
 def _summary(found, result, title):
     names = (*result["variables"], *result["quantities"])
-    looks = {name: jc.study.sweep.shown_column(found, name) for name in names}
+    looks = {name: jc.study.sweep.interface.shown_column(found, name) for name in names}
     rows = []
     for name, entry in result["quantities"].items():
         middle = entry["percentiles"] and entry["percentiles"]["50"]
@@ -271,7 +273,7 @@ def _summary(found, result, title):
 
 def _curve_table(found, name, curve):
     names = (curve["across"], curve["along"], name)
-    across, along, value = (jc.study.sweep.shown_column(found, name) for name in names)
+    across, along, value = (jc.study.sweep.interface.shown_column(found, name) for name in names)
     tried = found[curve["along"]].values
     ends = (tried.min(), tried.max())
     rows = []

@@ -96,7 +96,7 @@ def tolerance(
     limits = bounds_of(limit, "--limit", equalities=False)
     names = list(quantity or (() if limits else default_quantities(scene)))
     for name in names:
-        jc.study.quantity_named(name)
+        jc.study.interface.quantity_named(name)
     asked = list(dict.fromkeys([*names, *limits]))
     partial = Partial(output.out, "machines")
 
@@ -115,7 +115,7 @@ def tolerance(
     output.emit(
         result if tighter is None else result | {"permitted": tighter},
         lambda whole: tolerance_tables(found, whole),
-        lambda: jc.plot.tolerance_figures(found, scene.name),
+        lambda: jc.plot.interface.tolerance_figures(found, scene.name),
         scene,
         {"samples": found.columns},
     )
@@ -126,7 +126,7 @@ def read_tolerances(
     vary: Sequence[str] | None,
     file: Path | None,
     correlate: Sequence[str] | None,
-) -> tuple[dict[str, jc.study.tolerance.Within], dict[tuple[str, str], float]]:
+) -> tuple[dict[str, jc.study.tolerance.interface.Within], dict[tuple[str, str], float]]:
     """Tolerances and correlations of the file and of `--vary` and `--correlate`, which go first."""
     from ..scene.tolerances import read_tolerance_file, tolerances_of
 
@@ -147,7 +147,7 @@ def read_tolerances(
 def tolerance_result(
     found: jc.study.tolerance.Tolerances,
     scene: str,
-    given: dict[str, jc.study.tolerance.Within],
+    given: dict[str, jc.study.tolerance.interface.Within],
     correlations: dict[tuple[str, str], float],
     balanced: bool,
 ) -> dict[str, Any]:
@@ -221,7 +221,7 @@ def _limit(one, found: jc.study.tolerance.Tolerances) -> dict[str, Any]:
 
 def permitted_tolerances(
     found: jc.study.tolerance.Tolerances, text: str
-) -> list[jc.study.tolerance.Permitted]:
+) -> list[jc.study.tolerance.interface.Permitted]:
     """How much tighter all tolerances would have to be, and those of the largest contributor alone."""
     share = si(text, "", "--rejects")
     refuse(not 0 < share < 1, f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
@@ -283,7 +283,7 @@ def _causes(found: jc.study.tolerance.Tolerances, name: str) -> str:
 
 def _label(found: jc.study.tolerance.Tolerances, variable: str) -> str:
     """A variable in words."""
-    return jc.study.variable_label(found.problem.design, variable)
+    return jc.study.interface.variable_label(found.problem.design, variable)
 
 
 def tolerance_tables(found: jc.study.tolerance.Tolerances, result: dict[str, Any]) -> Iterator[Any]:

@@ -18,7 +18,8 @@ from .._core.roots import FixedPointReport, fixed_point, frozen
 from .._core.status import Status
 from ..compressor import Compressor, Instants, instants, kink_angles, loop_of
 from ..cylinder import CycleOptions, Cylinder
-from ..friction import JointLoads, magnitude
+from ..friction import JointLoads
+from ..friction.interface import magnitude
 from ..mechanism import CrankState
 from ._iteration import (
     ENERGY_FLOOR,

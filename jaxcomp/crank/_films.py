@@ -23,15 +23,13 @@ from .._core.results import Data, Result, reading
 from .._core.roots import AbstractFixedPoint, fixed_point, frozen, settle
 from .._core.status import Status
 from ..compressor import Compressor
-from ..crankshaft import film_journals
-from ..film import (
+from ..crankshaft.interface import film_journals
+from ..film import AbstractSolvedFilm, JournalBearing, minimum_film
+from ..film.interface import (
     AbstractCarryingFilm,
-    AbstractSolvedFilm,
-    JournalBearing,
     film_unit,
     friction_moment,
     load_number,
-    minimum_film,
     moving_film,
     prepare,
     quarter_turn,
@@ -41,7 +39,7 @@ from ..film import (
     slopes_along,
     squeeze_of,
 )
-from ..friction import EachJournal
+from ..friction.interface import EachJournal
 from ._journals import Drive, improved_positions, orbit_status, position_error, rate_shares
 from ._orbit import Orbit
 from ._panels import Panels, farthest, highest, panels

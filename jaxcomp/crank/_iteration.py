@@ -24,8 +24,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.roots import frozen
 from ..compressor import Compressor, Instants, instants, loop_of
-from ..crankshaft import MachineLoops
-from ..friction import newton_step
+from ..crankshaft.interface import MachineLoops
+from ..friction.interface import newton_step
 from ..mechanism import CrankState
 from ._journals import (
     improved_positions,

@@ -22,10 +22,9 @@ from .._core.fields import of_cylinder, rebuilt
 from .._core.polynomials import Rule
 from .._core.status import Status
 from ..compressor import Compressor
-from ..crankshaft import moving_journals, placed
-from ..film import (
-    AbstractSqueeze,
-    JournalBearing,
+from ..crankshaft.interface import moving_journals, placed
+from ..film import AbstractSqueeze, JournalBearing
+from ..film.interface import (
     MixedSqueeze,
     film_unit,
     moving_film,

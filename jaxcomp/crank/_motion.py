@@ -23,7 +23,8 @@ from .._core.elimination import solve_small
 from .._core.roots import AbstractRoot, root
 from .._core.status import Status
 from ..compressor import Compressor, Instants, instants, loop_of
-from ..friction import JointLoads, newton_step
+from ..friction import JointLoads
+from ..friction.interface import newton_step
 from ..mechanism import CrankState
 from ..motor import AbstractMotor
 from ._panels import Panels

@@ -17,7 +17,8 @@ from .._core.registry import Quantity, registered
 from .._core.results import Data, Result
 from .._core.status import Status
 from ..compressor import Compressor
-from ..cylinder import Cycle, SeveralCycles
+from ..cylinder import Cycle
+from ..cylinder.interface import SeveralCycles
 from ..friction import JointLoads
 from ..mechanism import CrankState
 from ._panels import highest

@@ -23,7 +23,7 @@ from .._core.roots import AbstractRoot, FixedPointReport, frozen, root, zeros_of
 from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at, loop_of
 from ..cylinder import CycleOptions
-from ..friction import closed
+from ..friction.interface import closed
 from ..mechanism import CrankState
 from ._collocation import Collocation, default_cycle, orbit_on_panels
 from ._iteration import Known, prepare, revolution_edges

@@ -33,9 +33,11 @@ from .._core.polynomials import gauss
 from .._core.roots import frozen, settle, zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, compressor_of, mechanisms_of
-from ..cylinder import Cycle, Cylinder, Pace, SeveralCycles
+from ..cylinder import Cycle, Cylinder
 from ..cylinder.interface import (
     CycleSolution,
+    Pace,
+    SeveralCycles,
     follow_cycles,
     no_solution,
     pace_of,

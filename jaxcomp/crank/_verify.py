@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from .._core.roots import zeros_of
 from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
-from ..friction import magnitude
+from ..friction.interface import magnitude
 from ..mechanism import CrankState
 from ._integration import TimeIntegration
 from ._journals import journal_drive, moving, with_journals

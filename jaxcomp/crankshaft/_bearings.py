@@ -30,8 +30,10 @@ from .._core.each import mapped
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, Part, quantity, replaced
 from .._core.polynomials import cubic_step
-from ..film import AbstractJournal, JournalBearing, NamedBearing, PlacedJournal
-from ..friction import STANDARD_GRAVITY, MixedThrust, OilPump, ThrustBearing, shaft_loss
+from ..film import AbstractJournal, JournalBearing, NamedBearing
+from ..film.interface import PlacedJournal
+from ..friction import MixedThrust, OilPump, ThrustBearing
+from ..friction.interface import STANDARD_GRAVITY, shaft_loss
 from ..mechanism import Vector
 
 

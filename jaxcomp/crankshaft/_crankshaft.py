@@ -33,13 +33,8 @@ from .._core.fields import (
     replaced,
 )
 from ..film import AbstractJournal
-from ..mechanism import (
-    AbstractKinematics,
-    AbstractMechanism,
-    CrankState,
-    Vector,
-    turned_with,
-)
+from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
+from ..mechanism.interface import turned_with
 from ._bearings import MainBearings
 
 # Throws of a layout, and rods of a star.

@@ -1,13 +1,9 @@
 """The cylinder's own thermodynamics: valves, real gas, heat and leakage over a periodic cycle."""
 
-from ._balance import Accounts as Accounts
-from ._collocation import SolvedPressure as SolvedPressure
-from ._cycle import GRAZING as GRAZING
+from . import interface as interface
 from ._cycle import Cycle as Cycle
-from ._cycle import SeveralCycles as SeveralCycles
 from ._cylinder import Cylinder as Cylinder
 from ._cylinder import DischargeLine as DischargeLine
-from ._cylinder import Pace as Pace
 from ._cylinder import SuctionLine as SuctionLine
 from ._heat import AbstractHeat as AbstractHeat
 from ._heat import Adair as Adair

@@ -21,14 +21,8 @@ from jaxtyping import Array, Float, Int
 
 from .._core.each import mapped
 from ..fluid import GasState
-from ..valve import (
-    AbstractValve,
-    Side,
-    port_acceleration,
-    quasi_steady_flow,
-    throat_density,
-)
-from ..valve.interface import choose
+from ..valve import AbstractValve
+from ..valve.interface import Side, choose, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
 from ._heat import HeatInput
 from ._plenum import PlenumChain, valve_sides

@@ -24,8 +24,8 @@ from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
-from ..valve import AbstractValve, Side
-from ..valve.interface import critical_ratio
+from ..valve import AbstractValve
+from ..valve.interface import Side, critical_ratio
 from ._heat import AbstractHeat, LaminarGap, SuctionWarming, WallNetwork
 from ._plenum import Plenum
 

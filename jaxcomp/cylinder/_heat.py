@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
 from ..fluid import GasState
-from ..valve import Side
+from ..valve.interface import Side
 
 OF_WALL = 2  # states: temperature, and heat gained since the beginning of the revolution
 # [W/(m^2 K)] Of the gas, about: how far the wall's temperature moves from one marched revolution to the

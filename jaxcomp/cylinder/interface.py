@@ -7,8 +7,12 @@ from ._balance import Accounts as Accounts
 from ._balance import Rates as Rates
 from ._balance import temperature_and_density as temperature_and_density
 from ._balance import valve_scales as valve_scales
+from ._collocation import SolvedPressure as SolvedPressure
+from ._cycle import GRAZING as GRAZING
+from ._cycle import SeveralCycles as SeveralCycles
 from ._cycle import values_only as values_only
 from ._cylinder import Case as Case
+from ._cylinder import Pace as Pace
 from ._cylinder import ports_fit as ports_fit
 from ._cylinder import prepare as prepare
 from ._march import START as START

@@ -14,24 +14,22 @@ from .._core.errors import BadInput
 from .._core.registry import Quantity
 from .._core.status import Status
 from ..balancing import least_squares
-from ..crank import film_thickness
-from ..cylinder import SeveralCycles
+from ..crank.interface import film_thickness
+from ..cylinder.interface import SeveralCycles
 from ..machine import Machine
 from ..plot.interface import fine_turn, first_diagram, front_view
-from ..scene import Scene, SceneError, dump, implausible_values, to_si, with_machine
+from ..scene import Scene, SceneError, dump, implausible_values
+from ..scene.interface import to_si, with_machine
 from ..study import (
     AnalysisOptions,
     DesignResult,
-    GivenNumber,
     Sensitivity,
     available_quantities,
-    given_numbers,
-    list_length,
     optimise,
     problem,
     sensitivity,
-    variable_label,
 )
+from ..study.interface import GivenNumber, given_numbers, list_length, variable_label
 
 _SOURCE = "set at the desk"
 # Quantities that stand before the others, as far as a machine has them.

@@ -4,6 +4,4 @@ from ._base import AbstractFluid as AbstractFluid
 from ._base import GasState as GasState
 from ._base import PerfectGas as PerfectGas
 from ._helmholtz import RealGas as RealGas
-from ._helmholtz import Saturation as Saturation
-from ._helmholtz import fluid_data as fluid_data
 from ._helmholtz import fluids as fluids

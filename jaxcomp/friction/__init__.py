@@ -2,14 +2,10 @@
 
 from . import _slider_crank as _slider_crank
 from . import _slider_link as _slider_link
-from ._laws import STANDARD_GRAVITY as STANDARD_GRAVITY
-from ._laws import AbstractDrag as AbstractDrag
 from ._laws import AbstractJournal as AbstractJournal
 from ._laws import AbstractSlide as AbstractSlide
 from ._laws import CoulombJournal as CoulombJournal
 from ._laws import CoulombSlide as CoulombSlide
-from ._laws import EachJournal as EachJournal
-from ._laws import EachSlide as EachSlide
 from ._laws import OilPump as OilPump
 from ._laws import Packing as Packing
 from ._laws import PistonFilm as PistonFilm
@@ -21,12 +17,7 @@ from ._loads import AbstractJointLoop as AbstractJointLoop
 from ._loads import Balance as Balance
 from ._loads import JointLoads as JointLoads
 from ._loads import Marks as Marks
-from ._loads import closed as closed
-from ._loads import joint_loads as joint_loads
 from ._loads import joint_loop as joint_loop
-from ._loads import magnitude as magnitude
-from ._loads import newton_step as newton_step
-from ._loads import shaft_loss as shaft_loss
 from ._mixed import MixedSlide as MixedSlide
 from ._mixed import MixedThrust as MixedThrust
 from ._slider_crank import SliderCrankFriction as SliderCrankFriction

@@ -17,7 +17,8 @@ from jaxtyping import Array, Float
 
 from .._core.each import AbstractEach
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
-from ..film import AbstractJournal, check_oil, oil_viscosity
+from ..film import AbstractJournal
+from ..film.interface import check_oil, oil_viscosity
 
 # Standard acceleration of free fall [m/s^2], exact by definition (CGPM 1901).
 STANDARD_GRAVITY = 9.80665

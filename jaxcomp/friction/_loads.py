@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from .._core.fields import Part
 from .._core.roots import AbstractRoot, root
-from ..film import PlacedJournal
+from ..film.interface import PlacedJournal
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
 
 

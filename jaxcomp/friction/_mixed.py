@@ -26,7 +26,8 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import NONNEGATIVE, POSITIVE, quantity
 from .._core.roots import AbstractRoot, root
-from ..film import AsperityContact, check_oil, oil_viscosity
+from ..film import AsperityContact
+from ..film.interface import check_oil, oil_viscosity
 from ._laws import AbstractDrag, AbstractSlide
 
 # [-] Thickness over roughness, up to which surfaces touch, and the least one.

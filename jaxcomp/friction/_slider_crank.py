@@ -17,15 +17,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..mechanism import (
-    CrankState,
-    RodBalance,
-    SliderCrank,
-    pin_forces,
-    rod_balance,
-    rod_moment,
-    rod_motion,
-)
+from ..mechanism import CrankState, SliderCrank, rod_motion
+from ..mechanism.interface import RodBalance, pin_forces, rod_balance, rod_moment
 from ._laws import AbstractJournal, AbstractSlide, Packing, PistonFilm
 from ._loads import (
     AbstractFriction,

@@ -18,18 +18,9 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from ..film import PlacedJournal
-from ..mechanism import (
-    Contact,
-    ContactArms,
-    CrankState,
-    LinkMotion,
-    PistonLoads,
-    SliderLink,
-    Vector,
-    contact,
-    contact_arms,
-)
+from ..film.interface import PlacedJournal
+from ..mechanism import CrankState, LinkMotion, SliderLink, Vector, contact
+from ..mechanism.interface import Contact, ContactArms, PistonLoads, contact_arms
 from ._laws import AbstractJournal, AbstractSlide, PistonFilm
 from ._loads import (
     AbstractFriction,

@@ -1,7 +1,6 @@
 """Gas in the cylinder: the polytropic cycle and prescribed indicator diagrams."""
 
 from ._base import AbstractGas as AbstractGas
-from ._base import EachGas as EachGas
 from ._base import Stroke as Stroke
 from ._cycles import DoubleActing as DoubleActing
 from ._cycles import PolytropicCycle as PolytropicCycle

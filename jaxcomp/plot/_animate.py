@@ -23,7 +23,8 @@ from .._core.display import RPM, axes_words, shown
 from .._core.fields import of_cylinder
 from ..compressor import Compressor
 from ..crank import Orbit, journal_films
-from ..crankshaft import Crankshaft, MainBearings, bearing_names
+from ..crankshaft import Crankshaft, MainBearings
+from ..crankshaft.interface import bearing_names
 from ..mechanism import SliderCrank, SliderLink
 from . import _style as style
 from ._bearings import in_clearance

@@ -13,15 +13,9 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from .._core.display import RPM, shown
 from ..compressor import Compressor
 from ..crank import JournalFilm, LoadedJournal, Orbit, journal_films
-from ..crankshaft import bearing_names
-from ..film import (
-    AbstractFilm,
-    AbstractSolvedFilm,
-    PressureField,
-    StribeckCurve,
-    coefficients_per_load,
-    film_ratio,
-)
+from ..crankshaft.interface import bearing_names
+from ..film import AbstractFilm, AbstractSolvedFilm, PressureField, StribeckCurve
+from ..film.interface import coefficients_per_load, film_ratio
 from ..mechanism import SliderLink
 from . import _style as style
 from ._fine import fine_turn

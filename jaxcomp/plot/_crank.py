@@ -16,16 +16,8 @@ from matplotlib.ticker import MaxNLocator
 from .._core.display import RPM, shown
 from .._core.fields import of_cylinder, replaced
 from ..compressor import Compressor, instants, of_each_cylinder
-from ..crank import (
-    CrankTrain,
-    Orbit,
-    Transient,
-    journal_films,
-    journal_rates,
-    performance,
-    time_harmonics,
-    train_over_speed,
-)
+from ..crank import CrankTrain, Orbit, Transient, journal_films, performance, train_over_speed
+from ..crank.interface import journal_rates, time_harmonics
 from ..crankshaft import MainBearings
 from ..film import JournalBearing
 from ..friction import SliderCrankFriction

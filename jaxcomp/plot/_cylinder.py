@@ -6,8 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .._core.display import shown
-from ..crank import POWER, Performance
-from ..cylinder import Cycle, SeveralCycles
+from ..crank import Performance
+from ..crank.interface import POWER
+from ..cylinder import Cycle
+from ..cylinder.interface import SeveralCycles
 from ..fluid import RealGas
 from ..study.rating import QUANTITIES, ZERO, RatingMap
 from . import _style as style

@@ -5,7 +5,8 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from .._core.display import Shown, shown
-from ..study import Comparison, Sensitivity, variable_label
+from ..study import Comparison, Sensitivity
+from ..study.interface import variable_label
 from ..study.tolerance import Tolerances
 from . import _style as style
 

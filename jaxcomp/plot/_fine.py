@@ -11,7 +11,8 @@ from jaxtyping import Array, Float
 from .._core.fields import of_cylinder
 from .._core.polynomials import cubics
 from ..compressor import Compressor, cylinder_pressure, kink_angles
-from ..crank import Orbit, acceleration, moving, with_journals
+from ..crank import Orbit
+from ..crank.interface import acceleration, moving, with_journals
 from ..friction import JointLoads
 from ..mechanism import CrankState
 

@@ -17,16 +17,8 @@ from matplotlib.patches import Rectangle
 from .._core.display import RPM
 from .._core.errors import BadInput
 from .._core.words import one_of
-from ..rotor import (
-    DampedModes,
-    Response,
-    RotorModel,
-    node_names,
-    node_positions,
-    orbit,
-    subset_names,
-    subsets,
-)
+from ..rotor import DampedModes, Response, RotorModel, orbit
+from ..rotor.interface import node_names, node_positions, subset_names, subsets
 from . import _style as style
 from ._animate import Motion
 

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from .._core.display import Shown
-from ..study.sweep import best_curve, best_design, shown_column
+from ..study.sweep import best_curve, best_design
+from ..study.sweep.interface import shown_column
 from . import _style as style
 
 if TYPE_CHECKING:

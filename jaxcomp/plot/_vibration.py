@@ -12,16 +12,12 @@ from ..balancing import Balance
 from ..compressor import Compressor
 from ..crank import Orbit
 from ..rotor import undamped_modes
-from ..vibration import (
-    Harmonics,
-    Suspension,
+from ..vibration import Harmonics, Suspension, block_response, orbit_load, shaking_wrench
+from ..vibration.interface import (
     block_points,
-    block_response,
     free_body_error,
     free_body_response,
-    orbit_load,
     point_motion,
-    shaking_wrench,
     with_scaled_frequencies,
 )
 from . import _style as style

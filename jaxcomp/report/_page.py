@@ -20,7 +20,8 @@ from rich.table import Table
 from rich.text import Text
 
 from .._core.display import behind
-from ..scene import DescribedValue, Scene, describe
+from ..scene import Scene, describe
+from ..scene.interface import DescribedValue
 from ._checks import Check, checks
 
 _CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "warning", "dim": "faint"}

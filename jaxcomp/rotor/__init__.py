@@ -3,6 +3,7 @@
 Conventions (frame, degrees of freedom, time factor): `jaxcomp.rotor._conventions`.
 """
 
+from . import interface as interface
 from ._bodies import Disks as Disks
 from ._bodies import ModalDamping as ModalDamping
 from ._bodies import PointMasses as PointMasses
@@ -12,19 +13,13 @@ from ._bodies import solid_disk as solid_disk
 from ._campbell import CriticalSpeeds as CriticalSpeeds
 from ._campbell import campbell as campbell
 from ._campbell import critical_speeds as critical_speeds
-from ._campbell import critical_speeds_between as critical_speeds_between
 from ._conventions import AXES as AXES
-from ._crankshaft import axial_positions as axial_positions
-from ._crankshaft import bearing_positions as bearing_positions
 from ._crankshaft import crankshaft_of as crankshaft_of
-from ._crankshaft import main_films as main_films
-from ._crankshaft import shaft_bearings as shaft_bearings
 from ._damped import DampedModes as DampedModes
 from ._damped import damped_modes as damped_modes
 from ._links import Clamped as Clamped
 from ._links import ConstantLaw as ConstantLaw
 from ._links import Link as Link
-from ._links import LinkLaw as LinkLaw
 from ._links import LoadedFilm as LoadedFilm
 from ._links import MagneticPull as MagneticPull
 from ._links import Mount as Mount
@@ -37,39 +32,22 @@ from ._loads import LoadCase as LoadCase
 from ._loads import Loads as Loads
 from ._loads import PeriodicForce as PeriodicForce
 from ._loads import Unbalances as Unbalances
-from ._loads import load_vector as load_vector
-from ._loads import nodal_load as nodal_load
 from ._model import BalancingPlanes as BalancingPlanes
 from ._model import CorrectionPlane as CorrectionPlane
 from ._model import RotorModel as RotorModel
 from ._model import TargetPlane as TargetPlane
-from ._model import node_positions as node_positions
-from ._model import subset_names as subset_names
-from ._model import subsets as subsets
-from ._modes import Matrices as Matrices
-from ._modes import ModeDerivatives as ModeDerivatives
 from ._modes import Modes as Modes
-from ._modes import magnetic_pull_limit as magnetic_pull_limit
 from ._modes import matrices as matrices
 from ._modes import mode_derivatives as mode_derivatives
 from ._modes import undamped_modes as undamped_modes
 from ._nodes import node_index as node_index
-from ._nodes import node_names as node_names
-from ._prepare import prepare as prepare
 from ._response import Response as Response
-from ._response import SingularResponse as SingularResponse
-from ._response import WhirlOrbit as WhirlOrbit
 from ._response import harmonic_response as harmonic_response
 from ._response import orbit as orbit
 from ._response import receptance as receptance
 from ._response import relative_displacement as relative_displacement
 from ._response import respond as respond
 from ._response import transmitted_forces as transmitted_forces
-from ._shaft import Node as Node
 from ._shaft import ShaftElements as ShaftElements
 from ._shaft import shaft_line as shaft_line
-from ._shaft import shaft_mass as shaft_mass
-from ._shaft import shaft_polar_inertia as shaft_polar_inertia
 from ._shaft import stepped_shaft as stepped_shaft
-from ._solve import NO_CRANK as NO_CRANK
-from ._system import System as System

@@ -21,7 +21,8 @@ from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import is_traced, rebuilt, replaced
 from .._core.words import one_of
-from ..crankshaft import OF_ROTOR, Crankshaft, MainBearings, ShaftBearings
+from ..crankshaft import Crankshaft, MainBearings
+from ..crankshaft.interface import OF_ROTOR, ShaftBearings
 from ..film import NamedBearing
 from ._links import Link, LoadedFilm, Mount
 from ._loads import Unbalances, nodal_load

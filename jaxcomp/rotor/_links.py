@@ -22,12 +22,8 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, Part, is_traced, quantity
-from ..film import (
-    AbstractSolvedFilm,
-    JournalBearing,
-    NamedBearing,
-    stiffness_damping,
-)
+from ..film import AbstractSolvedFilm, JournalBearing, NamedBearing
+from ..film.interface import stiffness_damping
 from ._conventions import SPACE_AXES, check_axes
 from ._shaft import Node
 
@@ -324,7 +320,7 @@ def _monotone_slopes(x, y):
 
 
 class LoadedFilm(Part):
-    """The film of a bearing, linearised; see `jaxcomp.film.stiffness_damping`.
+    """The film of a bearing, linearised; see `stiffness_damping`.
 
     Args:
         bearing: the bearing, or the name of one of the machine. One whose journal moves in its film is

@@ -1,34 +1,15 @@
 """Scene files: machines in TOML with units, and the source of every value."""
 
-from .._core.words import did_you_mean as did_you_mean
+from . import interface as interface
 from ._annotated import start as start
-from ._annotated import start_from as start_from
-from ._annotated import starts as starts
-from ._annotated import summary as summary
-from ._cells import read_cells as read_cells
-from ._change import with_lists as with_lists
-from ._change import with_machine as with_machine
 from ._change import with_value as with_value
 from ._change import with_values as with_values
-from ._describe import DescribedValue as DescribedValue
-from ._describe import ImplausibleValue as ImplausibleValue
 from ._describe import describe as describe
 from ._describe import implausible_values as implausible_values
-from ._describe import left_out as left_out
-from ._explain import Explained as Explained
-from ._explain import explained as explained
-from ._explain import part_places as part_places
 from ._json_schema import json_schema as json_schema
-from ._scene import Bundled as Bundled
 from ._scene import Scene as Scene
 from ._scene import dump as dump
 from ._scene import load as load
 from ._scene import loads as loads
 from ._scene import machines as machines
-from ._schema import NAMED as NAMED
-from ._schema import SECTIONS as SECTIONS
-from ._text import NUMBER as NUMBER
 from ._text import SceneError as SceneError
-from ._text import visible as visible
-from ._units import to_si as to_si
-from ._upgrade import upgraded as upgraded

@@ -33,7 +33,7 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
         changes: value by dotted path, all set before anything is checked. A value is a number, a
             text with a unit, a list, a table (a whole section) or `None`, which takes an optional
             value or part away. A new `type` keeps those keys of its section that the new class
-            knows as well. A path may be a pattern (see `jaxcomp.study.matching`). Design rules and
+            knows as well. A path may be a pattern (see `matching`). Design rules and
             correction masses are set after the others, in their order.
         source: what the scene records as the source of these values.
 
@@ -41,7 +41,8 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
         SceneError: an unknown path, or as `load`.
         BadInput: a pattern that fits no number, or a design rule that is not made for the machine.
     """
-    from ..study import by_name, variable  # only who changes a scene needs the studies
+    from ..study import variable
+    from ..study.interface import by_name  # only who changes a scene needs the studies
 
     given, designed = {}, {}
     for path, value in changes.items():
@@ -66,7 +67,8 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
     """
     if scene.compressor is None or scene.compressor.crankshaft.count == 1:
         return scene
-    from ..study import matching, variable
+    from ..study import variable
+    from ..study.interface import matching
 
     count = scene.compressor.crankshaft.count
     single = single_numbers(scene.compressor)
@@ -98,7 +100,7 @@ def _entry(document: Mapping[str, Any], path: str) -> dict[str, Any]:
 
 def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scene:
     """A copy of a scene with other entries of its file."""
-    from ..study import matching, variable_names
+    from ..study.interface import matching, variable_names
 
     scene = with_lists(scene, changes)
     known = {*entries(Compressor), *HEADER, *SECTIONS, *NAMED}

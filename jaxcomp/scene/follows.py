@@ -13,8 +13,10 @@ from ..compressor import Compressor
 from ..cylinder import Cylinder
 from ..gas import PolytropicCycle
 from ..machine import machine_of
-from ..rotor import AXES, RotorModel, node_names, subset_names, subsets, undamped_modes
-from ..study import design_rules, variable_names
+from ..rotor import AXES, RotorModel, undamped_modes
+from ..rotor.interface import node_names, subset_names, subsets
+from ..study import design_rules
+from ..study.interface import variable_names
 from ..vibration import Suspension
 from ._scene import Scene
 

@@ -9,10 +9,7 @@ from .._core.errors import BadInput
 from ..compressor import Compressor
 from ..cylinder import Cylinder
 from ..fluid import RealGas
-from ..study import (
-    MEASURED,
-    terms_of,
-)
+from ..study.interface import MEASURED, terms_of
 from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap
 from ._scene import Scene
 from .map_formats import energyplus_text, tespy_text

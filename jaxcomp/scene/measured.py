@@ -24,15 +24,8 @@ from .._core.display import is_temperature
 from .._core.errors import BadInput
 from .._core.words import did_you_mean
 from ..machine import Machine
-from ..study import (
-    AbstractMeasurement,
-    ModalTest,
-    Table,
-    Trace,
-    VibrationTest,
-    quantity_named,
-    variable,
-)
+from ..study import AbstractMeasurement, ModalTest, Table, Trace, VibrationTest, variable
+from ..study.interface import quantity_named
 from ._cells import cell_number, lines_of, read_cells
 from ._text import SceneError, reading
 from ._units import factor, scale, to_si

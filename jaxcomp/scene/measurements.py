@@ -25,7 +25,8 @@ import os
 import numpy as np
 
 from .._core.display import RPM
-from ..balancing import Influence, InfluenceRow, trial_influence
+from ..balancing import trial_influence
+from ..balancing.interface import Influence, InfluenceRow
 from ._cells import cell_number, header_cell, lines_of, read_cells
 from ._text import SceneError, reading
 from ._units import factor

@@ -12,7 +12,7 @@ Conditions that are the same at all points may stand in the metadata (`# return_
 empty cell was not measured. `sd(power) [W]`, or in `[%]`, has the standard deviations.
 
 Polynomials have a head `quantity,unit,C1,...` with 10, 20 or 30 coefficients and a line a quantity,
-with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `jaxcomp.study.terms_of`.
+with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `terms_of`.
 """
 
 import os
@@ -23,16 +23,8 @@ from typing import Any
 import numpy as np
 
 from .._core.words import did_you_mean
-from ..study import (
-    MEASURED,
-    CommonFactor,
-    Identification,
-    Readings,
-    design_rules,
-    list_length,
-    terms_of,
-    varied,
-)
+from ..study import Identification, Readings, design_rules
+from ..study.interface import MEASURED, CommonFactor, list_length, terms_of, varied
 from ..study.rating import RATINGS, ZERO, Rating
 from ._cells import cell_number, header_cell, lines_of, read_cells
 from ._change import with_machine
@@ -280,7 +272,7 @@ def sampled(
     Args:
         name: of the source.
         metadata: of the file: fluid, rating, ranges.
-        rows: [SI] coefficients by quantity, 10, 20 or 30 as `jaxcomp.study.terms_of` orders them; or what
+        rows: [SI] coefficients by quantity, 10, 20 or 30 as `terms_of` orders them; or what
             gives the quantities of points [K].
         evaporating, condensing, speed: as in `read_readings`.
 

@@ -8,7 +8,7 @@
     +-0.02 mm 2 sigma         a limit at two standard deviations
     sigma 5 um                one standard deviation
 
-A file of them is TOML, with names as in `jaxcomp.study.Variable`; `*` stands for any part of a name:
+A file of them is TOML, with names as in `Variable`; `*` stands for any part of a name:
 
     [tolerances]
     "loads.unbalances.*.magnitude.*" = "+-5 %"
@@ -26,8 +26,10 @@ from typing import Any, NamedTuple
 
 from .._core.files import regular
 from ..machine import Machine
-from ..study import Identification, by_name, variable
-from ..study.tolerance import Within, within
+from ..study import Identification, variable
+from ..study.interface import by_name
+from ..study.tolerance import within
+from ..study.tolerance.interface import Within
 from ._text import SceneError, reading, toml_tables
 from ._units import to_si
 

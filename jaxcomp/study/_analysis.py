@@ -12,7 +12,8 @@ from .._core.errors import BadInput
 from .._core.fields import admissible
 from .._core.registry import Quantity, registered, registered_quantity
 from .._core.words import one_of
-from ..balancing import Influence, flexibilities, influence_of, least_squares
+from ..balancing import influence_of, least_squares
+from ..balancing.interface import Influence, flexibilities
 from ..compressor import Compressor
 from ..crank import (
     Collocation,
@@ -22,12 +23,13 @@ from ..crank import (
     journal_films,
     performance,
     solve_orbit,
-    time_harmonics,
 )
+from ..crank.interface import time_harmonics
 from ..cylinder.interface import may_lack_panels
-from ..friction import magnitude
+from ..friction.interface import magnitude
 from ..machine import Assembly, Machine, assembled
-from ..vibration import CrankLoads, Wrench, shaking_wrench
+from ..vibration import Wrench, shaking_wrench
+from ..vibration.interface import CrankLoads
 from ._options import AnalysisOptions
 from ._rotor_response import (
     Vibration,

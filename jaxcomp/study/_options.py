@@ -47,7 +47,7 @@ class AnalysisOptions(eqx.Module):
 
     Attributes:
         solver: of the periodic state. Absent: collocation, with a panel edge for each load reversal
-            (`jaxcomp.crank.default_collocation`) but where only the forces on the rotor are wanted, see
+            (`default_collocation`) but where only the forces on the rotor are wanted, see
             `jaxcomp.vibration.crank_loads`.
         excitation: what shakes the rotor: "crank" (the periodic state at each speed, whose mean
             force loads the films as well) or "file" (the forces of the scene). Absent: the forces of

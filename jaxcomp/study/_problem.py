@@ -14,7 +14,7 @@ from .._core.arguments import listed_names
 from .._core.errors import BadInput, MissingPart
 from .._core.results import Data
 from .._core.status import Status
-from ..crank import default_collocation
+from ..crank.interface import default_collocation
 from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import DesignResult, quantity_named

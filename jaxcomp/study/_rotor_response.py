@@ -19,13 +19,13 @@ from ..rotor import (
     AXES,
     BalancingPlanes,
     harmonic_response,
-    load_vector,
     node_index,
-    node_names,
     respond,
     transmitted_forces,
 )
-from ..vibration import CrankLoads, crank_loads, running_rotor
+from ..rotor.interface import load_vector, node_names
+from ..vibration import crank_loads, running_rotor
+from ..vibration.interface import CrankLoads
 
 if TYPE_CHECKING:
     pass

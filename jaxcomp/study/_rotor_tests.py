@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from .._core.errors import BadInput
 from .._core.fields import replaced
 from ..machine import Machine, assembled
-from ..rotor import AXES, node_index, prepare, undamped_modes
+from ..rotor import AXES, node_index, undamped_modes
+from ..rotor.interface import prepare
 from ._analysis import DesignResult
 from ._least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, usual

@@ -14,7 +14,7 @@ from .._core.arguments import listed_names
 from .._core.display import Shown, is_temperature, shown, small_unit
 from .._core.errors import BadInput
 from .._core.results import Data, Result
-from ..crank import default_collocation
+from ..crank.interface import default_collocation
 from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, machine_of
 from ._analysis import DesignResult

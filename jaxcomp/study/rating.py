@@ -22,14 +22,8 @@ from .._core.fields import replaced
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..compressor import Compressor, HasCompressor, compressor_of
-from ..crank import (
-    Collocation,
-    Orbit,
-    default_collocation,
-    orbit_at_constant_speed,
-    performance,
-    solve_orbit,
-)
+from ..crank import Collocation, Orbit, orbit_at_constant_speed, performance, solve_orbit
+from ..crank.interface import default_collocation
 from ..cylinder import CycleOptions, Cylinder
 from ..fluid import RealGas
 from ..motor import ConstantSpeed
@@ -40,6 +34,9 @@ if TYPE_CHECKING:
 ZERO = ZERO_CELSIUS
 # Of the cycle where 48 do not find all events: of two maps of light valves 1 and 3 of 12 points.
 _PANELS = 96
+
+# what users take; the rest is for the packages that are built on this module
+__all__ = ["Rating", "RatingMap", "at_rating", "rated", "rating_map"]
 
 
 class Rating(NamedTuple):

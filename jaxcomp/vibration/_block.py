@@ -20,7 +20,8 @@ from jaxtyping import Array, Complex, Float
 from .._core.exported import kept_jit
 from .._core.results import Data, Result, reading
 from ..compressor import Compressor
-from ..crank import Orbit, time_harmonics
+from ..crank import Orbit
+from ..crank.interface import time_harmonics
 from ..rotor import harmonic_response, undamped_modes
 from ._suspension import Suspension, block_points, motion_at
 from ._wrench import Wrench, shaking_wrench, wrench_about

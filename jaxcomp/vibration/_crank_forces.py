@@ -22,7 +22,8 @@ from .._core.errors import BadInput
 from .._core.fields import of_cylinder
 from ..compressor import Compressor, first_top, instants
 from ..crank import Orbit
-from ..mechanism import SliderCrank, SliderLink, contact_arms, rod_motion
+from ..mechanism import SliderCrank, SliderLink, rod_motion
+from ..mechanism.interface import contact_arms
 from ..rotor import (
     CrankNodes,
     PeriodicForce,

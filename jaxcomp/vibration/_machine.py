@@ -15,16 +15,8 @@ from .. import rotor
 from .._core.errors import BadInput
 from ..compressor import Compressor
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
-from ..rotor import (
-    NO_CRANK,
-    BalancingPlanes,
-    Loads,
-    Modes,
-    PeriodicForce,
-    Response,
-    RotorModel,
-    System,
-)
+from ..rotor import BalancingPlanes, Loads, Modes, PeriodicForce, Response, RotorModel
+from ..rotor.interface import NO_CRANK, System
 from ._coupling import crank_loads, loaded_rotor, running_rotor
 
 if TYPE_CHECKING:

@@ -22,10 +22,10 @@ from ..mechanism import (
     SliderCrank,
     SliderLink,
     Vector,
-    cross,
     rod_motion,
     rotating,
 )
+from ..mechanism.interface import cross
 
 
 class Wrench(NamedTuple):

@@ -43,7 +43,7 @@ def evaluated(model):
 
     def one(eps, q):
         film = model(q)
-        load = films.load_number_at(film, eps)
+        load = films.interface.load_number_at(film, eps)
         out = [load, film.friction_number(load)]
         if isinstance(film, films.AbstractSolvedFilm):
             out += films.dynamic_coefficients(film, load)
@@ -82,12 +82,14 @@ def tasks(model, ratio=None):
     fixed = None if ratio is None else model(ratio)
     film = (lambda q: fixed) if ratio is not None else model
     yield "friction of load", lambda load, q: film(q).friction_number(load)
-    if issubclass(model, films.AbstractCarryingFilm):
+    if issubclass(model, films.interface.AbstractCarryingFilm):
         yield (
             "load of position",
-            lambda load, q: (lambda f: films.load_number_at(f, load / (1 + load)))(film(q)),
+            lambda load, q: (lambda f: films.interface.load_number_at(f, load / (1 + load)))(
+                film(q)
+            ),
         )
-        yield "position of load", lambda load, q: films.film_ratio(film(q), load)
+        yield "position of load", lambda load, q: films.interface.film_ratio(film(q), load)
     if issubclass(model, films.AbstractSolvedFilm):
         yield (
             "K and C of load",

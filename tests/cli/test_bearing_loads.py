@@ -20,7 +20,8 @@ from typer.testing import CliRunner
 from jaxcomp import JournalBearing, SolveFailed, Status
 from jaxcomp._core.results import load_result
 from jaxcomp.cli import app
-from jaxcomp.crank import LoadTable, journal_orbit, loaded_journal
+from jaxcomp.crank import LoadTable, loaded_journal
+from jaxcomp.crank.interface import journal_orbit
 from jaxcomp.parts import BadInput
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.load_tables import read_loads

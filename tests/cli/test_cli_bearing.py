@@ -9,7 +9,8 @@ from typer.testing import CliRunner
 
 from jaxcomp import JournalBearing
 from jaxcomp.cli import app
-from jaxcomp.film import AsperityContact, friction_moment, iso_vg_viscosity, reference_solution
+from jaxcomp.film import AsperityContact, iso_vg_viscosity, reference_solution
+from jaxcomp.film.interface import friction_moment
 
 GIVEN = {
     "length": "20 mm",

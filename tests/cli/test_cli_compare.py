@@ -7,9 +7,10 @@ from typer.testing import CliRunner
 from jaxcomp import solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._tables import beside_table
-from jaxcomp.plot import compared_losses
+from jaxcomp.plot.interface import compared_losses
 from jaxcomp.scene import load, with_value
-from jaxcomp.study import ComparedQuantity, Comparison
+from jaxcomp.study import Comparison
+from jaxcomp.study.interface import ComparedQuantity
 
 
 def compare(*arguments):

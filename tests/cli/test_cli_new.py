@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 
 from jaxcomp.cli import app
 from jaxcomp.scene import (
-    SECTIONS,
     describe,
     dump,
     implausible_values,
@@ -18,11 +17,10 @@ from jaxcomp.scene import (
     loads,
     machines,
     start,
-    start_from,
-    starts,
     with_value,
 )
 from jaxcomp.scene._schema import entries
+from jaxcomp.scene.interface import SECTIONS, start_from, starts
 
 KINDS = list(starts())
 

@@ -22,14 +22,11 @@ from jaxcomp.rotor import (
     ShaftElements,
     SpeedTable,
     Unbalances,
-    critical_speeds_between,
     damped_modes,
-    node_positions,
     respond,
-    subset_names,
-    subsets,
     undamped_modes,
 )
+from jaxcomp.rotor.interface import critical_speeds_between, node_positions, subset_names, subsets
 from jaxcomp.scene import SceneError, describe, dump, load, loads
 
 RPM = np.pi / 30
@@ -178,7 +175,8 @@ def test_a_compressor_alone_does_not_import_the_rotor():
 
 
 def test_films_are_the_film_models_at_their_load():
-    from jaxcomp.film import JournalBearing, stiffness_damping
+    from jaxcomp.film import JournalBearing
+    from jaxcomp.film.interface import stiffness_damping
 
     load_, spin = jnp.array([300.0, -400.0]), jnp.asarray(314.0)
     found = {}
@@ -475,7 +473,7 @@ def test_a_response_without_an_answer_ends_in_one_line(tmp_path):
 
 def test_pictures_show_the_numbers(file):
     model = load(file).parts["rotor"]
-    figure = plot.rotor_drawing(model)
+    figure = plot.interface.rotor_drawing(model)
     labels = " ".join(t.get_text() for t in figure.axes[0].texts)
     assert "case, 10 kg" in labels
     assert "ground" in labels
@@ -486,7 +484,7 @@ def test_pictures_show_the_numbers(file):
         "whirl": [[1.0, None], [1.0, -1.0]],
         "critical_speeds": [{"speed": 15.5, "growth": -1.0, "damping_ratio": 0.06}],
     }
-    ax = plot.campbell_diagram(campbell).axes[0]
+    ax = plot.interface.campbell_diagram(campbell).axes[0]
     circle = next(line for line in ax.lines if line.get_label() == "critical speed")
     np.testing.assert_allclose(circle.get_xydata(), [[15.5 / RPM, 15.5 / (2 * np.pi)]])
     forward = next(line for line in ax.lines if line.get_label() == "forward")

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from jaxcomp.cli._run_tables import _power
 from jaxcomp.cli._tables import fitted, row_table
-from jaxcomp.crank import POWER
+from jaxcomp.crank.interface import POWER
 
 ROWS = (
     ("Main journal of the crankshaft", "0.57013", "28.031", "68.2 %", "of all losses"),

@@ -14,7 +14,8 @@ from jaxcomp.cli._options import complete_quantity
 from jaxcomp.cli._output import write_results
 from jaxcomp.cli._run import run_result, run_tables
 from jaxcomp.scene import SceneError, with_values
-from jaxcomp.study import available_quantities, by_name, matching, variable
+from jaxcomp.study import available_quantities, variable
+from jaxcomp.study.interface import by_name, matching
 
 FAST = ["--accuracy", "coarse"]
 

@@ -30,7 +30,8 @@ from jaxcomp import (
 from jaxcomp._core.saved import class_address, class_at
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import InfluenceRow
-from jaxcomp.crank import Orbit, TrainTorques, journal_orbit
+from jaxcomp.crank import Orbit, TrainTorques
+from jaxcomp.crank.interface import journal_orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.film import JournalBearing, operating_point, pressure_field
 from jaxcomp.friction._slider_crank import SliderCrankLoop
@@ -47,12 +48,15 @@ from jaxcomp.rotor import (
     respond,
     undamped_modes,
 )
-from jaxcomp.study import ComparedQuantity, Comparison, ParetoFront
-from jaxcomp.study.accuracy import Extreme, Extremes, Measurement, Reference, Report
+from jaxcomp.study import Comparison, ParetoFront
+from jaxcomp.study.accuracy import Extreme, Extremes, Report
+from jaxcomp.study.accuracy.interface import Measurement, Reference
+from jaxcomp.study.interface import ComparedQuantity
 from jaxcomp.study.rating import RatingMap
-from jaxcomp.study.sweep import BestCurve
+from jaxcomp.study.sweep.interface import BestCurve
 from jaxcomp.study.tolerance import Tolerances
-from jaxcomp.vibration import BlockMotion, CrankForces, Harmonics
+from jaxcomp.vibration import Harmonics
+from jaxcomp.vibration.interface import BlockMotion, CrankForces
 
 
 def rotor():

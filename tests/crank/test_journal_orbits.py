@@ -14,15 +14,10 @@ from tools import squeeze_tables
 from jaxcomp import ConstantSpeed, SolveFailed, Status, load, loads, simulate, solve_orbit
 from jaxcomp._core.polynomials import gauss
 from jaxcomp.compressor import instants, kink_angles, loop_of
-from jaxcomp.crank import (
-    Collocation,
-    Shooting,
-    TimeIntegration,
-    journal_films,
-    journal_orbit,
-    moved_films,
-)
-from jaxcomp.film import JournalBearing, film_unit, squeeze_of, stiffness_damping
+from jaxcomp.crank import Collocation, Shooting, TimeIntegration, journal_films
+from jaxcomp.crank.interface import journal_orbit, moved_films
+from jaxcomp.film import JournalBearing
+from jaxcomp.film.interface import film_unit, squeeze_of, stiffness_damping
 from jaxcomp.mechanism import CrankState, rod_motion
 from jaxcomp.scene import with_value
 from jaxcomp.study import available_quantities

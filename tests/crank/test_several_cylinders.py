@@ -33,16 +33,13 @@ from jaxcomp.crank import (
     CrankTrain,
     TimeIntegration,
     TorsionalChain,
-    film_thickness,
     rod_load_reversal,
     simulate,
-    throw_inertias,
-    throw_torques,
-    time_harmonics,
     train_over_speed,
     train_torques,
 )
 from jaxcomp.crank._collocation import _of_count
+from jaxcomp.crank.interface import film_thickness, throw_inertias, throw_torques, time_harmonics
 from jaxcomp.crankshaft import Crankshaft, MainBearings, Throw, counterweights
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
@@ -55,7 +52,8 @@ from jaxcomp.gas import DoubleActing, PolytropicCycle, StagedCycle
 from jaxcomp.machine import Machine
 from jaxcomp.mechanism import CrankState, SliderCrank, Vector
 from jaxcomp.motor import MeanSpeed, SlipLine
-from jaxcomp.plot import cylinders_motion, order_spectra
+from jaxcomp.plot import order_spectra
+from jaxcomp.plot.interface import cylinders_motion
 from jaxcomp.rotor import (
     Disks,
     Link,
@@ -68,7 +66,7 @@ from jaxcomp.rotor import (
 )
 from jaxcomp.scene import with_values
 from jaxcomp.study import AnalysisOptions, DesignResult
-from jaxcomp.study.sweep import sweep_machines
+from jaxcomp.study.sweep.interface import sweep_machines
 from jaxcomp.vibration import crank_forces, shaking_wrench
 
 # rods on throws at 0 and 180 degrees: [deg] of the throw, [m], banks [deg], unbalance [kg m]

@@ -9,7 +9,8 @@ from jaxcomp import BadInput, SceneError, load, loads
 from jaxcomp.crankshaft import MainBearings
 from jaxcomp.film import JournalBearing, NamedBearing
 from jaxcomp.friction import CoulombJournal
-from jaxcomp.rotor import Link, LoadedFilm, RotorModel, ShaftElements, shaft_bearings
+from jaxcomp.rotor import Link, LoadedFilm, RotorModel, ShaftElements
+from jaxcomp.rotor.interface import shaft_bearings
 
 JOURNAL = CoulombJournal(0.013, 0.092)
 POSITION = jnp.array([-0.25, 0.05, 0.3])

@@ -35,12 +35,11 @@ from jaxcomp.plot._fine import fine_turn
 from jaxcomp.vibration import (
     block_response,
     block_vibration,
-    free_body_response,
     orbit_load,
-    point_motion,
     shaking_wrench,
     time_response,
 )
+from jaxcomp.vibration.interface import free_body_response, point_motion
 
 # The loads of crown, edge and slider change sides up to ten times in a turn.
 SOLVER = Collocation(reversals=12)

@@ -17,7 +17,8 @@ from jaxcomp.cli import app
 from jaxcomp.cli._run_tables import undelivered_tables
 from jaxcomp.compressor import cylinder_pressure
 from jaxcomp.crank import Collocation, performance
-from jaxcomp.cylinder import CycleOptions, SeveralCycles, solve_cycle
+from jaxcomp.cylinder import CycleOptions, solve_cycle
+from jaxcomp.cylinder.interface import SeveralCycles
 from jaxcomp.motor import MotorEfficiency
 from jaxcomp.scene import with_value
 from jaxcomp.study import available_quantities

@@ -14,7 +14,7 @@ from jaxcomp.cli import app
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.cylinder._plenum import chain_scales
 from jaxcomp.cylinder.interface import Cylinders, prepare
-from jaxcomp.plot import valve_motion
+from jaxcomp.plot.interface import valve_motion
 
 
 def test_the_periodic_state_returns_in_scipy():

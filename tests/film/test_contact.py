@@ -11,21 +11,18 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from jaxcomp import BadInput, JournalBearing, load
-from jaxcomp.film import (
-    AsperityContact,
-    Reynolds,
+from jaxcomp.film import AsperityContact, Reynolds, minimum_film, operating_point, stribeck_curve
+from jaxcomp.film._contact import mean_excess, mean_excess_halves
+from jaxcomp.film.interface import (
     contact_moment,
     elastic_factor,
     friction_moment,
-    minimum_film,
-    operating_point,
     ring_contact,
     running_state,
     stiffness_damping,
-    stribeck_curve,
 )
-from jaxcomp.film._contact import mean_excess, mean_excess_halves
-from jaxcomp.scene import SceneError, to_si, with_value
+from jaxcomp.scene import SceneError, with_value
+from jaxcomp.scene.interface import to_si
 
 ROUGH = AsperityContact(0.3e-6, 0.1, 60e9)
 SMOOTH = JournalBearing(0.0478, 0.0172, 23.9e-6, 6.8e-3)

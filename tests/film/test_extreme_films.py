@@ -15,13 +15,15 @@ from jaxcomp.film import (
     GroovedReynolds,
     Ocvirk,
     Reynolds,
+    minimum_film,
+    reference_solution,
+)
+from jaxcomp.film.interface import (
     eccentricity_ratio,
     film_ratio,
     friction_moment,
     load_number_at,
-    minimum_film,
     prepare,
-    reference_solution,
 )
 
 MODELS = [Reynolds, GroovedReynolds, Ocvirk, ExplicitFit]

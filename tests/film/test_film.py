@@ -17,26 +17,28 @@ from jaxcomp.film import (
     Ocvirk,
     Petroff,
     Reynolds,
+    dynamic_coefficients,
+    iso_vg_viscosity,
+    minimum_film,
+)
+from jaxcomp.film._film import _forces
+from jaxcomp.film.interface import (
     bush_moment,
     coefficients_per_load,
     convert_load_number,
-    dynamic_coefficients,
     eccentricity_ratio,
     entrainment_speed,
     film_ratio,
     film_state,
     friction_at,
     friction_moment,
-    iso_vg_viscosity,
     load_number,
     load_number_at,
-    minimum_film,
     prepare,
     running_state,
     stability_threshold,
     stiffness_damping,
 )
-from jaxcomp.film._film import _forces
 
 ALL = [Reynolds, GroovedReynolds, Guembel, Ocvirk, ExplicitFit]
 SOLVED = [Reynolds, GroovedReynolds, Guembel, Ocvirk]

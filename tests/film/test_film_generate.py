@@ -5,14 +5,9 @@ import numpy as np
 import pytest
 from tools import film_tables as generate
 
-from jaxcomp.film import (
-    GroovedReynolds,
-    Reynolds,
-    coefficients_per_load,
-    load_number_at,
-    reference_solution,
-)
+from jaxcomp.film import GroovedReynolds, Reynolds, reference_solution
 from jaxcomp.film import _reference as reference
+from jaxcomp.film.interface import coefficients_per_load, load_number_at
 
 FAMILIES = [Reynolds, GroovedReynolds]
 

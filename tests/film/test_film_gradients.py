@@ -14,17 +14,19 @@ from jaxcomp.film import (
     JournalBearing,
     Ocvirk,
     Reynolds,
-    bush_moment,
     dynamic_coefficients,
+    minimum_film,
+)
+from jaxcomp.film._models import _harmonics
+from jaxcomp.film.interface import (
+    bush_moment,
     eccentricity_ratio,
     film_ratio,
     friction_at,
     friction_moment,
-    minimum_film,
     prepare,
     stiffness_damping,
 )
-from jaxcomp.film._models import _harmonics
 
 SIZES = jnp.array([16e-3, 22e-3, 9e-6, 4e-3])
 # The derivatives of the series model take longest to compile.

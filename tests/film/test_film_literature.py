@@ -9,18 +9,13 @@ import numpy as np
 import pytest
 from film.someya import someya_two_axial_grooves
 
-from jaxcomp.film import (
-    ExplicitFit,
-    GroovedReynolds,
-    Guembel,
-    Ocvirk,
-    Reynolds,
+from jaxcomp.film import ExplicitFit, GroovedReynolds, Guembel, Ocvirk, Reynolds, reference_solution
+from jaxcomp.film.interface import (
     coefficients_per_load,
     convert_load_number,
     film_state,
     friction_at,
     load_number_at,
-    reference_solution,
 )
 
 # Raimondi, A. A. and Boyd, J., ASLE Transactions 1 (1958), parts I-III, full bearing:

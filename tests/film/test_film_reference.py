@@ -7,15 +7,10 @@ import numpy as np
 import pytest
 from film.test_film import film_forces
 
-from jaxcomp.film import (
-    Guembel,
-    Ocvirk,
-    dynamic_coefficients,
-    load_number_at,
-    reference_solution,
-)
+from jaxcomp.film import Guembel, Ocvirk, dynamic_coefficients, reference_solution
 from jaxcomp.film import _reference as reference
 from jaxcomp.film._reference import GRIDS
+from jaxcomp.film.interface import load_number_at
 
 MEDIUM = GRIDS[:3]
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from tools.squeeze_tables import solve_film
 
-from jaxcomp.film import OcvirkSqueeze, ReynoldsSqueeze, quarter_turn
+from jaxcomp.film import OcvirkSqueeze, ReynoldsSqueeze
+from jaxcomp.film.interface import quarter_turn
 
 
 def way(degrees):

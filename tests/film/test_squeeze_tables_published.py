@@ -11,7 +11,8 @@ import pytest
 import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
-from jaxcomp.film import Reynolds, ReynoldsSqueeze, load_number_at, reference_solution
+from jaxcomp.film import Reynolds, ReynoldsSqueeze, reference_solution
+from jaxcomp.film.interface import load_number_at
 
 # So_V at eps 0, 0.5, 0.9, 0.95 and 0.99, by B/D
 ECCENTRICITIES = np.array([0, 0.5, 0.9, 0.95, 0.99])

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp.fluid import PerfectGas, RealGas, fluid_data, fluids
+from jaxcomp.fluid import PerfectGas, RealGas, fluids
+from jaxcomp.fluid.interface import fluid_data
 
 # name, T [K], rho [kg/m^3], p [Pa], u [J/kg], s, c_v, c_p [J/(kg K)], w [m/s]
 STATES = """

@@ -32,7 +32,8 @@ from jaxcomp.friction import (
     RegularisedSlide,
     SliderLinkFriction,
 )
-from jaxcomp.mechanism import CrankState, contact_arms
+from jaxcomp.mechanism import CrankState
+from jaxcomp.mechanism.interface import contact_arms
 
 READINGS = ["paper", "balanced"]
 

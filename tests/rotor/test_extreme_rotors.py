@@ -22,13 +22,12 @@ from jaxcomp.rotor import (
     damped_modes,
     harmonic_response,
     isotropic,
-    magnetic_pull_limit,
     matrices,
-    nodal_load,
     respond,
     shaft_line,
     undamped_modes,
 )
+from jaxcomp.rotor.interface import magnetic_pull_limit, nodal_load
 
 YOUNG, DENSITY = 2.06e11, 7850.0
 

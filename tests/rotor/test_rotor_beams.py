@@ -19,11 +19,11 @@ from jaxcomp.rotor import (
     isotropic,
     matrices,
     shaft_line,
-    shaft_mass,
     stepped_shaft,
     undamped_modes,
 )
 from jaxcomp.rotor._shaft import deformation, element_matrices, shear_coefficient
+from jaxcomp.rotor.interface import shaft_mass
 
 LENGTH, OUTER, INNER, YOUNG, DENSITY, POISSON = 0.9, 0.09, 0.03, 2.1e11, 7800.0, 0.3
 STEEL = {"young_modulus": YOUNG, "density": DENSITY, "poisson": POISSON}

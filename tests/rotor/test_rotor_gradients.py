@@ -15,14 +15,13 @@ from jaxcomp.rotor import (
     damped_modes,
     harmonic_response,
     isotropic,
-    magnetic_pull_limit,
     mode_derivatives,
-    node_names,
     orbit,
     respond,
     shaft_line,
     undamped_modes,
 )
+from jaxcomp.rotor.interface import magnetic_pull_limit, node_names
 
 # Places of the design variables in (model, loads), with a size for directions.
 GROUPS = {

@@ -24,13 +24,13 @@ from jaxcomp.rotor import (
     _campbell,
     campbell,
     critical_speeds,
-    critical_speeds_between,
     damped_modes,
     diagonal,
     mode_derivatives,
     respond,
     undamped_modes,
 )
+from jaxcomp.rotor.interface import critical_speeds_between
 from jaxcomp.vibration import loaded_rotor
 
 SHAFT = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)

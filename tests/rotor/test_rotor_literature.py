@@ -21,7 +21,6 @@ from jaxcomp.rotor import (
     diagonal,
     harmonic_response,
     isotropic,
-    load_vector,
     orbit,
     respond,
     shaft_line,
@@ -29,6 +28,7 @@ from jaxcomp.rotor import (
     stepped_shaft,
     transmitted_forces,
 )
+from jaxcomp.rotor.interface import load_vector
 
 RPM = np.pi / 30
 

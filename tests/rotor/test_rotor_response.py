@@ -15,18 +15,13 @@ from jaxcomp.rotor import (
     PeriodicForce,
     PointMasses,
     RotorModel,
-    SingularResponse,
     SpeedTable,
     damped_modes,
     diagonal,
     harmonic_response,
     isotropic,
-    load_vector,
-    magnetic_pull_limit,
     matrices,
-    nodal_load,
     node_index,
-    node_names,
     orbit,
     receptance,
     relative_displacement,
@@ -36,6 +31,13 @@ from jaxcomp.rotor import (
     undamped_modes,
 )
 from jaxcomp.rotor._layout import layout_of
+from jaxcomp.rotor.interface import (
+    SingularResponse,
+    load_vector,
+    magnetic_pull_limit,
+    nodal_load,
+    node_names,
+)
 
 NODES = len(node_names(machine()))
 

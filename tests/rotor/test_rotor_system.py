@@ -17,11 +17,11 @@ from jaxcomp.rotor import (
     Unbalances,
     critical_speeds,
     damped_modes,
-    prepare,
     respond,
     transmitted_forces,
     undamped_modes,
 )
+from jaxcomp.rotor.interface import prepare
 from jaxcomp.vibration import loaded_rotor
 
 LOADS = (Unbalances((1,), 1e-4, 0.3),)

@@ -11,7 +11,8 @@ from jaxcomp import BadInput, Collocation, SceneError, load, loads, solve_orbit
 from jaxcomp.compressor import loads_at
 from jaxcomp.machine import assembled
 from jaxcomp.mechanism import CrankState
-from jaxcomp.vibration import crank_forces, film_coefficients, shaking_wrench, without
+from jaxcomp.vibration import crank_forces, shaking_wrench
+from jaxcomp.vibration.interface import film_coefficients, without
 
 SHAFT = """
 [rotor]

@@ -5,7 +5,8 @@ import time
 
 import pytest
 
-from jaxcomp.scene import SceneError, dump, load, loads, machines, start, starts
+from jaxcomp.scene import SceneError, dump, load, loads, machines, start
+from jaxcomp.scene.interface import starts
 from jaxcomp.scene.measurements import read_measurements
 
 TABLE = """run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg],kept

@@ -3,7 +3,8 @@
 import pytest
 
 from jaxcomp.film import iso_vg_viscosity
-from jaxcomp.scene import SceneError, load, loads, to_si, with_value, with_values
+from jaxcomp.scene import SceneError, load, loads, with_value, with_values
+from jaxcomp.scene.interface import to_si
 from jaxcomp.scene.tolerances import read_tolerance
 
 GOOD = """

@@ -6,7 +6,8 @@ from typer.testing import CliRunner
 from jaxcomp import SceneError, load, loads, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.crank import Collocation
-from jaxcomp.scene import upgraded, with_value
+from jaxcomp.scene import with_value
+from jaxcomp.scene.interface import upgraded
 
 COMMON = """
 [motor]

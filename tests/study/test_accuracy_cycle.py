@@ -8,7 +8,7 @@ import pytest
 from jaxcomp import accuracy, load
 from jaxcomp.cli._accuracy import accuracy_result, accuracy_tables
 from jaxcomp.machine import machine_of
-from jaxcomp.study.accuracy import STUDIES, Measurement, Reference, Report
+from jaxcomp.study.accuracy import STUDIES, Report
 from jaxcomp.study.accuracy._cycle import (
     VARIABLES,
     cycle_study,
@@ -17,6 +17,7 @@ from jaxcomp.study.accuracy._cycle import (
     variables,
 )
 from jaxcomp.study.accuracy._study import Question, measured
+from jaxcomp.study.accuracy.interface import Measurement, Reference
 from jaxcomp.valve import CheckValve
 
 # Indicated work [J] and volumetric efficiency by SciPy's DOP853 and Radau, which agree to ten digits

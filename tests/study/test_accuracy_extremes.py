@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from jaxcomp import BadInput, Collocation, load, load_result, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._accuracy import extremes_result, extremes_tables
-from jaxcomp.plot import extreme_errors
+from jaxcomp.plot.interface import extreme_errors
 from jaxcomp.study.accuracy import extremes
 from jaxcomp.study.accuracy._extremes import FAMILIES, scaled
 

@@ -19,11 +19,11 @@ from jaxcomp.study import (
     compare_drives,
     design_rules,
     design_study,
-    rod_driven,
     with_bore,
     with_stroke_bore_ratio,
     with_swept_volume,
 )
+from jaxcomp.study.interface import rod_driven
 from jaxcomp.vibration import shaking_wrench
 
 # Places where a load changes its side in mid-stroke stay unresolved, which changes the efficiency by

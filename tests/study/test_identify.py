@@ -14,17 +14,9 @@ from jaxcomp.cylinder import SuctionWarming
 from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
 from jaxcomp.scene.readings import identified_scene
-from jaxcomp.study import (
-    RECIPE,
-    Parameter,
-    Readings,
-    fit,
-    identify,
-    map_recipe,
-    varied,
-    with_own_factors,
-)
+from jaxcomp.study import RECIPE, Parameter, Readings, fit, identify, map_recipe
 from jaxcomp.study._identification_notes import law_of_speed, notes_of
+from jaxcomp.study.interface import varied, with_own_factors
 from jaxcomp.study.rating import QUANTITIES, rating_map
 
 ZERO = 273.15

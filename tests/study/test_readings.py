@@ -15,7 +15,7 @@ from jaxcomp.scene import SceneError
 from jaxcomp.scene.map_files import polynomial_text
 from jaxcomp.scene.measured import bundled_maps
 from jaxcomp.scene.readings import read_readings
-from jaxcomp.study import terms_of
+from jaxcomp.study.interface import terms_of
 from jaxcomp.study.rating import QUANTITIES, RatingMap
 
 ZERO = 273.15

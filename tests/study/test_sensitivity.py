@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from jaxcomp import BadInput, load, loads, problem, sensitivity
 from jaxcomp.cli import app
 from jaxcomp.plot import sensitivity_bars
-from jaxcomp.study import variable_label
+from jaxcomp.study.interface import variable_label
 
 
 def logarithms(found):

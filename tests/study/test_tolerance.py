@@ -10,9 +10,10 @@ from scipy import stats
 
 from jaxcomp import BadInput, Collocation, load, problem, tolerance, within
 from jaxcomp.study import AnalysisOptions
-from jaxcomp.study.tolerance import Limit, scatter_of
+from jaxcomp.study.tolerance import scatter_of
 from jaxcomp.study.tolerance._moments import local, sampled
 from jaxcomp.study.tolerance._reliability import reliability
+from jaxcomp.study.tolerance.interface import Limit
 
 BORE, RADIUS = "mechanism.bore", "mechanism.crank_radius"
 
@@ -428,6 +429,6 @@ def test_tolerances_that_keep_the_rejects_down_are_those_of_the_normal_distribut
     ],
 )
 def test_parts_have_names_and_not_paths(path, words):
-    from jaxcomp.study import variable_label
+    from jaxcomp.study.interface import variable_label
 
     assert variable_label(load("hermetic-68cc").machine, path) == words

@@ -10,8 +10,6 @@ from scipy.optimize import minimize
 
 from jaxcomp import BadInput, SceneError, Status
 from jaxcomp.balancing import (
-    Influence,
-    InfluenceRow,
     bounded,
     discrete,
     least_squares,
@@ -19,10 +17,10 @@ from jaxcomp.balancing import (
     permissible_unbalance,
     rigid_balance,
     select,
-    split,
     stock,
     trial_influence,
 )
+from jaxcomp.balancing.interface import Influence, InfluenceRow, split
 from jaxcomp.rotor import Unbalances
 from jaxcomp.scene.measurements import read_measurements
 

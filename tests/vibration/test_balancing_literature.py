@@ -7,14 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp.balancing import (
-    Influence,
-    InfluenceRow,
-    bounded,
-    least_squares,
-    min_max,
-    trial_influence,
-)
+from jaxcomp.balancing import bounded, least_squares, min_max, trial_influence
+from jaxcomp.balancing.interface import Influence, InfluenceRow
 
 
 def at(text):

@@ -14,14 +14,8 @@ from jaxcomp.balancing import (
     rod_ring,
     trial_influence,
 )
-from jaxcomp.rotor import (
-    BalancingPlanes,
-    CorrectionPlane,
-    TargetPlane,
-    Unbalances,
-    node_names,
-    respond,
-)
+from jaxcomp.rotor import BalancingPlanes, CorrectionPlane, TargetPlane, Unbalances, respond
+from jaxcomp.rotor.interface import node_names
 
 SPEEDS = jnp.array([300.0, 360.0])
 PLACES = BalancingPlanes(

@@ -13,13 +13,8 @@ from jaxcomp import BadInput, assembled, load, loads, solve_orbit, with_film_lin
 from jaxcomp.cli import app
 from jaxcomp.compressor import at_speed
 from jaxcomp.crank import Collocation, journal_films
-from jaxcomp.film import (
-    JournalBearing,
-    NamedBearing,
-    friction_moment,
-    minimum_film,
-    stiffness_damping,
-)
+from jaxcomp.film import JournalBearing, NamedBearing, minimum_film
+from jaxcomp.film.interface import friction_moment, stiffness_damping
 from jaxcomp.rotor import ConstantLaw, LoadedFilm, SpeedTable
 from jaxcomp.vibration._coupling import loaded_rotor
 

@@ -10,17 +10,8 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, load, solve_orbit
-from jaxcomp.rotor import (
-    CrankNodes,
-    RotorModel,
-    crankshaft_of,
-    load_vector,
-    magnetic_pull_limit,
-    node_index,
-    respond,
-    shaft_mass,
-    undamped_modes,
-)
+from jaxcomp.rotor import CrankNodes, RotorModel, crankshaft_of, node_index, respond, undamped_modes
+from jaxcomp.rotor.interface import load_vector, magnetic_pull_limit, shaft_mass
 from jaxcomp.scene import with_value
 from jaxcomp.vibration import shaking_wrench
 from jaxcomp.vibration._coupling import crank_forces, crank_loads, loaded_rotor
@@ -157,7 +148,8 @@ def test_hermetic_machine_has_the_printed_figures(scene):
 
 def _polar(model):
     """[kg m2] Of all shafts and disks: their inertia in a rigid torsion."""
-    from jaxcomp.rotor import matrices, node_names
+    from jaxcomp.rotor import matrices
+    from jaxcomp.rotor.interface import node_names
 
     free = RotorModel(model.shafts, model.disks, dof=6)
     turn = np.zeros((len(node_names(free)), 6))

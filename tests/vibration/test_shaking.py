@@ -30,18 +30,20 @@ from jaxcomp.mechanism import CrankState, SliderCrank
 from jaxcomp.rotor import matrices, undamped_modes
 from jaxcomp.scene import SceneError, describe, dump, load, loads, with_value
 from jaxcomp.vibration import (
-    BlockMotion,
     Harmonics,
     Spring,
     Suspension,
     Wrench,
     block_response,
-    free_body_error,
-    free_body_response,
     harmonics,
-    point_motion,
     shaking_wrench,
     time_response,
+)
+from jaxcomp.vibration.interface import (
+    BlockMotion,
+    free_body_error,
+    free_body_response,
+    point_motion,
     viscous_damping,
     with_scaled_frequencies,
     wrench_about,

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from jaxcomp import load, solve_orbit
-from jaxcomp.desk import Desk, serve
+from jaxcomp.desk import serve
 from jaxcomp.desk._page import _is_fault, _Page
+from jaxcomp.desk.interface import Desk
 from jaxcomp.scene import SceneError, loads
 
 BORE, PIN = "mechanism.bore", "friction.crank_pin.coefficient"

@@ -9,8 +9,9 @@ from core.test_results import balance, orbit, tolerances
 from matplotlib.figure import Figure
 
 from jaxcomp import BadInput, load, plot, sensitivity
-from jaxcomp.plot import interactive, interactive_page
+from jaxcomp.plot import interactive
 from jaxcomp.plot._style import crank_axis, legend, new_figure, new_polar_figure
+from jaxcomp.plot.interface import interactive_page
 
 __all__ = ["orbit"]  # a fixture
 pytest.importorskip("plotly")

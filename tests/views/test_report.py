@@ -10,8 +10,9 @@ from rich.table import Table
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
-from jaxcomp.report import Provenance, checks, report
+from jaxcomp.report import report
 from jaxcomp.report._page import numbers_html, picture_html, rich_html, tables_html
+from jaxcomp.report.interface import Provenance, checks
 from jaxcomp.scene import describe, loads, start
 
 MADE = Provenance(

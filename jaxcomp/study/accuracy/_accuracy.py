@@ -12,7 +12,7 @@ from ..._core.errors import BadInput
 from ...crank import solve_orbit
 from ...machine import HasMachine, Machine, machine_of
 from ...rotor import LoadCase
-from .. import quantity_named
+from ..interface import quantity_named
 from ._cycle import cycle_study
 from ._gradient import gradient_study
 from ._orbit import orbit_study, quantities_study
@@ -73,7 +73,7 @@ def accuracy(
 
     Args:
         scene: of `jaxcomp.load`, or a `Machine`.
-        quantity_name: of which the errors are, see `jaxcomp.study.quantity_named`; for films one of
+        quantity_name: of which the errors are, see `quantity_named`; for films one of
             "friction_number", "stiffness" and "damping". Absent: what suits the study.
         study: a name of `STUDIES`, or a kind of study of your own.
         variable: to differentiate by, for the study of gradients; any name of

@@ -20,7 +20,7 @@ from ...crankshaft import Crankshaft
 from ...cylinder import CycleOptions, Cylinder, solve_cycle
 from ...machine import Machine
 from .. import variable
-from .. import variable_names as names_of
+from ..interface import variable_names as names_of
 from ._report import DerivativeCheck, Measurement, Reference
 from ._study import (
     Call,

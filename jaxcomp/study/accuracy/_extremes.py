@@ -21,7 +21,7 @@ from ..._core.results import Data, Result
 from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
 from ...crank import Collocation, TimeIntegration, solve_orbit
-from ...crankshaft import film_journals
+from ...crankshaft.interface import film_journals
 from ...machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ...mechanism import SliderCrank
 from ...motor import SlipLine

@@ -25,21 +25,14 @@ from ..._core.errors import BadInput
 from ..._core.roots import FixedPointReport
 from ..._core.status import Status
 from ...compressor import Compressor, instants, kink_angles, loads_at
-from ...crank import (
-    Collocation,
-    Energy,
-    Orbit,
-    Shooting,
-    acceleration,
-    moving,
-    orbit_on_panels,
-    panels,
-)
+from ...crank import Collocation, Energy, Orbit, Shooting
+from ...crank.interface import acceleration, moving, orbit_on_panels, panels
 from ...cylinder import CycleOptions, Cylinder
 from ...machine import Machine
 from ...mechanism import CrankState
 from ...motor import MeanSpeed
-from .. import AnalysisOptions, DesignResult, available_quantities, quantity_named
+from .. import AnalysisOptions, DesignResult, available_quantities
+from ..interface import quantity_named
 from ._report import Reference
 from ._study import (
     FINE_NODES,

@@ -22,9 +22,10 @@ import numpy as np
 from ... import film as films
 from ..._core.errors import BadInput
 from ...crank import Collocation, solve_orbit
-from ...crankshaft import film_journals
+from ...crankshaft.interface import film_journals
 from ...machine import Machine, assembled
-from ...rotor import LoadedFilm, RotorModel, load_vector, matrices, respond
+from ...rotor import LoadedFilm, RotorModel, matrices, respond
+from ...rotor.interface import load_vector
 from ...vibration import loaded_rotor
 from ._report import Reference
 from ._study import Call, Compiled, Question, Setting, Study, series
@@ -67,7 +68,7 @@ class Place(NamedTuple):
             and (name == "friction_number" or issubclass(model, films.AbstractSolvedFilm))
         ]
 
-    def solved(self, count: int) -> films.FilmSolution:
+    def solved(self, count: int) -> films.interface.FilmSolution:
         """By finite volumes on the coarsest grids, as many as are told."""
         return films.reference_solution(
             self.eccentricity, self.length_ratio, grooved=self.grooved, grids=_GRIDS[:count]
@@ -167,9 +168,9 @@ def film_places(design: Machine) -> tuple[Place, ...]:
 
 def _place(name: str, bearing: films.JournalBearing, load, speed) -> list[Place]:
     """The place of a bearing; none where its film carries nothing."""
-    if not issubclass(bearing.model, films.AbstractCarryingFilm):
+    if not issubclass(bearing.model, films.interface.AbstractCarryingFilm):
         return []
-    eccentricity = float(films.eccentricity_ratio(bearing, load, speed))
+    eccentricity = float(films.interface.eccentricity_ratio(bearing, load, speed))
     grooved = bearing.model is films.GroovedReynolds
     return [Place(name, float(bearing.length_ratio), eccentricity, grooved)]
 
@@ -198,7 +199,7 @@ def _of_load(model, place: Place, name: str) -> Callable[[Any], Any]:
     return value
 
 
-def _model_call(solved: Callable[[int], films.FilmSolution], value) -> Call:
+def _model_call(solved: Callable[[int], films.interface.FilmSolution], value) -> Call:
     """A function of the load number, over a batch of points at the same place."""
     over, program, _ = Compiled(jax.vmap(value)).call(jnp.full(_BATCH, solved(4).load_number))
     return Call(lambda: over()[0], program)

@@ -19,10 +19,12 @@ from ..._core.errors import BadInput
 from ..._core.programs import compiled_anew
 from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
-from ...crank import Collocation, Shooting, default_collocation
+from ...crank import Collocation, Shooting
+from ...crank.interface import default_collocation
 from ...cylinder import CycleOptions
 from ...machine import Assembly, Machine, assembled
-from .. import AnalysisOptions, DesignResult, quantity_named
+from .. import AnalysisOptions, DesignResult
+from ..interface import quantity_named
 from ._report import Measurement, Reference
 
 # Of the reference.
@@ -109,7 +111,7 @@ class Question(NamedTuple):
 
     Attributes:
         design: the machine.
-        quantity: name of a `jaxcomp.study.quantity_named`.
+        quantity: name of a `quantity_named`.
         variable: name of a variable, for studies in which one changes.
         excitation: forces on the rotor: those of the "crank" or of the "file"; see `AnalysisOptions`.
         orders: of the spin speed that count in vibrations.

@@ -27,8 +27,8 @@ from jax.sharding import SingleDeviceSharding
 from jaxtyping import Bool, Float
 
 from ..._core.errors import BadInput
-from .. import Answer, Problem
 from .._problem import of_each, solves_gas, with_more_panels
+from ..interface import Answer, Problem
 from ._points import Rows, neighbours_together
 
 if TYPE_CHECKING:  # Dask is an optional extra

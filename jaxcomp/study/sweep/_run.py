@@ -14,8 +14,9 @@ from ..._core.arguments import by_names
 from ..._core.errors import BadInput
 from ..._core.progress import progress_of
 from ...machine import HasMachine, Machine, machine_of
-from .. import AnalysisOptions, Problem, by_name, prepared, quantity_named, variable
+from .. import AnalysisOptions, prepared, variable
 from .._problem import Asked, problem_of
+from ..interface import Problem, by_name, quantity_named
 from ._blocks import Device, chosen_devices, default_width, solved_blocks
 from ._points import Blocks, Distribution, GridPoints, SamplePoints, extent
 from ._store import OK, Headings, InMemory, OnDisk, Plan, fingerprint, heading, stored_header

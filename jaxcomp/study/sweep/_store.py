@@ -23,7 +23,7 @@ import jax
 import numpy as np
 
 from ..._core.errors import BadInput
-from .. import Problem
+from ..interface import Problem
 from ._points import SAMPLE, Blocks, GridPoints, SamplePoints, extent
 
 if TYPE_CHECKING:  # neither is imported by who does not sweep

@@ -24,8 +24,8 @@ from jaxtyping import Array, Bool, Float
 
 from ..._core.errors import BadInput
 from ..._core.progress import progress_of
-from .. import Problem
 from .._problem import solved, solves_gas
+from ..interface import Problem
 from ..sweep._blocks import default_width, solved_blocks
 from ._scatter import Sampling, Scatter, drawn_normals
 

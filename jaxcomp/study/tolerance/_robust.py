@@ -17,9 +17,10 @@ from scipy.stats import beta
 
 from ..._core.errors import BadInput
 from ...machine import HasMachine, Machine, machine_of
-from .. import DesignResult, by_name, variable
+from .. import DesignResult, variable
 from .._problem import Asked, name_of, value_of
 from .._variables import changed
+from ..interface import by_name
 from ._moments import solved_rows
 from ._scatter import Correlations, Within, drawn_normals, scatter_of
 from ._tolerance import Tolerances

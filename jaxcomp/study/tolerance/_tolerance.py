@@ -13,8 +13,9 @@ from ..._core.display import shown
 from ..._core.errors import BadInput
 from ..._core.results import Data, Result
 from ...machine import HasMachine, Machine, machine_of
-from .. import AnalysisOptions, Problem, by_name, prepared
+from .. import AnalysisOptions, prepared
 from .._problem import Asked, name_of, problem_of, solves_gas
+from ..interface import Problem, by_name
 from ._moments import (
     Curvature,
     Keep,

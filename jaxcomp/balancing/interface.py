@@ -1,0 +1,8 @@
+"""What packages that are built on this one take from it, and users need not."""
+
+from ._classical import PlanePair as PlanePair
+from ._discrete import Split as Split
+from ._discrete import split as split
+from ._influence import Influence as Influence
+from ._influence import InfluenceRow as InfluenceRow
+from ._influence import flexibilities as flexibilities

@@ -1,0 +1,17 @@
+from ._collocation import default_collocation as default_collocation
+from ._collocation import orbit_on_panels as orbit_on_panels
+from ._films import JournalOrbit as JournalOrbit
+from ._films import film_thickness as film_thickness
+from ._films import journal_orbit as journal_orbit
+from ._films import journal_rates as journal_rates
+from ._films import moved_films as moved_films
+from ._integration import MOST_STEPS as MOST_STEPS
+from ._journals import moving as moving
+from ._journals import with_journals as with_journals
+from ._motion import acceleration as acceleration
+from ._orbit import POWER as POWER
+from ._orbit import Verification as Verification
+from ._orbit import time_harmonics as time_harmonics
+from ._panels import panels as panels
+from ._torsion import throw_inertias as throw_inertias
+from ._torsion import throw_torques as throw_torques

@@ -1,0 +1,17 @@
+from ._block import BlockMotion as BlockMotion
+from ._block import free_body_error as free_body_error
+from ._block import free_body_response as free_body_response
+from ._block import point_motion as point_motion
+from ._coupling import LEAVABLE as LEAVABLE
+from ._coupling import CrankLoads as CrankLoads
+from ._coupling import film_coefficients as film_coefficients
+from ._coupling import film_loads as film_loads
+from ._coupling import open_films as open_films
+from ._coupling import without as without
+from ._crank_forces import CrankForces as CrankForces
+from ._machine import excited_orders as excited_orders
+from ._machine import own_speeds as own_speeds
+from ._suspension import block_points as block_points
+from ._suspension import viscous_damping as viscous_damping
+from ._suspension import with_scaled_frequencies as with_scaled_frequencies
+from ._wrench import wrench_about as wrench_about
