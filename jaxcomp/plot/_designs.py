@@ -105,7 +105,7 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
     values = look.of(found.sampled.values[found.sampled.ok, place])
     title = f"{title}: {_small(look)} of {len(values):,} machines"
     figure, ax = style.single((6.8, 4.2), title)
-    bars = int(np.clip(np.sqrt(len(values)) / 2, 12, 80))
+    bars = style.bars(values, int(np.clip(np.sqrt(len(values)) / 2, 12, 80)))
     heights, edges, _ = ax.hist(values, bars, density=True, color="#9FC5E8", edgecolor="white",
                                 linewidth=0.3, label="samples")  # fmt: skip
     top, limits = 1.15 * heights.max(), [r for r in found.reliability if r.limit.quantity == name]

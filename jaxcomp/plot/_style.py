@@ -234,6 +234,11 @@ def side_by_side(count: int, room: float = 0.8) -> tuple[np.ndarray, float]:
     return width * (np.arange(count) - (count - 1) / 2), width
 
 
+def bars(values: np.ndarray, count: int) -> int:
+    """Number of bars of a histogram: one where values differ by no more than rounding."""
+    return count if np.ptp(values) > 1e-9 * np.max(np.abs(values)) else 1
+
+
 def colour_bar(ax: Axes, shades: Any, label: str, hover: tuple | None = None) -> None:
     """A bar that says what filled contours mean.
 

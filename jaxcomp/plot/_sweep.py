@@ -208,7 +208,8 @@ def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
     figure, axes = style.new_figure(rows, columns, size, title, share=False)
     first, *others = style.used(axes, len(variables) + 1)
     if good.size:
-        first.hist(good, bins=min(80, max(10, round(good.size**0.5))), color=_CURVE)
+        count = min(80, max(10, round(good.size**0.5)))
+        first.hist(good, bins=style.bars(good, count), color=_CURVE)
         low, middle, high = np.percentile(good, [5, 50, 95])
         for level, dash in ((low, ":"), (middle, "-"), (high, ":")):
             first.axvline(level, color=_BEST, linestyle=dash, linewidth=1.2)

@@ -8,7 +8,7 @@ import pytest
 
 from jaxcomp import Collocation, plot, solve_orbit
 from jaxcomp.plot._fine import fine_turn
-from jaxcomp.plot._style import over_turn
+from jaxcomp.plot._style import bars, over_turn
 from jaxcomp.scene import load, with_values
 from jaxcomp.vibration import shaking_wrench
 
@@ -166,3 +166,13 @@ def test_curves_close_at_both_ends():
 def test_pictures_need_no_pyplot():
     code = "import sys, jaxcomp.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_quantity_that_no_variable_moves_has_a_histogram_of_one_bar():
+    """A hundred equal numbers but for their last digit, between which no ten bars fit."""
+    values = np.full(100, 0.1)
+    values[::2] = np.nextafter(0.1, 1.0)
+    with pytest.raises(ValueError, match="Too many bins"):
+        np.histogram(values, 10)
+    assert np.histogram(values, bars(values, 10))[0].sum() == 100
+    assert bars(np.linspace(1.0, 1.1, 50), 10) == 10
