@@ -3,10 +3,6 @@
 With the option `interactive=True` each of them returns figures of plotly with hover and zoom.
 """
 
-import inspect as _inspect
-
-from matplotlib.figure import Figure as _Figure
-
 from . import interface as interface
 from ._accuracy import work_precision_diagram as work_precision_diagram
 from ._animate import gif as gif
@@ -21,12 +17,8 @@ from ._designs import sensitivity_bars as sensitivity_bars
 from ._designs import tolerance_histogram as tolerance_histogram
 from ._designs import tornado as tornado
 from ._interactive import interactive as interactive
-from ._interactive import offering_interactive as _offering_interactive
+from ._interactive import offer_interactive as _offer_interactive
 from ._sweep import sweep_map as sweep_map
 from ._vibration import shaking_force as shaking_force
 
-_FIGURES = (_Figure, dict[str, _Figure])
-for _name, _function in list(globals().items()):
-    if _inspect.isfunction(_function) and not _name.startswith("_"):
-        _draws = _inspect.signature(_function).return_annotation in _FIGURES
-        globals()[_name] = _offering_interactive(_function) if _draws else _function
+_offer_interactive(globals())

@@ -87,7 +87,15 @@ def interactive_page(figures: Mapping[str, Any], title: str) -> str:
     return "\n".join([head, *pieces])
 
 
-def offering_interactive(function: Callable) -> Callable:
+def offer_interactive(names: dict[str, Any]) -> None:
+    """Give the functions of a module that draw the option `interactive`."""
+    for name, function in list(names.items()):
+        drawn = inspect.isfunction(function) and inspect.signature(function).return_annotation
+        if not name.startswith("_") and drawn in (Figure, dict[str, Figure]):
+            names[name] = _offering_interactive(function)
+
+
+def _offering_interactive(function: Callable) -> Callable:
     """A function that draws, with the option `interactive`."""
     signature = inspect.signature(function)
     option = inspect.Parameter(

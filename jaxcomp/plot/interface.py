@@ -37,6 +37,7 @@ from ._fine import fine_turn as fine_turn
 from ._fine import first_diagram as first_diagram
 from ._identified import identification_figures as identification_figures
 from ._interactive import interactive_page as interactive_page
+from ._interactive import offer_interactive as _offer_interactive
 from ._optimise import optimum_convergence as optimum_convergence
 from ._optimise import optimum_figures as optimum_figures
 from ._optimise import optimum_path as optimum_path
@@ -61,3 +62,5 @@ from ._vibration import balance_figures as balance_figures
 from ._vibration import balance_polar as balance_polar
 from ._vibration import free_body_errors as free_body_errors
 from ._vibration import vibration_orbits as vibration_orbits
+
+_offer_interactive(globals())

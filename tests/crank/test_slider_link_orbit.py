@@ -218,7 +218,7 @@ def test_command_line_reports_vibration_and_losses():
 @pytest.mark.slow
 def test_pictures_of_loads_and_vibration(isobutane, tmp_path):
     orbit, _, load = isobutane
-    figures = plot.orbit_figures(household(), orbit, suspension())
+    figures = plot.interface.orbit_figures(household(), orbit, suspension())
     assert {"bearing_loads", "shaking_force", "vibration_orbits", "free_body_errors"} < set(figures)
     for name in ("bearing_loads", "vibration_orbits", "free_body_errors"):
         figures[name].savefig(tmp_path / f"{name}.png", dpi=60)

@@ -27,7 +27,7 @@ def one(made, kind, **wanted):
 def test_every_function_that_draws_has_the_option():
     drawing = [
         function
-        for name, function in vars(plot).items()
+        for name, function in {**vars(plot), **vars(plot.interface)}.items()
         if inspect.isfunction(function)
         and inspect.signature(function).return_annotation in (Figure, dict[str, Figure])
     ]
