@@ -86,15 +86,6 @@ def mapped(machine: str) -> None:
     print(f"map of 200 points of {machine}: {seconds:.2f} s (first call {first:.0f} s)")
 
 
-class OrificeGap(LaminarGap):
-    """The gap as a nozzle all round, which is what PDSim's example takes."""
-
-    kind: ClassVar[str] = "orifice_gap"
-
-    def flow(self, cylinder, crankcase, bore, viscosity):
-        return jnp.pi * bore * self.gap * quasi_steady_flow(cylinder, crankcase)
-
-
 def beside_pdsim() -> None:
     """The machine of PDSim's example of a reciprocating compressor, as near as the laws here come.
 
@@ -102,6 +93,16 @@ def beside_pdsim() -> None:
     is moved by pressure, drag and jet, and it has heat from the wall; here the pressure on the port alone
     moves it, and the wall is adiabatic.
     """
+
+    # Here, as machine files know a law from its class on, and ask which of two is meant.
+    class OrificeGap(LaminarGap):
+        """The gap as a nozzle all round, which is what PDSim's example takes."""
+
+        kind: ClassVar[str] = "orifice_gap"
+
+        def flow(self, cylinder, crankcase, bore, viscosity):
+            return jnp.pi * bore * self.gap * quasi_steady_flow(cylinder, crankcase)
+
     fluid = RealGas("R410A")
     suction = float(fluid.state(jnp.asarray(289.15), jnp.asarray(33.1)).p)
     reed = {
