@@ -1,6 +1,6 @@
 """Nodes of a model, which exist by being mentioned."""
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from .._core.errors import BadInput
 from .._core.words import hint
@@ -8,6 +8,7 @@ from ._bodies import RigidBody
 from ._shaft import Node
 
 
+@runtime_checkable
 class WithNodes(Protocol):
     """A rotor model, or one that is prepared."""
 

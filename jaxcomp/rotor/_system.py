@@ -17,7 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Inexact
 
 from .._core.fields import admissible, replaced
 from ._bodies import ProportionalDamping, body_matrices, inertia_matrices
@@ -339,7 +339,7 @@ def _node_forces(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
     return add(f, layout.centres, own)
 
 
-def elastic_force(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
+def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
     """Forces of shafts, disks and masses, in components and back."""
     system = z.system
     pairs, to_components = system.layout.pairs, whirl(system.dof, transpose)

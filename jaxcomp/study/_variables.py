@@ -3,7 +3,7 @@ r"""The numbers of a machine that a study changes: by name, by pattern, and in w
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -82,6 +82,7 @@ class Variable(NamedTuple):
         return eqx.tree_at(lambda d: walk(d, place), design, new)
 
 
+@runtime_checkable
 class Changes(Protocol):
     """What changes a design by one number: a variable, or a factor common to several."""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parents[1]
+QUICK = "laws/test_motor.py::test_slip_line_vanishes_at_the_synchronous_speed"
 FILES = (
     "laws/test_gas.py", "laws/test_motor.py", "crank/test_orbit.py", "mechanism/test_slider_crank.py",
     "film/test_film.py", "rotor/test_rotor_response.py", "vibration/test_shaking.py",
@@ -20,8 +21,10 @@ LENIENT = (
 )  # fmt: skip
 
 
-@pytest.mark.slow  # a file of tests, with a check at every call; all seven take three minutes
-@pytest.mark.parametrize("file", FILES)
+# a file of tests, with a check at every call; all seven take three minutes
+@pytest.mark.parametrize(
+    "file", [QUICK, *(pytest.param(one, marks=pytest.mark.slow) for one in FILES)]
+)
 def test_calls_keep_the_shapes_of_their_annotations(file):
     """Every call of the library in its tests, against its annotations."""
     pytest.importorskip("beartype")
