@@ -100,24 +100,23 @@ def keep_programs() -> None:
         compiler.compile_or_get_cached = functools.partial(_compiled, compile_one)
 
 
-@contextlib.contextmanager
-def compiled_anew() -> Iterator[None]:
+def compiled_anew() -> contextlib.AbstractContextManager[None]:
     """Compile what is kept as well, to measure how long that takes."""
-    token = _anew.set(True)
-    try:
-        yield
-    finally:
-        _anew.reset(token)
+    return _set(_anew)
+
+
+def kept_by_caller() -> contextlib.AbstractContextManager[None]:
+    """Compile what the caller keeps: jaxlib 0.9 writes down half of a program that it has read."""
+    return _set(_by_caller)
 
 
 @contextlib.contextmanager
-def kept_by_caller() -> Iterator[None]:
-    """Compile what the caller keeps: jaxlib 0.9 writes down half of a program that it has read."""
-    token = _by_caller.set(True)
+def _set(switch: ContextVar[bool]) -> Iterator[None]:
+    token = switch.set(True)
     try:
         yield
     finally:
-        _by_caller.reset(token)
+        switch.reset(token)
 
 
 def _compiled(

@@ -252,16 +252,10 @@ class _Grids(NamedTuple):
             both.append(lax.stop_gradient(values @ through))
         return jnp.concatenate([x.reshape(*x.shape[:-2], -1) for x in both], axis=-1)
 
-    def nodes(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p s"]:
-        """What of a row belongs to the nodes, by panels."""
-        shape = self.grid.angle.shape
-        return row[..., : self.grid.angle.size].reshape(*row.shape[:-1], *shape)
-
     def finer(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p f"]:
         """What of a row belongs to the finer nodes, by panels and without derivatives."""
         assert self.fine is not None
-        row = row[..., self.grid.angle.size :]
-        return lax.stop_gradient(row.reshape(*row.shape[:-1], *self.fine.angle.shape))
+        return lax.stop_gradient(self.fine.by_panels(row[..., self.grid.angle.size :]))
 
 
 def _quadrature_error(grids: _Grids, row: Float[Array, "*j r"]) -> Float[Array, "*j"]:
@@ -273,7 +267,7 @@ def _quadrature_error(grids: _Grids, row: Float[Array, "*j r"]) -> Float[Array, 
     """
     grid, fine = grids.grid, grids.fine
     assert fine is not None
-    values, finer = lax.stop_gradient(grids.nodes(row)), grids.finer(row)
+    values, finer = lax.stop_gradient(grid.by_panels(row)), grids.finer(row)
     change = jnp.abs(finer @ fine.rule.weights - values @ grid.rule.weights)
     last = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
     return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * last), axis=-1)
@@ -307,7 +301,7 @@ def orbit_of_motion(
     unknown, joints = None, loop.loops.start()
     if not compressor.frictionless:
         # the unknowns at the nodes; those at the places are not needed any more
-        unknown = grids.row(grids.nodes(motion.joints))
+        unknown = grids.row(grid.by_panels(motion.joints))
         joints = joints_of(loop, scales, unknown)
     loads = loop.loads(joints, True)
     law = closure.law(compressor.motor, scales.base, change)
@@ -318,17 +312,17 @@ def orbit_of_motion(
         units = scales.speed, scales.energy, scales.base
         return Instant(grid, *units, *values, motion.first_energy)
 
-    now = instant(grid, grids.nodes)
+    now = instant(grid, grid.by_panels)
     finer = None if fine is None else instant(fine, grids.finer)
     growth = None
     if closure.needs_steepness:
         known_now = (compressor, at, scales, energy, acceleration)
         rates = steepness(*frozen((*known_now, energy if unknown is None else unknown)))
-        growth = grid.total(grids.nodes(rates))
+        growth = grid.total(grid.by_panels(rates))
     status = _status(known, at, energy, now, finer, growth, report)
 
     motor = closure.torque(now)
-    totals = _by_joint(loads, lambda losses: grid.total(grids.nodes(losses)))
+    totals = _by_joint(loads, lambda losses: grid.total(grid.by_panels(losses)))
     account = Energy(grid.total(motor), -grid.total(now.conservative), totals)
     error = dict.fromkeys(totals, jnp.full((), jnp.nan))
     if finer is not None:
@@ -338,7 +332,7 @@ def orbit_of_motion(
         moved = _energy_error(closure, finer, grids.finer(state.acceleration), growth)
         moved *= 2 * lax.stop_gradient(account.total_loss)
         error = _by_joint(loads, lambda losses: _quadrature_error(grids, losses) + moved)
-    at, state, loads = jax.tree.map(grids.nodes, (at, state, loads))
+    at, state, loads = jax.tree.map(grid.by_panels, (at, state, loads))
     positions = None
     if motion.journals is not None:
         flat = motion.journals.reshape(*motion.journals.shape[:2], -1)

@@ -499,13 +499,10 @@ def _solved_journal(
 ) -> JournalOrbit:
     grid, film = panels(edges, nodes), moving_film(bearing)
 
-    def of_panels(values):
-        return values.reshape(*values.shape[:-1], *grid.angle.shape)
-
     drive = Drive(
         (film,),
-        of_panels(force / (film_unit(bearing) * speed))[:, None],
-        of_panels(0.5 * rates[1] / speed)[None],
+        grid.by_panels(force / (film_unit(bearing) * speed))[:, None],
+        grid.by_panels(0.5 * rates[1] / speed)[None],
         None if bearing.contact is None else speed * jnp.ones((1, 1, *grid.angle.shape)),
     )
     # surfaces that carry most of a load are met in many short steps
@@ -517,5 +514,5 @@ def _solved_journal(
         bearing, position, force, rates, grid.weight.ravel() / speed, grid.rule, grid.width
     )
     status = Status.where(report.settled, Status.converged, Status.not_converged)
-    status = orbit_status(grid.rule, drive, of_panels(position)[:, None], status)
+    status = orbit_status(grid.rule, drive, grid.by_panels(position)[:, None], status)
     return JournalOrbit(read, status, grid.angle.ravel(), report.change, report.steps)

@@ -266,11 +266,6 @@ class _Points(NamedTuple):
         beside = left[..., self.grid.panel_of(lax.stop_gradient(self.places))]
         return jnp.concatenate([at_nodes, beside], axis=-1)
 
-    def nodes(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p s"]:
-        """What of a row belongs to the nodes, by panels."""
-        shape = self.grid.angle.shape
-        return row[..., : self.grid.angle.size].reshape(*row.shape[:-1], *shape)
-
     def beyond(self, row: Float[Array, "*m r"]) -> Float[Array, "*m k"]:
         """What of a row belongs to the places."""
         return row[..., self.grid.angle.size :]
@@ -300,18 +295,18 @@ def improve(
     steep = None
     if closure.needs_steepness:
         known_now = (compressor, at, scales, energy, acceleration, motion.joints)
-        steep = lax.stop_gradient(points.nodes(steepness(*frozen(known_now))))
+        steep = lax.stop_gradient(points.grid.by_panels(steepness(*frozen(known_now))))
     now = Instant(
         grid,
         scales.speed,
         scales.energy,
         scales.base,
-        points.nodes(at.inertia),
-        points.nodes(at.inertia_1),
-        points.nodes(at.conservative),
-        points.nodes(closure.law(compressor.motor, scales.base, change)),
+        points.grid.by_panels(at.inertia),
+        points.grid.by_panels(at.inertia_1),
+        points.grid.by_panels(at.conservative),
+        points.grid.by_panels(closure.law(compressor.motor, scales.base, change)),
         loss,
-        points.nodes(state.speed),
+        points.grid.by_panels(state.speed),
         motion.energy,
         motion.first_energy,
     )
@@ -323,7 +318,9 @@ def improve(
     better = Motion(energy, acceleration, first, joints, motion.reversals, journals)
 
     marks = (
-        jnp.stack([points.nodes(row) for row in rows]) if rows else jnp.zeros((0, *energy.shape))
+        jnp.stack([points.grid.by_panels(row) for row in rows])
+        if rows
+        else jnp.zeros((0, *energy.shape))
     )
     value = jnp.zeros_like(places)
     if places.size:
@@ -355,12 +352,12 @@ def _improved_contacts(
         return motion.joints, motion.journals, jnp.zeros_like(motion.energy), ()
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
     joints, loss, rows = _improved_joints(loop, known.scales, motion.joints)
-    loss, journals = points.nodes(loss), motion.journals
+    loss, journals = points.grid.by_panels(loss), motion.journals
     if journals is not None:
         forces = loop.loads(joints_of(loop, known.scales, motion.joints), False).forces
-        drive = journal_drive(known.compressor, forces, state).mapped(points.nodes)
+        drive = journal_drive(known.compressor, forces, state).mapped(points.grid.by_panels)
         journals, power = improved_positions(points.grid, drive, motion.journals)
-        at_nodes = jax.tree.map(points.nodes, state)
+        at_nodes = jax.tree.map(points.grid.by_panels, state)
         loss += journal_torque(known.compressor, at_nodes, motion.journals, power)
     return joints, journals, loss, rows
 

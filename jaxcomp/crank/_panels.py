@@ -44,6 +44,10 @@ class Panels(NamedTuple):
         """Integral over the revolution."""
         return jnp.sum(self.weight * values, axis=(-2, -1))
 
+    def by_panels(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p s"]:
+        """Values in a row at the nodes, by panels; what follows the nodes in the row is left out."""
+        return row[..., : self.angle.size].reshape(*row.shape[:-1], *self.angle.shape)
+
     def panel_of(self, angle: Float[Array, "*n"]) -> Int[Array, "*n"]:
         """Index of the panel that holds an angle [rad]; at an edge, the one that begins there."""
         panel = jnp.searchsorted(self.edges, angle, side="right", method="compare_all") - 1
