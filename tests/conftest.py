@@ -65,9 +65,9 @@ def _results_fit_their_schema():
     from jaxcomp.cli import _output, _units
     from jaxcomp.cli._start import command_name
 
-    def checked(result, **options):
-        text = made(result, **options)
-        if command_name() in _units.TABLES:
+    def checked(result, *given, **options):
+        text = made(result, *given, **options)
+        if command_name() in _units.COMMANDS:
             results_validator(command_name()).validate(json.loads(text))
         return text
 

@@ -24,6 +24,7 @@ from .display import shown
 from .errors import BadInput
 from .fields import is_traced
 from .files import regular
+from .nested import Table, plain, units_table, with_units
 from .saved import UnknownClass, from_json, to_json
 from .status import Status
 from .words import hint
@@ -88,6 +89,8 @@ class Result:
     table_dims: ClassVar[tuple[str, ...]] = ()
     # Fields that `save` leaves out: what a solver kept for itself.
     not_saved: ClassVar[tuple[str, ...]] = ()
+    # Units of what `nested` returns, as `units_table` reads them; empty where a class does not nest.
+    nested_units: ClassVar[str] = ""
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units: of the fields that `reading` declares."""
@@ -140,6 +143,23 @@ class Result:
             else:
                 made[one.header] = _finite(values)
         return made
+
+    def nested(self) -> dict[str, Any]:
+        """Numbers [SI] and words by name, nested where they belong together.
+
+        The names are stable; new ones may join them. Where a class does not nest, as `to_dict`.
+        """
+        return self.to_dict()
+
+    @classmethod
+    def units_of_nested(cls) -> Table:
+        """The unit of every number of `nested`."""
+        return units_table(cls.nested_units)
+
+    def to_json(self) -> str:
+        """The text that a command prints with `--json`: `nested`, with the SI unit in each key."""
+        keyed = with_units(plain(self.nested()), self.units_of_nested())
+        return json.dumps(keyed, indent=2, allow_nan=False, ensure_ascii=False)
 
     def to_pandas(self) -> "pandas.DataFrame":
         """The curves or rows of this result as a table; see `columns`."""

@@ -11,9 +11,10 @@ from typing import Any, Literal
 
 import jaxcomp as jc
 
+from .._core.nested import fields_of
 from . import _options as opt
 from ._arguments import changed_scene
-from ._output import Output, Partial, fields_of
+from ._output import Output, Partial
 from ._start import quick_compiles, refuse
 from ._tables import Markup, column_table, row_table
 

@@ -16,9 +16,10 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, rounded, small_unit
+from .._core.nested import fields_of, records
 from . import _options as opt
 from ._arguments import assignments, changed_scene, names_of, si, speeds_of
-from ._output import Output, fields_of, records
+from ._output import Output
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
 from ._start import CommandError, refuse, refuse_unknown, start_jax, waiting
 from ._tables import column_table, row_table

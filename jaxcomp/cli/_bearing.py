@@ -14,7 +14,8 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM
-from ._output import Output, OutputWithoutScene, fields_of, plain
+from .._core.nested import fields_of, plain
+from ._output import Output, OutputWithoutScene
 from ._start import refuse, start_jax, waiting
 from ._tables import row_table, value_rows
 

@@ -45,19 +45,16 @@ def compare(
     scenes = _scenes(machines, variants or (), sets or ())
     with waiting("Solving the periodic states (the first time they are compiled as well) ..."):
         found = jc.study.compare(scenes)
-    result = {
-        "machines": [
-            {"label": label, "machine": scene.name, "file": scene.file}
-            for label, scene in scenes.items()
-        ],
-        "set": list(sets or ()),
-        "figures": found.rows,
-    }
+    machines_used = [
+        {"label": label, "machine": scene.name, "file": scene.file}
+        for label, scene in scenes.items()
+    ]
     output.emit(
-        result,
+        found,
         lambda _: [beside_table(found)],
         lambda: {"losses": jc.plot.interface.compared_losses(found)},
         written="Report, picture and result",
+        beside={"machines": machines_used, "set": list(sets or ())},
     )
 
 
@@ -109,47 +106,19 @@ def sensitivity(
             f"{case.machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
         )
     output.emit(
-        sensitivity_result(found, scene.name),
+        found,
         lambda _: sensitivity_tables(found, rows),
         lambda: jc.plot.interface.sensitivity_figures(found, scene.name),
         scene,
         {"sensitivity": found.columns},
+        beside={"machine": scene.name},
     )
-
-
-def _quantities(found: jc.study.Sensitivity):
-    """(name, unit, value) of every quantity."""
-    return zip(found.quantities, found.quantity_units, found.value, strict=True)
-
-
-def sensitivity_result(found: jc.study.Sensitivity, machine: str) -> dict[str, Any]:
-    """The answer in SI units, the largest influence first. The keys are stable."""
-
-    def number(one):
-        return {
-            "name": one.number,
-            "words": one.part,
-            "unit": one.unit,
-            "value": one.present,
-            "elasticity": one.elasticity if one.relative else None,
-            "derivative": one.derivative,
-        }
-
-    quantities = [
-        {
-            "name": name,
-            "unit": unit,
-            "value": float(value),
-            "numbers": [*map(number, found.ranking(name))],
-        }
-        for name, unit, value in _quantities(found)
-    ]
-    return {"machine": machine, "quantities": quantities}
 
 
 def sensitivity_tables(found: jc.study.Sensitivity, rows: int) -> Iterator[Any]:
     """For each quantity the numbers with the largest influence."""
-    for name, unit, value in _quantities(found):
+    rows_of = zip(found.quantities, found.quantity_units, found.value, strict=True)
+    for name, unit, value in rows_of:
         look, ranked, listed = shown(name, unit, value), found.ranking(name), []
         for relative in (True, False):
             kind = [one for one in ranked if one.relative is relative]

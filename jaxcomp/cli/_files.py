@@ -14,10 +14,11 @@ from rich.text import Text
 import jaxcomp as jc
 
 from .._core.display import shown, units_of
+from .._core.nested import plain
 from .._core.registry import DESIGN_RULES, Quantity, registered
 from .._core.words import did_you_mean
 from . import _options as opt
-from ._output import plain, show_results
+from ._output import show_results
 from ._start import CommandError, refuse, start_jax
 from ._tables import bold, row_table
 from ._units import results_schema

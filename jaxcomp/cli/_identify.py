@@ -13,10 +13,11 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import Shown, is_temperature, shown
+from .._core.nested import fields_of, plain, records
 from ._arguments import assignments, si, speed_of
 from ._map import axis
 from ._options import Case, Solver, chosen_solver
-from ._output import Output, Partial, fields_of, plain, records
+from ._output import Output, Partial
 from ._start import CommandError, refuse, waiting
 from ._sweep import number
 from ._tables import row_table

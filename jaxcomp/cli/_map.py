@@ -10,9 +10,10 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import shown
+from .._core.nested import fields_of
 from . import _options as opt
 from ._arguments import changed_scene, with_one_unit
-from ._output import Output, fields_of
+from ._output import Output
 from ._start import refuse, waiting
 from ._sweep import axis_values
 from ._tables import row_table

@@ -14,8 +14,9 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import RPM, rounded
+from .._core.nested import fields_of, plain, records
 from . import _options as opt
-from ._output import Output, fields_of, plain, records
+from ._output import Output
 from ._rotor import header, points_and_range, pull_row, rotor_of, whirl
 from ._start import CommandError, waiting
 from ._tables import Markup, row_table

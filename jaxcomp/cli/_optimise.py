@@ -13,9 +13,10 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import shown
+from .._core.nested import fields_of, records
 from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
-from ._output import Output, Partial, fields_of, records
+from ._output import Output, Partial
 from ._start import refuse, start_jax, waiting
 from ._tables import beside_table, bold, row_table
 

@@ -5,7 +5,6 @@ Every number in JSON has its SI unit in its key, as `mean_speed [rad/s]`.
 
 import io
 import json
-import math
 import os
 import sys
 import time
@@ -18,11 +17,15 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from .._core.interrupts import removed_when_stopped, words_when_stopped
+from .._core.nested import Table, plain, with_units
 from ._options import AsJson, Out, OutWithoutScene
 from ._start import command_line, command_name, waiting
-from ._units import with_units
+from ._units import table_of
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from .._core.results import Result
     from ..scene import Scene
 
 # [s] Between two writings of what there is so far.
@@ -41,34 +44,55 @@ class Output:
 
     def emit(
         self,
-        result: Mapping[str, Any],
+        found: "Result | Mapping[str, Any]",
         tables: Callable[[dict[str, Any]], Iterable[Any]],
         figures: Callable[[], Mapping[str, Any]] = dict,
         scene: "Scene | None" = None,
         curves: Mapping[str, Callable[[], Mapping[str, Any]]] | None = None,
         written: str = _WRITTEN,
         files: Callable[[], Mapping[str, str]] = dict,
+        beside: Mapping[str, Any] | None = None,
     ) -> None:
         """Write the folder of a command if one is named, and print JSON or tables.
 
         Args:
-            result: of which JSON is made, see `plain`.
-            tables: makes of the plain result what `rich` prints, one after the other.
+            found: what the library found; numbers and words without a result have their units in
+                `_units.py`.
+            tables: makes of the plain numbers what `rich` prints, one after the other.
             figures: draws the pictures, by name.
             scene: as it was run; `None` where there is none.
             curves: what makes the columns, by the name of the CSV file that takes them.
             written: names of the kinds of files in the folder.
             files: makes the texts of further files, by name.
+            beside: what stands in JSON in front of the numbers, as the name of the machine; results
+                among it are nested under their names.
         """
-        whole = plain(result)
+        whole, units = _numbers_and_units(found, beside or {})
         shown = list(tables(whole))
         if self.out is not None:
             with waiting("Drawing ..."):
                 columns = {name: made() for name, made in (curves or {}).items()}
-                write_results(self.out, figures(), whole, scene, shown, columns)
+                write_results(self.out, figures(), whole, scene, shown, columns, units)
                 for name, text in files().items():
                     _write(self.out / name, text.encode())
-        show_results(whole, shown, self.as_json, self.out, written)
+        if self.as_json:
+            print_json(whole, units)
+            return
+        print_tables(shown)
+        if self.out is not None:
+            print_line(f"{written} are in {self.out}")
+
+
+def _numbers_and_units(found: Any, beside: Mapping[str, Any]) -> tuple[dict[str, Any], Table]:
+    """Plain numbers of a command, and the units of their keys."""
+    if isinstance(found, Mapping):
+        return plain({**beside, **found}), table_of(command_name())
+    from .._core.results import Result
+
+    results = {name: one for name, one in beside.items() if isinstance(one, Result)}
+    numbers = {name: one.nested() for name, one in results.items()}
+    units = {name: one.units_of_nested() for name, one in results.items()}
+    return plain({**beside, **numbers, **found.nested()}), {**units, **found.units_of_nested()}
 
 
 @dataclass(frozen=True)
@@ -125,6 +149,7 @@ def write_results(
     scene: "Scene | None" = None,
     tables: Iterable[Any] = (),
     curves: Mapping[str, Mapping[str, Any]] | None = None,
+    units: Table | None = None,
 ) -> None:
     """Pictures, numbers, a report of both, and, where there is one, the scene as it was run.
 
@@ -133,9 +158,11 @@ def write_results(
     Args:
         folder: is made if it is missing.
         figures: figures of matplotlib, or the bytes of a GIF, by name.
-        result, scene: as in `Output.emit`.
+        result: plain numbers and words.
+        scene: as in `Output.emit`.
         tables: for `rich`; without them the report shows the numbers of `result`.
         curves: columns with their units, by the name of the CSV file that takes them.
+        units: as in `json_text`.
     """
     from .._core.results import csv_text
     from ..report import report
@@ -150,7 +177,7 @@ def write_results(
             image = io.BytesIO()
             figure.savefig(image, dpi=150)
             _write(folder / f"{name}.png", image.getvalue())
-    _write(folder / "result.json", f"{json_text(result)}\n".encode())
+    _write(folder / "result.json", f"{json_text(result, units)}\n".encode())
     for name, columns in (curves or {}).items():
         _write(folder / f"{name}.csv", csv_text(dict(columns)).encode())
     if scene is not None:
@@ -176,26 +203,36 @@ def _write(file: Path, content: bytes) -> None:
         raise OSError(error.errno, why, str(file)) from None
 
 
-def show_results(
-    result: dict[str, Any],
-    tables: Iterable[Any],
-    as_json: bool,
-    out: Path | None = None,
-    written: str = _WRITTEN,
-) -> None:
-    """Print one JSON object, or the tables and the folder of the files; arguments as in `Output`."""
+def show_results(result: dict[str, Any], tables: Iterable[Any], as_json: bool) -> None:
+    """Print one JSON object, or the tables."""
     if as_json:
         print_json(result)
-        return
+    else:
+        print_tables(tables)
+
+
+def _console() -> "Console":
     from rich.console import Console
+
+    console = Console()
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = _ENDLESS
+    return console
+
+
+def print_line(text: str) -> None:
+    """Print one line of text, wrapped by the terminal alone."""
+    _console().print(text, soft_wrap=True, markup=False)
+
+
+def print_tables(tables: Iterable[Any]) -> None:
+    """Print tables and lines of `rich` one after the other."""
     from rich.table import Table
     from rich.text import Text
 
     from ._tables import fitted
 
-    console = Console()
-    if not console.is_terminal and "COLUMNS" not in os.environ:
-        console.width = _ENDLESS
+    console = _console()
     for table in tables:
         typed = isinstance(table, Text) and bool(table.no_wrap)  # to be copied into a file
         if not isinstance(table, Table):
@@ -208,47 +245,24 @@ def show_results(
         console.print(fitted(table, console.width))
         if caption:
             console.print(f"[dim]{caption}[/dim]", highlight=False)
-    if out is not None:
-        console.print(f"{written} are in {out}", soft_wrap=True, markup=False)
 
 
 # ------------------------------------------------------------------- JSON
-def plain(value: Any) -> Any:
-    """Lists, dictionaries and numbers for JSON; of complex numbers the magnitudes.
+def json_text(
+    result: dict[str, Any], units: Table | None = None, *, ascii_only: bool = False
+) -> str:
+    """One JSON object; a number that is not finite would be a fault and is refused.
 
-    A number that is not finite becomes `None`, and a tuple with named fields a dictionary.
+    Args:
+        result: plain numbers and words.
+        units: of its keys; those of the command in `_units.py` if absent.
+        ascii_only: whether other signs are written as escapes.
     """
-    if hasattr(value, "_asdict"):
-        value = value._asdict()
-    if isinstance(value, dict):
-        return {key: plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, complex):
-        value = abs(value)
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def records(**columns: Any) -> list[dict[str, Any]]:
-    """The rows of columns of equal length, each by the names of the columns."""
-    lists = (one.tolist() if hasattr(one, "tolist") else one for one in columns.values())
-    return [dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True)]
-
-
-def fields_of(found: Any, *names: str) -> dict[str, Any]:
-    """Some attributes of a result by name."""
-    return {name: getattr(found, name) for name in names}
-
-
-def json_text(result: dict[str, Any], *, ascii_only: bool = False) -> str:
-    """One JSON object; a number that is not finite would be a fault and is refused."""
-    keyed = with_units(result, command_name())
+    keyed = with_units(result, table_of(command_name()) if units is None else units)
     return json.dumps(keyed, indent=2, allow_nan=False, ensure_ascii=ascii_only)
 
 
-def print_json(result: dict[str, Any]) -> None:
+def print_json(result: dict[str, Any], units: Table | None = None) -> None:
     """Print one JSON object on standard output, in ASCII where that takes no other signs."""
     utf = (sys.stdout.encoding or "").lower().startswith("utf")
-    typer.echo(json_text(result, ascii_only=not utf))
+    typer.echo(json_text(result, units, ascii_only=not utf))

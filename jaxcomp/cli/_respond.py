@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import jaxcomp as jc
 
 from .._core.display import RPM
+from .._core.nested import plain
 from . import _options as opt
-from ._output import Output, plain
+from ._output import Output
 from ._rotor import chosen_excitation, header, points_and_range, pull_row, rotor_of, whirl
 from ._start import CommandError, refuse_unknown, waiting
 from ._tables import row_table

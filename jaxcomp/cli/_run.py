@@ -9,8 +9,9 @@ from typing import Any
 
 import jaxcomp as jc
 
+from .._core.nested import plain
 from . import _options as opt
-from ._output import Output, plain, show_results
+from ._output import Output, show_results
 from ._run_tables import of_the_crank, run_tables, undelivered_tables
 from ._start import refuse, waiting
 from ._tables import words

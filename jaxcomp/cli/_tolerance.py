@@ -13,9 +13,10 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import Shown, shown
+from .._core.nested import fields_of
 from . import _options as opt
 from ._arguments import assignments, bounds_of, si
-from ._output import Output, Partial, fields_of
+from ._output import Output, Partial
 from ._start import CommandError, cluster, refuse, waiting
 from ._sweep import default_quantities, start_devices
 from ._tables import row_table

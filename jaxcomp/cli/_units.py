@@ -1,45 +1,15 @@
-"""SI units of the numbers that commands give as JSON, and the JSON schema that follows from them.
-
-A table names every number of a result by its key, `*` any key beside those that are named. What a table
-does not name is no number. A list has the table of its entries, and a unit stands for all numbers
-beneath a key: one, a list, or several by name.
-"""
+"""Units of what commands print without a result of the library, and the JSON schema of all results."""
 
 import re
-from collections.abc import Mapping
-from typing import Any, Union
+from operator import attrgetter
+from typing import Any
 
-from .._core.registry import registered, registered_quantity
+import jaxcomp as jc
 
+from .._core.nested import OF_THE_WHOLE, Said, Table, merged, units_table
+from .._core.registry import registered
 
-class Said(str):
-    """Where the unit of a number is said that is not in its key."""
-
-
-Table = Mapping[str, Union[str, "Table"]]
-
-# Notes that stand in braces in the place of a unit. Quantities and numbers of a machine listed by their
-# names each have their unit behind their name; two units are those that the result has under a key.
-_NAMED = Said("by name, with the unit that the registry or the result has for the name")
-_ROOT = (Said("vibration_unit"), Said("correction_unit"))
-_SAID = {
-    "beside": Said("in the unit that stands beside it"),
-    "quantity": Said("in the unit of the quantity"),
-    "number": Said("in the unit of the number of the machine"),
-    "ratio": Said("in the unit of the quantity over that of the number"),
-    "mixed": Said("in metres along x, y and z and in radians about them"),
-    "option": Said("as the option was given"),
-    "bytes": Said("in bytes"),
-    "parameters": Said("in the units of the parameters"),
-    "celsius": Said("in SI units, temperatures in degrees Celsius"),
-    "file": Said("as it stands in the file"),
-    "efficiency": Said("an efficiency, or of a response a displacement in metres"),
-    "named": _NAMED,
-    **{str(one): one for one in _ROOT},
-}
-
-# By the name of the command; `jaxcomp schema --results` prints what follows from them. A line has keys
-# with their unit, several separated by semicolons, behind the places that hold them.
+# By the name of the command.
 _TEXTS = {
     "run": """
         motor_work, gas_work, losses [J]; lowest_speed, highest_speed [rad/s]
@@ -60,11 +30,6 @@ _TEXTS = {
         end_angle [rad]; delivered_mass [kg]; highest_pressure [Pa]; highest_temperature [K]
         revolutions, energy_residual, steps, tolerance
         course: time [s]; angle [rad]; speed [rad/s]
-    """,
-    "compare": "figures: values {beside}",
-    "sensitivity": """
-        quantities: value {beside}
-        quantities.numbers: value {beside}; elasticity; derivative {ratio}
     """,
     "sweep": """
         shape, designs, failed
@@ -178,24 +143,12 @@ _TEXTS = {
     "list": "values.*|variables.*: value, given {beside}",
     "explain": "",
 }
-_GROUP = re.compile(r" *(?P<keys>[^[{]*?) *(\[(?P<unit>.*)\]|\{(?P<note>.*)\})?")
-
-
-def _table(text: str) -> Table:
-    table: dict[str, Any] = {}
-    for line in text.split("\n"):
-        places, colon, groups = line.strip().rpartition(":")
-        for place in places.split("|"):
-            there = table
-            for key in place.split(".") if colon else ():
-                there = there.setdefault(key, {})
-            for one in filter(None, map(_GROUP.fullmatch, groups.split(";"))):
-                unit = _SAID[one["note"]] if one["note"] else one["unit"] or ""
-                there |= dict.fromkeys(filter(None, one["keys"].split(", ")), unit)
-    return table
-
-
-TABLES = {command: _table(text) for command, text in _TEXTS.items()}
+# Commands that print results of the library, whose classes have the units.
+_RESULTS: dict[str, tuple[str, ...]] = {
+    "compare": ("study.Comparison",),
+    "sensitivity": ("study.Sensitivity",),
+}
+COMMANDS = (*_TEXTS, *_RESULTS)
 
 
 def table_of(command: str) -> Table:
@@ -203,60 +156,13 @@ def table_of(command: str) -> Table:
 
     A result that is written without any command counts as that of a run.
     """
-    table = TABLES.get(command, TABLES["run"])
-    if table in (TABLES["run"], TABLES["animate"]):
+    if command in _RESULTS:
+        classes = (attrgetter(name)(jc) for name in _RESULTS[command])
+        return merged(*(one.units_of_nested() for one in classes))
+    table = units_table(_TEXTS.get(command, _TEXTS["run"]))
+    if command in ("run", "animate") or command not in _TEXTS:
         return {one.family or one.name: one.unit for one in registered()} | table
     return table
-
-
-def with_units(result: dict[str, Any], command: str) -> dict[str, Any]:
-    """A result with the SI unit of every number in its key, as `mean_speed [rad/s]`."""
-    return _Keyed(result).of(result, table_of(command))
-
-
-class _Keyed:
-    """Puts units into keys; knows those that the result itself says, for names and for its whole."""
-
-    def __init__(self, result: dict[str, Any]):
-        self.root, self.named = result, {}
-        for value in result.values():
-            for one in value if isinstance(value, list | tuple) else [value]:
-                self._learn(one)
-
-    def _learn(self, one: Any) -> None:
-        if isinstance(one, dict) and {"name", "unit"} <= {*one}:
-            self.named[one["name"]] = one["unit"]
-        elif isinstance(one, dict):
-            inner = {k: v for k, v in one.items() if isinstance(v, dict) and "unit" in v}
-            self.named |= {name: entry["unit"] for name, entry in inner.items()}
-
-    def of(self, value: Any, table: Table) -> Any:
-        """A part of the result with units in its keys."""
-        if isinstance(value, list | tuple):
-            return [self.of(one, table) for one in value]
-        if not isinstance(value, dict):
-            return value
-        out = {}
-        for key, inner in value.items():
-            told = table.get(key, table.get("*", {}))
-            if told is _NAMED and not isinstance(inner, dict):  # names stand beside each other
-                told = self._unit(key)
-            if told is _NAMED:
-                out[key] = {self._key(name, self._unit(name), x): x for name, x in inner.items()}
-            elif not isinstance(told, str):
-                out[key] = self.of(inner, told)
-            else:
-                unit = self.root.get(told, "") if told in _ROOT else told
-                out[self._key(key, "" if isinstance(unit, Said) else unit, inner)] = inner
-        return out
-
-    def _unit(self, name: str) -> str:
-        one = registered_quantity(name)
-        return self.named.get(name, one.unit if one else "")
-
-    @staticmethod
-    def _key(key: str, unit: str, value: Any) -> str:
-        return f"{key} [{unit}]" if unit and not isinstance(value, bool | str) else key
 
 
 # ------------------------------------------------------------------- schema
@@ -272,7 +178,7 @@ def results_schema() -> dict[str, Any]:
         "description": "What commands print with --json and write to result.json, each under its name. "
         "Numbers are in SI units; a key has the unit behind it, in brackets.",
         "$defs": {
-            **{name: _object(table_of(name)) for name in TABLES},
+            **{name: _object(table_of(name)) for name in COMMANDS},
             "words": _any_depth("words", {"type": ["string", "boolean", "null"]}),
             "numbers": _any_depth("numbers", {"type": ["number", "null"]}),
             "stated": _any_depth("stated", {"type": ["number", "string", "boolean", "null"]}),
@@ -293,7 +199,7 @@ def _object(table: Table) -> dict[str, Any]:
         if not isinstance(told, str):
             inner = _listed(_object(told))
             key_is, schema = key, {"anyOf": [inner, _WORDS]}
-        elif told in _ROOT:
+        elif told in OF_THE_WHOLE:
             patterns[rf"^{key}( \[.+\])?$"] = _NUMBERS | {"description": f"in the unit of `{told}`"}
             continue
         elif isinstance(told, Said):

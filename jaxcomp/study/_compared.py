@@ -225,12 +225,17 @@ class Comparison(Result):
     rows: tuple[ComparedQuantity, ...]
 
     table_dims: ClassVar[tuple[str, ...]] = ("design",)
+    nested_units: ClassVar[str] = "figures: values {beside}"
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units, NaN where a design has no such thing."""
         yield Data("design", "", np.array(self.labels), self.table_dims)
         for one in self.rows:
             yield Data(one.name, one.unit, np.array(one.values, float), self.table_dims)
+
+    def nested(self) -> dict[str, Any]:
+        """Every row with its unit beside it."""
+        return {"figures": self.rows}
 
 
 def compare(

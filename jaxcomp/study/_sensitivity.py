@@ -2,7 +2,7 @@ r"""How much a quantity of a machine changes with each of its numbers."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -54,6 +54,10 @@ class Sensitivity(Result):
     ok: bool
 
     table_dims: ClassVar[tuple[str, ...]] = ("number",)
+    nested_units: ClassVar[str] = """
+        quantities: value {beside}
+        quantities.numbers: value {beside}; elasticity; derivative {ratio}
+    """
 
     @property
     def elasticity(self) -> Float[np.ndarray, "quantities numbers"]:
@@ -82,6 +86,28 @@ class Sensitivity(Result):
             yield Data(f"elasticity.{name}", "", elasticity[place], ("number",))
             per = f"{unit or '1'} per SI unit of the number"
             yield Data(f"derivative.{name}", per, self.derivative[place], ("number",))
+
+    def nested(self) -> dict[str, Any]:
+        """Every quantity with the numbers that it depends on, the largest influence first."""
+
+        def number(one):
+            return {
+                "name": one.number,
+                "words": one.part,
+                "unit": one.unit,
+                "value": one.present,
+                "elasticity": one.elasticity if one.relative else None,
+                "derivative": one.derivative,
+            }
+
+        rows = zip(self.quantities, self.quantity_units, self.value, strict=True)
+        return {
+            "quantities": [
+                {"name": name, "unit": unit, "value": value, "numbers": [*map(number, ranked)]}
+                for name, unit, value in rows
+                for ranked in [self.ranking(name)]
+            ]
+        }
 
     def ranking(self, quantity: str) -> list["Influence"]:
         """The numbers that a quantity depends on, the largest elasticity first.

@@ -9,8 +9,9 @@ from helpers import results_validator
 from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
+from jaxcomp._core.nested import Said, with_units
 from jaxcomp.cli import app
-from jaxcomp.cli._units import TABLES, Said, results_schema, with_units
+from jaxcomp.cli._units import COMMANDS, results_schema, table_of
 
 RUNNER = CliRunner()
 BORE = ("--variable", "mechanism.bore=120mm:140mm")
@@ -78,11 +79,13 @@ def test_the_schema_is_printed():
     schema = json.loads(done.stdout)
     assert schema == results_schema()
     Draft202012Validator.check_schema(schema)
-    assert {*TABLES} < {*schema["$defs"]}
+    assert {*COMMANDS} < {*schema["$defs"]}
 
 
 def test_a_number_without_its_unit_does_not_fit():
-    good = with_units({"machine": "one", "mean_speed": 100.0, "losses": {"wall": 1.0}}, "run")
+    good = with_units(
+        {"machine": "one", "mean_speed": 100.0, "losses": {"wall": 1.0}}, table_of("run")
+    )
     assert set(good) == {"machine", "mean_speed [rad/s]", "losses [J]"}
     assert wrong_places(good, "run") == []
     for key in ("mean_speed", "mean_speed [rpm]", "unheard_of", "unheard_of [N]"):
@@ -96,15 +99,15 @@ def test_a_number_without_its_unit_does_not_fit():
 
 def test_a_quantity_keeps_its_own_unit_where_a_key_elsewhere_means_something_else():
     load = {"measured_on": {"load": 1.5, "cores": 2}, "rows": [{"error": 1e-3, "seconds": 0.1}]}
-    found = with_units(load, "accuracy")
+    found = with_units(load, table_of("accuracy"))
     assert found["measured_on"] == {"load": 1.5, "cores": 2}  # of the computer, no force
     assert found["rows"] == [{"error": 1e-3, "seconds [s]": 0.1}]
     errors = with_units(
-        {"fit_error": {"power": 0.1}, "values": {"power": [[1.0]], "cop": []}}, "map"
+        {"fit_error": {"power": 0.1}, "values": {"power": [[1.0]], "cop": []}}, table_of("map")
     )
     assert errors == {"fit_error": {"power": 0.1}, "values": {"power [W]": [[1.0]], "cop": []}}
     given = {"vibration_unit": "m/s", "correction_unit": "kg", "rows": [{"before": 1.0}]}
-    assert with_units(given, "balance")["rows"] == [{"before [m/s]": 1.0}]
+    assert with_units(given, table_of("balance"))["rows"] == [{"before [m/s]": 1.0}]
 
 
 def units_in(table):
@@ -117,6 +120,6 @@ def units_in(table):
 
 def test_tables_have_units_of_si():
     registry = pint.UnitRegistry()
-    for unit in {*(unit for table in TABLES.values() for unit in units_in(table))} - {""}:
+    for unit in {*(unit for name in COMMANDS for unit in units_in(table_of(name)))} - {""}:
         powers = re.sub(r"(?<=\w) (?=\w)", " * ", unit)
         assert registry.Quantity(1, powers).to_base_units().magnitude == pytest.approx(1), unit

@@ -10,9 +10,9 @@ PACKAGE = Path(jaxcomp.__file__).parent
 # Of today, rounded up to fifty. A package that needs more says why where it raises its number; one that
 # has become shorter lowers it.
 MOST = {
-    "_core": 3_300,
+    "_core": 3_500,
     "balancing": 1_250,
-    "cli": 6_750,
+    "cli": 6_650,
     "crank": 5_350,
     "crankshaft": 950,
     "cylinder": 3_900,
