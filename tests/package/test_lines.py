@@ -27,7 +27,7 @@ MOST = {
     "report": 450,
     "rotor": 4_850,
     "scene": 5_000,
-    "study": 10_850,
+    "study": 10_900,
     "valve": 450,
     "vibration": 1_300,
 }
