@@ -140,7 +140,7 @@ def machine_of(scene: Machine | HasMachine) -> Machine:
     return scene.machine
 
 
-def correction_planes(places: Any) -> tuple[str, ...]:
+def correction_planes(places: "BalancingPlanes | None") -> tuple[str, ...]:
     """Names of the correction planes of a section `balancing`, which may be absent."""
     return tuple(plane.name for plane in places.planes) if places is not None else ()
 

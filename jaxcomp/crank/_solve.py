@@ -32,7 +32,7 @@ from .._core.fields import admissible, clipped, is_traced, replaced
 from .._core.polynomials import gauss
 from .._core.roots import frozen, settle, zeros_of
 from .._core.status import SolveFailed, Status
-from ..compressor import Compressor, compressor_of, mechanisms_of
+from ..compressor import Compressor, HasCompressor, compressor_of, mechanisms_of
 from ..cylinder import Cycle, Cylinder
 from ..cylinder.interface import (
     CycleSolution,
@@ -71,7 +71,7 @@ _TANGENT_ITERATIONS = 6
 
 
 def solve_orbit(
-    machine: Any,
+    machine: Compressor | HasCompressor,
     solver: "Shooting | Collocation | None" = None,
     *,
     verify: "bool | TimeIntegration" = False,

@@ -16,7 +16,7 @@ from .._core.fields import admissible, clipped, is_traced, replaced
 from .._core.results import Data, Result
 from .._core.roots import zeros_of
 from .._core.status import SolveFailed, Status
-from ..compressor import Compressor, compressor_of, instants
+from ..compressor import Compressor, HasCompressor, compressor_of, instants
 from ..cylinder import Cylinder
 from ..cylinder.interface import values_only
 from ..mechanism import CrankState
@@ -102,7 +102,7 @@ class Transient(Result, eqx.Module):
 
 
 def simulate(
-    machine: Any,
+    machine: Compressor | HasCompressor,
     duration: float | Float[Array, ""],
     *,
     angle: float | Float[Array, ""] = 0.0,
