@@ -4,6 +4,7 @@ import dataclasses
 import importlib
 import inspect
 import pkgutil
+import sys
 from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
@@ -115,11 +116,17 @@ def _field_names(kind: type) -> list[str]:
 
 
 def class_address(thing: Any) -> str:
-    return f"{_public(thing.__module__)}:{thing.__qualname__}"
+    """Name of a class in the package that offers it: a file outlives the modules of a package."""
+    module, name = _public(thing.__module__), thing.__qualname__
+    package = ".".join(module.split(".")[:2])
+    offers = (
+        module.startswith(f"{_PACKAGE}.") and getattr(sys.modules[package], name, None) is thing
+    )
+    return f"{package if offers else module}:{name}"
 
 
 def _public(module: str) -> str:
-    """The package of a private module, which a file outlives; that of the core is the whole one."""
+    """The package of a private module; that of the core is the whole one."""
     if module.startswith(f"{_PACKAGE}._core."):
         return _PACKAGE
     return ".".join(word for word in module.split(".") if not word.startswith("_"))
@@ -133,10 +140,11 @@ def class_at(address: str) -> type:
     """
     module, _, name = address.partition(":")
     module = _MOVED.get(_public(module), _public(module))
+    address = f"{module}:{name}"
     if module.partition(".")[0] == _PACKAGE:  # nothing else is imported on a file's word
         for place in _modules(module):
             kind = vars(place).get(name)
-            if isinstance(kind, type) and _public(kind.__module__) == module and _field_names(kind):
+            if isinstance(kind, type) and class_address(kind) == address and _field_names(kind):
                 return kind
     else:
         import_extensions()
@@ -147,7 +155,7 @@ def class_at(address: str) -> type:
 
 
 def _modules(name: str) -> Iterator[ModuleType]:
-    """A module of this package and the private ones in it."""
+    """A module of this package and those in it."""
     try:
         package = importlib.import_module(name)
     except ImportError:
@@ -156,7 +164,7 @@ def _modules(name: str) -> Iterator[ModuleType]:
     for one in pkgutil.iter_modules(getattr(package, "__path__", ())):
         if one.name == "_core":
             yield from _modules(f"{name}._core")
-        elif one.name != "__main__" and (one.name.startswith("_") or name.endswith("._core")):
+        elif not one.ispkg and one.name != "__main__":
             yield importlib.import_module(f"{name}.{one.name}")
 
 

@@ -1,9 +1,9 @@
-"""Motors: torque over speed."""
+"""Motors: torque over speed, one law a file."""
 
-from ._motors import AbstractMotor as AbstractMotor
-from ._motors import ConstantSpeed as ConstantSpeed
-from ._motors import ConstantTorque as ConstantTorque
-from ._motors import Kloss as Kloss
-from ._motors import MeanSpeed as MeanSpeed
-from ._motors import MotorEfficiency as MotorEfficiency
-from ._motors import SlipLine as SlipLine
+from ._base import AbstractMotor as AbstractMotor
+from ._base import MotorEfficiency as MotorEfficiency
+from .constant_speed import ConstantSpeed as ConstantSpeed
+from .constant_torque import ConstantTorque as ConstantTorque
+from .kloss import Kloss as Kloss
+from .mean_speed import MeanSpeed as MeanSpeed
+from .slip_line import SlipLine as SlipLine

@@ -483,6 +483,20 @@ def test_classes_of_former_packages_are_found(before, kind):
     assert class_at(before) is kind
 
 
+@pytest.mark.parametrize(
+    ("address", "module"),
+    [
+        ("jaxcomp.motor:Kloss", "motor.kloss"),
+        ("jaxcomp.fluid:Saturation", "fluid._helmholtz"),
+    ],
+)
+def test_a_law_is_known_by_its_package_and_not_by_its_file(address, module):
+    # so that earlier versions, which had several laws in a file, read what this one writes as well
+    kind = class_at(address)
+    assert kind.__module__ == f"jaxcomp.{module}"
+    assert class_address(kind) == address
+
+
 def test_parts_of_extensions_are_found():
     assert class_at(class_address(LawOfAnExtension)) is LawOfAnExtension
     with pytest.raises(ValueError, match="test_results:Mount"):  # of jaxcomp, not of that module

@@ -20,15 +20,15 @@ MOST = {
     "film": 3_500,
     "fluid": 650,
     "friction": 1_300,
-    "gas": 650,
+    "gas": 700,
     "mechanism": 850,
-    "motor": 250,
+    "motor": 300,
     "plot": 3_800,
     "report": 450,
     "rotor": 4_850,
     "scene": 5_000,
     "study": 10_900,
-    "valve": 450,
+    "valve": 500,
     "vibration": 1_300,
 }
 

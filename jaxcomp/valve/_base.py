@@ -1,4 +1,4 @@
-r"""Valves as oscillators between a seat and a stop.
+r"""What every valve offers: what moves in it, and its areas for flow and force over the lift.
 
 $$m\ddot x = C_f A_{port}(p_{up} - p_{down}) - k(x + x_0) - b\dot x,\quad 0 \le x \le x_{stop}$$
 
@@ -9,13 +9,14 @@ Positive Displacement Compressors, 2007), or a table over the lift.
 
 from abc import abstractmethod
 from dataclasses import KW_ONLY
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
 from .._core.polynomials import cubics, inner_slopes
+from .oil_film import OilFilm
 
 
 class Oscillator(NamedTuple):
@@ -67,67 +68,6 @@ class AbstractValve(Part):
     @abstractmethod
     def force_area(self, lift: Float[Array, ""]) -> Float[Array, ""]:
         """Area [m^2] on which the pressure difference acts at a lift [m]."""
-
-
-class CheckValve(AbstractValve):
-    """An ideal valve: fully open while the pressure drives the flow forward, shut otherwise.
-
-    Args:
-        port_diameter: [m]
-        flow_coefficient: [-] C_d.
-        port_length: [m] must be absent: the flow is quasi-steady.
-
-    Raises:
-        ValueError: a port length.
-    """
-
-    kind: ClassVar[str] = "check"
-
-    def __check_init__(self):
-        if self.port_length is not None:
-            raise ValueError("a check valve is quasi-steady; leave `port_length` out.")
-
-    @property
-    def oscillator(self):
-        return None
-
-    def flow_area(self, lift):
-        return self.flow_coefficient * self.port_area + 0 * lift
-
-    def force_area(self, lift):
-        return self.port_area + 0 * lift
-
-
-class OilFilm(Part):
-    r"""Oil between plate and seat, which holds the plate when it lifts and cushions it when it seats.
-
-    Squeeze film of a ring of width b and radius r at the lift x:
-    $F = 2\pi r\mu b^3\,\dot x/(x + x_{oil})^3$ (Khalifa and Liu 1998). It fades with the cube of the
-    lift, and is taken to hold all the while: nothing of it cavitates.
-
-    Args:
-        viscosity: [Pa s] dynamic, of the oil with the gas that is dissolved in it.
-        seat_width: [m] of the ring.
-        thickness: [m] of the film with the plate on its seat.
-        seat_diameter: [m] of the ring; that of the port if absent.
-    """
-
-    kind: ClassVar[str] = "oil_film"
-
-    viscosity: Float[Array, ""] = quantity(
-        "Pa s", NONNEGATIVE, doc="dynamic, of the oil", usual=(1e-4, 2.0)
-    )
-    seat_width: Float[Array, ""] = quantity("m", POSITIVE, usual=(1e-5, 0.02))
-    thickness: Float[Array, ""] = quantity("m", POSITIVE, doc="with the plate on its seat")
-    seat_diameter: Float[Array, ""] | None = quantity(
-        "m", POSITIVE, default=None, doc="that of the port if absent"
-    )
-
-    def resistance(self, lift: Float[Array, ""], port_diameter) -> Float[Array, ""]:
-        """Force over the plate's velocity [N s/m] at a lift [m]."""
-        diameter = port_diameter if self.seat_diameter is None else self.seat_diameter
-        gap = jnp.maximum(lift, 0.0) + self.thickness
-        return jnp.pi * diameter * self.viscosity * (self.seat_width / gap) ** 3
 
 
 class AbstractMovingValve(AbstractValve):
@@ -197,86 +137,6 @@ class AbstractMovingValve(AbstractValve):
         if self.force_area_table is not None:
             return _curve(lift, self.lift_table, self.force_area_table)
         return self.force_coefficient * self.port_area + 0 * lift
-
-
-class PlateValve(AbstractMovingValve):
-    """A plate or reed by its mass and stiffness.
-
-    Args:
-        port_diameter: [m]
-        flow_coefficient: [-] C_d.
-        port_length: [m] of the gas column that has inertia; quasi-steady flow if absent.
-        force_coefficient: [-] C_f.
-        stop: [m] largest lift.
-        damping: [N s/m]
-        preload: [m] as a lift.
-        restitution: [-] at seat and stop.
-        sticking_speed: [m/s] rebound below which the valve rests; absent: see `rest_speed`.
-        lift_table: [m] (n,) of the areas beside it.
-        flow_area_table: [m^2] (n,) effective.
-        force_area_table: [m^2] (n,)
-        stiction: oil between plate and seat; none if absent.
-        mass: [kg] moving.
-        stiffness: [N/m]
-    """
-
-    kind: ClassVar[str] = "reed"
-
-    _: KW_ONLY
-    mass: Float[Array, ""] = quantity("kg", POSITIVE, doc="moving", usual=(1e-6, 2.0))
-    stiffness: Float[Array, ""] = quantity("N/m", NONNEGATIVE, usual=(10.0, 1e6))
-
-    @property
-    def oscillator(self):
-        return Oscillator(self.mass, self.stiffness, self.damping, self.preload, self.stop)
-
-
-class ReedBeam(AbstractMovingValve):
-    r"""A reed by its dimensions: a cantilever that the port loads at a distance a from its root.
-
-    $I = wh^3/12$, $k = 6EI/(a^2(3l - a))$, $m = \rho w h l/3$ (Bell et al., PDSim).
-
-    Args:
-        port_diameter: [m]
-        flow_coefficient: [-] C_d.
-        port_length: [m] of the gas column that has inertia; quasi-steady flow if absent.
-        force_coefficient: [-] C_f.
-        stop: [m] largest lift.
-        damping: [N s/m]
-        preload: [m] as a lift.
-        restitution: [-] at seat and stop.
-        sticking_speed: [m/s] rebound below which the valve rests; absent: see `rest_speed`.
-        lift_table: [m] (n,) of the areas beside it.
-        flow_area_table: [m^2] (n,) effective.
-        force_area_table: [m^2] (n,)
-        stiction: oil between plate and seat; none if absent.
-        thickness: [m]
-        width: [m]
-        length: [m] from the root to the tip.
-        port_distance: [m] from the root to the middle of the port.
-        elastic_modulus: [Pa]
-        density: [kg/m^3]
-    """
-
-    kind: ClassVar[str] = "reed_beam"
-
-    _: KW_ONLY
-    thickness: Float[Array, ""] = quantity("m", POSITIVE)
-    width: Float[Array, ""] = quantity("m", POSITIVE, usual=(1e-3, 0.1))
-    length: Float[Array, ""] = quantity("m", POSITIVE, doc="root to tip", usual=(2e-3, 0.3))
-    port_distance: Float[Array, ""] = quantity(
-        "m", POSITIVE, doc="from the root", usual=(1e-3, 0.3)
-    )
-    elastic_modulus: Float[Array, ""] = quantity("Pa", POSITIVE, default=193e9, usual=(1e9, 1e12))
-    density: Float[Array, ""] = quantity("kg/m^3", POSITIVE, default=7800.0, usual=(500.0, 25e3))
-
-    @property
-    def oscillator(self):
-        second_moment = self.width * self.thickness**3 / 12
-        arm = self.port_distance**2 * (3 * self.length - self.port_distance)
-        stiffness = 6 * self.elastic_modulus * second_moment / arm
-        mass = self.density * self.width * self.thickness * self.length / 3
-        return Oscillator(mass, stiffness, self.damping, self.preload, self.stop)
 
 
 def _curve(x, knots, values):
