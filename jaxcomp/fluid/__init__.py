@@ -2,6 +2,6 @@
 
 from ._base import AbstractFluid as AbstractFluid
 from ._base import GasState as GasState
-from ._base import PerfectGas as PerfectGas
-from ._helmholtz import RealGas as RealGas
 from ._helmholtz import fluids as fluids
+from .perfect_gas import PerfectGas as PerfectGas
+from .real_gas import RealGas as RealGas

@@ -1,14 +1,13 @@
-r"""What every fluid offers: its state from temperature and density, and what inverts it.
+"""What every fluid offers: its state from temperature and density, and what inverts it.
 
 Temperature and density are the independent variables, so a state is explicit; pressure, enthalpy or
 entropy as inputs are inverted by Newton's method where a calculation is set up, never within a cycle.
-Derivatives of any order follow from the implicit function theorem. The perfect gas, $p = \rho R T$ with
-constant heat capacities, is explicit.
+Derivatives of any order follow from the implicit function theorem.
 """
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,10 +15,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from .._core.fields import POSITIVE, Bound, Part, quantity
+from .._core.fields import Part
 from .._core.roots import AbstractRoot, root
-
-_ZERO = 273.15  # [K] where u and s of the perfect gas count from, s from 1 kg/m^3
 
 
 class GasState(NamedTuple):
@@ -187,46 +184,3 @@ class SmallSystem(AbstractRoot):
         if unknowns.ndim == 0:
             return super().removed(unknowns, rest)
         return -jnp.linalg.solve(jax.jacfwd(self.rest)(unknowns), rest)
-
-
-class PerfectGas(AbstractFluid):
-    """A gas with constant heat capacities.
-
-    Args:
-        gas_constant: [J/(kg K)] specific.
-        kappa: [-] ratio of the heat capacities.
-        viscosity: [Pa s] dynamic; air at 330 K if absent.
-        conductivity: [W/(m K)] thermal; air at 330 K if absent.
-    """
-
-    kind: ClassVar[str] = "perfect_gas"
-
-    gas_constant: Float[Array, ""] = quantity(
-        "J/(kg K)", POSITIVE, doc="specific", usual=(30.0, 5000.0)
-    )
-    kappa: Float[Array, ""] = quantity(
-        "", Bound(1.0, 2.0, low_open=True), doc="ratio of the heat capacities"
-    )
-    viscosity: Float[Array, ""] = quantity(
-        "Pa s", POSITIVE, default=2.0e-5, doc="dynamic", usual=(1e-6, 1e-4)
-    )
-    conductivity: Float[Array, ""] = quantity(
-        "W/(m K)", POSITIVE, default=0.0285, doc="thermal", usual=(5e-3, 0.5)
-    )
-
-    @property
-    def specific_gas_constant(self):
-        return self.gas_constant
-
-    @property
-    def temperature_range(self):
-        return 50.0, 2000.0
-
-    def state(self, T, rho):
-        R = self.gas_constant
-        c_v = R / (self.kappa - 1) + 0 * T
-        s = c_v * jnp.log(T / _ZERO) - R * jnp.log(rho)
-        return GasState(T, rho, rho * R * T, c_v * (T - _ZERO), s, c_v, rho * R, R * T)
-
-    def transport(self, T, rho):
-        return self.viscosity + 0 * T, self.conductivity + 0 * T

@@ -1,11 +1,11 @@
-"""Gas in the cylinder: the polytropic cycle and prescribed indicator diagrams."""
+"""Gas in the cylinder: the polytropic cycle and prescribed indicator diagrams, one law a file."""
 
 from ._base import AbstractGas as AbstractGas
 from ._base import Stroke as Stroke
-from ._cycles import DoubleActing as DoubleActing
-from ._cycles import PolytropicCycle as PolytropicCycle
-from ._cycles import StagedCycle as StagedCycle
-from ._diagram import CallableDiagram as CallableDiagram
-from ._diagram import CrankAngleTable as CrankAngleTable
-from ._diagram import FourierDiagram as FourierDiagram
-from ._diagram import VolumeTable as VolumeTable
+from .callable import CallableDiagram as CallableDiagram
+from .crank_angle_table import CrankAngleTable as CrankAngleTable
+from .double_acting import DoubleActing as DoubleActing
+from .fourier import FourierDiagram as FourierDiagram
+from .polytropic import PolytropicCycle as PolytropicCycle
+from .staged import StagedCycle as StagedCycle
+from .volume_table import VolumeTable as VolumeTable

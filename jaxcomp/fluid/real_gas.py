@@ -1,0 +1,198 @@
+"""A fluid by its published equation of state."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from .._core.errors import BadInput
+from .._core.fields import Bound, is_traced
+from .._core.roots import root
+from ._base import AbstractFluid, GasState, SmallSystem
+from ._helmholtz import (
+    Saturation,
+    ancillary,
+    dew_curve,
+    fluid_data,
+    ideal_terms,
+    poly,
+    residual_terms,
+)
+
+_NEAR = 0.5  # [K] by which gas may be colder than saturation, for pressures that are given in few digits
+
+
+class RealGas(AbstractFluid):
+    """A fluid by its published equation of state.
+
+    Args:
+        name: one of `fluids()`, such as "R134a".
+
+    Raises:
+        BadInput: an unknown name, with those that are known.
+    """
+
+    kind: ClassVar[str] = "real_gas"
+
+    name: str = eqx.field(static=True)
+
+    def __check_init__(self):
+        fluid_data(self.name)
+
+    @property
+    def data(self) -> dict:
+        """Coefficients and their source."""
+        return fluid_data(self.name)
+
+    @property
+    def specific_gas_constant(self):
+        return jnp.asarray(self.data["gas_constant"])
+
+    @property
+    def temperature_range(self):
+        return self.data["T_least"], self.data["T_most"]
+
+    @property
+    def critical_temperature(self) -> float:
+        """[K]"""
+        return self.data["T_critical"]
+
+    def dew_temperature(self, p):
+        """[K] Dew temperature at pressures [Pa] by the ancillary curve, to about 0.1 K.
+
+        Beyond the curve that of its end: the critical temperature, or the lowest of the fluid.
+        Known pressures give numbers of NumPy, for checks that shall compile nothing.
+        """
+        tools = jnp if is_traced(p) else np
+        T, log_p = dew_curve(self.name)
+        return tools.interp(tools.log(p), log_p, T)
+
+    def dew_pressure(self, T):
+        """[Pa] The inverse of `dew_temperature`."""
+        tools = jnp if is_traced(T) else np
+        return tools.exp(tools.interp(T, *dew_curve(self.name)))
+
+    def state(self, T, rho):
+        data = self.data
+        R, tau, delta = data["gas_constant"], data["T_r"] / T, rho / data["rho_r"]
+        a0, a0_t, a0_tt = ideal_terms(data["ideal"], tau, delta)
+        ar, ar_d, ar_dd, ar_t, ar_tt, ar_dt = residual_terms(data["residual"], tau, delta)
+        return GasState(
+            T,
+            rho,
+            p=rho * R * T * (1 + ar_d),
+            u=R * T * (a0_t + ar_t),
+            s=R * (a0_t + ar_t - a0 - ar),
+            c_v=-R * (a0_tt + ar_tt),
+            dp_dT=rho * R * (1 + ar_d - ar_dt),
+            dp_drho=R * T * (1 + 2 * ar_d + ar_dd),
+        )
+
+    def transport(self, T, rho):
+        data = self.data
+        fit = data["transport"]
+        # beyond the range of the fit its values at the end: a polynomial is no guide out there
+        x = jnp.clip(T, *fit["T"]) / data["T_r"]
+        y = jnp.clip(rho, 0.0, fit["rho_most"]) / data["rho_r"]
+        return poly(fit["viscosity"], x, y), poly(fit["conductivity"], x, y)
+
+    def is_wet(self, T, rho):
+        data = self.data
+        # Above 0.98 of the critical temperature, where the dew line gets vertical, nothing is called
+        # wet; 2 % is room for the error of the curve.
+        theta = jnp.minimum(T, 0.98 * data["T_critical"])
+        dew = jnp.vectorize(lambda T: ancillary(data["vapour_density"], T))(theta)
+        return (theta == T) & (rho > 1.02 * dew)
+
+    def density(self, T, p):
+        """Density [kg/m^3] of the gas at a temperature `T` [K] and a pressure `p` [Pa].
+
+        Raises:
+            BadInput: a temperature out of the fluid's range, or a pressure at which it is liquid. Within
+                `jit` the result is then near the limit of the metastable gas.
+        """
+        if not is_traced(T) and not is_traced(p):
+            self._require("T", T, Bound(*self.temperature_range), "K, the range of")
+            most = self.data["p_most"]
+            if np.all(np.less(T, self.critical_temperature)):
+                # what a pressure in few digits may be above saturation
+                most = float(self.dew_pressure(np.asarray(T) + _NEAR))
+            self._require("p", p, Bound(0.0, most, low_open=True), f"Pa at {T:g} K, for gas of")
+        return super().density(T, p)
+
+    def _require(self, name: str, value, bound: Bound, why: str) -> None:
+        if not np.all(bound.inside(np.asarray(value))):
+            raise BadInput(name, value, f"{bound} {why} {self.name}")
+
+    def saturation(
+        self, T: Float[Array, ""] | None = None, p: Float[Array, ""] | None = None
+    ) -> Saturation:
+        """Saturation at a temperature `T` [K] or at a pressure `p` [Pa] below the critical one.
+
+        Raises:
+            BadInput: one that is not between triple and critical point; within `jit` it is not seen.
+        """
+        ends = self.temperature_range[0], self.critical_temperature
+        if T is None and not is_traced(p):
+            low, high = (float(self.dew_pressure(end)) for end in ends)
+            self._require("p", p, Bound(low, high, high_open=True), "Pa, of liquid and vapour of")
+        elif T is not None and not is_traced(T):
+            self._require("T", T, Bound(*ends, high_open=True), "K, of liquid and vapour of")
+        return self._saturation(T, p)
+
+    @eqx.filter_jit
+    def _saturation(self, T, p) -> Saturation:
+        """Liquid and vapour in equilibrium.
+
+        A pure fluid's ancillary curves are polished by Newton's method until pressure and Gibbs
+        energy of both phases agree. A pseudo-pure fluid has no such equilibrium: its dew and bubble
+        pressures are those of the ancillary curves, and the densities fit them.
+        """
+        data = self.data
+        given = jnp.log(jnp.asarray(p if T is None else T))
+
+        def misfit(unknowns, given):
+            T, liquid, vapour = jnp.exp(unknowns)
+            liquid, vapour = self.state(T, liquid), self.state(T, vapour)
+            if data["pseudo_pure"]:
+                dew = ancillary(data["dew_pressure"], T)
+                bubble = ancillary(data["bubble_pressure"], T)
+                balance = [liquid.p / bubble - 1, vapour.p / dew - 1]
+            else:
+                dew = vapour.p
+                gibbs = liquid.h - T * liquid.s - vapour.h + T * vapour.s
+                # Energies over the vapour's p/rho, so that all rows are relative.
+                balance = [(liquid.p - vapour.p) / dew, gibbs * vapour.rho / dew]
+            last = jnp.log(dew) - given if p is not None else unknowns[0] - given
+            return jnp.stack([*balance, last])
+
+        def solve(given):
+            curve = data["dew_pressure"]
+            low, high = np.log(data["T_least"]), np.log(0.9999 * data["T_critical"])
+
+            def rough(_, x):
+                def value(x):
+                    return jnp.log(ancillary(curve, jnp.exp(x))) - given
+
+                misfit, slope = jax.value_and_grad(value)(x)
+                return jnp.clip(x - misfit / slope, low, high)
+
+            log_T = given
+            if p is not None:
+                log_T = lax.fori_loop(0, 12, rough, high - 0.25 + 0 * given)
+            keys = ("liquid_density", "vapour_density")
+            guess = [jnp.log(ancillary(data[key], jnp.exp(log_T))) for key in keys]
+
+            def newton(_, unknowns):
+                jacobian = jax.jacfwd(misfit)(unknowns, given)
+                step = jnp.linalg.solve(jacobian, misfit(unknowns, given))
+                return unknowns - jnp.clip(jnp.nan_to_num(step), -0.1, 0.1)
+
+            return lax.fori_loop(0, 12, newton, jnp.stack([log_T, *guess]))
+
+        T, liquid, vapour = jnp.exp(root(SmallSystem(misfit, solve, given)))
+        return Saturation(T, self.state(T, vapour).p, liquid, vapour)
