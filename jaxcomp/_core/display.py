@@ -169,6 +169,11 @@ def small_unit(unit: str) -> tuple[str, float]:
     return next(others, (unit, 1.0))
 
 
+def vibration_unit(unit: str) -> tuple[str, float]:
+    """The unit in which a vibration is shown, micrometres of displacements, with the factor to it."""
+    return ("µm", 1e6) if unit == "m" else (unit, 1.0)
+
+
 def axes_words(banks: Sequence[float]) -> str:
     """What the axes x and y of a machine are, by the directions of its cylinders [rad]."""
     degrees = sorted({round(math.degrees(bank), 6) for bank in banks})

@@ -4,6 +4,7 @@
 """
 
 from . import interface as interface
+from ._classical import balance_rotor_alone as balance_rotor_alone
 from ._classical import classical_balance as classical_balance
 from ._classical import permissible_unbalance as permissible_unbalance
 from ._classical import rigid_balance as rigid_balance

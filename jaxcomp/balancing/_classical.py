@@ -12,10 +12,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
-from ..machine import Assembly
+from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ..mechanism import SliderCrank
 from ..rotor import BalancingPlanes, RotorModel, Unbalances
 from ..rotor.interface import Node, node_positions, shaft_mass, subset_names, subsets
+from ._influence import Influence
+from ._least_squares import Balance, predicted
 
 
 class PlanePair(NamedTuple):
@@ -158,3 +160,37 @@ def classical_balance(
     tables = unbalances if ring is None else (*unbalances, ring)
     options = {"centre": moment / mass, "mass": mass, "speed": speed, "grade": grade}
     return rigid_balance(tables, z, (first, second), **options)
+
+
+def balance_rotor_alone(
+    influence: Influence,
+    machine: Machine | HasMachine,
+    *,
+    speed: Float[Array, ""] | float | None = None,
+    crank: bool = True,
+    left_out: tuple[str, ...] = (),
+) -> Balance:
+    """What the balance of the rotor alone in two planes leaves of the vibration of the whole machine.
+
+    Where the forces of the crank act with the inertia of its parts, the rotor carries a ring for the rod
+    (`rod_ring`) while it is balanced.
+
+    Args:
+        influence: the system of the machine.
+        machine: a scene or a machine with rotor, loads and two correction planes.
+        speed: [rad/s] of service; the highest of the system if absent.
+        crank: whether the forces of the crank shake the system; those of a file have no inertia of a rod.
+        left_out: what the crank's forces do without, as in `machine_influence`.
+
+    Raises:
+        BadInput: a part that is missing, or as `classical_balance`.
+    """
+    made = machine if isinstance(machine, Assembly) else assembled(machine_of(machine))
+    if made.rotor is None or made.loads is None or made.balancing is None:
+        raise BadInput("balancing", "absent", "given with rotor, loads and correction planes")
+    speed = max(row.speed for row in influence.rows) if speed is None else speed
+    ring = rod_ring(made) if crank and "inertia" not in left_out else None
+    parts = made.rotor, made.loads.unbalances, made.balancing
+    alone = classical_balance(*parts, speed=speed, ring=ring)
+    name = "rotor alone" if ring is None else "rotor with a ring for the rod"
+    return predicted(influence, alone.correction, f"{name}, two planes")

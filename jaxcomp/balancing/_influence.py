@@ -7,7 +7,7 @@ one system. Source: Levecque et al. (2011), cited in full in `machines/hermetic-
 Fourier coefficients of the forces and, by the mean force, stiffness and damping of the films.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
@@ -53,6 +53,7 @@ class Influence(eqx.Module):
         planes: names of the correction planes; static.
         unit: of the vibration; static.
         trial: unit of what is added in a plane, `kg m`, or `kg` at one radius; static.
+        radius: [m] (planes,) at which masses are added, NaN where a plane has none; absent if none has.
 
     Raises:
         BadInput: no rows or planes, arrays that do not fit them, or a value that is not finite.
@@ -65,6 +66,7 @@ class Influence(eqx.Module):
     planes: tuple[str, ...] = eqx.field(static=True)
     unit: str = eqx.field(static=True, default="m")
     trial: str = eqx.field(static=True, default="kg m")
+    radius: Float[Array, " planes"] | None = None
 
     def __check_init__(self):
         for name, entries in (("rows", self.rows), ("planes", self.planes)):
@@ -127,6 +129,9 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
         jnp.tile(jnp.stack(weights), speeds.size),
         tuple(InfluenceRow(*row, float(speed)) for speed in labels for row in rows),
         tuple(p.name for p in places.planes),
+        radius=jnp.stack(
+            [jnp.asarray(jnp.nan if p.radius is None else p.radius, float) for p in places.planes]
+        ),
     )
 
 
@@ -209,6 +214,7 @@ def select(
     *,
     planes: Sequence[str] | None = None,
     targets: Sequence[str] | None = None,
+    weights: Mapping[str, float] | None = None,
 ) -> Influence:
     """The part of a system that belongs to some planes and targets.
 
@@ -216,26 +222,34 @@ def select(
         influence: the system.
         planes: names of those to keep; absent: all.
         targets: the same of the targets.
+        weights: [-] by target, with which the weights of its rows are multiplied.
 
     Raises:
-        BadInput: an unknown name.
+        BadInput: an unknown name, or a weight below zero.
     """
+    there = {row.target for row in influence.rows}
     for field, names, known in (
         ("planes", planes, influence.planes),
-        ("targets", targets, {row.target for row in influence.rows}),
+        ("targets", targets, there),
+        ("weights", weights, there),
     ):
         for name in names or ():
             if name not in known:
                 raise BadInput(field, name, one_of(name, sorted(known)))
     columns = [i for i, name in enumerate(influence.planes) if planes is None or name in planes]
     kept = [i for i, row in enumerate(influence.rows) if targets is None or row.target in targets]
-    numbers = (influence.matrix, influence.initial, influence.weight)
+    for name, value in (weights or {}).items():
+        if not value >= 0:
+            raise BadInput(f"weights.{name}", value, ">= 0")
+    times = np.array([(weights or {}).get(row.target, 1.0) for row in influence.rows])
+    numbers = (influence.matrix, influence.initial, influence.weight * times)
     return Influence(
         *_taken(*numbers, np.array(kept, int), np.array(columns, int)),
         tuple(influence.rows[i] for i in kept),
         tuple(influence.planes[i] for i in columns),
         influence.unit,
         influence.trial,
+        None if influence.radius is None else influence.radius[np.array(columns, int)],
     )
 
 

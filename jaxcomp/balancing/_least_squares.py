@@ -4,8 +4,8 @@ Exact, least, minimum norm, truncated, Tikhonov, bounded: $\min_B \|W (V_0 + C B
 value decomposition and never by the normal equations.
 """
 
-from collections.abc import Callable, Iterator
-from typing import ClassVar, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,11 +15,14 @@ from jax import lax
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Complex, Float
 
+from .._core.display import RPM, rounded, vibration_unit
 from .._core.errors import BadInput
 from .._core.fields import is_traced
+from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from .._core.status import Status
-from ._influence import Influence
+from .._core.words import one_of
+from ._influence import Influence, InfluenceRow
 
 
 def balance(
@@ -72,6 +75,12 @@ class Balance(Result, eqx.Module):
     scale: Float[Array, ""] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
+    nested_units: ClassVar[str] = """
+        planes: correction {correction_unit}; unbalance [kg m]; phase [rad]; radius [m]; mass [kg]
+        rows: speed [rad/s]; weight; before, after, sensitivity {vibration_unit}
+        rows: before_phase, after_phase [rad]
+        worse, improvement, condition, gap; objective, bound {vibration_unit}
+    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result, in SI units; measured vibration as it was read."""
@@ -86,6 +95,52 @@ class Balance(Result, eqx.Module):
         yield Data("weight", "", self.influence.weight, ("row",))
         yield Data("before", unit, self.influence.initial, ("row",))
         yield Data("after", unit, self.residual, ("row",))
+
+    def nested(self) -> dict[str, Any]:
+        """Planes with their corrections, and rows with the vibration before and after."""
+        part, value, left = self.influence, np.asarray(self.correction), np.asarray(self.residual)
+        size, before, by_mass = np.abs(value), np.asarray(part.initial), part.trial == "kg"
+        radius = np.full(size.shape, np.nan) if part.radius is None else np.asarray(part.radius)
+        sensitivity = np.asarray(self.sensitivity()).tolist()
+        return {
+            **{"method": self.method, "vibration_unit": part.unit, "correction_unit": part.trial},
+            "planes": records(
+                name=part.planes,
+                correction=size,
+                unbalance=np.full(size.shape, np.nan) if by_mass else size,
+                phase=np.angle(value),
+                radius=radius,
+                mass=size if by_mass else size / radius,
+            ),
+            "rows": records(
+                **{
+                    name: [getattr(row, name) for row in part.rows] for name in InfluenceRow._fields
+                },
+                weight=part.weight,
+                before=np.abs(before),
+                before_phase=np.angle(before),
+                after=np.abs(left),
+                after_phase=np.angle(left),
+                sensitivity=[dict(zip(part.planes, row, strict=True)) for row in sensitivity],
+            ),
+            "worse": np.sum(self.worse),
+            **fields_of(self, "improvement", "condition", "objective", "bound", "gap", "verdict"),
+            "status": Status[self.status],
+        }
+
+    @property
+    def verdict(self) -> str:
+        """How many readings get worse, and the one that does so most, in words."""
+        before, after = np.abs(self.influence.initial), np.abs(self.residual)
+        if not np.any(after > before):
+            return "No reading gets worse."
+        most = self.influence.rows[place := int(np.argmax(after - before))]
+        unit, factor = vibration_unit(self.influence.unit)
+        ends = (rounded(float(one[place]) * factor, 3) for one in (before, after))
+        return (
+            f"{np.sum(after > before)} of {after.size} readings get worse; most of all {most.target} "
+            f"{most.axis} at {most.speed * RPM:.5g} rpm, from {' to '.join(ends)} {unit}."
+        )
 
     @property
     def converged(self) -> Bool[Array, ""]:
@@ -188,7 +243,7 @@ def predicted(
 
 def bounded(
     influence: Influence,
-    largest: Float[Array, " planes"],
+    largest: Float[Array, " planes"] | Mapping[str, float],
     *,
     tolerance: float = 1e-10,
     max_steps: int = 100,
@@ -202,16 +257,16 @@ def bounded(
 
     Args:
         influence: the system.
-        largest: [kg m] (planes,) bound of |B|.
+        largest: [kg m] (planes,) bound of |B|; or by plane, and the others are free.
         tolerance: [-] of the gap between the sum of squares and its bound, over the sum of squares. A
             gap below 1e-12 of the vibration before, where rounding begins, is taken for closed.
         max_steps: after which to stop; the status then says that it did not converge.
 
     Raises:
-        BadInput: a bound that is not positive.
+        BadInput: a bound that is not positive, or of an unknown plane.
     """
     count = len(influence.planes)
-    largest = jnp.broadcast_to(jnp.asarray(largest, float), (count,))
+    largest = jnp.broadcast_to(jnp.asarray(bounds_of(influence, largest), float), (count,))
     if not is_traced(largest) and not bool(jnp.all(largest > 0)):
         raise BadInput("largest", largest, "> 0")
     matrix, initial = influence.weighted
@@ -247,6 +302,25 @@ def bounded(
         "bounded least squares",
         failure,
     )
+
+
+def bounds_of(influence: Influence, largest: Any) -> Any:
+    """[kg m] Bounds in the order of the planes, of bounds by plane.
+
+    A plane that is not named has a thousand times the sum of all bounds and of the largest least-squares
+    correction, which binds nothing.
+
+    Raises:
+        BadInput: an unknown plane.
+    """
+    if not isinstance(largest, Mapping):
+        return largest
+    for name in largest:
+        if name not in influence.planes:
+            raise BadInput(f"largest.{name}", name, one_of(name, influence.planes))
+    most = jnp.max(jnp.abs(least_squares(influence).correction))
+    free = 1e3 * (sum(largest.values()) + most)
+    return jnp.stack([jnp.asarray(largest.get(name, free)) for name in influence.planes])
 
 
 class _Discs(NamedTuple):

@@ -14,6 +14,7 @@ method for solving convex programs, J. SIAM 8, 703-712). Tangents leave out no p
 that every step's optimum is a proven lower bound.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple, NoReturn
 
 import jax.numpy as jnp
@@ -24,7 +25,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.status import SolveFailed, Status
 from ._influence import Influence
-from ._least_squares import Balance, balance
+from ._least_squares import Balance, balance, bounds_of
 
 
 def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 20_000) -> Balance:
@@ -88,7 +89,7 @@ def least_masses(
     limit: Float[Array, " rows"],
     *,
     cost: Float[Array, " planes"] | None = None,
-    largest: Float[Array, " planes"] | None = None,
+    largest: Float[Array, " planes"] | Mapping[str, float] | None = None,
 ) -> Balance:
     """The least sum of corrections with which every vibration stays at or below its limit.
 
@@ -97,13 +98,13 @@ def least_masses(
         limit: [m] (rows,) or one for all, in the unit of the vibration.
         cost: [1/m] (planes,) what a unit of unbalance counts in a plane, such as one over its radius so
             that the masses are least; 1 if absent.
-        largest: [kg m] (planes,) bounds of the corrections.
+        largest: [kg m] (planes,) bounds of the corrections; or by plane, and the others are free.
 
     Returns:
         The balance; `objective` and `bound` are the sum that was made small.
 
     Raises:
-        BadInput: a limit, cost or bound that is not positive.
+        BadInput: a limit, cost or bound that is not positive, or a bound of an unknown plane.
         SolveFailed: no correction reaches the limit; the message has the lowest that one does.
     """
     from scipy.optimize import linprog  # a third of a second, for those who need it
@@ -111,6 +112,7 @@ def least_masses(
     rows, planes = influence.matrix.shape
     limits = np.broadcast_to(np.asarray(limit, float), rows)
     costs = np.broadcast_to(np.asarray(1.0 if cost is None else cost, float), planes)
+    largest = bounds_of(influence, largest)
     bounds = None if largest is None else np.broadcast_to(np.asarray(largest, float), planes)
     for name, values in (("limit", limits), ("cost", costs), ("largest", bounds)):
         if values is not None and not np.all(values > 0):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,8 +14,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._core.display import RPM, rounded, small_unit
-from .._core.nested import fields_of, records
+from .._core.display import RPM, rounded, small_unit, vibration_unit
 from . import _options as opt
 from ._arguments import assignments, changed_scene, names_of, si, speeds_of
 from ._output import Output
@@ -60,16 +58,14 @@ class Objective:
             "--limit: takes no --method, --tikhonov or --weight beside it",
         )
 
-    def met(
-        self, part: jc.balancing.interface.Influence, radius: dict[str, float]
-    ) -> jc.balancing.Balance:
-        """The balance of the chosen part of a system; `radius` [m] by plane, where one is known."""
+    def met(self, part: jc.balancing.interface.Influence) -> jc.balancing.Balance:
+        """The balance of the chosen part of a system."""
         import numpy as np
 
         bounds = None if self.largest is None else _largest(part, self.largest)
         if self.limit is not None:
-            radii = [radius.get(plane) for plane in part.planes]
-            cost = None if None in radii else 1 / np.array(radii, float)
+            known = part.radius is not None and np.isfinite(part.radius).all()
+            cost = 1 / part.radius if known else None
             limit = _limit(part, self.limit)
             return jc.balancing.least_masses(part, limit, cost=cost, largest=bounds)
         if self.method == "min-max":
@@ -133,7 +129,7 @@ def balance(
 
     start_jax(once=True)
     with waiting():
-        scene, radius, shaken_by, alone = None, {}, "measured", ()
+        scene, crank, shaken_by = None, {}, "measured"
         if measured is not None:
             from ..scene.measurements import read_measurements
 
@@ -143,94 +139,61 @@ def balance(
             name, shaken_by = scene.name, chosen_excitation(scene, excitation)
             crank = {"crank": shaken_by == "crank", "left_out": tuple(names_of(without) or ())}
             refuse(without and not crank["crank"], _NEEDS_CRANK)
-            at, places, case = _speeds_planes_loads(scene, speeds)
-            radius = {p.name: float(p.radius) for p in places.planes if p.radius is not None}
-            method = opt.chosen_solver(solver, scene)
+            at, method = _speeds(scene, speeds), opt.chosen_solver(solver, scene)
             influence = jc.balancing.machine_influence(scene, at, method, **crank)
-            alone = scene, places, case, float(at.max()), *crank.values()
         chosen = {"planes": names_of(planes), "targets": names_of(targets)}
         part = _weighted(jc.balancing.select(influence, **chosen), objective.weights)
-        if objective.method == "classical":
-            found = _rotor_alone(part, *alone)
+        if scene is not None and objective.method == "classical":
+            needs = "--method classical: needs a scene with two correction planes"
+            refuse(len(influence.planes) != 2, needs)
+            found = jc.balancing.balance_rotor_alone(part, scene, **crank)
         else:
-            found = objective.met(part, radius)
+            found = objective.met(part)
         if not bool(found.converged):
             raise SolveFailed(found.status, f"gap to the proven optimum {float(found.gap):.1e}")
-    written = f"Report, pictures, curves{', scene' if machine else ''} and result"
     output.emit(
-        balance_result(found, name, shaken_by, radius),
+        found,
         balance_tables,
         lambda: jc.plot.interface.balance_figures(found, name),
         scene,
         {"balance": found.columns},
-        written,
+        f"Report, pictures, curves{', scene' if machine else ''} and result",
+        beside={"machine": name, "version": version("jaxcomp"), "excitation": shaken_by},
     )
 
 
-def _speeds_planes_loads(scene: jc.scene.Scene, speeds: str | None):
-    """[rad/s] Speeds at which a scene with a rotor is balanced, its planes, its loads."""
+def _speeds(scene: jc.scene.Scene, speeds: str | None):
+    """[rad/s] Speeds at which a scene with a rotor, planes and loads is balanced."""
     import jax.numpy as jnp
 
     rotor_of(scene)
-    places, case = (scene.parts.get(part) for part in ("balancing", "loads"))
-    if not isinstance(places, jc.rotor.BalancingPlanes):
-        raise CommandError(f"{scene.file}: balancing: is missing; `balance` needs it")
-    if not isinstance(case, jc.rotor.LoadCase):
-        raise CommandError(f"{scene.file}: loads: is missing; `balance` needs it")
-    return jnp.asarray(speeds_of(speeds) if speeds else scene_speeds(scene)), places, case
-
-
-def _rotor_alone(
-    part: jc.balancing.interface.Influence,
-    scene: jc.scene.Scene,
-    places: jc.rotor.BalancingPlanes,
-    case: jc.rotor.LoadCase,
-    speed: float,
-    crank: bool,
-    left_out: tuple[str, ...],
-) -> jc.balancing.Balance:
-    """What the balance of the rotor alone in two planes, with a ring for the rod or none, leaves."""
-    refuse(len(places.planes) != 2, "--method classical: needs a scene with two correction planes")
-    # a ring stands for a load that acts: the file's forces are without the inertia of the rod
-    ring = jc.balancing.rod_ring(scene.assembly) if crank and "inertia" not in left_out else None
-    rotor = rotor_of(scene), case.unbalances, places
-    alone = jc.balancing.classical_balance(*rotor, speed=speed, ring=ring)
-    name = "rotor alone" if ring is None else "rotor with a ring for the rod"
-    return jc.balancing.predicted(part, alone.correction, f"{name}, two planes")
+    for part in ("balancing", "loads"):
+        if part not in scene.parts:
+            raise CommandError(f"{scene.file}: {part}: is missing; `balance` needs it")
+    return jnp.asarray(speeds_of(speeds) if speeds else scene_speeds(scene))
 
 
 def _weighted(
-    part: jc.balancing.interface.Influence, weights: Sequence[str] | None
+    part: jc.balancing.interface.Influence, texts: Sequence[str] | None
 ) -> jc.balancing.interface.Influence:
     """The system with the weights of `--weight` on its readings."""
-    import numpy as np
-
-    weight = np.array(part.weight)
-    known = sorted({row.target for row in part.rows})
-    for target, text in assignments(weights, "--weight").items():
+    known, weights = sorted({row.target for row in part.rows}), {}
+    for target, text in assignments(texts, "--weight").items():
         refuse_unknown(f"--weight {target}", target, known, "target")
-        value = si(text, "", f"--weight {target}")
-        refuse(not value >= 0, f"--weight {target}={text}: must be >= 0")
-        weight[[row.target == target for row in part.rows]] *= value
-    return dataclasses.replace(part, weight=weight)
+        weights[target] = si(text, "", f"--weight {target}")
+        refuse(not weights[target] >= 0, f"--weight {target}={text}: must be >= 0")
+    return jc.balancing.select(part, weights=weights)
 
 
-def _largest(part: jc.balancing.interface.Influence, text: str):
-    """Bounds of all corrections; a plane that is not named is bounded by a thousand times their sum."""
-    import numpy as np
-
+def _largest(part: jc.balancing.interface.Influence, text: str) -> Any:
+    """[kg m] A bound of all corrections, or of those that are named."""
     if "=" not in text:
-        return np.full(
-            len(part.planes), float(jc.scene.interface.to_si(text, part.trial, "--largest"))
-        )
+        return float(jc.scene.interface.to_si(text, part.trial, "--largest"))
     given = assignments([one.strip() for one in text.split(",")], "--largest")
     for plane in given:
         kind = "correction plane of this balance"
         refuse_unknown(f"--largest {plane}", plane, part.planes, kind)
-    bounds = {name: si(one, part.trial, f"--largest {name}") for name, one in given.items()}
-    most = float(np.abs(jc.balancing.least_squares(part).correction).max())
-    free = 1e3 * (sum(bounds.values()) + most)
-    return np.array([bounds.get(plane, free) for plane in part.planes])
+    return {name: si(one, part.trial, f"--largest {name}") for name, one in given.items()}
 
 
 def _limit(part: jc.balancing.interface.Influence, text: str) -> float:
@@ -243,75 +206,6 @@ def _limit(part: jc.balancing.interface.Influence, text: str) -> float:
             return float(text)  # readings of no known unit
         except ValueError:
             raise CommandError(f"--limit {text}: must be a vibration in {part.unit}") from None
-
-
-def balance_result(
-    found: jc.balancing.Balance, name: str, excitation: str, radii: dict[str, float]
-) -> dict[str, Any]:
-    """The balance in numbers. The keys are stable; new ones may join them."""
-    import numpy as np
-
-    from .._core.status import Status
-
-    part, by_mass = found.influence, found.influence.trial == "kg"
-    masses, before, after, sensitivity = map(
-        np.asarray, (found.correction, part.initial, found.residual, found.sensitivity())
-    )
-
-    def plane(name, value):
-        radius, size = radii.get(name), abs(value)
-        return {
-            "name": name,
-            "correction": size,
-            "unbalance": None if by_mass else size,
-            "phase": np.angle(value),
-            "radius": radius,
-            "mass": size if by_mass else None if radius is None else size / radius,
-        }
-
-    return {
-        "machine": name,
-        "version": version("jaxcomp"),
-        "method": found.method,
-        "excitation": excitation,
-        "vibration_unit": part.unit,
-        "correction_unit": part.trial,
-        "planes": list(map(plane, part.planes, masses)),
-        "rows": records(
-            target=[row.target for row in part.rows],
-            axis=[row.axis for row in part.rows],
-            speed=[row.speed for row in part.rows],
-            weight=np.asarray(part.weight),
-            before=map(abs, before),
-            before_phase=map(np.angle, before),
-            after=map(abs, after),
-            after_phase=map(np.angle, after),
-            sensitivity=[dict(zip(part.planes, row, strict=True)) for row in sensitivity],
-        ),
-        "worse": np.sum(found.worse),
-        **fields_of(found, "improvement", "condition", "objective", "bound", "gap"),
-        "status": Status[found.status],
-    }
-
-
-def shown_vibration(result: dict[str, Any]) -> tuple[str, float]:
-    """Unit of the vibration in tables, and its factor."""
-    unit = result["vibration_unit"]
-    return ("µm", 1e6) if unit == "m" else (unit, 1.0)
-
-
-def worse_sentence(result: dict[str, Any]) -> str:
-    """The readings that get worse, with the one that does so most."""
-    unit, factor = shown_vibration(result)
-    rows = [row for row in result["rows"] if row["after"] > row["before"]]
-    if not rows:
-        return "No reading gets worse."
-    most = max(rows, key=lambda row: row["after"] - row["before"])
-    ends = f"{rounded(most['before'] * factor, 3)} to {rounded(most['after'] * factor, 3)} {unit}"
-    return (
-        f"[yellow]Note:[/yellow] {len(rows)} of {len(result['rows'])} readings get worse; most of all "
-        f"{escape(most['target'])} {most['axis']} at {most['speed'] * RPM:.5g} rpm, from {ends}."
-    )
 
 
 def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
@@ -329,8 +223,9 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
             **({"mm": radii, "g": masses} if any(radii) else {}),
         },
     )
-    yield worse_sentence(result)
-    unit, factor = shown_vibration(result)
+    note = "[yellow]Note:[/yellow] " if result["worse"] else ""
+    yield f"{note}{escape(result['verdict'])}"
+    unit, factor = vibration_unit(result["vibration_unit"])
     rows, last = [], None
     for row in result["rows"]:
         before, after = row["before"], row["after"]

@@ -13,7 +13,7 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import shown
-from .._core.nested import fields_of, records
+from .._core.nested import fields_of
 from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
 from ._output import Output, Partial
@@ -120,32 +120,32 @@ def optimise(asked: Asked, output: Output) -> None:
     scene = changed_scene(asked.machine, asked.sets, (), varied)
     options = opt.analysis_options(scene, asked.accuracy, asked.solver, asked.cycle)
     found = _searched(asked, _problem(asked, jc.machine.machine_of(scene), options), output.out)
-    result = {"machine": scene.name, "asked": asdict(asked)}
-    seconds = {"seconds": time.perf_counter() - begun}
+    said = {"machine": scene.name, "asked": asdict(asked), "seconds": time.perf_counter() - begun}
     if isinstance(found, jc.study.ParetoFront):
         output.emit(
-            result | front_result(found) | seconds,
+            found,
             front_tables,
             lambda: {"pareto": jc.plot.interface.pareto_front(found)},
             scene,
             {"front": found.columns},
             "Report, picture, result and scene",
+            beside=said,
         )
         return
-    result |= optimum_result(found) | seconds
     with waiting("Comparing with the present design ..."):
-        beside = comparison(found)
+        both = found.compare()
     keys = ("name", "unit", "present", "optimum")
-    rows = beside.rows if beside else ()
-    result["comparison"] = [dict(zip(keys, (*row[:2], *row.values), strict=True)) for row in rows]
-    scene, result["not_in_scene"] = optimised_scene(scene, found)
+    rows = both.rows if both else ()
+    said["comparison"] = [dict(zip(keys, (*row[:2], *row.values), strict=True)) for row in rows]
+    scene, said["not_in_scene"] = jc.scene.optimised_scene(scene, found)
     output.emit(
-        result,
-        lambda whole: optimum_tables(whole, beside),
+        found,
+        lambda whole: optimum_tables(whole, both),
         lambda: jc.plot.interface.optimum_figures(found),
         scene,
         {"designs": found.columns},
         "Report, pictures, designs, result and optimised scene",
+        beside=said,
     )
 
 
@@ -219,77 +219,7 @@ def _robust(asked: Asked, design: jc.machine.Machine) -> jc.study.tolerance.Robu
     return made(design, asked.objective, tolerances, sigmas=sigmas, quantile=share)
 
 
-# ------------------------------------------------------------------- an optimum
-def optimised_scene(
-    scene: jc.scene.Scene, optimum: jc.study.Optimum
-) -> tuple[jc.scene.Scene, list[str]]:
-    """The scene with the best design.
-
-    Returns:
-        The scene, and the variables that a scene file does not have (correction masses).
-    """
-    from ..study.interface import CORRECTIONS
-
-    source = f"optimised for {optimum.objective_name}"
-    names = [one.name for one in optimum.problem.variables]
-    left = [name for name in names if name.split(".")[0] == CORRECTIONS]
-    return jc.scene.interface.with_machine(scene, optimum.design, source), left
-
-
-def optimum_result(found: jc.study.Optimum) -> dict[str, Any]:
-    """JSON of an optimum."""
-    import numpy as np
-
-    problem, sample = found.problem, found.sample
-    present = np.asarray(problem.current)
-    now = np.flatnonzero(np.all(sample.values == present, axis=1))
-    before = float(sample.objective[now[0]]) if now.size and sample.ok[now[0]] else None
-    units = dict(zip(problem.names, problem.units, strict=True))
-    names = [one.name for one in problem.variables]
-    return {
-        "variables": records(
-            name=names,
-            unit=[one.unit for one in problem.variables],
-            low=found.ranges.low,
-            high=found.ranges.high,
-            present=present,
-            value=map(found.values.get, names),
-            gradient=map(found.gradient.get, names),
-            at_bound=map(found.at_bound.get, names),
-        ),
-        "objective": {
-            "name": found.objective_name,
-            "unit": units.get(found.objective_name, ""),
-            "maximised": found.maximised,
-            "present": before,
-            "value": found.objective,
-        },
-        "constraints": [one._asdict() | {"unit": units[one.name]} for one in found.constraints],
-        **fields_of(found, "quantities", "status", "feasible", "stationarity", "verdict"),
-        **fields_of(found, "local", "agreeing", "evaluations", "starts"),
-        "sample": {
-            "count": len(sample.ok),
-            "solved": sample.ok.sum(),
-            "feasible": sample.feasible.sum(),
-            "best_objective": None if sample.best is None else sample.objective[sample.best],
-        },
-    }
-
-
-def comparison(found: jc.study.Optimum) -> jc.study.Comparison | None:
-    """The present design beside the optimum, where there is a crank.
-
-    Objectives that need no periodic state are compared by themselves.
-    """
-    problem = found.problem
-    known = (jc.study.interface.quantity_named(q) for q in problem.quantities if isinstance(q, str))
-    crank = not all(isinstance(q, str) for q in problem.quantities)
-    if problem.design.compressor is None or not (crank or any("orbit" in q.needs for q in known)):
-        return None
-    designs = {"Present": problem.design, "Optimum": found.design}
-    return jc.study.compare(designs, problem.options.solver, throw=False)
-
-
+# ------------------------------------------------------------------- tables
 def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -> Iterator[Any]:
     """Variables and objective, comparison with the present design, constraints, starts, search."""
     goal, variables = result["objective"], result["variables"]
@@ -339,32 +269,6 @@ def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -
         ("Time", f"{result['seconds']:.1f} s"),
     ]
     yield row_table(None, ("Search", ""), rows, texts=2)
-
-
-# ------------------------------------------------------------------- a front
-def front_result(front: jc.study.ParetoFront) -> dict[str, Any]:
-    """JSON of a front."""
-    variables, sample = front.ends[0].problem.variables, front.ends[0].sample
-
-    def named(names, rows):
-        return records(**dict(zip(names, rows.T, strict=True)))
-
-    return {
-        "objectives": records(name=front.names, unit=front.units, maximised=front.maximised),
-        "variables": records(name=front.variables, unit=[one.unit for one in variables]),
-        "present": dict(zip(front.names, front.present, strict=True)),
-        "points": records(
-            values=named(front.variables, front.values),
-            objectives=named(front.names, front.objectives),
-            exchange=front.exchange,
-            status=front.status,
-            dominated=front.dominated,
-        ),
-        "beaten_by": front.beaten_by,
-        "verdicts": [end.verdict for end in front.ends],
-        "sample": {"count": len(sample.ok), "feasible": len(front.sample)},
-        "evaluations": front.evaluations,
-    }
 
 
 def front_tables(result: dict[str, Any]) -> Iterator[Any]:

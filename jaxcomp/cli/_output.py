@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from .._core.interrupts import removed_when_stopped, words_when_stopped
-from .._core.nested import Table, plain, with_units
+from .._core.nested import Table, merged, plain, with_units
 from ._options import AsJson, Out, OutWithoutScene
 from ._start import command_line, command_name, waiting
 from ._units import table_of
@@ -92,7 +92,8 @@ def _numbers_and_units(found: Any, beside: Mapping[str, Any]) -> tuple[dict[str,
     results = {name: one for name, one in beside.items() if isinstance(one, Result)}
     numbers = {name: one.nested() for name, one in results.items()}
     units = {name: one.units_of_nested() for name, one in results.items()}
-    return plain({**beside, **numbers, **found.nested()}), {**units, **found.units_of_nested()}
+    units |= merged(table_of(command_name()), found.units_of_nested())
+    return plain({**beside, **numbers, **found.nested()}), units
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Units of what commands print without a result of the library, and the JSON schema of all results."""
+"""Units of what commands print beside results of the library, and the JSON schema of all results."""
 
 import re
 from operator import attrgetter
@@ -56,18 +56,7 @@ _TEXTS = {
     """,
     "optimise": """
         asked: * {option}
-        variables|objective: low, high, present, value, values, gradient {beside}
-        variables|objective: nominal, deviation {beside}
-        objectives:
-        constraints: * {beside}
-        quantities {named}; stationarity, agreeing, evaluations, beaten_by
-        local: * {number}
-        starts: start, values, path {number}; objective, objectives {quantity}
-        starts: violation, stationarity, steps, slopes
         comparison: present, optimum {beside}
-        present {named}
-        points: values, objectives {named}; exchange {ratio}
-        sample: count, solved, feasible; best_objective {quantity}
         seconds [s]
     """,
     "map": """
@@ -105,12 +94,6 @@ _TEXTS = {
         linearised.*: major_axis [m]
         linearised.*.films.*: stiffness [N/m]; damping [N s/m]
     """,
-    "balance": """
-        planes: correction {correction_unit}; unbalance [kg m]; phase [rad]; radius [m]; mass [kg]
-        rows: speed [rad/s]; weight; before, after, sensitivity {vibration_unit}
-        rows: before_phase, after_phase [rad]
-        worse, improvement, condition, gap; objective, bound {vibration_unit}
-    """,
     "bearing": """
         diameter, length, clearance, minimum_film, film_error, table_error [m]
         steady_film, contact_roughness [m]
@@ -143,12 +126,14 @@ _TEXTS = {
     "list": "values.*|variables.*: value, given {beside}",
     "explain": "",
 }
-# Commands that print results of the library, whose classes have the units.
+# Commands that print results of the library, whose classes have the units of their numbers.
 _RESULTS: dict[str, tuple[str, ...]] = {
+    "balance": ("balancing.Balance",),
     "compare": ("study.Comparison",),
+    "optimise": ("study.Optimum", "study.ParetoFront"),
     "sensitivity": ("study.Sensitivity",),
 }
-COMMANDS = (*_TEXTS, *_RESULTS)
+COMMANDS = tuple({**_TEXTS, **_RESULTS})
 
 
 def table_of(command: str) -> Table:
@@ -156,11 +141,11 @@ def table_of(command: str) -> Table:
 
     A result that is written without any command counts as that of a run.
     """
-    if command in _RESULTS:
-        classes = (attrgetter(name)(jc) for name in _RESULTS[command])
-        return merged(*(one.units_of_nested() for one in classes))
-    table = units_table(_TEXTS.get(command, _TEXTS["run"]))
-    if command in ("run", "animate") or command not in _TEXTS:
+    classes = (attrgetter(name)(jc) for name in _RESULTS.get(command, ()))
+    other = "" if command in _RESULTS else _TEXTS["run"]
+    table = units_table(_TEXTS.get(command, other))
+    table = merged(table, *(one.units_of_nested() for one in classes))
+    if command in ("run", "animate") or command not in COMMANDS:
         return {one.family or one.name: one.unit for one in registered()} | table
     return table
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from .._core.display import RPM, axes_words, shown, small_unit
+from .._core.display import RPM, axes_words, shown, small_unit, vibration_unit
 from ..balancing import Balance
 from ..compressor import Compressor
 from ..crank import Orbit
@@ -150,7 +150,7 @@ def balance_figures(balance: Balance, title: str = "Vibration") -> dict[str, Fig
 def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
     """Amplitude of every reading before and after, a panel for each speed."""
     system = balance.influence
-    factor, unit = (1e6, "µm") if system.unit == "m" else (1, system.unit)
+    unit, factor = vibration_unit(system.unit)
     speed_of = np.array([row.speed for row in system.rows])
     speeds, counts = np.unique(speed_of, return_counts=True)
     size = (max(6.0, 0.55 * counts.max() + 2), 2.7 * len(speeds) + 0.4)

@@ -2,6 +2,7 @@
 
 from . import interface as interface
 from ._annotated import start as start
+from ._change import optimised_scene as optimised_scene
 from ._change import with_value as with_value
 from ._change import with_values as with_values
 from ._describe import describe as describe

@@ -4,7 +4,7 @@ import contextlib
 import copy
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from ._scene import HEADER, Scene, places_of, scene_of, with_springs_counted
 from ._schema import NAMED, SECTIONS, Number, Option, Section, choices, entries, kind_of
 from ._text import SceneError, is_section, reading
 from ._units import as_text, to_si
+
+if TYPE_CHECKING:
+    from ..study import Optimum
 
 # Keys that are plain texts and carry no source.
 _PLAIN = ("type", *HEADER)
@@ -161,6 +164,23 @@ def with_machine(scene: Scene, machine: Machine, source: str) -> Scene:
         if news := getattr(machine, name):
             document[name] = document[name] | renewed(document[name], getattr(old, name), news)
     return scene_of(document, scene.file, text=scene.text, corrections=machine.corrections)
+
+
+def optimised_scene(scene: Scene, optimum: "Optimum") -> tuple[Scene, list[str]]:
+    """A copy of a scene with the best design, and the variables that a file does not hold.
+
+    Args:
+        scene: that was optimised.
+        optimum: of `optimise`.
+
+    Returns:
+        The scene, and the names of those variables: correction masses.
+
+    Raises:
+        SceneError: as `with_machine`.
+    """
+    made = with_machine(scene, optimum.design, f"optimised for {optimum.objective_name}")
+    return made, [one for one in optimum.values if one.startswith("corrections.")]
 
 
 def _set_value(document: dict[str, Any], path: str, value: Any, source: str) -> set[str]:

@@ -2,22 +2,20 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from ..machine import Machine
+from ._analysis import quantity_named
+from ._compared import Comparison, compare
 from ._descent import BETTER, Descent
 from ._goal import FEASIBLE, Goal, Point, Ranges
 from ._problem import Problem
-
-if TYPE_CHECKING:
-    pass
-
-# Called with "sample" or "descent", the designs solved and the largest number of them.
 
 
 class Constrained(NamedTuple):
@@ -151,6 +149,14 @@ class Optimum(Result):
     evaluations: int
 
     table_dims: ClassVar[tuple[str, ...]] = ("sample",)
+    nested_units: ClassVar[str] = """
+        variables|objective: low, high, present, value, gradient {beside}
+        constraints: * {beside}
+        quantities {named}; stationarity, agreeing, evaluations
+        starts: start, values, path {number}; objective, objectives {quantity}
+        starts: violation, stationarity, steps, slopes
+        sample: count, solved, feasible; best_objective {quantity}
+    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has the sample it was compared with."""
@@ -163,10 +169,62 @@ class Optimum(Result):
         yield from problem.columns(sample.values, sample.quantities, self.table_dims)
         yield Data("feasible", "", sample.feasible, self.table_dims)
 
+    def nested(self) -> dict[str, Any]:
+        """Variables, objective, constraints and starts, and the sample in short."""
+        problem, sample = self.problem, self.sample
+        units = dict(zip(problem.names, problem.units, strict=True))
+        names = [one.name for one in problem.variables]
+        by_name = {"value": self.values, "gradient": self.gradient, "at_bound": self.at_bound}
+        return {
+            "variables": records(
+                name=names,
+                unit=[one.unit for one in problem.variables],
+                low=self.ranges.low,
+                high=self.ranges.high,
+                present=problem.current,
+                **{key: map(found.get, names) for key, found in by_name.items()},
+            ),
+            "objective": {
+                "name": self.objective_name,
+                "unit": units.get(self.objective_name, ""),
+                "maximised": self.maximised,
+                "present": self.present_objective,
+                "value": self.objective,
+            },
+            "constraints": [one._asdict() | {"unit": units[one.name]} for one in self.constraints],
+            **fields_of(self, "quantities", "status", "feasible", "stationarity", "verdict"),
+            **fields_of(self, "local", "agreeing", "evaluations", "starts"),
+            "sample": {
+                "count": len(sample.ok),
+                "solved": sample.ok.sum(),
+                "feasible": sample.feasible.sum(),
+                "best_objective": None if sample.best is None else sample.objective[sample.best],
+            },
+        }
+
     @property
     def agreeing(self) -> int:
         """How many starts ended at the optimum."""
         return sum(start.agrees for start in self.starts)
+
+    @property
+    def present_objective(self) -> float | None:
+        """[SI] The objective of the design as it stands; `None` where it was not in the sample."""
+        sample = self.sample
+        now = np.flatnonzero(np.all(sample.values == np.asarray(self.problem.current), axis=1))
+        return float(sample.objective[now[0]]) if now.size and sample.ok[now[0]] else None
+
+    def compare(self) -> Comparison | None:
+        """The design as it stands beside the optimum.
+
+        `None` where no quantity needs a periodic state of the crank; these are compared by themselves.
+        """
+        problem, asked = self.problem, self.problem.quantities
+        crank = any(not isinstance(q, str) or "orbit" in quantity_named(q).needs for q in asked)
+        if problem.design.compressor is None or not crank:
+            return None
+        designs = {"Present": problem.design, "Optimum": self.design}
+        return compare(designs, problem.options.solver, throw=False)
 
 
 def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optimum:

@@ -2,13 +2,14 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from .._core.arguments import counted
 from .._core.errors import BadInput
+from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from ._descent import BETTER, Descent, Method, method_of
@@ -60,6 +61,11 @@ class ParetoFront(Result):
 
     # `status` here has one word a point
     table_dims: ClassVar[tuple[str, ...]] = ("point",)
+    nested_units: ClassVar[str] = """
+        present {named}; beaten_by, evaluations
+        points: values, objectives {named}; exchange {ratio}
+        sample: count, feasible
+    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has the points of the front."""
@@ -71,6 +77,27 @@ class ParetoFront(Result):
         yield Data("exchange", "", self.exchange, at, "first objective per unit of the second")
         yield Data("dominated", "", self.dominated, at)
         yield Data("status", "", np.array(self.status), at)
+
+    def nested(self) -> dict[str, Any]:
+        """Objectives, variables and points, and the sample in short."""
+        units = [one.unit for one in self.ends[0].problem.variables]
+
+        def named(names, rows):
+            return records(**dict(zip(names, rows.T, strict=True)))
+
+        return {
+            "objectives": records(name=self.names, unit=self.units, maximised=self.maximised),
+            "variables": records(name=self.variables, unit=units),
+            "present": dict(zip(self.names, self.present, strict=True)),
+            "points": records(
+                values=named(self.variables, self.values),
+                objectives=named(self.names, self.objectives),
+                **fields_of(self, "exchange", "status", "dominated"),
+            ),
+            "verdicts": [end.verdict for end in self.ends],
+            "sample": {"count": len(self.ends[0].sample.ok), "feasible": len(self.sample)},
+            **fields_of(self, "beaten_by", "evaluations"),
+        }
 
 
 def pareto(

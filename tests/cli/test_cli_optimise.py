@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import Collocation, load, optimise, problem, solve_orbit
 from jaxcomp.cli import app
-from jaxcomp.cli._optimise import optimised_scene
+from jaxcomp.scene import optimised_scene
 
 RUNNER = CliRunner()
 BORE = ("mayekawa-wbhe", "--variable", "bore=100mm:160mm", "--accuracy", "fast", "--starts", "8")
