@@ -20,7 +20,7 @@ from jaxcomp.fluid import RealGas
 from jaxcomp.scene import with_value
 from jaxcomp.scene.measured import read_measurement
 from jaxcomp.study import identify, map_recipe
-from jaxcomp.study._reading_model import ReadingModel
+from jaxcomp.study.identification._reading_model import ReadingModel
 from jaxcomp.study.interface import with_own_factors
 
 ZERO, TURN = 273.15, 2 * np.pi

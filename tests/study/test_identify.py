@@ -15,7 +15,7 @@ from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
 from jaxcomp.scene.readings import identified_scene
 from jaxcomp.study import RECIPE, Parameter, Readings, fit, identify, map_recipe
-from jaxcomp.study._identification_notes import law_of_speed, notes_of
+from jaxcomp.study.identification._notes import law_of_speed, notes_of
 from jaxcomp.study.interface import varied, with_own_factors
 from jaxcomp.study.rating import QUANTITIES, rating_map
 
@@ -200,7 +200,9 @@ def test_flow_and_power_have_factors_of_their_own_at_further_speeds(machine, mon
     ]  # fmt: skip
     plain = dict.fromkeys(("capacity", "power", "mass_flow", "cop", "discharge_temperature"), 10.0)
     row = jnp.array([plain.get(name, 1.0) for name, *_ in QUANTITIES])
-    monkeypatch.setattr("jaxcomp.study._readings.rated", lambda *_: (row, jnp.asarray(True)))
+    monkeypatch.setattr(
+        "jaxcomp.study.identification._readings.rated", lambda *_: (row, jnp.asarray(True))
+    )
     where, own = second.points(machine_of(machine))
     for n, factors in enumerate([(1.0, 1.0), (1.1, 0.8)]):
         point = type(where)(*(x[n] for x in where)), own[n]

@@ -17,11 +17,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
-from ..machine import Machine
+from ...machine import Machine
 from ._least_squares import Parameter
 
 if TYPE_CHECKING:
-    from ..crank import Collocation, Shooting
+    from ...crank import Collocation, Shooting
 
 Build = Callable[[Float[Array, " p"]], Machine]
 

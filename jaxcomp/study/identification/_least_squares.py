@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import optimize
 
-from .._core.errors import BadInput
-from .._core.interrupts import interrupts_raised
-from .._core.words import one_of
+from ..._core.errors import BadInput
+from ..._core.interrupts import interrupts_raised
+from ..._core.words import one_of
 
 Model = Callable[[NDArray], tuple[NDArray, NDArray]]
 

@@ -9,15 +9,15 @@ import numpy as np
 from jax import lax
 from numpy.typing import NDArray
 
-from .._core.errors import BadInput
-from .._core.fields import replaced
-from ..machine import Machine, assembled
-from ..rotor import AXES, node_index, undamped_modes
-from ..rotor.interface import prepare
-from ._analysis import DesignResult
+from ..._core.errors import BadInput
+from ..._core.fields import replaced
+from ...machine import Machine, assembled
+from ...rotor import AXES, node_index, undamped_modes
+from ...rotor.interface import prepare
+from .._analysis import DesignResult
+from .._options import AnalysisOptions
 from ._least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, usual
-from ._options import AnalysisOptions
 
 _DEGREE = np.pi / 180
 # Distinct frequencies are further apart than this, relative; closer ones are a pair.

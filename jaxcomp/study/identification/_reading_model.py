@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core.exported import kept_jit
+from ..._core.exported import kept_jit
+from .._variables import changed
 from ._measurement import Entries
-from ._variables import changed
 
 
 @kept_jit

@@ -6,17 +6,17 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core.errors import BadInput
-from .._core.words import one_of
-from ..machine import HasMachine, Machine, machine_of
+from ..._core.errors import BadInput
+from ..._core.words import one_of
+from ...machine import HasMachine, Machine, machine_of
+from .._variables import Variable, changed
 from ._common_factor import CommonFactor, varied
 from ._fit import Fit, fit
-from ._identification import Identification
-from ._identification_notes import notes_of
 from ._least_squares import Parameter, check_problem
 from ._measurement import AbstractMeasurement
+from ._notes import notes_of
 from ._reading_model import ReadingModel
-from ._variables import Variable, changed
+from ._result import Identification
 
 
 def identify(

@@ -7,15 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._core.errors import BadInput
-from ..cylinder import Cylinder
-from ..fluid import RealGas
-from ..machine import HasMachine, Machine, machine_of
+from ..._core.errors import BadInput
+from ...cylinder import Cylinder
+from ...fluid import RealGas
+from ...machine import HasMachine, Machine, machine_of
+from .._rules import with_swept_volume
+from .._variables import variable
+from ..rating import capacity_rise
 from ._common_factor import CommonFactor, varied
 from ._readings import Readings
-from ._rules import with_swept_volume
-from ._variables import variable
-from .rating import capacity_rise
 
 # By path: lowest and highest value over that of the machine, and standard deviation of what is known
 # beforehand over it; `None` where nothing is. One speed tells no more.

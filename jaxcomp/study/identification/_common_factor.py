@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-from .._core.errors import BadInput
-from ..machine import Machine
-from ._variables import Variable, matching, variable
+from ..._core.errors import BadInput
+from ...machine import Machine
+from .._variables import Variable, matching, variable
 
 
 class CommonFactor(NamedTuple):

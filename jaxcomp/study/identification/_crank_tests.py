@@ -7,21 +7,21 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core.display import shown
-from .._core.errors import BadInput
-from ..crank import Collocation, solve_orbit
-from ..cylinder import Cylinder
-from ..machine import Machine, assembled
-from ._analysis import DesignResult, quantity_named
+from ..._core.display import shown
+from ..._core.errors import BadInput
+from ...crank import Collocation, solve_orbit
+from ...cylinder import Cylinder
+from ...machine import Machine, assembled
+from .._analysis import DesignResult, quantity_named
+from .._options import AnalysisOptions
+from .._problem import value_of
+from .._variables import variable
+from ..rating import solve_rated
 from ._least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, usual
-from ._options import AnalysisOptions
-from ._problem import value_of
-from ._variables import variable
-from .rating import solve_rated
 
 if TYPE_CHECKING:
-    from ..crank import Shooting
+    from ...crank import Shooting
 
 _DEGREE = np.pi / 180
 # Samples over a revolution that count as independent: every five degrees.

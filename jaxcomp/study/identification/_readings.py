@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from .._core.errors import BadInput
-from ..cylinder import Cylinder
-from ..fluid import RealGas
-from ..machine import Machine, assembled
+from ..._core.errors import BadInput
+from ...cylinder import Cylinder
+from ...fluid import RealGas
+from ...machine import Machine, assembled
+from ..rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
 from ._least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual
-from .rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
 
 # What a map measures: unit, whether the deviation is relative, and deviation by default, of readings and
 # of points that a polynomial gives.

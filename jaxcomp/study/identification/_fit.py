@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import optimize, stats
 from scipy.stats import qmc
 
-from .._core.errors import BadInput
-from .._core.words import one_of
+from ..._core.errors import BadInput
+from ..._core.words import one_of
 from ._directions import Direction, directions_of
 from ._least_squares import LeastSquares, Model, Parameter, check_problem
 

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
 
-from .._core.errors import BadInput
-from .._core.results import Data, Result
-from ..machine import Machine
+from ..._core.errors import BadInput
+from ..._core.results import Data, Result
+from ...machine import Machine
 from ._fit import Prediction
 from ._measurement import AbstractMeasurement, Entries, Kind
 from ._reading_model import ReadingModel

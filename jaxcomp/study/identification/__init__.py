@@ -1,0 +1,1 @@
+"""Identification: unknown constants of a machine, fitted to measurements with their errors."""
