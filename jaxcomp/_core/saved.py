@@ -140,11 +140,10 @@ def class_at(address: str) -> type:
     """
     module, _, name = address.partition(":")
     module = _MOVED.get(_public(module), _public(module))
-    address = f"{module}:{name}"
     if module.partition(".")[0] == _PACKAGE:  # nothing else is imported on a file's word
         for place in _modules(module):
             kind = vars(place).get(name)
-            if isinstance(kind, type) and class_address(kind) == address and _field_names(kind):
+            if isinstance(kind, type) and kind.__module__ == place.__name__ and _field_names(kind):
                 return kind
     else:
         import_extensions()
@@ -155,17 +154,16 @@ def class_at(address: str) -> type:
 
 
 def _modules(name: str) -> Iterator[ModuleType]:
-    """A module of this package and those in it."""
+    """A module of this package and those below it; of the whole package those beside its packages."""
     try:
         package = importlib.import_module(name)
     except ImportError:
         raise UnknownClass(name) from None
     yield package
     for one in pkgutil.iter_modules(getattr(package, "__path__", ())):
-        if one.name == "_core":
-            yield from _modules(f"{name}._core")
-        elif not one.ispkg and one.name != "__main__":
-            yield importlib.import_module(f"{name}.{one.name}")
+        other = name == _PACKAGE and one.ispkg and one.name != "_core"
+        if not other and one.name != "__main__":
+            yield from _modules(f"{name}.{one.name}")
 
 
 def _below(kind: type) -> Iterator[type]:
