@@ -17,9 +17,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..film import AbstractJournal
 from ..mechanism import CrankState, SliderCrank, rod_motion
 from ..mechanism.interface import RodBalance, pin_forces, rod_balance, rod_moment
-from ._laws import AbstractJournal, AbstractSlide, Packing, PistonFilm
+from ._base import AbstractSlide
 from ._loads import (
     AbstractFriction,
     AbstractJointLoop,
@@ -31,6 +32,8 @@ from ._loads import (
     journal_moment,
     relative,
 )
+from .packing import Packing
+from .piston_film import PistonFilm
 
 
 class SliderCrankFriction(AbstractFriction):

@@ -18,10 +18,11 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from ..film import AbstractJournal
 from ..film.interface import PlacedJournal
 from ..mechanism import CrankState, LinkMotion, SliderLink, Vector, contact
 from ..mechanism.interface import Contact, ContactArms, PistonLoads, contact_arms
-from ._laws import AbstractJournal, AbstractSlide, PistonFilm
+from ._base import AbstractSlide
 from ._loads import (
     AbstractFriction,
     AbstractJointLoop,
@@ -33,6 +34,7 @@ from ._loads import (
     relative,
     shaft_loss,
 )
+from .piston_film import PistonFilm
 
 
 class SliderLinkFriction(AbstractFriction):

@@ -1,9 +1,9 @@
 """What packages that are built on this one take from it, and users need not."""
 
-from ._laws import STANDARD_GRAVITY as STANDARD_GRAVITY
-from ._laws import AbstractDrag as AbstractDrag
-from ._laws import EachJournal as EachJournal
-from ._laws import EachSlide as EachSlide
+from ._base import STANDARD_GRAVITY as STANDARD_GRAVITY
+from ._base import AbstractDrag as AbstractDrag
+from ._base import EachJournal as EachJournal
+from ._base import EachSlide as EachSlide
 from ._loads import closed as closed
 from ._loads import joint_loads as joint_loads
 from ._loads import magnitude as magnitude

@@ -192,7 +192,7 @@ def test_examples_of_own_pages_run(package, page, number):
 
 def test_a_kind_of_the_library_cannot_be_taken(tmp_path):
     said = python(tmp_path, THIEF)
-    assert 'Coulomb has the kind "coulomb" of jaxcomp.friction._laws.CoulombSlide' in said
+    assert 'Coulomb has the kind "coulomb" of jaxcomp.friction.coulomb.CoulombSlide' in said
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-r"""Slides and thrust rings on a film that a taper builds, and on their asperities where it is thin.
+r"""Pads on a film that a taper builds, and on their asperities where it is thin.
 
 A pad of the length B along the motion and the width L across it stands over its runner at
 $h = h_0 + \delta x/B$. At the speed v, with $k = \delta/h_0$, its film carries and shears
@@ -14,7 +14,7 @@ Greenwood and Tripp, and rubs with $\mu_b W_c$. The thickness $h_0$ is that at w
 """
 
 import functools
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,12 +23,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._core.errors import BadInput
-from .._core.fields import NONNEGATIVE, POSITIVE, quantity
 from .._core.roots import AbstractRoot, root
 from ..film import AsperityContact
-from ..film.interface import check_oil, oil_viscosity
-from ._laws import AbstractDrag, AbstractSlide
 
 # [-] Thickness over roughness, up to which surfaces touch, and the least one.
 _APART, _LEAST = 8.0, 1e-3
@@ -73,7 +69,7 @@ def _excess(u):
     return jnp.where(touches, jnp.exp(log), 0.0)
 
 
-class _Pads(eqx.Module):
+class Pads(eqx.Module):
     """Pads of one size over their runner, at a speed."""
 
     count: float
@@ -119,7 +115,7 @@ class _Pads(eqx.Module):
 class _Thickness(AbstractRoot):
     """ln h_0 at which film and contact carry a load: both fall with it."""
 
-    pads: _Pads
+    pads: Pads
     load: Float[Array, "*n"]
 
     def rest(self, unknowns):
@@ -146,112 +142,6 @@ class _Thickness(AbstractRoot):
         return lax.fori_loop(0, _STEPS, improve, 0.5 * (near[0] + near[1]))
 
 
-def _slow(speed):
+def slow(speed):
     """[m/s] Size of a speed, above zero."""
     return jnp.sqrt(speed**2 + _REST**2)
-
-
-class MixedSlide(AbstractSlide):
-    """A slide on a film that its taper builds, and on its asperities: a piston or crosshead.
-
-    Its face is one flat pad; a piston in its bore bears on about its diameter. Squeeze is left out, so
-    that the film is that of a steady load at every instant; oil is everywhere.
-
-    Args:
-        contact: of the rough surfaces.
-        length: [m] B along the motion.
-        width: [m] L across it.
-        taper: [m] delta, by which the leading edge stands off further than the trailing one: the
-            crowning of a skirt, in both directions of motion.
-        radial_clearance: [m] the most that the slide floats off.
-        dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
-        oil: name of an oil of the machine, which gives the viscosity.
-
-    Raises:
-        BadInput: neither or both of `dynamic_viscosity` and `oil`.
-    """
-
-    kind: ClassVar[str] = "mixed"
-    proportional: ClassVar[bool] = False
-
-    contact: AsperityContact
-    length: Float[Array, ""] = quantity("m", POSITIVE, doc="along the motion", usual=(1e-3, 0.5))
-    width: Float[Array, ""] = quantity("m", POSITIVE, doc="across the motion", usual=(1e-3, 0.5))
-    taper: Float[Array, ""] = quantity(
-        "m", POSITIVE, doc="by which the leading edge stands off further", usual=(1e-7, 1e-4)
-    )
-    radial_clearance: Float[Array, ""] = quantity(
-        "m", POSITIVE, doc="the most that the slide floats off", usual=(1e-6, 1e-3)
-    )
-    dynamic_viscosity: Float[Array, ""] | None = oil_viscosity()
-    oil: str | None = eqx.field(static=True, default=None)
-
-    def __check_init__(self):
-        check_oil(self)
-
-    def parts(self, load, speed) -> PadForces:
-        """Drag of film and contact, and the thickness, at a load [N] and a sliding speed [m/s]."""
-        return _Pads(
-            1.0, self.length, self.width, self.taper, self.radial_clearance,
-            self.dynamic_viscosity, self.contact, _slow(speed),
-        ).forces(load)  # fmt: skip
-
-    def force(self, load, speed):
-        parts = self.parts(load, speed)
-        return (parts.film + parts.contact) * speed / _slow(speed)
-
-
-class MixedThrust(AbstractDrag):
-    """A flat ring of tapered pads under the weight of the shaft, on its film and its asperities.
-
-    Args:
-        contact: of the rough surfaces.
-        outer_radius: [m] of the ring.
-        inner_radius: [m] of the ring.
-        taper: [m] delta, of every pad.
-        axial_clearance: [m] the most that the shaft floats off.
-        dynamic_viscosity: [Pa s] eta; absent where `oil` names the oil.
-        oil: name of an oil of the machine, which gives the viscosity.
-        pads: number of pads round the ring.
-
-    Raises:
-        BadInput: neither or both of `dynamic_viscosity` and `oil`, no pad, or no ring.
-    """
-
-    kind: ClassVar[str] = "mixed_thrust"
-
-    contact: AsperityContact
-    outer_radius: Float[Array, ""] = quantity("m", POSITIVE, usual=(2e-3, 0.5))
-    inner_radius: Float[Array, ""] = quantity("m", NONNEGATIVE)
-    taper: Float[Array, ""] = quantity("m", POSITIVE, doc="of every pad", usual=(1e-7, 1e-4))
-    axial_clearance: Float[Array, ""] = quantity(
-        "m", POSITIVE, doc="the most that the shaft floats off", usual=(1e-6, 2e-3)
-    )
-    dynamic_viscosity: Float[Array, ""] | None = oil_viscosity()
-    oil: str | None = eqx.field(static=True, default=None)
-    pads: int = eqx.field(static=True, default=6)
-
-    def __check_init__(self):
-        check_oil(self)
-        if self.pads < 1:
-            raise BadInput("pads", self.pads, ">= 1")
-
-    def conditions(self):
-        return {"a ring with inner_radius < outer_radius": self.inner_radius < self.outer_radius}
-
-    @property
-    def mean_radius(self) -> Float[Array, ""]:
-        """[m] Where the pads slide."""
-        return 0.5 * (self.outer_radius + self.inner_radius)
-
-    def parts(self, weight, rate) -> PadForces:
-        """Drag of film and contact, and the thickness, under a weight [N] at a rate [rad/s]."""
-        radius, width = self.mean_radius, self.outer_radius - self.inner_radius
-        return _Pads(
-            float(self.pads), 2 * jnp.pi * radius / self.pads, width, self.taper,
-            self.axial_clearance, self.dynamic_viscosity, self.contact, _slow(rate * radius),
-        ).forces(weight + 0 * rate)  # fmt: skip
-
-    def moment(self, rate, weight):
-        parts, speed = self.parts(weight, rate), rate * self.mean_radius
-        return self.mean_radius * (parts.film + parts.contact) * speed / _slow(speed)
