@@ -24,8 +24,8 @@ from ..fluid import GasState
 from ..valve import AbstractValve
 from ..valve.interface import Side, choose, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
-from ._heat import HeatInput
 from ._plenum import PlenumChain, valve_sides
+from .heat._base import HeatInput
 
 # m, T, then x, v, U of the suction and of the discharge valve; then those of the wall
 STATES = 8

@@ -26,8 +26,11 @@ from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve
 from ..valve.interface import Side, critical_ratio
-from ._heat import AbstractHeat, LaminarGap, SuctionWarming, WallNetwork
 from ._plenum import Plenum
+from .heat._base import AbstractHeat
+from .laminar_gap import LaminarGap
+from .suction_warming import SuctionWarming
+from .wall_network import WallNetwork
 
 # [K] by which a temperature may pass saturation: pressures of saturated gas are given with few digits.
 _NEAR = 0.5

@@ -30,10 +30,10 @@ from ._collocation import (
 )
 from ._cycle import Cycle, Events, SeveralCycles, values_only
 from ._cylinder import Case, Cylinder, Pace, ports_fit, prepare
-from ._heat import OF_WALL
 from ._march import START, TURN, march
 from ._plenum import PER_PLENUM, chains
 from ._system import Cylinders
+from .wall_network import OF_WALL
 
 
 class CycleOptions(eqx.Module):

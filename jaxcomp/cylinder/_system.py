@@ -23,8 +23,8 @@ from ._balance import (
 )
 from ._cylinder import Case
 from ._events import after_event, jump, longest_step, passed, towards
-from ._heat import OF_WALL, next_revolution
 from ._plenum import PER_PLENUM, chain_rates, chains, first_states
+from .wall_network import OF_WALL, next_revolution
 
 
 class Cylinders(eqx.Module):

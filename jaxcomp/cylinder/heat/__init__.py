@@ -1,0 +1,1 @@
+"""Heat transfer between gas and wall, one correlation a file."""

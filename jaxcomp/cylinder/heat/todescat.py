@@ -1,0 +1,14 @@
+"""Todescat's correlation of the heat transfer."""
+
+from typing import ClassVar
+
+from ._base import AbstractHeat
+
+
+class Todescat(AbstractHeat):
+    """Three times Annand's, as fitted to a household compressor (Todescat et al. 1992)."""
+
+    kind: ClassVar[str] = "todescat"
+
+    def coefficient(self, at):
+        return 2.1 * at.reynolds(at.piston_speed) ** 0.7 * at.conductivity / at.bore
