@@ -30,10 +30,15 @@ from ._film import (
     smooth_speed,
     split,
 )
-from ._models import ExplicitFit, Guembel, LoadedPetroff, Ocvirk, Petroff
 from ._parts import AbstractJournal, check_oil, oil_viscosity, within
-from ._reynolds import GroovedReynolds, Reynolds
 from ._squeeze import AbstractSqueeze, OcvirkSqueeze, ReynoldsSqueeze
+from .explicit_fit import ExplicitFit
+from .grooved_reynolds import GroovedReynolds
+from .guembel import Guembel
+from .loaded_petroff import LoadedPetroff
+from .ocvirk import Ocvirk
+from .petroff import Petroff
+from .reynolds import Reynolds
 
 
 class _Film(NamedTuple):

@@ -27,9 +27,11 @@ from ._film import (
     film_state,
     stability_threshold,
 )
-from ._models import Guembel, Ocvirk
 from ._reference import reference_solution
-from ._reynolds import GroovedReynolds, Reynolds
+from .grooved_reynolds import GroovedReynolds
+from .guembel import Guembel
+from .ocvirk import Ocvirk
+from .reynolds import Reynolds
 
 # [-] Least film thickness over the clearance at which the pressure field is solved. The pressure of a
 # thinner film follows from its growth with the power -1.5 of the thickness.

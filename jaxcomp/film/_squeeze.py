@@ -30,7 +30,7 @@ from jaxtyping import Array, Float
 
 from .._core.roots import AbstractRoot, root
 from ._film import Pair, Scalar, as_float, split
-from ._reynolds import collapsed, table_of
+from ._tabulated import collapsed, table_of
 
 TABLE = "squeeze_table.json"
 TABLE_RANGE = (0.1, 2.0)  # q = L/D

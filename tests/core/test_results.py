@@ -488,6 +488,9 @@ def test_classes_of_former_packages_are_found(before, kind):
     [
         ("jaxcomp.motor:Kloss", "motor.kloss"),
         ("jaxcomp.fluid:Saturation", "fluid._helmholtz"),
+        ("jaxcomp.friction:CoulombJournal", "friction.coulomb"),
+        ("jaxcomp.cylinder:Woschni", "cylinder.heat.woschni"),
+        ("jaxcomp.film:Guembel", "film.guembel"),
     ],
 )
 def test_a_law_is_known_by_its_package_and_not_by_its_file(address, module):

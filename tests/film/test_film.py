@@ -165,7 +165,7 @@ def test_thin_zone_constants_by_quadrature():
     from scipy.integrate import quad
     from scipy.optimize import brentq
 
-    from jaxcomp.film import _reynolds
+    from jaxcomp.film import _tabulated
 
     def integral(f, end):
         return quad(f, -np.inf, end, epsabs=1e-13)[0]
@@ -184,9 +184,9 @@ def test_thin_zone_constants_by_quadrature():
     )
     damping = -12 * math.sqrt(2) * integral(lambda t: (end - t) * (t - turn) / (1 + t**2) ** 3, end)
     # quadrature to 1e-13, with some digits lost in the double integrals
-    np.testing.assert_allclose(load, _reynolds.LOAD_LIMIT, rtol=1e-9)
-    np.testing.assert_allclose(tangential / load, _reynolds.ATTITUDE_LIMIT, rtol=1e-9)
-    np.testing.assert_allclose(abs(damping), _reynolds.DAMPING_LIMIT, rtol=1e-9)
+    np.testing.assert_allclose(load, _tabulated.LOAD_LIMIT, rtol=1e-9)
+    np.testing.assert_allclose(tangential / load, _tabulated.ATTITUDE_LIMIT, rtol=1e-9)
+    np.testing.assert_allclose(abs(damping), _tabulated.DAMPING_LIMIT, rtol=1e-9)
 
 
 @pytest.mark.parametrize("model", [*ALL, Petroff, LoadedPetroff])

@@ -89,7 +89,7 @@ def test_table_meets_the_reference(family, eps, q):
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_friction_series_is_that_of_the_shipped_table(family):
-    from jaxcomp.film._reynolds import table_of
+    from jaxcomp.film._tabulated import table_of
 
     table = table_of(family.table_name)
     # the file keeps ten digits, which the fit amplifies near u = 1

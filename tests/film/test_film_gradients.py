@@ -17,7 +17,7 @@ from jaxcomp.film import (
     dynamic_coefficients,
     minimum_film,
 )
-from jaxcomp.film._models import _harmonics
+from jaxcomp.film._half_sommerfeld import _harmonics
 from jaxcomp.film.interface import (
     bush_moment,
     eccentricity_ratio,

@@ -19,7 +19,7 @@ from jaxcomp.film import GroovedReynolds, Reynolds
 from jaxcomp.film import _reference as reference
 from jaxcomp.film._film import film_ratio, friction_at
 from jaxcomp.film._reference import GRIDS
-from jaxcomp.film._reynolds import AbstractTabulatedFilm, place_of
+from jaxcomp.film._tabulated import AbstractTabulatedFilm, place_of
 
 DATA = Path(films.__file__).parent
 

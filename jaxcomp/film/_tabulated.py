@@ -1,4 +1,4 @@
-r"""Reynolds (Swift-Stieber) film of the full journal bearing, from a table of solutions.
+r"""Reynolds (Swift-Stieber) films of full journal bearings, from tables of solutions.
 
 The film starts with p = 0 on the line of maximum film and ends where p = dp/dn = 0: the film of
 Raimondi and Boyd (1958), Butenschoen (1976), VDI 2204, DIN 31652 and ISO 7902. The start travels
@@ -177,7 +177,6 @@ def continuation(s, edge, value, slope, limit, limit_slope=None):
 LOAD_LIMIT = 1.2237421234783  # Phi_p (1 - eps)
 ATTITUDE_LIMIT = 1.8799209353354  # phi/sqrt(1 - eps)
 DAMPING_LIMIT = 3.2741379095279  # C_rr (1 - eps)^1.5
-
 CROWDING = 0.018  # how narrowly the nodes of a table crowd about its corner, in s
 
 
@@ -249,55 +248,6 @@ class AbstractTabulatedFilm(AbstractSolvedFilm):
         u = 1 / jnp.sqrt(root)
         polynomial = chebyshev_sum(self.friction, 2 * u - 1)
         return jnp.pi * root * jnp.exp((1 - u) * ((1 - u) * polynomial - 2))
-
-
-class Reynolds(AbstractTabulatedFilm):
-    """Plain ring with the Reynolds (Swift-Stieber) boundary condition; the default.
-
-    Beside a bearing with two axial grooves (`GroovedReynolds`, Someya's tables) at the same
-    Sommerfeld number its stiffness differs by up to 10 % of the largest entry and its damping by
-    8 % for L/D = 0.5 and S < 0.8, by 23 % and 14 % for L/D = 1 and S < 0.3.
-
-    Args:
-        length_ratio: [-] q = L/D. The table covers 0.1 to 2 and eps up to 0.995. Beyond that
-            eccentricity the functions go over to their limits for a closing film with continuous
-            slope; beyond that L/D they go on along the tangent in ln q, which is a guess.
-    """
-
-    table_name: ClassVar[str] = "reynolds_table.json"
-    limits: ClassVar[str] = (
-        "Table for L/D 0.1 to 2 and eps to 0.995, limits of a closing film beyond. Aligned, "
-        "isoviscous, laminar, no roughness. A bearing with grooves differs: see `grooved`."
-    )
-
-
-class GroovedReynolds(AbstractTabulatedFilm):
-    """Bearing with two axial grooves of 10 degrees at right angles to the load (Someya's).
-
-    The Swift-Stieber film of both pads, with p = 0 in the grooves. In the stiffness the film moves
-    with the journal, as in Someya's Journal-Bearing Databook (1989). At his eccentricity ratios 0.2,
-    0.5, 0.7 and 0.9 and L/D 0.5 and 1 his Sommerfeld numbers are met within 0.7 %, his damping
-    within 4.5 % and his stiffness within 5 % of the largest entry (5.7 % at L/D = 1, eps = 0.9), his
-    attitude angles within 1.1 degrees (2.5 at L/D = 1, eps = 0.2); (R/c) f is 2 to 6.4 % higher than
-    his, because shear is counted over the whole ring. Rows of his between these differ by more: at
-    L/D = 1 the damping by 6.2 % at eps = 0.8, the stiffness by 9 % at eps = 0.95. Grooves held fixed in
-    the bearing would more than halve K_yx at light load and L/D = 1.
-
-    Where the edge of the film meets a groove the coefficients have steep places, about which the
-    nodes of the table crowd. At 90 places of eps 0.01 to 0.97 and L/D 0.1 to 2, half of them below
-    eps = 0.5, load was within 1e-5 of the solver, stiffness within 1e-5 and damping within 9e-5 of the
-    largest entry.
-
-    Args:
-        length_ratio: [-] q = L/D, with the range and the limits of `Reynolds`.
-    """
-
-    table_name: ClassVar[str] = "grooved_table.json"
-    limits: ClassVar[str] = (
-        "Two 10 degree grooves at right angles to the load; table for L/D 0.1 to 2 and eps to "
-        "0.995, limits of a closing film beyond. In the stiffness the film moves with the journal, "
-        "as Someya tabulates it; grooves fixed in the bearing change K_yx at light load."
-    )
 
 
 def place_of(table: dict, ln_q: Scalar) -> Place:
