@@ -12,8 +12,7 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._core.display import Shown, shown
-from .._core.nested import fields_of
+from .._core.display import Shown
 from . import _options as opt
 from ._arguments import assignments, bounds_of, si
 from ._output import Output, Partial
@@ -21,8 +20,6 @@ from ._start import CommandError, cluster, refuse, waiting
 from ._sweep import default_quantities, start_devices
 from ._tables import row_table
 
-_SHARES = (0.00135, 0.05, 0.5, 0.95, 0.99865)
-_SHARE_NAMES = ("0.135", "5", "50", "95", "99.865")
 # Contributors of a table.
 _ROWS = 12
 
@@ -111,14 +108,15 @@ def tolerance(
     with waiting(), cluster(dask) as client:
         found = jc.study.tolerance.tolerance(design, given, asked, client=client, **drawn, **known)
         partial.done()
-        tighter = None if rejects is None else permitted_tolerances(found, rejects)
-    result = tolerance_result(found, scene.name, given, correlations, balanced)
+        tighter = [] if rejects is None else permitted_tolerances(found, rejects)
+    said: dict[str, Any] = {"scene": scene.name, "balanced": balanced}
     output.emit(
-        result if tighter is None else result | {"permitted": tighter},
-        lambda whole: tolerance_tables(found, whole),
+        found,
+        lambda whole: tolerance_tables(found, whole, tighter),
         lambda: jc.plot.interface.tolerance_figures(found, scene.name),
         scene,
         {"samples": found.columns},
+        beside=said if rejects is None else said | {"permitted": tighter},
     )
 
 
@@ -145,81 +143,6 @@ def read_tolerances(
     return tolerances_of(design, {**texts, **assignments(vary, "--vary")}), correlations
 
 
-def tolerance_result(
-    found: jc.study.tolerance.Tolerances,
-    scene: str,
-    given: dict[str, jc.study.tolerance.interface.Within],
-    correlations: dict[tuple[str, str], float],
-    balanced: bool,
-) -> dict[str, Any]:
-    """The answer in SI units. The keys are stable; new ones may join them."""
-    variables = {
-        one.name: {
-            "unit": one.unit,
-            "nominal": found.nominal[i],
-            "deviation": found.deviation[i],
-            **given[one.name]._asdict(),
-        }
-        for i, one in enumerate(found.problem.variables)
-    }
-    return {
-        "scene": scene,
-        "balanced": balanced,
-        "corrections": dict(found.problem.design.corrections),
-        "variables": variables,
-        "correlations": [{"between": pair, "value": v} for pair, v in correlations.items()],
-        "samples": len(found.sampled.ok),
-        "failed": sum(not ok for ok in found.sampled.ok.tolist()),
-        "quantities": {
-            name: _quantity(found, i, unit)
-            for i, (name, unit) in enumerate(zip(found.names, found.problem.units, strict=True))
-        },
-        "limits": [_limit(one, found) for one in found.reliability],
-        "remarks": found.remarks,
-    }
-
-
-def _quantity(found: jc.study.tolerance.Tolerances, i: int, unit: str) -> dict[str, Any]:
-    sampled, second = found.sampled, found.second_order
-    levels = sampled.quantile(_SHARES)[:, i] if sampled.ok.sum() > 1 else [None] * len(_SHARES)
-    keys = ("mean", "mean_error", "deviation", "deviation_error", "skewness")
-
-    def moments(order):
-        return {"mean": order.mean[i], "deviation": order.deviation[i]}
-
-    def swings(name):
-        low, high = found.swings[:, found.variables.index(name), i]
-        return {"at_low_limit": low, "at_high_limit": high}
-
-    return {
-        "unit": unit,
-        "nominal": found.value[i],
-        **{key: getattr(sampled, key)[i] for key in keys},
-        "percentiles": dict(zip(_SHARE_NAMES, levels, strict=True)),
-        "first_order": moments(found.first_order),
-        "second_order": None if second is None else moments(second),
-        "contributors": [
-            {"variable": name, "share": share, **swings(name)}
-            for name, share in found.ranking(found.names[i])
-        ],
-    }
-
-
-def _limit(one, found: jc.study.tolerance.Tolerances) -> dict[str, Any]:
-    design = one.design.tolist()
-    known = all(map(math.isfinite, design))
-    return {
-        "quantity": one.limit.quantity,
-        "bound": one.limit.bound,
-        "broken_above": one.limit.above,
-        **fields_of(one, "sampled", "sampled_interval", "beta", "first_order", "second_order"),
-        **fields_of(one, "near_points", "near_points_error"),
-        "nearest_points": len(one.points),
-        "most_likely_design": dict(zip(found.variables, design, strict=True)) if known else None,
-        "importance": dict(zip(found.variables, one.importance, strict=True)),
-    }
-
-
 def permitted_tolerances(
     found: jc.study.tolerance.Tolerances, text: str
 ) -> list[jc.study.tolerance.interface.Permitted]:
@@ -227,74 +150,21 @@ def permitted_tolerances(
     share = si(text, "", "--rejects")
     refuse(not 0 < share < 1, f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
     first = found.ranking(found.reliability[0].limit.quantity)[0][0]
-    return [
-        jc.study.tolerance.permitted(found, share),
-        jc.study.tolerance.permitted(found, share, [first]),
-    ]
+    return [jc.study.tolerance.permitted(found, share, names) for names in (None, [first])]
 
 
-def tolerance_sentences(
-    found: jc.study.tolerance.Tolerances, result: dict[str, Any]
-) -> Iterator[str]:
-    """The answer in a sentence for each limit, or for each quantity where there is none."""
-    limited = {one.limit.quantity for one in found.reliability}
-    for one in found.reliability:
-        look = _look(found, one.limit.quantity)
-        side = "exceed" if one.limit.above else "fall below"
-        low, high = (f"{100 * end:.2g}" for end in one.sampled_interval)
-        yield (
-            f"About {100 * one.sampled:.2g} % of the machines {side} {look.text(one.limit.bound)} "
-            f"({look.words.lower()}; {low} to {high} % with 95 % confidence). "
-            f"{_causes(found, one.limit.quantity)}"
-        )
-    for place, name in enumerate(found.names):
-        mean, spread = found.sampled.mean[place], found.sampled.deviation[place]
-        if name not in limited and math.isfinite(spread):
-            look = _look(found, name)
-            yield (
-                f"{look.words}: {look.text(mean)} on average, with a standard deviation of "
-                f"{look.difference(spread, 3)}. {_causes(found, name)}"
-            )
-    for one in result.get("permitted", ()):
-        whose, factor = "all tolerances", one["factor"]
-        if len(one["variables"]) != len(found.variables):
-            whose = f"that of {_label(found, one['variables'][0])}"
-        if not math.isfinite(factor or math.nan):
-            yield f"Changing {whose} does not bring the rejects down so far."
-            continue
-        word = "tightened" if factor < 1 else "widened"
-        yield (
-            f"With {whose} {word} to {factor:.3g} times what they are, "
-            f"{100 * one['rejects']:.2g} % are rejected."
-        )
-
-
-def _causes(found: jc.study.tolerance.Tolerances, name: str) -> str:
-    ranked = [(one, share) for one, share in found.ranking(name) if math.isfinite(share)]
-    if not ranked:
-        return ""
-    (first, largest), *others = ranked[:3]
-    causes = [f"{_label(found, first)} causes {100 * min(largest, 1):.0f} % of the variance"]
-    causes += [
-        f"{_label(found, one)} {100 * min(share, 1):.0f} %" for one, share in others if share > 0.05
-    ]
-    text = ", ".join(causes)
-    return f"{text[:1].upper()}{text[1:]}."
-
-
-def _label(found: jc.study.tolerance.Tolerances, variable: str) -> str:
-    """A variable in words."""
-    return jc.study.interface.variable_label(found.problem.design, variable)
-
-
-def tolerance_tables(found: jc.study.tolerance.Tolerances, result: dict[str, Any]) -> Iterator[Any]:
+def tolerance_tables(
+    found: jc.study.tolerance.Tolerances,
+    result: dict[str, Any],
+    permitted: Sequence[jc.study.tolerance.interface.Permitted],
+) -> Iterator[Any]:
     """Sentences, distributions, contributors, probabilities, and remarks on what disagrees."""
-    yield from (escape(text) for text in tolerance_sentences(found, result))
+    yield from map(escape, found.sentences(*permitted))
     failed = f", {result['failed']:,} not solved" if result["failed"] else ""
     title = f"{result['scene']}: {result['samples']:,} machines{failed}"
     nothing, sampled, by_derivatives = {"mean": None, "deviation": None}, [], []
     for name in found.names:
-        look, row = _look(found, name), result["quantities"][name]
+        look, row = found.shown(name), result["quantities"][name]
         ends = (row["percentiles"][share] for share in ("5", "95"))
         numbers = (row["nominal"], row["mean"], row["deviation"], *ends)
         cells = (_value(look.differences if n == 2 else look, x) for n, x in enumerate(numbers))
@@ -317,19 +187,13 @@ def tolerance_tables(found: jc.study.tolerance.Tolerances, result: dict[str, Any
         yield f"[yellow]Note:[/yellow] {remark}"
 
 
-def _look(found: jc.study.tolerance.Tolerances, name: str) -> Shown:
-    """How a quantity is shown."""
-    place = found.names.index(name)
-    return shown(name, found.problem.units[place], found.value[place])
-
-
 def _contributors(found: jc.study.tolerance.Tolerances, name: str):
-    look, place = _look(found, name), found.names.index(name)
+    look, place = found.shown(name), found.names.index(name)
     ranking, rows = found.ranking(name), []
     for variable, share in ranking[:_ROWS]:
         swing = found.swings[:, found.variables.index(variable), place]
         cells = (_value(look, x) for x in swing)
-        rows.append((_label(found, variable), f"{100 * share:.1f} %", *cells))
+        rows.append((found.label(variable), f"{100 * share:.1f} %", *cells))
     # a name is broken where it would leave the numbers no space in 80 columns
     narrow = max(len(row[0]) for row in rows) <= 45
     if len(ranking) > _ROWS:
@@ -350,7 +214,7 @@ def _contributors(found: jc.study.tolerance.Tolerances, name: str):
 def _probabilities(found: jc.study.tolerance.Tolerances):
     rows = []
     for one in found.reliability:
-        look, sign = _look(found, one.limit.quantity), "<=" if one.limit.above else ">="
+        look, sign = found.shown(one.limit.quantity), "<=" if one.limit.above else ">="
         low, high = one.sampled_interval
         near = _cell(one.near_points, 3)
         rows.append(

@@ -6,7 +6,6 @@ from scipy import stats
 
 from .._core.display import Shown, shown
 from ..study import Comparison, Sensitivity
-from ..study.interface import variable_label
 from ..study.tolerance import Tolerances
 from . import _style as style
 
@@ -172,7 +171,7 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
         ax.annotate(text, (1.0, row), xycoords=("axes fraction", "data"), fontsize=8, ha="right",
                     va=across, color=style.INK)  # fmt: skip
     ax.axvline(mean, color=style.INK, linewidth=0.9)
-    labels = [variable_label(found.problem.design, variable) for variable, _ in ranked]
+    labels = [found.label(variable) for variable, _ in ranked]
     ax.set_yticks(range(len(rows)), labels, fontsize=8.5)
     style.note(figure, f"Line: {_small(look)} of the mean machine.")
     ax.grid(False, axis="y")

@@ -6,7 +6,6 @@ function of the design and the optimisers serve as they are.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +20,7 @@ from .. import DesignResult, variable
 from .._problem import Asked, name_of, value_of
 from .._variables import changed
 from ..interface import by_name
+from ._answer import Permitted
 from ._moments import solved_rows
 from ._scatter import Correlations, Within, drawn_normals, scatter_of
 from ._tolerance import Tolerances
@@ -123,23 +123,6 @@ def _harrell_davis(share: float, count: int):
     edges = np.linspace(0, 1, count + 1)
     weights = np.diff(beta.cdf(edges, (count + 1) * share, (count + 1) * (1 - share)))
     return lambda values: jnp.sort(values) @ jnp.asarray(weights)
-
-
-class Permitted(NamedTuple):
-    """Tolerances that keep the rejects below a share.
-
-    Attributes:
-        variables: whose tolerances are changed.
-        factor: [-] on each of them: below one they have to be tighter. NaN where the limit is broken
-            however tight they are.
-        rejects: [-] share of the machines that break a limit then, all of them solved again.
-        before: [-] as the tolerances stand.
-    """
-
-    variables: tuple[str, ...]
-    factor: float
-    rejects: float
-    before: float
 
 
 def permitted(

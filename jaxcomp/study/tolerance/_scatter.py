@@ -129,11 +129,13 @@ class Scatter(NamedTuple):
         tolerances: by name of the variable, see `Variable`.
         correlation: [-] (n, n) of the deviations.
         root: [-] (n, n) L, lower triangular.
+        given: [-] the correlations by pairs of names, as they were given.
     """
 
     tolerances: dict[str, Within]
     correlation: Float[np.ndarray, "n n"]
     root: Float[np.ndarray, "n n"]
+    given: tuple[tuple[tuple[str, ...], float], ...] = ()
 
     def at(
         self, nominal: Float[Array, " n"], normals: Float[Array, "*batch n"]
@@ -204,7 +206,7 @@ def scatter_of(
         smallest = f"{np.linalg.eigvalsh(latent)[0]:.3g}"
         bound = "such that the matrix of all of them has positive eigenvalues"
         raise BadInput("correlations", f"of smallest eigenvalue {smallest}", bound) from None
-    return Scatter(dict(tolerances), wanted, root)
+    return Scatter(dict(tolerances), wanted, root, tuple((correlations or {}).items()))
 
 
 def _check_kinds(tolerances: Any) -> None:

@@ -2,20 +2,21 @@ r"""`tolerance`: what the scatter of production does to a machine."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ..._core.arguments import bounds_by_names, counted, listed_names
-from ..._core.display import shown
+from ..._core.display import Shown, shown
 from ..._core.errors import BadInput
 from ..._core.results import Data, Result
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, prepared
 from .._problem import Asked, name_of, problem_of, solves_gas
-from ..interface import Problem, by_name
+from ..interface import Problem, by_name, variable_label
+from . import _answer
 from ._moments import (
     Curvature,
     Keep,
@@ -73,6 +74,7 @@ class Tolerances(Result):
     reliability: tuple[Reliability, ...]
 
     table_dims: ClassVar[tuple[str, ...]] = ("sample",)
+    nested_units: ClassVar[str] = _answer.UNITS
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has every machine that was drawn."""
@@ -89,6 +91,27 @@ class Tolerances(Result):
         yield Data("solved", "", self.sampled.ok, self.table_dims)
         drawn = self.scatter.at(self.nominal, self.sampled.normals)
         yield from self.problem.columns(drawn, self.sampled.values, self.table_dims)
+
+    def nested(self) -> dict[str, Any]:
+        """Variables, quantities and limits, each with its numbers."""
+        return _answer.nested(self)
+
+    def sentences(self, *permitted: _answer.Permitted) -> tuple[str, ...]:
+        """The answer in a sentence for each limit, or for each quantity where there is none.
+
+        Args:
+            permitted: of the function of that name: each has a sentence as well.
+        """
+        return tuple(_answer.sentences(self, permitted))
+
+    def label(self, variable: str) -> str:
+        """A variable in words."""
+        return variable_label(self.problem.design, variable)
+
+    def shown(self, quantity: str) -> Shown:
+        """How a quantity is shown."""
+        place = self.names.index(quantity)
+        return shown(quantity, self.problem.units[place], self.value[place])
 
     @property
     def names(self) -> tuple[str, ...]:
