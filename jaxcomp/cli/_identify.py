@@ -13,7 +13,7 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import Shown, is_temperature, shown
-from .._core.nested import fields_of, plain, records
+from .._core.nested import fields_of, plain
 from ._arguments import assignments, si, speed_of
 from ._map import axis
 from ._options import Case, Solver, chosen_solver
@@ -66,7 +66,7 @@ class Split:
         counts = [len(set(one.entries({}).point.tolist())) for one in data_sets]
         if self.fit_at is not None:
             refuse(self.hold_out, "--hold-out and --fit-at: give one of the two")
-            return _not_named(data_sets, counts, _named(data_sets, self.fit_at))
+            return _not_named(data_sets, counts, self.fit_at)
         if not self.hold_out:
             return []
         number, total = self.hold_out, sum(counts)
@@ -149,26 +149,27 @@ def identify(
     options |= {"loss": loss, "starts": starts, "seed": seed}
     given = scene, data_sets, bounds, known
     found, said = _identified(*given, options, ahead, output.out)
-    result = {"machine": scene.name, "file": scene.file, "source": found.source, **as_dict(found)}
     curves: dict[str, Any] = {"readings": found.columns}
+    beside: dict[str, Any] = {"machine": scene.name, "file": scene.file}
     if said is not None:
-        curves["predicted"] = lambda: prediction_columns(*said)
-        result["predicted"] = prediction_columns(*said)
+        curves["predicted"] = said.columns
+        beside["predicted"] = said.columns()
 
     def tables(_) -> Iterator[Any]:
         yield from identification_tables(found, scene.name)
         yield from () if said is None else prediction_tables(*said)
 
     output.emit(
-        result,
+        found,
         tables,
         lambda: jc.plot.interface.identification_figures(found, scene.name),
         identified_scene(scene, found),
         curves,
         files=lambda: {
-            "identified.json": json.dumps(plain(as_dict(found)), indent=1),
+            "identified.json": json.dumps(plain(found.nested()), indent=1),
             "tolerances.toml": identified_tolerances(found),
         },
+        beside=beside,
     )
 
 
@@ -196,28 +197,10 @@ def _identified(scene, data_sets, bounds, known, options: dict[str, Any], ahead,
     return found, said
 
 
-def as_dict(found) -> dict[str, Any]:
-    """What an identification found, for JSON."""
-    keys = ("count", "rms", "largest", "inside")
-    names = ("points", "error_rms", "largest_error", "share_inside")
-    return {
-        "parameters": records(
-            name=found.parameters,
-            unit=found.units,
-            **fields_of(found, "start", "estimate", "standard_error", "prior_share"),
-        ),
-        **fields_of(found, "covariance", "chi_square", "freedom", "p_value", "weak", "notes"),
-        "held_out": [
-            {"name": name} | dict(zip(names, fields_of(one, *keys).values(), strict=True))
-            for name, one in found.held_out.items()
-        ],
-    }
-
-
 def identification_tables(found, name: str) -> Iterator[Any]:
     """Constants, readings, points held out, and what is not to be trusted."""
     rows = []
-    for one in as_dict(found)["parameters"]:
+    for one in found.nested()["parameters"]:
         path, unit, share = one["name"], one["unit"], one["prior_share"]
         level = is_temperature(path, unit)
         look = shown(path, unit, 0.0) if level else Shown(path, unit, 1.0)
@@ -269,18 +252,6 @@ def _error(value: float, unit: str, relative: bool, look) -> str:
     if relative:
         return f"{100 * value:+.2f} %"
     return f"{value:+.2f} K" if unit == "K" else f"{value * look.factor:+.3g}"
-
-
-def prediction_columns(entries, said) -> dict[str, Any]:
-    """Predictions, a row each; numbers in the SI units of their quantities."""
-    return {
-        "quantity": list(entries.quantity),
-        "point": list(entries.names),
-        "unit": [entries.kinds[name].unit for name in entries.quantity],
-        "value": said.value,
-        "model_sd": said.model_sd,
-        "half_width": said.inflated,
-    }
 
 
 def prediction_tables(entries, said) -> Iterator[Any]:
@@ -352,16 +323,20 @@ def _deviations(data_sets, texts) -> dict[str, float]:
     return out
 
 
-def _named(data_sets: Sequence[Any], fit_at: str) -> Any:
-    """[K] (n, 2) evaporating and condensing temperatures of `--fit-at`."""
+def _not_named(data_sets: Sequence[Any], counts: Sequence[int], fit_at: str) -> list[int]:
+    """Points of maps that `--fit-at` does not name; those of the other kinds are all fitted."""
     import numpy as np
 
     from ..study import Readings
 
-    maps = [one for one in data_sets if isinstance(one, Readings)]
+    first = np.cumsum([0, *counts])
+    pairs = zip(first[:-1], data_sets, strict=True)
+    maps = [pair for pair in pairs if isinstance(pair[1], Readings)]
     if not maps:
         raise CommandError("--fit-at: needs points of a map in --data")
-    used = []
+    points = np.concatenate([n + np.arange(one.evaporating.size) for n, one in maps])
+    names = [name for _, one in maps for name in one.names]
+    used = np.zeros(points.size, bool)
     for text in fit_at.split(","):
         try:
             s, d = (
@@ -372,28 +347,10 @@ def _named(data_sets: Sequence[Any], fit_at: str) -> Any:
             raise CommandError(
                 f"--fit-at {text}: must be EVAPORATING/CONDENSING, as -5/30 or 23F/86F"
             ) from None
-        near = [np.hypot(one.evaporating - s, one.condensing - d) for one in maps]
-        best = min(range(len(maps)), key=lambda n: near[n].min())
-        if near[best].min() > _SAME:
-            closest = maps[best].names[int(near[best].argmin())]
-            raise CommandError(
-                f"--fit-at {text}: is no point of the data; the closest is {closest}"
-            )
-        used.append((s, d))
-    return np.array(used)
-
-
-def _not_named(data_sets: Sequence[Any], counts: Sequence[int], used: Any) -> list[int]:
-    """Points of maps that are not among those used; the other kinds are all fitted."""
-    import numpy as np
-
-    from ..study import Readings
-
-    held, first = [], 0
-    for one, count in zip(data_sets, counts, strict=True):
-        if isinstance(one, Readings):
-            at = np.stack([one.evaporating, one.condensing], axis=-1)
-            far = np.linalg.norm(at[:, None] - used, axis=-1).min(axis=1) > _SAME
-            held += (first + np.flatnonzero(far)).tolist()
-        first += count
-    return held
+        away = [np.hypot(one.evaporating - s, one.condensing - d) for _, one in maps]
+        away = np.concatenate(away)
+        closest = names[int(away.argmin())]
+        what = f"--fit-at {text}: is no point of the data; the closest is {closest}"
+        refuse(away.min() > _SAME, what)
+        used |= away <= _SAME
+    return points[~used].tolist()

@@ -10,7 +10,6 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import shown
-from .._core.nested import fields_of
 from . import _options as opt
 from ._arguments import changed_scene, with_one_unit
 from ._output import Output
@@ -81,19 +80,14 @@ def rating_map(
         files[FORMATS[form]] = polynomial_text(
             maps, int(coefficients), told, form, scene.as_compressor()
         )
-    result = {
-        **{"machine": scene.name, "file": scene.file, "rating": rating},
-        **fields_of(found, "evaporating", "condensing", "ok", "values", "coefficients"),
-        **fields_of(found, "fit_error", "polynomial_error"),
-        **case.changes,
-    }
     output.emit(
-        result,
+        found,
         lambda _: map_tables(found, scene.name),
         lambda: jc.plot.interface.rating_figures(found, scene.name),
         scene,
         {"map": found.columns},
         files=lambda: files,
+        beside={"machine": scene.name, "file": scene.file, **case.changes},
     )
 
 
@@ -136,22 +130,11 @@ def map_tables(found, name: str):
         for n, (term, *row) in enumerate(zip(terms, *found.coefficients.values(), strict=True), 1)
     ]
     errors = (f"{100 * float(e):.2g} %" for e in found.fit_error.values())
-    rows += [(), ("", "largest error", *errors), ("", "at S, D", *_worst(found))]
+    worst = (", ".join(f"{t - ZERO:.4g}" for t in at) for at in found.worst_point.values())
+    rows += [(), ("", "largest error", *errors), ("", "at S, D", *worst)]
     labels = (f"{one}, {units[one]}" for one in found.coefficients)
     title = "Polynomial of AHRI 540, S evaporating and D condensing in °C"
     yield row_table(title, ("", "Term", *labels), rows, texts=2)
-
-
-def _worst(found):
-    """The point, in °C, at which each polynomial is furthest from the value."""
-    import numpy as np
-
-    from ..study.rating import ZERO
-
-    for errors in found.polynomial_error.values():
-        row, column = np.unravel_index(np.nanargmax(np.abs(errors)), errors.shape)
-        point = found.evaporating[row] - ZERO, found.condensing[column] - ZERO
-        yield ", ".join(f"{float(one):.4g}" for one in point)
 
 
 def axis(text: str, name: str):

@@ -38,39 +38,15 @@ _TEXTS = {
         quantities.*: percentiles {beside}; best {named}
         quantities.*.best_curve.points: across, best, between {number}; value {quantity}
         quantities.*: values {beside}
+        layouts.*: * {quantity}
     """,
-    "tolerance": """
-        corrections [kg m]
-        variables.*: low, high, present, value, values, gradient, nominal, deviation {beside}
-        variables.*: sigmas
-        correlations: value
-        samples, failed
-        quantities.*: lowest, highest, mean, mean_error, deviation, deviation_error {beside}
-        quantities.*: percentiles, nominal {beside}; skewness
-        quantities.*.first_order|quantities.*.second_order: mean, deviation {quantity}
-        quantities.*.contributors: share; at_low_limit, at_high_limit {quantity}
-        limits: bound {quantity}; sampled, sampled_interval, beta, first_order, second_order
-        limits: near_points, near_points_error, nearest_points, importance
-        limits: most_likely_design {named}
-        permitted: factor, rejects, before
-    """,
+    "tolerance": "permitted: factor, rejects, before",
     "optimise": """
         asked: * {option}
         comparison: present, optimum {beside}
         seconds [s]
     """,
-    "map": """
-        evaporating, condensing [K]
-        values|polynomial_error: power [W]; * {named}
-        coefficients: * {celsius}
-        fit_error
-    """,
-    "identify": """
-        parameters: start, estimate, standard_error {beside}; prior_share
-        covariance {parameters}; chi_square, freedom, p_value
-        held_out: points, error_rms, largest_error, share_inside
-        predicted: value, model_sd, half_width {beside}
-    """,
+    "identify": "predicted: value, model_sd, half_width {beside}",
     "modes": """
         degrees_of_freedom, magnetic_pull_limit; speeds [rad/s]
         modes: frequency, growth [rad/s]; damping_ratio, whirl
@@ -130,8 +106,11 @@ _TEXTS = {
 _RESULTS: dict[str, tuple[str, ...]] = {
     "balance": ("balancing.Balance",),
     "compare": ("study.Comparison",),
+    "identify": ("study.Identification",),
+    "map": ("study.rating.RatingMap",),
     "optimise": ("study.Optimum", "study.ParetoFront"),
     "sensitivity": ("study.Sensitivity",),
+    "tolerance": ("study.tolerance.Tolerances",),
 }
 COMMANDS = tuple({**_TEXTS, **_RESULTS})
 

@@ -19,6 +19,7 @@ from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import replaced
+from .._core.nested import fields_of
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..compressor import Compressor, HasCompressor, compressor_of
@@ -103,6 +104,12 @@ class RatingMap(Result, eqx.Module):
     rating: str = eqx.field(static=True)
 
     table_dims: ClassVar[tuple[str, ...]] = ("evaporating", "condensing")
+    nested_units: ClassVar[str] = """
+        evaporating, condensing [K]
+        values|polynomial_error: power [W]; * {named}
+        coefficients: * {celsius}
+        fit_error
+    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
@@ -119,6 +126,11 @@ class RatingMap(Result, eqx.Module):
         for name, errors in self.polynomial_error.items():
             yield Data(f"polynomial_error.{name}", units[name], errors, at)
 
+    def nested(self) -> dict[str, Any]:
+        """Temperatures, values and coefficients by name."""
+        names = ("rating", "evaporating", "condensing", "ok", "values", "coefficients", "fit_error")
+        return fields_of(self, *names, "polynomial_error")
+
     @property
     def polynomial_error(self) -> dict[str, Float[Array, "n m"]]:
         """Polynomial less value at every point, by name in SI units."""
@@ -127,6 +139,15 @@ class RatingMap(Result, eqx.Module):
             name: jnp.asarray(terms @ row) - self.values[name]
             for name, row in self.coefficients.items()
         }
+
+    @property
+    def worst_point(self) -> dict[str, tuple[float, float]]:
+        """[K] Evaporating and condensing temperature where each polynomial is furthest from the value."""
+        found = {}
+        for name, errors in self.polynomial_error.items():
+            row, column = np.unravel_index(np.nanargmax(np.abs(errors)), errors.shape)
+            found[name] = float(self.evaporating[row]), float(self.condensing[column])
+        return found
 
 
 def at_rating(

@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
 
 from ..._core.errors import BadInput
+from ..._core.nested import fields_of, records
 from ..._core.results import Data, Result
 from ...machine import Machine
 from ._fit import Prediction
@@ -29,6 +30,30 @@ class HeldOut(NamedTuple):
     rms: float
     largest: float
     inside: float
+
+
+class PredictedReadings(NamedTuple):
+    """What an identified machine says of readings.
+
+    Attributes:
+        entries: the readings.
+        prediction: values, standard deviations and intervals.
+    """
+
+    entries: Entries
+    prediction: Prediction
+
+    def columns(self) -> dict[str, Any]:
+        """Predictions, a row each; numbers in the SI units of their quantities."""
+        entries, said = self
+        return {
+            "quantity": list(entries.quantity),
+            "point": list(entries.names),
+            "unit": [entries.kinds[name].unit for name in entries.quantity],
+            "value": said.value,
+            "model_sd": said.model_sd,
+            "half_width": said.inflated,
+        }
 
 
 class Identification(Result, eqx.Module):
@@ -93,6 +118,11 @@ class Identification(Result, eqx.Module):
     study: Any = eqx.field(static=True, default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("reading",)
+    nested_units: ClassVar[str] = """
+        parameters: start, estimate, standard_error {beside}; prior_share
+        covariance {parameters}; chi_square, freedom, p_value
+        held_out: points, error_rms, largest_error, share_inside
+    """
     not_saved: ClassVar[tuple[str, ...]] = ("fit", "machine", "study", "kinds", "condition_units")
 
     def described(self) -> Iterator[Data]:
@@ -113,6 +143,21 @@ class Identification(Result, eqx.Module):
             yield Data(f"at.{name}", self.condition_units[name], values, at)
         for name in ("measured", "computed", "sd", "half_width", "used"):
             yield Data(name, "", getattr(self, name), at, "in the SI unit of its quantity")
+
+    def nested(self) -> dict[str, Any]:
+        """Constants, their covariance, the fit and the points held out."""
+        keys = {"points": "count", "error_rms": "rms", "largest_error": "largest"}
+        keys["share_inside"] = "inside"
+        columns = fields_of(self, "start", "estimate", "standard_error", "prior_share")
+        return {
+            "source": self.source,
+            "parameters": records(name=self.parameters, unit=self.units, **columns),
+            **fields_of(self, "covariance", "chi_square", "freedom", "p_value", "weak", "notes"),
+            "held_out": [
+                {"name": name} | {key: getattr(one, field) for key, field in keys.items()}
+                for name, one in self.held_out.items()
+            ],
+        }
 
     def error(self, name: str) -> NDArray:
         """(m of this quantity,) computed less measured: relative, or in the SI unit."""
@@ -147,7 +192,7 @@ class Identification(Result, eqx.Module):
             )
         return out
 
-    def predict(self, measurement: AbstractMeasurement) -> tuple[Entries, Prediction]:
+    def predict(self, measurement: AbstractMeasurement) -> PredictedReadings:
         """What the identified machine says of other readings, with intervals.
 
         Args:
@@ -175,4 +220,5 @@ class Identification(Result, eqx.Module):
         for n, column in zip(places, slope[:, count:].T, strict=True):
             if n is not None:
                 whole[:, n] = column
-        return model.entries, self.fit.predict(value, whole, model.entries.sd)
+        said = self.fit.predict(value, whole, model.entries.sd)
+        return PredictedReadings(model.entries, said)
