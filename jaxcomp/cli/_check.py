@@ -50,33 +50,19 @@ def error_result(file: str, errors: Sequence[jc.scene.SceneError]) -> dict[str, 
 
 def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
     """Parts, what follows from them, commands for the scene, what it leaves out, unusual values."""
+    from ..scene.contents import part_contents
     from ..scene.follows import follows
 
-    rows = jc.scene.describe(scene)
-    words = {row.path[: -len(".type")]: row.value for row in rows if row.path.endswith(".type")}
-
-    def part(name):
-        own = [row for row in rows if row.path.startswith(f"{name}.")]
-        own = [row for row in own if not row.path.endswith(".type")]
-        given = [row for row in own if row.given is not None]
-        return {
-            "type": words.get(name, ""),
-            "values": len(own),
-            "defaults": len(own) - len(given),
-            "without_source": sum(not row.source for row in given),
-        }
-
-    parts = {name: part(name) for name, x in scene.document.items() if isinstance(x, dict | list)}
     return {
         "machine": scene.name,
         "description": scene.description,
         "file": scene.file,
         "ok": True,
-        "parts": {name: counts for name, counts in parts.items() if counts["values"]},
+        "parts": part_contents(scene),
         "follows": [{"what": what, "value": x, "unit": unit} for what, x, unit in follows(scene)],
         "commands": _commands(scene),
         "left_out": list(jc.scene.interface.left_out(scene)),
-        "unusual": [value._asdict() for value in jc.scene.implausible_values(scene)],
+        "unusual": list(jc.scene.implausible_values(scene)),
     }
 
 
@@ -87,9 +73,8 @@ def check_tables(result: dict[str, Any]):
     yield row_table(title, heads, ((n, *p.values()) for n, p in result["parts"].items()), texts=2)
     follows = (row.values() for row in result["follows"])
     yield row_table(None, ("What follows", ("", ".5g"), ""), map(tuple, follows), texts=3)
-    for value in result["unusual"]:
-        shown = escape(f"{value['path']}: {value['what']}, usual is {value['usual']}")
-        yield f"[yellow]unusual[/yellow]  {shown}"
+    for path, what, usual in result["unusual"]:
+        yield f"[yellow]unusual[/yellow]  {escape(f'{path}: {what}, usual is {usual}')}"
     yield f"left out  {escape(', '.join(result['left_out']) or 'nothing')}"
     verdict = "valid; look at the unusual values again" if result["unusual"] else "valid"
     yield f"[green]{verdict}[/green]; for jaxcomp {', '.join(result['commands'])}"

@@ -14,8 +14,7 @@ from rich.text import Text
 import jaxcomp as jc
 
 from .._core.display import shown, units_of
-from .._core.nested import plain
-from .._core.registry import DESIGN_RULES, Quantity, registered
+from .._core.registry import Quantity, registered
 from .._core.words import did_you_mean
 from . import _options as opt
 from ._output import show_results
@@ -25,15 +24,6 @@ from ._units import results_schema
 
 # Characters of a value as it was given; JSON has all of it.
 _LONGEST = 120
-# Coordinates of correction masses, which no file has.
-_OTHERS = {
-    "x": "Correction mass times radius along x.",
-    "y": "Correction mass times radius along y.",
-    "magnitude": "Correction mass times radius.",
-    "angle": "Angle of the correction mass from x.",
-}
-
-
 # What a new machine is; each has a file in `jaxcomp/scene/starts`.
 Kind = Literal["slider-crank", "v-twin", "slider-link", "refrigeration", "semi-hermetic", "rotor"]
 
@@ -114,10 +104,7 @@ def upgrade(
 
 
 # ------------------------------------------------------------------ cache
-def cache(
-    empty: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
     """Show where compiled programs are kept for the next start, and how large they are.
 
     Kept are programs of jaxcomp, of the command line, scripts and notebooks. The environment variable
@@ -176,7 +163,7 @@ def _machines() -> tuple[dict[str, Any], Table]:
     known = jc.scene.machines()
     rows = ((bold(one.name), one.description) for one in known)
     table = _word_table("Bundled machines", ("Name", "Description"), rows)
-    return {"machines": [one._asdict() for one in known]}, table
+    return {"machines": known}, table
 
 
 def _fluids() -> tuple[dict[str, Any], Table]:
@@ -227,26 +214,9 @@ def _quantities(scene: jc.scene.Scene | None = None) -> tuple[dict[str, Any], Ta
 
 def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
     """The numbers that studies can change."""
-    machine = scene.machine
-    docs = {row.path: row.doc for row in jc.scene.describe(scene)} | DESIGN_RULES
+    from ..scene.contents import describe_variables
 
-    def meaning(name):
-        if name.startswith("corrections."):
-            return _OTHERS[name.rpartition(".")[2]]
-        count, doc = jc.study.interface.list_length(machine, name), docs.get(name, "")
-        return f"{doc} (factor on all {count})".strip() if count else doc
-
-    found = {
-        one.name: {
-            "unit": one.unit,
-            "value": float(one.current(machine)),
-            "bound": str(one.bound),
-            "doc": meaning(one.name),
-        }
-        for one in (
-            jc.study.variable(machine, name) for name in jc.study.interface.variable_names(machine)
-        )
-    }
+    found = describe_variables(scene)
     rows = (
         (name, shown(name, one["unit"], one["value"]).text(one["value"]), one["bound"], one["doc"])
         for name, one in found.items()
@@ -259,11 +229,8 @@ def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
     """Every value of a scene with its source."""
     found, rows = {}, []
     for row in jc.scene.describe(scene):
-        fields = row._asdict()
-        value = row.value.tolist() if hasattr(row.value, "tolist") else row.value
-        found[row.path] = {"value": value} | {
-            key: fields[key] for key in ("unit", "given", "source", "doc")
-        }
+        found[row.path] = row._asdict()
+        del found[row.path]["path"]
         given = str(f"{row.value} {row.unit}".strip() if row.given is None else row.given)
         if len(given) > _LONGEST:
             given = f"{given[: _LONGEST // 2]} ... {given[-_LONGEST // 2 :]}"
@@ -291,7 +258,7 @@ def explain(
         return
     found = jc.scene.interface.explained(part)
     lines = [] if as_json else [line for one in found for line in _explained_lines(one)]
-    show_results({"word": part, "parts": plain(found)}, lines, as_json)
+    show_results({"word": part, "parts": found}, lines, as_json)
 
 
 def schema(

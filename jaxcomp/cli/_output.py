@@ -205,9 +205,9 @@ def _write(file: Path, content: bytes) -> None:
 
 
 def show_results(result: dict[str, Any], tables: Iterable[Any], as_json: bool) -> None:
-    """Print one JSON object, or the tables."""
+    """Print one JSON object of what may become plain numbers and words, or the tables."""
     if as_json:
-        print_json(result)
+        print_json(plain(result))
     else:
         print_tables(tables)
 

@@ -82,24 +82,24 @@ def sweep(
         "batch": batch,
         "devices": devices,
     }
+    of = jc.study.sweep
     with cluster(dask) as client:
         options |= {"options": analysis.options(scene), "client": client}
         if several:
             options["dimension"] = _LAYOUT
-            found = jc.study.sweep.interface.sweep_machines(several, axes, asked, **options)
+            found = of.interface.sweep_machines(several, axes, asked, **options)
         else:
-            found = jc.study.sweep.sweep(scene, axes, asked, **options)
-    of_scene = (found, scene.name)
-    found_of = layouts_result if several else jc.study.sweep.interface.summary
-    result = {"scene": scene.name, **found_of(found)}
+            found = of.sweep(scene, axes, asked, **options)
+    draw, drawn = jc.plot.interface.sweep_figures, (found, scene.name)
+    if several:
+        draw, drawn = jc.plot.interface.machine_figures, (*drawn, _LAYOUT)
+    numbers = {"layouts": _values_of_each(found)} if several else of.interface.summary(found)
     output.emit(
-        result | {"store": None if store is None else str(store)},
-        lambda whole: layouts_tables(*of_scene) if several else sweep_tables(found, whole),
-        lambda: (
-            layouts_figures(*of_scene) if several else jc.plot.interface.sweep_figures(*of_scene)
-        ),
+        {"scene": scene.name, **numbers, "store": None if store is None else str(store)},
+        lambda whole: (layouts_tables if several else sweep_tables)(found, whole),
+        lambda: draw(*drawn),
         scene,
-        {"designs": lambda: jc.study.sweep.interface.columns(found)},
+        {"designs": lambda: of.interface.columns(found)},
     )
 
 
@@ -114,24 +114,15 @@ def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene
     }
 
 
-def _of_each(found) -> dict[str, Any]:
-    """The designs of each layout of the cylinders, by its name."""
-    names = [str(name) for name in found[_LAYOUT].values]
-    return {name: found.sel({_LAYOUT: name}, drop=True) for name in names}
+def _values_of_each(found) -> dict[str, dict[str, Any]]:
+    """The quantities of all designs of each layout."""
+    parts = jc.study.sweep.interface.machine_parts(found, _LAYOUT).items()
+    return {name: {str(q): one.values for q, one in part.data_vars.items()} for name, part in parts}
 
 
-def layouts_result(found) -> dict[str, Any]:
-    """All designs of each layout."""
-    values = {
-        name: {q: part[q].values for q in map(str, part.data_vars)}
-        for name, part in _of_each(found).items()
-    }
-    return {"layouts": values}
-
-
-def layouts_tables(found, scene: str) -> Iterator[Any]:
+def layouts_tables(found, result: dict[str, Any]) -> Iterator[Any]:
     """Best and worst designs of each layout."""
-    rows, parts = [], _of_each(found)
+    rows, parts = [], jc.study.sweep.interface.machine_parts(found, _LAYOUT)
     for name, part in parts.items():
         failed = int(part["ok"].size - part["ok"].sum())
         for asked in (str(one) for one in part.data_vars if one != "ok"):
@@ -139,17 +130,7 @@ def layouts_tables(found, scene: str) -> Iterator[Any]:
             ends = (_cell(look, float(end)) for end in (part[asked].min(), part[asked].max()))
             rows.append((name, look.label, *ends, failed or ""))
     heads = ("Layout", "Quantity", "Lowest", "Highest", "Failed")
-    yield row_table(f"{scene}: {len(parts)} layouts", heads, rows, texts=2)
-
-
-def layouts_figures(found, scene: str) -> dict[str, Any]:
-    """All layouts beside each other, then each by itself."""
-    drawn = jc.plot.interface.machine_figures(found, scene, _LAYOUT)
-    for name, part in _of_each(found).items():
-        if part["ok"].dims:
-            own = jc.plot.interface.sweep_figures(part, f"{scene}, {name}")
-            drawn |= {f"{name}-{figure}": one for figure, one in own.items()}
-    return drawn
+    yield row_table(f"{result['scene']}: {len(parts)} layouts", heads, rows, texts=2)
 
 
 def start_devices(wanted: int | None) -> None:

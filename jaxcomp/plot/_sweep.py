@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .._core.display import Shown
 from ..study.sweep import best_curve, best_design
-from ..study.sweep.interface import shown_column
+from ..study.sweep.interface import machine_parts, shown_column
 from . import _style as style
 
 if TYPE_CHECKING:
@@ -48,7 +48,9 @@ def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
 
 
 def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict[str, Figure]:
-    """Every quantity of several machines beside each other: all designs of each, and their middle.
+    """Every quantity of several machines beside each other, then the pictures of each by itself.
+
+    Beside each other are all designs of each, and their middle.
 
     Args:
         found: of `sweep_machines`.
@@ -71,6 +73,10 @@ def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict
         ax.set_xticks(range(len(machines)), machines)
         ax.set_ylabel(look.label)
         figures[f"machines-{name}"] = figure
+    for machine, part in machine_parts(found, dimension).items():
+        if part["ok"].dims:
+            own = sweep_figures(part, f"{title}, {machine}")
+            figures |= {f"{machine}-{name}": one for name, one in own.items()}
     return figures
 
 

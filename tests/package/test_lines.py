@@ -12,7 +12,7 @@ PACKAGE = Path(jaxcomp.__file__).parent
 MOST = {
     "_core": 3_500,
     "balancing": 1_400,
-    "cli": 6_450,
+    "cli": 6_150,
     "crank": 5_350,
     "crankshaft": 950,
     "cylinder": 4_000,
@@ -26,8 +26,8 @@ MOST = {
     "plot": 3_800,
     "report": 450,
     "rotor": 4_850,
-    "scene": 5_050,
-    "study": 11_000,
+    "scene": 5_100,
+    "study": 11_250,
     "valve": 500,
     "vibration": 1_300,
 }

@@ -69,6 +69,17 @@ def _quantity(found, name: str, few: bool) -> dict[str, Any]:
     }
 
 
+def machine_parts(found: "xarray.Dataset", dimension: str) -> dict[str, "xarray.Dataset"]:
+    """The designs of each of several machines, by its name.
+
+    Args:
+        found: of `sweep_machines`.
+        dimension: along which the machines stand.
+    """
+    names = map(str, found[dimension].values)
+    return {name: found.sel({dimension: name}, drop=True) for name in names}
+
+
 def columns(found: "xarray.Dataset") -> dict[str, np.ndarray]:
     """Every design of a `sweep` with its quantities, by name and SI unit.
 

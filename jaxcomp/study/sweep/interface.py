@@ -4,4 +4,5 @@ from ._best import BestCurve as BestCurve
 from ._best import shown_column as shown_column
 from ._run import sweep_machines as sweep_machines
 from ._summary import columns as columns
+from ._summary import machine_parts as machine_parts
 from ._summary import summary as summary

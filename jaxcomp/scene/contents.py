@@ -1,0 +1,56 @@
+"""What a machine file holds: its parts with their values, and the numbers that studies can change."""
+
+from typing import Any
+
+from .._core.registry import DESIGN_RULES
+from ..study import variable
+from ..study.interface import list_length, variable_names
+from ._describe import describe
+from ._scene import Scene
+
+# Coordinates of correction masses, which no file has.
+_CORRECTIONS = {
+    "x": "Correction mass times radius along x.",
+    "y": "Correction mass times radius along y.",
+    "magnitude": "Correction mass times radius.",
+    "angle": "Angle of the correction mass from x.",
+}
+
+
+def part_contents(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Of each part of a scene its type, and how many values it has, by default and without a source."""
+    rows, found = describe(scene), {}
+    words = {row.path: row.value for row in rows if row.path.endswith(".type")}
+    for name in (name for name, one in scene.document.items() if isinstance(one, dict | list)):
+        own = [r for r in rows if r.path.startswith(f"{name}.") and r.path not in words]
+        given = [row for row in own if row.given is not None]
+        if own:
+            found[name] = {
+                "type": words.get(f"{name}.type", ""),
+                "values": len(own),
+                "defaults": len(own) - len(given),
+                "without_source": sum(not row.source for row in given),
+            }
+    return found
+
+
+def describe_variables(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Unit, value [SI], bound and meaning of each number of a scene that studies can change.
+
+    The value of the factor on a list is 1.
+    """
+    machine = scene.machine
+    docs = {row.path: row.doc for row in describe(scene)} | DESIGN_RULES
+
+    def meaning(name: str) -> str:
+        if name.startswith("corrections."):
+            return _CORRECTIONS[name.rpartition(".")[2]]
+        count, doc = list_length(machine, name), docs.get(name, "")
+        return f"{doc} (factor on all {count})".strip() if count else doc
+
+    found = {}
+    for name in variable_names(machine):
+        one = variable(machine, name)
+        value, bound = float(one.current(machine)), str(one.bound)
+        found[name] = {"unit": one.unit, "value": value, "bound": bound, "doc": meaning(name)}
+    return found
