@@ -119,20 +119,26 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
         speeds: [rad/s] (speeds,), each with a row for every axis of every target.
     """
     rows = [(target.name, axis) for target in places.targets for axis in target.axes]
-    weights = [jnp.asarray(t.weight, float) for t in places.targets for _ in t.axes]
+    weights = [t.weight for t in places.targets for _ in t.axes]
+    radii = [np.nan if p.radius is None else p.radius for p in places.planes]
+    matrix, initial, weight, radius = _columns(answer, weights, radii, speeds.size)
     # Labels are static, and a traced speed has no number to name its rows by.
     labels = np.arange(speeds.size) if is_traced(speeds) else np.asarray(speeds)
     return Influence(
-        answer[:, 1:],
-        answer[:, 0],
-        # Rows go speed by speed, with all targets at each.
-        jnp.tile(jnp.stack(weights), speeds.size),
+        matrix,
+        initial,
+        weight,
         tuple(InfluenceRow(*row, float(speed)) for speed in labels for row in rows),
         tuple(p.name for p in places.planes),
-        radius=jnp.stack(
-            [jnp.asarray(jnp.nan if p.radius is None else p.radius, float) for p in places.planes]
-        ),
+        radius=radius,
     )
+
+
+@eqx.filter_jit
+def _columns(answer, weights, radii, speeds: int):
+    # Rows go speed by speed, with all targets at each.
+    weight = jnp.tile(jnp.asarray(weights, float), speeds)
+    return answer[:, 1:], answer[:, 0], weight, jnp.asarray(radii, float)
 
 
 @kept_jit
@@ -227,6 +233,8 @@ def select(
     Raises:
         BadInput: an unknown name, or a weight below zero.
     """
+    if planes is None and targets is None and not weights:
+        return influence
     there = {row.target for row in influence.rows}
     for field, names, known in (
         ("planes", planes, influence.planes),
@@ -242,14 +250,15 @@ def select(
         if not value >= 0:
             raise BadInput(f"weights.{name}", value, ">= 0")
     times = np.array([(weights or {}).get(row.target, 1.0) for row in influence.rows])
-    numbers = (influence.matrix, influence.initial, influence.weight * times)
+    numbers = (influence.matrix, influence.initial, influence.weight, times, influence.radius)
+    *taken, radius = _taken(*numbers, np.array(kept, int), np.array(columns, int))
     return Influence(
-        *_taken(*numbers, np.array(kept, int), np.array(columns, int)),
+        *taken,
         tuple(influence.rows[i] for i in kept),
         tuple(influence.planes[i] for i in columns),
         influence.unit,
         influence.trial,
-        None if influence.radius is None else influence.radius[np.array(columns, int)],
+        radius,
     )
 
 
@@ -295,8 +304,9 @@ def _answers(made, places, speeds, solver, crank, left_out):
 
 
 @eqx.filter_jit
-def _taken(matrix, initial, weight, rows, columns):
-    return matrix[rows][:, columns], initial[rows], weight[rows]
+def _taken(matrix, initial, weight, times, radius, rows, columns):
+    radius = None if radius is None else radius[columns]
+    return matrix[rows][:, columns], initial[rows], (weight * times)[rows], radius
 
 
 def flexibilities(
