@@ -113,9 +113,7 @@ class Balance(Result, eqx.Module):
                 mass=size if by_mass else size / radius,
             ),
             "rows": records(
-                **{
-                    name: [getattr(row, name) for row in part.rows] for name in InfluenceRow._fields
-                },
+                **dict(zip(InfluenceRow._fields, zip(*part.rows, strict=True), strict=True)),
                 weight=part.weight,
                 before=np.abs(before),
                 before_phase=np.angle(before),

@@ -90,13 +90,15 @@ def changed_scene(
     return jc.scene.interface.with_lists(scene, names)
 
 
-def si(text: str, unit: str, option: str, difference: bool = False) -> float:
-    """[SI] A number of the command line, or a difference of two such as a deviation."""
+def si(
+    text: str, unit: str, option: str, difference: bool = False, default_unit: str | None = None
+) -> float:
+    """[SI] A number of the command line, or a difference of two; bare ones have the default unit."""
     if not text:
         raise jc.scene.SceneError(option, "lacks a value")
     given = entry(text)
     given = text if given is None else given
-    return float(jc.scene.interface.to_si(given, unit, option, difference=difference))
+    return float(jc.scene.interface.to_si(given, unit, option, default_unit, difference))
 
 
 def value_of(name: str, text: str, option: str) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -168,8 +169,7 @@ def _speeds(scene: jc.scene.Scene, speeds: str | None):
 
     rotor_of(scene)
     for part in ("balancing", "loads"):
-        if part not in scene.parts:
-            raise CommandError(f"{scene.file}: {part}: is missing; `balance` needs it")
+        refuse(part not in scene.parts, f"{scene.file}: {part}: is missing; `balance` needs it")
     return jnp.asarray(speeds_of(speeds) if speeds else scene_speeds(scene))
 
 
@@ -197,15 +197,13 @@ def _largest(part: jc.balancing.interface.Influence, text: str) -> Any:
 
 
 def _limit(part: jc.balancing.interface.Influence, text: str) -> float:
-    """The limit in the unit of the vibration."""
-    units = {"um": "m", "µm": "m"}
-    try:
-        return float(jc.scene.interface.to_si(text, units.get(part.unit, part.unit), "--limit"))
-    except jc.scene.SceneError:
-        try:
-            return float(text)  # readings of no known unit
-        except ValueError:
-            raise CommandError(f"--limit {text}: must be a vibration in {part.unit}") from None
+    """The limit in the unit of the vibration; a bare number where that is of no known unit."""
+    unit = "m" if part.unit in ("um", "µm") else part.unit
+    with suppress(jc.scene.SceneError):
+        return float(jc.scene.interface.to_si(text, unit, "--limit"))
+    with suppress(ValueError):
+        return float(text)
+    raise CommandError(f"--limit {text}: must be a vibration in {part.unit}")
 
 
 def balance_tables(result: dict[str, Any]) -> Iterator[Any]:

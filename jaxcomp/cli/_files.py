@@ -47,17 +47,13 @@ def new(
         machine (MACHINE): Bundled machine or scene file to start from, with its numbers.
         force: Write over a file.
     """
-    from ..scene import load, start
-    from ..scene.interface import start_from
-
     printed = str(file) == "-"
     refuse(not printed and file.suffix != ".toml", f"{file}: must end in .toml")
-    refuse(
-        not printed and file.exists() and not force,
-        f"{file}: is there already; --force writes over it",
-    )
+    there = not printed and file.exists() and not force
+    refuse(there, f"{file}: is there already; --force writes over it")
     name = "my-machine" if printed else file.stem
-    scene = None if machine is None else load(machine)
+    scene = None if machine is None else jc.scene.load(machine)
+    start, start_from = jc.scene.start, jc.scene.interface.start_from
     text = start(kind, name) if scene is None else start_from(scene, name)
     if printed:
         typer.echo(text, nl=False)
@@ -82,21 +78,16 @@ def upgrade(
         file: Machine file to rewrite.
         out (FILE): Write there, and leave the file as it is.
     """
-    import tomllib
-
-    from ..scene import loads
-    from ..scene.interface import upgraded
-
     refuse(not file.is_file(), f"{file}: cannot be read: no such file")
     text = file.read_text(encoding="utf-8")
     try:
-        made = upgraded(text)
-    except (tomllib.TOMLDecodeError, ValueError) as error:
+        made = jc.scene.interface.upgraded(text)
+    except ValueError as error:
         raise CommandError(f"{file}: {error}") from None
     if made == text:
         typer.echo(f"{file} has today's spelling already.")
         return
-    loads(made, str(file))
+    jc.scene.loads(made, str(file))
     if out is None:
         file.with_name(f"{file.name}.old").write_text(text, encoding="utf-8")
     (out or file).write_text(made, encoding="utf-8")

@@ -19,7 +19,6 @@ from ._map import axis
 from ._options import Case, Solver, chosen_solver
 from ._output import Output, Partial
 from ._start import CommandError, refuse, waiting
-from ._sweep import number
 from ._tables import row_table
 
 Loss = Literal["linear", "soft_l1", "huber"]
@@ -132,13 +131,12 @@ def identify(
     """
     from ..scene.readings import identified_scene
     from ..scene.tolerances import identified_tolerances
-    from ..study.interface import with_own_factors
 
     scene = case.scene(varied=vary)
     method = chosen_solver(solver, scene)
     data_sets = polynomials.read(data, scene, method)
     if own_factors:
-        data_sets = with_own_factors(data_sets)
+        data_sets = jc.study.interface.with_own_factors(data_sets)
     bounds, known = _bounds(scene, vary or ()), {}
     if not vary:
         scene, bounds, known = _by_recipe(scene, data_sets)
@@ -175,8 +173,6 @@ def identify(
 
 def _identified(scene, data_sets, bounds, known, options: dict[str, Any], ahead, out: Path | None):
     """The identification, and what it predicts; the best estimate so far is kept."""
-    from ..study import identify
-
     partial = Partial(out, "evaluations")
 
     def keep(estimate, chi_square):
@@ -191,7 +187,7 @@ def _identified(scene, data_sets, bounds, known, options: dict[str, Any], ahead,
                 status.update(f"{text} ...")
 
         options |= {"progress": progress, "keep": keep}
-        found = identify(scene, data_sets, bounds, known, **options)
+        found = jc.study.identify(scene, data_sets, bounds, known, **options)
         said = None if ahead is None else found.predict(ahead)
     partial.done()
     return found, said
@@ -266,27 +262,20 @@ def prediction_tables(entries, said) -> Iterator[Any]:
 
 def _by_recipe(scene, data_sets):
     """The scene of a similar machine of the right size, what is varied of it, and priors."""
-    from ..scene.interface import with_machine
-    from ..study import Readings, map_recipe
-
-    maps = [one for one in data_sets if isinstance(one, Readings)]
-    if not maps:
-        raise CommandError("--vary: is missing; only a map can do without")
-    made = map_recipe(scene, maps)
+    maps = [one for one in data_sets if isinstance(one, jc.study.Readings)]
+    refuse(not maps, "--vary: is missing; only a map can do without")
+    made = jc.study.map_recipe(scene, maps)
     source = f"similar to {scene.name}, of the size that the flow wants"
-    return with_machine(scene, made.machine, source), made.vary, made.prior
+    return jc.scene.interface.with_machine(scene, made.machine, source), made.vary, made.prior
 
 
 def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
-    from ..study.interface import varied
-
     out = {}
     for text in texts:
         name, equals, given = (part.strip() for part in text.partition("="))
         low, colon, high = given.partition(":")
-        if equals and not colon:
-            raise CommandError(f"--vary {text}: must be PATH or PATH=LO:HI")
-        unit = varied(scene.machine, name).unit
+        refuse(equals and not colon, f"--vary {text}: must be PATH or PATH=LO:HI")
+        unit = jc.study.interface.varied(scene.machine, name).unit
         out[name] = (
             tuple(si(one, unit, f"--vary {name}") for one in (low, high)) if equals else None
         )
@@ -294,14 +283,11 @@ def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
 
 
 def _priors(scene, texts) -> dict[str, tuple[float, float]]:
-    from ..study.interface import varied
-
     out = {}
     for name, given in assignments(texts, "--prior").items():
         mean, sign, width = given.partition("+-")
-        if not sign:
-            raise CommandError(f"--prior {name}={given}: must be PATH=VALUE+-SD")
-        unit = varied(scene.machine, name).unit
+        refuse(not sign, f"--prior {name}={given}: must be PATH=VALUE+-SD")
+        unit = jc.study.interface.varied(scene.machine, name).unit
         both = ((mean, False), (width, True))
         out[name] = tuple(si(one.strip(), unit, f"--prior {name}", sd) for one, sd in both)
     return out
@@ -316,8 +302,7 @@ def _deviations(data_sets, texts) -> dict[str, float]:
     }
     out = {}
     for name, given in assignments(texts, "--sd").items():
-        if name not in known:
-            raise CommandError(f"--sd {name}: must be {one_of(name, known)}")
+        refuse(name not in known, f"--sd {name}: must be {one_of(name, known)}")
         unit = "K" if name.endswith("temperature") and not relative.get(name, True) else ""
         out[name] = si(given, unit, f"--sd {name}", difference=True)
     return out
@@ -327,20 +312,17 @@ def _not_named(data_sets: Sequence[Any], counts: Sequence[int], fit_at: str) -> 
     """Points of maps that `--fit-at` does not name; those of the other kinds are all fitted."""
     import numpy as np
 
-    from ..study import Readings
-
     first = np.cumsum([0, *counts])
     pairs = zip(first[:-1], data_sets, strict=True)
-    maps = [pair for pair in pairs if isinstance(pair[1], Readings)]
-    if not maps:
-        raise CommandError("--fit-at: needs points of a map in --data")
+    maps = [pair for pair in pairs if isinstance(pair[1], jc.study.Readings)]
+    refuse(not maps, "--fit-at: needs points of a map in --data")
     points = np.concatenate([n + np.arange(one.evaporating.size) for n, one in maps])
     names = [name for _, one in maps for name in one.names]
     used = np.zeros(points.size, bool)
     for text in fit_at.split(","):
         try:
             s, d = (
-                number(one, "K", f"--fit-at {side}", False, "degC")
+                si(one, "K", f"--fit-at {side}", default_unit="degC")
                 for side, one in zip(("evaporating", "condensing"), text.split("/"), strict=True)
             )
         except ValueError:

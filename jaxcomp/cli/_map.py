@@ -56,9 +56,7 @@ def rating_map(
             or the polynomials of TESPy's PolynomialCompressor; `identify` reads all of them.
     """
     over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
-    from ..cylinder import CycleOptions
     from ..scene.map_files import FORMATS, polynomial_text, rating_metadata
-    from ..study import rating as ratings
 
     scenes = _at_speeds(case, speeds)
     refuse(
@@ -66,11 +64,12 @@ def rating_map(
         f"--coefficients {coefficients}: needs --speeds, at least three",
     )
     scene = scenes[0]
-    options = CycleOptions() if cycle is None else opt.cycle_of(CycleOptions(), cycle)
+    options = jc.cylinder.CycleOptions()
+    options = options if cycle is None else opt.cycle_of(options, cycle)
     method = opt.chosen_solver(solver, scene)
     with waiting("Solving the points (the first time they are compiled as well) ..."):
         maps = {
-            n / (2 * pi): ratings.rating_map(one, *over, rating, options, method)
+            n / (2 * pi): jc.study.rating.rating_map(one, *over, rating, options, method)
             for n, one in {_speed(one): one for one in scenes}.items()
         }
     found = next(iter(maps.values()))

@@ -134,8 +134,7 @@ def optimise(asked: Asked, output: Output) -> None:
         return
     with waiting("Comparing with the present design ..."):
         both = found.compare()
-    keys = ("name", "unit", "present", "optimum")
-    rows = both.rows if both else ()
+    keys, rows = ("name", "unit", "present", "optimum"), both.rows if both else ()
     said["comparison"] = [dict(zip(keys, (*row[:2], *row.values), strict=True)) for row in rows]
     scene, said["not_in_scene"] = jc.scene.optimised_scene(scene, found)
     output.emit(

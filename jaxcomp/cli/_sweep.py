@@ -13,7 +13,7 @@ import jaxcomp as jc
 
 from .._core.interrupts import words_when_stopped
 from . import _options as opt
-from ._arguments import assignments, with_one_unit
+from ._arguments import assignments, si, with_one_unit
 from ._output import Output
 from ._start import CommandError, cluster, refuse
 from ._tables import row_table
@@ -105,8 +105,7 @@ def sweep(
 
 def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene]:
     """The scene with every layout of the cylinders, by its name."""
-    if scene.compressor is None:
-        raise CommandError(f"--over {_LAYOUT}: {scene.name} has no crankshaft")
+    refuse(scene.compressor is None, f"--over {_LAYOUT}: {scene.name} has no crankshaft")
     changes = {_LAYOUT: None, "crankshaft.throws": None}
     return {
         name: jc.scene.with_values(scene, changes | {_LAYOUT: name})
@@ -176,7 +175,7 @@ def axis_values(text: str, unit: str, option: str, sampled: bool, default_unit: 
     def numbers(texts):
         # a deviation is a difference
         return [
-            number(one, unit, option, kind == "normal" and place == 1, default_unit)
+            si(one, unit, option, kind == "normal" and place == 1, default_unit)
             for place, one in enumerate(with_one_unit(texts))
         ]
 
@@ -204,15 +203,6 @@ def _made(kind, option, *numbers):
         return kind(*numbers)
     except ValueError as error:
         raise CommandError(f"{option}: {error}") from None
-
-
-def number(text: str, unit: str, option: str, difference: bool, default_unit: str | None) -> float:
-    """[SI] A number of an axis, as in `to_si`."""
-    try:
-        given: float | str = float(text)
-    except ValueError:
-        given = text
-    return float(jc.scene.interface.to_si(given, unit, option, default_unit, difference))
 
 
 def sweep_tables(found, result: dict[str, Any]):

@@ -162,19 +162,16 @@ def tolerance_tables(
     yield from map(escape, found.sentences(*permitted))
     failed = f", {result['failed']:,} not solved" if result["failed"] else ""
     title = f"{result['scene']}: {result['samples']:,} machines{failed}"
-    nothing, sampled, by_derivatives = {"mean": None, "deviation": None}, [], []
+    sampled, by_derivatives = [], []
     for name in found.names:
         look, row = found.shown(name), result["quantities"][name]
-        ends = (row["percentiles"][share] for share in ("5", "95"))
-        numbers = (row["nominal"], row["mean"], row["deviation"], *ends)
-        cells = (_value(look.differences if n == 2 else look, x) for n, x in enumerate(numbers))
-        sampled.append((look.label, *cells))
-        orders = (row["first_order"], row["second_order"] or nothing)
-        cells = (
-            _value(kind, one[key])
-            for one in orders
-            for key, kind in (("mean", look), ("deviation", look.differences))
-        )
+        wide, shares = look.differences, row["percentiles"]
+        ends = (_value(look, shares[share]) for share in ("5", "95"))
+        middle = (_value(look, row[key]) for key in ("nominal", "mean"))
+        sampled.append((look.label, *middle, _value(wide, row["deviation"]), *ends))
+        orders = (row[key] or {} for key in ("first_order", "second_order"))
+        both = (("mean", look), ("deviation", wide))
+        cells = (_value(kind, one.get(key)) for one in orders for key, kind in both)
         by_derivatives.append((look.label, *cells))
     yield row_table(title, ("Quantity", "Nominal", "Mean", "Deviation", "5 %", "95 %"), sampled)
     heads = ("By derivatives", "1st-order mean", "Deviation", "2nd-order mean", "Deviation")

@@ -100,7 +100,7 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         name: of the quantity.
         title: of the picture.
     """
-    place, look = _look(found, name)
+    place, look = found.names.index(name), found.shown(name).drawn
     values = look.of(found.sampled.values[found.sampled.ok, place])
     title = f"{title}: {_small(look)} of {len(values):,} machines"
     figure, ax = style.single((6.8, 4.2), title)
@@ -154,7 +154,7 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
         name: of the quantity.
         title: of the picture.
     """
-    place, look = _look(found, name)
+    place, look = found.names.index(name), found.shown(name).drawn
     ranked = found.ranking(name)[:_ROWS]
     rows = [found.variables.index(variable) for variable, _ in ranked]
     size, title = (7.6, 1.6 + 0.36 * len(rows)), f"{title}: what changes {_small(look)}"
@@ -182,9 +182,3 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
 
 def _small(look: Shown) -> str:
     return look.words[:1].lower() + look.words[1:]
-
-
-def _look(found: Tolerances, name: str) -> tuple[int, Shown]:
-    """Where a quantity stands among the others, and how it is shown."""
-    place = found.names.index(name)
-    return place, shown(name, found.problem.units[place], found.value[place]).drawn

@@ -103,9 +103,8 @@ def _line(optimum: Optimum) -> Figure:
     (best,) = optimum.values.values()
     _best(above, optimum, variable.of(best), goal.of(optimum.objective))
     present = np.asarray(optimum.problem.current)[0]
-    near = np.flatnonzero(sample.values[:, 0] == present)
-    if near.size and sample.ok[near[0]]:
-        _present(above, variable.of(present), goal.of(sample.objective[near[0]]))
+    if optimum.present_objective is not None:
+        _present(above, variable.of(present), goal.of(optimum.present_objective))
     style.note(figure, "Each colour is one start; above its first design, below the best so far.")
     below.invert_yaxis()
     below.set(xlabel=variable.label, ylabel=_STEPS)
@@ -181,9 +180,8 @@ def _title(optimum: Optimum) -> str:
 
 def _objective(optimum: Optimum) -> Shown:
     problem = optimum.problem
-    units = dict(zip(problem.names, problem.units, strict=True))
     name = optimum.objective_name
-    return shown(name, units.get(name, ""), optimum.sample.objective).drawn
+    return shown(name, problem.unit_of.get(name, ""), optimum.sample.objective).drawn
 
 
 def _variables(optimum: Optimum) -> list[Shown]:

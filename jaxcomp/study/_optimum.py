@@ -172,8 +172,7 @@ class Optimum(Result):
     def nested(self) -> dict[str, Any]:
         """Variables, objective, constraints and starts, and the sample in short."""
         problem, sample = self.problem, self.sample
-        units = dict(zip(problem.names, problem.units, strict=True))
-        names = [one.name for one in problem.variables]
+        units, names = problem.unit_of, [one.name for one in problem.variables]
         by_name = {"value": self.values, "gradient": self.gradient, "at_bound": self.at_bound}
         return {
             "variables": records(

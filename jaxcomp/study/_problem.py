@@ -93,6 +93,11 @@ class Problem(eqx.Module):
         return tuple(unit_of(q) for q in self.quantities)
 
     @property
+    def unit_of(self) -> dict[str, str]:
+        """SI units by name of the quantity."""
+        return dict(zip(self.names, self.units, strict=True))
+
+    @property
     def current(self) -> Float[Array, " variables"]:
         """[SI] The variables as the design stands."""
         return jnp.stack([jnp.asarray(v.current(self.design), float) for v in self.variables])
