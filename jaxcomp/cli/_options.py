@@ -19,7 +19,7 @@ from .._core.extensions import ExtensionError
 from .._core.files import regular
 from .._core.registry import DESIGN_RULES, registered
 from ._arguments import assignments, changed_scene
-from ._start import CommandError, show_error, start_jax
+from ._start import CommandError, refuse, show_error, start_jax
 
 _MACHINES = Path(__file__).parents[1] / "machines"
 
@@ -168,29 +168,23 @@ def cycle_of(cycle: jc.cylinder.CycleOptions, text: str) -> jc.cylinder.CycleOpt
     given = {}
     for pair in text.split(","):
         name, _, value = (part.strip() for part in pair.partition("="))
-        bound = f"must be NAME=VALUE with one of {', '.join(own)}"
-        if name not in own:
-            raise CommandError(f"--cycle {pair}: {bound}")
-        most = _MOST_OF_CYCLE.get(name, 10**5)
+        bound, most = (
+            f"must be NAME=VALUE with one of {', '.join(own)}",
+            _MOST_OF_CYCLE.get(name, 10**5),
+        )
+        refuse(name not in own, f"--cycle {pair}: {bound}")
+        kind = type(own[name])
         try:
-            if name == "method":
-                if value not in ("collocation", "march"):
-                    raise ValueError
-                given[name] = value
-            elif isinstance(own[name], int):
-                given[name] = int(value)
-                bound = f"must be a whole number from 2 to {most}"
-                if not 2 <= given[name] <= most:
-                    raise ValueError
-            else:
-                given[name] = float(value)
-                bound = "must be > 0 and < 1"
-                if not 0 < given[name] < 1:
-                    raise ValueError
+            given[name] = kind(value)
         except ValueError:
-            if name == "method":
-                bound = "must be collocation or march"
             raise CommandError(f"--cycle {pair}: {bound}") from None
+        if kind is int:
+            bound, good = f"must be a whole number from 2 to {most}", 2 <= given[name] <= most
+        elif kind is float:
+            bound, good = "must be > 0 and < 1", 0 < given[name] < 1
+        else:
+            bound, good = "must be collocation or march", value in ("collocation", "march")
+        refuse(not good, f"--cycle {pair}: {bound}")
     return replace(cycle, **given)
 
 

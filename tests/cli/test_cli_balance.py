@@ -1,12 +1,16 @@
 """`jaxcomp balance`: on the bundled machine, from measurements, and its refusals."""
 
+import json
+
 import numpy as np
 import pytest
 from helpers import read_json
 from typer.testing import CliRunner
 from vibration.test_balancing import table, three_runs
 
+from jaxcomp.balancing import least_squares
 from jaxcomp.cli import app
+from jaxcomp.scene.measurements import read_measurements
 
 RUNNER = CliRunner()
 
@@ -306,3 +310,10 @@ def test_run_out_is_taken_off_and_readings_have_weights(measured, tmp_path):
     for one, other in zip(plain["rows"], result["rows"], strict=True):
         assert one["before"] == pytest.approx(other["before"], rel=1e-9)
         assert other["weight"] == (3.0 if other["target"] == "bearing-1" else 1.0)
+
+
+def test_python_says_what_the_command_prints(measured):
+    printed = json.loads(run("--measured", measured, "--json").stdout)
+    said = json.loads(least_squares(read_measurements(measured)).to_json())
+    assert said.items() <= printed.items()
+    assert {*printed} - {*said} == {"machine", "version", "excitation"}

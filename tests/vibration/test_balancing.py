@@ -527,3 +527,28 @@ def test_least_masses_are_least_by_another_method():
     assert size(other.x).min() > 0.01  # away from the kink of a plane without a correction
     # differences of SciPy, which know the slope to 1e-8, at a flat minimum
     assert float(found.objective) == pytest.approx(other.fun, rel=1e-6)
+
+
+def test_bounds_of_single_planes_leave_the_others_free(tmp_path):
+    path = tmp_path / "runs.csv"
+    path.write_text(table(three_runs()))
+    influence = read_measurements(path)
+    first = float(np.abs(least_squares(influence).correction[0])) / 2
+    by_name = bounded(influence, {"plane-1": first})
+    by_place = bounded(influence, jnp.array([first, 1e3]))
+    np.testing.assert_allclose(by_name.correction, by_place.correction, rtol=1e-6)
+    assert abs(by_name.correction[0]) == pytest.approx(first, rel=1e-6)
+    with pytest.raises(BadInput, match="plane-1"):
+        bounded(influence, {"plane_1": first})
+
+
+def test_weights_of_targets_are_those_of_their_rows(tmp_path):
+    path = tmp_path / "runs.csv"
+    path.write_text(table(three_runs()))
+    twice = select(read_measurements(path), weights={"bearing-2": 2.0})
+    assert twice.weight.tolist() == [1.0, 2.0]
+    alone = least_squares(select(twice, planes=["plane-1"]))
+    assert alone.verdict.startswith("No reading") != bool(alone.worse.any())
+    for weights in ({"bearing-3": 1.0}, {"bearing-1": -1.0}):
+        with pytest.raises(BadInput, match="bearing"):
+            select(twice, weights=weights)
