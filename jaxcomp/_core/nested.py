@@ -148,3 +148,52 @@ def records(**columns: Any) -> list[dict[str, Any]]:
 def fields_of(found: Any, *names: str) -> dict[str, Any]:
     """Some attributes of a result by name."""
     return {name: getattr(found, name) for name in names}
+
+
+# ------------------------------------------------------------------- schema
+def _any_depth(name: str, one: dict[str, Any]) -> dict[str, Any]:
+    again = {"$ref": f"#/$defs/{name}"}
+    lists = {"type": "array", "items": again}
+    return {"anyOf": [one, lists, {"type": "object", "additionalProperties": again}]}
+
+
+# What the schemas of results refer to, in `$defs`.
+SCHEMAS = {
+    "words": _any_depth("words", {"type": ["string", "boolean", "null"]}),
+    "numbers": _any_depth("numbers", {"type": ["number", "null"]}),
+    "stated": _any_depth("stated", {"type": ["number", "string", "boolean", "null"]}),
+}
+_WORDS, _NUMBERS = {"$ref": "#/$defs/words"}, {"$ref": "#/$defs/numbers"}
+
+
+def schema_of(table: Table) -> dict[str, Any]:
+    """JSON schema of an object with these units in its keys; refers to `SCHEMAS` in `$defs`."""
+    properties, patterns, others = {}, {}, _WORDS
+    for key, told in table.items():
+        if not isinstance(told, str):
+            inner = _listed(schema_of(told))
+            key_is, schema = key, {"anyOf": [inner, _WORDS]}
+        elif told in OF_THE_WHOLE:
+            patterns[rf"^{key}( \[.+\])?$"] = _NUMBERS | {"description": f"in the unit of `{told}`"}
+            continue
+        elif isinstance(told, Said):
+            key_is, schema = key, {"$ref": "#/$defs/stated", "description": str(told)}
+        else:
+            key_is, schema = f"{key} [{told}]" if told else key, _NUMBERS
+        if key == "*" and told and key_is != key:
+            patterns[rf" \[{re.escape(told)}\]$"] = schema
+        elif key == "*":
+            others = {"anyOf": [schema, _WORDS]}
+        else:
+            properties[key_is] = schema
+    return {
+        "type": "object",
+        "properties": properties,
+        "patternProperties": patterns,
+        "additionalProperties": others,
+    }
+
+
+def _listed(one: dict[str, Any]) -> dict[str, Any]:
+    twice = {"type": "array", "items": one}
+    return {"anyOf": [one, {"type": "array", "items": {"anyOf": [one, twice]}}]}

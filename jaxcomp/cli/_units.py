@@ -1,12 +1,11 @@
 """Units of what commands print beside results of the library, and the JSON schema of all results."""
 
-import re
 from operator import attrgetter
 from typing import Any
 
 import jaxcomp as jc
 
-from .._core.nested import OF_THE_WHOLE, Said, Table, merged, units_table
+from .._core.nested import SCHEMAS, Table, merged, schema_of, units_table
 from .._core.registry import registered
 
 # By the name of the command.
@@ -130,10 +129,6 @@ def table_of(command: str) -> Table:
 
 
 # ------------------------------------------------------------------- schema
-_WORDS = {"$ref": "#/$defs/words"}
-_NUMBERS = {"$ref": "#/$defs/numbers"}
-
-
 def results_schema() -> dict[str, Any]:
     """JSON schema of the results of all commands, each under its name in `$defs`."""
     return {
@@ -141,49 +136,5 @@ def results_schema() -> dict[str, Any]:
         "title": "Results of jaxcomp",
         "description": "What commands print with --json and write to result.json, each under its name. "
         "Numbers are in SI units; a key has the unit behind it, in brackets.",
-        "$defs": {
-            **{name: _object(table_of(name)) for name in COMMANDS},
-            "words": _any_depth("words", {"type": ["string", "boolean", "null"]}),
-            "numbers": _any_depth("numbers", {"type": ["number", "null"]}),
-            "stated": _any_depth("stated", {"type": ["number", "string", "boolean", "null"]}),
-        },
+        "$defs": {name: schema_of(table_of(name)) for name in COMMANDS} | SCHEMAS,
     }
-
-
-def _any_depth(name: str, one: dict[str, Any]) -> dict[str, Any]:
-    again = {"$ref": f"#/$defs/{name}"}
-    lists = {"type": "array", "items": again}
-    return {"anyOf": [one, lists, {"type": "object", "additionalProperties": again}]}
-
-
-def _object(table: Table) -> dict[str, Any]:
-    """A result, or a part of it, or a list of such parts."""
-    properties, patterns, others = {}, {}, _WORDS
-    for key, told in table.items():
-        if not isinstance(told, str):
-            inner = _listed(_object(told))
-            key_is, schema = key, {"anyOf": [inner, _WORDS]}
-        elif told in OF_THE_WHOLE:
-            patterns[rf"^{key}( \[.+\])?$"] = _NUMBERS | {"description": f"in the unit of `{told}`"}
-            continue
-        elif isinstance(told, Said):
-            key_is, schema = key, {"$ref": "#/$defs/stated", "description": str(told)}
-        else:
-            key_is, schema = f"{key} [{told}]" if told else key, _NUMBERS
-        if key == "*" and told and key_is != key:
-            patterns[rf" \[{re.escape(told)}\]$"] = schema
-        elif key == "*":
-            others = {"anyOf": [schema, _WORDS]}
-        else:
-            properties[key_is] = schema
-    return {
-        "type": "object",
-        "properties": properties,
-        "patternProperties": patterns,
-        "additionalProperties": others,
-    }
-
-
-def _listed(one: dict[str, Any]) -> dict[str, Any]:
-    twice = {"type": "array", "items": one}
-    return {"anyOf": [one, {"type": "array", "items": {"anyOf": [one, twice]}}]}

@@ -10,9 +10,9 @@ PACKAGE = Path(jaxcomp.__file__).parent
 # Of today, rounded up to fifty. A package that needs more says why where it raises its number; one that
 # has become shorter lowers it.
 MOST = {
-    "_core": 3_500,
+    "_core": 3_550,
     "balancing": 1_400,
-    "cli": 6_150,
+    "cli": 6_050,
     "crank": 5_350,
     "crankshaft": 950,
     "cylinder": 4_000,
