@@ -8,9 +8,9 @@ from ._load_table import LoadTable as LoadTable
 from ._load_table import loaded_journal as loaded_journal
 from ._orbit import Energy as Energy
 from ._orbit import Orbit as Orbit
-from ._orbit import Performance as Performance
-from ._orbit import performance as performance
 from ._orbit import rod_load_reversal as rod_load_reversal
+from ._performance import Performance as Performance
+from ._performance import performance as performance
 from ._shooting import Shooting as Shooting
 from ._solve import orbit_at_constant_speed as orbit_at_constant_speed
 from ._solve import solve_orbit as solve_orbit

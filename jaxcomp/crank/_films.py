@@ -5,23 +5,17 @@ load of that instant would hold it for ever: squeeze, which keeps a film thicker
 quickly, is left out.
 """
 
-import math
-from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
-from .._core.each import mapped
 from .._core.exported import kept_jit
-from .._core.fields import of_cylinder, rebuilt
+from .._core.fields import of_cylinder
 from .._core.polynomials import Rule, gauss
-from .._core.results import Data, Result, reading
-from .._core.roots import AbstractFixedPoint, fixed_point, frozen, settle
-from .._core.status import Status
+from .._core.results import Result, reading
 from ..compressor import Compressor
 from ..crankshaft.interface import film_journals
 from ..film import AbstractSolvedFilm, JournalBearing, minimum_film
@@ -30,7 +24,6 @@ from ..film.interface import (
     film_unit,
     friction_moment,
     load_number,
-    moving_film,
     prepare,
     quarter_turn,
     ring_contact,
@@ -40,9 +33,9 @@ from ..film.interface import (
     squeeze_of,
 )
 from ..friction.interface import EachJournal
-from ._journals import Drive, improved_positions, orbit_status, position_error, rate_shares
+from ._journals import position_error, rate_shares
 from ._orbit import Orbit
-from ._panels import Panels, farthest, highest, panels
+from ._panels import farthest, highest
 
 # [J/(m^3 K)] Heat capacity of oil, 860 kg/m^3 times 2000 J/(kg K).
 OIL_HEAT_CAPACITY = 1.72e6
@@ -50,7 +43,6 @@ OIL_HEAT_CAPACITY = 1.72e6
 THIN_FILM = 5e-6
 # [m] of both surfaces together where a bearing names no other: less than that of any bearing.
 ROUGHNESS = 1e-8
-_PANELS = 48  # of a revolution of a journal under a given load
 
 
 class JournalFilm(Result, eqx.Module):
@@ -119,31 +111,6 @@ class JournalFilm(Result, eqx.Module):
         return _share_below(self.thickness, self.duration, thickness)
 
 
-class JournalOrbit(Result, eqx.Module):
-    """A periodic orbit of one journal.
-
-    Attributes:
-        film: what is read off the orbit.
-        status: `Status.film_collapse` where the film closes.
-        angle: [rad] (n,) of the nodes.
-        residual: [-] last change of the positions.
-        iterations: steps of Newton's method.
-    """
-
-    film: JournalFilm
-    status: Status
-    angle: Float[Array, " n"] = reading("rad", "node")
-    residual: Float[Array, ""] = reading("")
-    iterations: Int[Array, ""] = reading("")
-
-    table_dims: ClassVar[tuple[str, ...]] = ("node",)
-
-    def described(self) -> Iterator[Data]:
-        """The quantities of this result in SI units, with those of its film."""
-        yield from super().described()
-        yield from self.film.described()
-
-
 def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array, " n"]]:
     """[rad/s] Speed of each journal in its bush over the nodes, by joint.
 
@@ -156,7 +123,8 @@ def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array
     return rates | {name: share * speed for name, (share, _) in shares.items()}
 
 
-def _thin_film(law):
+def thin_film(law: JournalBearing) -> float | Float[Array, ""]:
+    """[m] Below which the film of a bearing counts as thin."""
     return THIN_FILM if law.thin_film is None else law.thin_film
 
 
@@ -179,7 +147,7 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
     """
     found, moved = {}, orbit.positions or {}
     rates = journal_rates(compressor, orbit)
-    for name, law in _journals(compressor, orbit):
+    for name, law in oil_films(compressor, orbit):
         if name in moved:
             found[name] = law.radial_clearance * (1 - jnp.hypot(*moved[name]))
         elif issubclass(law.model, AbstractCarryingFilm):
@@ -188,7 +156,7 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
     return found
 
 
-def _journals(compressor: Compressor, orbit: Orbit):
+def oil_films(compressor: Compressor, orbit: Orbit):
     """Joints with oil films, and their laws."""
     crankshaft, friction = compressor.crankshaft, compressor.friction
     own = {} if friction is None else vars(friction)
@@ -214,7 +182,7 @@ def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm
     """
     shares = rate_shares(compressor, orbit.state.angle)
     return {
-        name: _read(
+        name: read_film(
             law,
             (orbit.positions or {}).get(name),
             -orbit.loads.forces[name],
@@ -223,47 +191,12 @@ def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm
             gauss(orbit.panel_nodes),
             orbit.panel_width,
         )
-        for name, law in _journals(compressor, orbit)
+        for name, law in oil_films(compressor, orbit)
         if issubclass(law.model, AbstractSolvedFilm)
     }
 
 
-@kept_jit
-def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
-    """What films that carry a steady load at every instant would be if their journals moved, by joint.
-
-    The orbits of these journals under the loads that the crank has without them: what they would lose
-    less does not act back. Beside `journal_films` this is what `motion = "orbit"` would change.
-
-    Args:
-        compressor: the machine.
-        orbit: its periodic state.
-    """
-    shares = rate_shares(compressor, orbit.state.angle)
-    width = orbit.panel_width
-    first = orbit.state.angle[0] - width[0] * gauss(orbit.panel_nodes).nodes[0]
-    edges = first + jnp.concatenate([jnp.zeros(1), jnp.cumsum(width)])
-    names, rows = [], []
-    for name, law in _journals(compressor, orbit):
-        if not law.moves and issubclass(law.model, AbstractSolvedFilm):
-            film = "short" if law.film == "short" else "reynolds"
-            bearing = rebuilt(law, film=film, motion="orbit", thin_film=_thin_film(law))
-            both = [s * orbit.state.speed + 0 * orbit.weight for s in shares.get(name, (1.0, 1.0))]
-            names.append(name)
-            rows.append((bearing, -orbit.loads.forces[name], jnp.stack(both)))
-    if not rows:
-        return {}
-
-    def solved(bearing, load, rates):
-        speed = orbit.state.speed
-        return _solved_journal(bearing, load, rates, speed, edges, orbit.panel_nodes).film
-
-    bearings, loads, rates = zip(*rows, strict=True)
-    films = mapped(solved, bearings, jnp.stack(loads), jnp.stack(rates))
-    return {name: jax.tree.map(lambda leaf, i=i: leaf[i], films) for i, name in enumerate(names)}
-
-
-def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFilm:
+def read_film(law, position, load, rates, duration, rule: Rule, width) -> JournalFilm:
     """What a journal's film does at given places (`None`: those of a steady film) and loads.
 
     Args:
@@ -279,70 +212,96 @@ def _read(law, position, load, rates, duration, rule: Rule, width) -> JournalFil
     def largest_of(values):
         return highest(rule, width, values.reshape(*width.shape, -1))
 
-    (difference, total), gap, moves = rates, law.radial_clearance, position is not None
+    def mean(values):
+        return jnp.sum(duration * values, axis=-1) / jnp.sum(duration)
+
+    difference, gap, moves = rates[0], law.radial_clearance, position is not None
+    # the same load carried steadily
     size = jnp.hypot(*load)
-    film, unit, contact = squeeze_of(law), film_unit(law), ring_contact(law)
     resting = minimum_film(law, size, jnp.abs(difference))
-    moment = friction_moment(law, size, difference)
+    resting_loss = friction_moment(law, size, difference) * difference
+    # above zero, as all between which it is sought
+    steady_film = jnp.exp(-largest_of(-jnp.log(resting)))
+
     if position is None:
         position = _steady_position(law, load, difference)
         # the steady film has the sum of the rates in the place of their difference
-        total = difference
+        rates = difference, difference
+    thickness = gap * (1 - jnp.hypot(*position)) if moves else resting
+    at, (stiffness, damping) = _at_nodes(law, position, load, rates, moves, resting_loss)
+
+    on_panels = position.reshape(2, -1, rule.nodes.size)
+    largest = jnp.minimum(farthest(rule, width, on_panels), 1.0)
+    loss = mean(at["shear_loss"] + at["squeeze_loss"] + at["contact_loss"])
+    leaving, force_unit = mean(at["flow"]), film_unit(law) / gap
+    return JournalFilm(
+        moving=moves,
+        position=position,
+        load=load,
+        thickness=thickness,
+        **at,
+        minimum_film=gap * (1 - largest) if moves else steady_film,
+        largest_pressure=largest_of(at["pressure"]),
+        largest_eccentricity=largest,
+        film_error=gap * position_error(rule, on_panels),
+        mean_flow=leaving,
+        mean_shear_loss=mean(at["shear_loss"]),
+        mean_squeeze_loss=mean(at["squeeze_loss"]),
+        temperature_rise=_temperature_rise(loss, leaving),
+        stiffness=force_unit * mean(stiffness),
+        damping=force_unit * mean(damping),
+        thin_share=_share_below(thickness, duration, thin_film(law)),
+        steady_film=steady_film,
+        steady_loss=mean(resting_loss),
+        duration=duration,
+        mean_contact_loss=mean(at["contact_loss"]),
+    )
+
+
+def _at_nodes(law, position, load, rates, moves: bool, resting_loss):
+    """The entries of `JournalFilm` that places and loads give at every node, and the coefficients there.
+
+    Args:
+        law, position, load, rates: as in `read_film`.
+        moves: whether the journal moves through the places; else it rests at each.
+        resting_loss: [W] where it rests.
+    """
+    difference, total = rates
+    gap, film, unit, contact = (
+        law.radial_clearance,
+        squeeze_of(law),
+        film_unit(law),
+        ring_contact(law),
+    )
     # what rough surfaces carry in contact, the film need not
     push, rubbing, carried = 0 * load, 0 * difference, load
     if contact is not None:
         push = contact.push(position)
         carried, rubbing = load - push, contact.torque(position, difference) * difference
+    force = carried / unit
+
     shear = shear_drag(law, position) * difference**2
     if moves:
-        velocity = film.mobility(position, carried / unit)
+        velocity = film.mobility(position, force)
         squeeze = gap * jnp.sum(carried * velocity, axis=0)
     else:  # the wedge of a journal at rest is squeeze in axes that turn at half the rate
         velocity = -0.5 * difference * quarter_turn(position)
-        squeeze = moment * difference - shear - rubbing
-
-    def mean(values):
-        return jnp.sum(duration * values, axis=-1) / jnp.sum(duration)
-
+        squeeze = resting_loss - shear - rubbing
     scale = law.dynamic_viscosity / law.clearance_ratio**2
-    pressure = scale * film.peak_pressure(position, carried / unit, velocity)
-    flow = law.radius * law.length * gap * film.side_flow(position, carried / unit, velocity)
-    thickness = gap * (1 - jnp.hypot(*position)) if moves else resting
-    on_panels = position.reshape(2, -1, rule.nodes.size)
-    largest = jnp.minimum(farthest(rule, width, on_panels), 1.0)
-    error = gap * position_error(rule, on_panels)
-    stiffness, damping = _coefficients(film, position, carried / unit, 0.5 * total)
+
+    stiffness, damping = _coefficients(film, position, force, 0.5 * total)
     if contact is not None:
         _, columns = slopes_along(contact.push, position)
         stiffness = stiffness + jnp.stack(columns, axis=1) / unit
-    loss, leaving = mean(shear + squeeze + rubbing), mean(flow)
-    return JournalFilm(
-        position=position,
-        load=load,
-        thickness=thickness,
-        pressure=pressure,
-        flow=flow,
-        shear_loss=shear,
-        squeeze_loss=squeeze,
-        minimum_film=gap * (1 - largest) if moves else _least(resting, largest_of),
-        largest_pressure=largest_of(pressure),
-        largest_eccentricity=largest,
-        film_error=error,
-        mean_flow=leaving,
-        mean_shear_loss=mean(shear),
-        mean_squeeze_loss=mean(squeeze),
-        temperature_rise=_temperature_rise(loss, leaving),
-        stiffness=unit / gap * mean(stiffness),
-        damping=unit / gap * mean(damping),
-        thin_share=_share_below(thickness, duration, _thin_film(law)),
-        steady_film=_least(resting, largest_of),
-        steady_loss=mean(moment * difference),
-        duration=duration,
-        contact_load=jnp.hypot(*push) if contact is not None else push[0],
-        contact_loss=rubbing,
-        mean_contact_loss=mean(rubbing),
-        moving=moves,
-    )
+    at = {
+        "pressure": scale * film.peak_pressure(position, force, velocity),
+        "flow": law.radius * law.length * gap * film.side_flow(position, force, velocity),
+        "shear_loss": shear,
+        "squeeze_loss": squeeze,
+        "contact_load": jnp.hypot(*push) if contact is not None else push[0],
+        "contact_loss": rubbing,
+    }
+    return at, (stiffness, damping)
 
 
 def _steady_position(law, load, rate) -> Float[Array, "2 n"]:
@@ -361,11 +320,6 @@ def _temperature_rise(loss: Float[Array, ""], flow: Float[Array, ""]) -> Float[A
     return jnp.where(flow > 0, rise, jnp.full_like(rise, jnp.inf))
 
 
-def _least(thickness, largest_of) -> Float[Array, ""]:
-    """[m] Smallest over the revolution, above zero as all between which it is sought."""
-    return jnp.exp(-largest_of(-jnp.log(thickness)))
-
-
 def roughness_of(law: JournalBearing) -> float | Float[Array, ""] | None:
     """[m] Below which a film carries nothing; `None` where a contact does."""
     if law.contact is not None:
@@ -380,7 +334,7 @@ def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
     rest: there squeeze holds it up, of which the film knows nothing.
     """
     moved, rates, thin = orbit.positions or {}, journal_rates(compressor, orbit), jnp.asarray(False)
-    for name, law in _journals(compressor, orbit):
+    for name, law in oil_films(compressor, orbit):
         gap, roughness = law.radial_clearance, roughness_of(law)
         if roughness is None:
             continue
@@ -415,104 +369,3 @@ def _coefficients(film, position, force, turning):
     turn = jnp.array([[0.0, -1.0], [1.0, 0.0]])[..., None] * turning
     stiffness = jnp.einsum("abn,bcn->acn", damping, -by_place - turn)
     return stiffness, damping
-
-
-class _Periodic(AbstractFixedPoint):
-    """The periodic orbit of a journal on fixed panels; the parameters are its `Drive`."""
-
-    grid: Panels
-    tolerance: float | Float[Array, ""] = 1e-13
-    max_iterations: int = eqx.field(static=True, default=60)
-
-    def step(self, parameters, data, unknowns):
-        return improved_positions(data[0], parameters, unknowns)[0]
-
-    def solve(self, parameters):
-        data = self.grid, None
-
-        def step(position, _):
-            return self.step(frozen(parameters), data, position), None
-
-        start = jnp.zeros_like(parameters.force)
-        position, _, report = settle(step, start, None, self.tolerance, self.max_iterations)
-        return position, (self.grid, report)
-
-
-def journal_orbit(
-    bearing: JournalBearing,
-    load: Callable[[Float[Array, " n"]], Float[Array, "2 n"]],
-    speed: float | Float[Array, ""],
-    *,
-    journal: float | Callable = 1.0,
-    bush: float | Callable = 0.0,
-    edges: Float[Array, " e"] | None = None,
-    nodes: int = 8,
-    period: float = 2 * math.pi,
-) -> JournalOrbit:
-    """The periodic orbit of one journal under a given load history at constant speed.
-
-    Derivatives follow from the implicit function theorem.
-
-    Args:
-        bearing: with its viscosity.
-        load: [N] on the journal over the crank angle [rad], in axes that do not rotate.
-        speed: [rad/s] of the crank, > 0.
-        journal, bush: [-] rates of rotation over that speed, numbers or functions of the crank angle.
-        edges: [rad] within the period from the first one, where the load has kinks: they cut the even
-            panels that there are anyway, 48 of a revolution. Beside a contact there are 48 more, first
-            even ones, then where the journal so moves fastest: surfaces let go within a few degrees.
-        nodes: on every panel.
-        period: [rad] after which load and rates come again.
-    """
-    edges = jnp.zeros(1) if edges is None else jnp.asarray(edges, float)
-    count = math.ceil(_PANELS * max(period / (2 * math.pi), 1.0) - 1e-9)
-    even, speed = edges[0] + jnp.linspace(0, period, count + 1), jnp.asarray(speed, float)
-    edges = jnp.concatenate([even, jnp.clip(edges[1:], even[0], even[-1])])
-
-    def solved(edges) -> JournalOrbit:
-        grid = panels(jnp.sort(edges), nodes)
-        angle = grid.angle.ravel()
-        turns, holds = (
-            jnp.broadcast_to(r(angle) if callable(r) else r, angle.shape) for r in (journal, bush)
-        )
-        rates = jnp.stack([(turns - holds) * speed, (turns + holds) * speed])
-        return _solved_journal(bearing, load(angle), rates, speed, grid.edges, nodes)
-
-    if bearing.contact is None:
-        return solved(edges)
-    first = lax.stop_gradient(solved(jnp.concatenate([edges, 0.5 * (even[1:] + even[:-1])])))
-    return solved(jnp.concatenate([edges, _where_it_moves(first, count)]))
-
-
-def _where_it_moves(orbit: JournalOrbit, count: int) -> Float[Array, " count"]:
-    """[rad] Places between which a journal moves equally far."""
-    position = orbit.film.position
-    steps = jnp.hypot(*jnp.diff(position, axis=1, prepend=position[:, :1]))
-    way = jnp.cumsum(steps)
-    share = (jnp.arange(count) + 0.5) / count
-    return jnp.interp(share * way[-1], way, orbit.angle)
-
-
-@kept_jit
-def _solved_journal(
-    bearing: JournalBearing, force, rates, speed, edges, nodes: int
-) -> JournalOrbit:
-    grid, film = panels(edges, nodes), moving_film(bearing)
-
-    drive = Drive(
-        (film,),
-        grid.by_panels(force / (film_unit(bearing) * speed))[:, None],
-        grid.by_panels(0.5 * rates[1] / speed)[None],
-        None if bearing.contact is None else speed * jnp.ones((1, 1, *grid.angle.shape)),
-    )
-    # surfaces that carry most of a load are met in many short steps
-    steps = 60 if bearing.contact is None else 400
-    position, (_, report) = fixed_point(_Periodic(grid, max_iterations=steps), drive)
-    position = position[:, 0].reshape(2, -1)
-
-    read = _read(
-        bearing, position, force, rates, grid.weight.ravel() / speed, grid.rule, grid.width
-    )
-    status = Status.where(report.settled, Status.converged, Status.not_converged)
-    status = orbit_status(grid.rule, drive, grid.by_panels(position)[:, None], status)
-    return JournalOrbit(read, status, grid.angle.ravel(), report.change, report.steps)

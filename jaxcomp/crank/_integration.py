@@ -1,10 +1,16 @@
-"""How motion is integrated in time."""
+"""How motion is integrated: in time, and through a revolution over the crank angle."""
 
 import diffrax
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.arguments import counted
+from ..compressor import Compressor
+from ..mechanism import CrankState
+from ._journals import journal_drive
+from ._motion import Instantaneous
 
 # Their course is kept: some hundred bytes a step.
 MOST_STEPS = 2**22
@@ -36,3 +42,41 @@ class TimeIntegration(eqx.Module):
     def __check_init__(self):
         counted("max_steps", self.max_steps, high=MOST_STEPS)
         counted("samples", self.samples, 2, 10**7)
+
+
+def rates_over_angle(compressor: Compressor, now: Instantaneous, speed, torques, journals, units):
+    """[1/rad] How speed, time, works and positions of journals change with the crank angle.
+
+    Args:
+        compressor: the machine.
+        now: its equation of motion, solved.
+        speed: [rad/s] of the crank.
+        torques: [N m] whose works are counted.
+        journals: [-] (2, k) positions of those that move; `None` without any.
+        units: [rad/s] and [J] of speed and works; the time is counted in the inverse of the first.
+    """
+    rates = {
+        "speed": now.acceleration / speed / units[0],
+        "time": units[0] / speed,
+        "work": jax.tree.map(lambda torque: torque / units[1], torques),
+    }
+    if journals is not None:
+        state = CrankState(now.at.angle, speed, now.acceleration)
+        rates["journals"] = journal_drive(compressor, now.loads.forces, state).rate(journals)
+    return rates
+
+
+def inside_panels(edges: Float[Array, " k"], place: Float[Array, "*n"], moved=None):
+    """Crank angle [rad] that belongs to a place between edges that `moved` [rad], and its rate [-].
+
+    A place is first moved off the edges of its panel by more than rounding, because a stage on an edge
+    would take the formula of either side, its directions and phases, at random.
+    """
+    panel = jnp.clip(jnp.searchsorted(edges, place, side="right") - 1, 0, edges.size - 2)
+    left, right = edges[panel], edges[panel + 1]
+    at = jnp.clip(place, left + 1e-10, right - 1e-10)
+    if moved is None:
+        return at, jnp.ones(())
+    wide, moved_width = right > left, moved[panel + 1] - moved[panel]
+    rate = jnp.where(wide, moved_width / jnp.where(wide, right - left, 1), 1)
+    return moved[panel] + (at - left) * rate, rate

@@ -27,13 +27,7 @@ from ..compressor import Compressor, Instants, instants, loop_of
 from ..crankshaft.interface import MachineLoops
 from ..friction.interface import newton_step
 from ..mechanism import CrankState
-from ._journals import (
-    improved_positions,
-    journal_drive,
-    journal_torque,
-    moving,
-    with_journals,
-)
+from ._journals import improved_positions, journal_drive, journal_torque, moving, with_journals
 from ._motion import Instant, closure_of
 from ._panels import NO_WIDTH, Panels, panels
 

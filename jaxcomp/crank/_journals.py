@@ -107,6 +107,16 @@ def with_journals(
     )
 
 
+def by_joint(
+    compressor: Compressor, positions: Positions | None
+) -> dict[str, Float[Array, "2 n"]] | None:
+    """Positions of the moving journals by joint, all instants in one row; `None` where none moves."""
+    if positions is None:
+        return None
+    row = positions.reshape(*positions.shape[:2], -1)
+    return {one.joint: row[:, i] for i, one in enumerate(moving(compressor))}
+
+
 def position_error(rule: Rule, positions: Float[Array, "2 *k p s"]) -> Float[Array, "*k"]:
     """[-] Estimated error of positions where the film is thinnest.
 

@@ -24,7 +24,8 @@ from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from .._core.words import one_of
 from ..film import JournalBearing
-from ._films import JournalFilm, journal_orbit, roughness_of
+from ._films import JournalFilm, roughness_of
+from ._journal_orbit import journal_orbit
 
 TURN = 2 * math.pi
 # [rad] Widest step of a table.

@@ -24,7 +24,7 @@ from .._core.roots import AbstractRoot, root
 from .._core.status import Status
 from ..compressor import Compressor, Instants, instants, loop_of
 from ..friction import JointLoads
-from ..friction.interface import newton_step
+from ..friction.interface import closed, newton_step
 from ..mechanism import CrankState
 from ..motor import AbstractMotor
 from ._panels import Panels
@@ -88,6 +88,21 @@ def solve_motion(
         return Instantaneous(value, at, loop.loads(loop.loops.start(), evidence))
     value, joint = root(equation)
     return Instantaneous(value, at, equation.loop(value).loads(joint, evidence))
+
+
+def motion_at(
+    compressor: Compressor,
+    angle: Float[Array, "*n"],
+    speed: Float[Array, "*n"],
+    motor_torque: Float[Array, "*n"],
+    evidence: bool = False,
+) -> Instantaneous:
+    """As `solve_motion`; where the motor holds its speed there is no equation, and no torque is asked."""
+    if closure_of(compressor.motor).integrates:
+        return solve_motion(compressor, angle, speed, motor_torque, evidence)
+    at, still = instants(compressor, angle), jnp.zeros_like(speed)
+    loop = loop_of(compressor, CrankState(angle, speed, still), at.gas_force, at.kinematics)
+    return Instantaneous(still, at, loop.loads(closed(loop.loops), evidence))
 
 
 class _Equation(AbstractRoot):

@@ -1,4 +1,4 @@
-"""The periodic state of the crank: its energy account, its evidence, and where the power goes."""
+"""The periodic state of the crank: its energy account and its evidence."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -21,7 +21,7 @@ from ..cylinder import Cycle
 from ..cylinder.interface import SeveralCycles
 from ..friction import JointLoads
 from ..mechanism import CrankState
-from ._panels import highest
+from ._panels import highest, panels
 
 
 class Energy(eqx.Module):
@@ -190,16 +190,9 @@ class Orbit(Result, eqx.Module):
 
     def speed_at(self, angle: Float[Array, " q"]) -> Float[Array, " q"]:
         """[rad/s] of the crank at angles [rad], by the polynomial of the panel that they are on."""
-        x = self.state.angle.reshape(-1, self.panel_nodes)
-        y = self.state.speed.reshape(x.shape)
-        start = (x[-1, -1] - 2 * jnp.pi + x[0, 0]) / 2
-        at = start + jnp.mod(angle - start, 2 * jnp.pi)
-        panel = jnp.searchsorted((x[:-1, -1] + x[1:, 0]) / 2, at, side="right")
-        own = jnp.eye(self.panel_nodes, dtype=bool)
-        # Lagrange's form: factors over all nodes but the one that a value belongs to
-        over = jnp.where(own, 1.0, (at[:, None] - x[panel])[:, None, :])
-        apart = jnp.where(own, 1.0, x[panel][:, :, None] - x[panel][:, None, :])
-        return jnp.sum(y[panel] * jnp.prod(over / apart, axis=-1), axis=-1)
+        grid = panels(self.panel_edges, self.panel_nodes)
+        at = grid.edges[0] + jnp.mod(angle - grid.edges[0], 2 * jnp.pi)
+        return grid.interpolate(grid.by_panels(self.state.speed), at)
 
     @property
     def converged(self) -> Bool[Array, ""]:
@@ -296,6 +289,13 @@ class Orbit(Result, eqx.Module):
         """[rad] of the panels, each with `panel_nodes` nodes."""
         return jnp.sum(self.weight.reshape(-1, self.panel_nodes), axis=-1)
 
+    @property
+    def panel_edges(self) -> Float[Array, " p_plus_1"]:
+        """[rad] of the panels; the last is a revolution after the first."""
+        first = self.state.angle.reshape(-1, self.panel_nodes)[:, 0]
+        left = first - self.panel_width * gauss(self.panel_nodes).nodes[0]
+        return jnp.append(left, left[0] + 2 * jnp.pi)
+
 
 @kept_jit
 def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> list[Any]:
@@ -366,83 +366,3 @@ def time_harmonics(
     frequency = 2 * jnp.pi / period * jnp.arange(1, count + 1)
     turning = jnp.exp(-1j * frequency * time[:, None])
     return 2 / period * (values * duration) @ turning, frequency
-
-
-class Performance(Result, eqx.Module):
-    """What a compressor with valves does for its power.
-
-    Attributes:
-        electric_power: [W] of the motor; its shaft power where the motor has no `losses`.
-        motor_efficiency: [-] shaft power over electric power; 1 without `losses`.
-        overall_efficiency: [-] isentropic power, from the gas that comes to the compressor to the
-            pressure of the discharge line, over electric power.
-        power: [W] by what it is spent on; the values add up to the electric power.
-        orbit: where the rest stands.
-    """
-
-    electric_power: Float[Array, ""]
-    motor_efficiency: Float[Array, ""]
-    overall_efficiency: Float[Array, ""]
-    power: dict[str, Float[Array, ""]]
-    orbit: Orbit
-
-    def described(self) -> Iterator[Data]:
-        """The quantities of this result in SI units."""
-        yield Data("electric_power", "W", self.electric_power)
-        for name in ("motor_efficiency", "overall_efficiency"):
-            yield Data(name, "", getattr(self, name))
-        if self.orbit.cycle and hasattr(self.orbit.cycle.case.cylinder.fluid, "saturation"):
-            yield Data("cop", "", self.cop)
-        for cause, value in self.power.items():
-            yield Data(f"power_use.{cause}", "W", value)
-
-    @property
-    def cop(self) -> Float[Array, ""]:
-        """[-] Cooling capacity over electric power."""
-        assert self.orbit.cycle is not None
-        return self.orbit.cycle.capacity / self.electric_power
-
-
-# What the power of a compressor with valves is spent on.
-POWER = (
-    "isentropic",
-    "suction_heating",
-    "suction_valve",
-    "discharge_valve",
-    "leakage",
-    "heating",
-    "friction",
-    "motor",
-)
-
-
-def performance(compressor: Compressor, orbit: Orbit) -> Performance:
-    """Efficiencies and powers of a solved orbit.
-
-    Args:
-        compressor: whose gas is a `Cylinder`.
-        orbit: its periodic state.
-    """
-    cycle, losses = orbit.cycle, compressor.motor.losses
-    assert cycle is not None
-    work, case = cycle.work_losses, cycle.case
-    isentropic = work["isentropic"] * cycle.frequency
-    before = jnp.zeros(())
-    if case.cylinder.suction.heating is not None:
-        fluid, comes = case.cylinder.fluid, case.comes
-        rise = fluid.at_entropy(case.discharge.p, comes.s, comes).h - comes.h
-        before, isentropic = isentropic, cycle.mass_flow * rise
-        before -= isentropic
-    shaft = orbit.motor_power
-    electric = shaft
-    if losses is not None:
-        electric = shaft / losses.at(shaft / orbit.mean_speed) + losses.fixed_power
-    efficiency = shaft / (electric + (electric == 0))
-    valves = [work[f"{valve} valve"] * cycle.frequency for valve in ("suction", "discharge")]
-    known = [isentropic, before, *valves, work["leakage"] * cycle.frequency]
-    # the orbit's quadrature of the gas work, so that the sum is exact
-    rest = orbit.gas_power - sum(known, start=jnp.zeros(()))
-    # and what the energy of the orbit leaves open counts as friction
-    shares = (*known, rest, shaft - orbit.gas_power, electric - shaft)
-    overall = isentropic / (electric + (electric == 0))
-    return Performance(electric, efficiency, overall, dict(zip(POWER, shares, strict=True)), orbit)

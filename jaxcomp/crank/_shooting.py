@@ -21,14 +21,15 @@ from jaxtyping import Array, Float
 
 from .._core.roots import AbstractRoot, FixedPointReport, frozen, root, zeros_of
 from .._core.status import Status
-from ..compressor import Compressor, instants, kink_angles, loads_at, loop_of
+from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..cylinder import CycleOptions
-from ..friction.interface import closed
 from ..mechanism import CrankState
-from ._collocation import Collocation, default_cycle, orbit_on_panels
+from ._collocation import Collocation, default_cycle
+from ._evaluation import orbit_on_panels
+from ._integration import inside_panels, rates_over_angle
 from ._iteration import Known, prepare, revolution_edges
-from ._journals import journal_drive, moving, orbit_status, with_journals
-from ._motion import Instantaneous, closure_of, solve_motion
+from ._journals import by_joint, journal_drive, moving, orbit_status, with_journals
+from ._motion import closure_of, motion_at
 from ._orbit import Energy, Orbit
 from ._panels import panels
 
@@ -251,11 +252,9 @@ class Shooting(eqx.Module):
         edges = revolution_edges(kink_angles(compressor))
         grid = panels(jnp.interp(fixed.places, fixed.edges, edges), self.output_nodes)
         speed = jnp.maximum(course["speed"].reshape(grid.angle.shape), 1e-3) * fixed.speed
-        places, positions = None, None
+        places = None
         if "journals" in course:
-            flat = jnp.moveaxis(course["journals"], 0, -1)
-            places = flat.reshape(*flat.shape[:2], *grid.angle.shape)
-            positions = {one.joint: flat[:, i] for i, one in enumerate(moving(compressor))}
+            places = grid.by_panels(jnp.moveaxis(course["journals"], 0, -1))
         machine = with_journals(compressor, places)
         now, motor = _motion(machine, grid.angle, speed, unknowns, fixed, evidence=True)
         state = CrankState(grid.angle, speed, now.acceleration)
@@ -271,19 +270,8 @@ class Shooting(eqx.Module):
             status = orbit_status(grid.rule, drive, places, status)
         open_ = jnp.abs(energy.motor_work - energy.gas_work - energy.total_loss)
         error = {name: lax.stop_gradient(open_) for name in energy.losses}
-        orbit = orbit_on_panels(
-            grid,
-            now.at,
-            state,
-            motor,
-            now.loads,
-            energy,
-            error,
-            status,
-            report,
-            self.name,
-            positions,
-        )
+        made = grid, now.at, state, motor, now.loads, energy, error, status, report
+        orbit = orbit_on_panels(*made, self.name, by_joint(compressor, places))
         return eqx.tree_at(lambda o: o.mean_speed, orbit, fixed.speed / end["time"])
 
 
@@ -336,21 +324,19 @@ def _rate_and_slopes(place, y, args):
 def _rate(place, y, args):
     """Change of the state with the place in the fixed turn."""
     machine, unknowns, fixed, edges = args
-    branch, stretch = _follow(fixed.edges, edges, place)
+    # Where the torque jumps, at the dead centre of an offset machine, the derivative needs the motion of
+    # the jump: the integration runs between fixed edges, the crank between those of the machine. The
+    # values of both are the same.
+    branch, stretch = inside_panels(fixed.edges, place, edges)
     # A halt is reported by the end values; the floor keeps them finite.
     speed = jnp.maximum(y["speed"], 1e-3) * fixed.speed
     places = y.get("journals")
     now, motor = _motion(with_journals(machine, places), branch, speed, unknowns, fixed)
     torques = {"motor": motor, "gas": -now.at.conservative, "losses": now.loads.loss_torque}
-    out = {
-        "speed": now.acceleration / speed / fixed.speed,
-        "time": fixed.speed / speed / (2 * jnp.pi),
-        "work": jax.tree.map(lambda torque: torque / fixed.energy, torques),
-    }
-    if places is not None:
-        state = CrankState(branch, speed, now.acceleration)
-        out["journals"] = journal_drive(machine, now.loads.forces, state).rate(places)
-    return jax.tree.map(lambda x: x * stretch, out)
+    units = fixed.speed, fixed.energy
+    rates = rates_over_angle(machine, now, speed, torques, places, units)
+    rates["time"] = rates["time"] / (2 * jnp.pi)
+    return jax.tree.map(lambda x: x * stretch, rates)
 
 
 def _reported(y):
@@ -361,16 +347,14 @@ def _reported(y):
 def _motion(machine, angle, speed, unknowns, fixed: "_Fixed", evidence=False):
     """The motion at instants, and the torque [N m] of the motor."""
     closure = closure_of(machine.motor)
-    if not closure.integrates:
-        at, still = instants(machine, angle), jnp.zeros_like(speed)
-        loop = loop_of(machine, CrankState(angle, speed, still), at.gas_force, at.kinematics)
-        loads = loop.loads(closed(loop.loops), evidence)
-        motor = 0.5 * at.inertia_1 * speed**2 - at.conservative + loads.total_loss_torque
-        return Instantaneous(still, at, loads), motor
-    motor = machine.motor.torque(speed)
+    motor = machine.motor.torque(speed) if closure.integrates else jnp.zeros_like(speed)
     if closure.level_is_unknown:
         motor = motor * unknowns[1] * fixed.level
-    return solve_motion(machine, angle, speed, motor, evidence), motor
+    now = motion_at(machine, angle, speed, motor, evidence)
+    if not closure.integrates:  # the motor gives what keeps its speed
+        at, losses = now.at, now.loads.total_loss_torque
+        motor = 0.5 * at.inertia_1 * speed**2 - at.conservative + losses
+    return now, motor
 
 
 def _gap_at(end, unknowns, machine, fixed: _Fixed):
@@ -410,23 +394,3 @@ class _Following(AbstractRoot):
         moved = (jnp.zeros_like(gap), *moved)
         follow = -jnp.linalg.solve(self.shot.jacobian, gap)
         return jax.tree.map(lambda m, slope: m + slope @ follow, moved, self.shot.by_unknowns)
-
-
-def _follow(
-    edges: Float[Array, " k"], moving: Float[Array, " k"], place: Float[Array, ""]
-) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Crank angle [rad] that belongs to a place in the fixed turn, and its rate [-].
-
-    The integration runs between fixed edges, the crank between edges that move with the parameters:
-    where the torque jumps, at the dead centre of an offset machine, the derivative needs the motion
-    of the jump. The values of both are the same. The place is first moved off the edges of its panel
-    by more than rounding, because a stage on an edge would pick the formula of either side at random.
-    """
-    panel = jnp.clip(jnp.searchsorted(edges, place, side="right") - 1, 0, edges.size - 2)
-    left, right = edges[panel], edges[panel + 1]
-    wide = right > left
-    stretch = jnp.where(
-        wide, (moving[panel + 1] - moving[panel]) / jnp.where(wide, right - left, 1), 1
-    )
-    inside = jnp.clip(place, left + 1e-10, right - 1e-10)
-    return moving[panel] + (inside - left) * stretch, stretch

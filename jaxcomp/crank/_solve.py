@@ -29,7 +29,6 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, is_traced, replaced
-from .._core.polynomials import gauss
 from .._core.roots import frozen, settle, zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, HasCompressor, compressor_of, mechanisms_of
@@ -375,15 +374,8 @@ def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> O
 
 def _motion(compressor: Compressor, cycle: Cycle | SeveralCycles, orbit: Orbit):
     """Level and pace of an orbit, on the panels of the cycle under which it was found."""
-    s = orbit.panel_nodes
-    rule = gauss(s)
-    angle, weight, speed = (
-        x.reshape(-1, s) for x in (orbit.state.angle, orbit.weight, orbit.state.speed)
-    )
-    left = angle[:, 0] - jnp.sum(weight, axis=1) * rule.nodes[0]
-    edges = jnp.append(left, left[0] + 2 * jnp.pi)
-    own = Pace(edges, orbit.mean_speed / speed - 1)
-
+    slow = orbit.mean_speed / orbit.state.speed.reshape(-1, orbit.panel_nodes)
+    own = Pace(orbit.panel_edges, slow - 1)
     phase = compressor.crankshaft.distinct_phase
     pace = pace_of(solution_of(cycle, followed=True), own.at, phase)
     return jnp.log(orbit.mean_speed / compressor.motor.speed_guess), pace

@@ -17,12 +17,11 @@ from jaxtyping import Array, Float
 
 from .._core.roots import zeros_of
 from .._core.status import Status
-from ..compressor import Compressor, instants, kink_angles, loads_at
+from ..compressor import Compressor, instants, kink_angles
 from ..friction.interface import magnitude
-from ..mechanism import CrankState
-from ._integration import TimeIntegration
-from ._journals import journal_drive, moving, with_journals
-from ._motion import Instantaneous, closure_of, solve_motion
+from ._integration import TimeIntegration, inside_panels, rates_over_angle
+from ._journals import moving, with_journals
+from ._motion import Instantaneous, closure_of, motion_at
 from ._orbit import Energy, Orbit, Verification
 
 
@@ -63,7 +62,7 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     (at_nodes, places), (at_fine, fine_places) = saved
 
     found = jnp.append(orbit.state.speed[1:], orbit.state.speed[0])
-    angle = _inside(edges, fine.ravel())
+    angle, _ = inside_panels(edges, fine.ravel())
     forces = law(angle, at_fine, fine_places).loads.forces
     peaks = {name: jnp.max(magnitude(*force)) for name, force in forces.items()}
     gas, losses = end["work"]["gas"], end["work"]["losses"]
@@ -102,11 +101,7 @@ class _Law(eqx.Module):
         `journals` are the positions of those that move.
         """
         compressor = with_journals(self.compressor, journals)
-        if closure_of(compressor.motor).integrates:
-            return solve_motion(compressor, angle, speed, self.motor(speed))
-        at, still = instants(compressor, angle), jnp.zeros_like(speed)
-        loads = loads_at(compressor, CrankState(angle, speed, still), at.gas_force, False)
-        return Instantaneous(still, at, loads)
+        return motion_at(compressor, angle, speed, self.motor(speed))
 
     def motor(self, speed):
         """[N m]"""
@@ -115,12 +110,6 @@ class _Law(eqx.Module):
         if closure_of(motor).level_is_unknown:
             level = self.torque / motor.torque(self.speed)
         return level * motor.torque(speed)
-
-
-def _inside(edges, angle):
-    """Angles [rad] moved off the edges of their panel, at which directions and phases change."""
-    panel = jnp.clip(jnp.searchsorted(edges, angle, side="right") - 1, 0, edges.size - 2)
-    return jnp.clip(angle, edges[panel] + 1e-10, edges[panel + 1] - 1e-10)
 
 
 def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tuple[Any, Any, Any]:
@@ -134,19 +123,10 @@ def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tupl
     def rate(angle, y, args):
         del args
         speed = jnp.maximum(y["speed"], 1e-6) * scale
-        angle, places = _inside(edges, angle), y.get("journals")
+        angle, places = inside_panels(edges, angle)[0], y.get("journals")
         now = law(angle, speed, places)
         torques = {"gas": -now.at.conservative, "losses": now.loads.loss_torque}
-        rates = {
-            "speed": now.acceleration / speed / scale,
-            "time": scale / speed,
-            "work": jax.tree.map(lambda torque: torque / energy, torques),
-        }
-        if places is not None:
-            state = CrankState(angle, speed, now.acceleration)
-            drive = journal_drive(law.compressor, now.loads.forces, state)
-            rates["journals"] = drive.rate(places)
-        return rates
+        return rates_over_angle(law.compressor, now, speed, torques, places, (scale, energy))
 
     begin: dict[str, Any] = {"speed": jnp.ones_like(scale), "time": jnp.zeros(())}
     if journals is not None:

@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 from .._core.fields import replaced
 from ..compressor import Compressor
 from ..cylinder import Cylinder, SuctionWarming
-from ._orbit import Orbit, performance
+from ._orbit import Orbit
+from ._performance import performance
 
 # [K] At the beginning, where the line says nothing.
 _FIRST = 15.0
